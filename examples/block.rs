@@ -138,6 +138,7 @@ fn block(spacing: f64, law: Box<dyn Material>, method: Method) -> (Model<3>, Poi
         stages: Vec::new(),
         moving_grid: None,
         present: Default::default(),
+        engines: Default::default(),
     };
     (model, points)
 }

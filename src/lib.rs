@@ -14,7 +14,7 @@
 
 pub use mpm_core::{
     assembly, basis, dofs, domain, element_test, equilibrium, formula, grid, kinematics, linear, material,
-    memory, model, points, quality, region, solver, step, stress, surface, tensor, terms, timing,
+    memory, model, points, quality, ranks, region, solver, step, stress, surface, tensor, terms, timing,
 };
 pub use mpm_deck as deck;
 pub use mpm_files as output;

@@ -17,6 +17,7 @@ use mpm::linear::{
 use mpm::model::Model;
 use mpm::points::Points;
 use mpm::quality::Code;
+use mpm::ranks::Halo;
 use mpm::solver::{self, Observer, Solvable, StepReport, Summary};
 use mpm::step::{At, StepContext};
 use mpm::stress::{Mechanics, PlaneStrain, Solid};
@@ -97,7 +98,14 @@ impl<const D: usize> Equations<D> {
         let lattice = |node: usize| self.places[node];
         let numbering = self.dofs.numbering();
         let lines = std::array::from_fn(|d| self.lines[d].as_deref());
-        work(&Layout { numbering, nodes: &nodes, lattice: &lattice, lines, keeps_pattern: false })
+        work(&Layout {
+            numbering,
+            nodes: &nodes,
+            lattice: &lattice,
+            lines,
+            keeps_pattern: false,
+            halo: &Halo::default(),
+        })
     }
 
     fn solve(&self, load: &[[f64; D]], tolerance: f64) -> (Vec<[f64; D]>, usize) {

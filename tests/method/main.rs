@@ -15,6 +15,7 @@ mod linear;
 #[path = "../verification/meshes.rs"]
 mod meshes;
 mod moving_grid;
+mod ranks;
 mod scaling;
 mod solid;
 mod stabilisation;

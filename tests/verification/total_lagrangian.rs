@@ -10,6 +10,7 @@ use mpm::dofs::DofMap;
 use mpm::linear::{Backend, DirectBackend, Layout};
 use mpm::model::Model;
 use mpm::points::Points;
+use mpm::ranks::Halo;
 use mpm::step::{At, Step, StepContext};
 use mpm::stress::Mechanics;
 use mpm::terms::{Sum, of_model};
@@ -90,6 +91,7 @@ fn balance<const D: usize, M: Mechanics<D>>(
         lattice: &|active| model.grid.lattice(links.active_nodes()[active] as usize),
         lines: [None; D],
         keeps_pattern: false,
+        halo: &Halo::default(),
     };
     let mut sum = Sum::begun(of_model::<D, D, M>(model), context, points).unwrap_or_else(|e| panic!("{e:?}"));
     let mut backend = DirectBackend::default();

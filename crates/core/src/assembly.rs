@@ -11,6 +11,7 @@ mod reduced;
 use crate::basis::Connectivity;
 use crate::dofs::DofMap;
 use crate::linear::{Block, BlockMatrix, Division, Stiffness};
+use crate::ranks::{Halo, Ranks};
 use crate::step::Nodal;
 
 pub use border::Border;
@@ -48,6 +49,8 @@ pub struct System<const N: usize> {
     pub border: Border<N>,
     /// The blocks of the equations of the unknowns, where nodes are turned or tied.
     reduced: Vec<Block<N>>,
+    /// The nodes shared with other ranks. The blocks hold the contributions of this rank only.
+    halo: Halo,
 }
 
 impl<const N: usize> System<N> {
@@ -72,6 +75,7 @@ impl<const N: usize> System<N> {
             per_factor: None,
             border: Border::new(globals, links.n_active()),
             reduced: Vec::new(),
+            halo: links.halo().clone(),
             pairs,
         }
     }
@@ -108,6 +112,36 @@ impl<const N: usize> System<N> {
         self.external.fill([0.0; N]);
         (self.holding, self.per_factor, self.round_off) = (None, None, None);
         self.border.clear();
+    }
+
+    /// Adds up the forces of all ranks, once the terms of this one have been added. The stiffness stays divided.
+    pub(crate) fn complete(&mut self) {
+        let ranks = self.halo.ranks();
+        if ranks.is_alone() {
+            return;
+        }
+        self.halo.add(&mut self.internal);
+        self.halo.add(&mut self.external);
+        let n = self.internal.len();
+        for force in [&mut self.holding, &mut self.per_factor] {
+            if ranks.any(force.is_some()) {
+                self.halo.add(force.get_or_insert_with(|| vec![[0.0; N]; n]));
+            }
+        }
+        if ranks.any(self.round_off.is_some()) {
+            self.halo.add_numbers(self.round_off.get_or_insert_with(|| vec![0.0; n]));
+        }
+        self.border.complete(&self.halo);
+    }
+
+    /// The ranks that share the system.
+    pub(crate) fn ranks(&self) -> &Ranks {
+        self.halo.ranks()
+    }
+
+    /// Adds up a force of all ranks.
+    pub(crate) fn add_ranks(&self, force: &mut [[f64; N]]) {
+        self.halo.add(force);
     }
 
     /// Moves the forces on tied components to those they are tied to.
@@ -203,11 +237,15 @@ impl<const N: usize> System<N> {
     /// `out = K x` over all active nodes, constrained ones included.
     pub fn multiply(&mut self, x: &[[f64; N]], out: &mut [[f64; N]]) {
         self.pairs.matrix(&self.blocks).multiply(&mut self.division, x, out);
+        self.halo.add(out);
     }
 
     /// The largest magnitude of an entry of K.
     pub fn largest_entry(&self) -> f64 {
-        self.blocks.iter().flatten().flatten().fold(0.0, |largest, entry| f64::max(largest, entry.abs()))
+        let entries = self.blocks.iter().flatten().flatten();
+        let own = entries.fold(0.0, |largest, entry| f64::max(largest, entry.abs()));
+        // Ranks that share an entry add up to no more than their sum.
+        self.halo.ranks().total(own)
     }
 
     /// Σ |K_vw| |x_w| over all active nodes: the size of the terms that K x adds up, per node.
@@ -225,14 +263,15 @@ impl<const N: usize> System<N> {
                 }
             }
         });
+        self.halo.add(&mut sums);
         sums
     }
 
     /// Adds a multiple of a diagonal matrix, given per node, to K until the next evaluation.
     pub fn add_to_diagonal(&mut self, factor: f64, diagonal: &[[f64; N]]) {
-        let blocks = &mut self.blocks;
+        let (blocks, halo) = (&mut self.blocks, &self.halo);
         self.pairs.for_each(|row, column, place| {
-            if row == column {
+            if row == column && halo.is_own(row) {
                 for d in 0..N {
                     blocks[place][d][d] += factor * diagonal[row][d];
                 }
@@ -248,6 +287,7 @@ impl<const N: usize> System<N> {
                 diagonal[row] = std::array::from_fn(|d| self.blocks[place][d][d]);
             }
         });
+        self.halo.add(&mut diagonal);
         diagonal
     }
 }

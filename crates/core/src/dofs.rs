@@ -11,10 +11,11 @@ mod prescribed;
 pub mod rigid;
 mod turned;
 
-use crate::basis::Connectivity;
+use crate::basis::{Connectivity, JoinedParts};
 use crate::linear::Numbering;
 use crate::model::Model;
 use crate::points::Points;
+use crate::ranks::Ranks;
 
 pub use constraints::Constraints;
 pub use covered::{Covered, covered};
@@ -89,6 +90,13 @@ impl<const N: usize> DofMap<N> {
         self.numbering.count()
     }
 
+    /// Number of unknowns at the nodes for which `counts` holds.
+    pub fn n_free_at(&self, counts: impl Fn(usize) -> bool) -> usize {
+        let mut n = 0;
+        self.for_each(|node, _, unknown| n += usize::from(unknown.is_some() && counts(node)));
+        n
+    }
+
     /// Number of active nodes.
     pub fn n_nodes(&self) -> usize {
         self.numbering.n_nodes()
@@ -154,18 +162,23 @@ impl<const N: usize> DofMap<N> {
         }
     }
 
-    /// A node and one of `axes` along which nothing holds the part of the body that the node belongs to: the axis is free at
-    /// all nodes coupled to it, directly or through others. `part_of` gives the part of each node.
-    pub fn unheld(&self, part_of: &[usize], axes: std::ops::Range<usize>) -> Option<(usize, usize)> {
-        let mut held = vec![[false; N]; self.n_nodes()];
-        for node in 0..self.n_nodes() {
-            for axis in 0..N {
-                held[part_of[node]][axis] |= self.is_held_along(node, axis);
+    /// A part of the bodies and one of `axes` along which nothing holds it: the axis is free at all nodes of the part, on all
+    /// ranks.
+    pub fn unheld(
+        &self,
+        parts: &JoinedParts,
+        ranks: &Ranks,
+        axes: std::ops::Range<usize>,
+    ) -> Option<(usize, usize)> {
+        let mut held = vec![0.0; N * parts.lowest.len()];
+        for (node, part) in parts.of_node.iter().enumerate() {
+            for axis in (0..N).filter(|&axis| self.is_held_along(node, axis)) {
+                held[N * *part as usize + axis] = 1.0;
             }
         }
-        (0..self.n_nodes()).find_map(|node| {
-            axes.clone().find(|&axis| part_of[node] == node && !held[node][axis]).map(|axis| (node, axis))
-        })
+        ranks.maximum(&mut held);
+        (0..parts.lowest.len())
+            .find_map(|part| axes.clone().find(|axis| held[N * part + axis] == 0.0).map(|axis| (part, axis)))
     }
 
     /// A component as a combination C of unknowns and prescribed components, without its constant: nodes, components

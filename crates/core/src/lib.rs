@@ -33,6 +33,7 @@
 //! | Quality of results | [`quality`]: measures of numerical quality, and the warnings derived from them |
 //! | Surfaces of bodies | [`surface`]: samples of the boundary of a body, carried by the grid, for tractions, pressures and weakly prescribed motions |
 //! | Geometry | [`region`]: primitives, closed surfaces from STL files, booleans and motions, with their volumes; [`formula`]: formulas of position and time; [`tool`]: shapes of rigid tools, their closest points, and poses |
+//! | Many machines | [`ranks`]: the processes that share an analysis, each with the points in its part of the grid; [`ranks::Halo`], the nodes that several of them touch |
 //! | Resources | [`memory`]: memory limits; [`timing`]: time per phase of a run |
 //!
 //! This crate does not depend on the other crates of `mpm`: `mpm-files` writes results, `mpm-deck` builds a model and
@@ -93,6 +94,7 @@ pub mod memory;
 pub mod model;
 pub mod points;
 pub mod quality;
+pub mod ranks;
 pub mod region;
 pub mod solver;
 pub mod step;

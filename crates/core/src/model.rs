@@ -4,6 +4,7 @@
 use crate::basis::{DomainKind, Method, domain_volume};
 use crate::domain::DomainUpdate;
 use crate::grid::Grid;
+use crate::linear::Engines;
 use crate::material::Material;
 use crate::points::{PointVolume, Points};
 use crate::stress::{Formulation, Volumetric};
@@ -113,6 +114,8 @@ pub struct Model<const D: usize> {
     pub stages: Vec<Stage<D>>,
     /// The state of the present stage.
     pub present: Present<D>,
+    /// The library that solves the equations of several ranks.
+    pub engines: Engines<D>,
 }
 
 impl<const D: usize> Model<D> {
@@ -138,6 +141,7 @@ impl<const D: usize> Model<D> {
             probes: Vec::new(),
             stages: Vec::new(),
             present: Present::default(),
+            engines: Engines::default(),
         }
     }
 

@@ -179,8 +179,8 @@ pub struct Quality {
 impl Quality {
     /// The quality of a run that begins from the converged state of `points`.
     pub fn new<const D: usize>(points: &Points<D>) -> Quality {
-        let mass: f64 = points.mass.iter().sum();
-        let volume: f64 = (0..points.len()).map(|p| points.volume(p)).sum();
+        let mass: f64 = points.ranks.total(points.mass.iter().sum());
+        let volume = points.ranks.total((0..points.len()).map(|p| points.volume(p)).sum());
         Quality {
             mass: Balance { start: mass, now: mass },
             volume: Balance { start: volume, now: volume },
@@ -261,7 +261,18 @@ impl Quality {
 
     /// Records the state at the end of the run, if it has made a step.
     pub fn conclude<const D: usize>(&mut self, model: &Model<D>, points: &Points<D>) {
-        self.domain_overlap = self.det_f.and_then(|_| domain_overlap(model, points));
+        // Only domains overlap.
+        if self.det_f.is_none() || model.bodies.iter().all(|body| body.method.domain() == DomainKind::None) {
+            self.domain_overlap = None;
+            return;
+        }
+        let gathered = points.gather();
+        let overlap = match (&gathered, points.ranks.is_root()) {
+            (Some(all), _) => domain_overlap(model, all),
+            (None, true) => domain_overlap(model, points),
+            (None, false) => None,
+        };
+        self.domain_overlap = points.ranks.first(overlap);
     }
 
     /// Median of the observed orders of the Newton iterations.

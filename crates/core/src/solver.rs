@@ -14,11 +14,14 @@
 //! | `strength` | factors of a reduction of strength, and displacements on the way |
 //! | `conclusion`, `summary`, `observer` | account of a step and of the run |
 //! | `course`, `forcing`, `damping`, `damped_step`, `control`, `motion` | beyond the paper: forecasts, inexact solves, damping, unknown load factor, predictor |
+//! | `agree`, `of_rank`, `reach`, `all_ranks` | what all ranks of a run decide together, and what rank 0 reports |
 //! | `attempt`, `error`, `diagnosis`, `evidence` | how attempts end, and why they fail |
 //!
 //! A step that fails leaves no trace in the converged state. It is retried in two halves, down to the smallest step
 //! that the deck allows; only equilibrium is committed.
 
+mod agree;
+mod all_ranks;
 mod attempt;
 mod conclusion;
 mod control;
@@ -37,7 +40,9 @@ mod load_step;
 mod motion;
 mod newton;
 mod observer;
+mod of_rank;
 mod pace;
+mod reach;
 mod release;
 mod residual;
 mod splitting;
@@ -55,6 +60,7 @@ use crate::stress::{Axisymmetric, PlaneStrain, Solid};
 
 pub use crate::equilibrium::{GridFields, InitialState, ReactionMoment, StepReport};
 pub use crate::step::Step;
+pub use all_ranks::OfAllRanks;
 pub use attempt::{FailedAttempt, Iterate};
 pub use control::{NoPath, Path, path_length};
 pub use diagnosis::{Circumstances, Diagnosis, Kind, Loss};
@@ -62,6 +68,7 @@ pub use error::{CODES, Obstacle, SolveError};
 pub use fields::Fields;
 pub use motion::Motion;
 pub use observer::{Observer, Silent};
+pub use of_rank::OfRank;
 pub use pace::Pace;
 pub use stages::{Change, resume_stage, run_stages, run_with_changes};
 pub use stepper::{Kernels, Stepper};

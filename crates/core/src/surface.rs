@@ -15,6 +15,7 @@ mod support;
 
 use std::collections::BTreeMap;
 
+use crate::ranks::Ranks;
 use crate::region::{Facet, NoBoundary, Region, area_vector};
 
 pub use carried::Carried;
@@ -179,6 +180,27 @@ pub struct SurfaceFields<const D: usize> {
     pub load: Vec<[f64; D]>,
     /// Sum of the reactions of all conditions on the body, [force].
     pub reaction: Vec<[f64; D]>,
+}
+
+impl<const D: usize> SurfaceFields<D> {
+    /// The fields with the values of all ranks, each of which gives those of its own samples and, of the reactions, those that it
+    /// adds.
+    pub fn of_all_ranks(&self, ranks: &Ranks, is_own: impl Fn(usize) -> bool) -> Self {
+        let mut all = self.clone();
+        if ranks.is_alone() {
+            return all;
+        }
+        for sample in (0..all.position.len()).filter(|sample| !is_own(*sample)) {
+            (all.position[sample], all.normal[sample], all.area[sample]) = ([0.0; D], [0.0; D], 0.0);
+        }
+        let SurfaceFields { position, normal, area, pressure, load, reaction } = &mut all;
+        for vectors in [position, normal, load, reaction] {
+            ranks.sum(vectors.as_flattened_mut());
+        }
+        ranks.sum(area);
+        ranks.sum(pressure);
+        all
+    }
 }
 
 /// The mean of the corners of a facet, [length].

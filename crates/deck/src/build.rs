@@ -29,6 +29,7 @@ use crate::material::MaterialOfPoints;
 use mpm_core::formula::Formula;
 use mpm_core::grid::gmsh::{self, GmshError};
 use mpm_core::grid::{Axis, CoincidentLines, Grid, Mesh, Structured};
+use mpm_core::linear::Engines;
 use mpm_core::memory::Memory;
 use mpm_core::model::{
     Body, BoundaryCondition, Load, LoadCurve, Model, NamedMaterial, NodeSet, OnSurface, Present, Probe,
@@ -89,6 +90,29 @@ where
     }
 }
 
+/// The parts of a model that exist before bodies are filled.
+struct Outline<const D: usize> {
+    grid: Box<dyn Grid<D>>,
+    regions: Vec<Region<D>>,
+    groups: Groups,
+    laws: Vec<MaterialOfPoints>,
+    size: Size,
+}
+
+/// Estimates the size of a deck without filling its bodies.
+pub(super) fn size_of<const D: usize>(loaded: &LoadedDeck) -> Result<Size, Vec<Diagnostic>>
+where
+    Region<D>: OfDeck<D>,
+{
+    let deck = &loaded.deck;
+    let mut builder: Builder<D> =
+        Builder { loaded, deck, found: Vec::new(), body_numbers: HashMap::new(), memory_needed: 0.0 };
+    let outline = builder.outline();
+    let mut found = builder.found;
+    assign(Gate::Feasibility, &mut found);
+    outline.filter(|_| !found.iter().any(Diagnostic::is_error)).map(|outline| outline.size).ok_or(found)
+}
+
 struct Builder<'a, const D: usize> {
     loaded: &'a LoadedDeck,
     deck: &'a Deck,
@@ -108,6 +132,18 @@ impl<'a, const D: usize> Builder<'a, D>
 where
     Region<D>: OfDeck<D>,
 {
+    /// The grid, regions and laws of the deck, and its estimated size; `None` if a fault prevents that.
+    fn outline(&mut self) -> Option<Outline<D>> {
+        let deck = self.deck;
+        let grid = self.grid()?;
+        let (regions, groups) = self.regions(grid.as_ref())?;
+        let laws = self.laws(grid.as_ref(), &regions);
+        let is_symmetric = laws.iter().all(|material| material.law.tangent_is_symmetric())
+            && deck.bodies.iter().all(|body| body.volumetric != Volumetric::FBar);
+        let size = Size::of(deck, grid.as_ref(), &regions, is_symmetric);
+        Some(Outline { grid, regions, groups, laws, size })
+    }
+
     /// The model and its points; `None` if a fault prevents the checks that follow.
     fn build(&mut self, memory: Option<Memory>) -> Option<(Model<D>, Points<D>)> {
         let deck = self.deck;
@@ -118,12 +154,7 @@ where
             return None;
         }
         self.body_numbers = deck.bodies.iter().enumerate().map(|(k, body)| (body.name.as_str(), k)).collect();
-        let grid = self.grid()?;
-        let (regions, groups) = self.regions(grid.as_ref())?;
-        let laws = self.laws(grid.as_ref(), &regions);
-        let is_symmetric = laws.iter().all(|material| material.law.tangent_is_symmetric())
-            && deck.bodies.iter().all(|body| body.volumetric != Volumetric::FBar);
-        let size = Size::of(deck, grid.as_ref(), &regions, is_symmetric);
+        let Outline { grid, regions, groups, laws, size } = self.outline()?;
         self.memory_needed = size.memory();
         if size.points > f64::from(u32::MAX) {
             let message = format!(
@@ -174,6 +205,7 @@ where
         };
         let mut points = points;
         let mut model = Model {
+            engines: Engines::default(),
             title: deck.title.clone().unwrap_or_default(),
             grid,
             moving_grid: None,

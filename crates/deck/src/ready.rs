@@ -1,15 +1,19 @@
 //! From a deck to an analysis that is ready to run, in the plane or in space.
 
+use std::sync::Arc;
+
 use super::build::{Built, built};
 use super::diagnostic::{self, Diagnostic};
 use super::first_step::{FirstStep, first_step};
 use super::load::{LoadFailure, LoadedDeck};
 use super::region::OfDeck;
+use mpm_core::linear::{Engine, Engines};
 use mpm_core::memory::Memory;
 use mpm_core::model::Model;
 use mpm_core::points::Points;
+use mpm_core::ranks::Ranks;
 use mpm_core::region::Region;
-use mpm_core::solver::{self, Observer, Reached, SolveError, Summary};
+use mpm_core::solver::{self, Observer, OfAllRanks, Reached, Solvable, SolveError, Summary};
 
 /// A model and its points.
 #[derive(Debug)]
@@ -141,7 +145,32 @@ impl Analysis {
         }
     }
 
-    /// Runs the analysis from `reached`; the points must be in the state of that step.
+    /// The part of the analysis that only one rank can treat.
+    pub fn needs_one_rank(&self) -> Option<&'static str> {
+        match self {
+            Analysis::Plane(parts) => needs_one_rank(&parts.0),
+            Analysis::Solid(parts) => needs_one_rank(&parts.0),
+        }
+    }
+
+    /// Solves the equations by this library.
+    pub fn solve_with<E: Engine<2> + Engine<3> + 'static>(&mut self, engine: &Arc<E>) {
+        match self {
+            Analysis::Plane(parts) => parts.0.engines = Engines(Some(engine.clone())),
+            Analysis::Solid(parts) => parts.0.engines = Engines(Some(engine.clone())),
+        }
+    }
+
+    /// Divides the points between ranks.
+    pub fn share(&mut self, ranks: &Ranks) {
+        match self {
+            Analysis::Plane(parts) => parts.1.share(ranks, parts.0.grid.as_ref()),
+            Analysis::Solid(parts) => parts.1.share(ranks, parts.0.grid.as_ref()),
+        }
+    }
+
+    /// Runs the analysis from `reached`; the points must be in the state of that step. Of several ranks, the first reports to its
+    /// observer.
     ///
     /// # Errors
     /// As [`solver::run`].
@@ -151,8 +180,24 @@ impl Analysis {
         observer: &mut O,
     ) -> Result<Summary, SolveError> {
         match self {
-            Analysis::Plane(parts) => solver::run_stages(&mut parts.0, &mut parts.1, reached, observer),
-            Analysis::Solid(parts) => solver::run_stages(&mut parts.0, &mut parts.1, reached, observer),
+            Analysis::Plane(parts) => run(parts, reached, observer),
+            Analysis::Solid(parts) => run(parts, reached, observer),
         }
     }
+}
+
+fn needs_one_rank<const D: usize>(model: &Model<D>) -> Option<&'static str> {
+    model.bodies.iter().any(|body| body.split_above.is_some()).then_some("domains that are split")
+}
+
+fn run<const D: usize>(
+    (model, points): &mut (Model<D>, Points<D>),
+    reached: Reached,
+    observer: &mut dyn Observer<D>,
+) -> Result<Summary, SolveError>
+where
+    Model<D>: Solvable<D>,
+{
+    let mut observer = OfAllRanks::new(observer, &points.ranks);
+    solver::run_stages(model, points, reached, &mut observer)
 }

@@ -68,9 +68,13 @@ pub(super) struct Size {
     pub points: f64,
     pub nodes: f64,
     pub unknowns: f64,
-    memory_of_grid: f64,
-    memory_of_points: f64,
-    memory_of_stiffness: f64,
+    pub(super) memory_of_grid: f64,
+    pub(super) memory_of_points: f64,
+    pub(super) memory_of_stiffness: f64,
+    /// True if the equations are solved iteratively.
+    pub(super) is_iterative: bool,
+    /// True if domains reach into the cells around their own.
+    pub(super) is_wide: bool,
     /// The body with the most points.
     largest_body: usize,
 }
@@ -125,6 +129,8 @@ impl Size {
             points,
             nodes,
             unknowns,
+            is_iterative,
+            is_wide: reach > 1.0,
             memory_of_grid: PER_NODE * nodes,
             memory_of_points,
             memory_of_stiffness: if is_symmetric { 1.0 } else { 2.0 }

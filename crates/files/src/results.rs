@@ -312,6 +312,11 @@ impl<const D: usize> Observer<D> for Results {
         }
     }
 
+    fn needs_points(&self, model: &Model<D>, step: Step) -> bool {
+        is_due(self.every, model, step)
+            || self.checkpoints.is_some_and(|every| step.index.is_multiple_of(every))
+    }
+
     fn converged(
         &mut self,
         model: &Model<D>,

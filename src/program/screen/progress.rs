@@ -302,6 +302,10 @@ impl<const D: usize> Observer<D> for Watch {
         self.results.failed(model, points, attempt, ended)
     }
 
+    fn needs_points(&self, model: &Model<D>, step: Step) -> bool {
+        self.results.needs_points(model, step)
+    }
+
     fn bisected(&mut self, model: &Model<D>, points: &Points<D>, step: Step) -> io::Result<()> {
         let part = (step.end - step.start) / model.stepping.size();
         self.log(&format!(

@@ -251,6 +251,7 @@ pub fn state_on<const D: usize, M: Mechanics<D>>(
         stages: Vec::new(),
         moving_grid: None,
         present: Default::default(),
+        engines: Default::default(),
     };
     let mut points = Points::new(&seeds);
     for p in 0..points.len() {

@@ -127,6 +127,7 @@ pub fn model(
         stages: Vec::new(),
         moving_grid: None,
         present: Default::default(),
+        engines: Default::default(),
     }
 }
 

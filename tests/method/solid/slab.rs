@@ -112,6 +112,7 @@ fn slab(plane: Model<2>, thickness: f64) -> Model<3> {
         stages: Vec::new(),
         moving_grid: None,
         present: Default::default(),
+        engines: Default::default(),
     }
 }
 

@@ -1,5 +1,6 @@
 //! Equations of a few global unknowns in addition to those of the nodes, such as the motions of a rigid body.
 
+use crate::ranks::Halo;
 use crate::step::Nodal;
 
 /// The global equations r(d, w) = 0 and the effect of the global unknowns w on the nodes:
@@ -110,6 +111,18 @@ impl<const N: usize> Border<N> {
     pub(crate) fn work(&self, increments: &[f64]) -> f64 {
         let of_each = self.residual.iter().zip(increments).zip(&self.works);
         of_each.filter(|(_, works)| **works).map(|((r, w), _)| -r * w).sum()
+    }
+
+    /// Adds up what all ranks have added.
+    pub(crate) fn complete(&mut self, halo: &Halo) {
+        let ranks = halo.ranks();
+        let Border { columns, rows, corner, residual, per_factor, scale, round_off, support, .. } = self;
+        columns.iter_mut().chain(rows).for_each(|field| halo.add(field));
+        for numbers in corner.iter_mut().chain([residual, per_factor, scale, round_off, support]) {
+            if !numbers.is_empty() {
+                ranks.sum(numbers);
+            }
+        }
     }
 
     /// Adds B δw to a change of the internal forces.

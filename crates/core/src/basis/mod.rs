@@ -20,6 +20,7 @@ pub use connectivity::{Connectivity, LinkBuffer, Links, SupportFailure};
 pub use cpdi::{CORNER_MARGIN, Cpdi, check_domain, domain_volume, nearest_with_distance};
 pub use gimp::Gimp;
 pub use mpm::Mpm;
+pub use parts::JoinedParts;
 
 /// Material point method.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
@@ -170,6 +171,9 @@ pub enum SupportError {
     /// F-bar requires a method whose points know the centres of cells.
     #[error("the method has no basis at the centres of cells, which F-bar needs")]
     NoCentre,
+    /// A point of another rank cannot be supported.
+    #[error("a point of another rank cannot be supported")]
+    OnRank,
 }
 
 /// A material point method: evaluates the basis functions of a point from its position and domain.

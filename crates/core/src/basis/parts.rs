@@ -2,6 +2,31 @@
 
 use super::Connectivity;
 
+/// The connected parts of the active nodes of all ranks, numbered in the order of their lowest nodes.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct JoinedParts {
+    /// Number of the part of each active node of this rank.
+    pub of_node: Vec<u32>,
+    /// The lowest grid node of each part.
+    pub lowest: Vec<u32>,
+}
+
+impl JoinedParts {
+    /// Parts from the lowest active node of the part of each, [`Connectivity::parts`]; active nodes count as grid nodes.
+    pub fn of_one_rank(lowest: &[usize]) -> Self {
+        let mut parts = JoinedParts { of_node: vec![0; lowest.len()], lowest: Vec::new() };
+        for (node, &first) in lowest.iter().enumerate() {
+            if first == node {
+                parts.of_node[node] = parts.lowest.len() as u32;
+                parts.lowest.push(node as u32);
+            } else {
+                parts.of_node[node] = parts.of_node[first];
+            }
+        }
+        parts
+    }
+}
+
 impl<const D: usize> Connectivity<D> {
     /// Connected parts of the active nodes: for each node, the lowest node coupled to it directly or through others.
     /// Two nodes are coupled if one point touches both.
@@ -41,5 +66,41 @@ impl<const D: usize> Connectivity<D> {
             root[node] = root[root[node]];
         }
         root
+    }
+
+    /// The connected parts of the active nodes of all ranks: parts that share a node are one.
+    pub fn joined_parts(&self) -> JoinedParts {
+        let lowest = self.parts();
+        let mut parts = JoinedParts::of_one_rank(&lowest);
+        let nodes = self.active_nodes();
+        let ranks = self.halo().ranks();
+        if ranks.is_alone() {
+            parts.lowest.iter_mut().for_each(|node| *node = nodes[*node as usize]);
+            return parts;
+        }
+        let mut label: Vec<f64> = lowest.iter().map(|&node| f64::from(nodes[node])).collect();
+        loop {
+            let mut least = vec![f64::INFINITY; parts.lowest.len()];
+            let before = label.clone();
+            self.halo().minimum(&mut label);
+            for (label, part) in label.iter().zip(&parts.of_node) {
+                least[*part as usize] = label.min(least[*part as usize]);
+            }
+            for (label, part) in label.iter_mut().zip(&parts.of_node) {
+                *label = least[*part as usize];
+            }
+            if !ranks.any(label != before) {
+                break;
+            }
+        }
+        let mut of_rank: Vec<u32> = label.iter().map(|label| *label as u32).collect();
+        let of_node = of_rank.clone();
+        of_rank.sort_unstable();
+        of_rank.dedup();
+        let mut all: Vec<u32> = ranks.gather_all(of_rank).concat();
+        all.sort_unstable();
+        all.dedup();
+        let number = |label: &u32| all.partition_point(|other| other < label) as u32;
+        JoinedParts { of_node: of_node.iter().map(number).collect(), lowest: all }
     }
 }

@@ -1,7 +1,10 @@
 //! Slivers: nodes that points touch only with negligible parts of their basis functions.
 
+use std::collections::BTreeMap;
+
 use super::Support;
 use crate::grid::Grid;
+use crate::ranks::{Ranks, Sharing};
 use crate::region::vector::{along, dot, minus};
 
 /// Threshold of value and slope (over a cell) below which a basis function is a sliver, [-]. It is the relative
@@ -42,6 +45,37 @@ impl Touch {
     }
 }
 
+/// How firmly other ranks touch the grid nodes that this one touches.
+pub(super) struct SharedTouches<'a> {
+    pub ranks: &'a Ranks,
+    pub sharing: &'a Sharing,
+}
+
+impl SharedTouches<'_> {
+    /// Combines how firmly each shared node is touched with what all ranks that touch it say; true if any has changed.
+    fn merge(&self, touches: &mut [Touch], with: impl Fn(Touch, Touch) -> Touch) -> bool {
+        let Some(communicator) = self.ranks.communicator() else { return false };
+        let mut messages: BTreeMap<usize, Vec<u8>> = BTreeMap::new();
+        for (node, of) in self.sharing {
+            for rank in of.iter().map(|sharer| sharer.rank as usize).filter(|rank| *rank != self.ranks.own())
+            {
+                messages.entry(rank).or_default().push(touches[*node as usize] as u8);
+            }
+        }
+        let mut changes = false;
+        for (rank, message) in communicator.exchange(messages.into_iter().collect()) {
+            let with_rank =
+                self.sharing.iter().filter(|(_, of)| of.iter().any(|of| of.rank as usize == rank));
+            for ((node, _), byte) in with_rank.zip(message) {
+                let other = [Touch::Sliver, Touch::Weak, Touch::Firm][usize::from(byte).min(2)];
+                let merged = with(touches[*node as usize], other);
+                changes |= std::mem::replace(&mut touches[*node as usize], merged) != merged;
+            }
+        }
+        changes
+    }
+}
+
 /// Grid nodes that points touch only by slivers. Their stiffness would be round-off, and nothing would resist their
 /// motion. They are not active; their small contributions go to the other nodes of the point.
 ///
@@ -57,15 +91,21 @@ pub(super) struct Slivers {
 impl Slivers {
     /// Finds the sliver nodes. `touches` says how firmly each group touches each of its nodes; the nodes of group g are
     /// `group_nodes[starts[g]..starts[g + 1]]`, those of the last group reach to the end.
-    pub(super) fn new(n_nodes: usize, starts: &[usize], group_nodes: &[u32], touches: &[Touch]) -> Slivers {
-        if touches.iter().all(|touch| *touch > Touch::Sliver) {
+    pub(super) fn new(
+        n_nodes: usize,
+        (starts, group_nodes): (&[usize], &[u32]),
+        touches: &[Touch],
+        others: &SharedTouches,
+    ) -> Slivers {
+        if others.ranks.all(touches.iter().all(|touch| *touch > Touch::Sliver)) {
             return Slivers::default();
         }
         let mut firmest = vec![Touch::Sliver; n_nodes];
         for (&node, &touch) in group_nodes.iter().zip(touches) {
             firmest[node as usize] = firmest[node as usize].max(touch);
         }
-        if group_nodes.iter().all(|node| firmest[*node as usize] > Touch::Sliver) {
+        others.merge(&mut firmest, Touch::max);
+        if others.ranks.all(group_nodes.iter().all(|node| firmest[*node as usize] > Touch::Sliver)) {
             return Slivers::default();
         }
         let ends = starts.iter().skip(1).copied().chain([group_nodes.len()]);
@@ -83,6 +123,8 @@ impl Slivers {
                     }
                 }
             }
+            spreads |= others.merge(&mut firmest, Touch::min);
+            spreads = others.ranks.any(spreads);
         }
         Slivers { is_sliver_node: firmest.iter().map(|touch| *touch == Touch::Sliver).collect() }
     }

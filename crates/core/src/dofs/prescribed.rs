@@ -17,15 +17,20 @@ impl<const N: usize> Constraints<'_, N> {
         links: &Connectivity<D>,
         [start, end]: [f64; 2],
     ) -> Result<(), ConstraintError> {
-        let set = model.boundary_conditions.iter().enumerate().filter(|(number, _)| model.is_set(*number));
-        for (number, condition) in set {
+        let set = || model.boundary_conditions.iter().enumerate().filter(|(number, _)| model.is_set(*number));
+        // What other ranks take part in comes before anything that may fail on one rank only.
+        let nodes: Vec<_> = set().map(|(_, condition)| nodes_of(condition, points, links)).collect();
+        let originals = set()
+            .any(|(_, condition)| condition.follows_material())
+            .then(|| original_places(model, points, links));
+        for ((number, condition), nodes) in set().zip(nodes) {
             // Nothing has moved yet at time 0, whatever the value of the curve.
             let reached = (start > 0.0).then(|| condition.curve.factor(start));
             let factors = [reached, Some(condition.curve.factor(end))];
-            let originals = condition.follows_material().then(|| original_places(model, points, links));
-            for active in nodes_of(condition, points, links) {
+            let originals = originals.as_ref().filter(|_| condition.follows_material());
+            for active in nodes {
                 let place = model.grid.node_position(links.active_nodes()[active] as usize);
-                let original = originals.as_ref().map_or(place, |originals| originals[active]);
+                let original = originals.map_or(place, |originals| originals[active]);
                 for (axis, formula) in condition.displacement.iter().enumerate() {
                     let Some(formula) = formula else { continue };
                     let increment = displacement_increment(formula, &place, &original, factors);
@@ -77,7 +82,8 @@ fn original_places<const D: usize>(
     points: &Points<D>,
     links: &Connectivity<D>,
 ) -> Vec<[f64; D]> {
-    let mut sums = vec![([0.0; D], 0.0); links.n_active()];
+    let mut sums = vec![[0.0; D]; links.n_active()];
+    let mut weights = vec![0.0; links.n_active()];
     let State { position, deformation_gradient, .. } = &points.converged;
     for group in 0..links.n_groups() {
         let nodes = links.nodes_of(group);
@@ -87,16 +93,18 @@ fn original_places<const D: usize>(
                 let active = nodes[local] as usize;
                 let x = model.grid.node_position(links.active_nodes()[active] as usize);
                 let weight = value.max(0.0) + LEAST_WEIGHT;
-                let (sum, weights) = &mut sums[active];
+                let sum = &mut sums[active];
                 for i in 0..D {
                     let back: f64 = (0..D).map(|j| inverse[(i, j)] * (x[j] - position[p][j])).sum();
                     sum[i] += weight * (points.original_position[p][i] + back);
                 }
-                *weights += weight;
+                weights[active] += weight;
             });
         }
     }
-    sums.into_iter().map(|(sum, weights)| sum.map(|part| part / weights)).collect()
+    links.halo().add(&mut sums);
+    links.halo().add_numbers(&mut weights);
+    sums.iter().zip(weights).map(|(sum, weights)| sum.map(|part| part / weights)).collect()
 }
 
 /// The active nodes that a boundary condition acts on in a step, ascending.
@@ -111,18 +119,19 @@ pub fn nodes_of<const D: usize>(
         }
         NodeSet::Surface(_) => Vec::new(),
         NodeSet::OuterLayer(body) => {
-            let mut touched = vec![false; links.n_active()];
+            let mut touched = vec![0.0; links.n_active()];
             for group in 0..links.n_groups() {
                 let nodes = links.nodes_of(group);
                 for p in links.points_of(group) {
                     if points.outer_layer[p] && points.body[p] == *body {
                         for &local in links.local_nodes(p) {
-                            touched[nodes[local as usize] as usize] = true;
+                            touched[nodes[local as usize] as usize] = 1.0;
                         }
                     }
                 }
             }
-            (0..touched.len()).filter(|&node| touched[node]).collect()
+            links.halo().maximum(&mut touched);
+            (0..touched.len()).filter(|&node| touched[node] > 0.0).collect()
         }
     }
 }

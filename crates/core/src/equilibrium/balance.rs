@@ -5,6 +5,7 @@ use crate::basis::Connectivity;
 use crate::dofs::{DofMap, nodes_of};
 use crate::model::{BoundaryCondition, Model};
 use crate::points::Points;
+use crate::ranks::{Halo, Ranks};
 
 use crate::step::Nodal;
 use crate::terms::Ledger;
@@ -57,12 +58,41 @@ impl Energy {
         }
     }
 
-    /// Energy of a step that is in equilibrium but not yet committed.
+    /// The sum over all ranks.
+    fn of_all(mut self, ranks: &Ranks) -> Energy {
+        let Energy {
+            external_work,
+            regridding_work,
+            stabilisation_work,
+            damping_work,
+            strain_energy,
+            plastic_work,
+            undone_work,
+            friction_work,
+        } = &mut self;
+        let all = [
+            external_work,
+            regridding_work,
+            stabilisation_work,
+            damping_work,
+            strain_energy,
+            plastic_work,
+            undone_work,
+            friction_work,
+        ];
+        let mut sums = all.each_ref().map(|energy| **energy);
+        ranks.sum(&mut sums);
+        all.into_iter().zip(sums).for_each(|(energy, sum)| *energy = sum);
+        self
+    }
+
+    /// Energy of a step that is in equilibrium but not yet committed, over all ranks.
     ///
     /// `start` and `end` are the external forces (loads, reactions) at the start and end of the step, `f_int_start` is
     /// the internal force at the start, all [force]; `delta_d` is the displacement increment, [length]; `ledger` is the
     /// energy of the terms.
     pub fn new<const D: usize, const N: usize>(
+        halo: &Halo,
         delta_d: &[[f64; D]],
         [start, end]: [(&Nodal<N>, &Nodal<N>); 2],
         f_int_start: &[[f64; N]],
@@ -78,14 +108,14 @@ impl Energy {
             external_work: friction,
             ..Energy::default()
         };
-        for (node, du) in delta_d.iter().enumerate() {
+        for (node, du) in delta_d.iter().enumerate().filter(|(node, _)| halo.is_own(*node)) {
             for d in 0..D {
                 let [before, after] = [start, end].map(|(load, reaction)| load[node][d] + reaction[node][d]);
                 energy.external_work += 0.5 * (before + after) * du[d];
                 energy.regridding_work += 0.5 * (f_int_start[node][d] - before) * du[d];
             }
         }
-        energy
+        energy.of_all(halo.ranks())
     }
 }
 
@@ -123,14 +153,17 @@ pub fn reaction_moments<const D: usize, const N: usize>(
     if model.revolved {
         return None;
     }
-    let positions = deformed_nodes(model, links, delta_d);
+    let (positions, ranks) = (deformed_nodes(model, links, delta_d), links.halo().ranks());
     let of_condition = |(number, condition): (usize, &BoundaryCondition<D>)| {
-        let nodes = nodes_of(condition, points, links);
-        if nodes.is_empty() {
+        let mut nodes = nodes_of(condition, points, links);
+        nodes.retain(|node| links.halo().is_own(*node));
+        let count = ranks.count_all(nodes.len());
+        if count == 0 {
             return ReactionMoment { about: None, moment: [0.0; 3] };
         }
-        let about: [f64; D] =
-            std::array::from_fn(|d| nodes.iter().map(|n| positions[*n][d]).sum::<f64>() / nodes.len() as f64);
+        let mut about: [f64; D] = std::array::from_fn(|d| nodes.iter().map(|n| positions[*n][d]).sum());
+        ranks.sum(&mut about);
+        about.iter_mut().for_each(|x| *x /= count as f64);
         let mut moment = [0.0; 3];
         for node in nodes {
             let (mut arm, mut force) = ([0.0; 3], [0.0; 3]);
@@ -147,6 +180,7 @@ pub fn reaction_moments<const D: usize, const N: usize>(
                 *m += arm[i] * force[j] - arm[j] * force[i];
             }
         }
+        ranks.sum(&mut moment);
         ReactionMoment { about: Some(about), moment }
     };
     Some(model.boundary_conditions.iter().enumerate().map(of_condition).collect())
@@ -178,12 +212,15 @@ pub fn moment_error<const D: usize, const N: usize>(
     if model.revolved {
         return None;
     }
-    let positions = deformed_nodes(model, links, delta_d);
-    let middle: [f64; D] =
-        std::array::from_fn(|d| positions.iter().map(|x| x[d]).sum::<f64>() / positions.len() as f64);
+    let (positions, halo) = (deformed_nodes(model, links, delta_d), links.halo());
+    let own = || (0..positions.len()).filter(|node| halo.is_own(*node));
+    let mut middle: [f64; D] = std::array::from_fn(|d| own().map(|node| positions[node][d]).sum());
+    halo.ranks().sum(&mut middle);
+    let count = halo.ranks().count_all(own().count()) as f64;
+    middle.iter_mut().for_each(|x| *x /= count);
     let (mut moments, mut scale) = ([[0.0; D]; D], 0.0);
-    for (node, position) in positions.iter().enumerate() {
-        let arm: [f64; D] = std::array::from_fn(|d| position[d] - middle[d]);
+    for node in own() {
+        let arm: [f64; D] = std::array::from_fn(|d| positions[node][d] - middle[d]);
         let length = |v: &[f64]| v[..D].iter().map(|x| x * x).sum::<f64>().sqrt();
         for force in [&load[node], &reaction[node]] {
             for i in 0..D {
@@ -194,6 +231,8 @@ pub fn moment_error<const D: usize, const N: usize>(
             scale += length(&arm) * length(force);
         }
     }
+    halo.ranks().sum(moments.as_flattened_mut());
+    let scale = halo.ranks().total(scale);
     let moment = moments.as_flattened().iter().map(|m| m * m).sum::<f64>().sqrt();
     Some(if scale > 0.0 { moment / scale } else { 0.0 })
 }

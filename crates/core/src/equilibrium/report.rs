@@ -4,6 +4,7 @@ use crate::basis::Connectivity;
 use crate::dofs::DofMap;
 use crate::linear::Factorisation;
 use crate::model::Model;
+use crate::ranks::Halo;
 use crate::terms::{NamedForce, ToolState};
 
 use super::balance::{Energy, ReactionMoment};
@@ -87,6 +88,11 @@ impl<const D: usize> StepReport<D> {
         self.residuals.len().saturating_sub(1 + self.augmentations)
     }
 
+    /// The same report with other fields of the grid.
+    pub fn with_grid(&self, grid: GridFields<D>) -> Self {
+        StepReport { grid, ..self.clone() }
+    }
+
     /// Sum of all loads on the points, [force].
     pub fn applied(&self) -> [f64; D] {
         // An empty sum of floats is −0.
@@ -103,12 +109,14 @@ pub fn reactions_of<const N: usize>(f_ext: &[[f64; N]], f_int: &[[f64; N]], dofs
 /// Sum of the reactions of each boundary condition, [force], shared out by [`DofMap::for_each_share`].
 pub fn named_reactions<const D: usize, const N: usize>(
     model: &Model<D>,
+    halo: &Halo,
     reaction: &[[f64; N]],
     dofs: &DofMap<N>,
 ) -> Vec<[f64; D]> {
     let mut sums = vec![[0.0; D]; model.boundary_conditions.len()];
-    for (node, force) in reaction.iter().enumerate() {
+    for (node, force) in reaction.iter().enumerate().filter(|(node, _)| halo.is_own(*node)) {
         dofs.for_each_share(model, node, force, |condition, axis, share| sums[condition][axis] += share);
     }
+    halo.ranks().sum(sums.as_flattened_mut());
     sums
 }

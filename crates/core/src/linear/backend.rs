@@ -1,7 +1,12 @@
 //! The interface of a solver for the equations of a load step, and its input.
 
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
 use super::blocks::{BlockMatrix, Division};
 use super::{Factorisation, LinearError, Numbering};
+use crate::ranks::Halo;
 
 /// A solver for the linear equations of a load step, K x = b on the unknowns of the active nodes.
 ///
@@ -41,8 +46,25 @@ pub trait Backend<const D: usize, const N: usize = D>: Send {
     fn is_iterative(&self) -> bool;
 }
 
+/// A library that solves the equations of several ranks.
+pub trait Engine<const D: usize>: Send + Sync + std::fmt::Debug {
+    /// A backend that factorises; `None` for the built-in one.
+    fn direct(&self) -> Option<Box<dyn Backend<D>>> {
+        None
+    }
+
+    /// A backend that iterates; `None` for the built-in one.
+    fn iterative(&self) -> Option<Box<dyn Backend<D>>> {
+        None
+    }
+}
+
+/// The library that solves the equations of several ranks, if there is one.
+#[derive(Debug, Clone, Default)]
+pub struct Engines<const D: usize>(pub Option<Arc<dyn Engine<D>>>);
+
 /// The method by which a system was solved.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Solved {
     /// The kind of factorisation.
     pub factorisation: Factorisation,
@@ -65,6 +87,9 @@ pub struct Layout<'a, const D: usize, const N: usize = D> {
     pub lines: [Option<&'a [f64]>; D],
     /// True if an analysed pattern may be reused for patterns that it contains.
     pub keeps_pattern: bool,
+    /// The active nodes shared with other ranks. If there are any, the matrix holds the contributions of this rank only; vectors
+    /// are complete.
+    pub halo: &'a Halo,
 }
 
 impl<const D: usize, const N: usize> Layout<'_, D, N> {

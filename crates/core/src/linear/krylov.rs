@@ -3,25 +3,26 @@
 
 mod conjugate;
 mod gmres;
-mod symmetric_part;
+#[cfg(test)]
+mod tests;
 
 use super::backend::{Backend, Layout, Solved, Stiffness};
 use super::blocks::BlockMatrix;
-use super::multigrid::Multigrid;
+use super::preconditioner::{Preconditioner, held_by};
+use super::reduction::Reduction;
 use super::{Factorisation, LinearError};
 
 use conjugate::ConjugateGradients;
 use gmres::Gmres;
-use symmetric_part::SymmetricPart;
 
 /// The iterative backend on structured grids. It applies the assembled matrix block by block; only the preconditioner keeps
 /// a copy, in single precision. The preconditioner of an unsymmetric matrix is that of its symmetric part.
+///
+/// Ranks do together what one does alone: products are completed, and sums run over the nodes of all ranks.
 #[derive(Default)]
 pub struct Krylov<const D: usize, const N: usize = D> {
-    multigrid: Multigrid<D, N>,
+    preconditioner: Preconditioner<D, N>,
     held: Vec<[bool; N]>,
-    /// Of a matrix that is not symmetric.
-    symmetric_part: Option<SymmetricPart<N>>,
     /// True if the matrix, or its symmetric part, has shown no direction of negative curvature.
     definite: bool,
     conjugate_gradients: ConjugateGradients<N>,
@@ -29,9 +30,14 @@ pub struct Krylov<const D: usize, const N: usize = D> {
 }
 
 impl<const D: usize, const N: usize> Krylov<D, N> {
-    /// Number of nodes of each level of the preconditioner.
+    /// Number of nodes of each level of the preconditioner, those of all ranks.
     pub fn levels(&self) -> Vec<usize> {
-        self.multigrid.sizes()
+        self.preconditioner.levels().to_vec()
+    }
+
+    /// The preconditioner.
+    pub fn preconditioner(&self) -> &Preconditioner<D, N> {
+        &self.preconditioner
     }
 }
 
@@ -41,16 +47,8 @@ impl<const D: usize, const N: usize> Backend<D, N> for Krylov<D, N> {
     /// # Errors
     /// [`LinearError::Unsymmetric`] if the pattern is not symmetric; [`LinearError::OutOfMemory`].
     fn prepare(&mut self, layout: &Layout<D, N>, matrix: &BlockMatrix<N>) -> Result<(), LinearError> {
-        self.symmetric_part = if matrix.symmetric { None } else { Some(SymmetricPart::new(matrix)?) };
-        let n = layout.numbering.n_nodes();
-        let places = (0..n).map(layout.lattice).collect();
-        let is_held = |node, component| layout.numbering.unknown(node, component).is_none();
-        self.held = (0..n).map(|node| std::array::from_fn(|component| is_held(node, component))).collect();
-        let lines = layout.lines.map(|lines| lines.map(<[f64]>::to_vec));
-        let part = self.symmetric_part.as_ref().map(SymmetricPart::matrix);
-        self.multigrid
-            .analyse(part.as_ref().unwrap_or(matrix), (places, lines), self.held.clone())
-            .map(|_| ())
+        self.held = held_by(layout.numbering);
+        self.preconditioner.prepare(layout, matrix)
     }
 
     /// Sets up the preconditioner.
@@ -58,12 +56,7 @@ impl<const D: usize, const N: usize> Backend<D, N> for Krylov<D, N> {
     /// # Errors
     /// [`LinearError::Singular`] if an unknown has no diagonal stiffness, or the coarsest level has none at all.
     fn factorise(&mut self, _: &Layout<D, N>, matrix: &BlockMatrix<N>) -> Result<(), LinearError> {
-        let Some(part) = &mut self.symmetric_part else {
-            self.definite = self.multigrid.factorise(matrix)?;
-            return Ok(());
-        };
-        part.take(matrix);
-        self.definite = self.multigrid.factorise(&part.matrix())?;
+        self.definite = self.preconditioner.factorise(matrix)?;
         Ok(())
     }
 
@@ -73,23 +66,26 @@ impl<const D: usize, const N: usize> Backend<D, N> for Krylov<D, N> {
     /// [`LinearError::NotConverged`] after too many iterations.
     fn solve(
         &mut self,
-        _: &Layout<D, N>,
+        layout: &Layout<D, N>,
         stiffness: &mut Stiffness<N>,
         b: &[[f64; N]],
         x: &mut [[f64; N]],
         tolerance: f64,
     ) -> Result<Solved, LinearError> {
-        let Self { multigrid, held, definite, symmetric_part, conjugate_gradients, gmres } = self;
-        let mut precondition = |r: &[[f64; N]], z: &mut [[f64; N]]| multigrid.precondition(r, z);
+        let Self { preconditioner, held, definite, conjugate_gradients, gmres } = self;
+        let is_symmetric = preconditioner.is_of_symmetric();
+        let over = Reduction(layout.halo);
+        let mut precondition = |r: &[[f64; N]], z: &mut [[f64; N]]| preconditioner.apply(r, z);
         let mut masked = |x: &[[f64; N]], out: &mut [[f64; N]]| {
             stiffness.multiply(x, out);
+            layout.halo.add(out);
             mask(out, held);
         };
         let mut rhs = b.to_vec();
         mask(&mut rhs, held);
         let mut before = 0;
-        if *definite && symmetric_part.is_none() {
-            match conjugate_gradients.solve(&mut masked, &mut precondition, &rhs, x, tolerance) {
+        if *definite && is_symmetric {
+            match conjugate_gradients.solve(over, &mut masked, &mut precondition, &rhs, x, tolerance) {
                 Err(conjugate::Failure::NotPositiveDefinite { iterations }) => {
                     *definite = false;
                     before = iterations;
@@ -98,7 +94,7 @@ impl<const D: usize, const N: usize> Backend<D, N> for Krylov<D, N> {
                 Ok(iterations) => return Ok(Solved { factorisation: Factorisation::Multigrid, iterations }),
             }
         }
-        let iterations = before + gmres.solve(&mut masked, &mut precondition, &rhs, x, tolerance)?;
+        let iterations = before + gmres.solve(over, &mut masked, &mut precondition, &rhs, x, tolerance)?;
         // A symmetric matrix gets here only if it is not positive definite.
         let factorisation =
             if *definite { Factorisation::MultigridUnsymmetric } else { Factorisation::MultigridIndefinite };

@@ -1,5 +1,7 @@
 //! Nodes on a lattice and the coarser lattice above them: the nodes of both, and the transfer of fields between them.
 
+use crate::ranks::Ranks;
+
 /// Marks a place of the lattice without a node.
 const NOTHING: u32 = u32::MAX;
 
@@ -9,13 +11,13 @@ pub(super) type LatticeLines = Option<Vec<f64>>;
 /// Nodes at places of a lattice, and the reach of couplings along each axis.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Lattice<const D: usize> {
-    /// Place of each node; the lowest along each axis is 0.
+    /// Place of each node; the lowest along each axis is 0. If there are several ranks, it is that of all of them.
     pub place: Vec<[u32; D]>,
     /// Largest distance along each axis between two nodes that are coupled.
     pub reach: [u32; D],
     /// Number of places along each axis.
     extent: [u32; D],
-    /// Node at each place, the first axis fastest.
+    /// Node at each place, the first axis fastest; empty if there are several ranks.
     node: Vec<u32>,
     /// The lines along each axis, from place 0 on.
     lines: [LatticeLines; D],
@@ -38,12 +40,7 @@ impl<const D: usize> Lattice<D> {
             }
         }
         let all = extent.iter().map(|&n| n as usize).product();
-        let mut lines = lines;
-        for (d, of_axis) in lines.iter_mut().enumerate() {
-            // The line beyond the last place may be one from which nodes are interpolated.
-            let (first, last) = (low[d] as usize, low[d].saturating_add(extent[d]) as usize);
-            *of_axis = of_axis.take().map(|lines| (first..=last).map(|k| line(&lines, k)).collect());
-        }
+        let lines = lines_of(lines, low, extent);
         let mut lattice = Lattice { place, reach, extent, node: vec![NOTHING; all], lines };
         for n in 0..lattice.place.len() {
             let number = lattice.number(lattice.place[n]);
@@ -52,12 +49,58 @@ impl<const D: usize> Lattice<D> {
         lattice
     }
 
+    /// The lattice of the nodes of all ranks, with those of this one.
+    pub(super) fn shared(
+        ranks: &Ranks,
+        mut place: Vec<[u32; D]>,
+        reach: [u32; D],
+        lines: [LatticeLines; D],
+    ) -> Self {
+        // Largest values along each axis, that of the lowest place with its sign changed.
+        let mut largest = vec![f64::NEG_INFINITY; 3 * D];
+        for d in 0..D {
+            largest[2 * D + d] = f64::from(reach[d]);
+            for p in place.iter().map(|p| f64::from(p[d])) {
+                largest[d] = largest[d].max(-p);
+                largest[D + d] = largest[D + d].max(p);
+            }
+        }
+        ranks.maximum(&mut largest);
+        // Conversions saturate if there is no node.
+        let low: [u32; D] = std::array::from_fn(|d| -largest[d] as u32);
+        let extent = std::array::from_fn(|d| (largest[D + d] as u32).saturating_sub(low[d]) + 1);
+        for p in &mut place {
+            *p = std::array::from_fn(|d| p[d] - low[d]);
+        }
+        let reach = std::array::from_fn(|d| largest[2 * D + d] as u32);
+        Lattice { place, reach, extent, node: Vec::new(), lines: lines_of(lines, low, extent) }
+    }
+
     pub(super) fn len(&self) -> usize {
         self.place.len()
     }
 
     fn number(&self, place: [u32; D]) -> usize {
         (0..D).rev().fold(0, |number, d| number * self.extent[d] as usize + place[d] as usize)
+    }
+
+    /// Number of places.
+    pub(super) fn places(&self) -> u64 {
+        self.extent.iter().map(|&n| u64::from(n)).product()
+    }
+
+    /// The number of a place, the first axis fastest: the same on all ranks.
+    pub(super) fn key(&self, place: [u32; D]) -> u64 {
+        (0..D).rev().fold(0, |key, d| key * u64::from(self.extent[d]) + u64::from(place[d]))
+    }
+
+    /// The place of this number.
+    pub(super) fn place_of(&self, mut key: u64) -> [u32; D] {
+        std::array::from_fn(|d| {
+            let along = key % u64::from(self.extent[d]);
+            key /= u64::from(self.extent[d]);
+            along as u32
+        })
     }
 
     /// Calls `visit(node)` for all nodes within the reach of a place, in the order of the lattice.
@@ -79,22 +122,30 @@ impl<const D: usize> Lattice<D> {
         }
     }
 
-    /// Nodes of each colour, ascending; no two of a colour are coupled.
-    pub(super) fn colours(&self) -> Vec<Vec<u32>> {
-        let period = self.reach.map(|r| r + 1);
-        let count = period.iter().map(|&p| p as usize).product();
-        let mut colours = vec![Vec::new(); count];
-        for (n, place) in self.place.iter().enumerate() {
-            let colour = (0..D).rev().fold(0, |c, d| c * period[d] + place[d] % period[d]);
-            colours[colour as usize].push(n as u32);
+    /// Number of colours; no two nodes of the same colour are coupled.
+    pub(super) fn n_colours(&self) -> usize {
+        self.reach.iter().map(|&r| r as usize + 1).product()
+    }
+
+    /// The colour of a place.
+    pub(super) fn colour(&self, place: [u32; D]) -> usize {
+        (0..D).rev().fold(0, |c, d| {
+            let period = self.reach[d] + 1;
+            c * period as usize + (place[d] % period) as usize
+        })
+    }
+
+    /// The first `own` nodes by colours, ascending; a colour may have none.
+    pub(super) fn colours(&self, own: usize) -> Vec<Vec<u32>> {
+        let mut colours = vec![Vec::new(); self.n_colours()];
+        for (n, place) in self.place[..own].iter().enumerate() {
+            colours[self.colour(*place)].push(n as u32);
         }
-        colours.retain(|nodes| !nodes.is_empty());
         colours
     }
 
-    /// The nodes of the lattice of every other line from which these nodes can be interpolated, and the
-    /// interpolation.
-    pub(super) fn coarsen(&self) -> (Lattice<D>, Transfer) {
+    /// The lattice of every other line, without nodes.
+    pub(super) fn above(&self) -> Lattice<D> {
         let extent = self.extent.map(|n| n / 2 + 1);
         // A reach of r along an axis ends at most (r + 2) / 2 farther on the coarse lattice.
         let reach = self.reach.map(|r| (r + 2) / 2);
@@ -102,7 +153,14 @@ impl<const D: usize> Lattice<D> {
             let fine = self.lines[d].as_ref()?;
             Some((0..=extent[d] as usize).map(|k| line(fine, 2 * k)).collect())
         });
-        let mut coarse = Lattice { place: Vec::new(), reach, extent, node: Vec::new(), lines };
+        Lattice { place: Vec::new(), reach, extent, node: Vec::new(), lines }
+    }
+
+    /// The nodes of the lattice of every other line from which these nodes can be interpolated, and the
+    /// interpolation.
+    pub(super) fn coarsen(&self) -> (Lattice<D>, Transfer) {
+        let mut coarse = self.above();
+        let extent = coarse.extent;
         coarse.node = vec![NOTHING; extent.iter().map(|&n| n as usize).product()];
         for place in &self.place {
             self.for_each_parent(place, |parent, _| {
@@ -124,13 +182,14 @@ impl<const D: usize> Lattice<D> {
                 at[d] = 0;
             }
         }
-        let transfer = Transfer::new(self, &coarse);
+        let transfer =
+            Transfer::new(self, self.len(), coarse.len(), |place| coarse.node[coarse.number(place)]);
         (coarse, transfer)
     }
 
     /// Calls `visit(place, weight)` for the places of the coarser lattice around a place of this one. The weights are those
     /// of linear interpolation, whatever the distances of the lines.
-    fn for_each_parent(&self, place: &[u32; D], mut visit: impl FnMut([u32; D], f32)) {
+    pub(super) fn for_each_parent(&self, place: &[u32; D], mut visit: impl FnMut([u32; D], f32)) {
         let weights: [[f32; 2]; D] = std::array::from_fn(|d| {
             if place[d].is_multiple_of(2) {
                 return [1.0, 0.0];
@@ -150,6 +209,19 @@ impl<const D: usize> Lattice<D> {
             visit(std::array::from_fn(|d| place[d] / 2 + upper(d) as u32), weight);
         }
     }
+}
+
+/// The lines from `low` on along each axis; the line beyond the last place may be one from which nodes are interpolated.
+fn lines_of<const D: usize>(
+    mut lines: [LatticeLines; D],
+    low: [u32; D],
+    extent: [u32; D],
+) -> [LatticeLines; D] {
+    for (d, of_axis) in lines.iter_mut().enumerate() {
+        let (first, last) = (low[d] as usize, low[d].saturating_add(extent[d]) as usize);
+        *of_axis = of_axis.take().map(|lines| (first..=last).map(|k| line(&lines, k)).collect());
+    }
+    lines
 }
 
 /// Coordinate of a line; lines continue beyond the last one with the same distance.
@@ -173,30 +245,43 @@ pub(super) struct Transfer {
 }
 
 impl Transfer {
-    fn new<const D: usize>(fine: &Lattice<D>, coarse: &Lattice<D>) -> Self {
+    /// The transfer between the nodes of a lattice, the first `own` of which are listed as children, and `n_coarse` coarse
+    /// nodes, which `node` finds by their places.
+    pub(super) fn new<const D: usize>(
+        fine: &Lattice<D>,
+        own: usize,
+        n_coarse: usize,
+        node: impl Fn([u32; D]) -> u32,
+    ) -> Self {
         let mut parent_start = vec![0];
         let mut parent = Vec::new();
-        let mut child_start = vec![0u32; coarse.len() + 1];
-        for place in &fine.place {
+        let mut child_start = vec![0u32; n_coarse + 1];
+        for (n, place) in fine.place.iter().enumerate() {
             fine.for_each_parent(place, |at, weight| {
-                let node = coarse.node[coarse.number(at)];
+                let node = node(at);
                 parent.push((node, weight));
-                child_start[node as usize + 1] += 1;
+                child_start[node as usize + 1] += u32::from(n < own);
             });
             parent_start.push(parent.len() as u32);
         }
-        for n in 0..coarse.len() {
+        for n in 0..n_coarse {
             child_start[n + 1] += child_start[n];
         }
         let mut next = child_start.clone();
-        let mut child = vec![(0, 0.0); parent.len()];
-        for n in 0..fine.len() {
+        let mut child = vec![(0, 0.0); child_start[n_coarse] as usize];
+        for n in 0..own {
             for &(above, weight) in &parent[parent_start[n] as usize..parent_start[n + 1] as usize] {
                 child[next[above as usize] as usize] = (n as u32, weight);
                 next[above as usize] += 1;
             }
         }
         Transfer { parent_start, parent, child_start, child }
+    }
+
+    /// Adds coarse nodes that no fine node here is interpolated from, up to this number.
+    pub(super) fn extend(&mut self, n_coarse: usize) {
+        let end = self.child_start.last().copied().unwrap_or(0);
+        self.child_start.resize(n_coarse + 1, end);
     }
 
     /// The coarse nodes that a fine one is interpolated from, with their weights.
@@ -304,7 +389,7 @@ mod tests {
     #[test]
     fn nodes_of_a_colour_are_not_coupled() {
         let lattice = Lattice::new(ball(4), [1, 2, 1], [const { None }; 3]);
-        let colours = lattice.colours();
+        let colours = lattice.colours(lattice.len());
         assert_eq!(colours.iter().map(Vec::len).sum::<usize>(), lattice.len());
         for nodes in colours {
             for (k, &a) in nodes.iter().enumerate() {

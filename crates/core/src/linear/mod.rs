@@ -6,6 +6,7 @@ mod choice;
 mod containing;
 mod direct;
 mod direct_backend;
+mod gathered;
 mod krylov;
 mod lattice;
 mod ldlt;
@@ -14,18 +15,22 @@ mod multigrid;
 mod numbering;
 pub mod ordering;
 mod pivoted_lu;
+mod preconditioner;
 mod reduction;
+mod symmetric_part;
 
 use serde::{Deserialize, Serialize};
 
-pub use backend::{Backend, Layout, Solved, Stiffness};
+pub use backend::{Backend, Engine, Engines, Layout, Solved, Stiffness};
 pub use blocks::{Block, BlockMatrix, Division};
 pub use choice::{Choice, Extent};
 pub use containing::{Embedding, Named};
 pub use direct::Direct;
 pub use direct_backend::{DirectBackend, FreeEntries};
+pub use gathered::Gathered;
 pub use krylov::Krylov;
 pub use numbering::Numbering;
+pub use preconditioner::Preconditioner;
 
 /// Pattern of a sparse square matrix by columns; of a symmetric one only the lower triangle, diagonal included.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -55,7 +60,7 @@ impl Pattern {
 
 /// The kind of factorisation that solved a system.
 #[non_exhaustive]
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Factorisation {
     /// LLᵀ: the matrix is positive definite.
     Cholesky,
@@ -101,7 +106,7 @@ pub struct FactorSize {
 
 /// A linear system could not be solved.
 #[non_exhaustive]
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, thiserror::Error)]
 pub enum LinearError {
     /// The matrix is singular to working precision.
     #[error("the matrix is singular")]
@@ -132,6 +137,32 @@ pub enum LinearError {
         /// Norm of the residual relative to the right-hand side.
         residual: f64,
     },
+    /// A library outside this crate has failed in another way.
+    #[error("the library that solves the equations has failed: {0}")]
+    Library(Text),
+}
+
+/// What a library says about its failure.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Text(pub &'static str);
+
+impl std::fmt::Display for Text {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.0)
+    }
+}
+
+impl Serialize for Text {
+    fn serialize<S: serde::Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        self.0.serialize(to)
+    }
+}
+
+impl<'de> Deserialize<'de> for Text {
+    fn deserialize<D: serde::Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        // Ranks tell each other such an error once, at the end of a run.
+        Ok(Text(Box::leak(String::deserialize(from)?.into_boxed_str())))
+    }
 }
 
 /// A solver for sparse linear systems.

@@ -4,15 +4,30 @@
 //! matrices are the Galerkin products of the finer ones, so a cell that a body hardly fills has its true stiffness on
 //! every level. Block Gauss–Seidel sweeps over colours, forwards before and backwards after the coarser levels, smooth
 //! the error; the coarsest level is solved directly.
+//!
+//! Ranks share each level: the nodes of a rank, whose rows it has, come first, and then its ghosts, the nodes of others
+//! that its rows or its finer nodes refer to. The operations are those of one rank.
 
+mod coarse_owners;
+mod coarsest;
+mod contributions;
+mod ghosts;
 mod level;
+mod of_ranks;
 mod rows;
+mod shared;
+mod smoother;
+mod stencil;
 
+use crate::ranks::Halo;
+
+use super::LinearError;
 use super::blocks::BlockMatrix;
 use super::lattice::{Lattice, LatticeLines, Transfer};
-use super::{Direct, LinearError, LinearSolver, Pattern, ordering};
 
+use coarsest::Coarsest;
 use level::Level;
+use shared::Input;
 
 /// A level of at most this number of nodes is solved directly.
 const COARSEST: usize = 300;
@@ -26,8 +41,11 @@ pub(super) struct Multigrid<const D: usize, const N: usize> {
     levels: Vec<Level<D, N>>,
     /// From each level to the next.
     transfers: Vec<Transfer>,
-    coarsest: Direct,
-    values: Vec<f64>,
+    /// Number of nodes of each level, those of all ranks.
+    counts: Vec<usize>,
+    coarsest: Coarsest,
+    /// What the levels are laid out for, if there are several ranks.
+    input: Option<Input<D, N>>,
 }
 
 impl<const D: usize, const N: usize> Multigrid<D, N> {
@@ -38,28 +56,44 @@ impl<const D: usize, const N: usize> Multigrid<D, N> {
         matrix: &BlockMatrix<N>,
         (places, lines): (Vec<[u32; D]>, [LatticeLines; D]),
         held: Vec<[bool; N]>,
+        halo: &Halo,
     ) -> Result<bool, LinearError> {
-        let reach = matrix.reach(|node| places[node]);
-        let lattice = Lattice::new(places, reach, lines);
-        if self.levels.first().is_some_and(|finest| finest.is_of(&lattice, matrix, &held)) {
-            return Ok(false);
-        }
-        *self = Multigrid::default(); // frees the memory before more is allocated
-        let mut level = Level::finest(lattice, matrix, held);
-        while level.lattice.len() > COARSEST {
+        let ranks = halo.ranks();
+        let mut input = None;
+        let mut level = if ranks.is_alone() {
+            let reach = matrix.reach(|node| places[node]);
+            let lattice = Lattice::new(places, reach, lines);
+            if self.levels.first().is_some_and(|finest| finest.is_of(&lattice, matrix, &held)) {
+                return Ok(false);
+            }
+            *self = Multigrid::default(); // frees the memory before more is allocated
+            Level::finest(lattice, matrix, held)
+        } else {
+            let given = Input::new(matrix, (places, lines), held, halo);
+            if ranks.all(self.input.as_ref() == Some(&given)) {
+                return Ok(false);
+            }
+            *self = Multigrid::default();
+            Level::finest_shared(ranks, matrix, input.insert(given))
+        };
+        let mut count = level.count();
+        while count > COARSEST {
             let (coarser, transfer) = level.coarser();
-            if coarser.lattice.len() as f64 > WORTH * level.lattice.len() as f64 {
+            let fewer = coarser.count();
+            if fewer as f64 > WORTH * count as f64 {
                 break;
             }
             self.levels.push(std::mem::replace(&mut level, coarser));
             self.transfers.push(transfer);
+            self.counts.push(std::mem::replace(&mut count, fewer));
         }
-        let order = || {
-            let nodes = ordering::nested_dissection(&level.lattice.place, level.lattice.reach);
-            nodes.iter().flat_map(|&node| (0..N).map(move |d| N * node + d)).collect()
-        };
-        self.coarsest.analyse(lower_triangle(&level), &order)?;
+        if let Err(error) = self.coarsest.analyse(&level) {
+            *self = Multigrid::default();
+            return Err(error);
+        }
         self.levels.push(level);
+        self.counts.push(count);
+        self.input = input;
         Ok(true)
     }
 
@@ -68,38 +102,54 @@ impl<const D: usize, const N: usize> Multigrid<D, N> {
     /// # Errors
     /// [`LinearError::Singular`] where a free degree of freedom, or the coarsest level, has no stiffness.
     pub(super) fn factorise(&mut self, matrix: &BlockMatrix<N>) -> Result<bool, LinearError> {
-        let Multigrid { levels, transfers, coarsest, values } = self;
-        let positive = levels[0].take(matrix)?;
+        let Multigrid { levels, transfers, coarsest, .. } = self;
+        let Some(finest) = levels.first_mut() else { return Ok(true) };
+        let positive = finest.take(matrix)?;
         for (k, transfer) in transfers.iter().enumerate() {
             let (fine, coarse) = levels.split_at_mut(k + 1);
             coarse[0].take_product(&fine[k], transfer);
         }
         let Some(last) = levels.last() else { return Ok(positive) };
-        values.clear();
-        for_each_entry(last, |row, place, i, k| {
-            values.push(f64::from(last.rows.component(row, i)[place * N + k]));
-        });
-        Ok(coarsest.factorise(values)?.is_definite() && positive)
+        Ok(coarsest.factorise(last)? && positive)
     }
 
-    /// Replaces `z` by an approximation of A⁻¹ r.
+    /// Replaces `z` by an approximation of A⁻¹ r; both are complete fields on the active nodes.
     pub(super) fn precondition(&mut self, r: &[[f64; N]], z: &mut [[f64; N]]) -> Result<(), LinearError> {
         let Some(finest) = self.levels.first_mut() else { return Ok(()) };
-        let Level { scale, b, .. } = finest;
-        for (n, b) in b.iter_mut().enumerate() {
-            *b = std::array::from_fn(|d| scale[n][d] * r[n][d]);
+        let Level { scale, b, shared, rows, .. } = finest;
+        if let Some(shared) = shared {
+            for (n, b) in b[..rows.len()].iter_mut().enumerate() {
+                let active = shared.active[n] as usize;
+                *b = std::array::from_fn(|d| scale[n][d] * r[active][d]);
+            }
+        } else {
+            for (n, b) in b.iter_mut().enumerate() {
+                *b = std::array::from_fn(|d| scale[n][d] * r[n][d]);
+            }
         }
         cycle(&mut self.levels, &self.transfers, &mut self.coarsest)?;
-        let Level { scale, x, .. } = &self.levels[0];
-        for (n, z) in z.iter_mut().enumerate() {
-            *z = std::array::from_fn(|d| scale[n][d] * x[n][d]);
+        let Level { scale, x, shared, .. } = &self.levels[0];
+        if let Some(shared) = shared {
+            for (n, active) in shared.active.iter().enumerate() {
+                z[*active as usize] = std::array::from_fn(|d| scale[n][d] * x[n][d]);
+            }
+        } else {
+            for (n, z) in z.iter_mut().enumerate() {
+                *z = std::array::from_fn(|d| scale[n][d] * x[n][d]);
+            }
         }
         Ok(())
     }
 
-    /// Number of nodes of each level.
-    pub(super) fn sizes(&self) -> Vec<usize> {
-        self.levels.iter().map(|level| level.lattice.len()).collect()
+    /// Number of nodes of each level, those of all ranks.
+    pub(super) fn sizes(&self) -> &[usize] {
+        &self.counts
+    }
+
+    /// Number of nodes of each level that this rank keeps: its own and ghosts.
+    pub(super) fn sizes_here(&self) -> Vec<[usize; 2]> {
+        let of_level = |level: &Level<D, N>| [level.rows.len(), level.lattice.len() - level.rows.len()];
+        self.levels.iter().map(of_level).collect()
     }
 }
 
@@ -107,12 +157,11 @@ impl<const D: usize, const N: usize> Multigrid<D, N> {
 fn cycle<const D: usize, const N: usize>(
     levels: &mut [Level<D, N>],
     transfers: &[Transfer],
-    coarsest: &mut Direct,
+    coarsest: &mut Coarsest,
 ) -> Result<(), LinearError> {
     let Some((fine, coarser)) = levels.split_first_mut() else { return Ok(()) };
     let (Some((transfer, above)), Some(_)) = (transfers.split_first(), coarser.first()) else {
-        fine.x.copy_from_slice(&fine.b);
-        return coarsest.solve(fine.x.as_flattened_mut());
+        return coarsest.solve(fine);
     };
     fine.sweep(true, true);
     fine.restrict(transfer, &mut coarser[0]);
@@ -120,36 +169,4 @@ fn cycle<const D: usize, const N: usize>(
     fine.prolong(transfer, &coarser[0]);
     fine.sweep(false, false);
     Ok(())
-}
-
-/// Calls `visit(row, place of the column in it, i, k)` for the entries of the lower triangle of a level, by columns;
-/// as the matrix is symmetric, row and column have changed places.
-fn for_each_entry<const D: usize, const N: usize>(
-    level: &Level<D, N>,
-    mut visit: impl FnMut(usize, usize, usize, usize),
-) {
-    for node in 0..level.rows.len() {
-        for i in 0..N {
-            for (place, &other) in level.rows.columns(node).iter().enumerate() {
-                let first = match (other as usize).cmp(&node) {
-                    std::cmp::Ordering::Less => continue,
-                    std::cmp::Ordering::Equal => i,
-                    std::cmp::Ordering::Greater => 0,
-                };
-                for k in first..N {
-                    visit(node, place, i, k);
-                }
-            }
-        }
-    }
-}
-
-fn lower_triangle<const D: usize, const N: usize>(level: &Level<D, N>) -> Pattern {
-    let n = N * level.rows.len();
-    let mut pattern = Pattern { n, column_start: vec![0; n + 1], row: Vec::new(), symmetric: true };
-    for_each_entry(level, |node, place, i, k| {
-        pattern.row.push(N * level.rows.columns(node)[place] as usize + k);
-        pattern.column_start[N * node + i + 1] = pattern.row.len();
-    });
-    pattern
 }

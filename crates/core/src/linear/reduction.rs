@@ -1,10 +1,54 @@
 //! Sums over vectors of the nodes. All norms and scalar products of the iterative solvers are formed here.
 
+use crate::ranks::{Halo, Ranks};
+
+use super::LinearError;
+
 /// Numbers that one thread adds up.
 pub(super) const TERMS: usize = 1024;
 
+/// Scalar products over the nodes of all ranks.
+#[derive(Clone, Copy)]
+pub(super) struct Reduction<'a>(pub &'a Halo);
+
+impl Reduction<'_> {
+    /// Scalar product of complete fields; all ranks get the same bits.
+    pub(super) fn dot<const N: usize>(self, a: &[[f64; N]], b: &[[f64; N]]) -> f64 {
+        let Reduction(halo) = self;
+        if halo.ranks().is_alone() { dot(a, b) } else { halo.ranks().total(dot_of_own(halo, 0, a, b)) }
+    }
+}
+
+/// The error of the first rank that has one, on all ranks, so that none goes on alone.
+pub(super) fn agree<T>(ranks: &Ranks, outcome: Result<T, LinearError>) -> Result<T, LinearError> {
+    match ranks.first(outcome.as_ref().err().copied()) {
+        Some(error) => Err(error),
+        None => outcome,
+    }
+}
+
+/// The part of a scalar product from the nodes of this rank, `first` and those that follow, by halves.
+fn dot_of_own<const N: usize>(halo: &Halo, first: usize, a: &[[f64; N]], b: &[[f64; N]]) -> f64 {
+    if a.len() <= TERMS {
+        let mut sum = [0.0; N];
+        for (_, (a, b)) in a.iter().zip(b).enumerate().filter(|(n, _)| halo.is_own(first + n)) {
+            for d in 0..N {
+                sum[d] += a[d] * b[d];
+            }
+        }
+        return sum.iter().sum();
+    }
+    let middle = a.len() / 2;
+    let ((a_low, a_high), (b_low, b_high)) = (a.split_at(middle), b.split_at(middle));
+    let (low, high) = rayon::join(
+        || dot_of_own(halo, first, a_low, b_low),
+        || dot_of_own(halo, first + middle, a_high, b_high),
+    );
+    low + high
+}
+
 /// Scalar product, by halves: the order of the sum is fixed, whatever the number of threads.
-pub(super) fn dot<const N: usize>(a: &[[f64; N]], b: &[[f64; N]]) -> f64 {
+fn dot<const N: usize>(a: &[[f64; N]], b: &[[f64; N]]) -> f64 {
     if a.len() <= TERMS {
         let mut sum = [0.0; N];
         for (a, b) in a.iter().zip(b) {

@@ -142,6 +142,10 @@ macro_rules! point_fields {
             $($(#[$count_doc])* pub $count: usize,)*
             /// Fields that only this analysis has.
             pub further: $crate::points::Further,
+            /// The ranks that share the points of the analysis; these are those of this rank.
+            pub ranks: $crate::ranks::Ranks,
+            /// The parts of the grid that the ranks have.
+            pub partition: $crate::points::partition::Partition,
         }
 
         impl<const D: usize> $Points<D> {
@@ -165,6 +169,8 @@ macro_rules! point_fields {
                     converged: state,
                     $($count,)*
                     further: $crate::points::Further::default(),
+                    ranks: $crate::ranks::Ranks::default(),
+                    partition: $crate::points::partition::Partition::default(),
                 }
             }
 
@@ -227,6 +233,39 @@ macro_rules! point_fields {
                 )*
                 self.trial = self.converged.trial();
                 self.further.append(&other.further, [n, other.id.len()]);
+            }
+
+            /// The numbers of all fields of the points at these places, in the converged state; none where a field has no
+            /// entries.
+            #[allow(dead_code, reason = "tests declare points that stay on one rank")]
+            pub(super) fn numbers_of_fields(&self, places: &[u32]) -> Vec<Vec<f64>> {
+                use $crate::points::value::numbers_at;
+                vec![
+                    $(numbers_at(&self.$fixed, places, point_fields!(@per self $($fixed_per)?)),)*
+                    $(numbers_at(&self.converged.$motion, places, point_fields!(@per self $($motion_per)?)),)*
+                    $(numbers_at(&self.converged.$answer, places, point_fields!(@per self $($answer_per)?)),)*
+                ]
+            }
+
+            /// Takes the numbers that [`Self::numbers_of_fields`] has returned.
+            #[allow(dead_code, reason = "tests declare points that stay on one rank")]
+            pub(super) fn take_fields(&mut self, fields: Vec<Vec<f64>>) {
+                let mut fields = fields.into_iter();
+                $(self.$fixed = $crate::points::value::from_numbers(&fields.next().unwrap_or_default());)*
+                $(self.converged.$motion = $crate::points::value::from_numbers(&fields.next().unwrap_or_default());)*
+                $(self.converged.$answer = $crate::points::value::from_numbers(&fields.next().unwrap_or_default());)*
+            }
+
+            /// No points, with as many values for each as these have, and without further fields.
+            #[allow(dead_code, reason = "tests declare points that stay on one rank")]
+            pub(super) fn with_counts(&self) -> Self {
+                let none = $Points::new(&[]);
+                $Points {
+                    $($count: self.$count,)*
+                    ranks: self.ranks.clone(),
+                    partition: self.partition.clone(),
+                    ..none
+                }
             }
 
             /// Visits the fields of the converged state as checkpoints store them: in the order of declaration, with

@@ -219,6 +219,24 @@ impl Further {
         self.begin();
     }
 
+    /// The same fields without points.
+    pub(super) fn emptied(&self) -> Further {
+        let mut emptied = self.clone();
+        for Kept { converged, trial, .. } in &mut emptied.fields {
+            (*converged, *trial) = (Vec::new(), Vec::new());
+        }
+        emptied
+    }
+
+    /// Takes converged values, field by field; fields without values are zero at all `n` points.
+    pub(super) fn take(&mut self, values: Vec<Vec<f64>>, n: usize) {
+        for (Kept { field, converged, .. }, values) in self.fields.iter_mut().zip(values) {
+            *converged = values;
+            converged.resize(n * field.components, 0.0);
+        }
+        self.begin();
+    }
+
     /// Trial values of a step that begins in the converged state.
     pub(super) fn begin(&mut self) {
         for Kept { field, converged, trial } in &mut self.fields {

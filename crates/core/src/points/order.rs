@@ -6,21 +6,22 @@ use super::{PIECE, Points, State};
 use crate::grid::Grid;
 
 impl<const D: usize> Points<D> {
-    /// Sorts the points by the grid cell that holds them, then by body, keeping the order of equals, and returns the
+    /// Moves points to the ranks in whose parts they lie, and sorts those of this rank by the grid cell that holds them, then by body, keeping the order of equals, and returns the
     /// first point of every occupied cell and, last, the number of points. The cells of a patch follow one another and
     /// count as one. Trial values of further fields are reset.
     ///
     /// # Errors
-    /// The index of the first point that lies outside the grid.
-    pub fn group_by_cell(&mut self, grid: &dyn Grid<D>) -> Result<Vec<usize>, usize> {
+    /// The index of the first point that lies outside the grid; `None` if only other ranks have such points.
+    pub fn group_by_cell(&mut self, grid: &dyn Grid<D>) -> Result<Vec<usize>, Option<usize>> {
         self.further.begin();
         let outside = match grid.structured() {
             Some(grid) => self.locate(grid),
             None => self.locate(grid),
         };
-        if let Some(p) = outside {
-            return Err(p);
+        if self.ranks.any(outside.is_some()) {
+            return Err(outside);
         }
+        self.migrate(grid);
         let patches = grid.patches();
         let rank = |cell: u32| patches.map_or(cell, |patches| patches.rank_of[cell as usize]);
         let group = |cell: u32| patches.map_or(cell, |patches| patches.patch_of[cell as usize]);

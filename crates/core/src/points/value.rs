@@ -108,6 +108,12 @@ macro_rules! whole {
                 f64::from(*self)
             }
         }
+
+        impl Restored for $number {
+            fn from_numbers(numbers: &[f64]) -> $number {
+                numbers[0] as $number
+            }
+        }
     )*};
 }
 
@@ -120,6 +126,31 @@ impl Value for bool {
     fn number(&self, _: usize) -> f64 {
         f64::from(u8::from(*self))
     }
+}
+
+impl Restored for bool {
+    fn from_numbers(numbers: &[f64]) -> bool {
+        numbers[0] != 0.0
+    }
+}
+
+/// The numbers of a field at some places, `per_point` values for each; none if the field has no entries.
+pub(super) fn numbers_at<T: Value>(values: &[T], places: &[u32], per_point: usize) -> Vec<f64> {
+    if values.is_empty() {
+        return Vec::new();
+    }
+    let mut numbers = Vec::with_capacity(places.len() * per_point * T::COMPONENTS);
+    for &p in places {
+        for value in &values[p as usize * per_point..][..per_point] {
+            (0..T::COMPONENTS).for_each(|c| numbers.push(value.number(c)));
+        }
+    }
+    numbers
+}
+
+/// Builds values from their numbers.
+pub(super) fn from_numbers<T: Restored>(numbers: &[f64]) -> Vec<T> {
+    numbers.chunks_exact(T::COMPONENTS).map(T::from_numbers).collect()
 }
 
 /// The numbers of a field as they are stored, zero for values that have no entry.

@@ -12,6 +12,7 @@ use crate::basis::Connectivity;
 use crate::equilibrium::GridFields;
 use crate::model::Model;
 use crate::points::{Points, coordinates};
+use crate::ranks::Ranks;
 
 /// Marks a node that no cluster has touched.
 const NOBODY: u16 = u16::MAX;
@@ -30,6 +31,8 @@ struct Cluster {
     body: u16,
     first: usize,
     end: usize,
+    /// The active nodes; only with several ranks.
+    nodes: Vec<u32>,
 }
 
 /// The connected parts of every body in the links of a step.
@@ -43,6 +46,7 @@ struct Parts {
 
 impl Parts {
     fn new<const D: usize>(model: &Model<D>, points: &Points<D>, links: &Connectivity<D>) -> Parts {
+        let is_alone = links.halo().ranks().is_alone();
         let mut clusters: Vec<Cluster> = Vec::new();
         let mut root: Vec<u32> = Vec::new();
         let mut together: Vec<u32> = (0..model.bodies.len() as u32).collect();
@@ -68,7 +72,9 @@ impl Parts {
                 }
                 last = Some((body, local));
                 let number = clusters.len() as u32;
-                clusters.push(Cluster { body, first: p, end });
+                let of_cluster = |place: &u32| nodes[*place as usize];
+                let at = if is_alone { Vec::new() } else { local.iter().map(of_cluster).collect() };
+                clusters.push(Cluster { body, first: p, end, nodes: at });
                 root.push(number);
                 for &place in local {
                     let node = nodes[place as usize];
@@ -87,15 +93,65 @@ impl Parts {
         }
         let together = (0..together.len() as u32).map(|body| find(&mut together, body) as usize).collect();
         let root = (0..root.len() as u32).map(|cluster| find(&mut root, cluster)).collect();
-        Parts { clusters, root, together }
+        let parts = Parts { clusters, root, together };
+        if links.halo().ranks().is_alone() { parts } else { parts.joined(links) }
     }
 
-    /// The number of parts of each body.
-    fn count(&self, bodies: usize) -> Vec<usize> {
-        let mut count = vec![0; bodies];
-        for (k, cluster) in self.clusters.iter().enumerate() {
-            count[cluster.body as usize] += usize::from(self.root[k] as usize == k);
+    /// The same with the parts of all ranks: clusters that share a node with those of the same body on other ranks are in one
+    /// part. The root of a part is then its number among the clusters of all ranks.
+    fn joined<const D: usize>(mut self, links: &Connectivity<D>) -> Parts {
+        let ranks = links.halo().ranks();
+        let of_ranks = ranks.gather_all(self.clusters.len() as u32);
+        let first: u32 = of_ranks[..ranks.own()].iter().sum();
+        // A cluster at each shared node, for each body there.
+        let mut at: Vec<(u32, u16, u32)> = Vec::new();
+        let mut is_shared = vec![false; links.n_active()];
+        links.halo().neighbours().flat_map(|(_, nodes)| nodes).for_each(|n| is_shared[*n as usize] = true);
+        for (number, cluster) in self.clusters.iter().enumerate() {
+            for &node in cluster.nodes.iter().filter(|node| is_shared[**node as usize]) {
+                at.push((links.active_nodes()[node as usize], cluster.body, first + self.root[number]));
+            }
         }
+        at.sort_unstable();
+        at.dedup();
+        let mut root: Vec<u32> = (0..of_ranks.iter().sum()).collect();
+        for (number, local) in self.root.iter().enumerate() {
+            root[(first as usize) + number] = first + local;
+        }
+        let mut all = ranks.gather_all(at).concat();
+        all.sort_unstable();
+        for pair in all.windows(2).filter(|pair| (pair[0].0, pair[0].1) == (pair[1].0, pair[1].1)) {
+            unite(&mut root, pair[0].2, pair[1].2);
+        }
+        let mut together: Vec<u32> = (0..self.together.len() as u32).collect();
+        for pair in all.windows(2).filter(|pair| pair[0].0 == pair[1].0) {
+            unite(&mut together, u32::from(pair[0].1), u32::from(pair[1].1));
+        }
+        for of_rank in ranks.gather_all(self.together.iter().map(|body| *body as u32).collect::<Vec<_>>()) {
+            for (body, other) in (0u32..).zip(of_rank) {
+                unite(&mut together, body, other);
+            }
+        }
+        for number in 0..self.root.len() {
+            self.root[number] = find(&mut root, first + number as u32);
+        }
+        self.together = (0..together.len() as u32).map(|body| find(&mut together, body) as usize).collect();
+        self
+    }
+
+    /// The number of parts of each body, on all ranks.
+    fn count(&self, bodies: usize, ranks: &Ranks) -> Vec<usize> {
+        let mut parts: Vec<(u16, u32)> =
+            self.clusters.iter().zip(&self.root).map(|(cluster, root)| (cluster.body, *root)).collect();
+        parts.sort_unstable();
+        parts.dedup();
+        if !ranks.is_alone() {
+            parts = ranks.gather_all(parts).concat();
+            parts.sort_unstable();
+            parts.dedup();
+        }
+        let mut count = vec![0; bodies];
+        parts.iter().for_each(|(body, _)| count[*body as usize] += 1);
         count
     }
 
@@ -137,7 +193,7 @@ impl Cohesion {
             return Vec::new(); // the parts of a single body are those of the active nodes
         }
         let now = Parts::new(model, points, &grid.links);
-        let count = now.count(model.bodies.len());
+        let count = now.count(model.bodies.len(), &points.ranks);
         let Some(start) = known else {
             *known = Some(Cohesion { parts: count, together: now.together });
             return Vec::new();

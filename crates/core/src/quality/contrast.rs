@@ -28,6 +28,22 @@ struct Taken {
     stress: HashMap<usize, [f64; 2]>,
     /// Σ |τ|² V over the other points.
     free: f64,
+    /// True if `stress` is that of all ranks.
+    is_complete: bool,
+}
+
+impl Taken {
+    /// Adds up the stresses at the nodes of all ranks.
+    fn complete<const D: usize>(&mut self, links: &Connectivity<D>) {
+        if std::mem::replace(&mut self.is_complete, true) {
+            return;
+        }
+        let mut field = vec![[0.0; 2]; links.n_active()];
+        self.stress.iter().for_each(|(node, sums)| field[*node] = *sums);
+        links.halo().add(&mut field);
+        let of_node = |(node, sums): (usize, [f64; 2])| (sums[1] > 0.0).then_some((node, sums));
+        self.stress = field.into_iter().enumerate().filter_map(of_node).collect();
+    }
 }
 
 /// The soft bodies that stiffer ones stiffen in the trial state of a step, each with its warning.
@@ -73,6 +89,13 @@ pub fn watch<const D: usize>(
             }
         }
     }
+    let ranks = links.halo().ranks();
+    if !ranks.is_alone() {
+        // All ranks judge the same bodies.
+        for body in ranks.gather_all(taken.keys().copied().collect::<Vec<u16>>()).concat() {
+            taken.entry(body).or_default().complete(links);
+        }
+    }
     let warning = |(body, taken): (u16, Taken)| {
         // A held point keeps the stress from before it was held; the free points around it show what it would carry.
         let would_carry = |p: usize| {
@@ -80,9 +103,9 @@ pub fn watch<const D: usize>(
             let [stress, volume] = around.fold([0.0; 2], |[s, v], [stress, volume]| [s + stress, v + volume]);
             if volume > 0.0 { stress / volume * model.volume(points, p) } else { 0.0 }
         };
-        let held: f64 = taken.held.iter().map(|(p, _)| would_carry(*p)).sum();
+        let held: f64 = ranks.total(taken.held.iter().map(|(p, _)| would_carry(*p)).sum());
+        let share = held / (held + ranks.total(taken.free));
         let &(point, by) = taken.held.first()?;
-        let share = held / (held + taken.free);
         (share > MOST_STIFFENED).then(|| (body as usize, warn(model, points, [body, by], point, share, step)))
     };
     taken.into_iter().filter_map(warning).collect()
@@ -138,7 +161,24 @@ fn stiffness_of_bodies<const D: usize>(
             });
         }
     }
+    if !links.halo().ranks().is_alone() {
+        join(&mut stiffness, links);
+    }
     stiffness
+}
+
+/// Adds up the stiffnesses of all ranks.
+fn join<const D: usize>(stiffness: &mut Stiffness, links: &Connectivity<D>) {
+    let own: Vec<(u32, u16, f64)> = (stiffness.iter_mut().zip(links.active_nodes()))
+        .flat_map(|(at_node, node)| std::mem::take(at_node).into_iter().map(|(body, k)| (*node, body, k)))
+        .collect();
+    for (node, body, added) in links.halo().ranks().gather_all(own).concat() {
+        let Some(active) = links.active_number(node as usize) else { continue };
+        match stiffness[active].iter_mut().find(|(other, _)| *other == body) {
+            Some((_, of_body)) => *of_body += added,
+            None => stiffness[active].push((body, added)),
+        }
+    }
 }
 
 fn warn<const D: usize>(

@@ -31,6 +31,15 @@ impl<const D: usize> Reach<D> {
         (0..D).map(apart).fold(f64::NEG_INFINITY, f64::max)
     }
 
+    /// Takes in another reach.
+    fn extend(&mut self, other: &Reach<D>) {
+        for d in 0..D {
+            self.low[d] = self.low[d].min(other.low[d]);
+            self.high[d] = self.high[d].max(other.high[d]);
+        }
+        self.spacing = self.spacing.max(other.spacing);
+    }
+
     fn touches(&self, other: &Reach<D>) -> bool {
         self.distance(other) <= TOUCHING * self.spacing.max(other.spacing)
     }
@@ -70,7 +79,7 @@ pub fn watch<const D: usize>(
     }
     let is_shared = shared_nodes(points, links);
     let mut gaps: BTreeMap<[u16; 2], Gap> = BTreeMap::new();
-    let reaches = reaches(model, points, links, &is_shared);
+    let reaches = of_all_ranks(links, reaches(model, points, links, &is_shared));
     for at_node in reaches.chunk_by(|((a, _), _), ((b, _), _)| a == b) {
         let joined = joined(at_node);
         for (place, &((node, a), of_a)) in at_node.iter().enumerate() {
@@ -89,21 +98,39 @@ pub fn watch<const D: usize>(
     (gaps.into_iter().filter(|(_, gap)| gap.width > TOUCHING * gap.spacing))
         .map(|([a, b], gap)| {
             let pair = a as usize * model.bodies.len() + b as usize;
-            (pair, warn(model, links, [a, b], gap, step))
+            (pair, warn(model, [a, b], gap, step))
         })
         .collect()
 }
 
-fn warn<const D: usize>(
-    model: &Model<D>,
+/// The reaches at the nodes of all ranks, which grid nodes number.
+fn of_all_ranks<const D: usize>(
     links: &Connectivity<D>,
-    bodies: [u16; 2],
-    gap: Gap,
-    step: usize,
-) -> Warning {
+    mut own: Vec<((u32, u16), Reach<D>)>,
+) -> Vec<((u32, u16), Reach<D>)> {
+    own.iter_mut().for_each(|((node, _), _)| *node = links.active_nodes()[*node as usize]);
+    let ranks = links.halo().ranks();
+    if ranks.is_alone() {
+        return own;
+    }
+    let packed = |((node, body), reach): ((u32, u16), Reach<D>)| {
+        let Reach { low, high, spacing } = reach;
+        (node, body, [low.to_vec(), high.to_vec(), vec![spacing]].concat())
+    };
+    let mut merged: BTreeMap<(u32, u16), Reach<D>> = BTreeMap::new();
+    for (node, body, numbers) in ranks.gather_all(own.into_iter().map(packed).collect::<Vec<_>>()).concat() {
+        let at = |k: usize| numbers.get(k).copied().unwrap_or(0.0);
+        let (low, high) = (std::array::from_fn(at), std::array::from_fn(|d| at(D + d)));
+        let found = Reach { low, high, spacing: at(2 * D) };
+        merged.entry((node, body)).and_modify(|reach| reach.extend(&found)).or_insert(found);
+    }
+    merged.into_iter().collect()
+}
+
+fn warn<const D: usize>(model: &Model<D>, bodies: [u16; 2], gap: Gap, step: usize) -> Warning {
     let names = bodies.map(|body| model.bodies[body as usize].name.clone());
     let [a, b] = &names;
-    let node = model.grid.node_position(links.active_nodes()[gap.node as usize] as usize);
+    let node = model.grid.node_position(gap.node as usize);
     let Gap { width, spacing, .. } = gap;
     let threshold = TOUCHING * spacing;
     Warning {
@@ -143,6 +170,20 @@ pub(super) fn shared_nodes<const D: usize>(points: &Points<D>, links: &Connectiv
             }
         }
     }
+    if !links.halo().ranks().is_alone() {
+        let body = |none: f64| {
+            let numbers = owner.iter().map(|body| if *body == NOBODY { none } else { f64::from(*body) });
+            numbers.collect::<Vec<f64>>()
+        };
+        let (mut least, mut most) = (body(f64::INFINITY), body(f64::NEG_INFINITY));
+        let mut several: Vec<f64> = is_shared.iter().map(|is| f64::from(u8::from(*is))).collect();
+        links.halo().minimum(&mut least);
+        links.halo().maximum(&mut most);
+        links.halo().maximum(&mut several);
+        for (node, is_shared) in is_shared.iter_mut().enumerate() {
+            *is_shared = several[node] > 0.0 || least[node] < most[node];
+        }
+    }
     is_shared
 }
 
@@ -164,12 +205,7 @@ fn reaches<const D: usize>(
             links.for_each_value(p, |place, value| {
                 let node = nodes[place];
                 if is_shared[node as usize] && value > LEAST_SHARE {
-                    let reach = reaches.entry((node, points.body[p])).or_insert(of_point);
-                    for d in 0..D {
-                        reach.low[d] = reach.low[d].min(of_point.low[d]);
-                        reach.high[d] = reach.high[d].max(of_point.high[d]);
-                    }
-                    reach.spacing = reach.spacing.max(of_point.spacing);
+                    reaches.entry((node, points.body[p])).or_insert(of_point).extend(&of_point);
                 }
             });
         }

@@ -153,6 +153,10 @@ impl AtNodes {
                 });
             }
         }
+        links.halo().add_numbers(&mut found.volume_of);
+        let mut sums = [found.volume, found.prescribed, found.followed];
+        links.halo().ranks().sum(&mut sums);
+        [found.volume, found.prescribed, found.followed] = sums;
         found
     }
 
@@ -165,7 +169,10 @@ impl AtNodes {
     ) -> Option<[f64; D]> {
         let volume =
             |node: u32| links.active_number(node as usize).map_or(0.0, |active| self.volume_of[active]);
-        let least = nodes.iter().copied().min_by(|&a, &b| volume(a).total_cmp(&volume(b)))?;
-        Some(model.grid.node_position(least as usize))
+        let ranks = links.halo().ranks();
+        let mut volumes: Vec<f64> = nodes.iter().map(|node| volume(*node)).collect();
+        ranks.maximum(&mut volumes);
+        let least = (0..nodes.len()).min_by(|&a, &b| volumes[a].total_cmp(&volumes[b]))?;
+        Some(model.grid.node_position(nodes[least] as usize))
     }
 }

@@ -1,6 +1,7 @@
 //! The measures of one step in equilibrium.
 
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::motion::{Objection, diagonal_misses_volume, rotation_of_turn, shear, turn};
 use crate::basis::{CORNER_MARGIN, Connectivity, DomainKind, domain_volume, nearest_with_distance};
@@ -9,7 +10,7 @@ use crate::model::Model;
 use crate::points::Points;
 
 /// A value and the permanent number of the point that has it.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PointValue {
     /// The value.
     pub value: f64,
@@ -18,7 +19,7 @@ pub struct PointValue {
 }
 
 /// The measures of one body in a step: the largest over its points, or the sum.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BodyMeasures {
     /// 1 − Σ S_vp of the basis functions of the step, [-].
     pub partition_of_unity_loss: Option<PointValue>,
@@ -97,7 +98,7 @@ fn keep_largest(kept: &mut Option<PointValue>, found: Option<PointValue>) {
 }
 
 /// The measures of a step.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Measures {
     /// The measures of each body.
     pub bodies: Vec<BodyMeasures>,
@@ -136,16 +137,22 @@ impl Measures {
             })
             .collect();
         let mut all = empty();
-        for piece in &pieces {
-            for (body, other) in all.bodies.iter_mut().zip(&piece.bodies) {
-                body.merge(other);
-            }
-            all.fill(piece.smallest_filling);
+        pieces.iter().for_each(|piece| all.merge(piece));
+        if !points.ranks.is_alone() {
+            let of_ranks = points.ranks.gather_all(std::mem::replace(&mut all, empty()));
+            of_ranks.iter().for_each(|of_rank| all.merge(of_rank));
         }
         for rotation in all.bodies.iter_mut().filter_map(|body| body.rotation.as_mut()) {
             rotation.value = rotation_of_turn(rotation.value);
         }
         all
+    }
+
+    fn merge(&mut self, other: &Measures) {
+        for (body, other) in self.bodies.iter_mut().zip(&other.bodies) {
+            body.merge(other);
+        }
+        self.fill(other.smallest_filling);
     }
 
     fn fill(&mut self, found: Option<(f64, u32)>) {

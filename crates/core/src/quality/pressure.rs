@@ -5,6 +5,7 @@ use std::ops::Range;
 use crate::basis::Connectivity;
 use crate::model::Model;
 use crate::points::Points;
+use crate::ranks::Ranks;
 use crate::stress::Volumetric;
 use crate::tensor::Sym3;
 
@@ -14,7 +15,7 @@ const LEAST_CELLS: usize = 8;
 /// Differences of the mean stresses of the points in a cell, relative to the deviatoric stresses, in the root mean square over
 /// all cells, [-].
 pub fn oscillation<const D: usize>(stress: &[Sym3], links: &Connectivity<D>) -> f64 {
-    oscillation_of(stress, (0..links.n_groups()).map(|group| links.points_of(group)))
+    oscillation_of(links.halo().ranks(), stress, (0..links.n_groups()).map(|group| links.points_of(group)))
 }
 
 /// The oscillation of the pressures where bodies flow.
@@ -37,17 +38,18 @@ pub(super) fn oscillation_in_flow<const D: usize>(
     let flows = |p: usize| new[p * n..][..n] != old[p * n..][..n];
     let groups = (0..links.n_groups()).map(|group| links.points_of(group));
     let flowing: Vec<_> = groups.filter(|of| of.len() > 1 && of.clone().all(flows)).collect();
-    if flowing.len() < LEAST_CELLS {
+    let ranks = links.halo().ranks();
+    if ranks.count_all(flowing.len()) < LEAST_CELLS {
         return None;
     }
     let is_standard = |p: usize| model.bodies[points.body[p] as usize].volumetric == Volumetric::Standard;
     Some(InFlow {
-        is_standard: flowing.iter().cloned().flatten().any(is_standard),
-        value: oscillation_of(&points.trial.kirchhoff_stress, flowing.into_iter()),
+        is_standard: ranks.any(flowing.iter().cloned().flatten().any(is_standard)),
+        value: oscillation_of(ranks, &points.trial.kirchhoff_stress, flowing.into_iter()),
     })
 }
 
-fn oscillation_of(stress: &[Sym3], cells: impl Iterator<Item = Range<usize>>) -> f64 {
+fn oscillation_of(ranks: &Ranks, stress: &[Sym3], cells: impl Iterator<Item = Range<usize>>) -> f64 {
     let (mut spread, mut deviator) = (0.0, 0.0);
     for cell in cells {
         let n = cell.len() as f64;
@@ -58,5 +60,6 @@ fn oscillation_of(stress: &[Sym3], cells: impl Iterator<Item = Range<usize>>) ->
             deviator += stress[p].dot(&stress[p]) - 3.0 * mean(p).powi(2);
         }
     }
+    let [spread, deviator] = [spread, deviator].map(|sum| ranks.total(sum));
     if deviator > 0.0 { (spread / deviator).sqrt() } else { 0.0 }
 }

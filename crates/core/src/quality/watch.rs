@@ -14,6 +14,7 @@ use crate::linear::Factorisation;
 use crate::material::Material;
 use crate::model::{Body, Model};
 use crate::points::{Points, coordinates};
+use crate::ranks::Ranks;
 use crate::tensor::Sym3;
 
 /// The balances are judged from this step on: in fewer steps their error is large anyway.
@@ -44,6 +45,7 @@ impl Quality {
         report: &StepReport<D>,
     ) -> Vec<Warning> {
         let (links, step) = (&report.grid.links, report.step.index);
+        let ranks = &points.ranks;
         let mut found = Cohesion::watch(&mut self.cohesion, model, points, &report.grid, step);
         found.extend(holding::watch(&mut self.held, model, points, links, &report.grid.delta_d, step));
         found.extend(gaps::watch(model, points, links, step));
@@ -67,6 +69,7 @@ impl Quality {
             }
             found.extend((value > MOST_OSCILLATION).then(|| (0, locking(value, step, is_standard))));
         }
+        let found = of_all_ranks(ranks, found);
         self.for_the_first_time(found)
     }
 
@@ -173,7 +176,27 @@ fn work_of_round_off<const D: usize>(model: &Model<D>, points: &Points<D>) -> f6
     let energy = |law: &dyn Material| law.energy(&strain, &law.initial_history());
     let energies: Vec<f64> = model.materials.iter().map(|material| energy(material.law.as_ref())).collect();
     let energy = |p: usize| energies[model.bodies[points.body[p] as usize].material];
-    (0..points.len()).map(|p| energy(p) * points.original_volume[p]).sum()
+    points.ranks.total((0..points.len()).map(|p| energy(p) * points.original_volume[p]).sum())
+}
+
+fn read(text: &str) -> Option<Vec<(usize, Warning)>> {
+    serde_json::from_str(text).ok()
+}
+
+/// The warnings that any rank has found, each once.
+fn of_all_ranks(ranks: &Ranks, own: Vec<(usize, Warning)>) -> Vec<(usize, Warning)> {
+    if !ranks.any(!own.is_empty()) || ranks.is_alone() {
+        return own;
+    }
+    // Warnings leave out what they do not have, which only a format with names can read back.
+    let texts = ranks.gather_all(serde_json::to_string(&own).unwrap_or_default());
+    let mut all: Vec<(usize, Warning)> = Vec::new();
+    for (number, warning) in texts.iter().filter_map(|text| read(text)).flatten() {
+        if !all.iter().any(|(other, known)| (*other, known.code) == (number, warning.code)) {
+            all.push((number, warning));
+        }
+    }
+    all
 }
 
 fn hidden_residuals<const D: usize>(model: &Model<D>, report: &StepReport<D>) -> Vec<(usize, Warning)> {

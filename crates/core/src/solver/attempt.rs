@@ -2,12 +2,14 @@
 
 use crate::basis::Connectivity;
 
+use super::agree::told;
 use super::control::{NoPath, Path};
 use super::error::SolveError;
 use crate::equilibrium::Energy;
 use crate::equilibrium::StepReport;
 use crate::linear::LinearError;
 use crate::model::{Newton, StiffnessUpdate};
+use crate::ranks::Halo;
 use crate::step::{Nodal, Step};
 
 /// Largest number of linear solves in a thorough attempt, unless the settings allow more.
@@ -150,6 +152,30 @@ impl<const D: usize> FailedAttempt<D> {
         })
     }
 
+    /// Exchanges the halo of its links for another one.
+    pub(super) fn exchange_halo(&mut self, halo: Halo) -> Halo {
+        match &mut self.iterate {
+            Some(iterate) => iterate.links.exchange_halo(halo),
+            None => Halo::default(),
+        }
+    }
+
+    /// The same attempt with another iterate, and its error in words.
+    pub(super) fn told_with(&self, iterate: Option<Iterate<D>>) -> Self {
+        FailedAttempt {
+            step: self.step,
+            error: SolveError::OnRank(Box::new(told(&self.error))),
+            may_succeed_if_smaller: self.may_succeed_if_smaller,
+            is_repeated: self.is_repeated,
+            residuals: self.residuals.clone(),
+            augmentations: self.augmentations,
+            linear_iterations: self.linear_iterations,
+            load_factor: self.load_factor,
+            indefinite: self.indefinite,
+            iterate,
+        }
+    }
+
     /// Number of linear solves.
     pub fn solves(&self) -> usize {
         self.residuals.len().saturating_sub(1 + self.augmentations)
@@ -162,10 +188,13 @@ impl<const D: usize> FailedAttempt<D> {
 
     /// True if it met the tolerance, but points or their domains could not follow the grid.
     pub(super) fn has_lost_points(&self, tolerance: f64) -> bool {
-        let of_points = matches!(
-            self.error,
-            SolveError::OffGrid { .. } | SolveError::Domain { .. } | SolveError::Collapsed { .. }
-        );
+        let of_points = match &self.error {
+            SolveError::OnRank(error) => error.has_lost_points,
+            error => matches!(
+                error,
+                SolveError::OffGrid { .. } | SolveError::Domain { .. } | SolveError::Collapsed { .. }
+            ),
+        };
         of_points && self.is_balanced(tolerance)
     }
 }

@@ -53,8 +53,13 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
             (None, Predictor::None) => Path::default(),
         };
         let forces = unknowns.forces(&course.out_of_balance, sum.system());
-        let mut reactions = named_reactions(model, &reaction, dofs);
+        let (halo, ranks) = (links.halo(), links.halo().ranks());
+        let mut reactions = named_reactions(model, halo, &reaction, dofs);
         let mut moments = reaction_moments(model, points, links, &delta_d, (&reaction, dofs));
+        let mut loads = sum.resultants(model.loads.len());
+        ranks.sum(loads.as_flattened_mut());
+        let mut further = sum.named_forces();
+        further.iter_mut().for_each(|named| ranks.sum(&mut named.force));
         for of in sum.surface_reactions() {
             reactions[of.condition] = of.force;
             if let Some(moments) = &mut moments {
@@ -69,14 +74,14 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
             moments,
             surfaces: sum.surfaces(),
             tools: sum.tools(model),
-            loads: sum.resultants(model.loads.len()),
-            forces: sum.named_forces(),
+            loads,
+            forces: further,
             energy,
             moment_error: moment_error(model, links, &delta_d, (f_ext, &reaction)),
             load_factor,
             strength_factor: model.stepping.strength_factor(step.end),
-            unknowns: dofs.n_free(),
-            stabilised_faces: sum.stabilised_faces(),
+            unknowns: ranks.count_all(dofs.n_free_at(|node| halo.is_own(node))),
+            stabilised_faces: ranks.count_all(sum.stabilised_faces()),
             grid: GridFields {
                 links: Connectivity::default(),
                 parts: parts.count(),
@@ -104,7 +109,8 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
         slump: Slump,
     ) -> Energy {
         let (energy, _) = self.energy(context, points, slump);
-        let at_end = damping::work(&self.course.out_of_balance, &self.unknowns.delta_d);
+        let halo = context.links.halo();
+        let at_end = damping::work(halo, &self.course.out_of_balance, &self.unknowns.delta_d);
         Energy { damping_work: energy.damping_work + at_end, ..energy }
     }
 
@@ -156,6 +162,7 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
         let reaction = reactions_of(f_ext, sum.system().internal_force(), dofs);
         let reaction_start = reactions_of(&f_ext_start, &course.f_int_start, dofs);
         let energy = Energy::new(
+            context.links.halo(),
             &displacement::<D, N>(&unknowns.delta_d),
             [(&f_ext_start, &reaction_start), (f_ext, &reaction)],
             &course.f_int_start,

@@ -9,10 +9,10 @@ use serde::{Deserialize, Serialize};
 use crate::basis::Connectivity;
 use crate::model::{Control, Controlled, Model};
 use crate::points::Points;
+use crate::ranks::Halo;
 use crate::terms::Terms;
 
 use super::motion::Motion;
-use super::residual::norm;
 use crate::step::Step;
 
 /// The data of the path so far that the next step needs.
@@ -43,7 +43,7 @@ pub(super) struct Field<'a, const N: usize> {
 /// The condition of one step.
 pub(super) enum Condition<const D: usize, const N: usize> {
     /// Σ c·Δd over the nodes is the increment `by`.
-    Displacement { weight: Vec<[f64; N]>, by: f64 },
+    Displacement { weight: Vec<[f64; N]>, by: f64, halo: Halo },
     /// The global unknown of this number is the increment `by`; `None` if there is no such unknown.
     Global { number: Option<usize>, by: f64 },
     /// (Δd − c, Δd − c) is the square of `length`, in the product weighted by the volume that each node carries. The
@@ -51,6 +51,7 @@ pub(super) enum Condition<const D: usize, const N: usize> {
     /// cause; it would hide the path when steps are small.
     ArcLength {
         volume: Vec<f64>,
+        halo: Halo,
         length: Option<f64>,
         ahead: Vec<[f64; N]>,
         share: f64,
@@ -81,7 +82,7 @@ pub enum NoPath {
 /// Factor from the length of a path, [length], to the length weighted by volume, [length·volume^½]: the square root of
 /// the original volume of all points.
 fn weight_of_length<const D: usize>(points: &Points<D>) -> f64 {
-    points.original_volume.iter().sum::<f64>().sqrt()
+    points.ranks.total(points.original_volume.iter().sum::<f64>()).sqrt()
 }
 
 /// Length of the path of an analysis whose load factor follows from it, at a time, [length]: the sum over its steps of
@@ -92,8 +93,13 @@ pub fn path_length<const D: usize>(points: &Points<D>, path: &Path, time: f64) -
 }
 
 /// Σ V (a·b) over the nodes.
-fn weighted<const D: usize, const N: usize>(volume: &[f64], a: &[[f64; N]], b: &[[f64; N]]) -> f64 {
-    (0..a.len()).map(|n| volume[n] * (0..D).map(|d| a[n][d] * b[n][d]).sum::<f64>()).sum()
+fn weighted<const D: usize, const N: usize>(
+    halo: &Halo,
+    volume: &[f64],
+    a: &[[f64; N]],
+    b: &[[f64; N]],
+) -> f64 {
+    halo.sum_over_nodes(a.len(), |n| volume[n] * (0..D).map(|d| a[n][d] * b[n][d]).sum::<f64>())
 }
 
 fn difference<const N: usize>(a: &[[f64; N]], b: &[[f64; N]]) -> Vec<[f64; N]> {
@@ -138,7 +144,8 @@ impl<const D: usize, const N: usize> Condition<D, N> {
                         });
                     }
                 }
-                Some(Condition::Displacement { weight, by: to * share })
+                links.halo().add(&mut weight);
+                Some(Condition::Displacement { weight, by: to * share, halo: links.halo().clone() })
             }
             Control::ArcLength { length: total } => {
                 let mut volume = vec![0.0; links.n_active()];
@@ -151,10 +158,12 @@ impl<const D: usize, const N: usize> Condition<D, N> {
                         });
                     }
                 }
+                links.halo().add_numbers(&mut volume);
                 let given = total.map(|total| total * weight_of_length(points) / model.stepping.duration());
                 let length = given.or(path.rate).map(|rate| rate * (step.end - step.start));
                 Some(Condition::ArcLength {
                     volume,
+                    halo: links.halo().clone(),
                     length,
                     ahead: path.motion.direction(links),
                     share,
@@ -187,19 +196,22 @@ impl<const D: usize, const N: usize> Condition<D, N> {
         let (delta_d, of_residual, of_load) = (so_far.nodes, of_residual.nodes, of_load.nodes);
         match self {
             Condition::Global { .. } => Err(NoPath::NoInfluence),
-            Condition::Displacement { weight, by } => {
+            Condition::Displacement { weight, by, halo } => {
                 let along = |field: &[[f64; N]]| -> f64 {
-                    weight.iter().zip(field).flat_map(|(w, u)| (0..D).map(|d| w[d] * u[d])).sum()
+                    if halo.ranks().is_alone() {
+                        return weight.iter().zip(field).flat_map(|(w, u)| (0..D).map(|d| w[d] * u[d])).sum();
+                    }
+                    halo.sum_over_nodes(field.len(), |n| (0..D).map(|d| weight[n][d] * field[n][d]).sum())
                 };
                 let influence = along(of_load);
-                let far = |field: &[[f64; N]]| norm(field.iter().flatten().copied());
+                let far = |field: &[[f64; N]]| halo.norm(field);
                 if influence.abs() <= NO_INFLUENCE * far(weight) * far(of_load) {
                     return Err(NoPath::NoInfluence);
                 }
                 finite((*by - along(delta_d) - along(of_residual)) / influence)
             }
-            Condition::ArcLength { volume, length, ahead, share, centre, met } => {
-                let product = |a: &[[f64; N]], b: &[[f64; N]]| weighted::<D, N>(volume, a, b);
+            Condition::ArcLength { volume, halo, length, ahead, share, centre, met } => {
+                let product = |a: &[[f64; N]], b: &[[f64; N]]| weighted::<D, N>(halo, volume, a, b);
                 let is_first = centre.is_none();
                 let centre = centre.get_or_insert_with(|| {
                     let along = product(of_residual, of_load) / product(of_load, of_load);
@@ -251,9 +263,9 @@ impl<const D: usize, const N: usize> Condition<D, N> {
     /// previous step.
     pub(super) fn goes_on(&self, delta_d: &[[f64; N]]) -> bool {
         match self {
-            Condition::ArcLength { volume, ahead, centre: Some(centre), .. } => {
+            Condition::ArcLength { volume, halo, ahead, centre: Some(centre), .. } => {
                 let step = difference(delta_d, centre);
-                let along = weighted::<D, N>(volume, ahead, &step);
+                let along = weighted::<D, N>(halo, volume, ahead, &step);
                 along >= 0.0
             }
             _ => true,

@@ -17,6 +17,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         let LoadStep { context, system: StepSystem { dofs, sum, .. }, unknowns, course, .. } = self;
         let LoadStep { equations, summary, damping, stride, .. } = self;
         let (place, tolerance) = (context.place(dofs), context.model.newton.tolerance);
+        let ranks = context.links.halo().ranks();
         let (system, timings) = (sum.system_mut(), &mut summary.timings);
         if let Some(damping) = damping {
             damping.adapt(course.shortened);
@@ -39,7 +40,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             }
         };
         unknowns.iterative_globals = globals;
-        let far = farthest(&displacement::<D, N>(&unknowns.iterative));
+        let far = ranks.largest(farthest(&displacement::<D, N>(&unknowns.iterative)));
         if far > *stride {
             let part = *stride / far;
             unknowns.iterative.iter_mut().flatten().for_each(|u| *u *= part);
@@ -61,7 +62,8 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         let (place, tolerance) = (context.place(dofs), context.model.newton.tolerance);
         let (solved, _) = equations.solve(place, system, rhs, iterative, tolerance, &mut summary.timings)?;
         let at_rest = AT_REST * smallest_cell(context.model, context.links);
-        if solved.factorisation.is_definite() && farthest(&displacement::<D, N>(iterative)) <= at_rest {
+        let far = context.links.halo().ranks().largest(farthest(&displacement::<D, N>(iterative)));
+        if solved.factorisation.is_definite() && far <= at_rest {
             return Ok(());
         }
         Err(LinearError::Singular { unknown: None })

@@ -9,10 +9,11 @@
 use crate::assembly::System;
 use crate::model::{Action, BoundaryCondition, Load, Model};
 use crate::points::Points;
+use crate::ranks::Halo;
 
 use crate::step::Nodal;
 
-use super::evidence::share_that_flows;
+use super::evidence::points_that_flow;
 
 /// Ratio of the allowed number of damped iterations to that of undamped ones.
 pub(super) const MORE_ITERATIONS: usize = 10;
@@ -54,7 +55,10 @@ pub(super) fn may_slump<const D: usize>(model: &Model<D>, points: &Points<D>) ->
         && model.surfaces.is_empty()
         && model.tools.is_empty()
         && !model.boundary_conditions.iter().any(BoundaryCondition::moves)
-        && share_that_flows(model, points) > COLLAPSES
+        && {
+            let count = |n: usize| points.ranks.count_all(n) as f64;
+            count(points_that_flow(model, points)) / count(points.len()).max(1.0) > COLLAPSES
+        }
 }
 
 /// Largest component of a nodal displacement, [length].
@@ -64,8 +68,8 @@ pub(super) fn farthest<const N: usize>(displacement: &[[f64; N]]) -> f64 {
 
 /// Work absorbed by damping over a displacement, [energy]: the share of the out-of-balance force at its end by the
 /// trapezoidal rule.
-pub(super) fn work<const N: usize>(out_of_balance: &[[f64; N]], delta_d: &[[f64; N]]) -> f64 {
-    0.5 * out_of_balance.iter().flatten().zip(delta_d.iter().flatten()).map(|(f, u)| f * u).sum::<f64>()
+pub(super) fn work<const N: usize>(halo: &Halo, out_of_balance: &[[f64; N]], delta_d: &[[f64; N]]) -> f64 {
+    0.5 * halo.dot(out_of_balance, delta_d)
 }
 
 /// The damping of an iteration.

@@ -13,7 +13,7 @@ use crate::stress::{PointError, Volumetric};
 
 use super::attempt::FailedAttempt;
 use super::error::{Obstacle, PointPlace, SolveError, stiffness_spread};
-use super::evidence::{self, emptiest_cell, share_that_flows};
+use super::evidence::{self, emptiest_cell, points_that_flow};
 
 /// Filling ratio below which a cell is a small cut cell, [-].
 const SMALL: f64 = 0.1;
@@ -235,7 +235,8 @@ impl Diagnosis {
         let at = node.clone().or_else(|| place.map(|place| place.position.clone()));
         let cell_at = |at: &Vec<f64>| emptiest_cell(model, points, links?, at);
         let around = at.as_ref().and_then(cell_at);
-        let flowing = links.map_or(0.0, |_| share_that_flows(model, points));
+        let flowing =
+            links.map_or(0.0, |_| points_that_flow(model, points) as f64 / points.len().max(1) as f64);
         let found = Found::new(model, points, failed, at.as_deref(), (around, flowing));
         let kind = kind_of(failed, &found);
         // An attempt has converged, so lack of convergence is not the cause.
@@ -423,6 +424,7 @@ fn kind_of<const D: usize>(failed: &FailedAttempt<D>, found: &Found) -> Kind {
         | SolveError::Term { .. }
         | SolveError::Law { .. }
         | SolveError::InitialState { .. }
+        | SolveError::OnRank(_)
         | SolveError::GridMotion { .. }
         | SolveError::Output(_) => Kind::Setting,
     }

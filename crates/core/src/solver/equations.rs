@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::assembly::{Border, System};
 use crate::basis::Connectivity;
 use crate::dofs::DofMap;
-use crate::linear::{Backend, Choice, DirectBackend, Extent, Krylov, Layout, LinearError, Named, Solved};
+use crate::linear::{Backend, Choice, Extent, Gathered, Krylov, Layout, LinearError, Named, Solved};
 use crate::model::{Model, PatternReuse};
 use crate::step::{Nodal, StepContext};
 use crate::timing::{Phase, Timings};
@@ -15,8 +15,10 @@ const OF_BORDER: f64 = 1e-10;
 
 /// The backends of a run.
 pub(super) struct Equations<const D: usize, const N: usize = D> {
-    direct: DirectBackend,
+    direct: Gathered<D, N>,
     iterative: Krylov<D, N>,
+    /// The backends of the library that solves the equations of several ranks.
+    of_engine: OfEngine<D, N>,
     /// A user's backend, which replaces the built-in ones.
     own: Option<Box<dyn Backend<D, N>>>,
     method: Method,
@@ -25,6 +27,12 @@ pub(super) struct Equations<const D: usize, const N: usize = D> {
     /// The first failure that caused equations to be factorised instead of solved iteratively.
     turned: Option<LinearError>,
     is_reported: bool,
+}
+
+/// The backends of an engine, if there is one.
+pub(super) struct OfEngine<const D: usize, const N: usize> {
+    pub(super) direct: Option<Box<dyn Backend<D, N>>>,
+    pub(super) iterative: Option<Box<dyn Backend<D, N>>>,
 }
 
 /// The solution method for the equations of a step.
@@ -75,15 +83,17 @@ impl<const D: usize, const N: usize> Place<'_, D, N> {
                 None => [None; D],
             },
             keeps_pattern: self.model.newton.pattern == PatternReuse::Contained,
+            halo: self.links.halo(),
         })
     }
 
     fn extent(&self, system: &System<N>) -> Extent {
         let reach = system.matrix().reach(|active| self.lattice(active));
+        let (halo, n) = (self.links.halo(), self.links.n_active());
         Extent {
-            nodes: self.links.n_active() as f64,
-            reach: f64::from(reach.into_iter().max().unwrap_or(0)),
-            pairs: system.matrix().blocks.len() as f64,
+            nodes: halo.sum_over_nodes(n, |_| 1.0),
+            reach: halo.ranks().largest(f64::from(reach.into_iter().max().unwrap_or(0))),
+            pairs: halo.ranks().total(system.matrix().blocks.len() as f64),
         }
     }
 }
@@ -92,8 +102,9 @@ impl<const D: usize, const N: usize> Equations<D, N> {
     /// Equations solved by the built-in backends, or by the given one instead.
     pub(super) fn new(own: Option<Box<dyn Backend<D, N>>>) -> Self {
         Equations {
-            direct: DirectBackend::default(),
+            direct: Gathered::default(),
             iterative: Krylov::default(),
+            of_engine: OfEngine { direct: None, iterative: None },
             own,
             method: Method::Direct,
             solution: Vec::new(),
@@ -102,9 +113,14 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         }
     }
 
+    /// Solves by the backends of an engine where it has any.
+    pub(super) fn use_engine(&mut self, engine: OfEngine<D, N>) {
+        self.of_engine = engine;
+    }
+
     /// Starts with a pattern that has already been analysed.
     pub(super) fn resume(&mut self, kept: Option<Arc<Named>>) {
-        self.direct = DirectBackend::with(kept);
+        self.direct = Gathered::with(kept);
     }
 
     /// The analysed pattern for later steps.
@@ -115,8 +131,14 @@ impl<const D: usize, const N: usize> Equations<D, N> {
     fn backend(&mut self) -> &mut dyn Backend<D, N> {
         match (self.method, &mut self.own) {
             (Method::Own, Some(own)) => own.as_mut(),
-            (Method::Iterative, _) => &mut self.iterative,
-            _ => &mut self.direct,
+            (Method::Iterative, _) => match &mut self.of_engine.iterative {
+                Some(backend) => backend.as_mut(),
+                None => &mut self.iterative,
+            },
+            _ => match &mut self.of_engine.direct {
+                Some(backend) => backend.as_mut(),
+                None => &mut self.direct,
+            },
         }
     }
 
@@ -131,7 +153,8 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         }
         let choice = place.model.newton.linear;
         // Coarser grids do not support turned and tied nodes.
-        let is_regular = place.model.grid.structured().is_some() && place.dofs.is_plain();
+        let is_plain = place.links.halo().ranks().all(place.dofs.is_plain());
+        let is_regular = place.model.grid.structured().is_some() && is_plain;
         // In the plane, GMRES needs many iterations where an unsymmetric material flows, and LU is affordable.
         let suits_auto = is_regular && (system.matrix().symmetric || D == 3);
         let iterative = match choice {
@@ -163,7 +186,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         self.method = method;
         match method {
             Method::Direct => self.iterative = Krylov::default(),
-            Method::Iterative | Method::Own => self.direct = DirectBackend::default(),
+            Method::Iterative | Method::Own => self.direct = Gathered::default(),
         }
         place.with_layout(|layout| self.backend().prepare(layout, &system.matrix()))
     }
@@ -310,12 +333,14 @@ impl<const D: usize, const N: usize> Equations<D, N> {
             iterations += self.solve_nodes(place, system, &rhs, &mut z, OF_BORDER)?.iterations;
             influence.push(z);
         }
-        let along = |row: &[[f64; N]], field: &[[f64; N]]| -> f64 {
-            row.as_flattened().iter().zip(field.as_flattened()).map(|(a, u)| a * u).sum()
-        };
+        let halo = place.links.halo();
+        let along = |row: &[[f64; N]], field: &[[f64; N]]| halo.dot(row, field);
+        // In the order of the loops of a plain sum, which all ranks follow.
+        let influences: Vec<f64> =
+            (0..n * n).map(|place| along(&border.rows[place % n], &influence[place / n])).collect();
         let matrix = nalgebra::DMatrix::from_fn(n, n, |i, j| {
             let support = if i == j { border.support[i] } else { 0.0 };
-            border.corner[i][j] + support - along(&border.rows[i], &influence[j])
+            border.corner[i][j] + support - influences[j * n + i]
         });
         let residual = residuals.unwrap_or(&border.residual);
         let rhs = nalgebra::DVector::from_fn(n, |i, _| -residual[i] - along(&border.rows[i], delta));

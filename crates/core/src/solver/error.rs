@@ -19,6 +19,7 @@ use crate::terms::{
 
 use super::control::NoPath;
 use super::equations::Place as Equation;
+use super::of_rank::OfRank;
 use super::residual::MOST_OF_ROUND_OFF;
 use crate::step::Step;
 
@@ -237,6 +238,9 @@ pub enum SolveError {
         /// The reason.
         error: Box<ContactError>,
     },
+    /// Another rank has an error.
+    #[error("{0}")]
+    OnRank(Box<OfRank>),
     /// The user has stopped the run.
     #[error("interrupted before step {step}")]
     Interrupted {
@@ -342,6 +346,9 @@ impl SolveError {
     /// The stable code, listed in [`CODES`]; `None` if the user has stopped the run.
     pub fn code(&self) -> Option<&'static str> {
         Some(match self {
+            SolveError::OnRank(error) => {
+                return CODES.iter().map(|(code, _)| *code).find(|code| *code == error.code);
+            }
             SolveError::NotConverged { .. } => "S001",
             SolveError::Point { .. } => "S002",
             SolveError::OffGrid { .. } => "S003",
@@ -364,6 +371,11 @@ impl SolveError {
             SolveError::Contact { .. } => "S020",
             SolveError::Interrupted { .. } => return None,
         })
+    }
+
+    /// An error of another rank about which nothing is known yet.
+    pub(super) fn elsewhere() -> SolveError {
+        SolveError::OnRank(Box::default())
     }
 
     /// The error for results that cannot be written; the failure is also reported elsewhere.
@@ -392,10 +404,21 @@ impl SolveError {
         }
     }
 
+    /// True if a domain is torn.
+    pub(super) fn is_torn(&self) -> bool {
+        match self {
+            SolveError::OnRank(error) => error.is_torn,
+            error => matches!(error, SolveError::Domain { .. }),
+        }
+    }
+
     /// True if a smaller step may succeed.
     pub fn is_retryable(&self) -> bool {
         if let SolveError::Contact { error, .. } = self {
             return error.may_succeed_if_smaller();
+        }
+        if let SolveError::OnRank(error) = self {
+            return error.is_retryable;
         }
         matches!(
             self,
@@ -416,6 +439,7 @@ impl SolveError {
             SolveError::NotConverged { residuals, .. }
             | SolveError::RoundOff { residuals, .. }
             | SolveError::Point { residuals, .. } => residuals,
+            SolveError::OnRank(error) => &error.residuals,
             _ => &[],
         }
     }
@@ -426,7 +450,11 @@ impl SolveError {
         failure: SupportFailure,
         step: Step,
     ) -> Self {
-        let position = points.converged.position[failure.point];
+        let Some(&position) =
+            points.converged.position.get(failure.point).filter(|_| failure.error != SupportError::OnRank)
+        else {
+            return SolveError::elsewhere();
+        };
         match failure.error {
             SupportError::OffGrid => Self::off_grid(model, points, failure.point, position, step),
             error => Self::domain(model, points, failure.point, position, step, error),
@@ -494,9 +522,10 @@ impl SolveError {
         let step = step.index;
         match error {
             LinearError::OutOfMemory { needed } => SolveError::OutOfMemory { step, needed },
-            LinearError::Turned | LinearError::Unsymmetric | LinearError::NotConverged { .. } => {
-                SolveError::Iterative { step, error }
-            }
+            LinearError::Turned
+            | LinearError::Unsymmetric
+            | LinearError::NotConverged { .. }
+            | LinearError::Library(_) => SolveError::Iterative { step, error },
             LinearError::Singular { unknown } => {
                 let node = unknown.and_then(|u| at.dofs.place_of(u)).map(|(node, axis)| {
                     (at.model.grid.node_position(at.links.active_nodes()[node] as usize).to_vec(), axis)
@@ -519,13 +548,15 @@ pub(super) fn worst<const D: usize>(
     links: &Connectivity<D>,
     out_of_balance: &[[f64; D]],
 ) -> Option<(Vec<f64>, Vec<f64>)> {
-    let size = |f: &[f64; D]| f.iter().map(|x| x * x).sum::<f64>();
-    (0..out_of_balance.len())
+    let size = |f: &[f64]| f.iter().map(|x| x * x).sum::<f64>();
+    let own = (0..out_of_balance.len())
         .max_by(|&a, &b| size(&out_of_balance[a]).total_cmp(&size(&out_of_balance[b])))
         .map(|n| {
             let place = model.grid.node_position(links.active_nodes()[n] as usize);
             (place.to_vec(), out_of_balance[n].to_vec())
-        })
+        });
+    let all = links.halo().ranks().gather_all(own).into_iter().flatten();
+    all.max_by(|(_, a), (_, b)| size(a).total_cmp(&size(b)))
 }
 
 /// The shear moduli at rest of the materials in use, [stress], ascending, each with the number of its material.
@@ -592,5 +623,7 @@ pub(super) fn locate_failure<const D: usize>(
             SolveError::Law { step, material, place: point.map(place), message }
         }
         EvaluateError::Contact(error) => SolveError::Contact { step, error },
+        // Replaced by the error of the other rank when all agree on the outcome of the attempt.
+        EvaluateError::OnRank { .. } => SolveError::elsewhere(),
     }
 }

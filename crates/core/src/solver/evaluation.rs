@@ -42,7 +42,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         };
         // Better than Δd = 0, where the iterations have begun.
         let is_better = |found: &Measured| found.residual < self.course.residuals[0];
-        let may_be_evaluated = !matches!(measured, Err(EvaluateError::Law(_)));
+        let may_be_evaluated = !measured.as_ref().is_err_and(EvaluateError::is_final);
         if self.is_predicted && may_be_evaluated && !measured.as_ref().is_ok_and(is_better) {
             self.unknowns.start_again();
             measured = self.evaluate(iteration);
@@ -77,8 +77,8 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         }
         match self.evaluate_terms(Wanted::Force) {
             Ok(()) => {}
-            Err(EvaluateError::Point(_) | EvaluateError::Contact(_)) => return Ok(None),
-            Err(failure) => return Err(failure),
+            Err(failure) if failure.is_final() => return Err(failure),
+            Err(_) => return Ok(None),
         }
         let (system, unknowns) = (self.system.sum.system(), &self.unknowns);
         let forces = unknowns.forces(&self.course.out_of_balance, system);
@@ -105,9 +105,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             self.course.shortened = halvings + searches + backtracks > 0; // adapts the damping
             let may_shorten = iteration > 0 && !self.unknowns.prescribes && !self.course.is_augmented;
             match self.evaluate_terms(Wanted::Stiffness) {
-                Err(EvaluateError::Point(_) | EvaluateError::Contact(_))
-                    if may_shorten && halvings < most_halvings =>
-                {
+                Err(failure) if !failure.is_final() && may_shorten && halvings < most_halvings => {
                     halvings += 1;
                     self.shorten(0.5);
                     continue;
@@ -160,6 +158,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             self.is_laid_out_anew = true;
             return self.evaluate_terms(wanted);
         }
+        system.sum.system_mut().complete();
         system.sum.system_mut().condense(&system.dofs);
         course.out_of_balance = unknowns.balance(system.sum.system());
         Ok(())

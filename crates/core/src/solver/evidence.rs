@@ -61,7 +61,7 @@ fn cells_at<const D: usize>(model: &Model<D>, links: &Connectivity<D>, place: &[
 }
 
 /// Share of the points whose history has changed since the start of the analysis, the failed step included, [-].
-pub(super) fn share_that_flows<const D: usize>(model: &Model<D>, points: &Points<D>) -> f64 {
+pub(super) fn points_that_flow<const D: usize>(model: &Model<D>, points: &Points<D>) -> usize {
     let n = points.history_len;
     let flows = |p: &usize| {
         let of = |history: &[f64]| history[p * n..][..n].to_vec();
@@ -70,7 +70,7 @@ pub(super) fn share_that_flows<const D: usize>(model: &Model<D>, points: &Points
             |history: &[f64]| fields.iter().zip(of(history)).any(|(field, now)| field.initial != now);
         has_changed(&points.trial.history) || has_changed(&points.converged.history)
     };
-    (0..points.len()).filter(flows).count() as f64 / points.len().max(1) as f64
+    (0..points.len()).filter(flows).count()
 }
 
 /// True if the points have changed their shape far more than their volume since the start of the analysis.

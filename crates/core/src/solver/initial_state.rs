@@ -7,6 +7,7 @@ use crate::step::{Step, StepContext, displacement};
 use crate::stress::Mechanics;
 use crate::timing::Phase;
 
+use super::agree::agree;
 use super::error::{SolveError, locate_failure, worst};
 use super::observer::Observer;
 use super::residual::{EvaluatedAt, Forces};
@@ -51,11 +52,12 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         let mut system =
             StepSystem::new::<M>(&context, points, path, carried, &self.fields, &mut self.terms)?;
         let n_globals = system.sum.system().border.len();
-        let mut unknowns = Unknowns::<N>::new(model, 0.0, links.n_active(), n_globals);
+        let mut unknowns = Unknowns::<N>::new(model, 0.0, &links, n_globals);
         let evaluate = || system.sum.evaluate(&context, points, unknowns.at(), Wanted::Stiffness);
         let evaluated = timings.measure(Phase::Assembly, evaluate);
         let state = evaluated
             .map(|()| {
+                system.sum.system_mut().complete();
                 system.sum.system_mut().condense(&system.dofs);
                 let forces = system.sum.system();
                 let f_ext = forces.external_force();
@@ -77,10 +79,11 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
                     residual: measured.residual,
                     is_balanced: measured.residual <= tolerance,
                     worst: worst(model, &links, &displacement(&out_of_balance)),
-                    energy: ledger.stored,
+                    energy: links.halo().ranks().total(ledger.stored),
                 }
             })
             .map_err(|failure| locate_failure(failure, model, points, step, 0, &[]));
+        let state = agree(links.halo().ranks(), state);
         self.terms = system.sum.into_terms();
         self.links = links;
         state

@@ -7,6 +7,7 @@ use crate::step::{Step, StepContext};
 use crate::stress::{Mechanics, Volumetric};
 use crate::timing::Phase;
 
+use super::agree::agree;
 use super::attempt::{Attempt, Effort, Ended, FailedAttempt, Iterate, OnTheWay, Slump};
 use super::conclusion::LastIterate;
 use super::course::Course;
@@ -15,6 +16,7 @@ use super::equations::Equations;
 use super::error::SolveError;
 use super::forcing::Forcing;
 use super::observer::Observer;
+use super::reach::reach_out;
 use super::step_system::StepSystem;
 use super::stepper::Stepper;
 use super::summary::Summary;
@@ -80,6 +82,10 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
                 Ok(Attempt::OnTheWay(OnTheWay { energy, replaced_domains, is_at_rest }))
             }
             Err(error) => {
+                let error = match agree(links.halo().ranks(), Err::<(), _>(error)) {
+                    Err(error) => error,
+                    Ok(()) => SolveError::elsewhere(),
+                };
                 let mut failed = last.failed(&context, error);
                 failed.iterate = failed.iterate.map(|iterate| Iterate { links, ..iterate });
                 Err(failed)
@@ -95,16 +101,19 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         let (model, points) = (self.model, &mut *self.points);
         let methods: Vec<_> = model.bodies.iter().map(|body| body.method).collect();
         let lacks_centre = |body: &Body| body.volumetric == Volumetric::FBar && !body.method.has_centres();
-        if let Some(point) = points.body.iter().position(|&body| lacks_centre(&model.bodies[body as usize])) {
-            let failure = SupportFailure { point, error: SupportError::NoCentre };
-            return Err(SolveError::unsupported(model, points, failure, step));
-        }
+        let lacking = points.body.iter().position(|&body| lacks_centre(&model.bodies[body as usize]));
+        let failure = lacking.map(|point| SupportFailure { point, error: SupportError::NoCentre });
+        let outcome =
+            failure.map_or(Ok(()), |failure| Err(SolveError::unsupported(model, points, failure, step)));
+        agree(&points.ranks, outcome)?;
         let old =
             self.report.take().map_or_else(|| std::mem::take(&mut self.links), |report| report.grid.links);
         let timings = &mut self.reached.summary.timings;
-        timings
-            .measure(Phase::Basis, || old.renew(model.grid.as_ref(), points, &methods))
-            .map_err(|failure| SolveError::unsupported(model, points, failure, step))
+        let ranks = points.ranks.clone();
+        let linked = timings.measure(Phase::Basis, || old.renew(model.grid.as_ref(), points, &methods));
+        let links =
+            agree(&ranks, linked.map_err(|failure| SolveError::unsupported(model, points, failure, step)))?;
+        reach_out(model, points, links, &mut self.terms, step)
     }
 }
 
@@ -119,7 +128,7 @@ impl<'a, const D: usize, const N: usize> LoadStep<'a, D, N> {
         observer: &'a mut dyn Observer<D>,
     ) -> Self {
         let StepContext { model, links, step, factor } = context;
-        let mut unknowns = Unknowns::new(model, factor, links.n_active(), system.sum.system().border.len());
+        let mut unknowns = Unknowns::new(model, factor, links, system.sum.system().border.len());
         let damped = summary.pace.is_damped();
         let uses_predictor =
             model.newton.predictor == Predictor::LastStep && !model.stepping.control.has_unknown_factor();
@@ -154,5 +163,5 @@ impl<'a, const D: usize, const N: usize> LoadStep<'a, D, N> {
 /// Size of the smallest active cell, [length].
 pub(super) fn smallest_cell<const D: usize>(model: &Model<D>, links: &Connectivity<D>) -> f64 {
     let sizes = links.active_cells().iter().map(|&cell| model.grid.size(cell as usize));
-    sizes.fold(f64::INFINITY, f64::min)
+    links.halo().ranks().smallest(sizes.fold(f64::INFINITY, f64::min))
 }

@@ -45,7 +45,9 @@ impl Motion {
             let place = self.nodes.binary_search(node).ok();
             place.and_then(|place| increments.get(place)).copied()
         };
-        links.active_nodes().iter().map(at).collect()
+        let mut known: Vec<Option<[f64; N]>> = links.active_nodes().iter().map(at).collect();
+        links.halo().fill(&mut known);
+        known
     }
 
     /// The increment on the nodes of another step; zero where they were not active.
@@ -79,6 +81,8 @@ impl Motion {
                 }
             }
         }
+        links.halo().add(&mut sum);
+        links.halo().add_numbers(&mut count);
         let of_node = |n: usize| match known[n] {
             Some(increment) => increment,
             None if count[n] > 0.0 => sum[n].map(|sum| sum / count[n]),

@@ -1,18 +1,20 @@
 //! Newton iterations to equilibrium within one load step: eqs. (26), (28), (30) and (40).
 
 use crate::linear::{LinearError, Solved};
+use crate::ranks::Ranks;
 use crate::step::{At, StepContext, displacement};
 use crate::stress::Mechanics;
 use crate::terms::Augmentation;
 use crate::timing::Phase;
 
+use super::agree::agree;
 use super::attempt::{Ended, NoIncrement};
 use super::control::{Condition, Field, NoPath};
 use super::damping::{self, MORE_ITERATIONS};
 use super::equations::RightHandSide;
 use super::error::{SolveError, locate_failure};
 use super::load_step::LoadStep;
-use super::residual::{RoundOff, norm};
+use super::residual::RoundOff;
 use super::step_system::StepSystem;
 use super::unknowns::Unknowns;
 use super::update;
@@ -89,13 +91,23 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
 
     pub(super) fn has_reached_constraints(&self) -> bool {
         let shortened = self.course.shortened;
-        self.system.dofs.is_reached(&self.unknowns.delta_d)
+        self.ranks().all(self.system.dofs.is_reached(&self.unknowns.delta_d))
             && self.system.condition.as_ref().is_none_or(|condition| condition.is_met() && !shortened)
     }
 
     /// True if a node has moved farther than a stride, which is infinite except in damped iterations.
     fn has_strayed(&self, residual: f64) -> bool {
-        residual.is_finite() && damping::farthest(&displacement::<D, N>(&self.unknowns.delta_d)) > self.stride
+        residual.is_finite() && self.farthest() > self.stride
+    }
+
+    /// Largest component of a nodal displacement of the step, [length].
+    fn farthest(&self) -> f64 {
+        self.ranks().largest(damping::farthest(&displacement::<D, N>(&self.unknowns.delta_d)))
+    }
+
+    /// The ranks of the analysis.
+    pub(super) fn ranks(&self) -> &Ranks {
+        self.context.links.halo().ranks()
     }
 
     /// Adds an increment δd to Δd: that of Newton's method, or a damped one.
@@ -150,7 +162,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         // The right-hand side; δd becomes the remainder of the prescribed motion.
         timings.measure(Phase::Solve, || unknowns.begin_iteration(system, dofs, &course.out_of_balance));
         let residual = course.residuals.last().copied().unwrap_or(1.0);
-        let eta = forcing.next(norm(unknowns.rhs.iter().flatten().copied()), residual, newton.tolerance);
+        let eta = forcing.next(unknowns.halo.norm(&unknowns.rhs), residual, newton.tolerance);
         if let Some(mut predicted) = unknowns.predicted.take() {
             dofs.on_unknowns(&mut predicted);
             dofs.add_unknowns(&predicted, &mut unknowns.iterative);
@@ -262,11 +274,14 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         let delta_d = displacement(&self.unknowns.delta_d);
         let move_points =
             || update::move_points::<D, M>(model, self.points, links, &delta_d, step, replaces_torn_domains);
-        let replaced_domains = self.summary.timings.measure(Phase::Update, move_points)?;
+        let moved = self.summary.timings.measure(Phase::Update, move_points);
+        let replaced_domains = agree(links.halo().ranks(), moved)?;
+        let mut replaced_domains = links.halo().ranks().gather_all(replaced_domains).concat();
+        replaced_domains.sort_unstable();
         if is_final {
             return Ok(Ended::Balanced { replaced_domains });
         }
-        let is_at_rest = damping::farthest(&displacement::<D, N>(&self.unknowns.delta_d)) <= self.stride;
+        let is_at_rest = self.farthest() <= self.stride;
         Ok(Ended::Strayed { replaced_domains, is_at_rest })
     }
 

@@ -26,6 +26,12 @@ pub trait Observer<const D: usize> {
     /// Called after every evaluation of the out-of-balance force.
     fn iteration(&mut self, _step: Step, _iteration: usize, _residual: f64) {}
 
+    /// True if [`converged`](Observer::converged) looks at all points after this step; otherwise, other ranks send it only those of
+    /// probes.
+    fn needs_points(&self, _model: &Model<D>, _step: Step) -> bool {
+        true
+    }
+
     /// Called when a step is in equilibrium and committed.
     ///
     /// # Errors

@@ -7,11 +7,14 @@ use crate::basis::{Connectivity, Method};
 use crate::dofs::DofMap;
 use crate::model::Model;
 use crate::points::Points;
+use crate::ranks::Ranks;
 use crate::step::{At, Step, StepContext};
 use crate::stress::Mechanics;
 use crate::terms::{Saved, Sum, of_model, restore};
 
+use super::agree::agree;
 use super::error::{SolveError, locate_failure};
+use super::reach::{begin, reach_out};
 
 /// The forces that balance the converged state at a time on the free unknowns: by grid node, [force]. As they decrease, what
 /// the state no longer carries is released, and what it has gained begins to act. `saved` is the state of the terms.
@@ -25,28 +28,47 @@ pub(super) fn balancing_forces<const D: usize, M: Mechanics<D>>(
     saved: &BTreeMap<String, Saved>,
 ) -> Result<Vec<(u32, [f64; D])>, SolveError> {
     let methods: Vec<Method> = model.bodies.iter().map(|body| body.method).collect();
-    let links = Connectivity::default()
-        .renew(model.grid.as_ref(), points, &methods)
-        .map_err(|failure| SolveError::unsupported(model, points, failure, step))?;
-    let dofs = DofMap::new(model, points, &links, step.start, step.end)
-        .map_err(|error| SolveError::Constraint { step: step.index, error })?;
-    let context = StepContext { model, links: &links, step, factor: 0.0 };
+    let ranks = points.ranks.clone();
+    let linked = Connectivity::default().renew(model.grid.as_ref(), points, &methods);
+    let links =
+        agree(&ranks, linked.map_err(|failure| SolveError::unsupported(model, points, failure, step)))?;
     let mut terms = of_model::<D, D, M>(model);
     restore(&mut terms, saved)
         .map_err(|(term, reason)| SolveError::Term { term: term.to_owned(), reason })?;
-    let mut sum = Sum::begun(terms, &context, points).map_err(|error| SolveError::begin(error, step))?;
+    let links = reach_out(model, points, links, &mut terms, step)?;
+    let dofs = DofMap::new(model, points, &links, step.start, step.end)
+        .map_err(|error| SolveError::Constraint { step: step.index, error });
+    let dofs = agree(&ranks, dofs)?;
+    let context = StepContext { model, links: &links, step, factor: 0.0 };
+    begin(&mut terms, &context, points)?;
+    let mut sum = Sum::new(terms, &context, &DofMap::unconstrained(links.n_active()));
     let none = vec![[0.0; D]; links.n_active()];
-    sum.evaluate(&context, points, At::new(&none), Wanted::Force)
-        .map_err(|failure| locate_failure(failure, model, points, step, 0, &[]))?;
+    let evaluated = sum.evaluate(&context, points, At::new(&none), Wanted::Force);
+    let evaluated = evaluated.map_err(|failure| locate_failure(failure, model, points, step, 0, &[]));
+    agree(&points.ranks, evaluated)?;
+    sum.system_mut().complete();
     let (f_ext, f_int) = (sum.system().external_force(), sum.system().internal_force());
     let mut forces = Vec::new();
     for (active, &node) in links.active_nodes().iter().enumerate() {
         let lacking: [f64; D] = std::array::from_fn(|d| f_int[active][d] - f_ext[active][d]);
         let held = dofs.held_part(active, &lacking);
         let force: [f64; D] = std::array::from_fn(|d| lacking[d] - held[d]);
-        if force != [0.0; D] {
+        if force != [0.0; D] && links.halo().is_own(active) {
             forces.push((node, force));
         }
     }
-    Ok(forces)
+    Ok(of_all_ranks(&points.ranks, forces))
+}
+
+/// The forces on the nodes of all ranks, by grid node.
+fn of_all_ranks<const D: usize>(ranks: &Ranks, own: Vec<(u32, [f64; D])>) -> Vec<(u32, [f64; D])> {
+    if ranks.is_alone() {
+        return own;
+    }
+    let forces: Vec<(u32, Vec<f64>)> = own.into_iter().map(|(node, force)| (node, force.to_vec())).collect();
+    let mut all: Vec<(u32, [f64; D])> = (ranks.gather_all(forces).concat().into_iter())
+        .map(|(node, force)| (node, std::array::from_fn(|d| force.get(d).copied().unwrap_or(0.0))))
+        .collect();
+    all.sort_unstable_by_key(|(node, _)| *node);
+    all
 }

@@ -9,11 +9,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
 use crate::assembly::System;
-use crate::basis::Connectivity;
+use crate::basis::{Connectivity, JoinedParts};
 use crate::material::axial_modulus_at_rest;
 use crate::model::Model;
 use crate::points::Points;
-
+use crate::ranks::Halo;
 use crate::step::Nodal;
 
 /// Largest residual of a part, and largest resultant of its out-of-balance force relative to the sum of its forces,
@@ -46,6 +46,8 @@ pub(super) struct Parts {
     n: usize,
     /// Components of each field; the displacement comes first.
     fields: Vec<Range<usize>>,
+    /// The nodes that other ranks count, and the ranks.
+    halo: Halo,
     /// Numbers of the bodies that each part belongs to, ascending.
     bodies: Vec<Vec<usize>>,
     /// For each part, the largest force that its bodies have carried in earlier steps, [force].
@@ -53,16 +55,11 @@ pub(super) struct Parts {
 }
 
 impl Parts {
-    /// Parts from the lowest node of the part of each node, [`Connectivity::parts`], and the components of each field.
-    pub(super) fn new(lowest: &[usize], fields: Vec<Range<usize>>) -> Parts {
-        let mut of_node = vec![0; lowest.len()];
-        let mut n = 0;
-        for (node, &first) in lowest.iter().enumerate() {
-            of_node[node] = if first == node { n } else { of_node[first] };
-            n += u32::from(first == node);
-        }
-        let n = n as usize;
-        Parts { of_node, n, fields, bodies: vec![vec![0]; n], carried: vec![0.0; n] }
+    /// Parts of the nodes, and the components of each field.
+    pub(super) fn new(joined: &JoinedParts, halo: &Halo, fields: Vec<Range<usize>>) -> Parts {
+        let n = joined.lowest.len();
+        let (of_node, halo) = (joined.of_node.clone(), halo.clone());
+        Parts { of_node, n, fields, halo, bodies: vec![vec![0]; n], carried: vec![0.0; n] }
     }
 
     /// Adds the bodies of each part, and the largest force that each body has carried in earlier steps.
@@ -84,6 +81,9 @@ impl Parts {
                     }
                 }
             }
+            for of_rank in self.halo.ranks().gather_all(of_part.clone()) {
+                of_part.iter_mut().zip(of_rank).for_each(|(all, more)| all.extend(more));
+            }
             self.bodies = of_part.into_iter().map(|bodies| bodies.into_iter().collect()).collect();
         }
         for (of_part, bodies) in self.carried.iter_mut().zip(&self.bodies) {
@@ -91,6 +91,13 @@ impl Parts {
             *of_part = bodies.iter().map(of_body).fold(0.0, f64::max);
         }
         self
+    }
+
+    /// Lets a statement about each part hold only if it does on all ranks.
+    fn agree(&self, holds: &mut [bool]) {
+        let mut fails: Vec<f64> = holds.iter().map(|holds| f64::from(u8::from(!holds))).collect();
+        self.halo.ranks().maximum(&mut fails);
+        holds.iter_mut().zip(fails).for_each(|(holds, fails)| *holds = fails == 0.0);
     }
 
     /// Number of parts.
@@ -110,11 +117,14 @@ impl Parts {
         field: impl Iterator<Item = [f64; N]>,
     ) -> Vec<f64> {
         let mut sums = vec![0.0; self.n];
-        for (value, part) in field.zip(&self.of_node) {
-            for x in &value[components.clone()] {
-                sums[*part as usize] += x * x;
+        for ((node, value), part) in field.enumerate().zip(&self.of_node) {
+            if self.halo.is_own(node) {
+                for x in &value[components.clone()] {
+                    sums[*part as usize] += x * x;
+                }
             }
         }
+        self.halo.ranks().sum(&mut sums);
         sums.into_iter().map(f64::sqrt).collect()
     }
 }
@@ -292,6 +302,8 @@ impl<const N: usize> Forces<'_, N> {
                         still.max(ACCUMULATED * noise),
                     );
             }
+            parts.agree(&mut is_round_off);
+            parts.agree(&mut carries_nothing);
         } else {
             carries_nothing.fill(false);
         }
@@ -331,13 +343,14 @@ impl<const N: usize> Forces<'_, N> {
             is_round_off[part] &=
                 force[parts.displacement()].iter().all(|f| f.abs() <= bound.max(of_part[part]));
         }
+        parts.agree(is_round_off);
     }
 
     /// Magnitude of the sum of the out-of-balance force over each part, relative to the magnitudes of all its forces;
     /// only along axes with a balance of forces.
     fn resultants(&self, parts: &Parts, revolved: bool) -> Vec<f64> {
         let mut sums = vec![([0.0; N], 0.0); parts.n];
-        for (node, part) in parts.of_node.iter().enumerate() {
+        for (node, part) in parts.of_node.iter().enumerate().filter(|(node, _)| parts.halo.is_own(*node)) {
             let (sum, scale) = &mut sums[*part as usize];
             let total = self.total(node);
             for d in usize::from(revolved)..parts.displacement().end {
@@ -347,6 +360,10 @@ impl<const N: usize> Forces<'_, N> {
             if let Some(holding) = self.holding {
                 *scale += holding[node][parts.displacement()].iter().map(|f| f.abs()).sum::<f64>();
             }
+        }
+        for (sum, scale) in &mut sums {
+            parts.halo.ranks().sum(sum);
+            *scale = parts.halo.ranks().total(*scale);
         }
         sums.into_iter().map(|(sum, scale)| ratio(norm(sum.into_iter()), scale)).collect()
     }
@@ -386,6 +403,20 @@ pub(super) fn of_bodies<const D: usize, const N: usize>(
             };
         }
     });
+    let halo = links.halo();
+    if !halo.ranks().is_alone() {
+        let of_nodes = |none: f64, merge: fn(&Halo, &mut [f64])| {
+            let mut numbers: Vec<f64> =
+                owner.iter().map(|o| if *o == NOBODY { none } else { f64::from(*o) }).collect();
+            merge(halo, &mut numbers);
+            numbers
+        };
+        let least = of_nodes(f64::INFINITY, Halo::minimum);
+        let most = of_nodes(f64::NEG_INFINITY, Halo::maximum);
+        for (owner, (least, most)) in owner.iter_mut().zip(least.into_iter().zip(most)) {
+            *owner = if least < most { SHARED } else { *owner };
+        }
+    }
     let mut passed_on: BTreeMap<(u16, u32), [f64; D]> = BTreeMap::new();
     each_point(&mut |nodes, p| {
         let stress = &points.trial.kirchhoff_stress[p];
@@ -401,19 +432,46 @@ pub(super) fn of_bodies<const D: usize, const N: usize>(
         });
     });
     let mut sums = vec![[0.0; 3]; bodies]; // squares: out of balance, on the body, on shared nodes
-    for ((body, _), force) in &passed_on {
-        sums[*body as usize][2] += force.iter().map(|f| f * f).sum::<f64>();
+    if !halo.ranks().is_alone() {
+        passed_on = complete(passed_on, bodies, halo, links.n_active());
+    }
+    for ((body, node), force) in &passed_on {
+        if halo.is_own(*node as usize) {
+            sums[*body as usize][2] += force.iter().map(|f| f * f).sum::<f64>();
+        }
     }
     // A motion of one cell and strains of one are assumed, because the stiffness is no longer available.
     let round_off = f64::EPSILON * ACCUMULATED * (IN_MOTION + IN_STRAIN);
     let unit = forces_of_unit_strain(model, points, links);
-    for (node, &owner) in owner.iter().enumerate().filter(|(_, owner)| (**owner as usize) < bodies) {
+    let counts = |node: usize, owner: u32| (owner as usize) < bodies && halo.is_own(node);
+    for (node, &owner) in owner.iter().enumerate().filter(|(node, owner)| counts(*node, **owner)) {
         let [out, on, _] = &mut sums[owner as usize];
         let beyond = |f: &f64| if f.abs() > round_off * unit[node] { f * f } else { 0.0 };
         *out += forces.out_of_balance[node][..D].iter().map(beyond).sum::<f64>();
         *on += forces.total(node)[..D].iter().map(|f| f * f).sum::<f64>();
     }
+    halo.ranks().sum(sums.as_flattened_mut());
     sums.into_iter().map(|[out, on, passed_on]| ratio(out.sqrt(), on.max(passed_on).sqrt())).collect()
+}
+
+/// Forces of bodies on nodes, added up over all ranks.
+fn complete<const D: usize>(
+    forces: BTreeMap<(u16, u32), [f64; D]>,
+    bodies: usize,
+    halo: &Halo,
+    n_nodes: usize,
+) -> BTreeMap<(u16, u32), [f64; D]> {
+    let mut all = BTreeMap::new();
+    for body in 0..bodies as u16 {
+        let mut of_body = vec![[0.0; D]; n_nodes];
+        for ((_, node), force) in forces.range((body, 0)..=(body, u32::MAX)) {
+            of_body[*node as usize] = *force;
+        }
+        halo.add(&mut of_body);
+        let acting = (0u32..).zip(of_body).filter(|(_, force)| *force != [0.0; D]);
+        all.extend(acting.map(|(node, force)| ((body, node), force)));
+    }
+    all
 }
 
 /// The state in which an evaluation was made.
@@ -434,9 +492,13 @@ impl<const D: usize, const N: usize> EvaluatedAt<'_, D, N> {
             .active_cells()
             .iter()
             .fold(0.0, |size, &cell| f64::max(size, model.grid.size(cell as usize)));
-        let entries_of_row = (N * delta_d.len()) as f64;
+        let ranks = links.halo().ranks();
+        let [motion, size] = [motion, size].map(|value| ranks.largest(value));
+        // Shared nodes count twice, which raises the bound by little.
+        let entries_of_row = ranks.total((N * delta_d.len()) as f64);
         let strain = IN_STRAIN * NO_SUCH_FORCE * size;
         let of_terms = system.round_off().map_or(0.0, |all| all.iter().copied().fold(0.0, f64::max));
+        let of_terms = ranks.largest(of_terms);
         f64::EPSILON * system.largest_entry() * (IN_MOTION * entries_of_row * motion + strain) + of_terms
     }
 
@@ -475,6 +537,7 @@ fn forces_of_unit_strain<const D: usize>(
             });
         }
     }
+    links.halo().add_numbers(&mut forces);
     forces
 }
 
@@ -504,15 +567,16 @@ mod tests {
         [field(out), field([1e6, 0.0, 1.0, 0.0]), field([0.0, -1e6, 0.0, -1.0])]
     }
 
+    fn parts(lowest: &[usize]) -> Parts {
+        let joined = JoinedParts::of_one_rank(lowest);
+        Parts::new(&joined, &Halo::default(), Fields::displacement(1).components())
+    }
+
     fn residual(out: [f64; 4], tolerance: f64) -> Option<f64> {
         let [out_of_balance, f_ext, reaction] = forces(out);
         let forces =
             Forces { out_of_balance: &out_of_balance, f_ext: &f_ext, reaction: &reaction, holding: None };
-        forces.balanced(
-            &Parts::new(&[0, 0, 2, 2], Fields::displacement(1).components()),
-            &out_of_balance,
-            tolerance,
-        )
+        forces.balanced(&parts(&[0, 0, 2, 2]), &out_of_balance, tolerance)
     }
 
     #[test]
@@ -527,7 +591,7 @@ mod tests {
 
     #[test]
     fn parts_are_numbered_by_their_lowest_nodes() {
-        let parts = Parts::new(&[0, 1, 0, 1, 4, 0], Fields::displacement(1).components());
+        let parts = parts(&[0, 1, 0, 1, 4, 0]);
         assert_eq!((parts.of_node, parts.n), (vec![0, 1, 0, 1, 2, 0], 3));
     }
 

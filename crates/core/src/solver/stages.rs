@@ -7,6 +7,7 @@ use crate::step::Step;
 use crate::tensor::padded;
 
 use super::Solvable;
+use super::agree::agree;
 use super::control::Path;
 use super::error::SolveError;
 use super::observer::Observer;
@@ -23,7 +24,7 @@ const LEFT: f64 = 1e-9;
 fn change_points<const D: usize>(model: &Model<D>, points: &mut Points<D>, number: usize) {
     let Some(stage) = model.stages.get(number) else { return };
     points.retain_bodies(|body| !stage.removed.contains(&body));
-    points.append(&stage.added);
+    points.append_shared(&stage.added, model.grid.as_ref());
 }
 
 /// Gives the points of bodies with another material the elastic strain for which the new law has their stress, and the
@@ -86,7 +87,8 @@ fn enter<const D: usize>(
         let before = Amount::of(model, points);
         change_points(model, points, number);
         model.begin_stage(number, &began);
-        keep_stress(model, points, number)?;
+        let ranks = points.ranks.clone();
+        agree(&ranks, keep_stress(model, points, number))?;
         let now = Amount::of(model, points);
         reached.summary.exchanged_energy += now.energy - before.energy;
         reached.summary.quality.exchange(now.mass - before.mass, now.volume - before.volume);
@@ -133,10 +135,11 @@ impl Amount {
                 law.energy(&points.converged.elastic_strain[p], history) + law.plastic_work(history);
             density * points.original_volume[p]
         };
+        let ranks = &points.ranks;
         Amount {
-            mass: points.mass.iter().sum(),
-            volume: (0..points.len()).map(|p| points.volume(p)).sum(),
-            energy: (0..points.len()).map(energy).sum(),
+            mass: ranks.total(points.mass.iter().sum()),
+            volume: ranks.total((0..points.len()).map(|p| points.volume(p)).sum()),
+            energy: ranks.total((0..points.len()).map(energy).sum()),
         }
     }
 }

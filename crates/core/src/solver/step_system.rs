@@ -4,11 +4,13 @@ use crate::dofs::{ConstraintError, Constraints, DofMap};
 use crate::points::Points;
 use crate::step::StepContext;
 use crate::stress::Mechanics;
-use crate::terms::{Sum, Term, Terms};
+use crate::terms::{Sum, Terms};
 
+use super::agree::agree;
 use super::control::{Condition, Path};
 use super::error::SolveError;
 use super::fields::Fields;
+use super::reach::begin;
 use super::residual::Parts;
 
 /// The equations of one attempt, set up once.
@@ -32,21 +34,22 @@ impl<const D: usize, const N: usize> StepSystem<D, N> {
         terms: &mut Terms<D, N>,
     ) -> Result<Self, SolveError> {
         let StepContext { model, links, step, .. } = *context;
-        let dofs = constraints(context, points, terms)
-            .map_err(|error| SolveError::Constraint { step: step.index, error })?;
+        let ranks = links.halo().ranks();
+        let dofs = constraints(context, points, terms);
+        let dofs = agree(ranks, dofs.map_err(|error| SolveError::Constraint { step: step.index, error }))?;
         // A ring resists its own motion outwards.
         let rigid = usize::from(M::REVOLVED)..D;
-        let lowest = links.parts();
+        let joined = links.joined_parts();
         let may_be_held = terms.iter().any(|term| term.may_hold());
-        if let Some((node, axis)) = dofs.unheld(&lowest, rigid).filter(|_| !may_be_held) {
-            let place = model.grid.node_position(links.active_nodes()[node] as usize);
+        let unheld = dofs.unheld(&joined, ranks, rigid);
+        if let Some((part, axis)) = unheld.filter(|_| !may_be_held) {
+            let place = model.grid.node_position(joined.lowest[part] as usize);
             return Err(SolveError::Unheld { step: step.index, node: place.to_vec(), axis });
         }
-        let begin = |term: &mut Box<dyn Term<D, N>>| term.begin(context, points);
-        terms.iter_mut().try_for_each(begin).map_err(|error| SolveError::begin(error, step))?;
+        begin(terms, context, points)?;
         let condition = Condition::new(model, points, links, step, path, terms);
         let sum = Sum::new(std::mem::take(terms), context, &dofs);
-        let parts = Parts::new(&lowest, fields.components());
+        let parts = Parts::new(&joined, links.halo(), fields.components());
         let parts = parts.of_bodies(points, links, model.bodies.len(), carried);
         Ok(StepSystem { dofs, sum, condition, parts })
     }

@@ -8,17 +8,19 @@ use crate::linear::Backend;
 use crate::model::{GridMotionError, Model};
 use crate::points::Points;
 use crate::quality::{Code, Location, Measures, Warning};
+use crate::ranks::Halo;
 use crate::step::Step;
 use crate::stress::Mechanics;
 use crate::terms::{Saved, Terms, of_model, restore};
 use crate::timing::{Phase, Timings};
 
 use super::Solvable;
+use super::agree::agree;
 use super::attempt::{Attempt, Effort, FailedAttempt, OnTheWay, Slump};
 use super::control::Path;
 use super::damping;
 use super::diagnosis::Diagnosis;
-use super::equations::Equations;
+use super::equations::{Equations, OfEngine};
 use super::error::SolveError;
 use super::fields::Fields;
 use super::observer::Observer;
@@ -91,7 +93,12 @@ impl<'a, const D: usize> Stepper<'a, D> {
     where
         Model<D>: Solvable<D>,
     {
-        Stepper::of_fields(model, points, model.kernels(), Fields::displacement(D))
+        let mut stepper = Stepper::of_fields(model, points, model.kernels(), Fields::displacement(D));
+        if let Some(engine) = &model.engines.0 {
+            let (direct, iterative) = (engine.direct(), engine.iterative());
+            stepper.equations.use_engine(OfEngine { direct, iterative });
+        }
+        stepper
     }
 }
 
@@ -280,7 +287,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         step: Step,
         observer: &mut dyn Observer<D>,
     ) -> Result<(), SolveError> {
-        if observer.interrupted() {
+        if self.points.ranks.any(observer.interrupted()) {
             return Err(SolveError::Interrupted { step: step.index });
         }
         // It is unknown whether other terms only load the bodies, and a failed slump does not restore their state.
@@ -326,7 +333,8 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
     fn announce_bisection(&mut self, step: Step, observer: &mut dyn Observer<D>) -> Result<(), SolveError> {
         let (model, points) = (self.model, &*self.points);
         let timings = &mut self.reached.summary.timings;
-        timings.measure(Phase::Output, || observer.bisected(model, points, step)).map_err(SolveError::Output)
+        let observed = timings.measure(Phase::Output, || observer.bisected(model, points, step));
+        agree(&points.ranks, observed.map_err(SolveError::Output))
     }
 
     /// Counts and reports a failed attempt that a thorough one follows.
@@ -339,7 +347,8 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         let (model, points, summary) = (self.model, &*self.points, &mut self.reached.summary);
         summary.failed_attempts += 1;
         let observe = || observer.failed(model, points, failed, None);
-        summary.timings.measure(Phase::Output, observe).map_err(SolveError::Output)
+        let observed = summary.timings.measure(Phase::Output, observe).map_err(SolveError::Output);
+        agree(&points.ranks, observed)
     }
 
     /// Continues from the positions to which damped iterations have moved the points, on one fresh grid after another,
@@ -355,7 +364,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         let (mut grids, mut rests) = (0, 0);
         loop {
             self.points.commit();
-            if observer.interrupted() {
+            if self.points.ranks.any(observer.interrupted()) {
                 *self.points = before;
                 return Err(SolveError::Interrupted { step: step.index });
             }
@@ -409,26 +418,36 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         let observed = timings.measure(Phase::Output, || observer.converged(model, points, &report, summary));
         summary.timings.add(&timings);
         self.report = Some(report);
-        observed.map_err(SolveError::Output)
+        agree(&points.ranks, observed.map_err(SolveError::Output))
     }
 
     /// Makes the next step smaller, or returns the error that ends the run.
-    fn refuse(&mut self, failed: FailedAttempt<D>, observer: &mut dyn Observer<D>) -> Result<(), SolveError> {
+    fn refuse(
+        &mut self,
+        mut failed: FailedAttempt<D>,
+        observer: &mut dyn Observer<D>,
+    ) -> Result<(), SolveError> {
         let (model, points) = (self.model, &*self.points);
         let Reached { summary, step } = &mut self.reached;
         summary.failed_attempts += 1;
         let Step { start, end, .. } = failed.step;
-        let is_torn = matches!(failed.error, SolveError::Domain { .. });
+        let is_torn = failed.error.is_torn();
         let was_last_resort = summary.pace.is_last_resort();
         let goes_on =
             failed.may_succeed_if_smaller && summary.pace.failed(&model.stepping, start, end, is_torn);
         // The last attempt before the last resorts shows why a step fails.
         let diagnosis = (!was_last_resort && (!goes_on || summary.pace.is_last_resort())).then(|| {
-            Diagnosis::new(model, points, &failed, self.lost_points.as_ref(), summary.largest_load_factor)
+            // Each rank looks at what it has: their errors may differ, and with them what they look for.
+            let halo = failed.exchange_halo(Halo::default());
+            let lost_points = self.lost_points.as_ref();
+            let diagnosis = Diagnosis::new(model, points, &failed, lost_points, summary.largest_load_factor);
+            failed.exchange_halo(halo);
+            diagnosis
         });
         if goes_on {
             let observe = || observer.failed(model, points, &failed, None);
             let observed = summary.timings.measure(Phase::Output, observe).map_err(SolveError::Output);
+            let observed = agree(&points.ranks, observed);
             match diagnosis {
                 Some(diagnosis) => self.cause = Some((failed, diagnosis)),
                 None if failed.has_lost_points(model.newton.tolerance) => {
@@ -449,7 +468,8 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
             let short = bracket.stopped_short(step.index);
             summary.warnings.extend(short);
             let observe = || observer.failed(model, points, &failed, None);
-            return summary.timings.measure(Phase::Output, observe).map_err(SolveError::Output);
+            let observed = summary.timings.measure(Phase::Output, observe).map_err(SolveError::Output);
+            return agree(&points.ranks, observed);
         }
         let cause = self.cause.take().filter(|_| was_last_resort);
         let ended = match (&cause, &diagnosis) {
@@ -517,7 +537,7 @@ pub(super) fn start<const D: usize>(
     observer: &mut dyn Observer<D>,
 ) -> Result<(), SolveError> {
     let started = reached.summary.timings.measure(Phase::Output, || observer.started(model, points));
-    started.map_err(SolveError::Output)
+    agree(&points.ranks, started.map_err(SolveError::Output))
 }
 
 /// Concludes the account of a run that has ended, and reports it.

@@ -1,9 +1,11 @@
 //! The unknowns of a load step: nodal increments, reactions, load factor and global unknowns, eqs. (28), (30) and (40).
 
 use crate::assembly::{Border, System};
+use crate::basis::Connectivity;
 use crate::dofs::DofMap;
 use crate::linear::LinearError;
 use crate::model::Model;
+use crate::ranks::Halo;
 use crate::step::{At, Nodal};
 
 use super::residual::{Forces, norm};
@@ -39,6 +41,8 @@ pub(super) struct Unknowns<const N: usize> {
     axes: usize,
     /// A displacement that no equilibrium in this grid can have, [length].
     far: f64,
+    /// The nodes that other ranks count.
+    pub(super) halo: Halo,
 }
 
 /// An iterative displacement of this many diameters of the grid indicates a singular stiffness.
@@ -51,10 +55,10 @@ impl<const N: usize> Unknowns<N> {
     pub(super) fn new<const D: usize>(
         model: &Model<D>,
         factor: f64,
-        n_active: usize,
+        links: &Connectivity<D>,
         n_globals: usize,
     ) -> Self {
-        let zero = vec![[0.0; N]; n_active];
+        let zero = vec![[0.0; N]; links.n_active()];
         let [low, high] = model.grid.bounds();
         let diameter = norm((0..D).map(|d| high[d] - low[d]));
         Unknowns {
@@ -73,6 +77,7 @@ impl<const N: usize> Unknowns<N> {
             taken: 1.0,
             axes: D,
             far: FAR * diameter,
+            halo: links.halo().clone(),
         }
     }
 
@@ -84,8 +89,8 @@ impl<const N: usize> Unknowns<N> {
         dofs: &DofMap<N>,
         out_of_balance: &[[f64; N]],
     ) {
-        let Unknowns { iterative, k_delta, rhs, delta_d, .. } = self;
-        self.prescribes = dofs.remaining(delta_d, iterative);
+        let Unknowns { iterative, k_delta, rhs, delta_d, halo, .. } = self;
+        self.prescribes = halo.ranks().any(dofs.remaining(delta_d, iterative));
         k_delta.fill([0.0; N]);
         if self.prescribes {
             system.multiply(iterative, k_delta);
@@ -110,8 +115,8 @@ impl<const N: usize> Unknowns<N> {
         let carried = (0..delta.len()).find_map(|node| {
             delta[node][..self.axes].iter().position(far).and_then(|axis| dofs.free(node, axis))
         });
-        if let Some(unknown) = carried {
-            return Err(LinearError::Singular { unknown: Some(unknown) });
+        if self.halo.ranks().any(carried.is_some()) {
+            return Err(LinearError::Singular { unknown: carried });
         }
         system.multiply(&self.iterative, &mut self.k_delta);
         system.border.add_columns(&self.iterative_globals, &mut self.k_delta);
@@ -182,8 +187,7 @@ impl<const N: usize> Unknowns<N> {
 
     /// The work of the forces out of balance, on the nodes and of the global equations, on the whole last increment, [energy].
     pub(super) fn slope(&self, force: &[[f64; N]], border: &Border<N>) -> f64 {
-        let work = force.iter().flatten().zip(self.iterative.iter().flatten()).map(|(f, u)| f * u);
-        (work.sum::<f64>() + border.work(&self.iterative_globals)) / self.taken
+        (self.halo.dot(force, &self.iterative) + border.work(&self.iterative_globals)) / self.taken
     }
 
     /// The factor on the last increment, as far as it was taken, that leads to where a secant of the slope of the potential

@@ -3,10 +3,11 @@
 use serde_json::{Value, json};
 
 use super::Surface;
-use super::support::{Support, support};
+use super::support::{Support, active, carrying_cell, support};
 use super::unit;
 use crate::basis::Connectivity;
 use crate::grid::Grid;
+use crate::ranks::Ranks;
 use crate::region::area_vector;
 
 /// A surface that the grid carries.
@@ -18,8 +19,12 @@ pub struct Carried<const D: usize> {
     pub trial: Vec<[f64; D]>,
     /// Corners of the facet of each sample.
     facets: Vec<[u32; D]>,
-    /// Basis at each corner in the present step.
+    /// Basis at each corner in the present step; empty where this rank lacks a node.
     at_corners: Vec<Support<D>>,
+    /// With several ranks, the cell that carries each corner, and the rank that has found it.
+    found: Vec<(u32, u32)>,
+    /// With several ranks, this one.
+    own: Option<u32>,
 }
 
 impl<const D: usize> Carried<D> {
@@ -30,6 +35,8 @@ impl<const D: usize> Carried<D> {
             trial: surface.corners.clone(),
             facets: surface.facets.clone(),
             at_corners: Vec::new(),
+            found: Vec::new(),
+            own: None,
         }
     }
 
@@ -49,7 +56,21 @@ impl<const D: usize> Carried<D> {
     /// The first corner near which no cell has active nodes only, [length].
     pub fn locate(&mut self, grid: &dyn Grid<D>, links: &Connectivity<D>) -> Result<(), [f64; D]> {
         self.trial.clone_from(&self.converged);
-        // The mean normal of the facets around each corner.
+        if self.own.is_some() {
+            let place = |(x, (cell, _)): (&[f64; D], &(u32, u32))| {
+                active(grid.basis_at(*cell, x), links).unwrap_or_default()
+            };
+            self.at_corners = self.converged.iter().zip(&self.found).map(place).collect();
+            return Ok(());
+        }
+        let normals = self.normals();
+        let place = |(x, normal)| support(grid, links, x, &unit(normal)).ok_or(*x);
+        self.at_corners = self.converged.iter().zip(&normals).map(place).collect::<Result<_, _>>()?;
+        Ok(())
+    }
+
+    /// The mean normal of the facets around each corner, times an area.
+    fn normals(&self) -> Vec<[f64; D]> {
         let mut normals = vec![[0.0; D]; self.converged.len()];
         for facet in &self.facets {
             let area = area_vector(&facet.map(|corner| self.converged[corner as usize]));
@@ -57,15 +78,74 @@ impl<const D: usize> Carried<D> {
                 (0..D).for_each(|d| normals[corner as usize][d] += area[d]);
             }
         }
-        let place = |(x, normal)| support(grid, links, x, &unit(normal)).ok_or(*x);
-        self.at_corners = self.converged.iter().zip(&normals).map(place).collect::<Result<_, _>>()?;
+        normals
+    }
+
+    /// Finds the cells that carry the corners, with all ranks; each holds some of the samples then.
+    ///
+    /// # Errors
+    /// As [`Carried::locate`], the same on all ranks.
+    pub fn find(&mut self, grid: &dyn Grid<D>, links: &Connectivity<D>) -> Result<(), [f64; D]> {
+        let ranks = links.halo().ranks();
+        let place = |(x, normal)| carrying_cell(grid, links, x, &unit(normal));
+        let own: Vec<Option<(u32, u32)>> = self.converged.iter().zip(&self.normals()).map(place).collect();
+        // The first place that any rank has found is the one that a rank with all nodes finds.
+        let mut best: Vec<Option<(u32, u32, u32)>> = vec![None; own.len()];
+        for (rank, found) in (0u32..).zip(ranks.gather_all(own)) {
+            for (best, found) in best.iter_mut().zip(found) {
+                let found = found.map(|(tried, cell)| (tried, cell, rank));
+                *best = match (*best, found) {
+                    (Some(best), Some(found)) if found.0 < best.0 => Some(found),
+                    (None, found) => found,
+                    (best, _) => best,
+                };
+            }
+        }
+        let known = |(best, x): (Option<(u32, u32, u32)>, &[f64; D])| {
+            best.map(|(_, cell, rank)| (cell, rank)).ok_or(*x)
+        };
+        self.found = best.into_iter().zip(&self.converged).map(known).collect::<Result<_, _>>()?;
+        self.own = Some(ranks.own() as u32);
         Ok(())
+    }
+
+    /// The grid nodes that carry a sample, with several ranks.
+    pub fn nodes_of(&self, grid: &dyn Grid<D>, sample: usize) -> Vec<u32> {
+        let cells = self.facets[sample].iter().filter_map(|corner| self.found.get(*corner as usize));
+        cells.flat_map(|(cell, _)| grid.corners(*cell as usize).nodes().to_vec()).collect()
+    }
+
+    /// True if this rank treats a sample.
+    pub fn is_own(&self, sample: usize) -> bool {
+        let first = self.facets[sample][0] as usize;
+        self.own.is_none_or(|own| self.found.get(first).is_some_and(|(_, rank)| *rank == own))
+    }
+
+    /// The samples that this rank treats.
+    pub fn own_samples(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.len()).filter(|sample| self.is_own(*sample))
+    }
+
+    /// Gives all ranks the trial positions of the corners.
+    pub fn complete(&mut self, ranks: &Ranks) {
+        let Some(own) = self.own else { return };
+        let mut numbers = vec![0.0; D * self.trial.len()];
+        for (k, (x, (_, rank))) in self.trial.iter().zip(&self.found).enumerate() {
+            if *rank == own {
+                numbers[k * D..][..D].copy_from_slice(x);
+            }
+        }
+        ranks.sum(&mut numbers);
+        for (x, numbers) in self.trial.iter_mut().zip(numbers.chunks_exact(D)) {
+            x.copy_from_slice(numbers);
+        }
     }
 
     /// Carries nothing in this step.
     pub fn clear(&mut self) {
         self.trial.clone_from(&self.converged);
         self.at_corners.clear();
+        (self.found, self.own) = (Vec::new(), None);
     }
 
     /// The trial positions of the corners of a facet, [length].
@@ -98,7 +178,7 @@ impl<const D: usize> Carried<D> {
     /// Calls `visit` with the nodes, ascending, of each sample.
     pub fn each_neighbourhood(&self, visit: &mut dyn FnMut(&[u32])) {
         let mut nodes = Vec::new();
-        for sample in 0..self.len() {
+        for sample in self.own_samples() {
             nodes.clear();
             self.supports(sample).iter().for_each(|support| nodes.extend_from_slice(support.nodes()));
             nodes.sort_unstable();

@@ -23,7 +23,20 @@ pub fn support<const D: usize>(
     x: &[f64; D],
     n: &[f64; D],
 ) -> Option<Support<D>> {
+    let (_, cell) = carrying_cell(grid, links, x, n)?;
+    active(grid.basis_at(cell, x), links)
+}
+
+/// The cell of [`support`], and its rank among the places where one is sought.
+pub(super) fn carrying_cell<const D: usize>(
+    grid: &dyn Grid<D>,
+    links: &Connectivity<D>,
+    x: &[f64; D],
+    n: &[f64; D],
+) -> Option<(u32, u32)> {
+    let is_active = |node: &u32| links.active_number(*node as usize).is_some();
     let size = grid.size(grid.nearest_cell(x) as usize);
+    let mut tried = 0;
     // At its rim, a part of a surface meets other sides of the body, about which its normal says nothing: as a last
     // resort, cells are also sought along all diagonals.
     [false, true].into_iter().find_map(|is_wide| {
@@ -32,8 +45,9 @@ pub fn support<const D: usize>(
             let place: [f64; D] = std::array::from_fn(|d| x[d] - inwards * n[d]);
             let by = if is_wide { inwards } else { 2.0 * NUDGE * size };
             aside(place, by).find_map(|place| {
+                tried += 1;
                 let cell = grid.locate(&place, None).unwrap_or_else(|| grid.nearest_cell(&place));
-                active(grid.basis_at(cell, x), links)
+                grid.corners(cell as usize).nodes().iter().all(is_active).then_some((tried, cell))
             })
         })
     })
@@ -47,7 +61,7 @@ fn aside<const D: usize>(place: [f64; D], by: f64) -> impl Iterator<Item = [f64;
 }
 
 /// The basis with the numbers of active nodes; `None` if a node is inactive.
-fn active<const D: usize>(basis: CellBasis<D>, links: &Connectivity<D>) -> Option<Support<D>> {
+pub(super) fn active<const D: usize>(basis: CellBasis<D>, links: &Connectivity<D>) -> Option<Support<D>> {
     let mut support = Support::default();
     for ((&node, &value), gradient) in basis.nodes().iter().zip(basis.value()).zip(basis.gradient()) {
         support.push(links.active_number(node as usize)? as u32, value, *gradient);

@@ -48,6 +48,8 @@
 //! its surface is continued flat. Places that touch without force, such as those of a block on a slope before its first
 //! step, then have their stiffness, which holds the body.
 
+mod agreement;
+mod all_ranks;
 mod allowance;
 mod along;
 mod candidates;
@@ -57,13 +59,16 @@ mod finding;
 mod interface;
 mod motion;
 mod multipliers;
+mod plain;
 mod safeguards;
 mod saved;
 mod search;
 mod start;
 mod state;
+mod states;
 #[cfg(test)]
 mod tests;
+mod together;
 
 use std::collections::BTreeSet;
 
@@ -71,20 +76,23 @@ use rustc_hash::FxHashMap;
 use serde_json::Value;
 
 use crate::assembly::{System, Wanted};
-use crate::model::{LoadCurve, Model, Tool};
+use crate::model::{Model, Tool};
 use crate::points::Points;
+use crate::ranks::Halo;
 use crate::region::vector::{along, dot, minus, norm};
 use crate::step::{At, Nodal, StepContext};
 
 use super::failure::{BeginError, EvaluateError};
 use super::saved::Saved;
 use super::term::{Augmentation, Ledger, Response, Term};
+use agreement::{Failure, agreed};
 use along::{Followed, followed};
 use candidates::{Candidate, Key};
 use evaluation::{Trial, Trials, first_unknowns};
 use interface::Multiplier;
 use motion::Moving;
 use multipliers::{Change, Kept, Worst, forces_of, worst};
+use plain::of_all_ranks;
 use search::Found;
 
 pub use error::{ContactError, ContactPlace};
@@ -99,13 +107,15 @@ const MORE_PENALTY: f64 = 10.0;
 #[derive(Debug, Clone)]
 pub struct Contact<const D: usize> {
     tools: Vec<Moving<D>>,
+    /// The nodes that the rank shares with others in the present step.
+    halo: Halo,
     /// What the places that touched at the end of the last step in equilibrium keep.
     converged: FxHashMap<Key, Kept<D>>,
     /// For each body, true if it has taken part in a step in equilibrium.
     has_begun: Vec<bool>,
     /// For each body, true if it has points in the present step.
     is_there: Vec<bool>,
-    /// The places that may touch a tool in the present step, their multipliers at its start, whether they have touched
+    /// The places on this rank that may touch a tool in the present step, their multipliers at its start, whether they have touched
     /// before, the present multipliers, and the places at the last evaluation.
     candidates: Vec<Candidate<D>>,
     start: Vec<Multiplier<D>>,
@@ -144,6 +154,7 @@ impl<const D: usize> Contact<D> {
     pub fn new(model: &Model<D>) -> Self {
         Contact {
             tools: model.tools.iter().map(Moving::new).collect(),
+            halo: Halo::default(),
             converged: FxHashMap::default(),
             has_begun: vec![false; model.bodies.len()],
             is_there: vec![false; model.bodies.len()],
@@ -174,7 +185,7 @@ impl<const D: usize> Contact<D> {
         Contact::new(model).states(model)
     }
 
-    /// The places that touch a tool at the last evaluation.
+    /// The places on this rank that touch a tool at the last evaluation.
     fn touching(&self) -> impl Iterator<Item = (usize, &Candidate<D>, &Trial<D>, &interface::Touch<D>)> {
         let pairs = self.candidates.iter().zip(&self.trials).enumerate();
         pairs.filter_map(|(k, (candidate, trial))| Some((k, candidate, trial, trial.touch.as_deref()?)))
@@ -194,63 +205,8 @@ impl<const D: usize> Contact<D> {
             let increments = (increment.delta_d, motions);
             followed(candidate, &self.multipliers[k], trial, &self.tools[number], increments)
         };
-        (0..self.trials.len()).map(of_place).collect()
-    }
-
-    /// The state of all tools at the last evaluation.
-    fn states(&self, model: &Model<D>) -> Vec<ToolState<D>> {
-        let mut states: Vec<ToolState<D>> = (self.tools.iter().zip(&model.tools))
-            .map(|(moving, tool)| {
-                let factor =
-                    |curve: &LoadCurve| curve.factor_of_tool(&model.stepping, self.time, self.factor);
-                let (load, load_moment) = tool.load_at(factor);
-                let (now, original) = (moving.end.position(), moving.original.position());
-                ToolState {
-                    pose: moving.end,
-                    displacement: std::array::from_fn(|d| now[d] - original[d]),
-                    rotation: moving.end.rotation_since(&moving.original),
-                    force: [0.0; D],
-                    moment: [0.0; 3],
-                    load,
-                    load_moment,
-                    overlap: 0.0,
-                    allowed_overlap: 0.0,
-                    slip: 0.0,
-                    augmentations: self.updates,
-                    contacts: Vec::new(),
-                    parts: vec![PartState::NONE; tool.parts.len()],
-                }
-            })
-            .collect();
-        for (_, candidate, trial, touch) in self.touching() {
-            let number = candidate.key.tool as usize;
-            let (state, moving) = (&mut states[number], &self.tools[number]);
-            let (position, force) = (trial.position, touch.force());
-            let moment = moving.moment(&position, &force);
-            state.overlap = state.overlap.max(-touch.gap());
-            state.allowed_overlap = state.allowed_overlap.max(candidate.allowance);
-            if touch.mode == Mode::Stick {
-                state.slip = state.slip.max(norm(&touch.slip()));
-            }
-            let tool = &model.tools[number];
-            let found = moving.end.closest(tool.shape.as_ref(), position, f64::INFINITY);
-            let (part, on_surface) =
-                found.map_or((candidate.near.part, position), |found| (found.part, found.point));
-            let contact = ContactPoint {
-                body: candidate.body,
-                point: candidate.key.point,
-                part,
-                position,
-                normal: touch.normal(),
-                area: candidate.area,
-                force,
-                pressure: touch.pressure / candidate.area,
-                shear: touch.shear.map(|t| t / candidate.area),
-                mode: touch.mode,
-            };
-            state.add(contact, moment, tool.parts_at(part, &moving.end.to_tool(&on_surface)));
-        }
-        states
+        let followed: Option<Vec<Followed<D>>> = (0..self.trials.len()).map(of_place).collect();
+        if self.halo.ranks().all(followed.is_some()) { followed } else { None }
     }
 }
 
@@ -268,7 +224,11 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
     }
 
     fn begin(&mut self, step: &StepContext<D>, points: &Points<D>) -> Result<(), BeginError> {
-        self.find(step, points).map_err(|error| BeginError::Contact(Box::new(error)))
+        match self.find(step, points) {
+            Err(Failure::Own(error)) => Err(BeginError::Contact(Box::new(error))),
+            // The ranks agree on the outcome.
+            Err(Failure::OnRank) | Ok(()) => Ok(()),
+        }
     }
 
     fn couples(&self, couple: &mut dyn FnMut(&[u32])) {
@@ -320,21 +280,24 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
             moving.place(own);
             free = rest;
         }
-        self.wake(step, points, at)?;
-        let at_rest = at.delta_d.iter().flatten().all(|u| *u == 0.0) && at.globals.iter().all(|w| *w == 0.0);
+        let (farthest, at_rest) = self.motion(at);
+        self.wake(step, points, farthest)?;
         let model = step.model;
-        let trials = Trials { model, tools: &self.tools, delta_d: at.delta_d, at_rest };
+        let trials = Trials { model, tools: &self.tools, delta_d: at.delta_d, farthest, at_rest };
         self.at_rest = at_rest;
-        trials.all(&self.candidates, &self.multipliers, &self.has_touched, &mut self.trials)?;
+        let found = trials.all(&self.candidates, &self.multipliers, &self.has_touched, &mut self.trials);
+        agreed(self.halo.ranks(), found)?;
         let is_symmetric = self.touching().all(|(.., touch)| touch.is_symmetric());
         self.is_symmetric &= is_symmetric;
+        let [touches, holds] = self.touched();
         if at_rest {
-            self.check_that_free_tools_touch(model)?;
+            self.check_that_free_tools_touch(model, &touches)?;
         }
         let pairs: Vec<_> = self.candidates.iter().zip(&self.trials).collect();
-        evaluation::add(&self.tools, &pairs, wanted, sum);
+        evaluation::add(&self.tools, &pairs, &holds, wanted, sum);
         self.factor = at.factor;
-        evaluation::add_loads(model, &self.tools, (step.step.end, at.factor), at.globals, sum);
+        let is_first = self.halo.ranks().is_root();
+        evaluation::add_loads(model, &self.tools, (step.step.end, at.factor), at.globals, is_first, sum);
         Ok(())
     }
 
@@ -358,24 +321,37 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
         at: At<N>,
     ) -> Result<Augmentation, EvaluateError> {
         self.check_motion(step, points, at)?;
-        let Contact { updates, before, changes, candidates, multipliers, trials, tools, tolerances, .. } =
-            self;
+        let Contact {
+            updates,
+            before,
+            changes,
+            candidates,
+            multipliers,
+            trials,
+            tools,
+            tolerances,
+            halo,
+            ..
+        } = self;
         let now = Change::of_update(candidates, multipliers, trials, tools);
-        let Some(worst) = worst(candidates, &now, tolerances) else {
+        let Some(worst) = worst(candidates, &now, tolerances, halo) else {
             return Ok(Augmentation::Satisfied);
         };
-        let tool = candidates[worst.candidate].key.tool as usize;
+        let tool = worst.tool;
         let is_last = *updates >= step.model.tools[tool].control.augmentations;
         if worst.is_settled(tolerances[tool], before.as_ref(), *updates, is_last) {
             return Ok(Augmentation::Satisfied);
         }
         if is_last {
+            if worst.rank != halo.ranks().own() {
+                return Err(Failure::OnRank.into());
+            }
             return Err(EvaluateError::from(ContactError::NotSettled {
                 place: candidates[worst.named].place(step.model),
                 augmentations: *updates,
                 overlap: worst.overlap,
                 slip: worst.slip,
-                most: tolerances[tool] * candidates[worst.named].size,
+                most: tolerances[tool] * worst.size,
             }));
         }
         for ((candidate, multiplier), trial) in candidates.iter().zip(multipliers).zip(trials) {
@@ -398,12 +374,9 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
     fn augment_along(&mut self, increment: At<N>, update: usize, added: &mut Response<N>) -> Augmentation {
         let Some(followed) = self.followed(increment) else { return Augmentation::Satisfied };
         let changes: Vec<Option<Change<D>>> = followed.iter().map(|followed| followed.change).collect();
-        let worst = worst(&self.candidates, &changes, &self.tolerances);
+        let worst = worst(&self.candidates, &changes, &self.tolerances, &self.halo);
         let before = if update == 0 { None } else { self.worst_along };
-        let helps = |worst: &Worst| {
-            let tool = self.candidates[worst.candidate].key.tool as usize;
-            worst.is_worth_it(self.tolerances[tool], before.as_ref())
-        };
+        let helps = |worst: &Worst| worst.is_worth_it(self.tolerances[worst.tool], before.as_ref());
         if !worst.as_ref().is_some_and(helps) {
             return Augmentation::Satisfied;
         }
@@ -476,7 +449,8 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
             let in_space = minus(&trial.position, &candidate.start);
             (candidate.key, Kept { multiplier, motion: norm(&trial.slip).max(norm(&in_space)) })
         });
-        self.converged = touching.collect();
+        // Points may move to other ranks.
+        self.converged = of_all_ranks(self.halo.ranks(), touching.collect()).into_iter().collect();
         self.tools.iter_mut().for_each(Moving::commit);
         self.has_begun.iter_mut().zip(&self.is_there).for_each(|(begun, there)| *begun = *there);
     }

@@ -3,6 +3,7 @@
 use super::contact::ContactError;
 use crate::dofs::ConstraintError;
 use crate::points::coordinates;
+use crate::ranks::Ranks;
 use crate::stress::PointError;
 
 /// The reason why a term cannot begin a step.
@@ -82,6 +83,36 @@ pub enum EvaluateError {
     Law(Box<LawFailure>),
     /// The contact with tools cannot be evaluated.
     Contact(Box<ContactError>),
+    /// The evaluation has failed on another rank.
+    OnRank {
+        /// True if a smaller increment cannot succeed.
+        is_final: bool,
+    },
+}
+
+impl EvaluateError {
+    /// True if a smaller increment cannot succeed.
+    pub fn is_final(&self) -> bool {
+        matches!(self, EvaluateError::Law(_) | EvaluateError::OnRank { is_final: true })
+    }
+}
+
+/// Lets the evaluation of a term succeed only if it has on all ranks. Errors that no smaller increment avoids come first.
+pub(super) fn agree<T>(ranks: &Ranks, outcome: Result<T, EvaluateError>) -> Result<T, EvaluateError> {
+    if ranks.is_alone() {
+        return outcome;
+    }
+    let own = outcome.as_ref().err();
+    let [fails, is_final] = [own.is_some(), own.is_some_and(EvaluateError::is_final)];
+    let mut numbers = [fails, is_final].map(|is| f64::from(u8::from(is)));
+    ranks.maximum(&mut numbers);
+    let [fails, is_final] = numbers.map(|number| number > 0.0);
+    let of_other = EvaluateError::OnRank { is_final };
+    match outcome {
+        Err(error) if error.is_final() == is_final => Err(error),
+        Ok(found) if !fails => Ok(found),
+        _ => Err(of_other),
+    }
 }
 
 impl From<ContactError> for EvaluateError {

@@ -58,20 +58,36 @@ impl Ghost {
         }
         let grid = model.grid.as_ref();
         let held = HeldMaterial::new(model, points, links);
-        let cells: Vec<u32> = (links.active_cells().iter().copied())
-            .filter(|&cell| {
-                grid.corners(cell as usize).nodes().iter().all(|n| links.active_number(*n as usize).is_some())
-            })
-            .collect();
+        let (own, beside) = (links.active_cells(), links.layer_cells());
+        let mut cells: Vec<u32> = own.iter().chain(beside).copied().collect();
+        cells.sort_unstable();
+        cells.retain(|&cell| {
+            grid.corners(cell as usize).nodes().iter().all(|n| links.active_number(*n as usize).is_some())
+        });
         let (faces, mut weak) = faces_of(grid, &cells);
         if mode == StabilisationMode::Auto {
             weak.fill(false);
         }
-        let few = cells_of_few_points(model, points, links);
+        let mut few = cells_of_few_points(model, points, links);
         for (weak, &cell) in weak.iter_mut().zip(&cells) {
             *weak |= held.filling(model, links, cell) < filling;
         }
-        for Face { cells: [a, b], nodes } in &faces {
+        let (halo, ranks) = (links.halo(), links.halo().ranks());
+        if !ranks.is_alone() {
+            // Only the ranks that a cell belongs to know whether it is weak.
+            let is_own = |cell: &u32| beside.binary_search(cell).is_err();
+            let known = cells.iter().zip(&weak).filter(|(cell, weak)| **weak && is_own(cell));
+            let all_weak = ranks.gather_all(known.map(|(cell, _)| *cell).collect::<Vec<u32>>()).concat();
+            let all_weak: HashSet<u32> = all_weak.into_iter().collect();
+            weak.iter_mut().zip(&cells).for_each(|(weak, cell)| *weak = all_weak.contains(cell));
+            few = ranks.gather_all(few).into_iter().flatten().collect();
+        }
+        // Of the ranks that have a face, the owner of its lowest node adds it.
+        let is_ours = |nodes: &[u32]| {
+            let lowest = nodes.iter().min().and_then(|node| links.active_number(*node as usize));
+            lowest.is_some_and(|lowest| halo.is_own(lowest))
+        };
+        for Face { cells: [a, b], nodes } in faces.iter().filter(|face| is_ours(&face.nodes)) {
             let both = [cells[*a], cells[*b]];
             let strength = if weak[*a] || weak[*b] {
                 parameter
@@ -243,6 +259,7 @@ impl<const D: usize, const N: usize> Term<D, N> for Ghost {
         }
         let mut force = vec![[0.0; N]; at.delta_d.len()];
         self.add_force(D, at.delta_d, &mut force);
+        // The forces of the faces of this rank only.
         let work = force.iter().flatten().zip(at.delta_d.iter().flatten()).map(|(f, u)| f * u).sum::<f64>();
         Ledger { lost: 0.5 * work, ..Ledger::default() }
     }

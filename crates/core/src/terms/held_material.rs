@@ -33,6 +33,8 @@ impl HeldMaterial {
                 });
             }
         }
+        links.halo().add_numbers(&mut held.volume);
+        links.halo().add_numbers(&mut held.stiffness);
         held
     }
 

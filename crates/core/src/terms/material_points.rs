@@ -93,7 +93,9 @@ impl<const D: usize, M: Mechanics<D>> MaterialPoints<D, M> {
                 first = group;
             }
         }
-        self.batches.push(first..links.n_groups());
+        if first < links.n_groups() {
+            self.batches.push(first..links.n_groups());
+        }
         let largest = |len: &dyn Fn(&Range<usize>) -> usize| self.batches.iter().map(len).max().unwrap_or(0);
         let n_dense = largest(&|b| pairs.dense_range(b.clone()).len());
         let n_force = largest(&|b| b.clone().map(|g| links.nodes_of(g).len()).sum());

@@ -12,7 +12,7 @@ use crate::surface::SurfaceFields;
 
 use super::contact::{Contact, ToolState};
 use super::external_force::ExternalForces;
-use super::failure::{BeginError, EvaluateError};
+use super::failure::{BeginError, EvaluateError, agree};
 use super::ghost::Ghost;
 use super::material_points::MaterialPoints;
 use super::saved::Saved;
@@ -68,7 +68,7 @@ impl<const D: usize, const N: usize> Sum<D, N> {
     }
 
     fn laid_out(terms: &Terms<D, N>, step: &StepContext<D>, dofs: &DofMap<N>) -> System<N> {
-        let symmetric = terms.iter().all(|term| term.is_symmetric(step));
+        let symmetric = step.links.halo().ranks().all(terms.iter().all(|term| term.is_symmetric(step)));
         let of_terms = |couple: &mut dyn FnMut(&[u32])| terms.iter().for_each(|term| term.couples(couple));
         let globals = terms.iter().map(|term| term.n_globals()).sum();
         System::new(
@@ -86,6 +86,7 @@ impl<const D: usize, const N: usize> Sum<D, N> {
         let is_symmetric = || self.terms.iter().all(|term| term.is_symmetric(step));
         let outgrown =
             self.system.is_symmetric() && !is_symmetric() || self.terms.iter().any(|term| term.outgrows());
+        let outgrown = step.links.halo().ranks().any(outgrown);
         if outgrown {
             self.terms.iter_mut().for_each(|term| term.forget_layout());
             self.system = Sum::laid_out(&self.terms, step, dofs);
@@ -110,14 +111,27 @@ impl<const D: usize, const N: usize> Sum<D, N> {
         step: &StepContext<D>,
         points: &Points<D>,
     ) -> Result<Self, BeginError> {
-        terms.iter_mut().try_for_each(|term| term.begin(step, points))?;
+        Sum::begin(&mut terms, step, points)?;
         Ok(Sum::new(terms, step, &DofMap::unconstrained(step.links.n_active())))
     }
 
-    /// Evaluates all terms.
+    /// Begins a step with all terms.
     ///
     /// # Errors
-    /// [`EvaluateError`]: the first point that could not follow the increment, or a law that failed.
+    /// [`BeginError`].
+    pub fn begin(
+        terms: &mut Terms<D, N>,
+        step: &StepContext<D>,
+        points: &Points<D>,
+    ) -> Result<(), BeginError> {
+        terms.iter_mut().try_for_each(|term| term.begin(step, points))
+    }
+
+    /// Evaluates all terms, on the points of this rank.
+    ///
+    /// # Errors
+    /// [`EvaluateError`]: the first point that could not follow the increment, or a law that failed; on all ranks if one has an
+    /// error.
     pub fn evaluate(
         &mut self,
         step: &StepContext<D>,
@@ -129,7 +143,8 @@ impl<const D: usize, const N: usize> Sum<D, N> {
         let Sum { terms, system } = self;
         for term in terms {
             let (own, rest) = of_term(term.as_ref(), at, system.border.first);
-            term.evaluate(step, points, own, wanted, system)?;
+            let evaluated = term.evaluate(step, points, own, wanted, system);
+            agree(step.links.halo().ranks(), evaluated)?;
             system.border.first = rest;
         }
         Ok(())
@@ -138,7 +153,7 @@ impl<const D: usize, const N: usize> Sum<D, N> {
     /// Updates the multipliers of all terms, once Newton's iterations have converged.
     ///
     /// # Errors
-    /// [`EvaluateError`] of the first term whose multipliers do not converge.
+    /// [`EvaluateError`] of the first term whose multipliers do not converge, on this rank or another one.
     pub fn augment(
         &mut self,
         step: &StepContext<D>,
@@ -149,7 +164,9 @@ impl<const D: usize, const N: usize> Sum<D, N> {
         for term in &mut self.terms {
             let (own, next) = of_term(term.as_ref(), at, first);
             first = next;
-            if term.augment(step, points, own)? == Augmentation::Updated {
+            let augmented = term.augment(step, points, own);
+            let ranks = step.links.halo().ranks();
+            if ranks.any(agree(ranks, augmented)? == Augmentation::Updated) {
                 outcome = Augmentation::Updated;
             }
         }
@@ -169,7 +186,15 @@ impl<const D: usize, const N: usize> Sum<D, N> {
             }
             added.first = next;
         }
-        (outcome == Augmentation::Updated).then_some(added)
+        let ranks = self.system.ranks();
+        if !ranks.any(outcome == Augmentation::Updated) {
+            return None;
+        }
+        if !ranks.is_alone() {
+            self.system.add_ranks(added.force_mut());
+            ranks.sum(&mut added.globals);
+        }
+        Some(added)
     }
 
     /// Supports the last stiffness where terms leave bodies without resistance; true if there is such a place.
@@ -179,7 +204,7 @@ impl<const D: usize, const N: usize> Sum<D, N> {
         for term in terms {
             supports |= term.support(system);
         }
-        supports
+        system.ranks().any(supports)
     }
 
     /// Takes back the updates of multipliers along the last increment.
@@ -202,6 +227,7 @@ impl<const D: usize, const N: usize> Sum<D, N> {
     pub fn external_force_at_start(&self, dofs: &DofMap<N>) -> Nodal<N> {
         let mut force = vec![[0.0; N]; self.system.internal_force().len()];
         self.terms.iter().for_each(|term| term.force_at_start(&mut force));
+        self.system.add_ranks(&mut force);
         dofs.condense(&mut force);
         force
     }

@@ -9,11 +9,13 @@ mod load;
 use serde_json::{Value, json};
 
 use crate::assembly::{System, Wanted};
+use crate::basis::Connectivity;
 use crate::model::{Model, NodeSet};
 use crate::points::Points;
+use crate::ranks::Ranks;
 use crate::region::area_vector;
 use crate::step::{At, Nodal, StepContext};
-use crate::surface::{Carried, SurfaceFields, centre, unit};
+use crate::surface::{Carried, Surface, SurfaceFields, centre, unit};
 
 use super::failure::{BeginError, EvaluateError, SurfaceLost};
 use super::saved::Saved;
@@ -29,6 +31,8 @@ pub struct Surfaces<const D: usize> {
     is_there: Vec<bool>,
     loads: Vec<SurfaceLoad<D>>,
     conditions: Vec<Condition<D>>,
+    /// The ranks that share the surfaces.
+    ranks: Ranks,
     /// Forces on the nodes in the state that the step starts from, [force].
     start: Nodal<D>,
     fields: Vec<SurfaceFields<D>>,
@@ -50,6 +54,7 @@ impl<const D: usize> Surfaces<D> {
             carried: model.surfaces.iter().map(Carried::new).collect(),
             loads: loads.filter_map(on_surface).collect(),
             conditions: conditions.filter_map(of_surface).collect(),
+            ranks: Ranks::default(),
             start: Vec::new(),
             fields: Vec::new(),
         }
@@ -67,6 +72,9 @@ impl<const D: usize> Surfaces<D> {
     fn find_bodies(&mut self, model: &Model<D>, points: &Points<D>) {
         let mut has_points = vec![false; model.bodies.len()];
         points.body.iter().for_each(|&body| has_points[body as usize] = true);
+        if !points.ranks.is_alone() {
+            has_points.iter_mut().for_each(|has| *has = points.ranks.any(*has));
+        }
         self.is_there = model.surfaces.iter().map(|surface| has_points[surface.body]).collect();
     }
 
@@ -97,6 +105,15 @@ impl<const D: usize> Surfaces<D> {
     }
 }
 
+/// A surface that no cell with material carries at a place.
+fn lost<const D: usize>(model: &Model<D>, surface: &Surface<D>, position: &[f64; D]) -> BeginError {
+    BeginError::Surface(Box::new(SurfaceLost {
+        surface: surface.name.clone(),
+        body: model.bodies[surface.body].name.clone(),
+        position: position.to_vec(),
+    }))
+}
+
 impl<const D: usize, const N: usize> Term<D, N> for Surfaces<D> {
     fn name(&self) -> &'static str {
         "surfaces"
@@ -110,8 +127,33 @@ impl<const D: usize, const N: usize> Term<D, N> for Surfaces<D> {
         !self.conditions.is_empty() || self.loads.iter().any(|load| load.is_hydrostatic)
     }
 
+    /// The nodes that carry the samples and patches of this rank.
+    fn reach(
+        &mut self,
+        model: &Model<D>,
+        points: &Points<D>,
+        links: &Connectivity<D>,
+    ) -> Result<Vec<u32>, BeginError> {
+        self.find_bodies(model, points);
+        let (grid, mut nodes) = (model.grid.as_ref(), Vec::new());
+        for ((surface, carried), is_there) in model.surfaces.iter().zip(&mut self.carried).zip(&self.is_there)
+        {
+            if *is_there {
+                carried.find(grid, links).map_err(|position| lost(model, surface, &position))?;
+                carried.own_samples().for_each(|sample| nodes.extend(carried.nodes_of(grid, sample)));
+            }
+        }
+        for condition in &self.conditions {
+            if self.is_there[condition.surface()] && model.is_set(condition.number()) {
+                nodes.extend(condition.nodes(grid, &self.carried));
+            }
+        }
+        Ok(nodes)
+    }
+
     fn begin(&mut self, step: &StepContext<D>, points: &Points<D>) -> Result<(), BeginError> {
         let StepContext { model, links, .. } = *step;
+        self.ranks = points.ranks.clone();
         self.find_bodies(model, points);
         for ((surface, carried), is_there) in model.surfaces.iter().zip(&mut self.carried).zip(&self.is_there)
         {
@@ -119,13 +161,7 @@ impl<const D: usize, const N: usize> Term<D, N> for Surfaces<D> {
                 carried.clear();
                 continue;
             }
-            carried.locate(model.grid.as_ref(), links).map_err(|position| {
-                BeginError::Surface(Box::new(SurfaceLost {
-                    surface: surface.name.clone(),
-                    body: model.bodies[surface.body].name.clone(),
-                    position: position.to_vec(),
-                }))
-            })?;
+            carried.locate(model.grid.as_ref(), links).map_err(|position| lost(model, surface, &position))?;
         }
         self.start = vec![[0.0; D]; links.n_active()];
         for load in &mut self.loads {
@@ -183,14 +219,18 @@ impl<const D: usize, const N: usize> Term<D, N> for Surfaces<D> {
 
     fn surface_reactions(&self) -> Vec<SurfaceReaction<D>> {
         let acting = self.conditions.iter().filter(|condition| condition.len() > 0);
-        acting.map(|condition| condition.reaction(&self.carried)).collect()
+        acting.map(|condition| condition.reaction(&self.ranks, &self.carried)).collect()
     }
 
     fn surfaces(&self) -> Vec<SurfaceFields<D>> {
-        self.fields.clone()
+        let of_all = |(fields, carried): (&SurfaceFields<D>, &Carried<D>)| {
+            fields.of_all_ranks(&self.ranks, |sample| carried.is_own(sample))
+        };
+        self.fields.iter().zip(&self.carried).map(of_all).collect()
     }
 
     fn commit(&mut self) {
+        self.carried.iter_mut().for_each(|carried| carried.complete(&self.ranks));
         self.carried.iter_mut().for_each(Carried::commit);
         self.conditions.iter_mut().for_each(Condition::commit);
     }

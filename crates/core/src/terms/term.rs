@@ -1,6 +1,7 @@
 //! The interface between Newton's method and a term of equilibrium.
 
 use crate::assembly::{System, Wanted};
+use crate::basis::Connectivity;
 use crate::model::Model;
 use crate::points::Points;
 use crate::step::{At, Nodal, StepContext};
@@ -43,6 +44,10 @@ pub const FURTHER: usize = 1 << 15;
 /// converged, and [`commit`](Term::commit) once it is in equilibrium. An abandoned step ends without a call: a term must
 /// not change the state that it keeps between steps before [`commit`](Term::commit).
 ///
+/// With several ranks, each has the term and its own points, and adds what these contribute; the sum over ranks follows. All ranks
+/// call the same methods in the same order. Where a term exchanges messages itself, a rank that has found an error must not
+/// return before the others have got theirs.
+///
 /// There are `D` axes and `N` components at each node, of which the first `D` are the displacement.
 pub trait Term<const D: usize, const N: usize = D>: Send {
     /// Name in errors and checkpoints.
@@ -55,6 +60,20 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
     /// True if it may hold parts of the bodies that no boundary condition holds. Only the stiffness shows if it does.
     fn may_hold(&self) -> bool {
         false
+    }
+
+    /// Grid nodes that it needs on this rank beyond those that `links` have; called before [`begin`](Term::begin), and only with
+    /// several ranks, on all of them.
+    ///
+    /// # Errors
+    /// [`BeginError`].
+    fn reach(
+        &mut self,
+        _model: &Model<D>,
+        _points: &Points<D>,
+        _links: &Connectivity<D>,
+    ) -> Result<Vec<u32>, BeginError> {
+        Ok(Vec::new())
     }
 
     /// Begins a step, from the converged state of the points.

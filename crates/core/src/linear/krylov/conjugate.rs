@@ -1,7 +1,7 @@
 //! Preconditioned conjugate gradients (Hestenes and Stiefel, 1952).
 
 use crate::linear::LinearError;
-use crate::linear::reduction::{add, dot};
+use crate::linear::reduction::{Reduction, add};
 
 /// Most iterations of either method.
 pub(super) const MOST: usize = 300;
@@ -33,9 +33,11 @@ pub(super) struct ConjugateGradients<const N: usize> {
 }
 
 impl<const N: usize> ConjugateGradients<N> {
-    /// Solves A x = b to a residual of `tolerance` relative to b; returns the number of iterations.
+    /// Solves A x = b to a residual of `tolerance` relative to b; returns the number of iterations. All fields are complete, and
+    /// `over` adds up over their nodes.
     pub(super) fn solve(
         &mut self,
+        over: Reduction,
         multiply: &mut impl FnMut(&[[f64; N]], &mut [[f64; N]]),
         precondition: &mut impl FnMut(&[[f64; N]], &mut [[f64; N]]) -> Result<(), LinearError>,
         b: &[[f64; N]],
@@ -49,7 +51,7 @@ impl<const N: usize> ConjugateGradients<N> {
         }
         x.fill([0.0; N]);
         r.copy_from_slice(b);
-        let size = dot(r, r).sqrt();
+        let size = over.dot(r, r).sqrt();
         let mut rz_before = 0.0;
         let mut norm = size;
         for iteration in 0..=MOST {
@@ -60,7 +62,7 @@ impl<const N: usize> ConjugateGradients<N> {
                 break;
             }
             precondition(r, z)?;
-            let rz = dot(r, z);
+            let rz = over.dot(r, z);
             if rz.is_nan() || rz <= 0.0 {
                 return Err(Failure::NotPositiveDefinite { iterations: iteration });
             }
@@ -68,14 +70,14 @@ impl<const N: usize> ConjugateGradients<N> {
             rz_before = rz;
             combine(p, beta, z);
             multiply(p, q);
-            let curvature = dot(p, q);
+            let curvature = over.dot(p, q);
             if curvature.is_nan() || curvature <= 0.0 {
                 return Err(Failure::NotPositiveDefinite { iterations: iteration + 1 });
             }
             let alpha = rz / curvature;
             add(x, alpha, p);
             add(r, -alpha, q);
-            norm = dot(r, r).sqrt();
+            norm = over.dot(r, r).sqrt();
         }
         Err(LinearError::NotConverged { iterations: MOST, residual: norm / size }.into())
     }

@@ -1,7 +1,7 @@
 //! Generalised minimal residuals (Saad and Schultz, 1986), preconditioned from the right and restarted.
 
 use crate::linear::LinearError;
-use crate::linear::reduction::{add, dot};
+use crate::linear::reduction::{Reduction, add};
 
 use super::conjugate::MOST;
 
@@ -19,12 +19,13 @@ pub(super) struct Gmres<const N: usize> {
 
 impl<const N: usize> Gmres<N> {
     /// Solves A x = b to a residual of `tolerance` relative to b; returns the number of iterations. Preconditioned from
-    /// the right, so that the residual is that of the equations.
+    /// the right, so that the residual is that of the equations. All fields are complete, and `over` adds up over their nodes.
     ///
     /// # Errors
     /// [`LinearError::NotConverged`]; errors of the preconditioner.
     pub(super) fn solve(
         &mut self,
+        over: Reduction,
         multiply: &mut impl FnMut(&[[f64; N]], &mut [[f64; N]]),
         precondition: &mut impl FnMut(&[[f64; N]], &mut [[f64; N]]) -> Result<(), LinearError>,
         b: &[[f64; N]],
@@ -36,12 +37,12 @@ impl<const N: usize> Gmres<N> {
         preconditioned.resize(b.len(), [0.0; N]);
         basis.iter_mut().for_each(|vector| vector.resize(b.len(), [0.0; N]));
         x.fill([0.0; N]);
-        let size = dot(b, b).sqrt();
+        let size = over.dot(b, b).sqrt();
         let mut iterations = 0;
         loop {
             multiply(x, work);
             work.iter_mut().zip(b).for_each(|(r, b)| *r = std::array::from_fn(|d| b[d] - r[d]));
-            let norm = dot(work, work).sqrt();
+            let norm = over.dot(work, work).sqrt();
             if norm <= tolerance * size {
                 return Ok(iterations);
             }
@@ -60,11 +61,11 @@ impl<const N: usize> Gmres<N> {
                 iterations += 1;
                 let mut column = Vec::with_capacity(j + 2);
                 for vector in &basis[..=j] {
-                    let along = dot(work, vector);
+                    let along = over.dot(work, vector);
                     add(work, -along, vector);
                     column.push(along);
                 }
-                let rest = dot(work, work).sqrt();
+                let rest = over.dot(work, work).sqrt();
                 column.push(rest);
                 if column.iter().any(|entry| !entry.is_finite()) {
                     return Err(LinearError::NotConverged { iterations, residual: norm / size });

@@ -170,8 +170,9 @@ pub(super) struct Search<'a, const D: usize> {
 /// A place near a tool.
 #[derive(Debug, Clone)]
 pub(super) struct Near<const D: usize> {
-    /// The point to whose domain it belongs.
-    pub(super) p: usize,
+    /// The point to whose domain it belongs; `None` if another rank has it.
+    pub(super) p: Option<usize>,
+    pub(super) body: usize,
     pub(super) key: Key,
     pub(super) start: [f64; D],
     /// Size of its cell, [length].
@@ -209,12 +210,26 @@ impl<const D: usize> Search<'_, D> {
         self.model.materials.iter().map(|m| 4.0 * shear_modulus_at_rest(m.law.as_ref())).collect()
     }
 
-    /// The candidate of a place. Its penalty follows from the stiffness of a cell below its area.
-    pub(super) fn candidate(&self, place: Near<D>, moduli: &[f64]) -> Candidate<D> {
+    /// The candidate of a place, unless it bears nothing or belongs to another rank. Its penalty follows from the stiffness of a
+    /// cell below its area.
+    pub(super) fn candidate(&self, place: Near<D>, moduli: &[f64]) -> Option<Candidate<D>> {
         let Search { model, points, .. } = *self;
-        let Near { p, key, start, size, closest: near, is_flat, area, area_of_corner, shared_by } = place;
+        // Corners of domains that are flat along the tool bear nothing.
+        let bears = place.area.max(place.area_of_corner) > 0.0;
+        let Near {
+            p,
+            body: number,
+            key,
+            start,
+            size,
+            closest: near,
+            is_flat,
+            area,
+            area_of_corner,
+            shared_by,
+        } = place;
+        let p = p.filter(|_| bears)?;
         let area = if area == 0.0 { area_of_corner } else { area };
-        let number = points.body[p] as usize;
         let body = &model.bodies[number];
         let basis = if key.corner == CENTRE {
             self.basis_of_point(p)
@@ -227,7 +242,7 @@ impl<const D: usize> Search<'_, D> {
         let of_cell = size.powi(D as i32 - 1) * model.depth(&in_cell);
         let of_cell_below = moduli[body.material] / size;
         let of_area = model.tools[key.tool as usize].control.penalty * of_cell_below;
-        Candidate {
+        Some(Candidate {
             key,
             body: number,
             start,
@@ -242,7 +257,7 @@ impl<const D: usize> Search<'_, D> {
             near,
             allowance: 0.0,
             shared_by,
-        }
+        })
     }
 
     /// The active nodes that move a point, and S_vp.
@@ -259,7 +274,8 @@ impl<const D: usize> Search<'_, D> {
         carriers
     }
 
-    /// The active nodes that move a corner, and N_v there.
+    /// The active nodes that move a corner, and N_v there. A domain touches the cells that are tried, so that each rank has the
+    /// nodes of its own points.
     fn basis(&self, corner: &[f64; D], x: &[f64; D], cell: u32, method: Method) -> Carriers {
         let grid = self.model.grid.as_ref();
         let towards = minus(x, corner);

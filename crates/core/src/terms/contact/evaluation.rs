@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::candidates::{Candidate, OTHER_SIDE, TOUCHING};
 use super::error::ContactError;
 use super::interface::{Approach, Law, Multiplier, Touch};
-use super::motion::{Moving, farthest, in_space};
+use super::motion::{Moving, in_space};
 use crate::assembly::{System, Wanted};
 use crate::model::Model;
 use crate::points::PIECE;
@@ -39,6 +39,8 @@ pub(super) struct Trials<'a, const D: usize, const N: usize> {
     pub(super) model: &'a Model<D>,
     pub(super) tools: &'a [Moving<D>],
     pub(super) delta_d: &'a [[f64; N]],
+    /// The largest displacement of a node, [length].
+    pub(super) farthest: f64,
     /// True at the start of the iterations, where no node has moved yet.
     pub(super) at_rest: bool,
 }
@@ -55,12 +57,11 @@ impl<const D: usize, const N: usize> Trials<'_, D, N> {
         has_touched: &[bool],
         trials: &mut Vec<Trial<D>>,
     ) -> Result<(), ContactError> {
-        let farthest = farthest::<D, N>(self.delta_d);
         let of_tools: Vec<f64> =
             self.tools.iter().map(|moving| moving.translation().unwrap_or(f64::INFINITY)).collect();
         let of_candidate = |k: usize| {
             let candidate = &candidates[k];
-            let motion = candidate.reach * farthest + of_tools[candidate.key.tool as usize];
+            let motion = candidate.reach * self.farthest + of_tools[candidate.key.tool as usize];
             if multipliers[k].normal == 0.0 && candidate.is_beyond(motion) {
                 return Trial::open(candidate.start, [0.0; D]);
             }
@@ -133,16 +134,18 @@ pub(super) fn first_unknowns<const D: usize>(tools: &[Moving<D>]) -> Vec<usize> 
     tools.iter().scan(0, first).collect()
 }
 
-/// Adds the forces of places on the nodes and on the tools, with their derivatives if wanted.
+/// Adds the forces of places on the nodes and on the tools, with their derivatives if wanted. `holds` tells which tools a place
+/// holds that does not slide.
 pub(super) fn add<const D: usize, const N: usize>(
     tools: &[Moving<D>],
     pairs: &[(&Candidate<D>, &Trial<D>)],
+    holds: &[bool],
     wanted: Wanted,
     sum: &mut System<N>,
 ) {
     let first = first_unknowns(tools);
     if wanted == Wanted::Stiffness {
-        support_sliding(tools, pairs, &first, sum);
+        support_sliding(tools, pairs, (&first, holds), sum);
     }
     // Neighbours have the same nodes: their blocks are sought once.
     let mut last: Option<(&Candidate<D>, Vec<Option<usize>>)> = None;
@@ -176,17 +179,12 @@ pub(super) fn add<const D: usize, const N: usize>(
 fn support_sliding<const D: usize, const N: usize>(
     tools: &[Moving<D>],
     pairs: &[(&Candidate<D>, &Trial<D>)],
-    first: &[usize],
+    (first, holds): (&[usize], &[bool]),
     sum: &mut System<N>,
 ) {
-    let mut holds = vec![false; tools.len()];
-    let touching = || {
-        let touching =
-            pairs.iter().filter_map(|pair| Some((pair.0, pair.1.touch.as_deref()?, &pair.1.position)));
-        touching.map(|(candidate, touch, x)| (candidate, touch, x, candidate.key.tool as usize))
-    };
-    touching().for_each(|(_, touch, _, tool)| holds[tool] |= !touch.slides_with_friction());
-    for (candidate, touch, x, tool) in touching().filter(|(.., tool)| !holds[*tool]) {
+    let touching = pairs.iter().filter_map(|pair| Some((pair.0, pair.1.touch.as_deref()?, &pair.1.position)));
+    let touching = touching.map(|(candidate, touch, x)| (candidate, touch, x, candidate.key.tool as usize));
+    for (candidate, touch, x, tool) in touching.filter(|(.., tool)| !holds[*tool]) {
         let moving = &tools[tool];
         for (j, &k) in moving.free.iter().enumerate().filter(|(j, _)| !moving.follows[*j]) {
             let (v, _) = moving.velocity(k, x);
@@ -297,12 +295,13 @@ impl<const D: usize> Balance<'_, D> {
 }
 
 /// Adds the loads of free tools to their balance, and the equations of tools that follow the load factor. `globals` are the
-/// increments of the global unknowns.
+/// increments of the global unknowns. Of several ranks, the first adds them.
 pub(super) fn add_loads<const D: usize, const N: usize>(
     model: &Model<D>,
     moving: &[Moving<D>],
     (time, factor): (f64, f64),
     globals: &[f64],
+    is_first: bool,
     sum: &mut System<N>,
 ) {
     let stepping = &model.stepping;
@@ -311,6 +310,13 @@ pub(super) fn add_loads<const D: usize, const N: usize>(
         let component =
             |k: usize, (force, moment): ([f64; D], [f64; 3])| if k < D { force[k] } else { moment[k - D] };
         for (&k, &follows) in moving.free.iter().zip(&moving.follows) {
+            if !follows {
+                sum.border.count_as_work(number);
+            }
+            if !is_first {
+                number += 1;
+                continue;
+            }
             if follows {
                 let [by, per_factor, size] = moving.driven(tool, k, stepping, [time, factor]);
                 let increment = globals.get(number).copied().unwrap_or(0.0);
@@ -321,7 +327,6 @@ pub(super) fn add_loads<const D: usize, const N: usize>(
                 let load = component(k, tool.load_at(|curve| curve.factor_of_tool(stepping, time, factor)));
                 let per_factor = component(k, tool.load_at(|curve| curve.factor_per_unknown(stepping)));
                 sum.border.add_residual(number, -load, load.abs());
-                sum.border.count_as_work(number);
                 sum.border.add_per_factor(number, -per_factor);
             }
             number += 1;

@@ -3,16 +3,20 @@
 use rustc_hash::FxHashMap;
 
 use super::Contact;
+use super::agreement::{Failure, any_of_each};
 use super::allowance::allowance;
 use super::candidates::{self, Candidate, Key, Search};
-use super::error::ContactError;
 use super::interface::{Law, Multiplier};
-use super::motion::{Moving, farthest};
+use super::motion::Moving;
 use super::multipliers::Kept;
+use super::plain::of_all_ranks;
 use crate::basis::Method;
 use crate::model::Model;
 use crate::points::Points;
-use crate::step::{At, StepContext};
+use crate::step::StepContext;
+
+/// The multipliers of a place that was awake, now and before the last increment, and its penalty, [force/length].
+type Awake<const D: usize> = ([Multiplier<D>; 2], f64);
 
 /// Distance from a flat surface beyond which places sleep, in cells, and in motions of the tool in the step.
 const AWAKE: f64 = 0.1;
@@ -27,14 +31,16 @@ impl<const D: usize> Contact<D> {
     }
 
     /// Finds the places of a step and their multipliers.
-    pub(super) fn find(&mut self, step: &StepContext<D>, points: &Points<D>) -> Result<(), ContactError> {
+    pub(super) fn find(&mut self, step: &StepContext<D>, points: &Points<D>) -> Result<(), Failure> {
+        self.halo = step.links.halo().clone();
         for (moving, tool) in self.tools.iter_mut().zip(&step.model.tools) {
             moving.begin(tool, step.model, step.step, step.factor)?;
         }
         self.is_there.fill(false);
         points.body.iter().for_each(|&body| self.is_there[body as usize] = true);
+        any_of_each(self.halo.ranks(), &mut self.is_there);
         let sizes = points.cell.iter().map(|&cell| step.model.grid.size(cell as usize));
-        self.smallest = sizes.fold(f64::INFINITY, f64::min);
+        self.smallest = self.halo.ranks().smallest(sizes.fold(f64::INFINITY, f64::min));
         let nearest = AWAKE * self.smallest;
         let awake = |moving: &Moving<D>| moving.translation().map(|u| nearest.max(AWAKE_AFTER * u));
         self.awake = self.tools.iter().map(|moving| awake(moving).unwrap_or(f64::INFINITY)).collect();
@@ -50,7 +56,7 @@ impl<const D: usize> Contact<D> {
     }
 
     /// Finds the places that are awake, with what they have kept.
-    fn find_places(&mut self, step: &StepContext<D>, points: &Points<D>) -> Result<(), ContactError> {
+    fn find_places(&mut self, step: &StepContext<D>, points: &Points<D>) -> Result<(), Failure> {
         let (mut pieces, mut candidates) =
             (std::mem::take(&mut self.pieces), std::mem::take(&mut self.candidates));
         let found = self.search(step, points).run(&mut pieces, &mut candidates);
@@ -74,15 +80,15 @@ impl<const D: usize> Contact<D> {
         Ok(())
     }
 
-    /// Wakes the sleeping places if nodes have moved so far that one may touch.
-    pub(super) fn wake<const N: usize>(
+    /// Wakes the sleeping places if nodes, none of which has moved farther than `farthest`, [length], may have let one touch.
+    pub(super) fn wake(
         &mut self,
         step: &StepContext<D>,
         points: &Points<D>,
-        at: At<N>,
-    ) -> Result<(), ContactError> {
+        farthest: f64,
+    ) -> Result<(), Failure> {
         // A basis that is continued beyond its cell by half of its width at most multiplies the motion by this factor.
-        let most = (1 << D) as f64 * farthest::<D, N>(at.delta_d);
+        let most = (1 << D) as f64 * farthest;
         let sleeps_on = |(moving, awake): (&Moving<D>, &f64)| {
             *awake == f64::INFINITY || moving.translation().is_some_and(|of_tool| most + of_tool <= *awake)
         };
@@ -90,21 +96,23 @@ impl<const D: usize> Contact<D> {
             return Ok(());
         }
         self.awake.fill(f64::INFINITY);
-        let known: FxHashMap<Key, usize> =
-            self.candidates.iter().enumerate().map(|(k, candidate)| (candidate.key, k)).collect();
-        let penalties: Vec<f64> = self.candidates.iter().map(|candidate| candidate.penalty).collect();
-        self.find_places(step, points)?;
-        let number = |candidate: &Candidate<D>| known.get(&candidate.key).copied();
-        for candidate in &mut self.candidates {
-            if let Some(k) = number(candidate) {
-                candidate.penalty = candidate.penalty.max(penalties[k]);
-            }
-        }
-        let all = |old: &[Multiplier<D>]| -> Vec<Multiplier<D>> {
-            let of_old = |candidate: &Candidate<D>| number(candidate).and_then(|k| old.get(k).copied());
-            self.candidates.iter().map(|candidate| of_old(candidate).unwrap_or_default()).collect()
+        let awake = |(k, candidate): (usize, &Candidate<D>)| {
+            let of = |all: &[Multiplier<D>]| all.get(k).copied().unwrap_or_default();
+            (candidate.key, [of(&self.multipliers), of(&self.before_increment)], candidate.penalty)
         };
-        let (multipliers, before) = (all(&self.multipliers), all(&self.before_increment));
+        let awake = self.candidates.iter().enumerate().map(awake).collect();
+        // A place that a sleeping domain joins may become one of another rank.
+        let known: FxHashMap<Key, Awake<D>> = (of_all_ranks(self.halo.ranks(), awake).into_iter())
+            .map(|(key, multipliers, penalty)| (key, (multipliers, penalty)))
+            .collect();
+        self.find_places(step, points)?;
+        let (mut multipliers, mut before) = (Vec::new(), Vec::new());
+        for candidate in &mut self.candidates {
+            let ([now, then], penalty) = known.get(&candidate.key).copied().unwrap_or_default();
+            candidate.penalty = candidate.penalty.max(penalty);
+            multipliers.push(now);
+            before.push(then);
+        }
         (self.multipliers, self.before_increment) = (multipliers, before);
         self.changes.clear();
         self.has_woken = true;

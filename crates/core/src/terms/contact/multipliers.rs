@@ -2,11 +2,17 @@
 
 use rustc_hash::FxHashMap;
 
+use super::all_ranks::add_others;
 use super::candidates::Candidate;
 use super::evaluation::Trial;
 use super::interface::Multiplier;
 use super::motion::Moving;
+use super::plain::{Plain, of_all_ranks, of_parts};
+use crate::ranks::Halo;
 use crate::region::vector::{along, norm};
+
+of_parts!([] Worst, { tool, named, rank, size, place, mean, overlap, slip });
+of_parts!([const D: usize] Kept<D>, { multiplier, motion });
 
 /// Largest error of a single place, relative to the size of a cell, [-]. Places may touch that hinder each other: a cell has
 /// freedom for two on an edge, and the domains of GIMP points leave gaps of this order at the start of a step. Only the mean
@@ -39,10 +45,12 @@ pub(super) struct Kept<const D: usize> {
 /// Where forces and multipliers differ most.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Worst {
-    /// Index of the candidate with the largest mean error relative to its tolerance.
-    pub(super) candidate: usize,
-    /// Index of the candidate that an error names.
+    /// The tool of the place with the largest mean error relative to its tolerance.
+    pub(super) tool: usize,
+    /// The place that an error names: its index among the candidates of a rank, that rank, and the size of its cell, [length].
     pub(super) named: usize,
+    pub(super) rank: usize,
+    pub(super) size: f64,
     /// Largest error of a place, and largest of the mean errors around nodes at a place, relative to the size of a cell, [-].
     pub(super) place: f64,
     pub(super) mean: f64,
@@ -103,7 +111,7 @@ struct NodeNumbers {
     /// For each place, where its numbers begin in `numbers`; neighbours with the same nodes share them.
     first: Vec<usize>,
     numbers: Vec<usize>,
-    n: usize,
+    known: FxHashMap<(u32, usize), usize>,
 }
 
 impl NodeNumbers {
@@ -127,7 +135,14 @@ impl NodeNumbers {
             first.push(begin);
             last = Some((place, begin));
         }
-        NodeNumbers { first, numbers, n: known.len() }
+        NodeNumbers { first, numbers, known }
+    }
+
+    /// The pairs, in the order of their numbers.
+    fn pairs(&self) -> Vec<(u32, usize)> {
+        let mut pairs = vec![(0, 0); self.known.len()];
+        self.known.iter().for_each(|(pair, number)| pairs[*number] = *pair);
+        pairs
     }
 
     /// The numbers of the nodes of a place, in their order, and of those of later places.
@@ -136,7 +151,7 @@ impl NodeNumbers {
     }
 }
 
-/// The largest errors; `None` if no multiplier would change.
+/// The largest errors on all ranks; `None` if no multiplier would change.
 ///
 /// An update changes the force of a place by ε e. The nodes see ē = Σ N_v ē_v at the place, with their means
 /// ē_v = Σ N_v ε e/Σ N_v ε over the places around them. Both |e| and |ē| must be small.
@@ -144,13 +159,14 @@ pub(super) fn worst<const D: usize>(
     candidates: &[Candidate<D>],
     changes: &[Option<Change<D>>],
     tolerances: &[f64],
+    halo: &Halo,
 ) -> Option<Worst> {
     let changing = || {
         let all = candidates.iter().zip(changes).enumerate();
         all.filter_map(|(k, (candidate, change))| Some((k, candidate, change.as_ref()?)))
     };
     let numbers = NodeNumbers::new(changing().map(|(_, candidate, _)| candidate));
-    let mut of_nodes = vec![([0.0; D], 0.0); numbers.n];
+    let mut of_nodes = vec![([0.0; D], 0.0); numbers.known.len()];
     for (i, (_, candidate, change)) in changing().enumerate() {
         for ((_, value), &node) in candidate.basis.iter().zip(numbers.of_place(i)) {
             let weight = value.abs() * candidate.penalty;
@@ -159,6 +175,10 @@ pub(super) fn worst<const D: usize>(
             *total += weight;
         }
     }
+    if !halo.ranks().is_alone() {
+        let number = |tool, node| numbers.known.get(&(tool, node)).copied();
+        add_others(halo, &mut of_nodes, &numbers.pairs(), number);
+    }
     let seen_by_nodes = |i: usize, candidate: &Candidate<D>| {
         let nodes = candidate.basis.iter().zip(numbers.of_place(i));
         nodes.fold([0.0; D], |seen, ((_, value), &node)| match &of_nodes[node] {
@@ -166,35 +186,51 @@ pub(super) fn worst<const D: usize>(
             _ => seen,
         })
     };
-    let tolerance = |k: usize| tolerances[candidates[k].key.tool as usize];
-    // The largest mean error relative to its tolerance, and the largest error of a place.
-    let (mut of_means, mut of_places): (Option<Worst>, Option<Worst>) = (None, None);
+    let mut largest = Largest { tolerances, of_means: None, of_places: None };
     for (i, (k, candidate, change)) in changing().enumerate() {
-        let now = Worst {
-            candidate: k,
-            named: k,
-            place: change.size() / candidate.size,
-            mean: norm(&seen_by_nodes(i, candidate)) / candidate.size,
-            overlap: change.overlap,
-            slip: change.slip,
-        };
-        let exceeds = |other: Worst| now.mean / tolerance(k) > other.mean / tolerance(other.candidate);
-        if of_means.is_none_or(exceeds) {
-            of_means = Some(now);
+        largest.include(
+            [Worst {
+                tool: candidate.key.tool as usize,
+                named: k,
+                rank: halo.ranks().own(),
+                size: candidate.size,
+                place: change.size() / candidate.size,
+                mean: norm(&seen_by_nodes(i, candidate)) / candidate.size,
+                overlap: change.overlap,
+                slip: change.slip,
+            }; 2],
+        );
+    }
+    let own: Vec<[Worst; 2]> = largest.both().into_iter().collect();
+    let mut largest = Largest { tolerances, of_means: None, of_places: None };
+    of_all_ranks(halo.ranks(), own).into_iter().for_each(|of_rank| largest.include(of_rank));
+    let [of_means, of_places] = largest.both()?;
+    let named = if of_places.place > MOST_OF_PLACE { of_places } else { of_means };
+    Some(Worst { tool: of_means.tool, place: of_places.place, mean: of_means.mean, ..named })
+}
+
+/// The place with the largest mean error relative to its tolerance, and that with the largest error of its own.
+struct Largest<'a> {
+    tolerances: &'a [f64],
+    of_means: Option<Worst>,
+    of_places: Option<Worst>,
+}
+
+impl Largest<'_> {
+    /// Includes further places: one for the mean error, and one for its own.
+    fn include(&mut self, [of_means, of_places]: [Worst; 2]) {
+        let relative = |worst: &Worst| worst.mean / self.tolerances[worst.tool];
+        if self.of_means.is_none_or(|other| relative(&of_means) > relative(&other)) {
+            self.of_means = Some(of_means);
         }
-        if of_places.is_none_or(|other| now.place > other.place) {
-            of_places = Some(now);
+        if self.of_places.is_none_or(|other| of_places.place > other.place) {
+            self.of_places = Some(of_places);
         }
     }
-    let (of_means, of_places) = (of_means?, of_places?);
-    let named = if of_places.place > MOST_OF_PLACE { of_places } else { of_means };
-    Some(Worst {
-        candidate: of_means.candidate,
-        named: named.candidate,
-        place: of_places.place,
-        mean: of_means.mean,
-        ..named
-    })
+
+    fn both(&self) -> Option<[Worst; 2]> {
+        Some([self.of_means?, self.of_places?])
+    }
 }
 
 impl Worst {

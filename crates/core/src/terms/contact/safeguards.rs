@@ -3,9 +3,11 @@
 use rustc_hash::FxHashMap;
 
 use super::Contact;
+use super::agreement::{Failure, agreed};
 use super::candidates::{self, Candidate, missed, named};
 use super::error::{ContactError, ContactPlace};
 use super::evaluation::Trial;
+use super::plain::of_all_ranks;
 use crate::model::{Model, Tool};
 use crate::points::Points;
 use crate::region::vector::{along, dot, minus, norm};
@@ -19,6 +21,13 @@ const APART: f64 = 1e-3;
 /// thinner than twice this is no obstacle.
 const GRAZING: f64 = 5e-3;
 
+/// For each tool and permanent number of a point near it, the place at the position of the point, [length].
+type Centres<const D: usize> = FxHashMap<(u32, u32), [f64; D]>;
+
+fn is_centre<const D: usize>(candidate: &Candidate<D>) -> bool {
+    candidate.key.corner == candidates::CENTRE
+}
+
 impl<const D: usize> Contact<D> {
     /// Checks how far places have moved relative to the tools in a step whose iterations have converged.
     pub(super) fn check_motion<const N: usize>(
@@ -26,6 +35,18 @@ impl<const D: usize> Contact<D> {
         step: &StepContext<D>,
         points: &Points<D>,
         at: At<N>,
+    ) -> Result<(), Failure> {
+        let centres = self.centres();
+        agreed(self.halo.ranks(), self.check_own_motion(step, points, at, &centres))
+    }
+
+    /// The same for the places of this rank.
+    fn check_own_motion<const N: usize>(
+        &self,
+        step: &StepContext<D>,
+        points: &Points<D>,
+        at: At<N>,
+        centres: &Centres<D>,
     ) -> Result<(), ContactError> {
         let model = step.model;
         for (candidate, Trial { position, slip, touch, .. }) in self.candidates.iter().zip(&self.trials) {
@@ -53,7 +74,7 @@ impl<const D: usize> Contact<D> {
                 }
             }
         }
-        if let Some(place) = self.between(model) {
+        if let Some(place) = self.between(model, centres) {
             return Err(ContactError::Between { place });
         }
         if let Some((number, p)) = missed(&self.search(step, points), at.delta_d) {
@@ -64,14 +85,36 @@ impl<const D: usize> Contact<D> {
         Ok(())
     }
 
-    /// A corner of a domain from whose centre a part of a tool parts it at the last evaluation.
-    fn between(&self, model: &Model<D>) -> Option<ContactPlace> {
-        let places = || self.candidates.iter().zip(&self.trials);
-        let is_centre = |candidate: &Candidate<D>| candidate.key.corner == candidates::CENTRE;
-        let centres: FxHashMap<(u32, u32), [f64; D]> = places()
+    /// The places at the positions of points that this rank needs, at the last evaluation.
+    fn centres(&self) -> Centres<D> {
+        let centres = (self.candidates.iter().zip(&self.trials))
             .filter(|(candidate, _)| is_centre(candidate))
-            .map(|(candidate, trial)| ((candidate.key.tool, candidate.key.point), trial.position))
+            .map(|(candidate, trial)| ((candidate.key.tool, candidate.key.point), trial.position));
+        let mut centres: Centres<D> = centres.collect();
+        let ranks = self.halo.ranks();
+        if ranks.is_alone() {
+            return centres;
+        }
+        // Corners that domains of other ranks share.
+        let shared = self.candidates.iter().filter(|candidate| !candidate.shared_by.is_empty());
+        let mut wanted: Vec<(u32, u32)> = shared
+            .flat_map(|candidate| {
+                let points = candidate.shared_by.iter().chain([&candidate.key.point]);
+                points.map(|point| (candidate.key.tool, *point))
+            })
+            .filter(|of| !centres.contains_key(of))
             .collect();
+        wanted.sort_unstable();
+        wanted.dedup();
+        let known = of_all_ranks(ranks, wanted).into_iter().filter_map(|of| Some((of, *centres.get(&of)?)));
+        let known: Vec<((u32, u32), [f64; D])> = known.collect();
+        centres.extend(of_all_ranks(ranks, known));
+        centres
+    }
+
+    /// A corner of a domain from whose centre a part of a tool parts it at the last evaluation.
+    fn between(&self, model: &Model<D>, centres: &Centres<D>) -> Option<ContactPlace> {
+        let mut places = self.candidates.iter().zip(&self.trials);
         let parts = |candidate: &Candidate<D>, corner: &[f64; D], point: u32| {
             let number = candidate.key.tool;
             let Some(centre) = centres.get(&(number, point)) else { return false };
@@ -86,17 +129,19 @@ impl<const D: usize> Contact<D> {
             let mut points = candidate.shared_by.iter().chain([&candidate.key.point]);
             !is_centre(candidate) && points.any(|point| parts(candidate, &trial.position, *point))
         };
-        places().find(parted).map(|(candidate, _)| candidate.place(model))
+        places.find(parted).map(|(candidate, _)| candidate.place(model))
     }
 
-    /// Checks that every tool with free components touches a body.
-    pub(super) fn check_that_free_tools_touch(&self, model: &Model<D>) -> Result<(), ContactError> {
-        let mut touches = vec![false; self.tools.len()];
-        self.touching().for_each(|(_, candidate, _, _)| touches[candidate.key.tool as usize] = true);
+    /// Checks that every tool with free components touches a body. `touches` tells which tools do.
+    pub(super) fn check_that_free_tools_touch(
+        &self,
+        model: &Model<D>,
+        touches: &[bool],
+    ) -> Result<(), ContactError> {
         for ((moving, touches), tool) in self.tools.iter().zip(touches).zip(&model.tools) {
             let mut unknowns = moving.free.iter().zip(&moving.follows);
             let free = unknowns.find(|(_, follows)| !**follows).map(|(k, _)| *k);
-            if let (Some(k), false) = (free, touches) {
+            if let (Some(k), false) = (free, *touches) {
                 let component = Tool::<D>::component_name(k);
                 return Err(ContactError::Loose { tool: tool.name.clone(), component });
             }

@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
+use super::agreement::{Failure, agreed};
 use super::candidates::{CENTRE, Candidate, Key, Near, Search, TOUCHING, corners_of, named, radius_of};
 use super::error::ContactError;
 use super::motion::in_space;
@@ -43,7 +44,7 @@ pub(super) struct Far<const D: usize> {
 /// What the search has found in a piece of the points.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Found<const D: usize> {
-    places: Vec<Near<D>>,
+    pub(super) places: Vec<Near<D>>,
     candidates: Vec<Candidate<D>>,
     error: Option<ContactError>,
     /// For each tool.
@@ -54,12 +55,12 @@ impl<const D: usize> Search<'_, D> {
     /// Finds the candidates, in the order of the points.
     ///
     /// # Errors
-    /// [`ContactError::Overlap`] for a body that begins inside a tool.
+    /// [`ContactError::Overlap`] for a body that begins inside a tool; on all ranks if one has such a body.
     pub(super) fn run(
         &self,
         pieces: &mut Vec<Found<D>>,
         candidates: &mut Vec<Candidate<D>>,
-    ) -> Result<(), ContactError> {
+    ) -> Result<(), Failure> {
         pieces.resize_with(self.points.len().div_ceil(PIECE), Found::default);
         let in_piece = |(piece, found): (usize, &mut Found<D>)| {
             let points = piece * PIECE..((piece + 1) * PIECE).min(self.points.len());
@@ -70,16 +71,14 @@ impl<const D: usize> Search<'_, D> {
             found.error = near.find_map(Result::err);
         };
         pieces.par_iter_mut().enumerate().for_each(in_piece);
-        if let Some(error) = pieces.iter_mut().find_map(|found| found.error.take()) {
-            return Err(error);
-        }
+        let error = pieces.iter_mut().find_map(|found| found.error.take());
+        agreed(self.ranks(), error.map_or(Ok(()), Err))?;
         self.join_shared(pieces);
         let moduli = self.moduli();
-        // Corners of domains that are flat along the tool bear nothing.
-        let bears = |place: &Near<D>| place.area.max(place.area_of_corner) > 0.0;
         let link = |found: &mut Found<D>| {
-            let places = found.places.drain(..).filter(bears);
-            found.candidates.extend(places.map(|place| self.candidate(place, &moduli)));
+            found
+                .candidates
+                .extend(found.places.drain(..).filter_map(|place| self.candidate(place, &moduli)));
         };
         pieces.par_iter_mut().for_each(link);
         candidates.clear();
@@ -183,7 +182,8 @@ impl<const D: usize> Search<'_, D> {
         };
         let depth = model.depth(x);
         found.push(Near {
-            p,
+            p: Some(p),
+            body: number,
             key: Key { tool: tool as u32, point: points.id[p], corner: corner as u32 },
             start,
             size,
@@ -197,14 +197,17 @@ impl<const D: usize> Search<'_, D> {
     }
 
     /// Joins the corners that domains share; the first of them keeps what the others bear.
-    fn join_shared(&self, pieces: &mut [Found<D>]) {
+    fn join_shared(&self, pieces: &mut Vec<Found<D>>) {
         let is_shared = |body: usize| self.model.bodies[body].method == Method::Cpdi2;
         if !self.model.bodies.iter().any(|body| body.method == Method::Cpdi2) {
             return;
         }
         // Cells of different size share corners, too.
         let places = pieces.iter().flat_map(|found| &found.places);
-        let size = places.map(|place| place.size).fold(f64::INFINITY, f64::min);
+        let size = self.ranks().smallest(places.map(|place| place.size).fold(f64::INFINITY, f64::min));
+        if !self.ranks().is_alone() {
+            self.add_others(pieces, is_shared);
+        }
         let width = 1e3 * SHARED * size;
         let lattice = |x: &[f64; D]| x.map(|x| (x / width).floor() as i64);
         // The last entry in each cell of a lattice, and for each entry the place and the entry before it in the same cell.
@@ -213,7 +216,7 @@ impl<const D: usize> Search<'_, D> {
         for piece in 0..pieces.len() {
             for k in 0..pieces[piece].places.len() {
                 let place = &pieces[piece].places[k];
-                let (start, number, tool) = (place.start, self.points.body[place.p] as usize, place.key.tool);
+                let (start, number, tool) = (place.start, place.body, place.key.tool);
                 if !is_shared(number) || place.key.corner == CENTRE {
                     continue;
                 }

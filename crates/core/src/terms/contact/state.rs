@@ -1,7 +1,13 @@
 //! The state of tools and of the places that touch them, for results.
 
 use super::interface::Mode;
+use super::plain::{Plain, of_parts};
 use crate::tool::Pose;
+
+of_parts!([const D: usize] ContactPoint<D>, {
+    body, point, part, position, normal, area, force, pressure, shear, mode
+});
+of_parts!([const D: usize] Touching<D>, { tool, contact, moment, parts, overlap, allowed_overlap, slip });
 
 /// A tool at the end of a step.
 #[derive(Debug, Clone, PartialEq)]
@@ -71,15 +77,27 @@ pub struct ContactPoint<const D: usize> {
     pub mode: Mode,
 }
 
+/// A place that touches a tool.
+pub(super) struct Touching<const D: usize> {
+    pub(super) tool: usize,
+    pub(super) contact: ContactPoint<D>,
+    /// Moment of its force about the reference point, [force·length].
+    pub(super) moment: [f64; 3],
+    /// The named parts that it touches.
+    pub(super) parts: Vec<usize>,
+    /// Overlap, the part of it that the place may keep, and slip if it sticks, [length].
+    pub(super) overlap: f64,
+    pub(super) allowed_overlap: f64,
+    pub(super) slip: f64,
+}
+
 impl<const D: usize> ToolState<D> {
-    /// Adds a place that touches it, which lies on these named parts; `moment` is that of its force about the reference
-    /// point.
-    pub(super) fn add(
-        &mut self,
-        contact: ContactPoint<D>,
-        moment: [f64; 3],
-        parts: impl Iterator<Item = usize>,
-    ) {
+    /// Adds a place that touches it.
+    pub(super) fn add(&mut self, place: Touching<D>) {
+        let Touching { tool: _, contact, moment, parts, overlap, allowed_overlap, slip } = place;
+        self.overlap = self.overlap.max(overlap);
+        self.allowed_overlap = self.allowed_overlap.max(allowed_overlap);
+        self.slip = self.slip.max(slip);
         let ContactPoint { force, .. } = &contact;
         add(&mut self.force, force);
         add(&mut self.moment, &moment);

@@ -18,8 +18,10 @@ use serde_json::{Value, json};
 use crate::assembly::{System, Wanted};
 use crate::dofs::ConstraintError;
 use crate::formula::Formula;
+use crate::grid::Grid;
 use crate::material::axial_modulus_at_rest;
 use crate::model::{Model, NodeSet, OnSurface};
+use crate::ranks::Ranks;
 use crate::step::{At, Nodal, StepContext};
 use crate::surface::{Carried, Surface, SurfaceFields, centre};
 
@@ -44,6 +46,13 @@ struct Patch {
     area: f64,
 }
 
+impl Patch {
+    /// True if this rank treats the patch.
+    fn is_own<const D: usize>(&self, carried: &Carried<D>) -> bool {
+        self.samples.first().is_none_or(|sample| carried.is_own(*sample as usize))
+    }
+}
+
 /// The equation of a multiplier in a step.
 struct Equation<const D: usize> {
     /// Active nodes, ascending, with B, [length].
@@ -52,6 +61,8 @@ struct Equation<const D: usize> {
     gap: f64,
     /// The magnitude that m is compared with.
     scale: f64,
+    /// True if this rank adds it.
+    is_own: bool,
 }
 
 /// A condition on a surface.
@@ -123,6 +134,15 @@ impl<const D: usize> Condition<D> {
         self.on.surface
     }
 
+    /// The grid nodes that carry the patches of this rank, with several ranks.
+    pub(super) fn nodes(&self, grid: &dyn Grid<D>, carried: &[Carried<D>]) -> Vec<u32> {
+        let carried = &carried[self.on.surface];
+        let own = self.patches.iter().filter(|patch| patch.is_own(carried));
+        own.flat_map(|patch| &patch.samples)
+            .flat_map(|sample| carried.nodes_of(grid, *sample as usize))
+            .collect()
+    }
+
     /// Begins a step in which the condition acts if `acts`, and adds the reactions at its start to `start`.
     pub(super) fn begin(
         &mut self,
@@ -154,7 +174,8 @@ impl<const D: usize> Condition<D> {
             for patch in &self.patches {
                 for (function, gap) in patch.functions.iter().zip(&mut gaps) {
                     let mut row: BTreeMap<u32, [f64; D]> = BTreeMap::new();
-                    for (&sample, q) in patch.samples.iter().zip(function) {
+                    let is_own = patch.is_own(carried);
+                    for (&sample, q) in patch.samples.iter().zip(function).filter(|_| is_own) {
                         let d = &directions[sample as usize];
                         carried.for_each_value(sample as usize, |node, value| {
                             let entry = row.entry(node as u32).or_insert([0.0; D]);
@@ -162,7 +183,7 @@ impl<const D: usize> Condition<D> {
                         });
                     }
                     let scale = surface.cell * patch.area.sqrt();
-                    self.equations.push(Equation { row: row.into_iter().collect(), gap, scale });
+                    self.equations.push(Equation { row: row.into_iter().collect(), gap, scale, is_own });
                 }
             }
         }
@@ -251,6 +272,10 @@ impl<const D: usize> Condition<D> {
             let m = equation.gap + equation.row.iter().map(along).sum::<f64>();
             let multiplier = self.converged[k] + at.globals.get(first + k).copied().unwrap_or_default();
             self.trial[k] = multiplier;
+            if !equation.is_own {
+                amounts.push(0.0);
+                continue;
+            }
             let amount = multiplier + self.penalty * m;
             amounts.push(amount);
             let global = first + k;
@@ -291,11 +316,12 @@ impl<const D: usize> Condition<D> {
     }
 
     /// The reaction on the body, with its moment about the mean position of the surface.
-    pub(super) fn reaction(&self, carried: &[Carried<D>]) -> SurfaceReaction<D> {
+    pub(super) fn reaction(&self, ranks: &Ranks, carried: &[Carried<D>]) -> SurfaceReaction<D> {
         let carried = &carried[self.on.surface];
         let places: Vec<[f64; D]> = (0..carried.len()).map(|sample| centre(&carried.facet(sample))).collect();
         let n = places.len().max(1) as f64;
         let about: [f64; D] = std::array::from_fn(|d| places.iter().map(|x| x[d]).sum::<f64>() / n);
+        // The reactions at samples of other ranks are zero here.
         let (mut sum, mut moment) = ([0.0; D], [0.0; 3]);
         for (x, reaction) in places.iter().zip(&self.reaction) {
             let (mut arm, mut force) = ([0.0; 3], [0.0; 3]);
@@ -308,6 +334,8 @@ impl<const D: usize> Condition<D> {
                 *moment += arm[i] * force[j] - arm[j] * force[i];
             }
         }
+        ranks.sum(&mut sum);
+        ranks.sum(&mut moment);
         SurfaceReaction { condition: self.number, force: sum, about, moment }
     }
 

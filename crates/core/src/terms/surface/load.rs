@@ -170,7 +170,7 @@ impl<const D: usize> SurfaceLoad<D> {
         let load = &model.loads[self.number];
         let at = |factor: f64| Values::new(model, load, carried, factor);
         let mut add = |values: &Values<D>, share: f64| {
-            for sample in 0..carried.len() {
+            for sample in carried.own_samples() {
                 let on = values.on_sample(model, sample, &carried.facet(sample));
                 carried.spread(sample, &on.force.map(|f| share * f), start);
             }
@@ -217,7 +217,7 @@ impl<const D: usize> SurfaceLoad<D> {
     ) {
         let mut per_factor = vec![[0.0; D]; if self.per_factor.is_some() { at.delta_d.len() } else { 0 }];
         self.resultant = [0.0; D];
-        for sample in 0..carried.len() {
+        for sample in carried.own_samples() {
             let corners = carried.facet(sample);
             let mut on = self.values.on_sample(model, sample, &corners);
             if let Some(values) = &self.per_factor {

@@ -1,7 +1,7 @@
 //! The symmetric part ½ (K + Kᵀ) of a matrix, from which the preconditioner of the matrix is formed.
 
-use crate::linear::blocks::BlockMatrix;
-use crate::linear::{Block, LinearError};
+use super::blocks::BlockMatrix;
+use super::{Block, LinearError};
 
 /// The lower triangle of the symmetric part.
 pub(super) struct SymmetricPart<const N: usize> {

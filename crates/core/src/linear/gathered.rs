@@ -1,0 +1,316 @@
+//! The direct backend of several ranks without a distributed solver: rank 0 gathers the equations of all and factorises them.
+//!
+//! It needs the memory of all ranks on one of them, and no parallel library.
+
+use std::sync::Arc;
+
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+
+use super::backend::{Backend, Layout, Solved, Stiffness};
+use super::blocks::{Block, BlockMatrix};
+use super::{DirectBackend, LinearError, Named, Numbering};
+use crate::ranks::{Halo, Ranks};
+
+/// Solves by a factorisation on rank 0; alone, by that of the direct backend.
+pub struct Gathered<const D: usize, const N: usize = D> {
+    direct: DirectBackend,
+    whole: Whole<D, N>,
+}
+
+impl<const D: usize, const N: usize> Default for Gathered<D, N> {
+    fn default() -> Self {
+        Gathered::with(None)
+    }
+}
+
+/// The equations of all ranks; empty on all but rank 0.
+struct Whole<const D: usize, const N: usize> {
+    /// Grid nodes, ascending.
+    nodes: Vec<u32>,
+    lattice: Vec<[u32; D]>,
+    numbering: Numbering<N>,
+    column_start: Vec<usize>,
+    row: Vec<u32>,
+    blocks: Vec<Block<N>>,
+    symmetric: bool,
+    of_rank: Vec<OfRank>,
+}
+
+/// The places of the nodes and blocks of a rank among those of all.
+#[derive(Default)]
+struct OfRank {
+    nodes: Vec<u32>,
+    blocks: Vec<usize>,
+}
+
+/// The failures of the direct backend, as rank 0 tells them.
+#[derive(Serialize, Deserialize)]
+enum Told {
+    /// Grid node and component of the unknown, if known.
+    Singular(Option<(u32, usize)>),
+    /// Size of the factor, [byte], if known.
+    OutOfMemory(Option<u64>),
+    Other,
+}
+
+/// The nodes and couplings of a rank.
+#[derive(Serialize, Deserialize)]
+struct Part {
+    nodes: Vec<u32>,
+    lattice: Vec<u32>,
+    is_unknown: Vec<bool>,
+    column_start: Vec<usize>,
+    row: Vec<u32>,
+}
+
+impl<const D: usize, const N: usize> Whole<D, N> {
+    fn nothing() -> Self {
+        Whole {
+            nodes: Vec::new(),
+            lattice: Vec::new(),
+            numbering: Numbering::default(),
+            column_start: vec![0],
+            row: Vec::new(),
+            blocks: Vec::new(),
+            symmetric: true,
+            of_rank: Vec::new(),
+        }
+    }
+
+    fn new(parts: &[Part], symmetric: bool) -> Self {
+        let mut nodes: Vec<u32> = parts.iter().flat_map(|part| &part.nodes).copied().collect();
+        nodes.sort_unstable();
+        nodes.dedup();
+        let mut lattice = vec![[0; D]; nodes.len()];
+        let mut is_unknown = vec![[false; N]; nodes.len()];
+        let place = |node: &u32| nodes.partition_point(|other| other < node) as u32;
+        let mut of_rank: Vec<OfRank> = (parts.iter())
+            .map(|part| OfRank { nodes: part.nodes.iter().map(place).collect(), blocks: Vec::new() })
+            .collect();
+        let mut pairs: Vec<(u32, u32)> = Vec::new();
+        for (part, of_rank) in parts.iter().zip(&of_rank) {
+            for (k, &node) in of_rank.nodes.iter().enumerate() {
+                lattice[node as usize].copy_from_slice(&part.lattice[k * D..][..D]);
+                is_unknown[node as usize].copy_from_slice(&part.is_unknown[k * N..][..N]);
+            }
+            pairs.extend(part.pairs(&of_rank.nodes));
+        }
+        pairs.sort_unstable();
+        pairs.dedup();
+        for (part, of_rank) in parts.iter().zip(&mut of_rank) {
+            let find = |pair| pairs.partition_point(|other| *other < pair);
+            of_rank.blocks = part.pairs(&of_rank.nodes).map(find).collect();
+        }
+        let mut column_start = vec![0; nodes.len() + 1];
+        pairs.iter().for_each(|(column, _)| column_start[*column as usize + 1] += 1);
+        (0..nodes.len()).for_each(|column| column_start[column + 1] += column_start[column]);
+        Whole {
+            numbering: Numbering::new(nodes.len(), |node, component| is_unknown[node][component]),
+            lattice,
+            column_start,
+            blocks: vec![[[0.0; N]; N]; pairs.len()],
+            row: pairs.into_iter().map(|(_, row)| row).collect(),
+            symmetric,
+            of_rank,
+            nodes,
+        }
+    }
+
+    /// Adds up the blocks of all ranks, in their order.
+    fn take(&mut self, blocks: &[Vec<u8>]) {
+        self.blocks.fill([[0.0; N]; N]);
+        for (of_rank, bytes) in self.of_rank.iter().zip(blocks) {
+            let mut values = numbers(bytes);
+            for &place in &of_rank.blocks {
+                for sum in self.blocks[place].as_flattened_mut() {
+                    *sum += values.next().unwrap_or(0.0);
+                }
+            }
+        }
+    }
+
+    /// Calls `work` with the direct backend's view of the equations.
+    fn with<T>(
+        &self,
+        keeps_pattern: bool,
+        lines: [Option<&[f64]>; D],
+        work: impl FnOnce(&Layout<D, N>, BlockMatrix<N>) -> T,
+    ) -> T {
+        let layout = Layout {
+            numbering: &self.numbering,
+            nodes: &self.nodes,
+            lattice: &|node| self.lattice[node],
+            lines,
+            keeps_pattern,
+            halo: &Halo::default(),
+        };
+        let Whole { symmetric, column_start, row, blocks, .. } = self;
+        work(&layout, BlockMatrix { symmetric: *symmetric, column_start, row, blocks })
+    }
+}
+
+impl Part {
+    /// Column and row of each block, given the numbers of the nodes.
+    fn pairs<'a>(&'a self, nodes: &'a [u32]) -> impl Iterator<Item = (u32, u32)> + 'a {
+        (0..nodes.len()).flat_map(move |column| {
+            let rows = &self.row[self.column_start[column]..self.column_start[column + 1]];
+            rows.iter().map(move |row| (nodes[column], nodes[*row as usize]))
+        })
+    }
+}
+
+fn bytes<'a>(numbers: impl Iterator<Item = &'a f64>) -> Vec<u8> {
+    numbers.flat_map(|number| number.to_ne_bytes()).collect()
+}
+
+fn numbers(bytes: &[u8]) -> impl Iterator<Item = f64> {
+    let number = |bytes: &[u8]| f64::from_ne_bytes(bytes.try_into().unwrap_or_default());
+    bytes.chunks_exact(size_of::<f64>()).map(number)
+}
+
+impl<const D: usize, const N: usize> Gathered<D, N> {
+    /// A backend that starts with an analysed pattern.
+    pub fn with(kept: Option<Arc<Named>>) -> Self {
+        Gathered { direct: DirectBackend::with(kept), whole: Whole::nothing() }
+    }
+
+    /// The analysed pattern for later steps.
+    pub fn kept(&self) -> Option<Arc<Named>> {
+        self.direct.kept()
+    }
+
+    /// Gives all ranks the outcome of rank 0; an unknown in an error is one of this rank.
+    fn share<T: Serialize + DeserializeOwned>(
+        &self,
+        layout: &Layout<D, N>,
+        of_root: Option<Result<T, LinearError>>,
+    ) -> Result<T, LinearError> {
+        let told = of_root.map(|outcome| {
+            outcome.map_err(|error| match error {
+                LinearError::Singular { unknown } => Told::Singular(unknown.and_then(|u| self.place_of(u))),
+                LinearError::OutOfMemory { needed } => Told::OutOfMemory(needed),
+                _ => Told::Other,
+            })
+        });
+        layout.halo.ranks().first(told).unwrap_or(Err(Told::Other)).map_err(|told| match told {
+            Told::Singular(place) => {
+                let own = place.and_then(|(node, component)| {
+                    let node = layout.nodes.binary_search(&node).ok()?;
+                    layout.numbering.unknown(node, component)
+                });
+                LinearError::Singular { unknown: own }
+            }
+            Told::OutOfMemory(needed) => LinearError::OutOfMemory { needed },
+            Told::Other => LinearError::Singular { unknown: None },
+        })
+    }
+
+    /// Grid node and component of an unknown of all ranks.
+    fn place_of(&self, unknown: usize) -> Option<(u32, usize)> {
+        let mut place = None;
+        self.whole.numbering.for_each(|node, component, number| {
+            if number == Some(unknown) {
+                place = Some((self.whole.nodes[node], component));
+            }
+        });
+        place
+    }
+
+    /// The nodes and couplings of this rank.
+    fn part(layout: &Layout<D, N>, matrix: &BlockMatrix<N>) -> Part {
+        let n = layout.numbering.n_nodes();
+        let mut is_unknown = Vec::with_capacity(N * n);
+        layout.numbering.for_each(|_, _, unknown| is_unknown.push(unknown.is_some()));
+        Part {
+            nodes: layout.nodes.to_vec(),
+            lattice: (0..n).flat_map(|node| (layout.lattice)(node)).collect(),
+            is_unknown,
+            column_start: matrix.column_start.to_vec(),
+            row: matrix.row.to_vec(),
+        }
+    }
+
+    /// Sends the solution to the ranks that need it.
+    fn scatter(&self, ranks: &Ranks, x: Option<&[[f64; N]]>, own: &mut [[f64; N]]) {
+        let Some(communicator) = ranks.communicator() else { return };
+        let messages = x.map_or_else(Vec::new, |x| {
+            let of_rank = |of: &OfRank| bytes(of.nodes.iter().flat_map(|node| &x[*node as usize]));
+            self.whole.of_rank.iter().map(of_rank).enumerate().collect()
+        });
+        for (_, message) in communicator.exchange(messages) {
+            for (value, number) in own.as_flattened_mut().iter_mut().zip(numbers(&message)) {
+                *value = number;
+            }
+        }
+    }
+}
+
+impl<const D: usize, const N: usize> Backend<D, N> for Gathered<D, N> {
+    fn prepare(&mut self, layout: &Layout<D, N>, matrix: &BlockMatrix<N>) -> Result<(), LinearError> {
+        let ranks = layout.halo.ranks();
+        if ranks.is_alone() {
+            return self.direct.prepare(layout, matrix);
+        }
+        let parts = ranks.gather(Self::part(layout, matrix));
+        self.whole = Whole::nothing();
+        let of_root = ranks.is_root().then(|| {
+            self.whole = Whole::new(&parts, matrix.symmetric);
+            let Gathered { direct, whole } = self;
+            whole.with(layout.keeps_pattern, layout.lines, |layout, matrix| direct.prepare(layout, &matrix))
+        });
+        self.share(layout, of_root)
+    }
+
+    fn factorise(&mut self, layout: &Layout<D, N>, matrix: &BlockMatrix<N>) -> Result<(), LinearError> {
+        let ranks = layout.halo.ranks();
+        let Some(communicator) = ranks.communicator() else {
+            return self.direct.factorise(layout, matrix);
+        };
+        let blocks = communicator.gather(&bytes(matrix.blocks.as_flattened().as_flattened().iter()));
+        let of_root = ranks.is_root().then(|| {
+            let Gathered { direct, whole } = self;
+            whole.take(&blocks);
+            whole.with(layout.keeps_pattern, layout.lines, |layout, matrix| direct.factorise(layout, &matrix))
+        });
+        self.share(layout, of_root)
+    }
+
+    fn solve(
+        &mut self,
+        layout: &Layout<D, N>,
+        stiffness: &mut Stiffness<N>,
+        b: &[[f64; N]],
+        x: &mut [[f64; N]],
+        tolerance: f64,
+    ) -> Result<Solved, LinearError> {
+        let ranks = layout.halo.ranks();
+        let Some(communicator) = ranks.communicator() else {
+            return self.direct.solve(layout, stiffness, b, x, tolerance);
+        };
+        let of_ranks = communicator.gather(&bytes(b.as_flattened().iter()));
+        let mut solution = vec![[0.0; N]; self.whole.nodes.len()];
+        let of_root = ranks.is_root().then(|| {
+            let Gathered { direct, whole } = self;
+            let mut rhs = vec![[0.0; N]; whole.nodes.len()];
+            for (of_rank, bytes) in whole.of_rank.iter().zip(&of_ranks) {
+                let mut values = numbers(bytes);
+                for &node in &of_rank.nodes {
+                    rhs[node as usize].fill_with(|| values.next().unwrap_or(0.0));
+                }
+            }
+            whole.with(layout.keeps_pattern, layout.lines, |layout, matrix| {
+                let division = &mut super::Division::new(matrix.column_start, matrix.row);
+                let mut stiffness = Stiffness { matrix, division };
+                direct.solve(layout, &mut stiffness, &rhs, &mut solution, tolerance)
+            })
+        });
+        let solved = self.share(layout, of_root)?;
+        self.scatter(ranks, ranks.is_root().then_some(&solution[..]), x);
+        Ok(solved)
+    }
+
+    fn is_iterative(&self) -> bool {
+        false
+    }
+}

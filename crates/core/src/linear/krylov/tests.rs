@@ -1,0 +1,195 @@
+//! Solutions of one rank and of several.
+
+mod bodies;
+
+use std::collections::BTreeMap;
+
+use crate::linear::multigrid::Multigrid;
+use crate::linear::preconditioner::held_by;
+use crate::linear::{Factorisation, LinearError};
+use crate::ranks::{Ranks, threads};
+
+use bodies::{Body, Found};
+
+fn ragged2(cell: [u32; 2]) -> Option<f64> {
+    let [x, y] = cell;
+    if (x * 7 + y * 13) % 17 == 5 || (x > 30 && y < 9) {
+        return None;
+    }
+    Some(if (x + 3 * y) % 11 == 2 { 1e-6 } else { 1.0 })
+}
+
+fn ragged3(cell: [u32; 3]) -> Option<f64> {
+    let [x, y, z] = cell;
+    if (x * 7 + y * 13 + z * 5) % 17 == 5 || (x > 20 && y + z < 5) {
+        return None;
+    }
+    Some(if (x + 3 * y + 2 * z) % 11 == 2 { 1e-6 } else { 1.0 })
+}
+
+/// The rank of a cell.
+type Rule<const D: usize> = fn([u32; D], [u32; D], usize) -> usize;
+
+fn slabs<const D: usize>(cell: [u32; D], cells: [u32; D], n: usize) -> usize {
+    cell[0] as usize * n / cells[0] as usize
+}
+
+fn pieces<const D: usize>(cell: [u32; D], _: [u32; D], n: usize) -> usize {
+    (cell[0] / 5 * 3 + cell[1] / 3 * 2 + cell[D - 1] / 4 + cell[0] * cell[1] / 40) as usize % n
+}
+
+/// Neighbouring cells hardly ever have the same rank.
+fn scattered<const D: usize>(cell: [u32; D], cells: [u32; D], n: usize) -> usize {
+    let number = cell.iter().zip(cells).fold(0, |number, (c, n)| number * u64::from(n) + u64::from(*c));
+    (number.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 33) as usize % n
+}
+
+fn solve<const D: usize>(body: &Body<D>, n: usize, rule: Rule<D>) -> Vec<Found<D>> {
+    threads::run(n, |ranks| body.solve(&ranks, |cell| rule(cell, body.cells, n)))
+}
+
+/// The solution at the nodes of all ranks, which must agree with each other.
+fn whole<const D: usize>(found: &[Found<D>]) -> BTreeMap<u32, [f64; D]> {
+    let mut whole = BTreeMap::new();
+    for found in found {
+        for (node, x) in &found.x {
+            let there = whole.entry(*node).or_insert(*x);
+            assert_eq!(there, x, "node {node}");
+        }
+    }
+    whole
+}
+
+/// Checks that several ranks find what one finds.
+fn check<const D: usize>(body: &Body<D>, factorisation: Factorisation) {
+    let alone = body.solve(&Ranks::default(), |_| 0);
+    let expected = alone.solved.unwrap();
+    assert_eq!(expected.factorisation, factorisation);
+    // Nearly empty cells move much farther than others.
+    let mut sizes: Vec<f64> = alone.x.values().flatten().map(|x| x.abs()).collect();
+    sizes.sort_by(f64::total_cmp);
+    let size = sizes[sizes.len() / 2];
+    let rules: [(usize, Rule<D>); 8] = [
+        (1, slabs),
+        (2, slabs),
+        (3, slabs),
+        (4, slabs),
+        (2, pieces),
+        (3, pieces),
+        (4, pieces),
+        (3, scattered),
+    ];
+    for (n, rule) in rules {
+        let found = solve(body, n, rule);
+        for found in &found {
+            assert_eq!(found.levels, alone.levels);
+            let solved = found.solved.unwrap();
+            assert_eq!(solved.factorisation, factorisation);
+            assert!(solved.iterations.abs_diff(expected.iterations) <= 1, "{solved:?} {expected:?}");
+        }
+        let x = whole(&found);
+        assert_eq!(x.len(), alone.x.len());
+        let distance = x.iter().flat_map(|(node, x)| x.iter().zip(alone.x[node]));
+        let distance = distance.fold(0.0f64, |most, (a, b)| most.max((a - b).abs() / size.max(b.abs())));
+        assert!(distance <= 1e-9, "{n} ranks: {distance:e}");
+    }
+}
+
+#[test]
+fn ranks_find_what_one_finds_in_the_plane() {
+    let body = Body { fill: ragged2, ..Body::bar([60, 25]) };
+    check(&body, Factorisation::Multigrid);
+    check(&Body { ratio: 1.03, ..body }, Factorisation::Multigrid);
+    check(&Body { is_wide: true, ..body }, Factorisation::Multigrid);
+    check(&Body { skew: 0.02, ..body }, Factorisation::MultigridUnsymmetric);
+    // One level.
+    check(&Body { fill: ragged2, ..Body::bar([20, 10]) }, Factorisation::Multigrid);
+}
+
+#[test]
+fn ranks_find_what_one_finds_in_space() {
+    let body = Body { fill: ragged3, ..Body::bar([40, 9, 8]) };
+    check(&body, Factorisation::Multigrid);
+    check(&Body { ratio: 1.03, ..body }, Factorisation::Multigrid);
+    check(&Body { is_wide: true, ..body }, Factorisation::Multigrid);
+    check(&Body { skew: 0.005, ..body }, Factorisation::MultigridUnsymmetric);
+}
+
+#[test]
+fn all_ranks_notice_that_a_matrix_is_indefinite() {
+    check(&Body { fill: ragged2, shift: 0.01, ..Body::bar([60, 25]) }, Factorisation::MultigridIndefinite);
+    check(&Body { fill: ragged3, shift: 0.02, ..Body::bar([40, 9, 8]) }, Factorisation::MultigridIndefinite);
+}
+
+#[test]
+fn all_ranks_notice_that_a_matrix_is_singular() {
+    let fill = |[x, y]: [u32; 2]| Some(if x > 55 && y > 20 { 0.0 } else { 1.0 });
+    let body = Body { fill, ..Body::bar([60, 25]) };
+    for n in 1..=4 {
+        for found in solve(&body, n, slabs) {
+            assert_eq!(found.solved, Err(LinearError::Singular { unknown: None }));
+        }
+    }
+}
+
+#[test]
+fn a_rank_without_nodes_takes_part() {
+    let body = Body { fill: ragged2, ..Body::bar([60, 25]) };
+    let alone = body.solve(&Ranks::default(), |_| 0).solved.unwrap();
+    for found in solve(&body, 3, |cell, cells, _| 2 * slabs(cell, cells, 2)) {
+        assert!(found.solved.unwrap().iterations.abs_diff(alone.iterations) <= 1);
+    }
+}
+
+#[test]
+fn the_same_ranks_find_the_same_bits() {
+    for skew in [0.0, 0.005] {
+        let body = Body { fill: ragged3, skew, ..Body::bar([40, 9, 8]) };
+        let of = || whole(&solve(&body, 3, pieces)).into_values().map(|x| x.map(f64::to_bits));
+        assert!(of().eq(of()));
+    }
+}
+
+#[test]
+fn a_cycle_is_that_of_one_rank() {
+    let body = Body { fill: ragged3, is_wide: true, ..Body::bar([20, 9, 8]) };
+    let alone = body.part(&Ranks::default(), |_| 0).precondition();
+    let of_ranks =
+        threads::run(3, |ranks| body.part(&ranks, |cell| pieces(cell, body.cells, 3)).precondition());
+    for (node, z) in of_ranks.iter().flatten() {
+        let size = alone[node].iter().fold(0.0f64, |size, z| size.max(z.abs()));
+        for (a, b) in z.iter().zip(alone[node]) {
+            assert!((a - b).abs() <= 1e-6 * size, "{a:e} {b:e}");
+        }
+    }
+}
+
+/// An analysis is kept as long as no rank has another pattern.
+#[test]
+fn ranks_repeat_an_analysis_together() {
+    let body = Body { fill: ragged2, ..Body::bar([60, 25]) };
+    let fill = |cell: [u32; 2]| ragged2(cell).filter(|_| cell[0] < 55);
+    let shorter = Body { fill, ..body };
+    let outcomes = threads::run(2, |ranks| {
+        let mut multigrid = Multigrid::<2, 2>::default();
+        [body, body, shorter, shorter, body].map(|body| {
+            let part = body.part(&ranks, |cell| slabs(cell, body.cells, 2));
+            let places = (part.places.clone(), part.lines.clone());
+            multigrid.analyse(&part.matrix(), places, held_by(&part.numbering), &part.halo)
+        })
+    });
+    assert!(outcomes.iter().all(|of_rank| *of_rank == [true, false, true, false, true].map(Ok)));
+}
+
+#[test]
+fn a_rank_keeps_its_share_of_each_level() {
+    let body = Body::bar([200, 4, 4]);
+    for n in [2, 4] {
+        for found in solve(&body, n, slabs) {
+            for ([own, ghosts], all) in found.here.iter().zip(&found.levels) {
+                let share = (own + ghosts) as f64 / *all as f64;
+                assert!(share < 1.5 / n as f64, "{own} + {ghosts} of {all}");
+            }
+        }
+    }
+}

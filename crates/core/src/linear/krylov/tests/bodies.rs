@@ -1,0 +1,249 @@
+//! Elastic bodies on lattices, for tests: their matrices, whole or shared by ranks cell by cell.
+
+use std::collections::BTreeMap;
+
+use crate::linear::{
+    Backend, Block, BlockMatrix, Division, Krylov, Layout, LinearError, Numbering, Preconditioner, Solved,
+    Stiffness,
+};
+use crate::ranks::{Halo, Ranks, sharing};
+
+/// Relative residual of solutions.
+const TOLERANCE: f64 = 1e-10;
+
+/// A body of cells. Its nodes on the lowest plane of the first axis are held, and some others along one direction.
+#[derive(Clone, Copy)]
+pub struct Body<const D: usize> {
+    /// Number of cells along each axis.
+    pub cells: [u32; D],
+    /// How much of each cell the body fills; `None` where no point touches the cell.
+    pub fill: fn([u32; D]) -> Option<f64>,
+    /// The ratio of successive distances of lines.
+    pub ratio: f64,
+    /// Factor of an unsymmetric part.
+    pub skew: f64,
+    /// Factor of a negative mass.
+    pub shift: f64,
+    /// True if nodes are coupled over two cells.
+    pub is_wide: bool,
+}
+
+/// What a rank finds.
+pub struct Found<const D: usize> {
+    /// Solution by grid node.
+    pub x: BTreeMap<u32, [f64; D]>,
+    /// The outcome.
+    pub solved: Result<Solved, LinearError>,
+    /// Nodes of all ranks of each level.
+    pub levels: Vec<usize>,
+    /// Own nodes of this rank and ghosts of each level.
+    pub here: Vec<[usize; 2]>,
+}
+
+/// The part of the equations that a rank has.
+pub struct Part<const D: usize> {
+    /// Grid nodes that its cells touch, ascending.
+    pub nodes: Vec<u32>,
+    /// Their places on the lattice.
+    pub places: Vec<[u32; D]>,
+    /// The lines of the lattice.
+    pub lines: [Option<Vec<f64>>; D],
+    pub numbering: Numbering<D>,
+    pub halo: Halo,
+    symmetric: bool,
+    column_start: Vec<usize>,
+    row: Vec<u32>,
+    blocks: Vec<Block<D>>,
+}
+
+impl<const D: usize> Part<D> {
+    /// The contributions of its cells to the matrix.
+    pub fn matrix(&self) -> BlockMatrix<'_, D> {
+        let Part { symmetric, column_start, row, blocks, .. } = self;
+        BlockMatrix { symmetric: *symmetric, column_start, row, blocks }
+    }
+
+    fn with_layout<T>(&self, work: impl FnOnce(&Layout<D>) -> T) -> T {
+        work(&Layout {
+            numbering: &self.numbering,
+            nodes: &self.nodes,
+            lattice: &|node| self.places[node],
+            lines: std::array::from_fn(|d| self.lines[d].as_deref()),
+            keeps_pattern: false,
+            halo: &self.halo,
+        })
+    }
+
+    /// Loads at its nodes, whole at those that other ranks touch, too.
+    fn loads(&self) -> Vec<[f64; D]> {
+        let load = |node: &u32| std::array::from_fn(|d| (f64::from(*node) * 0.37 + d as f64).sin());
+        self.nodes.iter().map(load).collect()
+    }
+
+    fn solve(&self, krylov: &mut Krylov<D>, x: &mut [[f64; D]]) -> Result<Solved, LinearError> {
+        self.with_layout(|layout| {
+            let matrix = self.matrix();
+            krylov.prepare(layout, &matrix)?;
+            krylov.factorise(layout, &matrix)?;
+            let mut division = Division::new(&self.column_start, &self.row);
+            let mut stiffness = Stiffness { matrix, division: &mut division };
+            krylov.solve(layout, &mut stiffness, &self.loads(), x, TOLERANCE)
+        })
+    }
+
+    /// One cycle of the preconditioner for the loads, by grid node.
+    pub fn precondition(&self) -> BTreeMap<u32, [f64; D]> {
+        let mut preconditioner = Preconditioner::default();
+        let mut z = self.loads();
+        self.with_layout(|layout| preconditioner.prepare(layout, &self.matrix())).unwrap();
+        assert_eq!(preconditioner.factorise(&self.matrix()), Ok(true));
+        preconditioner.apply(&self.loads(), &mut z).unwrap();
+        self.nodes.iter().copied().zip(z).collect()
+    }
+}
+
+type Blocks<const D: usize> = BTreeMap<(u32, u32), Block<D>>;
+
+impl<const D: usize> Body<D> {
+    pub fn bar(cells: [u32; D]) -> Self {
+        Body { cells, fill: |_| Some(1.0), ratio: 1.0, skew: 0.0, shift: 0.0, is_wide: false }
+    }
+
+    fn number(&self, place: [u32; D]) -> u32 {
+        (0..D).rev().fold(0, |n, d| n * (self.cells[d] + 1) + place[d])
+    }
+
+    fn place(&self, mut number: u32) -> [u32; D] {
+        std::array::from_fn(|d| {
+            let place = number % (self.cells[d] + 1);
+            number /= self.cells[d] + 1;
+            place
+        })
+    }
+
+    /// Lines of the lattice, the first ones below the body.
+    fn lines(&self) -> [Option<Vec<f64>>; D] {
+        std::array::from_fn(|d| {
+            let line = |k: u32| (0..k).map(|k| self.ratio.powi(k as i32)).sum::<f64>();
+            let below = (1..=Self::low(d)).rev().map(|k| -f64::from(k));
+            (self.ratio != 1.0).then(|| below.chain((0..=self.cells[d]).map(line)).collect())
+        })
+    }
+
+    /// The lowest line of the body along an axis.
+    fn low(d: usize) -> u32 {
+        3 + 2 * d as u32
+    }
+
+    /// Cells that the body touches.
+    fn touched(&self) -> Vec<[u32; D]> {
+        let count: u32 = self.cells.iter().product();
+        let cells = (0..count).map(|mut number| {
+            std::array::from_fn(|d| {
+                let place = number % self.cells[d];
+                number /= self.cells[d];
+                place
+            })
+        });
+        cells.filter(|cell| (self.fill)(*cell).is_some()).collect()
+    }
+
+    /// Adds the stiffness of the cuboid of `width` cells from `cell` on.
+    fn add(&self, cell: [u32; D], width: u32, factor: f64, to: &mut Blocks<D>) {
+        let size: [f64; D] =
+            std::array::from_fn(|d| (0..width).map(|k| self.ratio.powi((cell[d] + k) as i32)).sum());
+        if (0..D).any(|d| cell[d] + width > self.cells[d]) {
+            return;
+        }
+        let corner = |a: usize| self.number(std::array::from_fn(|d| cell[d] + width * (a >> d & 1) as u32));
+        let volume: f64 = size.iter().product();
+        for a in 0..1usize << D {
+            for b in 0..1usize << D {
+                let mut block = [[0.0; D]; D];
+                for gauss in 0..1usize << D {
+                    let xi: [f64; D] = std::array::from_fn(|d| {
+                        0.5 + (if gauss >> d & 1 == 1 { 0.5 } else { -0.5 }) / 3f64.sqrt()
+                    });
+                    let gradient = |a: usize| -> [f64; D] {
+                        std::array::from_fn(|d| {
+                            (0..D)
+                                .map(|e| match (e == d, a >> e & 1 == 1) {
+                                    (true, up) => (if up { 1.0 } else { -1.0 }) / size[d],
+                                    (false, true) => xi[e],
+                                    (false, false) => 1.0 - xi[e],
+                                })
+                                .product()
+                        })
+                    };
+                    let (ga, gb) = (gradient(a), gradient(b));
+                    let along: f64 = (0..D).map(|d| ga[d] * gb[d]).sum();
+                    let weight = factor * volume / f64::from(1 << D);
+                    for i in 0..D {
+                        for k in 0..D {
+                            block[i][k] += weight * (1.2 * ga[i] * gb[k] + 0.9 * ga[k] * gb[i]);
+                        }
+                        block[i][i] += weight * 0.9 * along;
+                    }
+                }
+                for i in 0..D {
+                    block[i][i] += factor * self.skew * (a as f64 - b as f64);
+                    if a == b {
+                        block[i][i] -= factor * self.shift * volume / f64::from(1 << D);
+                    }
+                }
+                let sum = to.entry((corner(b), corner(a))).or_insert([[0.0; D]; D]);
+                for i in 0..D {
+                    for k in 0..D {
+                        sum[i][k] += block[i][k];
+                    }
+                }
+            }
+        }
+    }
+
+    /// The part of a rank, with the cells that `rank_of` gives it.
+    pub fn part(&self, ranks: &Ranks, rank_of: impl Fn([u32; D]) -> usize) -> Part<D> {
+        let mut sums = Blocks::new();
+        for cell in self.touched().into_iter().filter(|cell| rank_of(*cell) == ranks.own()) {
+            let fill = (self.fill)(cell).unwrap();
+            self.add(cell, 1, fill, &mut sums);
+            if self.is_wide {
+                self.add(cell, 2, 0.3 * fill, &mut sums);
+            }
+        }
+        let mut nodes: Vec<u32> = sums.keys().map(|(column, _)| *column).collect();
+        nodes.dedup();
+        let total: u32 = self.cells.iter().map(|n| n + 1).product();
+        let touched: Vec<(u32, bool)> = nodes.iter().map(|node| (*node, true)).collect();
+        let halo = Halo::new(ranks, &nodes, &sharing(ranks, &touched, total as usize));
+        let local = |node: u32| nodes.binary_search(&node).unwrap();
+        let symmetric = self.skew == 0.0;
+        let (mut column_start, mut row, mut blocks) = (vec![0; nodes.len() + 1], Vec::new(), Vec::new());
+        for ((c, r), block) in sums.iter().filter(|((c, r), _)| !symmetric || r >= c) {
+            row.push(local(*r) as u32);
+            blocks.push(*block);
+            column_start[local(*c) + 1] = row.len();
+        }
+        let along = |node: usize| self.place(nodes[node])[0];
+        let numbering = Numbering::new(nodes.len(), |node, d| {
+            along(node) > 0 && !(d == 1 && along(node) == self.cells[0])
+        });
+        let place = |node: &u32| {
+            let place = self.place(*node);
+            std::array::from_fn(|d| place[d] + Self::low(d))
+        };
+        let places = nodes.iter().map(place).collect();
+        Part { places, lines: self.lines(), numbering, halo, symmetric, column_start, row, blocks, nodes }
+    }
+
+    /// Solves for loads at all nodes; a rank has the cells that `rank_of` gives it.
+    pub fn solve(&self, ranks: &Ranks, rank_of: impl Fn([u32; D]) -> usize) -> Found<D> {
+        let part = self.part(ranks, rank_of);
+        let mut krylov = Krylov::default();
+        let mut x = vec![[0.0; D]; part.nodes.len()];
+        let solved = part.solve(&mut krylov, &mut x);
+        let here = krylov.preconditioner().levels_here();
+        let x = part.nodes.iter().copied().zip(x).collect();
+        Found { x, solved, levels: krylov.levels(), here }
+    }
+}

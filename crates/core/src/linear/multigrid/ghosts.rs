@@ -1,0 +1,164 @@
+//! The nodes of a level that several ranks know: each node belongs to one rank, and others keep copies of it, its ghosts.
+
+use rustc_hash::FxHashMap;
+
+use crate::ranks::Ranks;
+
+/// The nodes of a level that this rank knows: its own first, then ghosts.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Known {
+    /// Number of nodes of this rank.
+    pub own: usize,
+    /// The number of the place of each node, which is the same on all ranks.
+    pub key: Vec<u64>,
+    /// The rank of each node.
+    pub owner: Vec<u32>,
+}
+
+/// Finds known nodes by the numbers of their places.
+pub(super) type Find = FxHashMap<u64, u32>;
+
+impl Known {
+    /// Nodes with their ranks, those of this rank first; both kinds keep their order.
+    pub(super) fn new(rank: usize, nodes: &[(u64, u32)]) -> (Self, Find) {
+        let is_own = |node: &&(u64, u32)| node.1 as usize == rank;
+        let own = nodes.iter().filter(is_own).count();
+        let in_order = || nodes.iter().filter(is_own).chain(nodes.iter().filter(|node| !is_own(node)));
+        let known = Known {
+            own,
+            key: in_order().map(|(key, _)| *key).collect(),
+            owner: in_order().map(|(_, owner)| *owner).collect(),
+        };
+        let find = known.key.iter().copied().zip(0..).collect();
+        (known, find)
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.key.len()
+    }
+
+    /// The node of this place, which becomes a ghost if it was not known.
+    pub(super) fn find_or_add(&mut self, find: &mut Find, key: u64, owner: u32) -> u32 {
+        *find.entry(key).or_insert_with(|| {
+            self.key.push(key);
+            self.owner.push(owner);
+            self.key.len() as u32 - 1
+        })
+    }
+
+    /// The ranks that ghosts belong to, ascending, each with its ghosts for which `has` holds, in the order of their places.
+    pub(super) fn by_owner(&self, has: impl Fn(usize) -> bool) -> Vec<(usize, Vec<u32>)> {
+        let mut ghosts: Vec<usize> = (self.own..self.len()).filter(|node| has(*node)).collect();
+        ghosts.sort_unstable_by_key(|&node| (self.owner[node], self.key[node]));
+        let of_rank = ghosts.chunk_by(|a, b| self.owner[*a] == self.owner[*b]);
+        of_rank
+            .map(|nodes| (self.owner[nodes[0]] as usize, nodes.iter().map(|node| *node as u32).collect()))
+            .collect()
+    }
+}
+
+/// Values at nodes that pass between ranks.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Messages {
+    /// The other ranks, ascending.
+    pub with: Vec<usize>,
+    /// Nodes whose values go to each of them.
+    pub send: Vec<Vec<u32>>,
+    /// Nodes for whose values those come that each of them sends.
+    pub receive: Vec<Vec<u32>>,
+}
+
+impl Messages {
+    /// Messages to some ranks and from some, both ascending; none if there is nothing for either side.
+    pub(super) fn new(send: Vec<(usize, Vec<u32>)>, receive: Vec<(usize, Vec<u32>)>) -> Self {
+        let mut with: Vec<usize> = send.iter().chain(&receive).map(|(rank, _)| *rank).collect();
+        with.sort_unstable();
+        with.dedup();
+        let of_ranks = |lists: Vec<(usize, Vec<u32>)>| {
+            let mut all = vec![Vec::new(); with.len()];
+            for (rank, nodes) in lists {
+                if let Ok(k) = with.binary_search(&rank) {
+                    all[k] = nodes;
+                }
+            }
+            all
+        };
+        Messages { send: of_ranks(send), receive: of_ranks(receive), with }
+    }
+
+    /// Sends the values of nodes, and calls `take(node, value)` for those that come, in the order of the ranks.
+    fn pass<const N: usize>(
+        &self,
+        ranks: &Ranks,
+        values: &mut [[f64; N]],
+        take: impl Fn(&mut [f64; N], &[f64]),
+    ) {
+        let Some(communicator) = ranks.communicator() else { return };
+        let send: Vec<Vec<f64>> =
+            self.send.iter().map(|nodes| nodes.iter().flat_map(|n| values[*n as usize]).collect()).collect();
+        let mut receive: Vec<Vec<f64>> =
+            self.receive.iter().map(|nodes| vec![0.0; N * nodes.len()]).collect();
+        communicator.swap(&self.with, &send, &mut receive);
+        for (nodes, numbers) in self.receive.iter().zip(&receive) {
+            for (node, new) in nodes.iter().zip(numbers.chunks_exact(N)) {
+                take(&mut values[*node as usize], new);
+            }
+        }
+    }
+
+    /// Replaces values by those that come.
+    fn copy<const N: usize>(&self, ranks: &Ranks, values: &mut [[f64; N]]) {
+        self.pass(ranks, values, |value, new| value.copy_from_slice(new));
+    }
+
+    /// Adds the values that come, in the order of the ranks.
+    pub(super) fn add<const N: usize>(&self, ranks: &Ranks, values: &mut [[f64; N]]) {
+        self.pass(ranks, values, |value, new| value.iter_mut().zip(new).for_each(|(sum, new)| *sum += new));
+    }
+}
+
+/// Renews the ghosts of a level.
+#[derive(Debug, Clone)]
+pub(super) struct Ghosts {
+    pub ranks: Ranks,
+    all: Messages,
+    colours: Vec<Messages>,
+}
+
+impl Ghosts {
+    /// The ghosts of known nodes, where `colour` is the colour of a node, of `n_colours`.
+    pub(super) fn new(
+        ranks: &Ranks,
+        (known, find): (&Known, &Find),
+        n_colours: usize,
+        colour: impl Fn(usize) -> usize,
+    ) -> Self {
+        let receive = known.by_owner(|_| true);
+        let keys = |nodes: &[u32]| -> Vec<u64> { nodes.iter().map(|n| known.key[*n as usize]).collect() };
+        let asked = ranks.exchange(receive.iter().map(|(rank, nodes)| (*rank, keys(nodes))).collect());
+        let nodes = |keys: Vec<u64>| keys.iter().filter_map(|key| find.get(key).copied()).collect();
+        let send = asked.into_iter().map(|(rank, keys)| (rank, nodes(keys))).collect();
+        let all = Messages::new(send, receive);
+        let mut colours = vec![[Vec::new(), Vec::new()]; n_colours];
+        for (side, lists) in [&all.send, &all.receive].into_iter().enumerate() {
+            for (rank, nodes) in all.with.iter().zip(lists) {
+                let mut of_colour = vec![Vec::new(); n_colours];
+                nodes.iter().for_each(|node| of_colour[colour(*node as usize)].push(*node));
+                let some = of_colour.into_iter().enumerate().filter(|(_, nodes)| !nodes.is_empty());
+                some.for_each(|(colour, nodes)| colours[colour][side].push((*rank, nodes)));
+            }
+        }
+        let colours = colours.into_iter().map(|[send, receive]| Messages::new(send, receive)).collect();
+        Ghosts { ranks: ranks.clone(), all, colours }
+    }
+
+    /// Renews the values at all ghosts.
+    pub(super) fn renew<const N: usize>(&self, values: &mut [[f64; N]]) {
+        self.all.copy(&self.ranks, values);
+    }
+
+    /// Renews the values at the ghosts of one colour.
+    pub(super) fn renew_colour<const N: usize>(&self, colour: usize, values: &mut [[f64; N]]) {
+        self.colours[colour].copy(&self.ranks, values);
+    }
+}

@@ -1,0 +1,237 @@
+//! Levels of several ranks: each has the rows of its own nodes, and copies of what it needs of others.
+
+use pulp::Arch;
+use rayon::prelude::*;
+
+use crate::linear::LinearError;
+use crate::linear::blocks::{Block, BlockMatrix};
+use crate::linear::lattice::{Lattice, LatticeLines, Transfer};
+use crate::linear::reduction::agree;
+use crate::ranks::{Halo, Ranks};
+
+use super::coarse_owners::{Claim, coarse_owners};
+use super::contributions::{Contributions, RowColumns};
+use super::ghosts::{Find, Ghosts, Known};
+use super::level::{Level, block_of, diagonal_of, own_entries, whole_rows};
+use super::of_ranks::Shared;
+use super::rows::Rows;
+use super::stencil::Stencil;
+
+/// The input of an analysis, which need not be repeated for the same.
+#[derive(PartialEq)]
+pub(super) struct Input<const D: usize, const N: usize> {
+    places: Vec<[u32; D]>,
+    lines: [LatticeLines; D],
+    held: Vec<[bool; N]>,
+    column_start: Vec<usize>,
+    row: Vec<u32>,
+    owner: Vec<u32>,
+}
+
+impl<const D: usize, const N: usize> Input<D, N> {
+    pub(super) fn new(
+        matrix: &BlockMatrix<N>,
+        (places, lines): (Vec<[u32; D]>, [LatticeLines; D]),
+        held: Vec<[bool; N]>,
+        halo: &Halo,
+    ) -> Self {
+        Input {
+            column_start: matrix.column_start.to_vec(),
+            row: matrix.row.to_vec(),
+            owner: (0..places.len()).map(|node| halo.owner(node) as u32).collect(),
+            places,
+            lines,
+            held,
+        }
+    }
+}
+
+impl<const D: usize, const N: usize> Level<D, N> {
+    /// The finest level, whose matrix is the sum of those of all ranks on their active nodes.
+    pub(super) fn finest_shared(ranks: &Ranks, matrix: &BlockMatrix<N>, input: &Input<D, N>) -> Self {
+        let places = input.places.clone();
+        let reach = matrix.reach(|node| places[node]);
+        let mut lattice = Lattice::shared(ranks, places, reach, input.lines.clone());
+        let own_rank = ranks.own() as u32;
+        let key = |node: usize| lattice.key(lattice.place[node]);
+        let (own, mut others): (Vec<usize>, Vec<usize>) =
+            (0..lattice.len()).partition(|node| input.owner[*node] == own_rank);
+        others.sort_unstable_by_key(|node| key(*node));
+        let nodes: Vec<(u64, u32)> =
+            own.iter().chain(&others).map(|node| (key(*node), input.owner[*node])).collect();
+        let (known, find) = Known::new(ranks.own(), &nodes);
+        let held = own.iter().map(|node| input.held[*node]).collect();
+        let active: Vec<u32> = own.iter().chain(&others).map(|node| *node as u32).collect();
+        let mut place = vec![0; active.len()];
+        active.iter().zip(0..).for_each(|(node, k)| place[*node as usize] = k);
+        let (start, column) = whole_rows(matrix);
+        let mut rows = (vec![0], Vec::with_capacity(column.len()));
+        for &node in &active {
+            let columns = &column[start[node as usize]..start[node as usize + 1]];
+            rows.1.extend(columns.iter().map(|other| place[*other as usize]));
+            rows.0.push(rows.1.len());
+        }
+        lattice.place = active.iter().map(|node| lattice.place[*node as usize]).collect();
+        Level::shared(ranks, lattice, held, (known, find), &rows, active)
+    }
+
+    /// A level to whose known nodes this rank contributes rows with these columns.
+    fn shared(
+        ranks: &Ranks,
+        mut lattice: Lattice<D>,
+        held: Vec<[bool; N]>,
+        (mut known, mut find): (Known, Find),
+        rows: &RowColumns,
+        active: Vec<u32>,
+    ) -> Self {
+        let (contributions, (start, column)) = Contributions::new(ranks, (&mut known, &mut find), rows);
+        let more: Vec<[u32; D]> =
+            known.key[lattice.len()..].iter().map(|key| lattice.place_of(*key)).collect();
+        lattice.place.extend(more);
+        let colour = |node: usize| lattice.colour(lattice.place[node]);
+        let ghosts = Ghosts::new(ranks, (&known, &find), lattice.n_colours(), colour);
+        let shared = Shared { known, ghosts, contributions, active };
+        Level::new(lattice, Rows::new(start, column), held, Some(shared))
+    }
+
+    /// The level above this one.
+    pub(super) fn coarser_shared(&self, shared: &Shared) -> (Level<D, N>, Transfer) {
+        let ranks = &shared.ghosts.ranks;
+        let mut lattice = self.lattice.above();
+        let own = self.rows.len();
+        let mut claims = Vec::new();
+        for (n, place) in self.lattice.place.iter().enumerate() {
+            self.lattice.for_each_parent(place, |parent, _| {
+                let claim = match (n < own, parent.map(|p| 2 * p) == *place) {
+                    (false, _) => Claim::Ghost,
+                    (true, false) => Claim::Child,
+                    (true, true) => Claim::Same,
+                };
+                claims.push((lattice.key(parent), claim));
+            });
+        }
+        // The best claim on each node.
+        claims.sort_unstable_by_key(|(key, claim)| (*key, std::cmp::Reverse(*claim)));
+        claims.dedup_by_key(|(key, _)| *key);
+        let owners = coarse_owners(ranks, &claims, lattice.places());
+        let nodes: Vec<(u64, u32)> = claims.iter().map(|(key, _)| *key).zip(owners).collect();
+        let (known, find) = Known::new(ranks.own(), &nodes);
+        lattice.place = known.key.iter().map(|key| lattice.place_of(*key)).collect();
+        let mut transfer = Transfer::new(&self.lattice, own, known.len(), |place| find[&lattice.key(place)]);
+        let mut held = vec![[false; N]; known.own];
+        for (n, held) in held.iter_mut().enumerate() {
+            // A node at the place of a held fine node is held in the same way.
+            for &(child, _) in transfer.children(n).iter().filter(|(_, weight)| *weight == 1.0) {
+                *held = self.held[child as usize];
+            }
+        }
+        let rows = self.columns_above(&lattice, &transfer);
+        let level = Level::shared(ranks, lattice, held, (known, find), &rows, Vec::new());
+        transfer.extend(level.lattice.len());
+        (level, transfer)
+    }
+
+    /// The columns of the rows of Tᵀ A T to which own rows of this level contribute.
+    fn columns_above(&self, lattice: &Lattice<D>, transfer: &Transfer) -> RowColumns {
+        let stencil = Stencil::new(lattice);
+        let columns = |is_seen: &mut Vec<bool>, row: usize| {
+            let mut columns = Vec::new();
+            for &(child, _) in transfer.children(row) {
+                for &column in self.rows.columns(child as usize) {
+                    for &(parent, _) in transfer.parents(column as usize) {
+                        if !std::mem::replace(&mut is_seen[stencil.place(row, parent as usize)], true) {
+                            columns.push(parent);
+                        }
+                    }
+                }
+            }
+            columns.iter().for_each(|parent| is_seen[stencil.place(row, *parent as usize)] = false);
+            columns
+        };
+        let of_rows: Vec<Vec<u32>> =
+            (0..lattice.len()).into_par_iter().map_init(|| vec![false; stencil.len], columns).collect();
+        let mut start = vec![0];
+        of_rows.iter().for_each(|columns| start.push(start[start.len() - 1] + columns.len()));
+        (start, of_rows.into_iter().flatten().collect())
+    }
+
+    /// Takes the values of the matrix of which each rank has its part.
+    ///
+    /// # Errors
+    /// [`LinearError::Singular`] on all ranks if a free degree of freedom of any has no stiffness.
+    pub(super) fn take_shared(
+        &mut self,
+        shared: &Shared,
+        matrix: &BlockMatrix<N>,
+    ) -> Result<bool, LinearError> {
+        let ranks = &shared.ghosts.ranks;
+        let active = &shared.active;
+        let mut diagonal = vec![[0.0; N]; self.lattice.len()];
+        for (diagonal, node) in diagonal.iter_mut().zip(active) {
+            *diagonal = diagonal_of(matrix, *node as usize);
+        }
+        shared.contributions.rows.add(ranks, &mut diagonal);
+        let positive = self.scale_by(|n| diagonal[n]);
+        let positive = agree(ranks, positive)?;
+        self.fill_shared(shared, &|row, columns, blocks| {
+            for (block, &column) in blocks.iter_mut().zip(columns) {
+                let Some(&column) = active.get(column as usize) else { continue };
+                *block = block_of(matrix, active[row], column).unwrap_or(*block);
+            }
+        });
+        Ok(ranks.all(positive))
+    }
+
+    /// Takes the values of the Galerkin product of which each rank has the part of its finer nodes.
+    pub(super) fn take_shared_product(&mut self, shared: &Shared, fine: &Level<D, N>, transfer: &Transfer) {
+        let stencil = Stencil::new(&self.lattice);
+        self.fill_shared(shared, &|row, columns, blocks| {
+            let mut sum = vec![[[0.0; N]; N]; stencil.len];
+            Arch::new().dispatch(
+                #[inline(always)]
+                || stencil.product((&fine.rows, &fine.unscale), transfer, row, &mut sum),
+            );
+            for (block, &column) in blocks.iter_mut().zip(columns) {
+                *block = sum[stencil.place(row, column as usize)];
+            }
+        });
+    }
+
+    /// Fills the rows with the sum of the parts of all ranks, scaled; `part(row, columns, blocks)` writes that of this rank to
+    /// blocks of zeros.
+    fn fill_shared(&mut self, shared: &Shared, part: &(impl Fn(usize, &[u32], &mut [Block<N>]) + Sync)) {
+        let Shared { ghosts, contributions, .. } = shared;
+        ghosts.renew(&mut self.scale);
+        ghosts.renew(&mut self.unscale);
+        let received = contributions.pass(&ghosts.ranks, part);
+        let scale = &self.scale;
+        self.rows.fill(&|piece| {
+            let mut blocks = Vec::new();
+            piece.for_each(|row, columns, values| {
+                blocks.clear();
+                blocks.resize(columns.len(), [[0.0; N]; N]);
+                part(row, columns, &mut blocks);
+                contributions.add(&received, row, &mut blocks);
+                let width = values.len() / N;
+                for (k, (block, &column)) in blocks.iter().zip(columns).enumerate() {
+                    for i in 0..N {
+                        for j in 0..N {
+                            let scaled = block[i][j] * scale[row][i] * scale[column as usize][j];
+                            values[i * width + k * N + j] = scaled as f32;
+                        }
+                    }
+                }
+                own_entries(row, columns, &scale[row], values);
+            });
+        });
+        self.invert();
+    }
+
+    /// Number of nodes of all ranks.
+    pub(super) fn count(&self) -> usize {
+        match &self.shared {
+            None => self.lattice.len(),
+            Some(shared) => shared.ghosts.ranks.count_all(self.rows.len()),
+        }
+    }
+}

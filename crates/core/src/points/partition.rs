@@ -1,0 +1,367 @@
+//! The division of the points between ranks: each keeps the points in its part of the grid.
+//!
+//! A part is a range of cells along a curve that fills the grid (Morton 1966), so that it is compact. The cells of a patch stay
+//! together. Points that leave their part move to the rank of the part that they enter; the parts are chosen anew when one of
+//! them holds too many points.
+
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use super::Points;
+use crate::grid::Grid;
+use crate::ranks::Ranks;
+
+/// The parts are chosen anew when one holds more points than this multiple of the mean, [-].
+pub const MOST_IMBALANCE: f64 = 1.1;
+/// Parts that no choice divides better are left alone until they are worse by this factor, [-].
+const WORSE: f64 = 1.05;
+/// Bits of a place along each axis of the curve.
+const BITS: u32 = 20;
+
+/// The parts of the grid.
+#[derive(Debug, Clone, Default)]
+pub struct Partition {
+    /// The lowest place on the curve of the part of each rank but the first, ascending.
+    first: Vec<u64>,
+    /// For each patch of cells, one of them; empty without patches.
+    of_patch: Arc<Vec<u32>>,
+    /// The imbalance that the last choice left, [-].
+    least: f64,
+}
+
+impl Partition {
+    /// The rank whose part contains a cell.
+    pub fn rank_of<const D: usize>(&self, grid: &dyn Grid<D>, cell: u32) -> usize {
+        let place = self.place(grid, cell);
+        self.first.partition_point(|first| *first <= place)
+    }
+
+    /// The place of a cell on the curve.
+    fn place<const D: usize>(&self, grid: &dyn Grid<D>, cell: u32) -> u64 {
+        let of_patch = grid.patches().and_then(|patches| {
+            let patch = *patches.patch_of.get(cell as usize)?;
+            self.of_patch.get(patch as usize)
+        });
+        let cell = of_patch.copied().unwrap_or(cell) as usize;
+        let at: [u64; D] = match grid.structured() {
+            Some(grid) => grid.cell_index(cell).map(|k| k as u64),
+            None => {
+                let ([low, high], centre) = (grid.bounds(), grid.centre(cell));
+                let widest = (0..D).map(|d| high[d] - low[d]).fold(f64::MIN_POSITIVE, f64::max);
+                let steps = f64::from(1u32 << BITS) - 1.0;
+                std::array::from_fn(|d| (steps * (centre[d] - low[d]) / widest) as u64)
+            }
+        };
+        let mut place = 0;
+        for bit in (0..BITS).rev() {
+            for x in at.iter().rev() {
+                place = place << 1 | x >> bit & 1;
+            }
+        }
+        place
+    }
+
+    /// Chooses parts that hold as many points each as cells allow, given the places of the points of this rank.
+    fn choose(&mut self, ranks: &Ranks, mut places: Vec<u64>) {
+        places.sort_unstable();
+        let n = ranks.count();
+        let all = ranks.total(places.len() as f64);
+        // The lowest place below which the points of the ranks before fit, by bisection.
+        let wanted: Vec<f64> = (1..n).map(|rank| (all * rank as f64 / n as f64).floor()).collect();
+        let (mut low, mut high) = (vec![0u64; n - 1], vec![u64::MAX >> 1; n - 1]);
+        while low.iter().zip(&high).any(|(low, high)| low < high) {
+            let middle: Vec<u64> = low.iter().zip(&high).map(|(low, high)| low + (high - low) / 2).collect();
+            let mut below: Vec<f64> =
+                middle.iter().map(|m| places.partition_point(|place| place < m) as f64).collect();
+            ranks.sum(&mut below);
+            for k in 0..n - 1 {
+                if below[k] >= wanted[k] {
+                    high[k] = middle[k];
+                } else {
+                    low[k] = (middle[k] + 1).min(high[k]);
+                }
+            }
+        }
+        self.first = low;
+    }
+}
+
+/// Points on the way to another rank.
+#[derive(Serialize, Deserialize)]
+struct Packed {
+    id: Vec<u32>,
+    cell: Vec<u32>,
+    fields: Vec<Vec<f64>>,
+    further: Vec<Vec<f64>>,
+}
+
+impl<const D: usize> Points<D> {
+    /// Divides points that every rank holds between the ranks: this one keeps those in its part.
+    pub fn share(&mut self, ranks: &Ranks, grid: &dyn Grid<D>) {
+        if ranks.is_alone() {
+            return;
+        }
+        let mut of_patch = Vec::new();
+        if let Some(patches) = grid.patches() {
+            let count = patches.patch_of.iter().max().map_or(0, |last| *last as usize + 1);
+            of_patch = vec![0; count];
+            for (cell, patch) in patches.patch_of.iter().enumerate().rev() {
+                of_patch[*patch as usize] = cell as u32;
+            }
+        }
+        self.partition = Partition { of_patch: Arc::new(of_patch), ..Partition::default() };
+        for p in 0..self.len() {
+            self.cell[p] = cell_of(grid, &self.converged.position[p], self.cell[p]);
+        }
+        let places = self.cell.iter().map(|cell| self.partition.place(grid, *cell)).collect();
+        self.partition.choose(ranks, places);
+        self.ranks = ranks.clone();
+        self.keep_own(grid);
+    }
+
+    /// Keeps the points in the part of this rank.
+    fn keep_own(&mut self, grid: &dyn Grid<D>) {
+        let own = self.ranks.own();
+        let is_own = |p: &u32| self.partition.rank_of(grid, self.cell[*p as usize]) == own;
+        let order: Vec<u32> = (0..self.len() as u32).filter(is_own).collect();
+        self.select(&order);
+    }
+
+    /// Appends points that every rank holds: this one takes those in its part.
+    pub fn append_shared(&mut self, other: &Self, grid: &dyn Grid<D>) {
+        if self.ranks.is_alone() {
+            self.append(other);
+            return;
+        }
+        let mut own = other.clone();
+        own.ranks = self.ranks.clone();
+        own.partition = self.partition.clone();
+        for p in 0..own.len() {
+            own.cell[p] = cell_of(grid, &own.converged.position[p], own.cell[p]);
+        }
+        own.keep_own(grid);
+        self.append(&own);
+    }
+
+    /// Sends points that have left the part of this rank, given the cells that hold them, to the ranks of theirs; chooses the
+    /// parts anew if one holds too many.
+    pub(super) fn migrate(&mut self, grid: &dyn Grid<D>) {
+        if self.ranks.is_alone() {
+            return;
+        }
+        let ranks = self.ranks.clone();
+        let n = ranks.count();
+        let owners = |points: &Self| -> Vec<usize> {
+            points.cell.iter().map(|cell| points.partition.rank_of(grid, *cell)).collect()
+        };
+        let mut to = owners(self);
+        let imbalance = |to: &[usize]| {
+            let mut counts = vec![0.0; n];
+            to.iter().for_each(|rank| counts[*rank] += 1.0);
+            ranks.sum(&mut counts);
+            let all: f64 = counts.iter().sum();
+            n as f64 * counts.iter().copied().fold(0.0, f64::max) / all.max(1.0)
+        };
+        if imbalance(&to) > MOST_IMBALANCE.max(WORSE * self.partition.least) {
+            let places = self.cell.iter().map(|cell| self.partition.place(grid, *cell)).collect();
+            self.partition.choose(&ranks, places);
+            to = owners(self);
+            self.partition.least = imbalance(&to);
+        }
+        let own = ranks.own();
+        if !ranks.any(to.iter().any(|rank| *rank != own)) {
+            return;
+        }
+        let mut messages = Vec::new();
+        for rank in (0..n).filter(|rank| *rank != own) {
+            let leaving: Vec<u32> = (0..self.len() as u32).filter(|p| to[*p as usize] == rank).collect();
+            if !leaving.is_empty() {
+                messages.push((rank, self.packed(&leaving)));
+            }
+        }
+        let staying: Vec<u32> = (0..self.len() as u32).filter(|p| to[*p as usize] == own).collect();
+        if staying.len() < self.len() {
+            self.select(&staying);
+        }
+        let arrived = ranks.communicator().map_or_else(Vec::new, |ranks| ranks.exchange(messages));
+        for (_, message) in arrived {
+            self.unpack(&message);
+        }
+    }
+
+    /// The points at these places as bytes.
+    fn packed(&self, places: &[u32]) -> Vec<u8> {
+        let numbers = |numbers: &[u32]| places.iter().map(|p| numbers[*p as usize]).collect();
+        let further = (self.further.iter())
+            .map(|(handle, field)| {
+                let (values, n) = (self.further.converged(handle), field.components);
+                places.iter().flat_map(|p| &values[*p as usize * n..][..n]).copied().collect()
+            })
+            .collect();
+        let packed = Packed {
+            id: numbers(&self.id),
+            cell: numbers(&self.cell),
+            fields: self.numbers_of_fields(places),
+            further,
+        };
+        postcard::to_stdvec(&packed).unwrap_or_default()
+    }
+
+    /// Appends the points of a message.
+    fn unpack(&mut self, message: &[u8]) {
+        let Ok(Packed { id, cell, fields, further }) = postcard::from_bytes(message) else { return };
+        let mut others = self.none();
+        (others.id, others.cell) = (id, cell);
+        others.take_fields(fields);
+        others.further.take(further, others.id.len());
+        self.append(&others);
+    }
+
+    /// All points of the analysis on rank 0, in the order of the ranks; none on the others, or without other ranks.
+    pub fn gather(&self) -> Option<Points<D>> {
+        self.gather_where(|_| true)
+    }
+
+    /// The points with these permanent numbers, ascending, as [`Points::gather`].
+    pub fn gather_some(&self, ids: &[u32]) -> Option<Points<D>> {
+        self.gather_where(|id| ids.binary_search(&id).is_ok())
+    }
+
+    fn gather_where(&self, is_wanted: impl Fn(u32) -> bool) -> Option<Points<D>> {
+        let communicator = self.ranks.communicator()?;
+        let own: Vec<u32> = (0..self.len() as u32).filter(|p| is_wanted(self.id[*p as usize])).collect();
+        let mut points = self.ranks.is_root().then(|| {
+            let mut points = self.clone();
+            points.ranks = Ranks::default();
+            if own.len() < points.len() {
+                points.select(&own);
+            }
+            points
+        });
+        // One rank after the other, so that no more than one message is in memory.
+        for rank in 1..self.ranks.count() {
+            let is_ours = rank == self.ranks.own();
+            let message = if is_ours { vec![(0, self.packed(&own))] } else { Vec::new() };
+            for (_, message) in communicator.exchange(message) {
+                points.iter_mut().for_each(|points| points.unpack(&message));
+            }
+        }
+        points
+    }
+
+    /// The same fields without points.
+    fn none(&self) -> Points<D> {
+        let mut none = self.with_counts();
+        none.further = self.further.emptied();
+        none
+    }
+}
+
+/// The cell that contains a position or is nearest to it.
+fn cell_of<const D: usize>(grid: &dyn Grid<D>, position: &[f64; D], hint: u32) -> u32 {
+    grid.locate(position, Some(hint)).unwrap_or_else(|| grid.nearest_cell(position))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grid::Structured;
+    use crate::points::{FieldKind, PointFieldSpec, Seed};
+    use crate::ranks::threads;
+
+    /// A square of points around the origin, with a corner and a history variable each.
+    fn square(n: usize) -> Points<2> {
+        let seeds: Vec<Seed<2>> = (0..n * n)
+            .map(|k| {
+                let position = [k % n, k / n].map(|i| 2.0 * (i as f64 + 0.5) / n as f64 - 1.0);
+                Seed {
+                    body: (k % 3) as u16,
+                    position,
+                    half_lengths: [0.0; 2],
+                    corners: vec![position; k % 2 * 4],
+                    volume: 1.0 + k as f64,
+                    mass: k as f64,
+                    outer_layer: k % 5 == 0,
+                    history: vec![k as f64],
+                }
+            })
+            .collect();
+        let mut points = Points::new(&seeds);
+        let spec = PointFieldSpec {
+            name: "further".to_owned(),
+            unit: "-".to_owned(),
+            kind: FieldKind::Answer,
+            components: 1,
+            start: (0..n * n).map(|k| 0.5 * k as f64).collect(),
+        };
+        points.declare(spec).unwrap();
+        points
+    }
+
+    /// Points of the rank with everything that belongs to them.
+    fn are_whole(points: &Points<2>) {
+        let handle = points.further.handle("further").unwrap();
+        for (p, &id) in points.id.iter().enumerate() {
+            let k = f64::from(id);
+            assert_eq!((points.mass[p], points.original_volume[p]), (k, 1.0 + k));
+            assert_eq!((points.converged.history[p], points.further.converged(handle)[p]), (k, 0.5 * k));
+            assert_eq!((points.body[p], points.outer_layer[p]), ((id % 3) as u16, id % 5 == 0));
+            assert_eq!(points.corners(p).len(), (id % 2 * 4) as usize);
+        }
+    }
+
+    /// A body turns by a quarter in each step, so that on four ranks all points leave theirs: none is lost, none is there twice.
+    /// `MIGRATING=1000` turns a million points.
+    #[test]
+    fn points_that_turn_migrate_without_loss() {
+        let n: usize = std::env::var("MIGRATING").ok().and_then(|n| n.parse().ok()).unwrap_or(60);
+        let grid = Structured::<2>::new([-2.0; 2], [0.125; 2], [32, 32]);
+        for count in [2, 4] {
+            let left = threads::run(count, |ranks| {
+                let mut points = square(n);
+                points.share(&ranks, &grid);
+                let mut left = 0;
+                for _ in 0..4 {
+                    let before = points.id.clone();
+                    for x in &mut points.converged.position {
+                        *x = [-x[1], x[0]];
+                    }
+                    points.group_by_cell(&grid).unwrap();
+                    are_whole(&points);
+                    let own = ranks.own();
+                    assert!(points.cell.iter().all(|cell| points.partition.rank_of(&grid, *cell) == own));
+                    let here: std::collections::HashSet<u32> = points.id.iter().copied().collect();
+                    left += before.iter().filter(|id| !here.contains(id)).count();
+                    let mut all = ranks.gather_all(points.id.clone()).concat();
+                    all.sort_unstable();
+                    assert!(all.into_iter().eq(0..(n * n) as u32));
+                    let most = ranks.largest(points.len() as f64) * count as f64 / (n * n) as f64;
+                    assert!(most <= MOST_IMBALANCE, "{most}");
+                }
+                let gathered = points.gather();
+                assert_eq!(gathered.as_ref().map(Points::len), ranks.is_root().then_some(n * n));
+                gathered.iter().for_each(are_whole);
+                left
+            });
+            // A quarter turn takes each quadrant to another one, and half of each half to the other.
+            let all: usize = left.iter().sum();
+            assert_eq!(all, if count == 4 { 4 * n * n } else { 2 * n * n }, "{left:?}");
+        }
+    }
+
+    #[test]
+    fn points_added_later_join_the_ranks_of_their_cells() {
+        let grid = Structured::<2>::new([-2.0; 2], [0.125; 2], [32, 32]);
+        let lengths = threads::run(3, |ranks| {
+            let mut points = square(20);
+            points.share(&ranks, &grid);
+            let before = points.len();
+            points.append_shared(&square(10), &grid);
+            are_whole(&points);
+            (before, points.len())
+        });
+        assert_eq!(lengths.iter().map(|(before, _)| before).sum::<usize>(), 400);
+        assert_eq!(lengths.iter().map(|(_, after)| after).sum::<usize>(), 500);
+    }
+}

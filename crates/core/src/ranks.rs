@@ -1,0 +1,166 @@
+//! The processes that share an analysis: ranks, each of which keeps the points in its part of the grid.
+//!
+//! All ranks run the same program on their own points. What they decide together is formed here: each reduction adds up the
+//! parts in the order of the ranks and gives the same bits to all of them, so that all ranks take the same path.
+
+mod halo;
+pub mod threads;
+
+use std::sync::Arc;
+
+use serde::{Serialize, de::DeserializeOwned};
+
+pub use halo::{Halo, Sharer, Sharing, sharing};
+
+/// Messages between ranks. Every method is collective: all ranks must call it, in the same order.
+pub trait Communicator: Send + Sync + std::fmt::Debug {
+    /// Number of ranks.
+    fn count(&self) -> usize;
+
+    /// Number of this rank, from 0.
+    fn own(&self) -> usize;
+
+    /// The bytes that every rank gives, in the order of the ranks.
+    fn gather_all(&self, own: &[u8]) -> Vec<Vec<u8>>;
+
+    /// The same on rank 0; nothing on the others.
+    fn gather(&self, own: &[u8]) -> Vec<Vec<u8>>;
+
+    /// Sends messages to some ranks, each at most once; returns those for this rank with the ranks they come from, ascending.
+    fn exchange(&self, messages: Vec<(usize, Vec<u8>)>) -> Vec<(usize, Vec<u8>)>;
+
+    /// Swaps numbers with some other ranks, ascending: `send[k]` goes to rank `with[k]`, and `receive[k]` is filled by it. Both
+    /// sides must agree on the lengths.
+    fn swap(&self, with: &[usize], send: &[Vec<f64>], receive: &mut [Vec<f64>]);
+}
+
+/// The ranks of an analysis; by default this process alone.
+#[derive(Debug, Clone, Default)]
+pub struct Ranks(Option<Arc<dyn Communicator>>);
+
+impl Ranks {
+    /// The ranks that a communicator connects.
+    pub fn new(communicator: Arc<dyn Communicator>) -> Self {
+        Ranks((communicator.count() > 1).then_some(communicator))
+    }
+
+    /// True if there is one rank only.
+    #[inline]
+    pub fn is_alone(&self) -> bool {
+        self.0.is_none()
+    }
+
+    /// Number of ranks.
+    pub fn count(&self) -> usize {
+        self.0.as_ref().map_or(1, |ranks| ranks.count())
+    }
+
+    /// Number of this rank.
+    pub fn own(&self) -> usize {
+        self.0.as_ref().map_or(0, |ranks| ranks.own())
+    }
+
+    /// True on the rank that writes results.
+    pub fn is_root(&self) -> bool {
+        self.own() == 0
+    }
+
+    /// The messages, if there are several ranks.
+    pub fn communicator(&self) -> Option<&dyn Communicator> {
+        self.0.as_deref()
+    }
+
+    /// The values of all ranks, in their order.
+    pub fn gather_all<T: Serialize + DeserializeOwned>(&self, own: T) -> Vec<T> {
+        match &self.0 {
+            None => vec![own],
+            Some(ranks) => ranks.gather_all(&encode(&own)).iter().filter_map(|bytes| decode(bytes)).collect(),
+        }
+    }
+
+    /// The values of all ranks on rank 0, in their order; none on the others.
+    pub fn gather<T: Serialize + DeserializeOwned>(&self, own: T) -> Vec<T> {
+        match &self.0 {
+            None => vec![own],
+            Some(ranks) => ranks.gather(&encode(&own)).iter().filter_map(|bytes| decode(bytes)).collect(),
+        }
+    }
+
+    /// Sends values to some ranks, each at most once; returns those for this rank with the ranks they come from, ascending.
+    pub fn exchange<T: Serialize + DeserializeOwned>(&self, messages: Vec<(usize, T)>) -> Vec<(usize, T)> {
+        let Some(ranks) = &self.0 else { return messages };
+        let messages = messages.iter().map(|(rank, value)| (*rank, encode(value))).collect();
+        let answers = ranks.exchange(messages).into_iter();
+        answers.filter_map(|(rank, bytes)| Some((rank, decode(&bytes)?))).collect()
+    }
+
+    /// The value of the first rank that has one.
+    pub fn first<T: Serialize + DeserializeOwned>(&self, own: Option<T>) -> Option<T> {
+        if self.is_alone() { own } else { self.gather_all(own).into_iter().flatten().next() }
+    }
+
+    /// Combines numbers of all ranks one by one, in the order of the ranks.
+    fn combine(&self, values: &mut [f64], with: impl Fn(f64, f64) -> f64) {
+        let Some(ranks) = &self.0 else { return };
+        let own: Vec<u8> = values.iter().flat_map(|value| value.to_ne_bytes()).collect();
+        let all = ranks.gather_all(&own);
+        for (rank, bytes) in all.iter().enumerate() {
+            for (value, number) in values.iter_mut().zip(bytes.chunks_exact(size_of::<f64>())) {
+                let number = f64::from_ne_bytes(number.try_into().unwrap_or_default());
+                *value = if rank == 0 { number } else { with(*value, number) };
+            }
+        }
+    }
+
+    /// Replaces each number by its sum over all ranks.
+    pub fn sum(&self, values: &mut [f64]) {
+        self.combine(values, |a, b| a + b);
+    }
+
+    /// The sum of a number over all ranks.
+    pub fn total(&self, value: f64) -> f64 {
+        let mut values = [value];
+        self.sum(&mut values);
+        values[0]
+    }
+
+    /// The sum of a count over all ranks.
+    pub fn count_all(&self, count: usize) -> usize {
+        self.total(count as f64) as usize
+    }
+
+    /// Replaces each number by its largest value on any rank; NaN if any is.
+    pub fn maximum(&self, values: &mut [f64]) {
+        self.combine(values, |a, b| if a >= b || a.is_nan() { a } else { b });
+    }
+
+    /// The largest value of a number on any rank; NaN if any is.
+    pub fn largest(&self, value: f64) -> f64 {
+        let mut values = [value];
+        self.maximum(&mut values);
+        values[0]
+    }
+
+    /// The smallest value of a number on any rank; NaN if any is.
+    pub fn smallest(&self, value: f64) -> f64 {
+        -self.largest(-value)
+    }
+
+    /// True if it is true on any rank.
+    pub fn any(&self, is: bool) -> bool {
+        if self.is_alone() { is } else { self.largest(f64::from(u8::from(is))) > 0.0 }
+    }
+
+    /// True if it is true on all ranks.
+    pub fn all(&self, is: bool) -> bool {
+        !self.any(!is)
+    }
+}
+
+fn encode<T: Serialize>(value: &T) -> Vec<u8> {
+    postcard::to_stdvec(value).unwrap_or_default()
+}
+
+fn decode<T: DeserializeOwned>(bytes: &[u8]) -> Option<T> {
+    postcard::from_bytes(bytes).ok()
+}

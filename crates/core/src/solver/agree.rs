@@ -1,0 +1,48 @@
+//! Agreement of all ranks on the outcome of what each of them has tried.
+
+use crate::ranks::Ranks;
+
+use super::error::SolveError;
+use super::of_rank::OfRank;
+
+/// An error as ranks tell each other; `rank` is `None` for one of this rank.
+fn told_by(rank: Option<usize>, error: &SolveError) -> OfRank {
+    let has_lost_points = matches!(
+        error,
+        SolveError::OffGrid { .. } | SolveError::Domain { .. } | SolveError::Collapsed { .. }
+    );
+    OfRank {
+        rank,
+        code: error.code().unwrap_or_default().to_owned(),
+        text: error.to_string(),
+        residuals: error.residuals().to_vec(),
+        is_retryable: error.is_retryable(),
+        has_lost_points,
+        is_torn: matches!(error, SolveError::Domain { .. }),
+    }
+}
+
+/// An error in words.
+pub(super) fn told(error: &SolveError) -> OfRank {
+    match error {
+        SolveError::OnRank(error) => error.as_ref().clone(),
+        error => told_by(None, error),
+    }
+}
+
+/// Lets an attempt succeed only if it has on all ranks: a rank without an error gets that of the first rank that has one.
+pub(super) fn agree<T>(ranks: &Ranks, outcome: Result<T, SolveError>) -> Result<T, SolveError> {
+    if ranks.is_alone() {
+        return outcome;
+    }
+    // An error of which a rank knows only that another one has it is not told to others.
+    let is_known = |error: &&SolveError| !matches!(error, SolveError::OnRank(_));
+    let own = outcome.as_ref().err().filter(is_known).map(|error| told_by(Some(ranks.own()), error));
+    match ranks.first(own) {
+        None => outcome,
+        Some(other) => match outcome {
+            Err(error) if is_known(&&error) => Err(error),
+            _ => Err(SolveError::OnRank(Box::new(other))),
+        },
+    }
+}

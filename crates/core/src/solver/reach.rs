@@ -1,0 +1,44 @@
+//! The begin of a step with all terms: the nodes of other ranks that they need at hand, and what they start from.
+
+use crate::basis::Connectivity;
+use crate::model::Model;
+use crate::points::Points;
+use crate::step::{Step, StepContext};
+use crate::terms::{Term, Terms};
+
+use super::agree::agree;
+use super::error::SolveError;
+
+/// Adds the nodes to links that terms need on this rank.
+pub(super) fn reach_out<const D: usize, const N: usize>(
+    model: &Model<D>,
+    points: &Points<D>,
+    links: Connectivity<D>,
+    terms: &mut Terms<D, N>,
+    step: Step,
+) -> Result<Connectivity<D>, SolveError> {
+    let ranks = &points.ranks;
+    if ranks.is_alone() {
+        return Ok(links);
+    }
+    let mut wanted = Vec::new();
+    for term in terms {
+        let nodes = term.reach(model, points, &links).map_err(|error| SolveError::begin(error, step));
+        wanted.extend(agree(ranks, nodes)?);
+    }
+    Ok(links.with_nodes(model.grid.as_ref(), ranks, wanted))
+}
+
+/// Begins a step with all terms. The ranks agree after each term, because a term may need all of them.
+pub(super) fn begin<const D: usize, const N: usize>(
+    terms: &mut Terms<D, N>,
+    context: &StepContext<D>,
+    points: &Points<D>,
+) -> Result<(), SolveError> {
+    let ranks = context.links.halo().ranks();
+    let mut begin = |term: &mut Box<dyn Term<D, N>>| {
+        let begun = term.begin(context, points);
+        agree(ranks, begun.map_err(|error| SolveError::begin(error, context.step)))
+    };
+    terms.iter_mut().try_for_each(&mut begin)
+}

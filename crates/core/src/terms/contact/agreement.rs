@@ -1,0 +1,46 @@
+//! Agreement of all ranks on what each of them finds.
+
+use super::error::ContactError;
+use crate::ranks::Ranks;
+use crate::terms::EvaluateError;
+
+/// The reason why contact cannot be evaluated on this rank.
+#[derive(Debug)]
+pub(super) enum Failure {
+    /// An error of this rank.
+    Own(ContactError),
+    /// Another rank has an error.
+    OnRank,
+}
+
+impl From<ContactError> for Failure {
+    fn from(error: ContactError) -> Self {
+        Failure::Own(error)
+    }
+}
+
+impl From<Failure> for EvaluateError {
+    fn from(failure: Failure) -> Self {
+        match failure {
+            Failure::Own(error) => error.into(),
+            Failure::OnRank => EvaluateError::OnRank { is_final: false },
+        }
+    }
+}
+
+/// Lets something succeed only if it has on all ranks.
+pub(super) fn agreed<T>(ranks: &Ranks, outcome: Result<T, ContactError>) -> Result<T, Failure> {
+    let fails = ranks.any(outcome.is_err());
+    let outcome = outcome.map_err(Failure::Own);
+    if fails { outcome.and(Err(Failure::OnRank)) } else { outcome }
+}
+
+/// Makes each value true that is on any rank.
+pub(super) fn any_of_each(ranks: &Ranks, values: &mut [bool]) {
+    if ranks.is_alone() {
+        return;
+    }
+    let mut numbers: Vec<f64> = values.iter().map(|is| f64::from(u8::from(*is))).collect();
+    ranks.maximum(&mut numbers);
+    values.iter_mut().zip(numbers).for_each(|(is, number)| *is = number > 0.0);
+}

@@ -1,0 +1,144 @@
+//! Contact of bodies whose points are divided between ranks.
+//!
+//! Each rank treats the places of its own points. A corner that domains on several ranks share belongs to the rank of the domain
+//! that comes first in the order of the grid: the ranks tell each other the corners near nodes that they share, and join them
+//! alike. What places keep from step to step is known to all ranks, because points migrate. All ranks decide together about
+//! errors and multipliers.
+
+use super::candidates::{CENTRE, Key, Near, Search};
+use super::plain::{Plain, exchange};
+use super::search::Found;
+use crate::ranks::{Halo, Ranks};
+use crate::tool::Closest;
+
+/// The place of an active node among those that this rank shares with another one; the same on both ranks.
+pub(super) fn place_of(shared: &[u32], node: usize) -> Option<usize> {
+    shared.binary_search(&(node as u32)).ok()
+}
+
+/// The corner of a domain near a tool, as one rank tells it others.
+#[derive(Debug, Clone, Copy)]
+struct Corner<const D: usize> {
+    /// The place of its cell in the order of the grid.
+    order: u32,
+    key: Key,
+    body: usize,
+    start: [f64; D],
+    size: f64,
+    closest: Closest<D>,
+    is_flat: bool,
+    area: f64,
+    area_of_corner: f64,
+}
+
+impl<const D: usize> Plain for Corner<D> {
+    fn tell(&self, numbers: &mut Vec<f64>) {
+        ((self.order, self.key, self.body), (self.start, self.size, self.closest)).tell(numbers);
+        (self.is_flat, self.area, self.area_of_corner).tell(numbers);
+    }
+
+    fn told(numbers: &mut impl Iterator<Item = f64>) -> Option<Self> {
+        let ((order, key, body), (start, size, closest)) = Plain::told(numbers)?;
+        let (is_flat, area, area_of_corner) = Plain::told(numbers)?;
+        Some(Corner { order, key, body, start, size, closest, is_flat, area, area_of_corner })
+    }
+}
+
+impl<const D: usize> Search<'_, D> {
+    /// The ranks of the analysis.
+    pub(super) fn ranks(&self) -> &Ranks {
+        self.links.halo().ranks()
+    }
+
+    /// The place of the cell of a point in the order of the grid.
+    fn order(&self, p: usize) -> u32 {
+        let cell = self.points.cell[p];
+        self.model.grid.patches().map_or(cell, |patches| patches.rank_of[cell as usize])
+    }
+
+    /// Adds the corners on other ranks that domains of this one may share, and puts all places into the first piece, in the order
+    /// of the grid. `is_shared` tells of which bodies domains share corners.
+    pub(super) fn add_others(&self, pieces: &mut Vec<Found<D>>, is_shared: impl Fn(usize) -> bool) {
+        let mut places: Vec<(u32, Near<D>)> = Vec::new();
+        for place in pieces.iter_mut().flat_map(|found| found.places.drain(..)) {
+            places.push((place.p.map_or(0, |p| self.order(p)), place));
+        }
+        let halo = self.links.halo();
+        let mut messages: Vec<(usize, Vec<Corner<D>>)> = Vec::new();
+        let corners = places.iter().filter(|(_, place)| is_shared(place.body) && place.key.corner != CENTRE);
+        for (rank, shared) in halo.neighbours() {
+            let is_near = |(_, place): &&(u32, Near<D>)| self.touches_one_of(place, shared);
+            let told: Vec<Corner<D>> = corners.clone().filter(is_near).map(told).collect();
+            if !told.is_empty() {
+                messages.push((rank, told));
+            }
+        }
+        let of_others = exchange(self.ranks(), messages).into_iter().flat_map(|(_, corners)| corners);
+        places.extend(of_others.map(|corner| (corner.order, of_other(corner))));
+        // All points of a cell are on one rank.
+        places.sort_by_key(|(order, _)| *order);
+        if pieces.is_empty() {
+            pieces.push(Found::default());
+        }
+        pieces[0].places.extend(places.into_iter().map(|(_, place)| place));
+    }
+
+    /// True if the cell that holds a place has one of these active nodes, which ascend. Domains that share a corner touch the same
+    /// nodes of its cell.
+    fn touches_one_of(&self, place: &Near<D>, shared: &[u32]) -> bool {
+        let grid = self.model.grid.as_ref();
+        let hint = place.p.map(|p| self.points.cell[p]);
+        let Some(cell) = grid.locate(&place.start, hint) else { return false };
+        let corners = grid.corners(cell as usize);
+        let mut active = corners.nodes().iter().filter_map(|node| self.links.active_number(*node as usize));
+        active.any(|node| place_of(shared, node).is_some())
+    }
+}
+
+/// A corner as other ranks are told it.
+fn told<const D: usize>((order, place): &(u32, Near<D>)) -> Corner<D> {
+    let Near { body, key, start, size, closest, is_flat, area, area_of_corner, .. } = *place;
+    Corner { order: *order, key, body, start, size, closest, is_flat, area, area_of_corner }
+}
+
+/// A corner that another rank has told.
+fn of_other<const D: usize>(corner: Corner<D>) -> Near<D> {
+    let Corner { order: _, key, body, start, size, closest, is_flat, area, area_of_corner } = corner;
+    Near { p: None, body, key, start, size, closest, is_flat, area, area_of_corner, shared_by: Vec::new() }
+}
+
+/// A tool and a node, with the sum of vectors and of weights there.
+type AtNode<const D: usize> = ((u32, usize), ([f64; D], f64));
+
+/// Adds to sums at nodes of this rank what other ranks have there. A sum belongs to a tool and an active node; `place` gives its
+/// place for both, if this rank has it.
+pub(super) fn add_others<const D: usize>(
+    halo: &Halo,
+    sums: &mut [([f64; D], f64)],
+    of: &[(u32, usize)],
+    place: impl Fn(u32, usize) -> Option<usize>,
+) {
+    if halo.ranks().is_alone() {
+        return;
+    }
+    let mut messages = Vec::new();
+    for (rank, shared) in halo.neighbours() {
+        let told: Vec<AtNode<D>> = (of.iter().zip(&*sums))
+            .filter_map(|((tool, node), sum)| Some(((*tool, place_of(shared, *node)?), *sum)))
+            .collect();
+        if !told.is_empty() {
+            messages.push((rank, told));
+        }
+    }
+    for (rank, told) in exchange(halo.ranks(), messages) {
+        let Some((_, shared)) = halo.neighbours().find(|(neighbour, _)| *neighbour == rank) else { continue };
+        for ((tool, k), (vector, weight)) in told {
+            let node = shared.get(k).map(|node| *node as usize);
+            if let Some(place) = node.and_then(|node| place(tool, node)) {
+                let (sum, total) = &mut sums[place];
+                (0..D).for_each(|d| sum[d] += vector[d]);
+                *total += weight;
+            }
+        }
+    }
+}

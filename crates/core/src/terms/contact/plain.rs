@@ -1,0 +1,165 @@
+//! Values as plain numbers, in which ranks tell them each other.
+
+use super::candidates::Key;
+use super::interface::{Mode, Multiplier};
+use crate::ranks::Ranks;
+use crate::tool::Closest;
+
+/// A value that some numbers tell. Whole numbers must be below 2⁵³.
+pub(super) trait Plain: Sized {
+    /// Appends its numbers.
+    fn tell(&self, numbers: &mut Vec<f64>);
+
+    /// The value that the next numbers tell; `None` without numbers.
+    fn told(numbers: &mut impl Iterator<Item = f64>) -> Option<Self>;
+}
+
+/// The values of all ranks, in the order of the ranks.
+pub(super) fn of_all_ranks<T: Plain>(ranks: &Ranks, own: Vec<T>) -> Vec<T> {
+    if ranks.is_alone() {
+        return own;
+    }
+    ranks.gather_all(in_numbers(&own)).into_iter().flat_map(from_numbers).collect()
+}
+
+/// Sends values to some ranks, each at most once; returns those for this rank with the ranks they come from, ascending.
+pub(super) fn exchange<T: Plain>(ranks: &Ranks, messages: Vec<(usize, Vec<T>)>) -> Vec<(usize, Vec<T>)> {
+    let messages = messages.into_iter().map(|(rank, values)| (rank, in_numbers(&values))).collect();
+    let received = ranks.exchange(messages).into_iter();
+    received.map(|(rank, numbers)| (rank, from_numbers(numbers).collect())).collect()
+}
+
+fn in_numbers<T: Plain>(values: &[T]) -> Vec<f64> {
+    let mut numbers = Vec::new();
+    values.iter().for_each(|value| value.tell(&mut numbers));
+    numbers
+}
+
+fn from_numbers<T: Plain>(numbers: Vec<f64>) -> impl Iterator<Item = T> {
+    let mut numbers = numbers.into_iter();
+    std::iter::from_fn(move || T::told(&mut numbers))
+}
+
+impl Plain for f64 {
+    fn tell(&self, numbers: &mut Vec<f64>) {
+        numbers.push(*self);
+    }
+
+    fn told(numbers: &mut impl Iterator<Item = f64>) -> Option<Self> {
+        numbers.next()
+    }
+}
+
+/// A type that one number tells.
+macro_rules! of_number {
+    ($type:ty, $tell:expr, $told:expr) => {
+        impl Plain for $type {
+            fn tell(&self, numbers: &mut Vec<f64>) {
+                numbers.push($tell(*self));
+            }
+
+            fn told(numbers: &mut impl Iterator<Item = f64>) -> Option<Self> {
+                numbers.next().map($told)
+            }
+        }
+    };
+}
+
+of_number!(u32, f64::from, |x| x as u32);
+of_number!(usize, |x| x as f64, |x| x as usize);
+of_number!(bool, |x| f64::from(u8::from(x)), |x| x != 0.0);
+of_number!(Mode, |mode| f64::from(mode as u8), |x| match x as u8 {
+    0 => Mode::Stick,
+    1 => Mode::Slip,
+    _ => Mode::Parting,
+});
+
+impl<T: Plain + Copy, const N: usize> Plain for [T; N] {
+    fn tell(&self, numbers: &mut Vec<f64>) {
+        self.iter().for_each(|value| value.tell(numbers));
+    }
+
+    fn told(numbers: &mut impl Iterator<Item = f64>) -> Option<Self> {
+        let mut values = [T::told(numbers)?; N];
+        for value in values.iter_mut().skip(1) {
+            *value = T::told(numbers)?;
+        }
+        Some(values)
+    }
+}
+
+impl<T: Plain> Plain for Vec<T> {
+    fn tell(&self, numbers: &mut Vec<f64>) {
+        self.len().tell(numbers);
+        self.iter().for_each(|value| value.tell(numbers));
+    }
+
+    fn told(numbers: &mut impl Iterator<Item = f64>) -> Option<Self> {
+        let n = usize::told(numbers)?;
+        (0..n).map(|_| T::told(numbers)).collect()
+    }
+}
+
+/// A type whose parts tell it one after the other.
+macro_rules! of_parts {
+    ([$($generics:tt)*] $type:ty, { $($field:ident),* }) => {
+        impl<$($generics)*> Plain for $type {
+            fn tell(&self, numbers: &mut Vec<f64>) {
+                $(self.$field.tell(numbers);)*
+            }
+
+            fn told(numbers: &mut impl Iterator<Item = f64>) -> Option<Self> {
+                Some(Self { $($field: Plain::told(numbers)?),* })
+            }
+        }
+    };
+}
+
+pub(super) use of_parts;
+
+of_parts!([] Key, { tool, point, corner });
+of_parts!([const D: usize] Multiplier<D>, { normal, shear });
+of_parts!([const D: usize] Closest<D>, { gap, normal, point, part, normal_derivative });
+
+impl<A: Plain, B: Plain> Plain for (A, B) {
+    fn tell(&self, numbers: &mut Vec<f64>) {
+        self.0.tell(numbers);
+        self.1.tell(numbers);
+    }
+
+    fn told(numbers: &mut impl Iterator<Item = f64>) -> Option<Self> {
+        Some((A::told(numbers)?, B::told(numbers)?))
+    }
+}
+
+impl<A: Plain, B: Plain, C: Plain> Plain for (A, B, C) {
+    fn tell(&self, numbers: &mut Vec<f64>) {
+        self.0.tell(numbers);
+        self.1.tell(numbers);
+        self.2.tell(numbers);
+    }
+
+    fn told(numbers: &mut impl Iterator<Item = f64>) -> Option<Self> {
+        Some((A::told(numbers)?, B::told(numbers)?, C::told(numbers)?))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_tell_values() {
+        let multiplier = Multiplier { normal: -0.1, shear: [f64::MAX, 3.0] };
+        let key = Key { tool: 1, point: u32::MAX, corner: 8 };
+        let values = vec![
+            (key, multiplier, vec![true, false]),
+            (key, Multiplier { normal: 0.0, ..multiplier }, vec![]),
+        ];
+        let again: Vec<(Key, Multiplier<2>, Vec<bool>)> = from_numbers(in_numbers(&values)).collect();
+        assert_eq!(again, values);
+        for mode in [Mode::Stick, Mode::Slip, Mode::Parting] {
+            assert_eq!(from_numbers(in_numbers(&[mode])).collect::<Vec<Mode>>(), [mode]);
+        }
+    }
+}

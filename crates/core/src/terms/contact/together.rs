@@ -1,0 +1,30 @@
+//! What the ranks of a run find out together about all places of contact.
+
+use super::Contact;
+use super::agreement::any_of_each;
+use super::motion::farthest;
+use crate::step::At;
+
+impl<const D: usize> Contact<D> {
+    /// The largest displacement of a node, [length], and true at the start of the iterations.
+    pub(super) fn motion<const N: usize>(&self, at: At<N>) -> (f64, bool) {
+        let moves = at.delta_d.iter().flatten().chain(at.globals).any(|u| *u != 0.0);
+        let mut numbers = [farthest::<D, N>(at.delta_d), f64::from(u8::from(moves))];
+        self.halo.ranks().maximum(&mut numbers);
+        (numbers[0], numbers[1] == 0.0)
+    }
+
+    /// For each tool, true if places touch it, and true if one of these does not slide.
+    pub(super) fn touched(&self) -> [Vec<bool>; 2] {
+        let n = self.tools.len();
+        let mut of_tools = vec![false; 2 * n];
+        for (_, candidate, _, touch) in self.touching() {
+            let tool = candidate.key.tool as usize;
+            of_tools[tool] = true;
+            of_tools[n + tool] |= !touch.slides_with_friction();
+        }
+        any_of_each(self.halo.ranks(), &mut of_tools);
+        let holds = of_tools.split_off(n);
+        [of_tools, holds]
+    }
+}

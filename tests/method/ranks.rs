@@ -1,0 +1,156 @@
+//! Runs divided between ranks, which are threads here, give the results of one rank up to the tolerance of equilibrium.
+
+use std::path::Path;
+
+use mpm::deck::load::load;
+use mpm::deck::ready::{Prepared, prepare};
+use mpm::memory::Memory;
+use mpm::model::Model;
+use mpm::points::Points;
+use mpm::ranks::{Ranks, threads};
+use mpm::solver::{Observer, SolveError, StepReport, Summary};
+
+/// What a run reports on rank 0.
+#[derive(Debug, Default, Clone, PartialEq)]
+struct Told {
+    /// Of each step: reactions, loads, energies.
+    numbers: Vec<Vec<f64>>,
+    iterations: Vec<usize>,
+    warnings: Vec<String>,
+    /// Position and Kirchhoff stress of each point, in the order of their permanent numbers.
+    points: Vec<f64>,
+    /// Largest stress, [stress].
+    scale: f64,
+}
+
+/// Stops after some steps.
+struct Recorder {
+    told: Told,
+    steps: usize,
+}
+
+impl<const D: usize> Observer<D> for Recorder {
+    fn converged(
+        &mut self,
+        _: &Model<D>,
+        points: &Points<D>,
+        report: &StepReport<D>,
+        summary: &Summary,
+    ) -> std::io::Result<()> {
+        let energy = report.energy;
+        let mut numbers: Vec<f64> = report.reactions.iter().flatten().copied().collect();
+        numbers.extend(report.loads.iter().flatten());
+        numbers.extend(report.tools.iter().flat_map(|tool| tool.force));
+        numbers.extend([energy.external_work, energy.strain_energy, energy.plastic_work]);
+        numbers.extend([
+            report.unknowns as f64,
+            report.grid.delta_d.len() as f64,
+            report.stabilised_faces as f64,
+        ]);
+        self.told.numbers.push(numbers);
+        self.told.iterations.push(report.residuals.len());
+        self.told.warnings = summary.warnings.iter().map(|warning| format!("{:?}", warning.code)).collect();
+        let order = points.by_id();
+        self.told.points.clear();
+        self.told.scale = 0.0;
+        for p in order {
+            self.told.points.extend(points.converged.position[p]);
+            let stress = points.converged.kirchhoff_stress[p];
+            self.told.points.extend(stress.0);
+            self.told.scale = self.told.scale.max(stress.norm());
+        }
+        self.steps -= usize::from(self.steps > 0);
+        Ok(())
+    }
+
+    fn interrupted(&self) -> bool {
+        self.steps == 0
+    }
+}
+
+/// Runs the first steps of a deck on this rank.
+fn run(deck: &str, set: &[(&str, &str)], steps: usize, ranks: &Ranks) -> (Told, Option<String>) {
+    let set: Vec<(String, String)> = set.iter().map(|(k, v)| (k.to_string(), v.to_string())).collect();
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("inputs").join(deck);
+    let loaded = load(&path, &set).unwrap_or_else(|e| panic!("{e}"));
+    let Prepared { mut analysis, .. } =
+        prepare(loaded, Memory::of_this_machine(), false).unwrap_or_else(|e| panic!("{e}"));
+    let mut recorder = Recorder { told: Told::default(), steps };
+    analysis.share(ranks);
+    let reached = analysis.beginning();
+    let outcome = analysis.run(reached, &mut recorder);
+    let error = outcome.err().filter(|error| !matches!(error, SolveError::Interrupted { .. }));
+    (recorder.told, error.map(|error| error.to_string()))
+}
+
+/// Largest difference of numbers relative to the largest of them.
+fn difference(a: &[f64], b: &[f64], scale: f64) -> f64 {
+    assert_eq!(a.len(), b.len());
+    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max) / scale.max(f64::MIN_POSITIVE)
+}
+
+/// Compares runs on some numbers of ranks with that of one.
+fn agree(deck: &str, set: &[(&str, &str)], steps: usize, numbers: &[usize]) {
+    let (one, error) = run(deck, set, steps, &Ranks::default());
+    assert!(!one.numbers.is_empty(), "{deck}: {error:?}");
+    for &n in numbers {
+        let all = threads::run(n, |ranks| run(deck, set, steps, &ranks));
+        let (found, failed) = &all[0];
+        assert_eq!(failed.is_some(), error.is_some(), "{deck} on {n}: {failed:?}, {error:?}");
+        assert_eq!(found.numbers.len(), one.numbers.len(), "{deck} on {n}: steps");
+        let mut worst: f64 = 0.0;
+        for (a, b) in found.numbers.iter().zip(&one.numbers) {
+            // Reactions that cancel are round-off of the stresses.
+            let scale = b.iter().take(b.len() - 6).fold(one.scale, |s, x| s.max(x.abs()));
+            let k = b.len() - 6;
+            worst = worst.max(difference(&a[..k], &b[..k], scale));
+            let energy = b[k].abs().max(b[k + 1].abs());
+            worst = worst.max(difference(&a[k..k + 3], &b[k..k + 3], energy));
+            assert_eq!(a[k + 3..], b[k + 3..], "{deck} on {n}: unknowns, nodes, faces");
+        }
+        let scale = one.scale.max(f64::MIN_POSITIVE);
+        let of_points = found.points.iter().zip(&one.points).map(|(a, b)| (a - b).abs() / scale.max(b.abs()));
+        let of_points = of_points.fold(0.0, f64::max);
+        println!(
+            "{deck} on {n} ranks: forces and work {worst:.1e}, points {of_points:.1e}, evaluations {:?} of {:?}",
+            found.iterations.iter().sum::<usize>(),
+            one.iterations.iter().sum::<usize>()
+        );
+        assert_eq!(found.warnings, one.warnings, "{deck} on {n}");
+        assert!(worst < 1e-9 && of_points < 1e-9, "{deck} on {n}: {worst:e} {of_points:e}");
+    }
+}
+
+#[test]
+fn plane_decks_agree() {
+    for deck in ["beam.yaml", "shear.yaml", "collapse.yaml", "annulus.yaml", "arch.yaml", "footing.yaml"] {
+        agree(deck, &[], 3, &[2, 3, 4]);
+    }
+    for deck in ["compaction.yaml", "twist.yaml", "slope.yaml", "bearing.yaml", "cone/revolved.yaml"] {
+        agree(deck, &[], 2, &[3]);
+    }
+}
+
+#[test]
+fn solid_decks_agree() {
+    agree("block/block.yaml", &[("h", "0.5")], 2, &[2, 3, 4]);
+    agree("block/block.yaml", &[("n", "1")], 1, &[2]);
+    agree("cone/solid.yaml", &[], 1, &[2]);
+}
+
+#[test]
+fn decks_with_surfaces_and_stages_agree() {
+    for deck in
+        ["excavation.yaml", "footing_stages.yaml", "triaxial.yaml", "new/footing.yaml", "new/shear.yaml"]
+    {
+        agree(deck, &[], 3, &[2, 3]);
+    }
+}
+
+#[test]
+fn decks_with_tools_agree() {
+    for deck in ["pipe.yaml", "cone.yaml"] {
+        agree(deck, &[], 3, &[2, 3]);
+    }
+    agree("plough.yaml", &[], 2, &[2, 4]);
+}
