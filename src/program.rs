@@ -7,6 +7,7 @@ mod cli;
 mod commands;
 mod exit;
 mod interrupt;
+mod machines;
 mod system_limits;
 
 use std::ffi::OsString;
@@ -16,7 +17,7 @@ use crate::deck::schema::deck_schema;
 use clap::Parser;
 
 use cli::{Cli, Command};
-use commands::{element, explain, manual, new, report, run, status, sweep};
+use commands::{element, explain, manual, new, plan, report, run, status, sweep};
 use exit::USAGE;
 use screen::failure::as_error;
 use screen::message;
@@ -39,7 +40,8 @@ fn run_command(arguments: &[OsString], began: Instant) -> anyhow::Result<u8> {
     };
     match command {
         Command::New(args) => new::new(&args),
-        Command::Check { deck } => run::check(&deck),
+        Command::Check { deck, ranks: None } => run::check(&deck),
+        Command::Check { deck, ranks: Some(ranks) } => plan::plan(&deck, ranks as usize),
         Command::Run(args) => run::run(args, arguments, began),
         Command::Status(args) => status::status(&args),
         Command::Sweep(args) => sweep::sweep(args),

@@ -3,15 +3,24 @@
 use clap::{Parser, Subcommand};
 use clap_complete::Shell;
 
+use std::sync::OnceLock;
+
 use crate::program::commands::arguments::DeckArgs;
 use crate::program::commands::{element, new, report, run, status, sweep};
+use crate::program::machines::features;
 
 /// Implicit, quasi-static, finite-deformation material point method.
 #[derive(Parser)]
-#[command(version, about, max_term_width = 100, after_help = FIRST_RUN)]
+#[command(version, long_version = long_version(), about, max_term_width = 100, after_help = FIRST_RUN)]
 pub struct Cli {
     #[command(subcommand)]
     pub command: Command,
+}
+
+/// The version with what the build contains.
+fn long_version() -> &'static str {
+    static TEXT: OnceLock<String> = OnceLock::new();
+    TEXT.get_or_init(|| format!("{}\nfeatures: {}", env!("CARGO_PKG_VERSION"), features()))
 }
 
 pub const FIRST_RUN: &str = "\
@@ -30,6 +39,9 @@ pub enum Command {
     Check {
         #[command(flatten)]
         deck: DeckArgs,
+        /// Predict memory and time of a run on this number of ranks instead, without filling the bodies.
+        #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+        ranks: Option<u32>,
     },
     /// Run the analysis of a deck.
     Run(run::RunArgs),

@@ -7,6 +7,7 @@ pub mod explain;
 pub mod manual;
 pub mod new;
 mod overwriting;
+pub mod plan;
 pub mod report;
 mod resume;
 pub mod run;

@@ -11,9 +11,10 @@ use crate::program::exit::INTERRUPTED;
 #[cfg(unix)]
 const STACK: usize = 128 << 10;
 
-/// Returns a flag that Ctrl-C, SIGTERM or a closed terminal sets; the second signal ends the program at once.
+/// Returns a flag that Ctrl-C, SIGTERM or a closed terminal sets; the second signal ends the program at once. Says so if
+/// `speaks`.
 #[cfg(unix)]
-pub fn stop_on_interrupt() -> anyhow::Result<Arc<AtomicBool>> {
+pub fn stop_on_interrupt(speaks: bool) -> anyhow::Result<Arc<AtomicBool>> {
     use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
     let stop = Arc::new(AtomicBool::new(false));
@@ -30,8 +31,13 @@ pub fn stop_on_interrupt() -> anyhow::Result<Arc<AtomicBool>> {
         .spawn(move || {
             for _ in signals.forever() {
                 if raised.swap(true, Ordering::SeqCst) {
-                    message!("interrupted at once: the current step is not written");
+                    if speaks {
+                        message!("interrupted at once: the current step is not written");
+                    }
                     std::process::exit(i32::from(INTERRUPTED));
+                }
+                if !speaks {
+                    continue;
                 }
                 message!("stopping after the current step; press Ctrl-C again to stop at once");
             }
@@ -47,7 +53,7 @@ pub fn stop_on_interrupt() -> anyhow::Result<Arc<AtomicBool>> {
 
 /// Returns a flag that Ctrl-C sets; the second Ctrl-C ends the program at once.
 #[cfg(not(unix))]
-pub fn stop_on_interrupt() -> anyhow::Result<Arc<AtomicBool>> {
+pub fn stop_on_interrupt(_: bool) -> anyhow::Result<Arc<AtomicBool>> {
     use signal_hook::consts::SIGINT;
     use signal_hook::flag;
 

@@ -63,6 +63,7 @@ mod material;
 mod parameters;
 mod per_axis;
 mod placing;
+pub mod plan;
 pub mod quoting;
 mod read;
 pub mod ready;

@@ -3,7 +3,7 @@
 use std::io::{self, IsTerminal, Write};
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::deck::advice;
 use crate::deck::diagnostic::{self, Diagnostic, as_json, render_all};
@@ -15,13 +15,16 @@ use crate::output::checkpoint::last_step;
 use crate::output::lock::Lock;
 use crate::output::results::Results;
 use crate::output::summary::Start;
-use crate::solver::{SolveError, Summary};
+use crate::solver::{Observer, SolveError, Summary};
 use crate::timing::Timings;
 use anyhow::{anyhow, bail};
 use serde_json::{Value, json};
 
 use crate::program::commands::arguments::{DeckArgs, Format};
 use crate::program::commands::resume::{self, AGAIN, Found};
+use crate::program::exit::{DONE, FAILED, INTERRUPTED, USAGE};
+use crate::program::interrupt::stop_on_interrupt;
+use crate::program::machines::Machines;
 use crate::program::screen::closing::Closing;
 use crate::program::screen::failure::{Coded, in_words};
 use crate::program::screen::message::clean;
@@ -127,20 +130,29 @@ pub enum Begin {
     AtCheckpointIfAny,
 }
 
+/// Where and how an analysis runs.
+pub struct Run<'a> {
+    /// The results directory.
+    pub directory: &'a Path,
+    /// The start of the program.
+    pub start: Start,
+    /// Amount of output.
+    pub view: View,
+    /// Set to end the run.
+    pub stop: &'a Arc<AtomicBool>,
+    /// The state in which it starts.
+    pub begin: Begin,
+    /// The ranks that share it.
+    pub machines: &'a Machines,
+}
+
 /// Runs an analysis and writes its results to a directory; `set_up` is the time already spent on setting it up. `None`
 /// if the run in the directory is already complete.
 ///
 /// # Errors
 /// If the directory cannot be written, another run writes there, or no checkpoint can be resumed.
-pub fn run_into(
-    directory: &Path,
-    ready: Prepared,
-    start: Start,
-    set_up: Timings,
-    view: View,
-    stop: &Arc<AtomicBool>,
-    begin: Begin,
-) -> anyhow::Result<Option<Ended>> {
+pub fn run_into(run: Run, ready: Prepared, set_up: Timings) -> anyhow::Result<Option<Ended>> {
+    let Run { directory, start, view, stop, begin, machines } = run;
     let Prepared { loaded, mut analysis, .. } = ready;
     let from = match begin {
         Begin::Anew => None,
@@ -192,6 +204,8 @@ pub fn run_into(
         Analysis::Solid(parts) => Watch::new(results, &parts.0, &parts.1, start, view, stop),
     };
     watch.law_libraries(&law_libraries);
+    machines.divide(&mut analysis)?;
+    machines.begin()?;
     let reached = match from {
         Some((checkpoint, reached)) => {
             watch.resumed(&checkpoint, &reached);
@@ -204,6 +218,47 @@ pub fn run_into(
     let nonassociated = loaded.deck.nonassociated_with_reduced_strength();
     let closing = watch.end().map(|closing| closing.with_nonassociated(&nonassociated));
     Ok(Some(Ended { outcome, closing }))
+}
+
+/// Takes part in the run of another rank, which writes the results; returns the exit code.
+///
+/// # Errors
+/// As [`run_into`].
+pub fn run_along(
+    deck: &DeckArgs,
+    machines: &Machines,
+    directory: &Path,
+    resumes: bool,
+) -> anyhow::Result<u8> {
+    let Ok(Prepared { loaded, mut analysis, .. }) = prepare(load(&deck.deck, &deck.set), deck.deny_warnings)
+    else {
+        return Ok(USAGE);
+    };
+    let reached = match resumes.then(|| resume::find(directory, &loaded, &mut analysis)).transpose()? {
+        Some(Found::End(_)) => return Ok(DONE),
+        Some(Found::Step(_, reached)) => Some(reached),
+        None => None,
+    };
+    let mut watch = Interruption(stop_on_interrupt(false)?);
+    // Rank 0 says why.
+    if machines.divide(&mut analysis).and_then(|()| machines.begin()).is_err() {
+        return Ok(USAGE);
+    }
+    let reached = reached.map_or_else(|| analysis.beginning(), |reached| *reached);
+    Ok(match rayon::scope(|_| analysis.run(reached, &mut watch)) {
+        Ok(_) => DONE,
+        Err(SolveError::Interrupted { .. }) => INTERRUPTED,
+        Err(_) => FAILED,
+    })
+}
+
+/// An observer that reports nothing and ends the run when it is asked to.
+struct Interruption(Arc<AtomicBool>);
+
+impl<const D: usize> Observer<D> for Interruption {
+    fn interrupted(&self) -> bool {
+        self.0.load(Ordering::SeqCst)
+    }
 }
 
 /// Locks a directory and restores the points from its last checkpoint. `None` if the run may start over instead.

@@ -7,11 +7,12 @@ use std::time::Instant;
 use crate::memory::in_words;
 use crate::output::summary::Start;
 use crate::program::commands::analysis::{
-    self, Begin, Ended, describe_failure, prepare_and_report, run_into,
+    self, Begin, Ended, Run, describe_failure, prepare_and_report, run_into,
 };
 use crate::program::commands::arguments::{DeckArgs, Format};
 use crate::program::exit::{DONE, FAILED, INTERRUPTED, USAGE};
 use crate::program::interrupt::stop_on_interrupt;
+use crate::program::machines::Machines;
 use crate::program::screen::closing::counted;
 use crate::program::screen::log::{self, LogFile};
 use crate::program::screen::print::print;
@@ -37,6 +38,9 @@ pub struct RunArgs {
     /// Write a log of iterations, warnings and timings to a file.
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
+    /// Options of PETSc, such as "-ksp_view"; it then also solves the equations of a single rank.
+    #[arg(long, value_name = "OPTIONS", allow_hyphen_values = true)]
+    petsc: Option<String>,
     /// Print the time spent in each phase of the run.
     #[arg(long)]
     timings: bool,
@@ -44,27 +48,47 @@ pub struct RunArgs {
 
 /// Runs a deck; `command_line` is that of the program, which started at `began`.
 pub fn run(args: RunArgs, command_line: &[OsString], began: Instant) -> anyhow::Result<u8> {
-    analysis::start_threads(args.threads)?;
+    let machines = Machines::start(args.petsc.as_deref())?;
+    let alone = machines.ranks().is_alone();
+    // Ranks share the cores of a machine.
+    analysis::start_threads(args.threads.or((!alone).then_some(1)))?;
     let directory = args.out.clone().unwrap_or_else(|| default_directory(&args.deck.deck));
+    let outcome = if machines.ranks().is_root() {
+        run_as_root(args, &machines, &directory, (command_line, began))
+    } else {
+        analysis::run_along(&args.deck, &machines, &directory, args.resume)
+    };
+    machines.withdraw();
+    outcome
+}
+
+/// Runs a deck and writes its results, on rank 0.
+fn run_as_root(
+    args: RunArgs,
+    machines: &Machines,
+    directory: &Path,
+    (command_line, began): (&[OsString], Instant),
+) -> anyhow::Result<u8> {
     if let Some(log) = &args.log {
-        log::keep_out_of_results(log, &directory)?;
+        log::keep_out_of_results(log, directory)?;
     }
     let log = args.log.as_deref().map(|path| LogFile::create(path, began, args.resume)).transpose()?;
     // A write error of the log is reported by the progress display.
     let log_text = |text: &str| {
         let _ = log.as_ref().map(|log| log.line(text));
     };
-    log_text(&heading(&args.deck, command_line));
+    log_text(&heading(&args.deck, command_line, machines.ranks().count()));
     let mut timings = Timings::default();
     let prepared = timings.measure(Phase::SetUp, || prepare_and_report(&args.deck, &log_text));
     let Some(ready) = prepared? else {
         return Ok(USAGE);
     };
-    let stop = stop_on_interrupt()?;
+    let stop = stop_on_interrupt(true)?;
     let view = View::Run { log: log.clone() };
     let start = Start::of_program(began);
     let begin = if args.resume { Begin::AtCheckpoint } else { Begin::Anew };
-    let ended = run_into(&directory, ready, start, timings.clone(), view, &stop, begin)?;
+    let run = Run { directory, start, view, stop: &stop, begin, machines };
+    let ended = run_into(run, ready, timings.clone())?;
     let Some(Ended { outcome, closing }) = ended else {
         return Ok(DONE);
     };
@@ -94,7 +118,7 @@ pub fn run(args: RunArgs, command_line: &[OsString], began: Instant) -> anyhow::
             log_text(&table);
             (if args.timings { table } else { String::new() }, 0)
         }
-        Err(error) => conclude(error, &directory),
+        Err(error) => conclude(error, directory),
     };
     if !text.is_empty() {
         message!("{text}");
@@ -106,13 +130,14 @@ pub fn run(args: RunArgs, command_line: &[OsString], began: Instant) -> anyhow::
 }
 
 /// First lines of a log.
-fn heading(deck: &DeckArgs, command_line: &[OsString]) -> String {
+fn heading(deck: &DeckArgs, command_line: &[OsString], ranks: usize) -> String {
     let version = env!("CARGO_PKG_VERSION");
     let now = jiff::Timestamp::now();
+    let ranks = if ranks > 1 { format!("ranks: {ranks}, ") } else { String::new() };
     // Names of files need not be UTF-8.
     let command: Vec<String> = command_line.iter().map(|word| word.to_string_lossy().into_owned()).collect();
     format!(
-        "mpm {version}, {now:.0}\n{}\ndeck: {}, threads: {}",
+        "mpm {version}, {now:.0}\n{}\ndeck: {}, {ranks}threads: {}",
         command.join(" "),
         deck.deck.display(),
         rayon::current_num_threads()

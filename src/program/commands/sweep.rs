@@ -10,11 +10,12 @@ use crate::deck::diagnostic::Diagnostic;
 use crate::deck::load::{self, LoadFailure, load_text};
 use crate::output::summary::Start;
 use crate::program::commands::analysis::{
-    self, Begin, Ended, describe_failure, messages, not_writable, prepare, print_messages, run_into,
+    self, Begin, Ended, Run, describe_failure, messages, not_writable, prepare, print_messages, run_into,
 };
 use crate::program::commands::arguments::DeckArgs;
 use crate::program::exit::{FAILED, INTERRUPTED, USAGE};
 use crate::program::interrupt::stop_on_interrupt;
+use crate::program::machines::Machines;
 use crate::program::screen::failure::{Coded, as_error, in_words};
 use crate::program::screen::progress::View;
 use crate::solver::SolveError;
@@ -59,7 +60,7 @@ pub fn sweep(args: SweepArgs) -> anyhow::Result<u8> {
     };
     study.check_names(&known)?;
     analysis::start_threads(args.threads)?;
-    let stop = stop_on_interrupt()?;
+    let stop = stop_on_interrupt(true)?;
     let directory = args.out.unwrap_or_else(|| {
         let mut name = path.file_stem().unwrap_or_default().to_owned();
         name.push("-sweep");
@@ -152,7 +153,15 @@ impl Sweep {
                 return Row { member, outcome: Outcome::Invalid(in_one_line(&failure)), record: None };
             }
         };
-        let ended = run_into(&directory, ready, start, set_up, View::Member(label), &self.stop, self.begin);
+        let run = Run {
+            directory: &directory,
+            start,
+            view: View::Member(label),
+            stop: &self.stop,
+            begin: self.begin,
+            machines: &Machines::alone(),
+        };
+        let ended = run_into(run, ready, set_up);
         let record = ended.as_ref().ok().and_then(|_| Record::read(&directory).ok());
         let outcome = match ended {
             Err(error) => {

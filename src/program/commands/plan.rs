@@ -1,0 +1,67 @@
+//! `mpm check --ranks`: memory and time of a run on several ranks.
+
+use crate::deck::load::{LoadFailure, load};
+use crate::deck::plan::{EVALUATIONS, ITERATIONS, Plan};
+use crate::memory::in_words;
+use crate::program::commands::analysis;
+use crate::program::commands::arguments::{DeckArgs, Format};
+use crate::program::exit::{DONE, USAGE};
+use crate::program::screen::print::{print, print_json};
+use crate::program::screen::quantities::significant;
+use serde_json::json;
+
+/// Predicts memory and time of a deck on this number of ranks.
+pub fn plan(args: &DeckArgs, ranks: usize) -> anyhow::Result<u8> {
+    let loaded = match load(&args.deck, &args.set) {
+        Ok(loaded) => loaded,
+        Err(failure) => {
+            analysis::print_messages(&Err(failure));
+            return Ok(USAGE);
+        }
+    };
+    let plan = match Plan::of(&loaded, ranks) {
+        Ok(plan) => plan,
+        Err(diagnostics) => {
+            analysis::print_messages(&Err(Box::new(LoadFailure { source: loaded.source, diagnostics })));
+            return Ok(USAGE);
+        }
+    };
+    let step = plan.solution.map(|solution| EVALUATIONS * (plan.evaluation + solution));
+    if args.format == Format::Json {
+        print_json(&json!({
+            "ranks": plan.ranks,
+            "points": plan.points.round(),
+            "unknowns": plan.unknowns.round(),
+            "memory_bytes_of_rank": plan.memory.round(),
+            "memory_bytes_of_rank_0_with_files": plan.memory_of_root.round(),
+            "seconds_of_evaluation": plan.evaluation,
+            "seconds_of_solution": plan.solution,
+            "seconds_of_step": step,
+        }))?;
+        return Ok(DONE);
+    }
+    let time = match (plan.solution, step) {
+        (Some(solution), Some(step)) => format!(
+            "  {} s for a solution of the equations by {ITERATIONS} iterations\n  {} s for a step of {EVALUATIONS} evaluations \
+             and solutions\n",
+            significant(solution, 2),
+            significant(step, 2)
+        ),
+        _ => "  equations are factorised, which takes a time that is not predicted\n".to_owned(),
+    };
+    print(&format!(
+        "{} on {} ranks, predicted from its size:\n  {:.3e} points and {:.3e} unknowns, {:.3e} and {:.3e} on a rank, \
+         and {:.0} % more nodes that it shares\n  {} of memory for each rank, {} for rank 0 while it writes files\n  {} s for an \
+         evaluation of all points\n{time}",
+        loaded.source.name(),
+        plan.ranks,
+        plan.points,
+        plan.unknowns,
+        plan.points / plan.ranks as f64,
+        plan.unknowns / plan.ranks as f64,
+        100.0 * plan.shared,
+        in_words(plan.memory),
+        in_words(plan.memory_of_root),
+        significant(plan.evaluation, 2),
+    ))
+}

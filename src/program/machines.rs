@@ -1,0 +1,149 @@
+//! Runs on several machines: the ranks that `mpirun` or `srun` starts, and the library that solves their equations.
+
+use std::cell::Cell;
+
+use anyhow::bail;
+
+use crate::deck::ready::Analysis;
+use crate::ranks::Ranks;
+
+/// Variables by which launchers of MPI tell a process the number of ranks.
+const LAUNCHERS: [&str; 4] = ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "MV2_COMM_WORLD_SIZE", "MPI_LOCALNRANKS"];
+/// The variable that is set where the launcher tells the number through PMIx only.
+const PMIX: &str = "PMIX_RANK";
+
+/// What this build of the program contains beside what every build does.
+pub fn features() -> String {
+    #[cfg(feature = "petsc")]
+    return format!("petsc ({})", mpm_petsc::version());
+    #[cfg(not(feature = "petsc"))]
+    "none; `--features petsc` adds runs on several machines".to_owned()
+}
+
+/// The machines of a run.
+pub struct Machines {
+    ranks: Ranks,
+    /// True once this rank has told the others whether it runs.
+    has_met: Cell<bool>,
+    /// True if PETSc solves the equations.
+    #[cfg(feature = "petsc")]
+    solves: bool,
+    /// Ends MPI and PETSc.
+    #[cfg(feature = "petsc")]
+    _session: Option<mpm_petsc::Session>,
+}
+
+impl Machines {
+    /// This process alone.
+    pub fn alone() -> Self {
+        Machines {
+            ranks: Ranks::default(),
+            has_met: Cell::new(false),
+            #[cfg(feature = "petsc")]
+            solves: false,
+            #[cfg(feature = "petsc")]
+            _session: None,
+        }
+    }
+
+    /// The ranks that a launcher has started; `options` are options of PETSc, which then solves the equations of a single rank,
+    /// too.
+    ///
+    /// # Errors
+    /// If this build cannot divide a run between ranks, or MPI and PETSc cannot start.
+    pub fn start(options: Option<&str>) -> anyhow::Result<Machines> {
+        if options.is_none() && !is_launched() {
+            return Ok(Machines::alone());
+        }
+        Machines::start_session(options)
+    }
+
+    #[cfg(feature = "petsc")]
+    fn start_session(options: Option<&str>) -> anyhow::Result<Machines> {
+        let session = match mpm_petsc::start(options.unwrap_or_default()) {
+            Ok(session) => session,
+            Err(error) => bail!("MPI and PETSc cannot start: {error}"),
+        };
+        let ranks = Ranks::new(session.communicator());
+        let solves = options.is_some() || !ranks.is_alone();
+        Ok(Machines { ranks, has_met: Cell::new(false), solves, _session: Some(session) })
+    }
+
+    #[cfg(not(feature = "petsc"))]
+    fn start_session(_: Option<&str>) -> anyhow::Result<Machines> {
+        bail!(
+            "this build of mpm runs on one machine only\n  help: install it with `cargo install --path . --features petsc`; \
+             docs/how-to/machines.md describes how"
+        )
+    }
+
+    /// The ranks of the run.
+    pub fn ranks(&self) -> &Ranks {
+        &self.ranks
+    }
+
+    /// Divides an analysis between the ranks.
+    ///
+    /// # Errors
+    /// If it has parts that only one rank can treat.
+    pub fn divide(&self, analysis: &mut Analysis) -> anyhow::Result<()> {
+        if !self.ranks.is_alone()
+            && let Some(part) = analysis.needs_one_rank()
+        {
+            bail!(
+                "the deck has {part}, which a run on several ranks does not treat yet\n  help: run it on one rank, where threads \
+                 share the work"
+            );
+        }
+        analysis.share(&self.ranks);
+        #[cfg(feature = "petsc")]
+        if self.solves {
+            analysis.solve_with(&std::sync::Arc::new(petsc::Petsc));
+        }
+        Ok(())
+    }
+
+    /// Waits until all ranks are ready to run.
+    ///
+    /// # Errors
+    /// If a rank has withdrawn, which has said why.
+    pub fn begin(&self) -> anyhow::Result<()> {
+        self.has_met.set(true);
+        if !self.ranks.all(true) {
+            bail!("the run has not begun, because another rank has an error");
+        }
+        Ok(())
+    }
+
+    /// Tells the other ranks that this one does not run, unless the run has begun.
+    pub fn withdraw(&self) {
+        if !self.has_met.replace(true) {
+            self.ranks.all(false);
+        }
+    }
+}
+
+/// True if a launcher of MPI has started this process.
+fn is_launched() -> bool {
+    LAUNCHERS.iter().any(|name| std::env::var_os(name).is_some()) || std::env::var_os(PMIX).is_some()
+}
+
+#[cfg(feature = "petsc")]
+mod petsc {
+    use crate::linear::{Backend, Engine, Preconditioner};
+
+    /// The solvers of PETSc.
+    #[derive(Debug)]
+    pub struct Petsc;
+
+    impl<const D: usize> Engine<D> for Petsc {
+        fn direct(&self) -> Option<Box<dyn Backend<D>>> {
+            Some(Box::new(mpm_petsc::ByExtent::<D>::new()))
+        }
+
+        fn iterative(&self) -> Option<Box<dyn Backend<D>>> {
+            let multigrid = Box::new(Preconditioner::<D>::default());
+            Some(Box::new(mpm_petsc::Krylov::<D, D>::with_preconditioner(multigrid).ok()?))
+        }
+    }
+}

@@ -1,0 +1,206 @@
+"""Runs on several ranks give the results of one, survive the death of a rank, and say what they cannot do.
+
+They need the program with `--features petsc` and `mpirun`; tests/run builds it where PETSc is installed.
+"""
+
+import os
+import random
+import shutil
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from results import Results
+
+ROOT = Path(__file__).resolve().parents[2]
+PROGRAM = Path(os.environ.get("MPM_RANKS", ROOT / "target" / "debug" / "mpm-ranks")).resolve()
+# Where there are fewer cores than ranks, and where the tests run as root, Open MPI must be asked to go on.
+ENVIRONMENT = {
+    **os.environ,
+    "OMPI_ALLOW_RUN_AS_ROOT": "1",
+    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+    "OMPI_MCA_mpi_yield_when_idle": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+}
+
+pytestmark = pytest.mark.skipif(
+    not PROGRAM.exists() or shutil.which("mpirun") is None,
+    reason="runs on several ranks need mpirun and the program with PETSc, which tests/run builds where PETSc is installed",
+)
+
+
+def command(ranks, *arguments):
+    launcher = ["mpirun", "--oversubscribe", "-n", str(ranks)] if ranks else []
+    return [*launcher, str(PROGRAM), *map(str, arguments)]
+
+
+def run(ranks, *arguments):
+    """Runs the program on some ranks; 0 stands for the program without launcher."""
+    return subprocess.run(
+        command(ranks, *arguments), cwd=ROOT, env=ENVIRONMENT, capture_output=True, text=True, timeout=900
+    )
+
+
+def results_of(ranks, directory, deck, *arguments):
+    process = run(ranks, "run", deck, "--out", directory, *arguments)
+    assert process.returncode == 0, process.stderr
+    return Results(directory)
+
+
+def settings(**parameters):
+    return [word for name, value in parameters.items() for word in ("--set", f"{name}={value}")]
+
+
+def last(results):
+    """The points at the end, as domains or without."""
+    name = next(name for name in ("domains", "points") if (results.directory / f"{name}.pvd").exists())
+    return results.mesh(name, -1)
+
+
+def same(found, expected, tolerance=1e-9):
+    """Compares the histories and the points at the end."""
+    ours, theirs = found.history, expected.history
+    assert list(ours) == list(theirs)
+    a, b = last(found), last(expected)
+    # Forces and energies that cancel are round-off of the stresses in the bodies.
+    whole = np.linalg.norm(np.ptp(b.points, axis=0))
+    stresses = [np.abs(values).max() for name, values in b.cell_data.items() if "stress" in name]
+    stresses += [np.abs(values).max() for name, values in b.point_data.items() if "stress" in name]
+    force = max(stresses, default=0) * whole
+    for name, column in theirs.items():
+        # Measures of round-off, and times.
+        if any(word in name for word in ("residual", "error", "order", "seconds", "wall", "cpu")):
+            continue
+        is_force = name.endswith(("_rx", "_ry", "_rz", "_fx", "_fy", "_fz", "_mx", "_my", "_mz")) or "work" in name or "energy" in name
+        size = max(np.nanmax(np.abs(column), initial=0), force if is_force else 0)
+        apart = np.abs(ours[name] - column)
+        assert np.all((apart <= tolerance * size) | np.isnan(column)), (name, apart.max(), size)
+    assert a.n_cells == b.n_cells
+    assert np.abs(a.points - b.points).max() <= tolerance * np.abs(b.points).max()
+    for of_a, of_b in ((a.cell_data, b.cell_data), (a.point_data, b.point_data)):
+        for name in of_b:
+            x, y = np.asarray(of_a[name], float), np.asarray(of_b[name], float)
+            size = max(np.abs(y).max(), max(stresses, default=0) if "pressure" in name else 0)
+            assert np.abs(x - y).max() <= tolerance * size, name
+
+
+DECKS = {
+    "inputs/beam.yaml": {"steps": 5},
+    "inputs/shear.yaml": {},
+    "inputs/compaction.yaml": {},
+    "inputs/collapse.yaml": {"h": 2, "n": 2, "steps": 10},
+    "inputs/annulus.yaml": {},
+    "inputs/block/block.yaml": {"h": 0.5, "steps": 2},
+}
+
+
+@pytest.mark.parametrize("deck", DECKS)
+def test_ranks_agree(deck, tmp_path):
+    alone = results_of(0, tmp_path / "alone", deck, *settings(**DECKS[deck]))
+    for ranks in (1, 2, 3, 4):
+        same(results_of(ranks, tmp_path / str(ranks), deck, *settings(**DECKS[deck])), alone)
+
+
+def test_the_same_ranks_give_the_same_bits(tmp_path):
+    for name in "ab":
+        results_of(3, tmp_path / name, "inputs/collapse.yaml", *settings(h=2, n=2, steps=6))
+    a, b = (last(Results(tmp_path / name)) for name in "ab")
+    assert a.points.tobytes() == b.points.tobytes()
+    assert all(np.asarray(a.cell_data[name]).tobytes() == np.asarray(b.cell_data[name]).tobytes() for name in b.cell_data)
+
+
+def test_options_reach_petsc(tmp_path):
+    arguments = ("run", "inputs/block/block.yaml", "--out", tmp_path, *settings(h=0.25, n=1, steps=1))
+    process = run(2, *arguments, "--petsc", "-ksp_view -mpm_no_such_option 1")
+    assert process.returncode == 0, process.stderr
+    assert "KSP Object" in process.stdout
+
+
+def test_the_version_names_what_is_built_in():
+    assert "features: petsc (PETSc 3" in run(0, "--version").stdout
+
+
+def test_errors_are_told_once(tmp_path):
+    process = run(3, "run", "inputs/no_such_deck.yaml", "--out", tmp_path)
+    assert process.returncode != 0 and process.stderr.count("error[D001]") == 1, process.stderr
+
+
+DECK = """
+version: 1
+title: A block of clay sinks
+analysis: {stabilisation: {mode: "off"}}
+grid: {type: structured, origin: [0, 0], size: [8, 5], spacing: 0.25}
+materials:
+  clay: {model: von-mises, young: 1e6, poisson: 0.3, deviatoric_yield_stress: 20e3, density: 1000}
+bodies:
+  - {name: block, material: clay, shape: {type: box, min: [0, 0], max: [4, 4]}, points_per_cell: 4}
+boundary_conditions:
+  - {name: symmetry, nodes: {x: 0}, fix: [x]}
+  - {name: floor, nodes: {y: 0}, fix: [x, y]}
+loads:
+  - {name: weight, type: gravity, acceleration: [0, -9.81]}
+steps: {count: 40}
+checkpoint: {every: 2}
+output: {every: 10}
+"""
+
+
+@pytest.fixture(scope="module")
+def sinking(tmp_path_factory):
+    directory = tmp_path_factory.mktemp("sinking")
+    deck = directory / "deck.yaml"
+    deck.write_text(DECK)
+    return deck, results_of(3, directory / "undisturbed", deck)
+
+
+def ranks_of(process):
+    """The processes of the program that a launcher has started."""
+    found = subprocess.run(["pgrep", "-P", str(process.pid), "-f", PROGRAM.name], capture_output=True, text=True)
+    return [int(line) for line in found.stdout.split()]
+
+
+@pytest.mark.parametrize("number", range(int(os.environ.get("KILLS", 2))))
+def test_a_run_whose_rank_dies_is_resumed(sinking, tmp_path, number):
+    """`KILLS=50` kills 50 runs."""
+    deck, undisturbed = sinking
+    chance = random.Random(number)
+    process = subprocess.Popen(
+        command(3, "run", deck, "--out", tmp_path), cwd=ROOT, env=ENVIRONMENT,
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    )
+    deadline = time.monotonic() + 120
+    while not list(tmp_path.glob("checkpoint_*.mpm")):
+        assert process.poll() is None and time.monotonic() < deadline
+        time.sleep(0.01)
+    time.sleep(chance.uniform(0, 1.0))
+    victims = ranks_of(process)
+    if victims:
+        os.kill(chance.choice(victims), signal.SIGKILL)
+    process.wait(timeout=120)
+    for ranks in (chance.choice([1, 2, 3, 4]),):
+        resumed = run(ranks, "run", deck, "--out", tmp_path, "--resume")
+        assert resumed.returncode == 0, resumed.stderr
+    same(Results(tmp_path), undisturbed)
+
+
+def test_a_signal_ends_the_run_with_a_checkpoint(sinking, tmp_path):
+    deck, undisturbed = sinking
+    process = subprocess.Popen(
+        command(2, "run", deck, "--out", tmp_path), cwd=ROOT, env=ENVIRONMENT,
+        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
+    )
+    deadline = time.monotonic() + 120
+    while not list(tmp_path.glob("checkpoint_*.mpm")):
+        assert process.poll() is None and time.monotonic() < deadline
+        time.sleep(0.01)
+    for rank in ranks_of(process)[:1]:
+        os.kill(rank, signal.SIGTERM)
+    _, text = process.communicate(timeout=120)
+    assert process.returncode != 0 and "--resume" in text, text
+    resumed = run(3, "run", deck, "--out", tmp_path, "--resume")
+    assert resumed.returncode == 0, resumed.stderr
+    same(Results(tmp_path), undisturbed)
