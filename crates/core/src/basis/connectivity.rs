@@ -1,6 +1,6 @@
 //! The links of a load step: the nodes that each point touches, with basis function values and gradients (section 5.1).
 
-use std::collections::BTreeMap;
+mod divided;
 
 use rayon::prelude::*;
 
@@ -9,7 +9,7 @@ use super::slivers::{SharedTouches, Slivers, Touch};
 use super::{Basis, Method, PointGeometry, Support, SupportError};
 use crate::grid::Grid;
 use crate::points::Points;
-use crate::ranks::{Halo, Ranks, Sharing, sharing};
+use crate::ranks::Halo;
 
 /// Number of groups linked by one parallel task.
 const PIECE: usize = 16;
@@ -162,123 +162,6 @@ impl<const D: usize> Connectivity<D> {
         self.number_active_nodes(grid.n_nodes());
         self.halo = self.find_halo(&points.ranks, grid.n_nodes());
         Ok(self)
-    }
-
-    /// Exchanges the halo for another one. Without halo, the links are those of this rank alone, and nothing is added up with
-    /// others.
-    pub(crate) fn exchange_halo(&mut self, halo: Halo) -> Halo {
-        std::mem::replace(&mut self.halo, halo)
-    }
-
-    /// Adds active nodes of other ranks, given by their grid numbers, so that this rank has them, too.
-    pub fn with_nodes(mut self, grid: &dyn Grid<D>, ranks: &Ranks, mut wanted: Vec<u32>) -> Self {
-        wanted.retain(|node| self.active_number(*node as usize).is_none());
-        if !ranks.any(!wanted.is_empty()) {
-            return self;
-        }
-        self.group_nodes.iter_mut().for_each(|node| *node = self.active_nodes[*node as usize]);
-        self.layer_nodes.extend(wanted);
-        self.active_nodes.clear();
-        self.active_of.clear();
-        self.number_active_nodes(grid.n_nodes());
-        self.halo = self.find_halo(ranks, grid.n_nodes());
-        self
-    }
-
-    /// Adds the cells of other ranks beside those of this one, and their active nodes. Nodes have their grid numbers.
-    fn add_layer(&mut self, grid: &dyn Grid<D>, ranks: &Ranks, sharing: &Sharing) {
-        let Some(communicator) = ranks.communicator() else { return };
-        let mut is_touched = vec![false; grid.n_nodes()];
-        self.group_nodes.iter().for_each(|node| is_touched[*node as usize] = true);
-        let mut messages: BTreeMap<usize, Vec<u32>> = BTreeMap::new();
-        for &cell in &self.active_cells {
-            let corners = grid.corners(cell as usize);
-            let mut others: Vec<u32> = (corners.nodes().iter())
-                .filter_map(|node| sharing.binary_search_by_key(node, |(node, _)| *node).ok())
-                .flat_map(|place| sharing[place].1.iter().map(|sharer| sharer.rank))
-                .filter(|rank| *rank as usize != ranks.own())
-                .collect();
-            others.sort_unstable();
-            others.dedup();
-            let nodes: Vec<u32> =
-                corners.nodes().iter().copied().filter(|node| is_touched[*node as usize]).collect();
-            for rank in others {
-                let message = messages.entry(rank as usize).or_default();
-                message.extend([cell, nodes.len() as u32]);
-                message.extend(&nodes);
-            }
-        }
-        let bytes = |words: Vec<u32>| words.into_iter().flat_map(u32::to_ne_bytes).collect();
-        let messages = messages.into_iter().map(|(rank, words)| (rank, bytes(words))).collect();
-        for (_, message) in communicator.exchange(messages) {
-            let mut words =
-                message.chunks_exact(4).map(|word| u32::from_ne_bytes(word.try_into().unwrap_or_default()));
-            while let (Some(cell), Some(n)) = (words.next(), words.next()) {
-                self.layer_cells.push(cell);
-                self.layer_nodes.extend(words.by_ref().take(n as usize));
-            }
-        }
-        self.layer_cells.sort_unstable();
-        self.layer_cells.dedup();
-        let own = &self.active_cells;
-        self.layer_cells.retain(|cell| own.binary_search(cell).is_err());
-    }
-
-    /// The active nodes that other ranks have, too.
-    fn find_halo(&self, ranks: &Ranks, n_nodes: usize) -> Halo {
-        if ranks.is_alone() {
-            return Halo::default();
-        }
-        let mut nodes: Vec<(u32, bool)> = self.active_nodes.iter().map(|node| (*node, false)).collect();
-        self.group_nodes.iter().for_each(|active| nodes[*active as usize].1 = true);
-        Halo::new(ranks, &self.active_nodes, &sharing(ranks, &nodes, n_nodes))
-    }
-
-    /// The active nodes and cells of all ranks, on rank 0; without points.
-    pub fn gather(&self, grid: &dyn Grid<D>) -> Option<Connectivity<D>> {
-        let ranks = self.halo.ranks();
-        let of_ranks = ranks.gather((self.active_nodes.clone(), self.active_cells.clone()));
-        if !ranks.is_root() {
-            return None;
-        }
-        let mut all = Connectivity { group_points: vec![0], ..Connectivity::default() };
-        for (nodes, cells) in of_ranks {
-            all.group_nodes.extend(nodes);
-            all.active_cells.extend(cells);
-        }
-        all.number_active_nodes(grid.n_nodes());
-        all.group_nodes = Vec::new();
-        all.group_node_start = vec![0];
-        all.list_active_cells(grid.n_cells());
-        Some(all)
-    }
-
-    /// A complete nodal field on the active nodes of all ranks, `on`, which only rank 0 has.
-    pub fn gather_field(&self, on: Option<&Connectivity<D>>, field: &[[f64; D]]) -> Option<Vec<[f64; D]>> {
-        let numbers: Vec<f64> = field.as_flattened().to_vec();
-        let of_ranks = self.halo.ranks().gather((self.active_nodes.clone(), numbers));
-        let on = on?;
-        let mut all = vec![[0.0; D]; on.n_active()];
-        for (nodes, numbers) in of_ranks {
-            for (node, value) in nodes.iter().zip(numbers.chunks_exact(D)) {
-                if let Some(active) = on.active_number(*node as usize) {
-                    all[active].copy_from_slice(value);
-                }
-            }
-        }
-        Some(all)
-    }
-
-    /// The nodes that groups of this rank touch, and other ranks, too.
-    fn sharing(&self, ranks: &Ranks, n_nodes: usize) -> Sharing {
-        if ranks.is_alone() {
-            return Vec::new();
-        }
-        let mut nodes = self.group_nodes.clone();
-        nodes.sort_unstable();
-        nodes.dedup();
-        let nodes: Vec<(u32, bool)> = nodes.into_iter().map(|node| (node, true)).collect();
-        sharing(ranks, &nodes, n_nodes)
     }
 
     /// Links the points group by group. Nodes keep their grid numbers for now.

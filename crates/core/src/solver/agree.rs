@@ -30,7 +30,8 @@ pub(super) fn told(error: &SolveError) -> OfRank {
     }
 }
 
-/// Lets an attempt succeed only if it has on all ranks: a rank without an error gets that of the first rank that has one.
+/// Lets an attempt succeed only if it has on all ranks. All ranks get the error of the first that has one, so that all of them
+/// answer it alike; only that rank keeps the error itself.
 pub(super) fn agree<T>(ranks: &Ranks, outcome: Result<T, SolveError>) -> Result<T, SolveError> {
     if ranks.is_alone() {
         return outcome;
@@ -40,9 +41,7 @@ pub(super) fn agree<T>(ranks: &Ranks, outcome: Result<T, SolveError>) -> Result<
     let own = outcome.as_ref().err().filter(is_known).map(|error| told_by(Some(ranks.own()), error));
     match ranks.first(own) {
         None => outcome,
-        Some(other) => match outcome {
-            Err(error) if is_known(&&error) => Err(error),
-            _ => Err(SolveError::OnRank(Box::new(other))),
-        },
+        Some(first) if first.rank == Some(ranks.own()) => outcome,
+        Some(first) => Err(SolveError::OnRank(Box::new(first))),
     }
 }

@@ -8,7 +8,7 @@ use crate::linear::Backend;
 use crate::model::{GridMotionError, Model};
 use crate::points::Points;
 use crate::quality::{Code, Location, Measures, Warning};
-use crate::ranks::Halo;
+use crate::ranks::{Halo, Ranks};
 use crate::step::Step;
 use crate::stress::Mechanics;
 use crate::terms::{Saved, Terms, of_model, restore};
@@ -442,7 +442,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
             let lost_points = self.lost_points.as_ref();
             let diagnosis = Diagnosis::new(model, points, &failed, lost_points, summary.largest_load_factor);
             failed.exchange_halo(halo);
-            diagnosis
+            of_failing_rank(&points.ranks, &failed, diagnosis)
         });
         if goes_on {
             let observe = || observer.failed(model, points, &failed, None);
@@ -524,6 +524,16 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
             });
         }
     }
+}
+
+/// The diagnosis of the rank that has the error; the others know it in words only.
+fn of_failing_rank<const D: usize>(ranks: &Ranks, failed: &FailedAttempt<D>, own: Diagnosis) -> Diagnosis {
+    if ranks.is_alone() {
+        return own;
+    }
+    let is_known = !matches!(failed.error, SolveError::OnRank(_));
+    let told = ranks.first(is_known.then(|| serde_json::to_string(&own).unwrap_or_default()));
+    told.and_then(|text| serde_json::from_str(&text).ok()).unwrap_or(own)
 }
 
 /// Reports that a run starts.
