@@ -3,6 +3,7 @@
 They need the program with `--features petsc` and `mpirun`; tests/run builds it where PETSc is installed.
 """
 
+import contextlib
 import os
 import random
 import shutil
@@ -163,6 +164,13 @@ def ranks_of(process):
     return [int(line) for line in found.stdout.split()]
 
 
+def wait_for_checkpoint(process, directory):
+    deadline = time.monotonic() + 120
+    while not list(directory.glob("checkpoint_*.mpm")):
+        assert process.poll() is None and time.monotonic() < deadline
+        time.sleep(0.01)
+
+
 @pytest.mark.parametrize("number", range(int(os.environ.get("KILLS", 2))))
 def test_a_run_whose_rank_dies_is_resumed(sinking, tmp_path, number):
     """`KILLS=50` kills 50 runs."""
@@ -172,18 +180,15 @@ def test_a_run_whose_rank_dies_is_resumed(sinking, tmp_path, number):
         command(3, "run", deck, "--out", tmp_path), cwd=ROOT, env=ENVIRONMENT,
         stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
     )
-    deadline = time.monotonic() + 120
-    while not list(tmp_path.glob("checkpoint_*.mpm")):
-        assert process.poll() is None and time.monotonic() < deadline
-        time.sleep(0.01)
+    wait_for_checkpoint(process, tmp_path)
+    victim = chance.choice(ranks_of(process))
     time.sleep(chance.uniform(0, 1.0))
-    victims = ranks_of(process)
-    if victims:
-        os.kill(chance.choice(victims), signal.SIGKILL)
+    # The run may have ended by itself meanwhile, where the machine was busy: what it wrote must do as well.
+    with contextlib.suppress(ProcessLookupError):
+        os.kill(victim, signal.SIGKILL)
     process.wait(timeout=120)
-    for ranks in (chance.choice([1, 2, 3, 4]),):
-        resumed = run(ranks, "run", deck, "--out", tmp_path, "--resume")
-        assert resumed.returncode == 0, resumed.stderr
+    resumed = run(chance.choice([1, 2, 3, 4]), "run", deck, "--out", tmp_path, "--resume")
+    assert resumed.returncode == 0, resumed.stderr
     same(Results(tmp_path), undisturbed)
 
 
@@ -193,10 +198,7 @@ def test_a_signal_ends_the_run_with_a_checkpoint(sinking, tmp_path):
         command(2, "run", deck, "--out", tmp_path), cwd=ROOT, env=ENVIRONMENT,
         stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
     )
-    deadline = time.monotonic() + 120
-    while not list(tmp_path.glob("checkpoint_*.mpm")):
-        assert process.poll() is None and time.monotonic() < deadline
-        time.sleep(0.01)
+    wait_for_checkpoint(process, tmp_path)
     for rank in ranks_of(process)[:1]:
         os.kill(rank, signal.SIGTERM)
     _, text = process.communicate(timeout=120)
