@@ -406,9 +406,9 @@ fn begin(
         Some(directory) => {
             let created = match &analysis {
                 Analysis::Plane(parts) => Results::create(directory, &asked, &parts.0, account.clone())
-                    .map(|results| (results, Progress::new(&parts.0, &parts.1, start))),
+                    .map(|results| (results, Progress::new(&parts.0, parts.1.len(), start))),
                 Analysis::Solid(parts) => Results::create(directory, &asked, &parts.0, account.clone())
-                    .map(|results| (results, Progress::new(&parts.0, &parts.1, start))),
+                    .map(|results| (results, Progress::new(&parts.0, parts.1.len(), start))),
             };
             let (results, progress) = created.map_err(|error| not_writable(directory, error))?;
             Some(Files { status: StatusFile::new(results.directory()), results, progress })

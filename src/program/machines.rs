@@ -23,8 +23,8 @@ pub fn features() -> String {
 /// The machines of a run.
 pub struct Machines {
     ranks: Ranks,
-    /// True once this rank has told the others whether it runs.
-    has_met: Cell<bool>,
+    /// True once the run has begun, or a rank has withdrawn.
+    has_begun: Cell<bool>,
     /// True if PETSc solves the equations.
     #[cfg(feature = "petsc")]
     solves: bool,
@@ -38,7 +38,7 @@ impl Machines {
     pub fn alone() -> Self {
         Machines {
             ranks: Ranks::default(),
-            has_met: Cell::new(false),
+            has_begun: Cell::new(false),
             #[cfg(feature = "petsc")]
             solves: false,
             #[cfg(feature = "petsc")]
@@ -66,7 +66,7 @@ impl Machines {
         };
         let ranks = Ranks::new(session.communicator());
         let solves = options.is_some() || !ranks.is_alone();
-        Ok(Machines { ranks, has_met: Cell::new(false), solves, _session: Some(session) })
+        Ok(Machines { ranks, has_begun: Cell::new(false), solves, _session: Some(session) })
     }
 
     #[cfg(not(feature = "petsc"))]
@@ -82,11 +82,11 @@ impl Machines {
         &self.ranks
     }
 
-    /// Divides an analysis between the ranks.
+    /// Checks that an analysis can be divided between the ranks, and chooses the solvers of its equations.
     ///
     /// # Errors
     /// If it has parts that only one rank can treat.
-    pub fn divide(&self, analysis: &mut Analysis) -> anyhow::Result<()> {
+    pub fn equip(&self, analysis: &mut Analysis) -> anyhow::Result<()> {
         if !self.ranks.is_alone()
             && let Some(part) = analysis.needs_one_rank()
         {
@@ -95,7 +95,6 @@ impl Machines {
                  share the work"
             );
         }
-        analysis.share(&self.ranks);
         #[cfg(feature = "petsc")]
         if self.solves {
             analysis.solve_with(&std::sync::Arc::new(petsc::Petsc));
@@ -103,22 +102,30 @@ impl Machines {
         Ok(())
     }
 
+    /// Waits until all ranks are as far as this one; returns the lowest rank that does not go on, if there is one.
+    pub fn meet(&self, goes_on: bool) -> Option<usize> {
+        let ended = self.ranks.gather_all(goes_on).iter().position(|goes_on| !goes_on);
+        self.has_begun.set(ended.is_some());
+        ended
+    }
+
     /// Waits until all ranks are ready to run.
     ///
     /// # Errors
     /// If a rank has withdrawn, which has said why.
     pub fn begin(&self) -> anyhow::Result<()> {
-        self.has_met.set(true);
-        if !self.ranks.all(true) {
-            bail!("the run has not begun, because another rank has an error");
+        let ended = self.meet(true);
+        self.has_begun.set(true);
+        if let Some(rank) = ended {
+            bail!("the run has not begun, because rank {rank} has an error");
         }
         Ok(())
     }
 
     /// Tells the other ranks that this one does not run, unless the run has begun.
     pub fn withdraw(&self) {
-        if !self.has_met.replace(true) {
-            self.ranks.all(false);
+        if !self.has_begun.get() {
+            self.meet(false);
         }
     }
 }

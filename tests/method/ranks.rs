@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use mpm::deck::load::load;
-use mpm::deck::ready::{Prepared, prepare};
+use mpm::deck::ready::{Prepared, prepare_on};
 use mpm::memory::Memory;
 use mpm::model::Model;
 use mpm::points::Points;
@@ -74,9 +74,8 @@ fn run(deck: &str, set: &[(&str, &str)], steps: usize, ranks: &Ranks) -> (Told, 
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("inputs").join(deck);
     let loaded = load(&path, &set).unwrap_or_else(|e| panic!("{e}"));
     let Prepared { mut analysis, .. } =
-        prepare(loaded, Memory::of_this_machine(), false).unwrap_or_else(|e| panic!("{e}"));
+        prepare_on(ranks, loaded, Memory::of_this_machine(), false).unwrap_or_else(|e| panic!("{e}"));
     let mut recorder = Recorder { told: Told::default(), steps };
-    analysis.share(ranks);
     let reached = analysis.beginning();
     let outcome = analysis.run(reached, &mut recorder);
     let error = outcome.err().filter(|error| !matches!(error, SolveError::Interrupted { .. }));

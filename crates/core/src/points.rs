@@ -18,6 +18,7 @@ pub use arrays::PointArray;
 pub use declare::{FieldKind, StoredField};
 pub use fields::{Points, State};
 pub use further::{FieldError, FieldHandle, Further, FurtherField, PointFieldSpec};
+pub use nearest::Near;
 pub use partition::{MOST_IMBALANCE, Partition};
 pub use seed::Seed;
 pub use split::Split;

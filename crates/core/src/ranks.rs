@@ -6,6 +6,7 @@
 mod halo;
 pub mod threads;
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use serde::{Serialize, de::DeserializeOwned};
@@ -58,6 +59,19 @@ impl Ranks {
     /// Number of this rank.
     pub fn own(&self) -> usize {
         self.0.as_ref().map_or(0, |ranks| ranks.own())
+    }
+
+    /// This rank's share of work that consists of `n` items in a row; the shares of the ranks follow one another.
+    pub fn share(&self, n: usize) -> Range<usize> {
+        let (own, count) = (self.own(), self.count());
+        let end = |rank: usize| (n as u128 * rank as u128 / count as u128) as usize;
+        end(own)..end(own + 1)
+    }
+
+    /// Number of ranks on the machine of this one; all of them where the system does not tell machines apart.
+    pub fn on_this_machine(&self) -> usize {
+        let machine = std::fs::read_to_string("/proc/sys/kernel/random/boot_id").unwrap_or_default();
+        self.gather_all(machine.clone()).iter().filter(|other| **other == machine).count()
     }
 
     /// True on the rank that writes results.

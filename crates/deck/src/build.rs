@@ -12,7 +12,7 @@ mod tools;
 
 use std::collections::HashMap;
 
-use super::diagnostic::{Diagnostic, Gate, Severity, assign};
+use super::diagnostic::{Diagnostic, Gate, Severity, assign, of_all_ranks};
 use super::formulas::{self, at_nodes};
 use super::gates::Ties;
 use super::initial_stress::{curve_of, is_stressed};
@@ -36,6 +36,7 @@ use mpm_core::model::{
     Stepping,
 };
 use mpm_core::points::{Points, Seed};
+use mpm_core::ranks::Ranks;
 use mpm_core::region::Region;
 use mpm_core::stress::Volumetric;
 
@@ -55,7 +56,7 @@ pub fn build<const D: usize>(loaded: &LoadedDeck) -> Result<(Model<D>, Points<D>
 where
     Region<D>: OfDeck<D>,
 {
-    built(loaded, Memory::of_this_machine()).map(|built| (built.model, built.points))
+    built(loaded, Memory::of_this_machine(), &Ranks::default()).map(|built| (built.model, built.points))
 }
 
 /// The result of building a deck.
@@ -68,20 +69,21 @@ pub(super) struct Built<const D: usize> {
     pub(super) memory: f64,
 }
 
-/// As [`build`], but refuses a model that does not fit into `memory`.
+/// As [`build`], but refuses a model that does not fit into `memory`. Each rank gets the points in its part of the grid; all
+/// get the same messages.
 pub(super) fn built<const D: usize>(
     loaded: &LoadedDeck,
     memory: Option<Memory>,
+    ranks: &Ranks,
 ) -> Result<Built<D>, Vec<Diagnostic>>
 where
     Region<D>: OfDeck<D>,
 {
-    let deck = &loaded.deck;
-    let mut builder =
-        Builder { loaded, deck, found: Vec::new(), body_numbers: HashMap::new(), memory_needed: 0.0 };
+    let mut builder = Builder::new(loaded, ranks);
     let built = builder.build(memory);
     let Builder { mut found, memory_needed, .. } = builder;
     assign(Gate::Feasibility, &mut found);
+    let found = of_all_ranks(ranks, found);
     match built {
         Some((model, points)) if !found.iter().any(Diagnostic::is_error) => {
             Ok(Built { model, points, notes: found, memory: memory_needed })
@@ -104,9 +106,8 @@ pub(super) fn size_of<const D: usize>(loaded: &LoadedDeck) -> Result<Size, Vec<D
 where
     Region<D>: OfDeck<D>,
 {
-    let deck = &loaded.deck;
-    let mut builder: Builder<D> =
-        Builder { loaded, deck, found: Vec::new(), body_numbers: HashMap::new(), memory_needed: 0.0 };
+    let alone = Ranks::default();
+    let mut builder: Builder<D> = Builder::new(loaded, &alone);
     let outline = builder.outline();
     let mut found = builder.found;
     assign(Gate::Feasibility, &mut found);
@@ -119,6 +120,7 @@ struct Builder<'a, const D: usize> {
     found: Vec<Diagnostic>,
     body_numbers: HashMap<&'a str, usize>,
     memory_needed: f64,
+    ranks: &'a Ranks,
 }
 
 /// The builder while it places loads on the points.
@@ -132,6 +134,17 @@ impl<'a, const D: usize> Builder<'a, D>
 where
     Region<D>: OfDeck<D>,
 {
+    fn new(loaded: &'a LoadedDeck, ranks: &'a Ranks) -> Self {
+        Builder {
+            loaded,
+            deck: &loaded.deck,
+            found: Vec::new(),
+            body_numbers: HashMap::new(),
+            memory_needed: 0.0,
+            ranks,
+        }
+    }
+
     /// The grid, regions and laws of the deck, and its estimated size; `None` if a fault prevents that.
     fn outline(&mut self) -> Option<Outline<D>> {
         let deck = self.deck;
@@ -144,7 +157,7 @@ where
         Some(Outline { grid, regions, groups, laws, size })
     }
 
-    /// The model and its points; `None` if a fault prevents the checks that follow.
+    /// The model and its points; `None` if a fault prevents the checks that follow, on all ranks alike.
     fn build(&mut self, memory: Option<Memory>) -> Option<(Model<D>, Points<D>)> {
         let deck = self.deck;
         if deck.dimensions() != D {
@@ -154,7 +167,12 @@ where
             return None;
         }
         self.body_numbers = deck.bodies.iter().enumerate().map(|(k, body)| (body.name.as_str(), k)).collect();
-        let Outline { grid, regions, groups, laws, size } = self.outline()?;
+        let outline = self.outline();
+        // Files may be missing on the machine of one rank.
+        if self.ranks.any(outline.is_none()) {
+            return None;
+        }
+        let Outline { grid, regions, groups, laws, size } = outline?;
         self.memory_needed = size.memory();
         if size.points > f64::from(u32::MAX) {
             let message = format!(
@@ -166,26 +184,24 @@ where
             self.error("D036", &pointer, message, help.to_owned());
             return None;
         }
-        if let Some(memory) = memory {
-            let found = size.judge(deck, &self.loaded.source, &memory);
-            let is_too_large = found.as_ref().is_some_and(Diagnostic::is_error);
-            self.found.extend(found);
-            if is_too_large {
-                return None;
-            }
-        }
-        if laws.len() < deck.materials.len() {
+        let size_of_part = size.of_part(self.ranks);
+        let found = memory.and_then(|memory| size_of_part.judge(deck, &self.loaded.source, &memory));
+        let is_too_large = found.as_ref().is_some_and(Diagnostic::is_error);
+        self.found.extend(found);
+        if self.ranks.any(is_too_large || laws.len() < deck.materials.len()) {
             return None;
         }
         self.magnitudes(grid.as_ref(), &laws);
         let bodies = self.bodies();
         let revolved = deck.analysis.idealisation == Idealisation::Axisymmetric;
-        let mut seeds = self.seeds(grid.as_ref(), &laws, &bodies, (&regions, &groups));
+        let (mut seeds, numbers) = self.seeds(grid.as_ref(), &laws, &bodies, (&regions, &groups));
         if revolved {
             axisymmetry::revolve(&mut seeds);
         }
-        let points = Points::new(&seeds);
+        let mut points = Points::numbered(&seeds, numbers, self.ranks);
         drop(seeds);
+        points.share(grid.as_ref());
+        self.overlaps(grid.as_ref(), (&regions, &groups), &points);
         self.centres(grid.as_ref(), &points);
         let surfaces = self.surfaces(grid.as_ref(), (&regions, &groups));
         let tools = self.tools(grid.as_ref());
@@ -203,7 +219,6 @@ where
             Some(steps) => self.stepping(steps, 0.0, deck.output.every, &curves),
             None => Stepping::fixed(1, deck.end_time()),
         };
-        let mut points = points;
         let mut model = Model {
             engines: Engines::default(),
             title: deck.title.clone().unwrap_or_default(),
@@ -351,7 +366,7 @@ where
                 let cell = grid.locate(&points.converged.position[p], Some(points.cell[p]));
                 points.body[p] as usize == number && cell.is_some_and(|cell| corners(cell) == D + 1)
             };
-            if (0..points.len()).any(in_simplex) {
+            if self.ranks.any((0..points.len()).any(in_simplex)) {
                 let cells = if D == 3 { "tetrahedra" } else { "triangles" };
                 let message = format!("`f-bar` changes nothing in {cells}, whose gradients are constant");
                 let help = format!("use `mean-dilatation`, which averages over patches of {cells}");
@@ -360,15 +375,15 @@ where
         }
     }
 
-    /// Fills every body with points.
+    /// Fills every body with points; returns those that this rank forms, with their permanent numbers.
     fn seeds(
         &mut self,
         grid: &dyn Grid<D>,
         materials: &[MaterialOfPoints],
         bodies: &[Body],
         (regions, groups): (&[Region<D>], &Groups),
-    ) -> Vec<Seed<D>> {
-        let mut seeds = Vec::new();
+    ) -> (Vec<Seed<D>>, Vec<u32>) {
+        let (mut seeds, mut numbers, mut count) = (Vec::new(), Vec::new(), 0);
         for (number, deck) in self.deck.bodies.iter().enumerate() {
             let body = &bodies[number];
             let density = self.deck.materials[&deck.material].density().and_then(Expression::as_number);
@@ -388,9 +403,10 @@ where
                 density: density.unwrap_or(0.0),
                 history,
                 touches_tools: !self.deck.tools.is_empty(),
+                ranks: self.ranks,
             };
             let filled = filling.fill(deck).and_then(|filled| {
-                placing::inside_grid(grid, &deck.name, &filled.seeds)?;
+                placing::inside_grid(grid, &deck.name, &filled, self.ranks).map_err(Some)?;
                 Ok(filled)
             });
             match filled {
@@ -405,31 +421,45 @@ where
                         }
                     }
                     self.report_volume(number, deck, &filled);
+                    let first = count + filled.before;
+                    numbers.extend((first..first + filled.seeds.len()).map(|number| number as u32));
+                    count += filled.all;
                     if seeds.is_empty() {
                         seeds = filled.seeds;
                     } else {
                         seeds.extend(filled.seeds);
                     }
                 }
-                Err(fault) => {
+                Err(Some(fault)) => {
                     let pointer = format!("/bodies/{number}{}", fault.key);
                     self.error(fault.code, &pointer, fault.message, fault.help);
                 }
+                // Another rank says why.
+                Err(None) => {}
             }
         }
-        for (number, message) in placing::overlaps(grid, self.deck, (regions, groups), &seeds) {
+        (seeds, numbers)
+    }
+
+    /// Warns of bodies that overlap.
+    fn overlaps(
+        &mut self,
+        grid: &dyn Grid<D>,
+        (regions, groups): (&[Region<D>], &Groups),
+        points: &Points<D>,
+    ) {
+        for (number, message) in placing::overlaps(grid, self.deck, (regions, groups), points) {
             let found =
                 Diagnostic::at(&self.loaded.source, "D025", &format!("/bodies/{number}/shape"), message);
             let help = "if this is not intended, subtract one from the other with a `difference`";
             self.found.push(found.severity(Severity::Warning).help(help));
         }
-        seeds
     }
 
     /// Reports how much the area (volume) of the points of a body differs from that of its region.
     fn report_volume(&mut self, number: usize, deck: &super::BodyDeck, filled: &Filled<D>) {
         let Some(exact) = filled.exact.filter(|exact| exact.value > 0.0) else { return };
-        let volume: f64 = filled.seeds.iter().map(|s| s.volume).sum();
+        let volume = self.ranks.total(filled.seeds.iter().map(|s| s.volume).sum());
         let part = (volume - exact.value) / exact.value;
         if part.abs() > 1e-9 + exact.error / exact.value {
             let what = if D > 2 { "a volume" } else { "an area" };

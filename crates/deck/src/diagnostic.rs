@@ -1,15 +1,19 @@
 //! Messages about a deck: the fault, its location and the remedy.
 
 mod json;
+mod ranks;
+
+use serde::{Deserialize, Serialize};
 
 use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet};
 
 pub use json::{FORMAT_VERSION, as_json};
+pub(crate) use ranks::of_all_ranks;
 
 use super::source::{Source, Span};
 
 /// How serious a message is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Severity {
     /// The deck cannot be used.
     Error,
@@ -31,7 +35,7 @@ impl Severity {
 }
 
 /// The stages of checking a deck, in order.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Gate {
     /// The file is text, the text is YAML, and its parameters have values.
     Text,

@@ -4,11 +4,11 @@
 //! later steps.
 
 use super::advice::against;
-use super::diagnostic::{Diagnostic, Gate, Severity, assign, sort};
+use super::diagnostic::{Diagnostic, Gate, Severity, assign, of_all_ranks, sort};
 use super::load::LoadedDeck;
 use super::quoting::{list, quote};
 use super::{AXES, Expression, LoadDeck, Parameter};
-use mpm_core::basis::{Connectivity, Method, SupportFailure};
+use mpm_core::basis::{Connectivity, Method, SupportError, SupportFailure};
 use mpm_core::dofs::{ConstraintError, Covered, DofMap, covered, nodes_of};
 use mpm_core::model::{Model, NodeSet};
 use mpm_core::points::{Points, coordinates};
@@ -38,6 +38,7 @@ pub fn first_step<const D: usize>(
     let mut check = Check { loaded, found: Vec::new() };
     let size = check.run(model, points);
     assign(Gate::Feasibility, &mut check.found);
+    check.found = of_all_ranks(&points.ranks, check.found);
     sort(&mut check.found);
     match size {
         Some(size) if !check.found.iter().any(Diagnostic::is_error) => Ok((size, check.found)),
@@ -56,7 +57,9 @@ impl Check<'_> {
         let links = match Connectivity::new(model.grid.as_ref(), points, &methods) {
             Ok(links) => links,
             Err(failure) => {
-                self.unsupported(model, points, failure);
+                if failure.error != SupportError::OnRank {
+                    self.unsupported(model, points, failure);
+                }
                 return None;
             }
         };
@@ -64,16 +67,15 @@ impl Check<'_> {
         if let Err(error) = external_force(model, points, &links, end) {
             self.load_without_value(&error);
         }
-        let dofs = match DofMap::new(model, points, &links, 0.0, end) {
-            Ok(dofs) => dofs,
-            Err(error) => {
-                self.constraint(&error);
-                return None;
-            }
-        };
+        let dofs = DofMap::new(model, points, &links, 0.0, end);
+        if points.ranks.any(dofs.is_err()) {
+            dofs.err().iter().for_each(|error| self.constraint(error));
+            return None;
+        }
+        let dofs = dofs.ok()?;
         for (number, condition) in model.boundary_conditions.iter().enumerate() {
             let is_list = matches!(condition.nodes, NodeSet::Fixed(_));
-            if is_list && nodes_of(condition, points, &links).is_empty() {
+            if is_list && points.ranks.all(nodes_of(condition, points, &links).is_empty()) {
                 self.touches_nothing(number, &condition.name);
             }
         }
@@ -83,7 +85,12 @@ impl Check<'_> {
         if !model.stages.is_empty() {
             self.held_in_stages(model, points, reported);
         }
-        Some(FirstStep { active_nodes: links.n_active(), unknowns: dofs.n_free() })
+        let (ranks, halo) = (&points.ranks, links.halo());
+        let own_nodes = (0..links.n_active()).filter(|node| halo.is_own(*node)).count();
+        Some(FirstStep {
+            active_nodes: ranks.count_all(own_nodes),
+            unknowns: ranks.count_all(dofs.n_free_at(|node| halo.is_own(node))),
+        })
     }
 
     pub(super) fn at(&self, code: &'static str, pointer: &str, message: String) -> Diagnostic {

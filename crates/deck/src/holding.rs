@@ -76,7 +76,11 @@ impl Check<'_> {
             model.present.change_conditions(model.boundary_conditions.len(), &model.stages[number]);
             let Ok(links) = Connectivity::new(model.grid.as_ref(), &mut points, &methods) else { break };
             let start = model.stages[number].stepping.start_time;
-            let Ok(dofs) = DofMap::new(model, &points, &links, start, start) else { break };
+            let dofs = DofMap::new(model, &points, &links, start, start);
+            if points.ranks.any(dofs.is_err()) {
+                break;
+            }
+            let Ok(dofs) = dofs else { break };
             known = self.free_parts(model, &points, (&links, &dofs), Some((number, &known)));
         }
         model.present = before;

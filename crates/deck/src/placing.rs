@@ -5,10 +5,11 @@ use std::collections::BTreeMap;
 use super::Deck;
 use super::quoting::{list, quote};
 use super::region::Groups;
-use super::seeding::Fault;
+use super::seeding::{Fault, Filled};
 use mpm_core::formula::closest;
 use mpm_core::grid::Grid;
-use mpm_core::points::{Seed, coordinates};
+use mpm_core::points::{Points, coordinates};
+use mpm_core::ranks::Ranks;
 use mpm_core::region::{Region, contains_in_cell};
 
 /// Message and help for a physical group that does not exist, or has no cells although it needs some.
@@ -51,22 +52,24 @@ pub(super) fn nodes_near<'a, const D: usize>(
     }
 }
 
-/// Checks that all points of a body, and the corners of their domains, lie in cells.
+/// Checks that all points of a body, and the corners of their domains, lie in cells. All ranks check together.
 pub(super) fn inside_grid<const D: usize>(
     grid: &dyn Grid<D>,
     body: &str,
-    seeds: &[Seed<D>],
+    filled: &Filled<D>,
+    ranks: &Ranks,
 ) -> Result<(), Fault> {
     let outside = |x: &[f64; D]| grid.locate(x, None).is_none();
-    let mut lost = seeds.iter().filter(|s| outside(&s.position) || s.corners.iter().any(outside));
-    let Some(first) = lost.next() else { return Ok(()) };
-    let part = if outside(&first.position) { "" } else { " (a corner of its domain)" };
+    let mut lost = filled.seeds.iter().filter(|s| outside(&s.position) || s.corners.iter().any(outside));
+    let first = lost.next().map(|first| (first.position.to_vec(), outside(&first.position)));
+    let count = ranks.count_all(usize::from(first.is_some()) + lost.count());
+    let Some((first, is_outside)) = ranks.first(first) else { return Ok(()) };
+    let part = if is_outside { "" } else { " (a corner of its domain)" };
     let message = format!(
-        "{} of the {} points of the body {} lie outside the grid, the first at {}{part}",
-        lost.count() + 1,
-        seeds.len(),
+        "{count} of the {} points of the body {} lie outside the grid, the first at {}{part}",
+        filled.all,
         quote(body),
-        coordinates(&first.position)
+        coordinates(&first)
     );
     let help =
         "move the body, make the grid larger, or cut off the part outside with a `difference`".to_owned();
@@ -74,28 +77,28 @@ pub(super) fn inside_grid<const D: usize>(
 }
 
 /// Finds bodies whose points lie in the region of an earlier body that is there at the same time: the number of the body,
-/// and a message.
+/// and a message. All points of a cell must be on one rank; all ranks search together.
 pub(super) fn overlaps<const D: usize>(
     grid: &dyn Grid<D>,
     deck: &Deck,
     (regions, groups): (&[Region<D>], &Groups),
-    seeds: &[Seed<D>],
+    points: &Points<D>,
 ) -> Vec<(usize, String)> {
     let bodies = &deck.bodies;
     if bodies.len() < 2 {
         return Vec::new();
     }
-    let mut in_cell: BTreeMap<u32, Vec<&Seed<D>>> = BTreeMap::new();
-    for seed in seeds {
-        if let Some(cell) = grid.locate(&seed.position, None) {
-            in_cell.entry(cell).or_default().push(seed);
+    let mut in_cell: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
+    for p in points.by_id() {
+        if let Some(cell) = grid.locate(&points.converged.position[p], None) {
+            in_cell.entry(cell).or_default().push(p);
         }
     }
-    // Points inside the region of another body, by the later and the earlier body: how many, and the first.
-    let mut found: BTreeMap<(u16, u16), (usize, [f64; D])> = BTreeMap::new();
+    // Points inside the region of another body, by the later and the earlier body: how many, and the first with its cell.
+    let mut found: BTreeMap<(u16, u16), (usize, u32, Vec<f64>)> = BTreeMap::new();
     let in_group = |key: usize, cell: usize| groups.holds(key, cell);
-    for (cell, seeds) in &in_cell {
-        let mut present: Vec<u16> = seeds.iter().map(|s| s.body).collect();
+    for (cell, of_cell) in &in_cell {
+        let mut present: Vec<u16> = of_cell.iter().map(|p| points.body[*p]).collect();
         present.sort_unstable();
         present.dedup();
         if present.len() < 2 {
@@ -103,16 +106,26 @@ pub(super) fn overlaps<const D: usize>(
         }
         for &other in &present {
             let region = &regions[other as usize];
-            for seed in seeds.iter().filter(|s| s.body != other) {
-                if contains_in_cell(region, grid, &seed.position, *cell as usize, in_group) {
-                    let pair = (seed.body.max(other), seed.body.min(other));
-                    found.entry(pair).or_insert((0, seed.position)).0 += 1;
+            for &p in of_cell.iter().filter(|p| points.body[**p] != other) {
+                let (body, position) = (points.body[p], &points.converged.position[p]);
+                if contains_in_cell(region, grid, position, *cell as usize, in_group) {
+                    let pair = (body.max(other), body.min(other));
+                    found.entry(pair).or_insert((0, *cell, position.to_vec())).0 += 1;
                 }
             }
         }
     }
+    let mut of_ranks = points.ranks.gather_all(found).into_iter();
+    let mut found = of_ranks.next().unwrap_or_default();
+    for (pair, (count, cell, place)) in of_ranks.flatten() {
+        let entry = found.entry(pair).or_insert((0, cell, place.clone()));
+        entry.0 += count;
+        if cell < entry.1 {
+            (entry.1, entry.2) = (cell, place);
+        }
+    }
     let name = |body: u16| quote(&bodies[body as usize].name);
-    let message = |((later, earlier), (count, place)): ((u16, u16), (usize, [f64; D]))| {
+    let message = |((later, earlier), (count, _, place)): ((u16, u16), (usize, u32, Vec<f64>))| {
         let text = format!(
             "the body {} overlaps the body {}: {count} points of one lie in the region of the other, the first at {}",
             name(later),

@@ -68,11 +68,24 @@ pub struct Prepared {
 /// # Errors
 /// All messages, if one of them is an error.
 pub fn prepare(
+    loaded: LoadedDeck,
+    memory: Option<Memory>,
+    deny_warnings: bool,
+) -> Result<Prepared, Box<LoadFailure>> {
+    prepare_on(&Ranks::default(), loaded, memory, deny_warnings)
+}
+
+/// As [`prepare`] and [`ready_on`].
+///
+/// # Errors
+/// As [`prepare`], on all ranks.
+pub fn prepare_on(
+    ranks: &Ranks,
     mut loaded: LoadedDeck,
     memory: Option<Memory>,
     deny_warnings: bool,
 ) -> Result<Prepared, Box<LoadFailure>> {
-    let built = ready(&loaded, memory);
+    let built = ready_on(ranks, &loaded, memory);
     let mut diagnostics = std::mem::take(&mut loaded.notes);
     let built = match built {
         Ok(Ready { analysis, extent, notes }) => {
@@ -100,28 +113,45 @@ pub fn prepare(
 /// # Errors
 /// All faults that prevent the first load step from being solved, with warnings and notes.
 pub fn ready(loaded: &LoadedDeck, memory: Option<Memory>) -> Result<Ready, Vec<Diagnostic>> {
+    ready_on(&Ranks::default(), loaded, memory)
+}
+
+/// As [`ready`], divided between ranks: each forms a share of the points and gets those in its part of the grid. All must call
+/// this with the same deck, and get the same messages.
+///
+/// # Errors
+/// As [`ready`], on all ranks.
+pub fn ready_on(
+    ranks: &Ranks,
+    loaded: &LoadedDeck,
+    memory: Option<Memory>,
+) -> Result<Ready, Vec<Diagnostic>> {
     Ok(if loaded.deck.dimensions() == 3 {
-        let (parts, extent, notes) = of_size::<3>(loaded, memory)?;
+        let (parts, extent, notes) = of_size::<3>(ranks, loaded, memory)?;
         Ready { analysis: Analysis::Solid(Box::new(parts)), extent, notes }
     } else {
-        let (parts, extent, notes) = of_size::<2>(loaded, memory)?;
+        let (parts, extent, notes) = of_size::<2>(ranks, loaded, memory)?;
         Ready { analysis: Analysis::Plane(Box::new(parts)), extent, notes }
     })
 }
 
 type OfSize<const D: usize> = ((Model<D>, Points<D>), Extent, Vec<Diagnostic>);
 
-fn of_size<const D: usize>(loaded: &LoadedDeck, memory: Option<Memory>) -> Result<OfSize<D>, Vec<Diagnostic>>
+fn of_size<const D: usize>(
+    ranks: &Ranks,
+    loaded: &LoadedDeck,
+    memory: Option<Memory>,
+) -> Result<OfSize<D>, Vec<Diagnostic>>
 where
     Region<D>: OfDeck<D>,
 {
-    let Built { mut model, mut points, mut notes, memory } = built::<D>(loaded, memory)?;
+    let Built { mut model, mut points, mut notes, memory } = built::<D>(loaded, memory, ranks)?;
     match first_step(loaded, &mut model, &mut points) {
         Ok((first, more)) => {
             notes.extend(more);
             let extent = Extent {
                 bodies: model.bodies.len(),
-                points: points.len(),
+                points: ranks.count_all(points.len()),
                 cells: model.grid.n_cells(),
                 steps: model.steps_requested(),
                 first,
@@ -137,6 +167,14 @@ where
 }
 
 impl Analysis {
+    /// Number of points of this rank.
+    pub fn n_points(&self) -> usize {
+        match self {
+            Analysis::Plane(parts) => parts.1.len(),
+            Analysis::Solid(parts) => parts.1.len(),
+        }
+    }
+
     /// The state before the first step.
     pub fn beginning(&self) -> Reached {
         match self {
@@ -158,14 +196,6 @@ impl Analysis {
         match self {
             Analysis::Plane(parts) => parts.0.engines = Engines(Some(engine.clone())),
             Analysis::Solid(parts) => parts.0.engines = Engines(Some(engine.clone())),
-        }
-    }
-
-    /// Divides the points between ranks.
-    pub fn share(&mut self, ranks: &Ranks) {
-        match self {
-            Analysis::Plane(parts) => parts.1.share(ranks, parts.0.grid.as_ref()),
-            Analysis::Solid(parts) => parts.1.share(ranks, parts.0.grid.as_ref()),
         }
     }
 

@@ -14,6 +14,7 @@ use mpm_core::grid::element::ElementShape;
 use mpm_core::grid::subdivide::{ElementPart, subdivide_box, subdivide_simplex};
 use mpm_core::grid::{Axis, Grid, Structured};
 use mpm_core::points::Seed;
+use mpm_core::ranks::Ranks;
 use mpm_core::region::{Accuracy, FilledCell, Region, Volume, brick_parts, contains_in_cell, fill};
 
 /// Relative distance to a grid line within which a side of a box counts as on the line.
@@ -26,10 +27,11 @@ const FINE_IN_SPACE: usize = 10;
 /// Subdivision along each axis to find out if a cell is cut.
 const PROBED: usize = 8;
 
-/// Most points of a body.
+/// Most points of a body that a rank forms.
 const MOST_POINTS: f64 = 1e8;
 
 /// A body that cannot be filled: code, the key of the body that causes it, message and remedy.
+#[derive(Debug)]
 pub(super) struct Fault {
     pub(super) code: &'static str,
     pub(super) key: String,
@@ -42,7 +44,11 @@ type Parts<'a, const D: usize> = Box<dyn Iterator<Item = Seed<D>> + 'a>;
 
 /// The points of a body.
 pub(super) struct Filled<const D: usize> {
+    /// Those that this rank forms; the shares of the ranks follow one another.
     pub(super) seeds: Vec<Seed<D>>,
+    /// Number of points that lower ranks form, and that all form.
+    pub(super) before: usize,
+    pub(super) all: usize,
     /// Volume (area) of the region, if it is known.
     pub(super) exact: Option<Volume>,
 }
@@ -58,11 +64,39 @@ pub(super) struct Filling<'a, const D: usize> {
     pub(super) history: Vec<f64>,
     /// True if the model has tools, which standard points touch with a box.
     pub(super) touches_tools: bool,
+    /// The ranks, each of which forms a share of the points.
+    pub(super) ranks: &'a Ranks,
 }
 
 impl<const D: usize> Filling<'_, D> {
-    /// Fills the body with points as its deck requests.
-    pub(super) fn fill(&self, deck: &BodyDeck) -> Result<Filled<D>, Fault> {
+    /// Fills the body with points as its deck requests. All ranks fill it together.
+    ///
+    /// # Errors
+    /// The fault that prevents it; `None` if only another rank has found one.
+    pub(super) fn fill(&self, deck: &BodyDeck) -> Result<Filled<D>, Option<Fault>> {
+        let seeds = self.seeds(deck);
+        if self.ranks.any(seeds.is_err()) {
+            return Err(seeds.err());
+        }
+        let (seeds, is_by_cells) = seeds.map_err(Some)?;
+        let of_ranks = self.ranks.gather_all(seeds.len());
+        let (before, all) = (of_ranks[..self.ranks.own()].iter().sum(), of_ranks.iter().sum());
+        if all == 0 {
+            return Err(Some(Fault {
+                code: "D028",
+                key: String::new(),
+                message: format!("the body {} contains no material point", quote(&deck.name)),
+                help: "its region must lie in the grid and contain the centre of at least one subdivision of a cell"
+                    .to_owned(),
+            }));
+        }
+        let exact = self.region.volume(Accuracy::default());
+        let exact = exact.or_else(|| is_by_cells.then(|| self.measured()));
+        Ok(Filled { seeds, before, all, exact })
+    }
+
+    /// The points that this rank forms, and whether they are parts of the cells that hold them.
+    fn seeds(&self, deck: &BodyDeck) -> Result<(Vec<Seed<D>>, bool), Fault> {
         if matches!(deck.shape, Shape::Stl { .. }) {
             self.surface_in_grid(deck)?;
         }
@@ -76,17 +110,7 @@ impl<const D: usize> Filling<'_, D> {
             (None, Some(spacing)) => self.lattice(deck, per_axis(spacing))?,
             (None, None) => self.cell_by_cell(deck)?,
         };
-        if seeds.is_empty() {
-            return Err(Fault {
-                code: "D028",
-                key: String::new(),
-                message: format!("the body {} contains no material point", quote(&deck.name)),
-                help: "its region must lie in the grid and contain the centre of at least one subdivision of a cell"
-                    .to_owned(),
-            });
-        }
-        let exact = self.region.volume(Accuracy::default());
-        Ok(Filled { seeds, exact: exact.or_else(|| is_by_cells.then(|| self.measured())) })
+        Ok((seeds, is_by_cells))
     }
 
     /// Volume of a region of whole cells that other regions cut: the full cells, and the fine parts of the others whose
@@ -108,12 +132,11 @@ impl<const D: usize> Filling<'_, D> {
             Ok(parts(if is_full { 1 } else { fine }).into_iter().map(|part| (part, !is_full)).collect())
         };
         let in_group = |key: usize, cell: usize| self.groups.holds(key, cell);
-        let Ok(parts) = fill(self.region, self.grid, in_group, divide, |(part, _)| part.position);
+        let Ok(parts) = fill(self.region, self.grid, in_group, divide, |(part, _)| part.position, self.ranks);
         let cut: f64 = parts.parts.iter().filter(|(_, is_cut)| *is_cut).map(|(part, _)| part.volume).sum();
-        Volume {
-            value: parts.parts.iter().map(|(part, _)| part.volume).sum(),
-            error: 0.5 * cut / fine as f64,
-        }
+        let mut sums = [parts.parts.iter().map(|(part, _)| part.volume).sum(), cut];
+        self.ranks.sum(&mut sums);
+        Volume { value: sums[0], error: 0.5 * sums[1] / fine as f64 }
     }
 
     fn domain(&self) -> DomainKind {
@@ -181,10 +204,15 @@ impl<const D: usize> Filling<'_, D> {
     /// The points inside the region at the cells of a lattice.
     fn rows(&self, lattice: Structured<D>, inside: impl Fn(&[f64; D]) -> bool + Sync) -> Vec<Seed<D>> {
         let n = lattice.cells();
+        // Neighbours of the points of this rank count as well.
+        let own = self.ranks.share(lattice.n_cells());
+        let margin = 1 + (1..D).map(|d| n[..d].iter().product::<usize>()).sum::<usize>();
+        let looked_at =
+            own.start.saturating_sub(margin)..own.end.saturating_add(margin).min(lattice.n_cells());
         let at = |index: &[usize; D], shift: f64| -> [f64; D] {
             std::array::from_fn(|d| lattice.axes()[d].position(index[d] as f64 + shift))
         };
-        let kept: Vec<bool> = (0..lattice.n_cells())
+        let kept: Vec<bool> = (looked_at.clone())
             .into_par_iter()
             .map(|place| inside(&at(&lattice.cell_index(place), 0.5)))
             .collect();
@@ -193,7 +221,8 @@ impl<const D: usize> Filling<'_, D> {
             let neighbour = |k: usize| -> [usize; D] {
                 std::array::from_fn(|d| (index[d] + k / 3usize.pow(d as u32) % 3).wrapping_sub(1))
             };
-            let is_full = |at: [usize; D]| (0..D).all(|d| at[d] < n[d]) && kept[lattice.cell(at)];
+            let is_full =
+                |at: [usize; D]| (0..D).all(|d| at[d] < n[d]) && kept[lattice.cell(at) - looked_at.start];
             !(0..3usize.pow(D as u32)).all(|k| is_full(neighbour(k)))
         };
         let one = |place: usize| {
@@ -203,7 +232,7 @@ impl<const D: usize> Filling<'_, D> {
             seed.outer_layer = is_outer(&index);
             seed
         };
-        (0..kept.len()).into_par_iter().filter(|&place| kept[place]).map(one).collect()
+        own.into_par_iter().filter(|&place| kept[place - looked_at.start]).map(one).collect()
     }
 
     /// Points at a stated spacing, independent of the grid.
@@ -219,13 +248,14 @@ impl<const D: usize> Filling<'_, D> {
         let [min, max] = self.region.bounds();
         let along = |d: usize| ((max[d] - min[d]) / spacing[d] - ON_LINE).max(0.0);
         let count: f64 = (0..D).map(along).product();
-        if count > MOST_POINTS {
+        if count > MOST_POINTS * self.ranks.count() as f64 {
             return Err(Fault {
                 code: "D028",
                 key: "/point_spacing".to_owned(),
                 message: format!(
-                    "cutting the shape of the body {} would take {count:.1e} points; at most {MOST_POINTS:.0e} are possible",
+                    "cutting the shape of the body {} would take {count:.1e} points; at most {:.0e} are possible",
                     quote(&deck.name),
+                    MOST_POINTS * self.ranks.count() as f64,
                 ),
                 help: "give a larger spacing".to_owned(),
             });
@@ -287,7 +317,11 @@ impl<const D: usize> Filling<'_, D> {
             Ok(parts)
         };
         let in_group = |key: usize, cell: usize| self.groups.holds(key, cell);
-        let filled = fill(self.region, self.grid, in_group, divide, |seed| seed.position)?;
+        let filled = fill(self.region, self.grid, in_group, divide, |seed| seed.position, self.ranks);
+        if self.ranks.any(filled.is_err()) {
+            return filled.map(|_| Vec::new());
+        }
+        let filled = filled?;
         let mut seeds = filled.parts;
         self.mark_outer_layer(&mut seeds, &filled.cells);
         Ok(seeds)
@@ -295,9 +329,21 @@ impl<const D: usize> Filling<'_, D> {
 
     /// Marks the points of cells that are not full, or share a node with the border of the full ones.
     fn mark_outer_layer(&self, seeds: &mut [Seed<D>], filled: &[FilledCell]) {
+        let own_full = || filled.iter().filter(|filled| filled.full).map(|filled| filled.cell);
+        let full: Vec<u32> = if self.ranks.is_alone() {
+            own_full().collect()
+        } else {
+            // Cells of other ranks matter beside those of this one only.
+            let corners = |cell: u32| self.grid.corners(cell as usize);
+            let touched: HashSet<u32> =
+                filled.iter().flat_map(|filled| corners(filled.cell).nodes().to_vec()).collect();
+            let mut full = self.ranks.gather_all(own_full().collect::<Vec<u32>>()).concat();
+            full.retain(|cell| corners(*cell).nodes().iter().any(|node| touched.contains(node)));
+            full
+        };
         let mut sides: Vec<[u32; 4]> = Vec::new();
-        for filled in filled.iter().filter(|filled| filled.full) {
-            let corners = self.grid.corners(filled.cell as usize);
+        for cell in full {
+            let corners = self.grid.corners(cell as usize);
             let nodes = corners.nodes();
             let shape = ElementShape::from_nodes::<D>(nodes.len());
             for places in shape.map(|shape| shape.sides::<D>()).unwrap_or_default() {

@@ -9,6 +9,7 @@ use mpm_core::basis::{DomainKind, Method};
 use mpm_core::grid::Grid;
 use mpm_core::linear::Extent;
 use mpm_core::memory::{Bound, Memory, in_words};
+use mpm_core::ranks::Ranks;
 use mpm_core::region::{Accuracy, Region};
 use mpm_files::fields::PointField;
 
@@ -77,6 +78,8 @@ pub(super) struct Size {
     pub(super) is_wide: bool,
     /// The body with the most points.
     largest_body: usize,
+    /// Number of processes that the memory is for.
+    processes: f64,
 }
 
 impl Size {
@@ -140,12 +143,23 @@ impl Size {
                     factor * fill
                 },
             largest_body: largest.1,
+            processes: 1.0,
         }
+    }
+
+    /// The same with the memory of the parts that the ranks on this machine have. All ranks must ask for it together.
+    pub(super) fn of_part(mut self, ranks: &Ranks) -> Size {
+        self.processes = ranks.on_this_machine() as f64;
+        let part = self.processes / ranks.count() as f64;
+        self.memory_of_grid *= self.processes;
+        self.memory_of_points *= part;
+        self.memory_of_stiffness *= part;
+        self
     }
 
     /// Estimated peak memory of the analysis, [byte].
     pub(super) fn memory(&self) -> f64 {
-        PROGRAM + self.memory_of_grid + self.memory_of_points + self.memory_of_stiffness
+        PROGRAM * self.processes + self.memory_of_grid + self.memory_of_points + self.memory_of_stiffness
     }
 
     /// Compares the estimate with the available memory: an error if it is not enough, a warning if it is barely enough.

@@ -1,7 +1,7 @@
 //! Locations in the text of a deck.
 
 /// A range of bytes in the text of a deck.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Span {
     /// First byte.
     pub start: usize,

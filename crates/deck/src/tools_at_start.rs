@@ -103,12 +103,17 @@ impl Check<'_> {
     }
 }
 
-/// The box around the points of a body; `None` if it has none at the start.
+/// The box around the points of a body; `None` if it has none at the start. All ranks must ask for it together.
 fn box_around<const D: usize>(points: &Points<D>, body: usize) -> Option<Bounds<D>> {
     let of_body = (0..points.len()).filter(|p| points.body[*p] as usize == body);
-    of_body.map(|p| [points.converged.position[p]; 2]).reduce(|[low, high], [x, _]| {
-        [std::array::from_fn(|d| low[d].min(x[d])), std::array::from_fn(|d| high[d].max(x[d]))]
-    })
+    let [low, high] = of_body.map(|p| points.converged.position[p]).fold(
+        [[f64::INFINITY; D], [f64::NEG_INFINITY; D]],
+        |[low, high], x| {
+            [std::array::from_fn(|d| low[d].min(x[d])), std::array::from_fn(|d| high[d].max(x[d]))]
+        },
+    );
+    let bounds = [low.map(|x| points.ranks.smallest(x)), high.map(|x| points.ranks.largest(x))];
+    bounds.iter().flatten().all(|x| x.is_finite()).then_some(bounds)
 }
 
 /// Distance between two boxes, [length]; 0 if they meet.

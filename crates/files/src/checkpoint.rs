@@ -7,6 +7,7 @@
 
 mod blocks;
 
+use std::collections::HashSet;
 use std::fmt;
 use std::fs;
 use std::io::{self, Write};
@@ -176,7 +177,8 @@ pub fn read(path: &Path) -> Result<Checkpoint, String> {
 }
 
 impl Checkpoint {
-    /// Restores the points of a newly built model to the state and the order of the checkpoint.
+    /// Restores the points of a newly built model to the state and the order of the checkpoint. Each of several ranks takes those
+    /// that it holds.
     ///
     /// # Errors
     /// If the points differ, or if no run of this model can have written the checkpoint.
@@ -185,19 +187,23 @@ impl Checkpoint {
         if !reached.fits(model) || !findings.fits(model) {
             return Err("its summary does not belong to this analysis".to_owned());
         }
-        let wanted = [D, points.len(), points.history_len, points.corners_per_point];
-        if self.head.shape != wanted {
+        let n = self.head.shape[1];
+        let wanted = [D, n, points.history_len, points.corners_per_point];
+        if self.head.shape != wanted || points.ranks.is_alone() && n != points.len() {
             return Err("it belongs to other points".to_owned());
         }
         let further = self.further_of(&points.further)?;
         let mut rest = Arrays { bytes: &self.arrays };
-        let n = points.len();
-        let id: Vec<u32> = rest.words(n)?;
-        let cell: Vec<u32> = rest.words(n)?;
-        let state = points.read_state(|_, count| rest.numbers(count))?;
+        let (id, cell) = (rest.words(n)?, rest.words(n)?);
+        let own = Own::of(&id, points);
+        let (id, cell) = (own.of_words(&id), own.of_words(&cell));
+        let state = points.read_state(|field, _| {
+            Ok::<_, String>(own.numbers(rest.numbers(n * field.components)?, field.components))
+        })?;
         let mut values = Vec::new();
         for handle in further {
-            values.push((handle, rest.numbers(n * points.further.field(handle).components)?));
+            let components = points.further.field(handle).components;
+            values.push((handle, own.numbers(rest.numbers(n * components)?, components)));
         }
         if !rest.bytes.is_empty() {
             return Err("it is longer than its number of points requires".to_owned());
@@ -278,6 +284,37 @@ fn write_points<const D: usize>(out: &mut dyn Write, points: &Points<D>) -> io::
         numbers(&label, field.components, &mut points.further.converged(handle).iter().copied())?;
     }
     Ok(())
+}
+
+/// The places of the points of this rank in a checkpoint; `None` if it has all of them.
+struct Own(Option<Vec<usize>>);
+
+impl Own {
+    fn of<const D: usize>(id: &[u32], points: &Points<D>) -> Own {
+        if points.ranks.is_alone() {
+            return Own(None);
+        }
+        let held: HashSet<u32> = points.id.iter().copied().collect();
+        Own(Some((0..id.len()).filter(|place| held.contains(&id[*place])).collect()))
+    }
+
+    fn of_words(&self, words: &[u32]) -> Vec<u32> {
+        match &self.0 {
+            None => words.to_vec(),
+            Some(places) => places.iter().map(|place| words[*place]).collect(),
+        }
+    }
+
+    fn numbers(&self, numbers: Vec<f64>, components: usize) -> Vec<f64> {
+        match &self.0 {
+            None => numbers,
+            Some(places) => places
+                .iter()
+                .flat_map(|place| &numbers[place * components..][..components])
+                .copied()
+                .collect(),
+        }
+    }
 }
 
 /// Reader of consecutive arrays.

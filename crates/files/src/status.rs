@@ -10,7 +10,6 @@ use serde::{Deserialize, Serialize};
 
 use mpm_core::memory;
 use mpm_core::model::{LoadCurve, Model, Stepping};
-use mpm_core::points::Points;
 use mpm_core::solver::{Reached, SolveError, Step, StepReport, Summary};
 
 use super::checkpoint;
@@ -137,7 +136,7 @@ pub struct Progress {
 
 impl Progress {
     /// Progress of a run about to begin; `start` is the origin of its times.
-    pub fn new<const D: usize>(model: &Model<D>, points: &Points<D>, start: Start) -> Progress {
+    pub fn new<const D: usize>(model: &Model<D>, points: usize, start: Start) -> Progress {
         let now = Timestamp::now();
         let before = jiff::SignedDuration::try_from(start.elapsed().wall).unwrap_or_default();
         let status = Status {
@@ -159,7 +158,7 @@ impl Progress {
             load_factor: model.has_one_load_factor().then_some(0.0),
             strength_factor: None,
             stage: model.stages.first().map(|stage| stage.name.clone()),
-            points: points.len(),
+            points,
             unknowns: 0,
             evaluations: 0,
             points_per_second: None,
@@ -352,7 +351,7 @@ boundary_conditions: [{name: base, nodes: {y: 0}, fix: [x, y]}]
 loads: [{name: push, type: body-force, force: [0, -1], curve: [[0, 0], [0.5, 3], [1, 1]]}]
 steps: {count: 4}";
         let (model, points) = build::<2>(&load_text("deck", deck.as_bytes(), &[]).unwrap()).unwrap();
-        Progress::new(&model, &points, Start::now())
+        Progress::new(&model, points.len(), Start::now())
     }
 
     #[test]

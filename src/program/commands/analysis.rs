@@ -15,6 +15,7 @@ use crate::output::checkpoint::last_step;
 use crate::output::lock::Lock;
 use crate::output::results::Results;
 use crate::output::summary::Start;
+use crate::ranks::Ranks;
 use crate::solver::{Observer, SolveError, Summary};
 use crate::timing::Timings;
 use anyhow::{anyhow, bail};
@@ -32,13 +33,14 @@ use crate::program::screen::print::print_json;
 use crate::program::screen::progress::{View, Watch};
 use crate::program::system_limits::wait_for_lack_of_memory;
 
-/// Reads and builds the model of a deck up to the first load step.
+/// Builds the model of a deck up to the first load step, or this rank's part of it.
 pub fn prepare(
     loaded: Result<LoadedDeck, Box<LoadFailure>>,
     deny_warnings: bool,
+    ranks: &Ranks,
 ) -> Result<Prepared, Box<LoadFailure>> {
     // On a worker thread, as the analysis itself.
-    rayon::scope(|_| ready::prepare(loaded?, Memory::of_this_machine(), deny_warnings))
+    rayon::scope(|_| ready::prepare_on(ranks, loaded?, Memory::of_this_machine(), deny_warnings))
 }
 
 /// The source of a deck and the messages about it.
@@ -51,8 +53,19 @@ fn findings(prepared: &Result<Prepared, Box<LoadFailure>>) -> (&Source, &[Diagno
 
 /// Reads and builds a deck; prints the messages about it and passes them to `log_text`. `None` if the deck cannot be
 /// used.
-pub fn prepare_and_report(args: &DeckArgs, log_text: &dyn Fn(&str)) -> anyhow::Result<Option<Prepared>> {
-    let prepared = prepare(load(&args.deck, &args.set), args.deny_warnings);
+///
+/// # Errors
+/// If only another rank cannot read the deck, or the messages cannot be printed.
+pub fn prepare_and_report(
+    args: &DeckArgs,
+    log_text: &dyn Fn(&str),
+    machines: &Machines,
+) -> anyhow::Result<Option<Prepared>> {
+    let loaded = load(&args.deck, &args.set);
+    if let Some(rank) = machines.meet(loaded.is_ok()).filter(|_| loaded.is_ok()) {
+        bail!("rank {rank} cannot read the deck; it says why");
+    }
+    let prepared = prepare(loaded, args.deny_warnings, machines.ranks());
     let plain = messages(&prepared, false);
     if !plain.is_empty() {
         log_text(&plain);
@@ -153,7 +166,7 @@ pub struct Run<'a> {
 /// If the directory cannot be written, another run writes there, or no checkpoint can be resumed.
 pub fn run_into(run: Run, ready: Prepared, set_up: Timings) -> anyhow::Result<Option<Ended>> {
     let Run { directory, start, view, stop, begin, machines } = run;
-    let Prepared { loaded, mut analysis, .. } = ready;
+    let Prepared { loaded, mut analysis, extent } = ready;
     let from = match begin {
         Begin::Anew => None,
         Begin::AtCheckpoint | Begin::AtCheckpointIfAny => {
@@ -199,12 +212,14 @@ pub fn run_into(run: Run, ready: Prepared, set_up: Timings) -> anyhow::Result<Op
         }
     };
     let stop = Arc::clone(stop);
+    // A run that resumes may have other points than the first stage.
+    let n = if machines.ranks().is_alone() { analysis.n_points() } else { extent.points };
     let mut watch = match &analysis {
-        Analysis::Plane(parts) => Watch::new(results, &parts.0, &parts.1, start, view, stop),
-        Analysis::Solid(parts) => Watch::new(results, &parts.0, &parts.1, start, view, stop),
+        Analysis::Plane(parts) => Watch::new(results, &parts.0, n, start, view, stop),
+        Analysis::Solid(parts) => Watch::new(results, &parts.0, n, start, view, stop),
     };
     watch.law_libraries(&law_libraries);
-    machines.divide(&mut analysis)?;
+    machines.equip(&mut analysis)?;
     machines.begin()?;
     let reached = match from {
         Some((checkpoint, reached)) => {
@@ -230,7 +245,14 @@ pub fn run_along(
     directory: &Path,
     resumes: bool,
 ) -> anyhow::Result<u8> {
-    let Ok(Prepared { loaded, mut analysis, .. }) = prepare(load(&deck.deck, &deck.set), deck.deny_warnings)
+    let loaded = load(&deck.deck, &deck.set);
+    if let Some(rank) = machines.meet(loaded.is_ok()) {
+        if rank == machines.ranks().own() {
+            print_messages(&loaded.and_then(|loaded| prepare(Ok(loaded), false, &Ranks::default())));
+        }
+        return Ok(USAGE);
+    }
+    let Ok(Prepared { loaded, mut analysis, .. }) = prepare(loaded, deck.deny_warnings, machines.ranks())
     else {
         return Ok(USAGE);
     };
@@ -241,7 +263,7 @@ pub fn run_along(
     };
     let mut watch = Interruption(stop_on_interrupt(false)?);
     // Rank 0 says why.
-    if machines.divide(&mut analysis).and_then(|()| machines.begin()).is_err() {
+    if machines.equip(&mut analysis).and_then(|()| machines.begin()).is_err() {
         return Ok(USAGE);
     }
     let reached = reached.map_or_else(|| analysis.beginning(), |reached| *reached);

@@ -79,7 +79,7 @@ fn run_as_root(
     };
     log_text(&heading(&args.deck, command_line, machines.ranks().count()));
     let mut timings = Timings::default();
-    let prepared = timings.measure(Phase::SetUp, || prepare_and_report(&args.deck, &log_text));
+    let prepared = timings.measure(Phase::SetUp, || prepare_and_report(&args.deck, &log_text, machines));
     let Some(ready) = prepared? else {
         return Ok(USAGE);
     };
@@ -184,7 +184,7 @@ fn timings_table(timings: &Timings) -> String {
 /// Does everything up to the first load step and prints the size of the analysis.
 pub fn check(args: &DeckArgs) -> anyhow::Result<u8> {
     analysis::start_threads(None)?;
-    let Some(ready) = prepare_and_report(args, &|_| ())? else {
+    let Some(ready) = prepare_and_report(args, &|_| (), &Machines::alone())? else {
         return Ok(USAGE);
     };
     if args.format == Format::Json {

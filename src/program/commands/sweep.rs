@@ -18,6 +18,7 @@ use crate::program::interrupt::stop_on_interrupt;
 use crate::program::machines::Machines;
 use crate::program::screen::failure::{Coded, as_error, in_words};
 use crate::program::screen::progress::View;
+use crate::ranks::Ranks;
 use crate::solver::SolveError;
 use crate::study::{
     Axis, Member, Outcome, Record, Row, Study, dependence_on_cells, may_be_replaced, write_table,
@@ -139,8 +140,10 @@ impl Sweep {
         let directory = self.directory.join(member.directory_name());
         let (start, mut set_up) = (Start::now(), Timings::default());
         let overrides = self.study.overrides(&member);
-        let prepared =
-            set_up.measure(Phase::SetUp, || prepare(load_text(&self.name, &self.text, &overrides), false));
+        let prepared = set_up.measure(Phase::SetUp, || {
+            let loaded = load_text(&self.name, &self.text, &overrides);
+            prepare(loaded, false, &Ranks::default())
+        });
         let messages = messages(&prepared, false);
         // Warnings are the same for many members and are printed once; errors are printed for each member.
         if !messages.is_empty() && (prepared.is_err() || self.printed.insert(messages.clone())) {

@@ -74,7 +74,7 @@ impl Watch {
     pub fn new<const D: usize>(
         results: Results,
         model: &Model<D>,
-        points: &Points<D>,
+        points: usize,
         start: Start,
         view: View,
         stop: Arc<AtomicBool>,
@@ -111,8 +111,7 @@ impl Watch {
                 watch.say(&model.title);
             }
             watch.say(&format!(
-                "{} points, {} cells, {} load steps",
-                points.len(),
+                "{points} points, {} cells, {} load steps",
                 model.grid.n_cells(),
                 model.steps_requested()
             ));

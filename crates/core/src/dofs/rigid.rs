@@ -7,9 +7,10 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::DMatrix;
 
-use crate::basis::Connectivity;
+use crate::basis::{Connectivity, JoinedParts};
 use crate::model::{Model, NodeSet};
 use crate::points::Points;
+use crate::ranks::Ranks;
 use crate::surface::support;
 
 use super::DofMap;
@@ -52,23 +53,25 @@ const fn n_motions(dimensions: usize) -> usize {
     dimensions * (dimensions + 1) / 2
 }
 
-/// The parts that are free to move in the step that `dofs` describes, in the order of their lowest nodes.
+/// The parts that are free to move in the step that `dofs` describes, in the order of their lowest nodes. All ranks must ask for
+/// them together.
 pub fn free_parts<const D: usize>(
     model: &Model<D>,
     points: &Points<D>,
     links: &Connectivity<D>,
     dofs: &DofMap<D>,
 ) -> Vec<FreePart<D>> {
-    let root = links.parts();
+    let (joined, halo) = (links.joined_parts(), links.halo());
+    let ranks = halo.ranks();
     let place = |node: usize| model.grid.node_position(links.active_nodes()[node] as usize);
-    let mut parts: BTreeMap<usize, Part<D>> = BTreeMap::new();
-    for (node, &part) in root.iter().enumerate() {
-        parts.entry(part).or_insert_with(Part::empty).add(&place(node));
+    let mut parts: Vec<Part<D>> = joined.lowest.iter().map(|_| Part::empty()).collect();
+    for (node, &part) in joined.of_node.iter().enumerate().filter(|(node, _)| halo.is_own(*node)) {
+        parts[part as usize].add(&place(node));
     }
-    for (node, part) in root.iter().enumerate() {
-        let Some(part) = parts.get_mut(part) else { continue };
+    add_up_nodes(ranks, &mut parts);
+    for (node, &part) in joined.of_node.iter().enumerate().filter(|(node, _)| halo.is_own(*node)) {
         let x = place(node);
-        dofs.for_each_held_direction(node, |direction| part.hold(&x, direction));
+        dofs.for_each_held_direction(node, |direction| parts[part as usize].hold(&x, direction));
     }
     for (number, condition) in model.boundary_conditions.iter().enumerate() {
         let NodeSet::Surface(on) = condition.nodes else { continue };
@@ -79,44 +82,87 @@ pub fn free_parts<const D: usize>(
         for (sample, x) in surface.samples.iter().enumerate() {
             let normal = surface.normal(sample);
             let carried = support(model.grid.as_ref(), links, x, &normal);
-            let node = carried.as_ref().and_then(|carried| carried.nodes().first());
-            let Some(part) = node.and_then(|&node| parts.get_mut(&root[node as usize])) else { continue };
+            // Ranks that share the nodes count the sample once each, which frees nothing and holds nothing else.
+            let Some(&node) = carried.as_ref().and_then(|carried| carried.nodes().first()) else { continue };
+            let part = &mut parts[joined.of_node[node as usize] as usize];
             for displacement in (0..D).filter(|&d| condition.displacement[d].is_some()) {
                 part.hold(x, &condition.direction(displacement, normal));
             }
         }
     }
+    add_up_held(ranks, &mut parts);
     if model.revolved {
-        parts.values_mut().for_each(Part::resist_by_hoops);
+        parts.iter_mut().for_each(Part::resist_by_hoops);
     }
-    let mut free: BTreeMap<usize, FreePart<D>> = BTreeMap::new();
-    for (&node, part) in &parts {
-        if let Some(motions) = part.free(place(node)) {
-            free.insert(node, motions);
+    let mut free: BTreeMap<u32, FreePart<D>> = BTreeMap::new();
+    for (number, part) in parts.iter().enumerate() {
+        if let Some(motions) = part.free(model.grid.node_position(joined.lowest[number] as usize)) {
+            free.insert(number as u32, motions);
         }
     }
     if !free.is_empty() {
-        name_bodies(points, links, &root, &mut free);
+        name_bodies(points, links, &joined, &mut free);
     }
     free.into_values().collect()
+}
+
+/// Adds up the numbers of nodes and their places over all ranks.
+fn add_up_nodes<const D: usize>(ranks: &Ranks, parts: &mut [Part<D>]) {
+    if ranks.is_alone() {
+        return;
+    }
+    let mut sums: Vec<f64> = parts.iter().flat_map(|part| part.sum).collect();
+    sums.extend(parts.iter().map(|part| part.n_nodes as f64));
+    ranks.sum(&mut sums);
+    // The lowest coordinates as the largest with the other sign.
+    let mut ends: Vec<f64> = parts.iter().flat_map(|part| part.low.map(|x| -x)).collect();
+    ends.extend(parts.iter().flat_map(|part| part.high));
+    ranks.maximum(&mut ends);
+    let n = parts.len();
+    for (k, part) in parts.iter_mut().enumerate() {
+        part.sum = std::array::from_fn(|d| sums[D * k + d]);
+        part.n_nodes = sums[D * n + k] as usize;
+        part.low = std::array::from_fn(|d| -ends[D * k + d]);
+        part.high = std::array::from_fn(|d| ends[D * (n + k) + d]);
+    }
+}
+
+/// Adds up what holds the parts on all ranks.
+fn add_up_held<const D: usize>(ranks: &Ranks, parts: &mut [Part<D>]) {
+    if ranks.is_alone() {
+        return;
+    }
+    let size = D + n_motions(D).pow(2);
+    let of_part = |part: &Part<D>| {
+        let held = part.held.map(|held| f64::from(u8::from(held)));
+        held.into_iter().chain(part.gram.iter().copied()).collect::<Vec<f64>>()
+    };
+    let mut sums: Vec<f64> = parts.iter().flat_map(of_part).collect();
+    ranks.sum(&mut sums);
+    for (part, sums) in parts.iter_mut().zip(sums.chunks_exact(size)) {
+        part.held = std::array::from_fn(|d| sums[d] > 0.0);
+        part.gram.copy_from_slice(&sums[D..]);
+    }
 }
 
 /// Finds which bodies have points in which free part.
 fn name_bodies<const D: usize>(
     points: &Points<D>,
     links: &Connectivity<D>,
-    root: &[usize],
-    free: &mut BTreeMap<usize, FreePart<D>>,
+    joined: &JoinedParts,
+    free: &mut BTreeMap<u32, FreePart<D>>,
 ) {
-    let mut members: BTreeSet<(u16, usize)> = BTreeSet::new();
+    let mut members: BTreeSet<(u16, u32)> = BTreeSet::new();
     for group in 0..links.n_groups() {
         let nodes = links.nodes_of(group);
         for p in links.points_of(group) {
             if let Some(&first) = links.local_nodes(p).first() {
-                members.insert((points.body[p], root[nodes[first as usize] as usize]));
+                members.insert((points.body[p], joined.of_node[nodes[first as usize] as usize]));
             }
         }
     }
+    let members: BTreeSet<(u16, u32)> =
+        links.halo().ranks().gather_all(members).into_iter().flatten().collect();
     for (part, found) in free.iter_mut() {
         found.bodies = members.iter().filter(|(_, in_part)| in_part == part).map(|(body, _)| *body).collect();
         let elsewhere = |body: &u16| members.iter().any(|(other, in_part)| other == body && in_part != part);

@@ -155,21 +155,32 @@ macro_rules! point_fields {
 
             /// Stress-free, undeformed points; their order gives the permanent numbers.
             pub fn new(seeds: &[$crate::points::Seed<D>]) -> Self {
+                let numbers = (0..seeds.len() as u32).collect();
+                $Points::numbered(seeds, numbers, &$crate::ranks::Ranks::default())
+            }
+
+            /// The same, with these permanent numbers; other ranks form the rest of the points. All keep as many values for
+            /// each point.
+            pub fn numbered(
+                seeds: &[$crate::points::Seed<D>],
+                id: Vec<u32>,
+                ranks: &$crate::ranks::Ranks,
+            ) -> Self {
                 use $crate::points::declare::start;
-                $(let $count = start::most(seeds, $count_of);)*
+                $(let $count = ranks.largest(start::most(seeds, $count_of) as f64) as usize;)*
                 let state = $State {
                     $($motion: start::$motion_shape(seeds, $($motion_per,)? $motion_start),)*
                     $($answer: start::$answer_shape(seeds, $($answer_per,)? $answer_start),)*
                 };
                 $Points {
-                    id: (0..seeds.len() as u32).collect(),
+                    id,
                     cell: vec![0; seeds.len()],
                     $($fixed: start::$fixed_shape(seeds, $($fixed_per,)? $fixed_start),)*
                     trial: state.trial(),
                     converged: state,
                     $($count,)*
                     further: $crate::points::Further::default(),
-                    ranks: $crate::ranks::Ranks::default(),
+                    ranks: ranks.clone(),
                     partition: $crate::points::partition::Partition::default(),
                 }
             }

@@ -21,7 +21,7 @@ pub struct PointFieldSpec {
     pub components: usize,
     /// The time at which it changes.
     pub kind: FieldKind,
-    /// Values at the start: all components of point 0, then of point 1, and so on, by permanent numbers.
+    /// Values at the start: all components of the point with the lowest permanent number, then of the next, and so on.
     pub start: Vec<f64>,
 }
 
@@ -143,7 +143,11 @@ impl Further {
             let (point, value) = (place / components, start[place].to_string());
             return Err(FieldError::NotFinite { name, point, value });
         }
-        let converged = gather(&start, id, components);
+        let mut by_id: Vec<usize> = (0..id.len()).collect();
+        by_id.sort_by_key(|p| id[*p]);
+        let mut rank = vec![0; id.len()];
+        by_id.iter().enumerate().for_each(|(k, p)| rank[*p] = k as u32);
+        let converged = gather(&start, &rank, components);
         let trial = if kind == FieldKind::Answer { converged.clone() } else { Vec::new() };
         self.fields.push(Kept { field: FurtherField { name, unit, components, kind }, converged, trial });
         Ok(FieldHandle(self.fields.len() - 1))

@@ -1,51 +1,74 @@
 //! Points near a place of the original configuration.
 
+use serde::{Deserialize, Serialize};
+
 use super::Points;
 
+/// A point near a place.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Near {
+    /// Permanent number of the point.
+    pub id: u32,
+    /// Its distance, [length].
+    pub distance: f64,
+    /// Its original position, [length].
+    pub position: Vec<f64>,
+}
+
 impl<const D: usize> Points<D> {
-    /// The `count` points of a body nearest to a place in the original configuration, as permanent numbers, nearest
-    /// first; and whether the choice was clear, i.e. the next one is farther away.
-    pub fn nearest(&self, body: u16, place: &[f64; D], count: usize) -> (Vec<u32>, bool) {
-        let distance = |p: usize| -> f64 {
-            (0..D).map(|d| (self.original_position[p][d] - place[d]).powi(2)).sum::<f64>().sqrt()
-        };
-        let mut found: Vec<(f64, u32)> =
-            (0..self.len()).filter(|&p| self.body[p] == body).map(|p| (distance(p), self.id[p])).collect();
-        let order = |a: &(f64, u32), b: &(f64, u32)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
-        if count + 1 < found.len() {
-            found.select_nth_unstable_by(count, order);
-            found.truncate(count + 1);
-        }
-        found.sort_unstable_by(order);
+    /// The `count` points of a body nearest to a place in the original configuration, nearest first; and whether the choice was
+    /// clear, i.e. the next one is farther away. All ranks must ask for them together.
+    pub fn nearest(&self, body: u16, place: &[f64; D], count: usize) -> (Vec<Near>, bool) {
+        let mut found = self.within(body, place, count.saturating_add(1), 0.0);
+        found.truncate(count.saturating_add(1));
         let clear = match (found.get(count.wrapping_sub(1)), found.get(count)) {
             // The round-off of distances from distant places is that of their coordinates.
             (Some(last), Some(next)) => {
-                let far = place.iter().fold(0.0, |far: f64, x| far.max(x.abs()));
-                next.0 - last.0 > 1e-9 * next.0 + 1e-12 * far
+                next.distance - last.distance > 1e-9 * next.distance + round_off(place)
             }
             _ => true,
         };
-        (found.iter().take(count).map(|f| f.1).collect(), clear)
+        found.truncate(count);
+        (found, clear)
     }
 
-    /// Permanent numbers of the points of a body nearest to a place in the original configuration, by distance: the
-    /// first `count`, and all that are farther than the last of these by at most `slack` [length] or the round-off of
-    /// coordinates.
-    pub fn nearest_with_ties(&self, body: u16, place: &[f64; D], count: usize, slack: f64) -> Vec<u32> {
+    /// The points of a body nearest to a place in the original configuration, by distance: the first `count`, and all that are
+    /// farther than the last of these by at most `slack` [length] or the round-off of coordinates. All ranks must ask for them
+    /// together.
+    pub fn nearest_with_ties(&self, body: u16, place: &[f64; D], count: usize, slack: f64) -> Vec<Near> {
+        self.within(body, place, count, slack + round_off(place))
+    }
+
+    /// The first `count` points by distance and number, at least one, and all that are farther by at most `slack`.
+    fn within(&self, body: u16, place: &[f64; D], count: usize, slack: f64) -> Vec<Near> {
         let distance = |p: usize| -> f64 {
             (0..D).map(|d| (self.original_position[p][d] - place[d]).powi(2)).sum::<f64>().sqrt()
         };
         let of_body = || (0..self.len()).filter(|&p| self.body[p] == body);
+        let most = count.max(1) - 1;
+        // A rank may hold too few; then all of them are near enough.
         let mut least: Vec<f64> = of_body().map(distance).collect();
-        let Some(last) = least.len().checked_sub(1).map(|most| most.min(count.max(1) - 1)) else {
-            return Vec::new();
+        let limit = match least.len() {
+            n if n > most => *least.select_nth_unstable_by(most, f64::total_cmp).1,
+            _ => f64::INFINITY,
         };
-        let (_, last, _) = least.select_nth_unstable_by(last, f64::total_cmp);
-        let far = place.iter().fold(0.0, |far: f64, x| far.max(x.abs()));
-        let most = *last + slack + 1e-12 * far;
-        let near = of_body().filter(|&p| distance(p) <= most);
-        let mut found: Vec<(f64, u32)> = near.map(|p| (distance(p), self.id[p])).collect();
-        found.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        found.into_iter().map(|(_, id)| id).collect()
+        let limit = self.ranks.smallest(limit);
+        let near = of_body().filter(|&p| distance(p) <= limit + slack);
+        let near = near.map(|p| Near {
+            id: self.id[p],
+            distance: distance(p),
+            position: self.original_position[p].to_vec(),
+        });
+        let mut found: Vec<Near> = self.ranks.gather_all(near.collect::<Vec<_>>()).concat();
+        found.sort_unstable_by(|a, b| a.distance.total_cmp(&b.distance).then(a.id.cmp(&b.id)));
+        if let Some(last) = found.get(most).map(|last| last.distance) {
+            found.retain(|near| near.distance <= last + slack);
+        }
+        found
     }
+}
+
+/// Round-off of the distance from a place, [length].
+fn round_off<const D: usize>(place: &[f64; D]) -> f64 {
+    1e-12 * place.iter().fold(0.0, |far: f64, x| far.max(x.abs()))
 }

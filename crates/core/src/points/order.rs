@@ -54,7 +54,7 @@ impl<const D: usize> Points<D> {
     }
 
     /// Restores an order of the points, given by their permanent numbers `id`, and their converged state, with the
-    /// cells that held them.
+    /// cells that held them. The points are those of this rank.
     ///
     /// # Errors
     /// If `id` is not a permutation of the point numbers, or an array does not have one entry per point.

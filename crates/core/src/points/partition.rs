@@ -97,9 +97,9 @@ struct Packed {
 }
 
 impl<const D: usize> Points<D> {
-    /// Divides points that every rank holds between the ranks: this one keeps those in its part.
-    pub fn share(&mut self, ranks: &Ranks, grid: &dyn Grid<D>) {
-        if ranks.is_alone() {
+    /// Divides the points between the ranks by the cells that hold them, whichever ranks have formed them.
+    pub fn share(&mut self, grid: &dyn Grid<D>) {
+        if self.ranks.is_alone() {
             return;
         }
         let mut of_patch = Vec::new();
@@ -114,34 +114,10 @@ impl<const D: usize> Points<D> {
         for p in 0..self.len() {
             self.cell[p] = cell_of(grid, &self.converged.position[p], self.cell[p]);
         }
+        let ranks = self.ranks.clone();
         let places = self.cell.iter().map(|cell| self.partition.place(grid, *cell)).collect();
-        self.partition.choose(ranks, places);
-        self.ranks = ranks.clone();
-        self.keep_own(grid);
-    }
-
-    /// Keeps the points in the part of this rank.
-    fn keep_own(&mut self, grid: &dyn Grid<D>) {
-        let own = self.ranks.own();
-        let is_own = |p: &u32| self.partition.rank_of(grid, self.cell[*p as usize]) == own;
-        let order: Vec<u32> = (0..self.len() as u32).filter(is_own).collect();
-        self.select(&order);
-    }
-
-    /// Appends points that every rank holds: this one takes those in its part.
-    pub fn append_shared(&mut self, other: &Self, grid: &dyn Grid<D>) {
-        if self.ranks.is_alone() {
-            self.append(other);
-            return;
-        }
-        let mut own = other.clone();
-        own.ranks = self.ranks.clone();
-        own.partition = self.partition.clone();
-        for p in 0..own.len() {
-            own.cell[p] = cell_of(grid, &own.converged.position[p], own.cell[p]);
-        }
-        own.keep_own(grid);
-        self.append(&own);
+        self.partition.choose(&ranks, places);
+        self.migrate(grid);
     }
 
     /// Sends points that have left the part of this rank, given the cells that hold them, to the ranks of theirs; chooses the
@@ -270,9 +246,10 @@ mod tests {
     use crate::points::{FieldKind, PointFieldSpec, Seed};
     use crate::ranks::threads;
 
-    /// A square of points around the origin, with a corner and a history variable each.
-    fn square(n: usize) -> Points<2> {
-        let seeds: Vec<Seed<2>> = (0..n * n)
+    /// A square of points around the origin, with a corner and a history variable each; each rank forms a share of them.
+    fn square(n: usize, ranks: &Ranks) -> Points<2> {
+        let own = ranks.share(n * n);
+        let seeds: Vec<Seed<2>> = (own.clone())
             .map(|k| {
                 let position = [k % n, k / n].map(|i| 2.0 * (i as f64 + 0.5) / n as f64 - 1.0);
                 Seed {
@@ -287,13 +264,13 @@ mod tests {
                 }
             })
             .collect();
-        let mut points = Points::new(&seeds);
+        let mut points = Points::numbered(&seeds, own.clone().map(|k| k as u32).collect(), ranks);
         let spec = PointFieldSpec {
             name: "further".to_owned(),
             unit: "-".to_owned(),
             kind: FieldKind::Answer,
             components: 1,
-            start: (0..n * n).map(|k| 0.5 * k as f64).collect(),
+            start: own.map(|k| 0.5 * k as f64).collect(),
         };
         points.declare(spec).unwrap();
         points
@@ -319,8 +296,8 @@ mod tests {
         let grid = Structured::<2>::new([-2.0; 2], [0.125; 2], [32, 32]);
         for count in [2, 4] {
             let left = threads::run(count, |ranks| {
-                let mut points = square(n);
-                points.share(&ranks, &grid);
+                let mut points = square(n, &ranks);
+                points.share(&grid);
                 let mut left = 0;
                 for _ in 0..4 {
                     let before = points.id.clone();
@@ -354,11 +331,14 @@ mod tests {
     fn points_added_later_join_the_ranks_of_their_cells() {
         let grid = Structured::<2>::new([-2.0; 2], [0.125; 2], [32, 32]);
         let lengths = threads::run(3, |ranks| {
-            let mut points = square(20);
-            points.share(&ranks, &grid);
+            let mut points = square(20, &ranks);
+            points.share(&grid);
             let before = points.len();
-            points.append_shared(&square(10), &grid);
+            points.append(&square(10, &ranks));
+            points.group_by_cell(&grid).unwrap();
             are_whole(&points);
+            let own = ranks.own();
+            assert!(points.cell.iter().all(|cell| points.partition.rank_of(&grid, *cell) == own));
             (before, points.len())
         });
         assert_eq!(lengths.iter().map(|(before, _)| before).sum::<usize>(), 400);

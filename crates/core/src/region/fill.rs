@@ -6,6 +6,7 @@ use rayon::prelude::*;
 
 use super::{Bounds, Region};
 use crate::grid::{Grid, Structured};
+use crate::ranks::Ranks;
 
 /// Number of cells that are filled in parallel before their parts are collected.
 const CELLS_AT_A_TIME: usize = 4096;
@@ -43,6 +44,7 @@ pub struct Filled<P> {
 ///
 /// - `divide` returns the parts of a cell; `centre` returns the centre of a part.
 /// - `in_group(key, cell)` is true if a cell belongs to the group `key` of the region.
+/// - Each of several ranks fills its share of the cells; the shares follow one another in the order of the cells.
 ///
 /// Cells are processed in parallel; the result does not depend on the number of threads.
 ///
@@ -54,6 +56,7 @@ pub fn fill<const D: usize, P: Send, I: IntoIterator<Item = P>, E: Send>(
     in_group: impl Fn(usize, usize) -> bool + Sync,
     divide: impl Fn(usize) -> Result<I, E> + Sync,
     centre: impl Fn(&P) -> [f64; D] + Sync,
+    ranks: &Ranks,
 ) -> Result<Filled<P>, E> {
     let one_cell = |cell: usize| -> Result<(Vec<P>, bool), E> {
         if !region.may_meet_cell(&bounds_of_cell(grid, cell), &|key| in_group(key, cell)) {
@@ -76,7 +79,8 @@ pub fn fill<const D: usize, P: Send, I: IntoIterator<Item = P>, E: Send>(
     };
     let mut filled = Filled { parts: Vec::new(), cells: Vec::new() };
     // Chunks of cells, so that the parts are never stored twice.
-    for chunk in candidates.chunks(CELLS_AT_A_TIME) {
+    let own = &candidates[ranks.share(candidates.len())];
+    for chunk in own.chunks(CELLS_AT_A_TIME) {
         let by_cell: Vec<_> = chunk.par_iter().map(|&cell| one_cell(cell)).collect();
         for (&cell, parts) in chunk.iter().zip(by_cell) {
             let (parts, full) = parts?;

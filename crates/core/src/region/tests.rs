@@ -9,6 +9,7 @@ use super::surface::tests::torus;
 use super::vector::{dot, minus};
 use super::*;
 use crate::grid::{Grid, Structured};
+use crate::ranks::Ranks;
 
 /// Pseudo-random numbers (splitmix64).
 pub(crate) struct Random(pub(crate) u64);
@@ -419,7 +420,15 @@ fn filled<const D: usize>(
     groups: &[Vec<bool>],
 ) -> Filled<CellPart<D>> {
     let divide = |cell: usize| Ok::<_, ()>(brick_parts(grid, per_cell, cell));
-    fill(region, grid, |key, cell| groups[key][cell], divide, |part: &CellPart<D>| part.position).unwrap()
+    fill(
+        region,
+        grid,
+        |key, cell| groups[key][cell],
+        divide,
+        |part: &CellPart<D>| part.position,
+        &Ranks::default(),
+    )
+    .unwrap()
 }
 
 fn sum_of_parts<const D: usize>(filled: &Filled<CellPart<D>>) -> f64 {

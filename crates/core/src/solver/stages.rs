@@ -24,7 +24,7 @@ const LEFT: f64 = 1e-9;
 fn change_points<const D: usize>(model: &Model<D>, points: &mut Points<D>, number: usize) {
     let Some(stage) = model.stages.get(number) else { return };
     points.retain_bodies(|body| !stage.removed.contains(&body));
-    points.append_shared(&stage.added, model.grid.as_ref());
+    points.append(&stage.added);
 }
 
 /// Gives the points of bodies with another material the elastic strain for which the new law has their stress, and the
@@ -81,7 +81,7 @@ fn enter<const D: usize>(
         || !stage.released.is_empty()
         || !stage.set.is_empty()
         || !stage.materials.is_empty();
-    if !changes {
+    if !points.ranks.any(changes) {
         model.begin_stage(number, &began);
     } else {
         let before = Amount::of(model, points);

@@ -1,5 +1,7 @@
 //! Stresses the points at time 0.
 
+use serde::{Deserialize, Serialize};
+
 use super::Builder;
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::initial_stress::{InitialStressDeck, unit_weight};
@@ -44,7 +46,7 @@ struct Ground<'a, const D: usize> {
 }
 
 /// Stresses that the law of a body has brought back to its yield surface.
-#[derive(Default)]
+#[derive(Default, Serialize, Deserialize)]
 struct Returned {
     points: usize,
     of: usize,
@@ -94,8 +96,12 @@ where
                 }
             }
         }
-        for (body, returned) in returned.iter().enumerate().filter(|(_, returned)| returned.points > 0) {
-            self.brought_back(body, returned);
+        for (body, returned) in returned.into_iter().enumerate() {
+            let of_ranks = self.ranks.gather_all(returned);
+            let returned = of_ranks.into_iter().fold(Returned::default(), Returned::and);
+            if returned.points > 0 {
+                self.brought_back(body, &returned);
+            }
         }
     }
 
@@ -262,6 +268,12 @@ impl<const D: usize> Ground<'_, D> {
 }
 
 impl Returned {
+    /// Those of two ranks together.
+    fn and(self, other: Returned) -> Returned {
+        let largest = if other.largest.0 > self.largest.0 { other.largest } else { self.largest };
+        Returned { points: self.points + other.points, of: self.of + other.of, largest }
+    }
+
     /// Counts a point by the stress asked for and the stress that its law allows.
     fn count(&mut self, asked: &Sym3, taken: &Sym3) {
         self.of += 1;

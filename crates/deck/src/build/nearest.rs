@@ -54,7 +54,7 @@ where
         let at = array(place);
         let (mut found, clear) = points.nearest(number, &at, count as usize);
         if ties == Ties::All && !found.is_empty() {
-            let cell = grid.size(grid.nearest_cell(&points.original_position[found[0] as usize]) as usize);
+            let cell = grid.size(grid.nearest_cell(&array(&found[0].position)) as usize);
             found = points.nearest_with_ties(number, &at, count as usize, SAME * cell);
         }
         if found.len() < count as usize {
@@ -64,13 +64,13 @@ where
             let message = format!("more than {count} points are equally near {place:?}");
             let help = "change `count`, or move the location so that the choice is unique".to_owned();
             self.error("D030", &format!("{pointer}/nearest"), message, help);
-        } else if let Some(&first) = found.first() {
-            self.distance(grid, body, &array(place), &points.original_position[first as usize], pointer);
+        } else if let Some(first) = found.first() {
+            self.distance(grid, body, &array(place), &array(&first.position), pointer);
         }
-        found
+        found.into_iter().map(|near| near.id).collect()
     }
 
-    /// Warns of a point that is far from the requested location. Points are in the order of their permanent numbers.
+    /// Warns of a point that is far from the requested location.
     fn distance(
         &mut self,
         grid: &dyn Grid<D>,

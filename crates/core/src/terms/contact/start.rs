@@ -31,27 +31,35 @@ pub struct StartOverlap<const D: usize> {
     pub way: Option<[f64; D]>,
 }
 
+/// The deepest corner of a body in a tool: permanent number of its point, the corner, its overlap, and the number of points whose
+/// domains reach into the tool.
+type Deepest = (u32, Vec<f64>, f64, usize);
+
 /// The tools and bodies that overlap at the start, in the order of their numbers: the corners of the domains of points that
-/// lie inside a tool by more than round-off.
+/// lie inside a tool by more than round-off. All ranks must ask for them together.
 pub fn overlaps_at_start<const D: usize>(model: &Model<D>, points: &Points<D>) -> Vec<StartOverlap<D>> {
     let mut found = Vec::new();
     for (number, tool) in model.tools.iter().enumerate() {
         let placed = Placed { model, points, tool };
         let inside = placed.inside();
-        let way = if inside.is_empty() { None } else { placed.shortest_way() };
+        let way = if points.ranks.any(!inside.is_empty()) { placed.shortest_way() } else { None };
         for body in 0..model.bodies.len() {
             let of_body: Vec<&Inside<D>> =
                 inside.iter().filter(|inside| points.body[inside.p] as usize == body).collect();
             let deepest = of_body.iter().copied().reduce(|a, b| if b.overlap > a.overlap { b } else { a });
-            let Some(Inside { p, corner, overlap }) = deepest else { continue };
-            found.push(StartOverlap {
-                tool: number,
-                body,
-                place: named(model, tool, body, points.id[*p], corner),
-                overlap: *overlap,
-                points: of_body.len(),
-                way,
+            let own = deepest.map(|Inside { p, corner, overlap }| -> Deepest {
+                (points.id[*p], corner.to_vec(), *overlap, of_body.len())
             });
+            let of_ranks = points.ranks.gather_all(own).into_iter().flatten();
+            let deepest = of_ranks.reduce(|a, b| {
+                let n = a.3 + b.3;
+                let deeper = if b.2 > a.2 { b } else { a };
+                (deeper.0, deeper.1, deeper.2, n)
+            });
+            let Some((id, corner, overlap, n)) = deepest else { continue };
+            let Ok(corner) = <[f64; D]>::try_from(corner) else { continue };
+            let place = named(model, tool, body, id, &corner);
+            found.push(StartOverlap { tool: number, body, place, overlap, points: n, way });
         }
     }
     found
@@ -126,7 +134,8 @@ impl<const D: usize> Placed<'_, D> {
             let lengths = domain(points, p).into_iter().map(of_corner);
             lengths.reduce(|a, b| Some(a?.max(b?))).unwrap_or(Some(0.0))
         };
-        self.touchable().map(of_point).reduce(|| Some(0.0), |a, b| Some(a?.max(b?)))
+        let length = self.touchable().map(of_point).reduce(|| Some(0.0), |a, b| Some(a?.max(b?)));
+        Some(points.ranks.largest(length.unwrap_or(f64::INFINITY))).filter(|length| length.is_finite())
     }
 
     /// A length longer than the grid and the tool together, [length]; twice the grid beside unbounded tools.

@@ -1,0 +1,58 @@
+//! Messages that the ranks of a run find in their parts of a model.
+
+use serde::{Deserialize, Serialize};
+
+use mpm_core::ranks::Ranks;
+
+use super::{CODES, Diagnostic, Gate, Severity};
+use crate::source::Span;
+
+/// A message on its way to other ranks.
+#[derive(Serialize, Deserialize)]
+struct Sent {
+    code: String,
+    severity: Severity,
+    gate: Gate,
+    message: String,
+    expected: Option<String>,
+    pointer: Option<String>,
+    span: Option<Span>,
+    label: Option<String>,
+    notes: Vec<String>,
+    help: Option<String>,
+}
+
+impl From<Diagnostic> for Sent {
+    fn from(found: Diagnostic) -> Self {
+        let Diagnostic { code, severity, gate, message, expected, pointer, span, label, notes, help } = found;
+        let code = code.to_owned();
+        Sent { code, severity, gate, message, expected, pointer, span, label, notes, help }
+    }
+}
+
+impl Sent {
+    fn received(self) -> Option<Diagnostic> {
+        let Sent { code, severity, gate, message, expected, pointer, span, label, notes, help } = self;
+        let (code, _) = CODES.iter().find(|(known, _)| *known == code)?;
+        Some(Diagnostic { code, severity, gate, message, expected, pointer, span, label, notes, help })
+    }
+}
+
+/// The messages of all ranks, on each of them. Of several about the same place, for the same reason, those of the lowest rank
+/// stand for all.
+pub(crate) fn of_all_ranks(ranks: &Ranks, own: Vec<Diagnostic>) -> Vec<Diagnostic> {
+    if ranks.is_alone() {
+        return own;
+    }
+    let own: Vec<Sent> = own.into_iter().map(Sent::from).collect();
+    let mut all: Vec<Diagnostic> = Vec::new();
+    for of_rank in ranks.gather_all(own) {
+        let of_rank = of_rank.into_iter().filter_map(Sent::received);
+        let is_new = |found: &Diagnostic| {
+            !all.iter().any(|known| known.code == found.code && known.pointer == found.pointer)
+        };
+        let new: Vec<Diagnostic> = of_rank.filter(is_new).collect();
+        all.extend(new);
+    }
+    all
+}
