@@ -5,8 +5,10 @@
 
 PROGRAM is the program with `--features petsc`, release build. `strong` runs the block of inputs/block/block.yaml on more and
 more ranks; `weak` refines it so that each rank keeps as many points (the spacing falls with the cube root of the ranks).
-For each it prints wall time, CPU time summed over ranks, and the largest and total peak memory of the ranks; the first row
-is the program without launcher. `--launcher` names another launcher, for example "srun -n {ranks}".
+For each it prints wall time, CPU time summed over ranks, and two peaks of the memory of a rank, the largest of all ranks: all
+that is resident, and that with the pages that the ranks of a machine share, such as those of libraries, divided between them
+(sampled 20 times a second). The first row is the program without launcher. `--launcher` names another launcher, for example
+"srun -n {ranks}".
 """
 
 import argparse
@@ -22,12 +24,21 @@ from pathlib import Path
 DECK = Path(__file__).resolve().parents[1] / "inputs/block/block.yaml"
 # Each rank reports its own resources when it ends.
 MEASURE = """
-import json, os, resource, subprocess, sys
-code = subprocess.call(sys.argv[2:])
+import json, os, resource, subprocess, sys, time
+process = subprocess.Popen(sys.argv[2:])
+share = 0
+while process.poll() is None:
+    try:
+        lines = open(f"/proc/{process.pid}/smaps_rollup").read().splitlines()
+        share = max([share, *(1024 * int(line.split()[1]) for line in lines if line.startswith("Pss:"))])
+    except (OSError, ValueError):
+        pass
+    time.sleep(0.05)
 used = resource.getrusage(resource.RUSAGE_CHILDREN)
-with open(os.path.join(sys.argv[1], f"{os.getpid()}.json"), "w") as file:
-    json.dump({"cpu": used.ru_utime + used.ru_stime, "peak": used.ru_maxrss * 1024}, file)
-sys.exit(code)
+name = f"{os.uname().nodename}_{os.getpid()}.json"
+with open(os.path.join(sys.argv[1], name), "w") as file:
+    json.dump({"cpu": used.ru_utime + used.ru_stime, "peak": used.ru_maxrss * 1024, "share": share}, file)
+sys.exit(process.returncode)
 """
 
 
@@ -66,7 +77,7 @@ def main():
     arguments = parser.parse_args()
     given = dict(setting.split("=", 1) for setting in arguments.set)
     spacing = float(given.get("h", 0.25))
-    print("| ranks | wall (s) | CPU (s) | largest peak (MiB) | sum of peaks (MiB) | linear iterations |\n|---|---|---|---|---|---|")
+    print("| ranks | wall (s) | CPU (s) | peak, resident (MiB) | peak, share (MiB) | linear iterations |\n|---|---|---|---|---|---|")
     for ranks in [0, *arguments.ranks]:
         settings = dict(given)
         if arguments.study == "weak" and ranks:
@@ -75,9 +86,9 @@ def main():
         runs = [measured(arguments.program, arguments.launcher, ranks, settings) for _ in range(arguments.repeat)]
         wall, of_ranks, summary = min(runs, key=lambda run: run[0])
         cpu = sum(rank["cpu"] for rank in of_ranks)
-        peaks = [rank["peak"] / 2**20 for rank in of_ranks]
+        peaks = [max(rank[key] for rank in of_ranks) / 2**20 for key in ("peak", "share")]
         iterations = summary.get("linear_iterations", summary.get("solver", {}).get("linear_iterations", "-"))
-        print(f"| {ranks or 'no launcher'} | {wall:.2f} | {cpu:.2f} | {max(peaks):.0f} | {sum(peaks):.0f} | {iterations} |", flush=True)
+        print(f"| {ranks or 'no launcher'} | {wall:.2f} | {cpu:.2f} | {peaks[0]:.0f} | {peaks[1]:.0f} | {iterations} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -308,3 +308,20 @@ unsafe extern "C" {
     pub fn PCShellSetContext(pc: PC, context: *mut c_void) -> PetscErrorCode;
     pub fn PCShellGetContext(pc: PC, context: *mut c_void) -> PetscErrorCode;
 }
+
+/// Settings of the allocator of the GNU C library, as in its `malloc.h`.
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+pub use allocator::*;
+
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+mod allocator {
+    use std::ffi::c_int;
+
+    pub const M_TRIM_THRESHOLD: c_int = -1;
+    pub const M_MMAP_THRESHOLD: c_int = -3;
+    pub const M_MMAP_MAX: c_int = -4;
+
+    unsafe extern "C" {
+        pub fn mallopt(name: c_int, value: c_int) -> c_int;
+    }
+}

@@ -83,8 +83,29 @@ fn start_mpi() -> Result<(), Error> {
     };
     match code {
         0 if provided < ffi::MPI_THREAD_SERIALIZED => Err(Error::Threads),
-        0 => Ok(()),
+        0 => {
+            return_memory();
+            Ok(())
+        }
         code => Err(Error::Mpi(code)),
+    }
+}
+
+/// Lets the C library return memory to the system, which drivers of networks (PSM2) switch off when MPI starts: a rank would then
+/// keep the largest memory that it has ever had.
+fn return_memory() {
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    {
+        const MEBIBYTE: c_int = 1 << 20;
+        let settings = [
+            (ffi::M_MMAP_MAX, 1 << 16),
+            (ffi::M_MMAP_THRESHOLD, 4 * MEBIBYTE),
+            (ffi::M_TRIM_THRESHOLD, 4 * MEBIBYTE),
+        ];
+        for (name, value) in settings {
+            // SAFETY: the function may be called at any time; it refuses what it does not know.
+            unsafe { ffi::mallopt(name, value) };
+        }
     }
 }
 
