@@ -12,8 +12,9 @@ use std::path::{Path, PathBuf};
 use crate::remedy;
 use mpm::deck::diagnostic::{Diagnostic, render_all, sort};
 use mpm::deck::load::load_text;
-use mpm::deck::ready::ready;
+use mpm::deck::ready::{ready, ready_on};
 use mpm::memory::{Bound, Memory};
+use mpm::ranks::{Ranks, threads};
 
 /// Folders of decks, relative to the root of the sources, where tests run; so are the paths in messages.
 const READ: &str = "tests/decks";
@@ -74,6 +75,36 @@ fn messages_of_model(path: &Path) -> (String, bool) {
     found.iter().for_each(remedy::has_remedy);
     sort(&mut found);
     (render_all(&loaded.source, &found, false), refused)
+}
+
+/// The messages of a readable deck on a rank, up to its first load step.
+fn messages_of_rank(path: &Path, ranks: &Ranks) -> String {
+    let text = fs::read(path).unwrap();
+    let name = path.file_name().unwrap().to_string_lossy();
+    let mut loaded = load_text(&name, &text, &overrides(&text)).unwrap_or_else(|failure| panic!("{failure}"));
+    loaded.directory = path.parent().unwrap().to_owned();
+    let built = ready_on(ranks, &loaded, Some(MEMORY)).map(|ready| ready.notes);
+    let mut found = built.unwrap_or_else(|found| found);
+    found.extend(loaded.notes);
+    sort(&mut found);
+    // How much memory and how many points are possible depends on the ranks; each counts its nodes on the axis.
+    let depends = |found: &Diagnostic| {
+        found.code == "D036"
+            || ["are possible", "can move off it"].iter().any(|end| found.message.contains(end))
+    };
+    found.retain(|found| !depends(found));
+    render_all(&loaded.source, &found, false)
+}
+
+/// A deck has the same messages on each of several ranks as on one, whichever rank forms the points that are at fault.
+#[test]
+fn messages_do_not_depend_on_ranks() {
+    for path in decks(BUILT) {
+        let alone = messages_of_rank(&path, &Ranks::default());
+        for of_rank in threads::run(3, |ranks| messages_of_rank(&path, &ranks)) {
+            assert_eq!(of_rank, alone, "{}", path.display());
+        }
+    }
 }
 
 /// Compares all messages with the stored ones; returns the number of decks that are refused.

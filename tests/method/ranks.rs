@@ -1,9 +1,9 @@
 //! Runs divided between ranks, which are threads here, give the results of one rank up to the tolerance of equilibrium.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use mpm::deck::load::load;
-use mpm::deck::ready::{Prepared, prepare_on};
+use mpm::deck::ready::{Analysis, Prepared, prepare_on};
 use mpm::memory::Memory;
 use mpm::model::Model;
 use mpm::points::Points;
@@ -37,17 +37,21 @@ impl<const D: usize> Observer<D> for Recorder {
         report: &StepReport<D>,
         summary: &Summary,
     ) -> std::io::Result<()> {
-        let energy = report.energy;
+        let (energy, links) = (report.energy, &report.grid.links);
         let mut numbers: Vec<f64> = report.reactions.iter().flatten().copied().collect();
         numbers.extend(report.loads.iter().flatten());
         numbers.extend(report.tools.iter().flat_map(|tool| tool.force));
         numbers.extend([energy.external_work, energy.strain_energy, energy.plastic_work]);
         numbers.extend([
             report.unknowns as f64,
-            report.grid.delta_d.len() as f64,
+            points
+                .ranks
+                .total((0..links.n_active()).filter(|node| links.halo().is_own(*node)).count() as f64),
             report.stabilised_faces as f64,
         ]);
         self.told.numbers.push(numbers);
+        let gathered = points.gather();
+        let points = gathered.as_ref().unwrap_or(points);
         self.told.iterations.push(report.residuals.len());
         self.told.warnings = summary.warnings.iter().map(|warning| format!("{:?}", warning.code)).collect();
         let order = points.by_id();
@@ -117,6 +121,56 @@ fn agree(deck: &str, set: &[(&str, &str)], steps: usize, numbers: &[usize]) {
         );
         assert_eq!(found.warnings, one.warnings, "{deck} on {n}");
         assert!(worst < 1e-9 && of_points < 1e-9, "{deck} on {n}: {worst:e} {of_points:e}");
+    }
+}
+
+/// The fixed data and the state of points in the order of their numbers, as bits; with the outer layer and the bodies.
+fn bits<const D: usize>(points: &Points<D>) -> Vec<u64> {
+    let mut all = Vec::new();
+    for p in points.by_id() {
+        let numbers = (points.original_position[p].iter().chain(&points.converged.position[p]))
+            .chain([&points.mass[p], &points.original_volume[p]])
+            .chain(points.converged.half_lengths.get(p).into_iter().flatten())
+            .chain(points.corners(p).iter().flatten())
+            .chain(&points.converged.kirchhoff_stress[p].0);
+        all.extend(numbers.map(|x| x.to_bits()));
+        all.extend([u64::from(points.id[p]), u64::from(points.body[p]), u64::from(points.outer_layer[p])]);
+    }
+    all
+}
+
+/// The points that ranks form together.
+fn formed(deck: &Path, ranks: &Ranks) -> Option<Vec<u64>> {
+    let loaded = load(deck, &[]).unwrap_or_else(|e| panic!("{e}"));
+    let Prepared { analysis, .. } =
+        prepare_on(ranks, loaded, Memory::of_this_machine(), false).unwrap_or_else(|e| panic!("{e}"));
+    match (ranks.is_alone(), analysis) {
+        (true, Analysis::Plane(parts)) => Some(bits(&parts.1)),
+        (true, Analysis::Solid(parts)) => Some(bits(&parts.1)),
+        (false, Analysis::Plane(parts)) => parts.1.gather().map(|points| bits(&points)),
+        (false, Analysis::Solid(parts)) => parts.1.gather().map(|points| bits(&points)),
+    }
+}
+
+/// Ranks fill their shares of the bodies, to the last bit, as one rank fills all.
+#[test]
+fn points_are_formed_as_on_one_rank() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut decks: Vec<PathBuf> = ["inputs", "inputs/new", "inputs/cone", "tests/decks/build"]
+        .into_iter()
+        .flat_map(|folder| root.join(folder).read_dir().unwrap_or_else(|e| panic!("{e}")))
+        .filter_map(|entry| Some(entry.ok()?.path()))
+        .filter(|path| path.extension().is_some_and(|extension| extension == "yaml"))
+        .filter(|path| {
+            path.starts_with(root.join("inputs")) || path.to_string_lossy().ends_with(".good.yaml")
+        })
+        .collect();
+    decks.sort();
+    assert!(decks.len() > 30, "{}", decks.len());
+    for deck in decks {
+        let alone = formed(&deck, &Ranks::default());
+        let together = threads::run(3, |ranks| formed(&deck, &ranks));
+        assert!(together[0] == alone, "{}", deck.display());
     }
 }
 

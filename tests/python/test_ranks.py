@@ -14,7 +14,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import pyvista
 
+from package import mpm
 from results import Results
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -56,21 +58,44 @@ def settings(**parameters):
     return [word for name, value in parameters.items() for word in ("--set", f"{name}={value}")]
 
 
-def last(results):
-    """The points at the end, as domains or without."""
-    name = next(name for name in ("domains", "points") if (results.directory / f"{name}.pvd").exists())
-    return results.mesh(name, -1)
+class Last:
+    """The points at the end, as domains or without, in the order of their permanent numbers."""
+
+    def __init__(self, results):
+        name = next(name for name in ("domains", "points") if (results.directory / f"{name}.pvd").exists())
+        mesh = results.mesh(name, -1)
+        fields = mesh.cell_data if "point_id" in mesh.cell_data else mesh.point_data
+        order = np.argsort(fields["point_id"])
+        corners = np.concatenate([mesh.get_cell(cell).point_ids for cell in order])
+        self.points = mesh.points[corners]
+        self.fields = {name: np.asarray(values)[order] for name, values in fields.items()}
+
+
+def numbers(document):
+    """All numbers in a document, in its order."""
+    if isinstance(document, dict):
+        return [number for key in document for number in numbers(document[key])]
+    if isinstance(document, list):
+        return [number for entry in document for number in numbers(entry)]
+    return [document]
 
 
 def same(found, expected, tolerance=1e-9):
-    """Compares the histories and the points at the end."""
+    """Compares the histories, the points at the end and what the summaries say of them."""
+    for key in ("points", "cells", "unknowns", "steps"):
+        assert found.summary[key] == expected.summary[key], key
+    overlaps = [of.summary["quality"]["domain_overlap"] for of in (found, expected)]
+    assert overlaps[0] == overlaps[1] or abs(overlaps[0] - overlaps[1]) <= 1e-9, overlaps
+    largest = [[value["value"] for value in of.summary["largest"].values()] for of in (found, expected)]
+    for x, y in ([of.summary["bodies"] for of in (found, expected)], largest):
+        x, y = np.array(numbers(x)), np.array(numbers(y))
+        assert np.abs(x - y).max() <= 1e-6 * np.abs(y).max(), (x, y)
     ours, theirs = found.history, expected.history
     assert list(ours) == list(theirs)
-    a, b = last(found), last(expected)
+    a, b = Last(found), Last(expected)
     # Forces and energies that cancel are round-off of the stresses in the bodies.
     whole = np.linalg.norm(np.ptp(b.points, axis=0))
-    stresses = [np.abs(values).max() for name, values in b.cell_data.items() if "stress" in name]
-    stresses += [np.abs(values).max() for name, values in b.point_data.items() if "stress" in name]
+    stresses = [np.abs(values).max() for name, values in b.fields.items() if "stress" in name]
     force = max(stresses, default=0) * whole
     for name, column in theirs.items():
         # Measures of round-off, and times.
@@ -80,13 +105,13 @@ def same(found, expected, tolerance=1e-9):
         size = max(np.nanmax(np.abs(column), initial=0), force if is_force else 0)
         apart = np.abs(ours[name] - column)
         assert np.all((apart <= tolerance * size) | np.isnan(column)), (name, apart.max(), size)
-    assert a.n_cells == b.n_cells
+    assert a.points.shape == b.points.shape
     assert np.abs(a.points - b.points).max() <= tolerance * np.abs(b.points).max()
-    for of_a, of_b in ((a.cell_data, b.cell_data), (a.point_data, b.point_data)):
-        for name in of_b:
-            x, y = np.asarray(of_a[name], float), np.asarray(of_b[name], float)
-            size = max(np.abs(y).max(), max(stresses, default=0) if "pressure" in name else 0)
-            assert np.abs(x - y).max() <= tolerance * size, name
+    assert list(a.fields) == list(b.fields)
+    for name in b.fields:
+        x, y = np.asarray(a.fields[name], float), np.asarray(b.fields[name], float)
+        size = max(np.abs(y).max(), max(stresses, default=0) if "pressure" in name else 0)
+        assert np.abs(x - y).max() <= tolerance * size, name
 
 
 DECKS = {
@@ -109,9 +134,34 @@ def test_ranks_agree(deck, tmp_path):
 def test_the_same_ranks_give_the_same_bits(tmp_path):
     for name in "ab":
         results_of(3, tmp_path / name, "inputs/collapse.yaml", *settings(h=2, n=2, steps=6))
-    a, b = (last(Results(tmp_path / name)) for name in "ab")
+    a, b = (Last(Results(tmp_path / name)) for name in "ab")
     assert a.points.tobytes() == b.points.tobytes()
-    assert all(np.asarray(a.cell_data[name]).tobytes() == np.asarray(b.cell_data[name]).tobytes() for name in b.cell_data)
+    assert all(a.fields[name].tobytes() == b.fields[name].tobytes() for name in b.fields)
+
+
+def test_pieces_are_read_as_the_files_of_one_rank(tmp_path):
+    """The package and the report put the points of all pieces in the order of their numbers."""
+    arguments = settings(h=2, n=2, steps=4)
+    alone, pieces = (results_of(ranks, tmp_path / str(ranks), "inputs/collapse.yaml", *arguments) for ranks in (0, 3))
+    ours, theirs = mpm.read(pieces.directory), mpm.read(alone.directory)
+    assert len(ours.frames) == len(theirs.frames) == 5
+    for frame, expected in zip(ours.frames, theirs.frames):
+        assert frame.fields.keys() == expected.fields.keys()
+        for name, values in expected.fields.items():
+            size = np.abs(expected.fields["cauchy_stress"]).max() if "pressure" in name else np.abs(values).max()
+            assert np.abs(frame.fields[name] - values).max() <= 1e-9 * size, name
+    report = tmp_path / "report.html"
+    process = run(0, "report", pieces.directory, "--out", report)
+    assert process.returncode == 0 and report.read_text().rstrip().endswith("</html>"), process.stderr
+
+
+def test_a_later_run_removes_pieces(tmp_path):
+    """A run on one rank in the directory of one on three leaves none of its files."""
+    arguments = settings(h=2, n=2, steps=2)
+    results_of(3, tmp_path, "inputs/collapse.yaml", *arguments)
+    assert list(tmp_path.glob("*_r2.vtu")) and list(tmp_path.glob("*.pvtu"))
+    results_of(0, tmp_path, "inputs/collapse.yaml", *arguments)
+    assert not list(tmp_path.glob("*_r*.vtu")) and not list(tmp_path.glob("*.pvtu"))
 
 
 def test_options_reach_petsc(tmp_path):
@@ -156,6 +206,16 @@ def sinking(tmp_path_factory):
     deck = directory / "deck.yaml"
     deck.write_text(DECK)
     return deck, results_of(3, directory / "undisturbed", deck)
+
+
+def test_a_failed_step_is_shown_in_pieces(tmp_path):
+    deck = tmp_path / "heavy.yaml"
+    deck.write_text(DECK.replace("density: 1000", "density: 100000").replace("{count: 40}", "{count: 1, smallest: 1}"))
+    process = run(3, "run", deck, "--out", tmp_path / "out")
+    assert process.returncode != 0 and process.stderr.count("error[S002]") == 1, process.stderr
+    points = pyvista.read(tmp_path / "out" / "failed_points.pvtu")
+    assert points.n_points == 4096 and np.unique(points["point_id"]).size == 4096
+    assert pyvista.read(tmp_path / "out" / "failed_grid.pvtu").n_cells >= 256
 
 
 def ranks_of(process):

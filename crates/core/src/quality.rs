@@ -266,13 +266,7 @@ impl Quality {
             self.domain_overlap = None;
             return;
         }
-        let gathered = points.gather();
-        let overlap = match (&gathered, points.ranks.is_root()) {
-            (Some(all), _) => domain_overlap(model, all),
-            (None, true) => domain_overlap(model, points),
-            (None, false) => None,
-        };
-        self.domain_overlap = points.ranks.first(overlap);
+        self.domain_overlap = domain_overlap(model, points);
     }
 
     /// Median of the observed orders of the Newton iterations.

@@ -14,14 +14,13 @@
 //! | `strength` | factors of a reduction of strength, and displacements on the way |
 //! | `conclusion`, `summary`, `observer` | account of a step and of the run |
 //! | `course`, `forcing`, `damping`, `damped_step`, `control`, `motion` | beyond the paper: forecasts, inexact solves, damping, unknown load factor, predictor |
-//! | `agree`, `of_rank`, `reach`, `all_ranks` | what all ranks of a run decide together, and what rank 0 reports |
+//! | `agree`, `of_rank`, `reach` | what all ranks of a run decide together |
 //! | `attempt`, `error`, `diagnosis`, `evidence` | how attempts end, and why they fail |
 //!
 //! A step that fails leaves no trace in the converged state. It is retried in two halves, down to the smallest step
 //! that the deck allows; only equilibrium is committed.
 
 mod agree;
-mod all_ranks;
 mod attempt;
 mod conclusion;
 mod control;
@@ -60,7 +59,6 @@ use crate::stress::{Axisymmetric, PlaneStrain, Solid};
 
 pub use crate::equilibrium::{GridFields, InitialState, ReactionMoment, StepReport};
 pub use crate::step::Step;
-pub use all_ranks::OfAllRanks;
 pub use attempt::{FailedAttempt, Iterate};
 pub use control::{NoPath, Path, path_length};
 pub use diagnosis::{Circumstances, Diagnosis, Kind, Loss};

@@ -52,10 +52,8 @@ pub struct Plan {
     pub unknowns: f64,
     /// True if the equations are solved iteratively.
     pub is_iterative: bool,
-    /// Memory of a rank, [byte].
+    /// Memory of a rank, its part of the files included, [byte].
     pub memory: f64,
-    /// Memory of rank 0 while it writes a file, [byte].
-    pub memory_of_root: f64,
     /// Time of an evaluation of all points, [s].
     pub evaluation: f64,
     /// Time of a solution of the equations, [s]; `None` where they are factorised.
@@ -80,7 +78,6 @@ impl Plan {
         let shared = if ranks == 1 { 0.0 } else { ((side + 2.0) / side).powf(d) - 1.0 };
         let of_part = (size.memory_of_points + size.memory_of_stiffness) / n;
         let memory = constants.rank + size.memory_of_grid + of_part * (1.0 + 0.5 * shared);
-        let of_points = size.memory_of_points;
         let evaluation = constants.point * size.points / n
             + if ranks == 1 {
                 0.0
@@ -97,7 +94,6 @@ impl Plan {
             unknowns: size.unknowns,
             is_iterative: size.is_iterative,
             memory,
-            memory_of_root: memory + of_points,
             evaluation,
             solution: size.is_iterative.then_some(ITERATIONS * iteration),
             shared,

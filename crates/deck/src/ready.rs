@@ -13,7 +13,7 @@ use mpm_core::model::Model;
 use mpm_core::points::Points;
 use mpm_core::ranks::Ranks;
 use mpm_core::region::Region;
-use mpm_core::solver::{self, Observer, OfAllRanks, Reached, Solvable, SolveError, Summary};
+use mpm_core::solver::{self, Observer, Reached, Solvable, SolveError, Summary};
 
 /// A model and its points.
 #[derive(Debug)]
@@ -199,8 +199,7 @@ impl Analysis {
         }
     }
 
-    /// Runs the analysis from `reached`; the points must be in the state of that step. Of several ranks, the first reports to its
-    /// observer.
+    /// Runs the analysis from `reached`; the points must be in the state of that step.
     ///
     /// # Errors
     /// As [`solver::run`].
@@ -228,6 +227,5 @@ fn run<const D: usize>(
 where
     Model<D>: Solvable<D>,
 {
-    let mut observer = OfAllRanks::new(observer, &points.ranks);
-    solver::run_stages(model, points, reached, &mut observer)
+    solver::run_stages(model, points, reached, observer)
 }

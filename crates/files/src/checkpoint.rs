@@ -4,10 +4,14 @@
 //! (`blocks`). The bytes are a JSON text with the deck and the summary of the run so far, and the arrays of the points.
 //! Data that follow from the deck alone, such as the masses, are built again. A file is written under a temporary name
 //! and renamed, and the previous one stays until the next is complete, so that there is always a complete one.
+//!
+//! Each of several ranks writes the points that it has to a piece, a file of the same kind. The file of the checkpoint then states
+//! the sizes of the pieces instead of the arrays, and is written last. Any number of ranks can read it (`rows`).
 
 mod blocks;
+mod names;
+mod rows;
 
-use std::collections::HashSet;
 use std::fmt;
 use std::fs;
 use std::io::{self, Write};
@@ -18,7 +22,12 @@ use serde_json::Value;
 
 use mpm_core::model::Model;
 use mpm_core::points::{FieldHandle, FieldKind, Further, FurtherField, Points};
+use mpm_core::ranks::Ranks;
 use mpm_core::solver::{Reached, Step};
+
+pub(super) use names::step_of;
+use names::{file_name, piece_name, pieces_of, step_and_rank};
+use rows::Rows;
 
 use super::findings::Findings;
 use super::invalid;
@@ -49,6 +58,9 @@ pub struct Head {
     /// Fields of the points that only this analysis has.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     further: Vec<FurtherField>,
+    /// Numbers of the points in the pieces; without pieces, the file holds all points.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pieces: Vec<usize>,
 }
 
 /// A checkpoint that cannot be used.
@@ -73,11 +85,11 @@ pub struct Checkpoint {
     pub path: PathBuf,
     /// All data other than the points.
     pub head: Head,
-    /// The arrays of the points, not yet decoded.
-    arrays: Vec<u8>,
+    /// The arrays of the points that this rank reads, not yet decoded, by pieces with their numbers of points.
+    arrays: Vec<(usize, Vec<u8>)>,
 }
 
-/// Writes the checkpoint of a step in equilibrium and removes those that are no longer needed.
+/// Writes the checkpoint of a step in equilibrium and removes those that are no longer needed. All ranks write it together.
 ///
 /// # Errors
 /// An error of the file system; earlier checkpoints are then kept.
@@ -88,7 +100,8 @@ pub(super) fn write<const D: usize>(
     findings: &Findings,
     points: &Points<D>,
 ) -> io::Result<()> {
-    let head = Head {
+    let ranks = &points.ranks;
+    let mut head = Head {
         program: VERSION.to_owned(),
         deck: identity.0.clone(),
         files: identity.1.to_owned(),
@@ -96,30 +109,38 @@ pub(super) fn write<const D: usize>(
         findings: findings.clone(),
         shape: [D, points.len(), points.history_len, points.corners_per_point],
         further: points.further.iter().map(|(_, field)| field.clone()).collect(),
+        pieces: Vec::new(),
     };
-    let head = serde_json::to_vec(&head)?;
-    let path = directory.join(file_name(reached.step.index));
-    replace_file(&path, |file| {
-        blocks::write(file, |out| {
-            out.write_all(&(head.len() as u64).to_le_bytes())?;
-            out.write_all(&head)?;
-            write_points(out, points)
-        })
-    })?;
+    let step = reached.step.index;
+    if ranks.is_alone() {
+        write_file(&directory.join(file_name(step)), &head, Some(points))?;
+    } else {
+        let written = write_file(&directory.join(piece_name(step, ranks.own())), &head, Some(points));
+        head.pieces = ranks.gather_all(points.len());
+        head.shape[1] = head.pieces.iter().sum();
+        if ranks.any(written.is_err()) || !ranks.is_root() {
+            return written;
+        }
+        write_file::<D>(&directory.join(file_name(step)), &head, None)?;
+    }
     for old in find(directory)?.into_iter().skip(KEPT) {
+        let pieces = pieces_of(&old);
         fs::remove_file(old)?;
+        pieces?.into_iter().try_for_each(fs::remove_file)?;
     }
     Ok(())
 }
 
-fn file_name(step: usize) -> String {
-    format!("checkpoint_{step:04}.mpm")
-}
-
-/// The step of a checkpoint, from the name of its file; `None` for other files.
-pub(super) fn step_of(name: &str) -> Option<usize> {
-    let number = name.strip_prefix("checkpoint_")?.strip_suffix(".mpm")?;
-    (number.len() >= 4 && number.bytes().all(|b| b.is_ascii_digit())).then(|| number.parse().ok())?
+/// Writes a file of a checkpoint, with points or without.
+fn write_file<const D: usize>(path: &Path, head: &Head, points: Option<&Points<D>>) -> io::Result<()> {
+    let head = serde_json::to_vec(head)?;
+    replace_file(path, |file| {
+        blocks::write(file, |out| {
+            out.write_all(&(head.len() as u64).to_le_bytes())?;
+            out.write_all(&head)?;
+            points.map_or(Ok(()), |points| write_points(out, points))
+        })
+    })
 }
 
 /// The checkpoints in a directory, from their names, the last one first.
@@ -127,9 +148,10 @@ fn find(directory: &Path) -> io::Result<Vec<PathBuf>> {
     let mut found = Vec::new();
     for entry in fs::read_dir(directory)? {
         let path = entry?.path();
-        let step = path.file_name().and_then(|name| name.to_str()).and_then(step_of);
+        let name = path.file_name().and_then(|name| name.to_str());
+        let of = name.and_then(step_and_rank).filter(|(_, rank)| rank.is_none());
         // Anything else with such a name, such as a directory, was not written by a run.
-        found.extend(step.filter(|_| path.is_file()).map(|step| (step, path)));
+        found.extend(of.filter(|_| path.is_file()).map(|(step, _)| (step, path)));
     }
     found.sort();
     Ok(found.into_iter().rev().map(|(_, path)| path).collect())
@@ -141,85 +163,132 @@ pub fn last_step(directory: &Path) -> Option<usize> {
     found.first()?.file_name()?.to_str().and_then(step_of)
 }
 
-/// The last readable checkpoint in a directory, and the unreadable ones after it.
+/// The last readable checkpoint in a directory, and the unreadable ones after it. All ranks look for it together; each reads its
+/// share of the pieces.
 ///
 /// # Errors
 /// An error of the file system; `NotFound` if there is no checkpoint.
-pub fn latest(directory: &Path) -> io::Result<(Option<Checkpoint>, Vec<Refused>)> {
-    let paths = find(directory)?;
+pub fn latest(directory: &Path, ranks: &Ranks) -> io::Result<(Option<Checkpoint>, Vec<Refused>)> {
+    let paths = find(directory);
+    if ranks.any(paths.is_err()) {
+        return Err(paths.err().unwrap_or_else(|| io::Error::other("another rank cannot read it")));
+    }
+    // Directories that machines share may not look alike at once.
+    let paths = ranks.first(Some(paths?)).unwrap_or_default();
     if paths.is_empty() {
         return Err(io::Error::new(io::ErrorKind::NotFound, "there is no checkpoint"));
     }
     let mut refused = Vec::new();
     for path in paths {
-        match read(&path) {
-            Ok(checkpoint) => return Ok((Some(checkpoint), refused)),
-            Err(reason) => refused.push(Refused { path, reason }),
+        let read = read_on(ranks, &path);
+        match (ranks.first(read.as_ref().err().cloned()), read) {
+            (None, Ok(checkpoint)) => return Ok((Some(checkpoint), refused)),
+            (reason, _) => refused.push(Refused { path, reason: reason.unwrap_or_default() }),
         }
     }
     Ok((None, refused))
 }
 
-/// Reads a file.
+/// Reads a file, with all its pieces.
 ///
 /// # Errors
 /// The reason why it cannot be used.
 pub fn read(path: &Path) -> Result<Checkpoint, String> {
-    let bytes = blocks::read(path)?;
+    read_on(&Ranks::default(), path)
+}
+
+/// Reads a file, with the share of the pieces that falls to this rank.
+fn read_on(ranks: &Ranks, path: &Path) -> Result<Checkpoint, String> {
+    let (head, arrays) = read_file(path)?;
+    let mut checkpoint = Checkpoint { path: path.to_owned(), arrays: Vec::new(), head };
+    if checkpoint.head.pieces.is_empty() {
+        if ranks.is_root() {
+            checkpoint.arrays.push((checkpoint.head.shape[1], arrays));
+        }
+        return Ok(checkpoint);
+    }
+    for number in ranks.share(checkpoint.head.pieces.len()) {
+        checkpoint.arrays.push(read_piece(&checkpoint, number)?);
+    }
+    Ok(checkpoint)
+}
+
+/// The number of points and the arrays of a piece.
+///
+/// # Errors
+/// The reason why it cannot be used.
+fn read_piece(checkpoint: &Checkpoint, number: usize) -> Result<(usize, Vec<u8>), String> {
+    let step = checkpoint.step().index;
+    let directory = checkpoint.path.parent().unwrap_or(Path::new(""));
+    let name = piece_name(step, number);
+    let (head, arrays) =
+        read_file(&directory.join(&name)).map_err(|reason| format!("its piece `{name}`: {reason}"))?;
+    let of_all = &checkpoint.head;
+    let shape = [of_all.shape[0], of_all.pieces[number], of_all.shape[2], of_all.shape[3]];
+    if head.shape != shape || head.reached.step != of_all.reached.step || head.further != of_all.further {
+        return Err(format!("its piece `{name}` does not belong to `{}`", file_name(step)));
+    }
+    Ok((shape[1], arrays))
+}
+
+/// The head of a file, and the bytes of its arrays.
+fn read_file(path: &Path) -> Result<(Head, Vec<u8>), String> {
+    let mut bytes = blocks::read(path)?;
     let damaged = || "its content is inconsistent".to_owned();
     let (length, rest) = bytes.split_at_checked(8).ok_or_else(damaged)?;
     let length = length.try_into().map(u64::from_le_bytes).map_err(|_| damaged())?;
     let (head, arrays) =
         usize::try_from(length).ok().and_then(|length| rest.split_at_checked(length)).ok_or_else(damaged)?;
+    let begin = bytes.len() - arrays.len();
     let head: Head =
         serde_json::from_slice(head).map_err(|error| format!("its summary cannot be read: {error}"))?;
-    Ok(Checkpoint { path: path.to_owned(), arrays: arrays.to_vec(), head })
+    Ok((head, bytes.split_off(begin)))
 }
 
 impl Checkpoint {
-    /// Restores the points of a newly built model to the state and the order of the checkpoint. Each of several ranks takes those
-    /// that it holds.
+    /// Restores the points of a newly built model to the state and the order of the checkpoint. Several ranks do so together, and
+    /// divide the points anew.
     ///
     /// # Errors
-    /// If the points differ, or if no run of this model can have written the checkpoint.
+    /// If the points differ, or if no run of this model can have written the checkpoint; on all ranks.
     pub fn restore<const D: usize>(&self, model: &Model<D>, points: &mut Points<D>) -> Result<(), String> {
-        let Head { reached, findings, .. } = &self.head;
+        let ranks = points.ranks.clone();
+        let rows = self.rows(model, points);
+        if let Some(reason) = ranks.first(rows.as_ref().err().cloned()) {
+            return Err(reason);
+        }
+        let mut rows = rows?;
+        if !ranks.is_alone() {
+            points.divide_by_number();
+            rows = rows.by_number(points);
+        }
+        let restored = rows.restore(model, points);
+        if let Some(reason) = ranks.first(restored.err()) {
+            return Err(reason);
+        }
+        points.share(model.grid.as_ref());
+        Ok(())
+    }
+
+    /// The points that this rank has read.
+    ///
+    /// # Errors
+    /// If they cannot belong to this analysis.
+    fn rows<const D: usize>(&self, model: &Model<D>, points: &Points<D>) -> Result<Rows, String> {
+        let Head { reached, findings, shape, .. } = &self.head;
         if !reached.fits(model) || !findings.fits(model) {
             return Err("its summary does not belong to this analysis".to_owned());
         }
-        let n = self.head.shape[1];
-        let wanted = [D, n, points.history_len, points.corners_per_point];
-        if self.head.shape != wanted || points.ranks.is_alone() && n != points.len() {
+        let n = points.len();
+        let wanted = [D, if points.ranks.is_alone() { n } else { shape[1] }];
+        if shape[..2] != wanted || shape[2..] != [points.history_len, points.corners_per_point] {
             return Err("it belongs to other points".to_owned());
         }
-        let further = self.further_of(&points.further)?;
-        let mut rest = Arrays { bytes: &self.arrays };
-        let (id, cell) = (rest.words(n)?, rest.words(n)?);
-        let own = Own::of(&id, points);
-        let (id, cell) = (own.of_words(&id), own.of_words(&cell));
-        let state = points.read_state(|field, _| {
-            Ok::<_, String>(own.numbers(rest.numbers(n * field.components)?, field.components))
-        })?;
-        let mut values = Vec::new();
-        for handle in further {
-            let components = points.further.field(handle).components;
-            values.push((handle, own.numbers(rest.numbers(n * components)?, components)));
+        let mut rows = Rows::new(points, &self.further_of(&points.further)?);
+        for (n, bytes) in &self.arrays {
+            rows.read(*n, bytes)?;
         }
-        if !rest.bytes.is_empty() {
-            return Err("it is longer than its number of points requires".to_owned());
-        }
-        if cell.iter().any(|&cell| cell as usize >= model.grid.n_cells()) {
-            return Err("a point is in a cell that does not exist".to_owned());
-        }
-        if state.half_lengths.iter().flatten().any(|length| *length < 0.0) {
-            return Err("a domain has a negative length".to_owned());
-        }
-        if state.deformation_gradient.iter().any(|f| f.determinant() <= 0.0) {
-            return Err("a point is turned inside out".to_owned());
-        }
-        points.restore(&id, cell, state)?;
-        values.iter().for_each(|(handle, values)| points.further.restore(*handle, values));
-        Ok(())
+        Ok(rows)
     }
 
     /// The further fields whose values the checkpoint holds, in its order.
@@ -284,68 +353,6 @@ fn write_points<const D: usize>(out: &mut dyn Write, points: &Points<D>) -> io::
         numbers(&label, field.components, &mut points.further.converged(handle).iter().copied())?;
     }
     Ok(())
-}
-
-/// The places of the points of this rank in a checkpoint; `None` if it has all of them.
-struct Own(Option<Vec<usize>>);
-
-impl Own {
-    fn of<const D: usize>(id: &[u32], points: &Points<D>) -> Own {
-        if points.ranks.is_alone() {
-            return Own(None);
-        }
-        let held: HashSet<u32> = points.id.iter().copied().collect();
-        Own(Some((0..id.len()).filter(|place| held.contains(&id[*place])).collect()))
-    }
-
-    fn of_words(&self, words: &[u32]) -> Vec<u32> {
-        match &self.0 {
-            None => words.to_vec(),
-            Some(places) => places.iter().map(|place| words[*place]).collect(),
-        }
-    }
-
-    fn numbers(&self, numbers: Vec<f64>, components: usize) -> Vec<f64> {
-        match &self.0 {
-            None => numbers,
-            Some(places) => places
-                .iter()
-                .flat_map(|place| &numbers[place * components..][..components])
-                .copied()
-                .collect(),
-        }
-    }
-}
-
-/// Reader of consecutive arrays.
-struct Arrays<'a> {
-    bytes: &'a [u8],
-}
-
-impl Arrays<'_> {
-    fn take(&mut self, n: usize) -> Result<&[u8], String> {
-        let (taken, rest) = self.bytes.split_at_checked(n).ok_or_else(|| {
-            "it is shorter than its number of points \
-             requires"
-                .to_owned()
-        })?;
-        self.bytes = rest;
-        Ok(taken)
-    }
-
-    fn words(&mut self, n: usize) -> Result<Vec<u32>, String> {
-        Ok(self.take(4 * n)?.as_chunks::<4>().0.iter().map(|b| u32::from_le_bytes(*b)).collect())
-    }
-
-    fn numbers(&mut self, n: usize) -> Result<Vec<f64>, String> {
-        let numbers: Vec<f64> =
-            self.take(8 * n)?.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b)).collect();
-        if numbers.iter().all(|x| x.is_finite()) {
-            Ok(numbers)
-        } else {
-            Err("a number is not finite".to_owned())
-        }
-    }
 }
 
 #[cfg(test)]

@@ -15,9 +15,33 @@ pub(super) fn file_name(series: &str, step: usize) -> String {
     format!("{series}_{step:04}.vtu")
 }
 
-/// The step in a name made by [`file_name`].
+/// The file of a series that a rank writes of a step, where several write.
+pub(super) fn piece_name(series: &str, step: usize, rank: usize) -> String {
+    format!("{series}_{step:04}_r{rank}.vtu")
+}
+
+/// The list of the pieces of a step.
+pub(super) fn list_name(series: &str, step: usize) -> String {
+    format!("{series}_{step:04}.pvtu")
+}
+
+/// The step in a name made by [`file_name`], [`piece_name`] or [`list_name`].
 pub(super) fn step_of_file(name: &str) -> Option<usize> {
-    name.strip_suffix(".vtu")?.rsplit_once('_')?.1.parse().ok()
+    number_in(name)?.rsplit_once('_')?.1.parse().ok()
+}
+
+/// The name of a file of a series up to the number of its step.
+fn number_in(name: &str) -> Option<&str> {
+    if let Some(list) = name.strip_suffix(".pvtu") {
+        return Some(list);
+    }
+    let stem = name.strip_suffix(".vtu")?;
+    let of_piece = stem.rsplit_once("_r").filter(|(_, rank)| is_number(rank));
+    Some(of_piece.map_or(stem, |(stem, _)| stem))
+}
+
+fn is_number(text: &str) -> bool {
+    !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit())
 }
 
 /// Removes the series, summary, status and checkpoints of an earlier run, so that its files are not mistaken for those
@@ -33,8 +57,8 @@ pub(super) fn remove_later_results(
     is_kept: impl Fn(&str) -> bool,
 ) -> io::Result<()> {
     remove(directory, |name| {
-        let is_later = series_of(name).is_some() && name.ends_with(".vtu") && !is_kept(name);
-        let of_end = matches!(Kind::of(name), Some(Kind::OfRun(_))) || failed::FILES.contains(&name);
+        let is_later = series_of(name).is_some() && !name.ends_with(".pvd") && !is_kept(name);
+        let of_end = matches!(Kind::of(name), Some(Kind::OfRun(_))) || failed::is_name(name);
         is_later || of_end || checkpoint::step_of(name).is_some_and(|step| step > last)
     })
 }
@@ -81,6 +105,7 @@ const REPORT: &str = "report.html";
 /// Kind of a file, from its name.
 enum Kind {
     Mesh,
+    Pieces,
     Series(&'static str),
     Table(&'static str),
     OfRun([&'static str; 3]),
@@ -90,10 +115,10 @@ enum Kind {
 impl Kind {
     fn of(name: &str) -> Option<Kind> {
         if let Some(series) = series_of(name) {
-            return Some(if name.ends_with(".vtu") { Kind::Mesh } else { Kind::Series(series) });
+            return Some(if name.ends_with(".pvd") { Kind::Series(series) } else { Kind::of_mesh(name) });
         }
-        if failed::FILES.contains(&name) {
-            return Some(Kind::Mesh);
+        if failed::is_name(name) {
+            return Some(Kind::of_mesh(name));
         }
         if checkpoint::step_of(name).is_some() {
             return Some(Kind::Checkpoint);
@@ -102,10 +127,15 @@ impl Kind {
         table.or_else(|| OF_RUN.iter().find(|(file, _)| *file == name).map(|(_, keys)| Kind::OfRun(*keys)))
     }
 
+    fn of_mesh(name: &str) -> Kind {
+        if name.ends_with(".pvtu") { Kind::Pieces } else { Kind::Mesh }
+    }
+
     /// True if a file that begins with this text was written by a run; `whole` if the text is the whole file.
     fn fits(&self, begin: &str, whole: bool) -> bool {
         match self {
             Kind::Mesh => begin.starts_with(vtu::HEAD),
+            Kind::Pieces => begin.starts_with(vtu::HEAD_OF_PIECES),
             Kind::Series(series) => {
                 let rest = begin.strip_prefix(series::HEAD);
                 let first = format!("file=\"{series}_");
@@ -146,8 +176,8 @@ fn is_ours(path: &Path, name: &str) -> bool {
 fn series_of(name: &str) -> Option<&'static str> {
     SERIES.into_iter().find(|series| {
         let Some(rest) = name.strip_prefix(series) else { return false };
-        let number = rest.strip_prefix('_').and_then(|r| r.strip_suffix(".vtu"));
-        rest == ".pvd" || number.is_some_and(|n| n.len() >= 4 && n.bytes().all(|b| b.is_ascii_digit()))
+        let number = rest.strip_prefix('_').and_then(number_in);
+        rest == ".pvd" || number.is_some_and(|n| n.len() >= 4 && is_number(n))
     })
 }
 
@@ -180,7 +210,8 @@ pub(super) fn foreign_file(directory: &Path) -> io::Result<Option<String>> {
 pub(super) fn series_without_list(directory: &Path) -> io::Result<Option<&'static str>> {
     for entry in std::fs::read_dir(directory)? {
         let name = entry?.file_name();
-        let Some(name) = name.to_str().filter(|name| name.ends_with(".vtu")) else { continue };
+        let is_mesh = |name: &&str| name.ends_with(".vtu") || name.ends_with(".pvtu");
+        let Some(name) = name.to_str().filter(is_mesh) else { continue };
         if let Some(series) = series_of(name)
             && !directory.join(format!("{series}.pvd")).exists()
         {
@@ -211,6 +242,11 @@ mod tests {
         for (name, content) in [
             ("points_0001.vtu", mesh.as_str()),
             ("failed_grid.vtu", &mesh),
+            ("points_0001_r12.vtu", &mesh),
+            ("points_0001.pvtu", vtu::HEAD_OF_PIECES),
+            ("failed_points_r0.vtu", &mesh),
+            ("failed_points.pvtu", vtu::HEAD_OF_PIECES),
+            ("points_0001_rx.vtu", "whatever"),
             ("grid.pvd", series::HEAD),
             ("history.csv", "step,time,iterations,residual,a\n"),
             ("history.csv", ""),
@@ -230,6 +266,8 @@ mod tests {
         for (name, content) in [
             ("points_0001.vtu", "<?xml version=\"1.0\"?><VTKFile>"),
             ("points_0001.vtu.tmp", "precious"),
+            ("points_0001_r1.vtu", "precious"),
+            ("points_0001.pvtu", mesh.as_str()),
             ("domains.pvd", "<?xml version=\"1.0\"?><VTKFile type=\"Collection\">"),
             ("history.csv", "step,force\n1,2\n"),
             ("quality.csv", "precious"),

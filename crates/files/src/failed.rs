@@ -1,4 +1,5 @@
-//! The last iterate of a step without equilibrium, for ParaView. No series lists these files.
+//! The last iterate of a step without equilibrium, for ParaView. No series lists these files. Each of several ranks writes
+//! pieces of them.
 
 use std::io;
 use std::path::Path;
@@ -9,12 +10,23 @@ use mpm_core::solver::{FailedAttempt, Iterate, Step};
 use mpm_core::tensor::padded;
 
 use super::fields::{GridMesh, grid_mesh, number, vector};
-use super::vtu::{self, CellKind, Field, Kinds, Mesh};
+use super::invalid;
+use super::vtu::{self, CellKind, Field, Kinds, Mesh, Pieces};
 
-/// The files: the points, and the grid.
-pub(super) const FILES: [&str; 2] = ["failed_points.vtu", "failed_grid.vtu"];
+/// The files: the points, and the grid; without extensions.
+const FILES: [&str; 2] = ["failed_points", "failed_grid"];
 
-/// Writes both files into a directory; writes nothing if the iterations have not begun or are not finite.
+/// True if one of the files, a list of its pieces or a piece has this name.
+pub(super) fn is_name(name: &str) -> bool {
+    FILES.iter().filter_map(|file| name.strip_prefix(file)).any(|rest| {
+        let rank = rest.strip_prefix("_r").and_then(|rest| rest.strip_suffix(".vtu"));
+        let is_rank = |rank: &str| !rank.is_empty() && rank.bytes().all(|b| b.is_ascii_digit());
+        rest == ".vtu" || rest == ".pvtu" || rank.is_some_and(is_rank)
+    })
+}
+
+/// Writes both files into a directory; writes nothing if the iterations have not begun or are not finite. All ranks must write
+/// together.
 ///
 /// # Errors
 /// An error of the file system.
@@ -24,15 +36,31 @@ pub(super) fn write<const D: usize>(
     points: &Points<D>,
     attempt: &FailedAttempt<D>,
 ) -> io::Result<()> {
-    let Some(iterate) = &attempt.iterate else { return Ok(()) };
-    let Iterate { links, delta_d, out_of_balance } = iterate;
-    let numbers = || delta_d.iter().chain(out_of_balance).flatten();
-    if out_of_balance.len() != delta_d.len() || !numbers().all(|x| x.is_finite()) {
+    let ranks = &points.ranks;
+    let is_known = |iterate: &&Iterate<D>| {
+        let Iterate { delta_d, out_of_balance, .. } = iterate;
+        out_of_balance.len() == delta_d.len()
+            && delta_d.iter().chain(out_of_balance).flatten().all(|x| x.is_finite())
+    };
+    let iterate = attempt.iterate.as_ref().filter(is_known);
+    if !ranks.all(iterate.is_some()) {
         return Ok(());
     }
+    let Some(iterate) = iterate else { return Ok(()) };
+    let Iterate { links, delta_d, out_of_balance } = iterate;
+    let GridMesh { nodes, corners, kinds, shown } = grid_mesh(model, links);
     let Step { index, end, .. } = attempt.step;
     let write = |name: &str, mesh: &Mesh, fields: &[Field]| {
-        vtu::write(&directory.join(name), end, index as i64, mesh, fields, &[])
+        let path = |name: String| directory.join(name);
+        let file = vtu::file(end, index as i64, mesh, fields, &[]);
+        let file = file.map_err(|problem| invalid(format!("{name}: {problem}")))?;
+        if ranks.is_alone() {
+            return file.write(&path(format!("{name}.vtu")));
+        }
+        let piece = |rank: usize| format!("{name}_r{rank}.vtu");
+        let names: Vec<String> = (0..ranks.count()).map(piece).collect();
+        file.write(&path(piece(ranks.own())))?;
+        if ranks.is_root() { Pieces::new(&file, &names).write(&path(format!("{name}.pvtu"))) } else { Ok(()) }
     };
     let order = points.by_id();
     let increments = increments_of(points, iterate);
@@ -58,9 +86,10 @@ pub(super) fn write<const D: usize>(
     ];
     write(FILES[0], &mesh, &fields)?;
 
-    let [increments, forces] =
-        [delta_d, out_of_balance].map(|field| field.iter().map(padded).collect::<Vec<[f64; 3]>>());
-    let GridMesh { nodes, corners, kinds } = grid_mesh(model, links);
+    let [increments, forces] = [delta_d, out_of_balance].map(|field| match &shown {
+        None => field.iter().map(padded).collect::<Vec<[f64; 3]>>(),
+        Some(shown) => shown.iter().map(|node| padded(&field[*node as usize])).collect(),
+    });
     let fields = [
         vector("displacement_increment", &increments),
         vector("out_of_balance_force", &forces),

@@ -1,5 +1,6 @@
 //! The fields of material points and grid nodes as they are written to files.
 
+use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -372,21 +373,27 @@ fn cell_kind<const D: usize>(corners: usize) -> CellKind {
 }
 
 /// The active cells, which points or their domains overlap; cells that are only touched from outside have inactive
-/// nodes and are left out. Corners are indices of active nodes in the order of VTK.
+/// nodes and are left out. Corners are indices of nodes in the order of VTK.
 #[derive(Debug, PartialEq)]
 pub struct GridMesh {
-    /// Positions of the active nodes.
+    /// Positions of the nodes.
     pub nodes: Vec<[f64; 3]>,
     /// Corners of the active cells.
     pub corners: Vec<i64>,
     /// Kinds of the active cells.
     pub kinds: Vec<CellKind>,
+    /// The active node that each node is; `None` if they are all active nodes, in their order.
+    pub shown: Option<Vec<u32>>,
 }
 
-/// The active part of the grid in a load step.
+/// The active part of the grid in a load step; of several ranks, each shows some of the cells that it shares with others. All
+/// ranks must ask for it together.
 pub fn grid_mesh<const D: usize>(model: &Model<D>, links: &Connectivity<D>) -> GridMesh {
+    let is_alone = links.halo().ranks().is_alone();
+    let cells: Cow<[u32]> =
+        if is_alone { links.active_cells().into() } else { links.shown_cells(model.grid.as_ref()).into() };
     let (mut corners, mut kinds) = (Vec::new(), Vec::new());
-    for &cell in links.active_cells() {
+    for &cell in cells.iter() {
         let nodes = model.grid.corners(cell as usize);
         let number = |&node: &u32| links.active_number(node as usize).map(|active| active as i64);
         if let Some(numbers) = nodes.nodes().iter().map(number).collect::<Option<Vec<i64>>>() {
@@ -395,7 +402,18 @@ pub fn grid_mesh<const D: usize>(model: &Model<D>, links: &Connectivity<D>) -> G
         }
     }
     let position = |&node: &u32| padded(&model.grid.node_position(node as usize));
-    GridMesh { nodes: links.active_nodes().iter().map(position).collect(), corners, kinds }
+    if is_alone {
+        let nodes = links.active_nodes().iter().map(position).collect();
+        return GridMesh { nodes, corners, kinds, shown: None };
+    }
+    let mut shown: Vec<u32> = corners.iter().map(|corner| *corner as u32).collect();
+    shown.sort_unstable();
+    shown.dedup();
+    for corner in &mut corners {
+        *corner = shown.partition_point(|node| i64::from(*node) < *corner) as i64;
+    }
+    let nodes = shown.iter().map(|node| position(&links.active_nodes()[*node as usize])).collect();
+    GridMesh { nodes, corners, kinds, shown: Some(shown) }
 }
 
 /// A vector with three components per node or point.

@@ -109,6 +109,18 @@ pub struct Extreme {
     pub position: Vec<f64>,
 }
 
+impl Extreme {
+    fn or_larger(self, other: Extreme) -> Extreme {
+        let order = other.value.total_cmp(&self.value).then(self.point.cmp(&other.point));
+        if order.is_gt() { other } else { self }
+    }
+
+    fn or_smaller(self, other: Extreme) -> Extreme {
+        let order = self.value.total_cmp(&other.value).then(self.point.cmp(&other.point));
+        if order.is_gt() { other } else { self }
+    }
+}
+
 /// Extreme values of the fields of the points in their converged state.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Extremes {
@@ -123,8 +135,18 @@ pub struct Extremes {
 }
 
 impl Extremes {
-    /// Extremes of the converged state; `None` if there are no points.
+    /// Extremes of the converged state of the points of all ranks; `None` if there are no points.
     pub fn new<const D: usize>(model: &Model<D>, points: &Points<D>) -> Option<Extremes> {
+        let of_ranks = points.ranks.gather_all(Extremes::of_rank(model, points)).into_iter().flatten();
+        of_ranks.reduce(|a, b| Extremes {
+            displacement: a.displacement.or_larger(b.displacement),
+            von_mises_stress: a.von_mises_stress.or_larger(b.von_mises_stress),
+            lowest_pressure: a.lowest_pressure.or_smaller(b.lowest_pressure),
+            highest_pressure: a.highest_pressure.or_larger(b.highest_pressure),
+        })
+    }
+
+    fn of_rank<const D: usize>(model: &Model<D>, points: &Points<D>) -> Option<Extremes> {
         // Among points with the same value, the one with the smallest number is reported.
         let largest = |of: &(dyn Fn(usize) -> f64 + Sync)| {
             let best = (0..points.len())

@@ -1,5 +1,5 @@
 //! The VTU files of a step: the points, their domains, the active part of the grid and the surfaces, each a file of a
-//! series, encoded.
+//! series, encoded. Each of several ranks makes pieces of the first three.
 
 use std::io;
 use std::mem::take;
@@ -8,17 +8,18 @@ use std::sync::Arc;
 use mpm_core::basis::{Connectivity, DomainKind};
 use mpm_core::model::{Body, Model};
 use mpm_core::points::Points;
+use mpm_core::ranks::Ranks;
 use mpm_core::solver::Step;
 use mpm_core::surface::SurfaceFields;
 use mpm_core::tensor::padded;
 use mpm_core::terms::ToolState;
 
-use super::directory::{SERIES, file_name};
+use super::directory::{SERIES, file_name, list_name, piece_name};
 use super::fields::{GridMesh, Of, PointField, grid_mesh, number, vector, volumes};
 use super::invalid;
 use super::smoothed_pressure::smoothed_pressures;
 use super::tool_frames::{Outlined, contacts_of_tools, surfaces_of_tools};
-use super::vtu::{CellKind, Cells, Encoded, Field, File, Kinds, Precision, Room, Values};
+use super::vtu::{CellKind, Cells, Encoded, Field, File, Kinds, Pieces, Precision, Room, Values};
 
 /// A file of a series, independent of the run.
 pub(super) struct Frame {
@@ -30,16 +31,52 @@ pub(super) struct Frame {
     pub step: Step,
     /// The file.
     pub file: File,
+    /// True if it is a piece of the mesh that the series shows.
+    pub is_piece: bool,
 }
 
 impl Frame {
     fn new(series: usize, step: Step, file: Result<File, String>) -> io::Result<Frame> {
         let name = file_name(SERIES[series], step.index);
         match file {
-            Ok(file) => Ok(Frame { series, name, step, file }),
+            Ok(file) => Ok(Frame { series, name, step, file, is_piece: false }),
             Err(problem) => Err(invalid(format!("{name}: {problem}"))),
         }
     }
+
+    /// The frame of a mesh of which each rank has a piece.
+    fn of_ranks(series: usize, step: Step, file: Result<File, String>, ranks: &Ranks) -> io::Result<Frame> {
+        let frame = Frame::new(series, step, file)?;
+        if ranks.is_alone() {
+            return Ok(frame);
+        }
+        let name = piece_name(SERIES[series], step.index, ranks.own());
+        Ok(Frame { name, is_piece: true, ..frame })
+    }
+
+    /// The list of the pieces of all ranks; `None` for a whole mesh.
+    pub fn list(&self, ranks: &Ranks) -> Option<List> {
+        let (series, index) = (SERIES[self.series], self.step.index);
+        let names: Vec<String> = (0..ranks.count()).map(|rank| piece_name(series, index, rank)).collect();
+        self.is_piece.then(|| List {
+            series: self.series,
+            name: list_name(series, index),
+            step: self.step,
+            pieces: Pieces::new(&self.file, &names),
+        })
+    }
+}
+
+/// The list of the pieces of a mesh, a file of a series.
+pub(super) struct List {
+    /// Index of the series.
+    pub series: usize,
+    /// Name of the file.
+    pub name: String,
+    /// The step that it shows.
+    pub step: Step,
+    /// The file.
+    pub pieces: Pieces,
 }
 
 /// Makes the frames of a run.
@@ -117,7 +154,8 @@ impl Frames {
         step: Step,
     ) -> io::Result<Vec<Frame>> {
         let shown = (model.present.stage, points.len());
-        if shown != self.shown {
+        // Points move between ranks.
+        if shown != self.shown || !points.ranks.is_alone() {
             (self.shown, self.steady) = (shown, [None, None]);
         }
         let (mut order, mut all) = (take(&mut self.order), take(&mut self.volumes));
@@ -148,7 +186,9 @@ impl Frames {
         };
         let fields = of.fields(&self.fields);
         let file = fields.clone().and_then(|fields| self.file_of_points(of, fields, step));
-        let mut frames = vec![Frame::new(0, step, file)?];
+        let ranks = &points.ranks;
+        // Smoothing takes part in what all ranks do together, whether this rank has failed or not.
+        let of_points = Frame::of_ranks(0, step, file, ranks);
         let with_domain = |body: &Body| body.method.domain() != DomainKind::None;
         let file = if model.bodies.iter().all(with_domain) {
             fields.and_then(|fields| self.file_of_domains(of, fields, step))
@@ -161,10 +201,9 @@ impl Frames {
             let of = Of { order: &order, volumes: &some, smoothed: &smoothed, ..of };
             of.fields(&self.fields).and_then(|fields| self.file_of_domains(of, fields, step))
         } else {
-            return Ok(frames);
+            return of_points.map(|frame| vec![frame]);
         };
-        frames.push(Frame::new(1, step, file)?);
-        Ok(frames)
+        Ok(vec![of_points?, Frame::of_ranks(1, step, file, ranks)?])
     }
 
     /// The smoothed pressures of some points with these J and volumes, if they are requested.
@@ -208,7 +247,7 @@ impl Frames {
         File::new(step.end, step.index as i64, of.corners(&domains)?, steady.cells, Vec::new(), fields)
     }
 
-    /// Frame of the active part of the grid, with these fields on its nodes.
+    /// Frame of the active part of the grid, with these fields on its nodes. All ranks must ask for it together.
     ///
     /// # Errors
     /// As [`Frames::of_points`].
@@ -219,7 +258,9 @@ impl Frames {
         fields: &[OnNodes<D>],
         step: Step,
     ) -> io::Result<Frame> {
-        Frame::new(2, step, self.file_of_grid(grid_mesh(model, links), fields, step))
+        let mesh = grid_mesh(model, links);
+        let ranks = links.halo().ranks();
+        Frame::of_ranks(2, step, self.file_of_grid(mesh, fields, step), ranks)
     }
 
     /// Frame of all surfaces, a point for each sample; none without surfaces.
@@ -312,13 +353,17 @@ impl Frames {
         step: Step,
     ) -> Result<File, String> {
         let (room, precision) = (&self.room, self.precision);
+        let shown = mesh.shown.clone();
         let same = self.grid.take().filter(|last| last.mesh == mesh);
         let grid = match same {
             Some(last) => last,
             None => Active::new(mesh, precision, room)?,
         };
         let encoded = |(name, values): &OnNodes<D>| {
-            let values: Vec<[f64; 3]> = values.iter().map(padded).collect();
+            let values: Vec<[f64; 3]> = match &shown {
+                None => values.iter().map(padded).collect(),
+                Some(shown) => shown.iter().map(|node| padded(&values[*node as usize])).collect(),
+            };
             let field: Field = vector(name, &values);
             Encoded::new(&field, ("point", values.len()), precision, room).map(Arc::new)
         };

@@ -74,7 +74,7 @@ pub fn columns_of_history<const D: usize>(model: &Model<D>) -> Vec<String> {
     columns
 }
 
-/// The row of `history.csv` of a step in equilibrium.
+/// The row of `history.csv` of a step in equilibrium. All ranks must ask for it together.
 pub fn row_of_history<const D: usize>(
     model: &Model<D>,
     points: &Points<D>,
@@ -123,11 +123,7 @@ pub fn row_of_history<const D: usize>(
             row.extend(part.moment[about..].iter().map(|m| Entry::from(*m)));
         }
     }
-    let places = points.places();
-    for probe in &model.probes {
-        let present = |id: &u32| places.get(*id as usize).copied().flatten();
-        let moved: Vec<[f64; D]> =
-            probe.points.iter().filter_map(present).map(|p| points.displacement(p)).collect();
+    for moved in moved(model, points) {
         for d in 0..D {
             let sum: f64 = moved.iter().map(|moved| moved[d]).sum();
             // A probe in a body that is not there has no displacement.
@@ -136,6 +132,27 @@ pub fn row_of_history<const D: usize>(
     }
     row.extend([Entry::from(summary.external_work), Entry::from(summary.strain_energy)]);
     row
+}
+
+/// The displacements of the points of each probe that are present, on any rank.
+fn moved<const D: usize>(model: &Model<D>, points: &Points<D>) -> Vec<Vec<Vec<f64>>> {
+    if model.probes.is_empty() {
+        return Vec::new();
+    }
+    let places = points.places();
+    let mut own: Vec<(usize, usize, Vec<f64>)> = Vec::new();
+    for (number, probe) in model.probes.iter().enumerate() {
+        for (place, id) in probe.points.iter().enumerate() {
+            if let Some(p) = places.get(*id as usize).copied().flatten() {
+                own.push((number, place, points.displacement(p).to_vec()));
+            }
+        }
+    }
+    let mut all = points.ranks.gather_all(own).concat();
+    all.sort_by_key(|(number, place, _)| (*number, *place));
+    let mut moved = vec![Vec::new(); model.probes.len()];
+    all.into_iter().for_each(|(number, _, displacement)| moved[number].push(displacement));
+    moved
 }
 
 /// The row of `quality.csv` of a step in equilibrium.

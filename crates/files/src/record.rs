@@ -13,7 +13,7 @@ use super::history::{
     CONVERGENCE, QUALITY, columns_of_history, row_of_attempt, row_of_convergence, row_of_history,
     row_of_quality,
 };
-use super::summary::{Account, Outcome};
+use super::summary::{Account, Outcome, Whole};
 use super::table::Entry;
 
 /// A table in memory.
@@ -114,8 +114,13 @@ impl<const D: usize> Observer<D> for Record {
         error: Option<&SolveError>,
     ) -> io::Result<()> {
         self.findings.extremes = Extremes::new(model, points);
-        self.summary =
-            Some(self.account.document(model, points, summary, &self.findings, &Outcome::of(error)));
+        self.summary = Some(self.account.document(
+            model,
+            &Whole::new(model, points),
+            summary,
+            &self.findings,
+            &Outcome::of(error),
+        ));
         Ok(())
     }
 }

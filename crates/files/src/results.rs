@@ -1,4 +1,5 @@
-//! The results directory of a run: VTU series, tables and summary.
+//! The results directory of a run: VTU series, tables and summary. Of several ranks, the first writes the tables, the lists of
+//! files and the summary, and each writes its pieces of the meshes.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -6,6 +7,7 @@ use std::path::{Path, PathBuf};
 use mpm_core::basis::{Connectivity, DomainKind};
 use mpm_core::model::Model;
 use mpm_core::points::Points;
+use mpm_core::ranks::Ranks;
 use mpm_core::solver::{
     Diagnosis, FailedAttempt, GridFields, Observer, Reached, SolveError, Step, StepReport, Summary,
 };
@@ -13,13 +15,13 @@ use mpm_core::terms::{Contact, Surfaces};
 
 use super::checkpoint::{self, Checkpoint};
 use super::directory::{
-    SERIES, file_name, foreign_file, remove_earlier_results, remove_later_results, series_without_list,
-    step_of_file,
+    SERIES, file_name, foreign_file, list_name, remove_earlier_results, remove_later_results,
+    series_without_list, step_of_file,
 };
 use super::failed;
 use super::fields::PointField;
 use super::findings::{Extremes, Findings};
-use super::frames::{Frame, Frames};
+use super::frames::{Frame, Frames, List};
 use super::history::{
     CONVERGENCE, QUALITY, columns_of_history, row_of_attempt, row_of_convergence, row_of_history,
     row_of_quality,
@@ -27,7 +29,7 @@ use super::history::{
 use super::lock::Lock;
 use super::rows;
 use super::series::Series;
-use super::summary::{Account, Outcome};
+use super::summary::{Account, Outcome, Whole};
 use super::table::Table;
 use super::vtu::Precision;
 use super::writer::Writer;
@@ -57,9 +59,8 @@ pub struct Results {
     directory: PathBuf,
     every: usize,
     checkpoints: Option<usize>,
-    history: Table,
-    quality: Table,
-    convergence: Table,
+    /// The tables; other ranks than the first have none.
+    tables: Option<Tables>,
     frames: Frames,
     writer: Writer,
     /// The last step whose points were written.
@@ -76,8 +77,17 @@ pub struct Results {
     accepted: Option<Summary>,
     /// The last step with a checkpoint.
     checkpointed: usize,
-    /// Held until the end of the run.
-    _lock: Lock,
+    /// Number of points of all ranks, once the run has ended.
+    points: usize,
+    /// Held until the end of the run; by the first rank only.
+    _lock: Option<Lock>,
+}
+
+/// The tables of a run.
+struct Tables {
+    history: Table,
+    quality: Table,
+    convergence: Table,
 }
 
 impl Results {
@@ -98,14 +108,34 @@ impl Results {
             return Err(foreign(&name));
         }
         remove_earlier_results(directory)?;
-        Ok(Results {
-            directory: directory.to_owned(),
-            every: asked.every,
-            checkpoints: asked.checkpoints,
-            frames: Frames::new(&asked.fields, asked.precision),
+        let tables = Tables {
             history: Table::create(directory.join("history.csv"), &columns_of_history(model))?,
             quality: Table::create(directory.join("quality.csv"), &QUALITY)?,
             convergence: Table::create(directory.join("convergence.csv"), &CONVERGENCE)?,
+        };
+        Ok(Results {
+            tables: Some(tables),
+            _lock: Some(lock),
+            ..Results::of_rank(directory, asked, model, account, None)
+        })
+    }
+
+    /// The part of a rank other than the first in the results of a run that begins at the start, or at a checkpoint whose step has
+    /// the number `reached` in this run. Touches no file yet.
+    pub fn of_rank<const D: usize>(
+        directory: &Path,
+        asked: &Request,
+        model: &Model<D>,
+        account: Account,
+        from: Option<(&Checkpoint, Step)>,
+    ) -> Results {
+        let reached = from.map_or(Step { index: 0, start: 0.0, end: 0.0 }, |(_, reached)| reached);
+        Results {
+            directory: directory.to_owned(),
+            every: asked.every,
+            checkpoints: asked.checkpoints,
+            tables: None,
+            frames: Frames::new(&asked.fields, asked.precision),
             writer: Writer::new(
                 directory,
                 SERIES.map(|name| Series::new(directory.join(format!("{name}.pvd")))),
@@ -114,13 +144,14 @@ impl Results {
             shown: None,
             failure: None,
             account,
-            findings: Findings::default(),
+            findings: from.map(|(checkpoint, _)| checkpoint.head.findings.clone()).unwrap_or_default(),
             all_have_domains: all_have_domains(model),
-            last: Step { index: 0, start: 0.0, end: 0.0 },
+            last: reached,
             accepted: None,
-            checkpointed: 0,
-            _lock: lock,
-        })
+            checkpointed: reached.index,
+            points: 0,
+            _lock: None,
+        }
     }
 
     /// Prepares a directory for a run that resumes from a checkpoint in it: results after the step of the checkpoint
@@ -164,32 +195,22 @@ impl Results {
         let series: [Series; SERIES.len()] =
             series.try_into().map_err(|_| io::Error::other("a series is missing"))?;
         Ok(Results {
-            directory: directory.to_owned(),
-            every,
-            checkpoints: asked.checkpoints,
-            frames: Frames::new(&asked.fields, asked.precision),
             written: series[0].last().and_then(|(_, name)| step_of_file(name)),
-            shown: None,
             writer: Writer::new(directory, series),
-            history,
-            quality,
-            convergence,
-            failure: None,
-            account,
-            findings: checkpoint.head.findings.clone(),
-            all_have_domains: all_have_domains(model),
-            last: reached,
-            accepted: None,
-            checkpointed: reached.index,
-            _lock: lock,
+            tables: Some(Tables { history, quality, convergence }),
+            _lock: Some(lock),
+            ..Results::of_rank(directory, asked, model, account, Some((checkpoint, reached)))
         })
     }
 
     /// Writes a checkpoint of the last step in equilibrium, if there is none yet. Later failed attempts are not part of
-    /// it: a resumed run repeats them.
+    /// it: a resumed run repeats them. All ranks must write it together.
     fn write_checkpoint<const D: usize>(&mut self, points: &Points<D>) -> io::Result<()> {
         // A resumed run does not write earlier results again.
-        self.settle()?;
+        let settled = self.settle();
+        if points.ranks.any(settled.is_err()) {
+            return settled;
+        }
         if let Some(deck) = &self.account.deck
             && let Some(summary) = &self.accepted
             && self.last.index > self.checkpointed
@@ -221,10 +242,17 @@ impl Results {
     pub fn last_picture(&self) -> Option<Picture> {
         let step = self.written?;
         let series = SERIES[usize::from(self.all_have_domains)];
+        let of_ranks = self.directory.join(list_name(series, step));
+        let whole = self.directory.join(file_name(series, step));
         Some(Picture {
             series: self.directory.join(format!("{series}.pvd")),
-            file: self.directory.join(file_name(series, step)),
+            file: if of_ranks.exists() { of_ranks } else { whole },
         })
+    }
+
+    /// Number of points of all ranks, once the run has ended.
+    pub fn points(&self) -> usize {
+        self.points
     }
 
     /// True if the deck requests VTU files.
@@ -232,12 +260,40 @@ impl Results {
         self.every > 0
     }
 
-    /// Begins to write the frames of a step.
-    fn show(&mut self, step: Step, frames: Vec<Frame>) -> io::Result<()> {
-        self.settle()?;
-        self.writer.begin(frames)?;
-        self.shown = Some(step.index);
-        if self.writer.is_at_work() { Ok(()) } else { self.settle() }
+    /// Begins to write the frames of a step. Several ranks finish it together.
+    fn show(&mut self, step: Step, frames: io::Result<Vec<Frame>>, ranks: &Ranks) -> io::Result<()> {
+        if ranks.is_alone() {
+            self.settle()?;
+            self.writer.begin(frames?)?;
+            self.shown = Some(step.index);
+            return if self.writer.is_at_work() { Ok(()) } else { self.settle() };
+        }
+        let written = frames.and_then(|frames| {
+            let lists: Vec<List> = frames.iter().filter_map(|frame| frame.list(ranks)).collect();
+            self.writer.begin(frames)?;
+            self.shown = Some(step.index);
+            self.settle()?;
+            Ok(lists)
+        });
+        // No list names a piece that is missing.
+        let is_missing = ranks.any(written.is_err());
+        match written {
+            Ok(lists) if !is_missing && ranks.is_root() => self.writer.list(&lists),
+            Ok(_) => Ok(()),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// True if the files of the last step in equilibrium are missing.
+    fn lacks_last(&self, ranks: &Ranks) -> bool {
+        let is_missing = self.writer.reached().is_none_or(|time| time < self.last.end);
+        // The first rank keeps the lists.
+        self.every > 0 && self.last.index > 0 && ranks.any(ranks.is_root() && is_missing)
+    }
+
+    /// Adds rows to the tables, on the rank that has them.
+    fn tabulate(&mut self, rows: impl FnOnce(&mut Tables) -> io::Result<()>) -> io::Result<()> {
+        self.tables.as_mut().map_or(Ok(()), rows)
     }
 
     /// Waits for the frames being written.
@@ -288,33 +344,43 @@ fn all_have_domains<const D: usize>(model: &Model<D>) -> bool {
 
 impl<const D: usize> Observer<D> for Results {
     fn started(&mut self, model: &Model<D>, points: &Points<D>) -> io::Result<()> {
-        self.account.write_start(&self.directory.join("run.json"), model, points)?;
-        if self.every == 0 || self.last.index > 0 {
-            return Ok(());
+        let ranks = &points.ranks;
+        let size = (ranks.count_all(points.len()), ranks.count());
+        let begun = if ranks.is_root() {
+            self.account.write_start(&self.directory.join("run.json"), model, size)
+        } else {
+            Ok(())
+        };
+        if ranks.any(begun.is_err()) || self.every == 0 || self.last.index > 0 {
+            return begun;
         }
-        let mut frames = self.frames.of_points(model, points, self.last)?;
+        let mut frames = self.frames.of_points(model, points, self.last);
         // The connectivity of the undeformed points, only to show the active cells.
         let methods: Vec<_> = model.bodies.iter().map(|b| b.method).collect();
         let mut copy = points.clone();
         if let Ok(links) = Connectivity::new(model.grid.as_ref(), &mut copy, &methods) {
             let zero = vec![[0.0; D]; links.n_active()];
-            frames.push(self.frames.of_grid(model, &links, &on_nodes(&zero, &zero), self.last)?);
+            let frame = self.frames.of_grid(model, &links, &on_nodes(&zero, &zero), self.last);
+            frames = frames.and_then(|frames| joined(frames, frame.map(Some)));
         }
         drop(copy);
-        frames.extend(self.frames.of_surfaces(&Surfaces::at_start(model, points), self.last)?);
-        frames.extend(self.frames.of_tools(model, &Contact::at_start(model), self.last)?);
-        self.show(self.last, frames)
+        let surfaces = Surfaces::at_start(model, points);
+        if ranks.is_root() {
+            let frame = self.frames.of_surfaces(&surfaces, self.last);
+            frames = frames.and_then(|frames| joined(frames, frame));
+            let of_tools = self.frames.of_tools(model, &Contact::at_start(model), self.last);
+            frames = frames.and_then(|frames| joined(frames, of_tools));
+        }
+        self.show(self.last, frames, ranks)
     }
 
     fn iteration(&mut self, step: Step, iteration: usize, residual: f64) {
-        if residual.is_finite() && self.failure.is_none() {
-            self.failure = self.convergence.push(&row_of_convergence(step, iteration, residual)).err();
+        if let Some(tables) = &mut self.tables
+            && residual.is_finite()
+            && self.failure.is_none()
+        {
+            self.failure = tables.convergence.push(&row_of_convergence(step, iteration, residual)).err();
         }
-    }
-
-    fn needs_points(&self, model: &Model<D>, step: Step) -> bool {
-        is_due(self.every, model, step)
-            || self.checkpoints.is_some_and(|every| step.index.is_multiple_of(every))
     }
 
     fn converged(
@@ -324,25 +390,43 @@ impl<const D: usize> Observer<D> for Results {
         report: &StepReport<D>,
         summary: &Summary,
     ) -> io::Result<()> {
+        let ranks = &points.ranks;
         self.last = report.step;
         self.accepted = Some(summary.clone());
         self.findings.accept(model, report, summary);
-        if let Some(error) = self.failure.take() {
-            return Err(error);
+        let row = row_of_history(model, points, report, summary);
+        let mut settled = self.failure.take().map_or(Ok(()), Err);
+        let is_due = is_due(self.every, model, report.step);
+        if settled.is_ok() && (is_due || !self.writer.is_at_work()) {
+            settled = self.settle(); // before the next frames take memory
         }
-        if is_due(self.every, model, report.step) {
-            self.settle()?; // before the next frames take memory
-            let mut frames = self.frames.of_points(model, points, report.step)?;
+        if ranks.any(settled.is_err()) {
+            return settled;
+        }
+        if is_due {
+            let mut frames = self.frames.of_points(model, points, report.step);
             let GridFields { links, delta_d, reaction, .. } = &report.grid;
-            frames.push(self.frames.of_grid(model, links, &on_nodes(delta_d, reaction), report.step)?);
-            frames.extend(self.frames.of_surfaces(&report.surfaces, report.step)?);
-            frames.extend(self.frames.of_tools(model, &report.tools, report.step)?);
-            self.show(report.step, frames)?;
-        } else if !self.writer.is_at_work() {
-            self.settle()?;
+            let of_grid = self.frames.of_grid(model, links, &on_nodes(delta_d, reaction), report.step);
+            frames = frames.and_then(|frames| joined(frames, of_grid.map(Some)));
+            if ranks.is_root() {
+                let of_surfaces = self.frames.of_surfaces(&report.surfaces, report.step);
+                frames = frames.and_then(|frames| joined(frames, of_surfaces));
+                let of_tools = self.frames.of_tools(model, &report.tools, report.step);
+                frames = frames.and_then(|frames| joined(frames, of_tools));
+            }
+            let shown = self.show(report.step, frames, ranks);
+            if ranks.any(shown.is_err()) {
+                return shown;
+            }
         }
-        self.history.push(&row_of_history(model, points, report, summary))?;
-        self.quality.push(&row_of_quality(report, summary, &self.findings))?;
+        let of_quality = row_of_quality(report, summary, &self.findings);
+        let told = self.tabulate(|tables| {
+            tables.history.push(&row)?;
+            tables.quality.push(&of_quality)
+        });
+        if ranks.any(told.is_err()) {
+            return told;
+        }
         if self.checkpoints.is_some_and(|every| report.step.index.is_multiple_of(every)) {
             self.write_checkpoint(points)?;
         }
@@ -356,10 +440,16 @@ impl<const D: usize> Observer<D> for Results {
         attempt: &FailedAttempt<D>,
         ended: Option<(&FailedAttempt<D>, &Diagnosis)>,
     ) -> io::Result<()> {
-        if let Some(error) = self.failure.take() {
-            return Err(error);
+        let failure = self.failure.take().map_or(Ok(()), Err);
+        let told = failure.and_then(|()| {
+            self.tabulate(|tables| {
+                let width = tables.history.width();
+                tables.history.push(&row_of_attempt(width, attempt))
+            })
+        });
+        if points.ranks.any(told.is_err()) {
+            return told;
         }
-        self.history.push(&row_of_attempt(self.history.width(), attempt))?;
         match ended {
             Some((cause, _)) if self.every > 0 => failed::write(&self.directory, model, points, cause),
             _ => Ok(()),
@@ -373,31 +463,49 @@ impl<const D: usize> Observer<D> for Results {
         summary: &Summary,
         error: Option<&SolveError>,
     ) -> io::Result<()> {
+        let ranks = &points.ranks;
         let lost = self.settle();
+        let is_lost = ranks.any(lost.is_err());
         let rows = self.failure.take().map_or(Ok(()), Err);
-        let tables = [&self.history, &self.quality, &self.convergence].into_iter().try_for_each(Table::check);
+        let tables = self.tables.iter().flat_map(|of| [&of.history, &of.quality, &of.convergence]);
+        let tables = tables.map(Table::check).find(Result::is_err).unwrap_or(Ok(()));
         // The last step in equilibrium is always written, whatever `every` is.
-        let is_missing = self.last.index > 0 && self.writer.reached().is_none_or(|time| time < self.last.end);
-        let mesh = if self.every > 0 && is_missing {
+        let mesh = if self.lacks_last(ranks) {
             let frames = self.frames.of_points(model, points, self.last);
-            frames.and_then(|frames| self.show(self.last, frames)).and_then(|()| self.settle())
+            self.show(self.last, frames, ranks).and_then(|()| self.settle())
         } else {
             Ok(())
         };
         // A run that ended early can be resumed from there, unless the files of that step are missing.
+        let has_lost_files = ranks.any(matches!(error, Some(SolveError::Output(_))));
         let checkpoint = match error {
-            Some(SolveError::Output(_)) => Ok(()),
-            _ if lost.is_err() || error.is_none() && self.checkpoints.is_none() => Ok(()),
+            _ if has_lost_files || is_lost || error.is_none() && self.checkpoints.is_none() => Ok(()),
             _ => self.write_checkpoint(points),
         };
+        self.findings.extremes = Extremes::new(model, points);
+        let whole = Whole::new(model, points);
+        self.points = whole.points;
         // Each part is written even if another could not be.
         let written = lost.and(rows).and(mesh).and(checkpoint).and(tables);
+        let lost = ranks.first(written.as_ref().err().map(ToString::to_string));
+        if !ranks.is_root() {
+            return written;
+        }
         // The summary comes last: if it reports a completed run, nothing is missing.
-        let lost = written.as_ref().err().map(SolveError::output);
+        let own = written.as_ref().err().map(SolveError::output);
+        let lost = own.or_else(|| lost.map(|what| SolveError::Output(io::Error::other(what))));
         let outcome = Outcome::of(error.or(lost.as_ref()));
-        self.findings.extremes = Extremes::new(model, points);
         let path = self.directory.join("summary.json");
-        let told = self.account.write(&path, model, points, summary, &self.findings, &outcome);
+        let told = self.account.write(&path, model, &whole, summary, &self.findings, &outcome);
         written.and(told)
     }
+}
+
+/// Frames with one or several more.
+fn joined<I: IntoIterator<Item = Frame>>(
+    mut frames: Vec<Frame>,
+    more: io::Result<I>,
+) -> io::Result<Vec<Frame>> {
+    frames.extend(more?);
+    Ok(frames)
 }

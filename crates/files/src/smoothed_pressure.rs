@@ -8,6 +8,7 @@ use std::collections::HashMap;
 
 use mpm_core::model::Model;
 use mpm_core::points::Points;
+use mpm_core::ranks::Ranks;
 
 use super::fields::pressure;
 
@@ -16,7 +17,7 @@ type NodeOfBody = (u16, u32);
 
 /// Pressure of some points, smoothed over the points of their body among them, [stress]. Constant pressures are
 /// reproduced; all values lie between the pressures of the points around. `volumes` has J and the current volume of each
-/// of these points, [-] and [volume].
+/// of these points, [-] and [volume]. All ranks must smooth together.
 pub fn smoothed_pressures<const D: usize>(
     model: &Model<D>,
     points: &Points<D>,
@@ -38,6 +39,7 @@ pub fn smoothed_pressures<const D: usize>(
             *weight += value * volume;
         }
     }
+    add_up(&points.ranks, &mut means);
     let smoothed = |&p: &usize| {
         let (mut sum, mut weight) = (0.0, 0.0);
         for (node, value) in links(p) {
@@ -49,4 +51,30 @@ pub fn smoothed_pressures<const D: usize>(
         sum / weight
     };
     order.iter().map(smoothed).collect()
+}
+
+/// A node of a body with its sum and weight, on the way to another rank.
+type Sent = (NodeOfBody, [f64; 2]);
+
+/// Adds up the sums of the nodes that several ranks touch. Each node has a home rank, which adds up what the ranks have in
+/// their order, and tells them.
+fn add_up(ranks: &Ranks, means: &mut HashMap<NodeOfBody, [f64; 2]>) {
+    if ranks.is_alone() {
+        return;
+    }
+    let mut messages: Vec<(usize, Vec<Sent>)> = (0..ranks.count()).map(|rank| (rank, Vec::new())).collect();
+    for (node, sums) in means.iter() {
+        messages[node.1 as usize % ranks.count()].1.push((*node, *sums));
+    }
+    messages.iter_mut().for_each(|(_, sent)| sent.sort_unstable_by_key(|(node, _)| *node));
+    let received = ranks.exchange(messages);
+    let mut totals: HashMap<NodeOfBody, [f64; 2]> = HashMap::new();
+    for (node, [sum, weight]) in received.iter().flat_map(|(_, sent)| sent) {
+        let total = totals.entry(*node).or_default();
+        total[0] += sum;
+        total[1] += weight;
+    }
+    let answer = |sent: &[Sent]| sent.iter().map(|(node, _)| (*node, totals[node])).collect::<Vec<Sent>>();
+    let answers = received.iter().map(|(rank, sent)| (*rank, answer(sent))).collect();
+    means.extend(ranks.exchange(answers).into_iter().flat_map(|(_, answers)| answers));
 }

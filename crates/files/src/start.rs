@@ -7,18 +7,17 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use mpm_core::model::Model;
-use mpm_core::points::Points;
 
 use super::replace::replace_file;
 use super::summary::{Account, VERSION};
 
 impl Account {
-    /// Writes the file.
+    /// Writes the file of a run with this number of points on this number of ranks.
     pub(super) fn write_start<const D: usize>(
         &self,
         path: &Path,
         model: &Model<D>,
-        points: &Points<D>,
+        (points, ranks): (usize, usize),
     ) -> io::Result<()> {
         let began = jiff::Timestamp::now() - self.start.elapsed().wall;
         let mut document = json!({
@@ -34,12 +33,15 @@ impl Account {
                 (2, false) => "plane-strain",
                 _ => "solid",
             },
-            "points": points.len(),
+            "points": points,
             "cells": model.grid.n_cells(),
             "steps_requested": model.steps_requested(),
             "threads": self.threads,
             "machine": machine(),
         });
+        if ranks > 1 {
+            document["ranks"] = json!(ranks);
+        }
         if !self.law_libraries.is_empty() {
             document["law_libraries"] = json!(self.law_libraries);
         }

@@ -153,13 +153,13 @@ impl Account {
         &self,
         path: &Path,
         model: &Model<D>,
-        points: &Points<D>,
+        whole: &Whole,
         summary: &Summary,
         findings: &Findings,
         outcome: &Outcome,
     ) -> io::Result<()> {
         check(path, summary, findings)?;
-        let document = self.document(model, points, summary, findings, outcome);
+        let document = self.document(model, whole, summary, findings, outcome);
         let mut text = serde_json::to_string_pretty(&document).map_err(io::Error::other)?;
         text.push('\n');
         super::replace::replace_file(path, |out| out.write_all(text.as_bytes()))
@@ -169,7 +169,7 @@ impl Account {
     pub(super) fn document<const D: usize>(
         &self,
         model: &Model<D>,
-        points: &Points<D>,
+        whole: &Whole,
         summary: &Summary,
         findings: &Findings,
         outcome: &Outcome,
@@ -195,7 +195,7 @@ impl Account {
         let solved = cpu - timings.of(Phase::Output).cpu.as_secs_f64();
         let warnings: Vec<Value> =
             summary.warnings.iter().map(|of| warning(of, (self.wording.on_warning)(of))).collect();
-        let visits = (points.len() * summary.evaluations) as f64;
+        let visits = (whole.points * summary.evaluations) as f64;
         let mut document = json!({
             "outcome": word,
             "code": code,
@@ -205,7 +205,7 @@ impl Account {
             "title": model.title,
             "parameters": self.parameters,
             "threads": self.threads,
-            "points": points.len(),
+            "points": whole.points,
             "cells": model.grid.n_cells(),
             "unknowns": summary.unknowns,
             "steps": summary.steps,
@@ -232,7 +232,7 @@ impl Account {
                 "all": if visits > 0.0 { json!(1e6 * cpu / visits) } else { Value::Null },
                 "without_output": if visits > 0.0 { json!(1e6 * solved / visits) } else { Value::Null },
             },
-            "peak_memory_bytes": mpm_core::memory::peak(),
+            "peak_memory_bytes": whole.peak_memory,
             "iterations": findings.iterations.map(|[min, max]| json!({"min": min, "max": max})),
             "worst_residual": findings.worst_residual.map(at_step),
             "balance_errors": {
@@ -244,8 +244,11 @@ impl Account {
             "largest": findings.extremes.as_ref().map(largest),
             "quality": quality(model, &summary.quality),
             "warnings": warnings,
-            "bodies": bodies(model, points),
+            "bodies": whole.bodies,
         });
+        if whole.ranks > 1 {
+            document["ranks"] = json!(whole.ranks);
+        }
         if !self.law_libraries.is_empty() {
             document["law_libraries"] = json!(self.law_libraries);
         }
@@ -319,6 +322,32 @@ fn check(path: &Path, summary: &Summary, findings: &Findings) -> io::Result<()> 
     }
 }
 
+/// What the summary states of the points of all ranks.
+pub(super) struct Whole {
+    /// Number of points.
+    pub points: usize,
+    /// Number of ranks.
+    ranks: usize,
+    /// Largest peak memory of a rank, [byte], if the system reports it.
+    peak_memory: Option<u64>,
+    /// The extent of every body.
+    bodies: Value,
+}
+
+impl Whole {
+    /// All ranks must ask for it together.
+    pub fn new<const D: usize>(model: &Model<D>, points: &Points<D>) -> Whole {
+        let ranks = &points.ranks;
+        let peaks = ranks.gather_all(mpm_core::memory::peak());
+        Whole {
+            points: ranks.count_all(points.len()),
+            ranks: ranks.count(),
+            peak_memory: peaks.into_iter().flatten().max(),
+            bodies: bodies(model, points),
+        }
+    }
+}
+
 /// The extent of every body: of its points, and of their domains. A point without domain counts as a square (cube)
 /// of its volume, as the paper's footnote 7.
 fn bodies<const D: usize>(model: &Model<D>, points: &Points<D>) -> Value {
@@ -346,9 +375,13 @@ fn bodies<const D: usize>(model: &Model<D>, points: &Points<D>) -> Value {
                 }
             }
         }
-        let extent = |min: [f64; D], max: [f64; D]| json!({"min": min.to_vec(), "max": max.to_vec()});
+        let extent = |min: [f64; D], max: [f64; D]| {
+            let ranks = &points.ranks;
+            let (min, max) = (min.map(|x| ranks.smallest(x)), max.map(|x| ranks.largest(x)));
+            json!({"min": min.to_vec(), "max": max.to_vec()})
+        };
         let value = json!({
-            "points": count,
+            "points": points.ranks.count_all(count),
             "extent": {"points": extent(low, high), "domain": extent(inner, outer)},
         });
         map.insert(body.name.clone(), value);

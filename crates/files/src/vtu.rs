@@ -5,6 +5,7 @@
 
 mod blocks;
 mod field;
+mod pieces;
 pub mod read;
 
 use std::io;
@@ -25,6 +26,9 @@ pub const SYMMETRIC_TENSOR: [&str; 6] = ["XX", "YY", "ZZ", "XY", "YZ", "XZ"];
 
 /// Component names of a general tensor, row by row.
 pub const TENSOR: [&str; 9] = ["XX", "XY", "XZ", "YX", "YY", "YZ", "ZX", "ZY", "ZZ"];
+
+pub(super) use pieces::HEAD as HEAD_OF_PIECES;
+pub use pieces::Pieces;
 
 /// First bytes of every file.
 pub(super) const HEAD: &str = concat!(
@@ -128,22 +132,35 @@ pub fn write(
     point_data: &[Field],
     cell_data: &[Field],
 ) -> io::Result<()> {
+    file(time, step, mesh, point_data, cell_data)
+        .map_err(|problem| invalid(format!("{}: {problem}", path.display())))?
+        .write(path)
+}
+
+/// The file that [`write`] writes.
+///
+/// # Errors
+/// A message about data that no reader could interpret.
+pub fn file(
+    time: f64,
+    step: i64,
+    mesh: &Mesh,
+    point_data: &[Field],
+    cell_data: &[Field],
+) -> Result<File, String> {
     let room = Room::default();
-    let file = || {
-        let points = mesh.points.len();
-        let cells = Cells::new(points, &mesh.kinds, mesh.connectivity, &room)?;
-        let positions = Values::Float64(mesh.points.as_flattened());
-        let positions = Encoded::positions(points, positions, Precision::Double, &room)?;
-        let encoded = |fields: &[Field], owner: &str, count: usize| {
-            let of = |field| Encoded::new(field, (owner, count), Precision::Double, &room).map(Arc::new);
-            fields.iter().map(of).collect::<Result<Vec<_>, String>>()
-        };
-        let (point_data, cell_data) =
-            (encoded(point_data, "point", points)?, encoded(cell_data, "cell", cells.count)?);
-        let (positions, cells) = (Arc::new(positions), Arc::new(cells));
-        File::new(time, step, positions, cells, point_data, cell_data)
+    let points = mesh.points.len();
+    let cells = Cells::new(points, &mesh.kinds, mesh.connectivity, &room)?;
+    let positions = Values::Float64(mesh.points.as_flattened());
+    let positions = Encoded::positions(points, positions, Precision::Double, &room)?;
+    let encoded = |fields: &[Field], owner: &str, count: usize| {
+        let of = |field| Encoded::new(field, (owner, count), Precision::Double, &room).map(Arc::new);
+        fields.iter().map(of).collect::<Result<Vec<_>, String>>()
     };
-    file().map_err(|problem| invalid(format!("{}: {problem}", path.display())))?.write(path)
+    let (point_data, cell_data) =
+        (encoded(point_data, "point", points)?, encoded(cell_data, "cell", cells.count)?);
+    let (positions, cells) = (Arc::new(positions), Arc::new(cells));
+    File::new(time, step, positions, cells, point_data, cell_data)
 }
 
 /// The encoded cells of a mesh.

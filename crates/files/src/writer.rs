@@ -7,7 +7,7 @@ use std::thread::{Builder, JoinHandle};
 use std::time::Duration;
 
 use super::directory::SERIES;
-use super::frames::Frame;
+use super::frames::{Frame, List};
 use super::series::Series;
 
 /// Pause if there is no work to help with.
@@ -49,6 +49,19 @@ impl Writer {
         }
     }
 
+    /// Adds the pieces of meshes that all ranks have written to their series.
+    ///
+    /// # Errors
+    /// An error of the file system.
+    pub fn list(&self, lists: &[List]) -> io::Result<()> {
+        for list in lists {
+            list.pieces.write(&self.directory.join(&list.name))?;
+            let mut series: MutexGuard<_> = self.series.lock().unwrap_or_else(PoisonError::into_inner);
+            series[list.series].push(list.step.end, &list.name)?;
+        }
+        Ok(())
+    }
+
     /// Time of the last file of the first series, [time].
     pub fn reached(&self) -> Option<f64> {
         let series = self.series.lock().unwrap_or_else(PoisonError::into_inner);
@@ -88,6 +101,9 @@ impl Drop for Writer {
 fn write(directory: &Path, series: &Mutex<[Series; SERIES.len()]>, frames: &[Frame]) -> io::Result<()> {
     for frame in frames {
         frame.file.write(&directory.join(&frame.name))?;
+        if frame.is_piece {
+            continue;
+        }
         let mut series: MutexGuard<_> = series.lock().unwrap_or_else(PoisonError::into_inner);
         series[frame.series].push(frame.step.end, &frame.name)?;
     }
@@ -112,6 +128,7 @@ mod tests {
             name: format!("points_{index:04}.vtu"),
             step: Step { index, start: index as f64 - 1.0, end: index as f64 },
             file: File::new(index as f64, index as i64, places, cells, vec![], vec![]).unwrap(),
+            is_piece: false,
         }
     }
 

@@ -11,12 +11,14 @@ use crate::deck::load::{LoadFailure, LoadedDeck, load};
 use crate::deck::ready::{self, Analysis, Prepared};
 use crate::deck::source::Source;
 use crate::memory::Memory;
+use crate::model::Model;
 use crate::output::checkpoint::last_step;
 use crate::output::lock::Lock;
 use crate::output::results::Results;
 use crate::output::summary::Start;
+use crate::points::Points;
 use crate::ranks::Ranks;
-use crate::solver::{Observer, SolveError, Summary};
+use crate::solver::{Diagnosis, FailedAttempt, Observer, SolveError, StepReport, Summary};
 use crate::timing::Timings;
 use anyhow::{anyhow, bail};
 use serde_json::{Value, json};
@@ -170,7 +172,7 @@ pub fn run_into(run: Run, ready: Prepared, set_up: Timings) -> anyhow::Result<Op
     let from = match begin {
         Begin::Anew => None,
         Begin::AtCheckpoint | Begin::AtCheckpointIfAny => {
-            match checkpoint_in(directory, &loaded, &mut analysis, begin)? {
+            match checkpoint_in(directory, &loaded, (&mut analysis, machines), begin)? {
                 Some((_, Found::End(steps))) => {
                     message!(
                         "the run in `{}` is complete: {steps} steps in equilibrium; nothing is left to do",
@@ -256,17 +258,25 @@ pub fn run_along(
     else {
         return Ok(USAGE);
     };
-    let reached = match resumes.then(|| resume::find(directory, &loaded, &mut analysis)).transpose()? {
-        Some(Found::End(_)) => return Ok(DONE),
-        Some(Found::Step(_, reached)) => Some(reached),
-        None => None,
+    let reached =
+        match resumes.then(|| resume::find(directory, &loaded, &mut analysis, machines)).transpose()? {
+            Some(Found::End(_)) => return Ok(DONE),
+            Some(Found::Step(checkpoint, reached)) => Some((checkpoint, reached)),
+            None => None,
+        };
+    let account = loaded.account(Start::now(), Timings::default(), rayon::current_num_threads())?;
+    let asked = loaded.deck.request();
+    let from = reached.as_ref().map(|(checkpoint, reached)| (checkpoint.as_ref(), reached.step));
+    let results = match &analysis {
+        Analysis::Plane(parts) => Results::of_rank(directory, &asked, &parts.0, account, from),
+        Analysis::Solid(parts) => Results::of_rank(directory, &asked, &parts.0, account, from),
     };
-    let mut watch = Interruption(stop_on_interrupt(false)?);
+    let mut watch = Part { results, stop: stop_on_interrupt(false)? };
     // Rank 0 says why.
     if machines.equip(&mut analysis).and_then(|()| machines.begin()).is_err() {
         return Ok(USAGE);
     }
-    let reached = reached.map_or_else(|| analysis.beginning(), |reached| *reached);
+    let reached = reached.map_or_else(|| analysis.beginning(), |(_, reached)| *reached);
     Ok(match rayon::scope(|_| analysis.run(reached, &mut watch)) {
         Ok(_) => DONE,
         Err(SolveError::Interrupted { .. }) => INTERRUPTED,
@@ -274,12 +284,50 @@ pub fn run_along(
     })
 }
 
-/// An observer that reports nothing and ends the run when it is asked to.
-struct Interruption(Arc<AtomicBool>);
+/// The observer of a rank other than the first: writes its part of the results, shows nothing, and ends the run when it is asked
+/// to.
+struct Part {
+    results: Results,
+    stop: Arc<AtomicBool>,
+}
 
-impl<const D: usize> Observer<D> for Interruption {
+impl<const D: usize> Observer<D> for Part {
+    fn started(&mut self, model: &Model<D>, points: &Points<D>) -> io::Result<()> {
+        self.results.started(model, points)
+    }
+
+    fn converged(
+        &mut self,
+        model: &Model<D>,
+        points: &Points<D>,
+        report: &StepReport<D>,
+        summary: &Summary,
+    ) -> io::Result<()> {
+        self.results.converged(model, points, report, summary)
+    }
+
+    fn failed(
+        &mut self,
+        model: &Model<D>,
+        points: &Points<D>,
+        attempt: &FailedAttempt<D>,
+        ended: Option<(&FailedAttempt<D>, &Diagnosis)>,
+    ) -> io::Result<()> {
+        self.results.failed(model, points, attempt, ended)
+    }
+
     fn interrupted(&self) -> bool {
-        self.0.load(Ordering::SeqCst)
+        self.stop.load(Ordering::SeqCst)
+    }
+
+    fn finished(
+        &mut self,
+        model: &Model<D>,
+        points: &Points<D>,
+        summary: &Summary,
+        error: Option<&SolveError>,
+    ) -> io::Result<()> {
+        self.results.finished(model, points, summary, error)
     }
 }
 
@@ -287,7 +335,7 @@ impl<const D: usize> Observer<D> for Interruption {
 fn checkpoint_in(
     directory: &Path,
     loaded: &LoadedDeck,
-    analysis: &mut Analysis,
+    (analysis, machines): (&mut Analysis, &Machines),
     begin: Begin,
 ) -> anyhow::Result<Option<(Lock, Found)>> {
     let lock = match Lock::take(directory) {
@@ -295,7 +343,7 @@ fn checkpoint_in(
         Err(error) if error.kind() == io::ErrorKind::NotFound => None,
         Err(error) => return Err(not_writable(directory, error).into()),
     };
-    match (resume::find(directory, loaded, analysis), lock) {
+    match (resume::find(directory, loaded, analysis, machines), lock) {
         (Ok(found), Some(lock)) if begin == Begin::AtCheckpoint || matches!(found, Found::Step(..)) => {
             Ok(Some((lock, found)))
         }

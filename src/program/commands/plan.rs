@@ -33,7 +33,6 @@ pub fn plan(args: &DeckArgs, ranks: usize) -> anyhow::Result<u8> {
             "points": plan.points.round(),
             "unknowns": plan.unknowns.round(),
             "memory_bytes_of_rank": plan.memory.round(),
-            "memory_bytes_of_rank_0_with_files": plan.memory_of_root.round(),
             "seconds_of_evaluation": plan.evaluation,
             "seconds_of_solution": plan.solution,
             "seconds_of_step": step,
@@ -51,8 +50,7 @@ pub fn plan(args: &DeckArgs, ranks: usize) -> anyhow::Result<u8> {
     };
     print(&format!(
         "{} on {} ranks, predicted from its size:\n  {:.3e} points and {:.3e} unknowns, {:.3e} and {:.3e} on a rank, \
-         and {:.0} % more nodes that it shares\n  {} of memory for each rank, {} for rank 0 while it writes files\n  {} s for an \
-         evaluation of all points\n{time}",
+         and {:.0} % more nodes that it shares\n  {} of memory for each rank\n  {} s for an evaluation of all points\n{time}",
         loaded.source.name(),
         plan.ranks,
         plan.points,
@@ -61,7 +59,6 @@ pub fn plan(args: &DeckArgs, ranks: usize) -> anyhow::Result<u8> {
         plan.unknowns / plan.ranks as f64,
         100.0 * plan.shared,
         in_words(plan.memory),
-        in_words(plan.memory_of_root),
         significant(plan.evaluation, 2),
     ))
 }

@@ -9,6 +9,7 @@ use crate::deck::load::LoadedDeck;
 use crate::deck::ready::Analysis;
 use crate::output::checkpoint::{Checkpoint, latest};
 use crate::output::{directory, status};
+use crate::program::machines::Machines;
 use crate::solver::{Pace, Reached, Step, resume_stage};
 use anyhow::{Context, bail};
 use serde::Deserialize;
@@ -24,18 +25,26 @@ pub enum Found {
     End(usize),
 }
 
-/// Finds the last usable checkpoint in a directory and restores the points from it.
+/// Finds the last usable checkpoint in a directory and restores the points from it. All ranks do so together.
 ///
 /// # Errors
-/// If there is none, or a part of the deck has changed on which the steps so far depend.
-pub fn find(directory: &Path, loaded: &LoadedDeck, analysis: &mut Analysis) -> anyhow::Result<Found> {
-    let (found, refused) = match latest(directory) {
+/// If there is none, or a part of the deck has changed on which the steps so far depend; if another rank has ended.
+pub fn find(
+    directory: &Path,
+    loaded: &LoadedDeck,
+    analysis: &mut Analysis,
+    machines: &Machines,
+) -> anyhow::Result<Found> {
+    if let Some(rank) = machines.meet(true) {
+        bail!("rank {rank} has ended, and has said why");
+    }
+    let (found, refused) = match latest(directory, machines.ranks()) {
         Err(error) if error.kind() == ErrorKind::NotFound => {
             bail!("there is no checkpoint in `{}` to resume from\n  help: {AGAIN}", directory.display())
         }
         found => found.with_context(|| format!("the directory `{}` cannot be read", directory.display()))?,
     };
-    for refused in &refused {
+    for refused in refused.iter().filter(|_| machines.ranks().is_root()) {
         message!("warning: {refused}");
     }
     let Some(checkpoint) = found else {
@@ -65,16 +74,20 @@ pub fn find(directory: &Path, loaded: &LoadedDeck, analysis: &mut Analysis) -> a
             loaded.deck.end_time()
         );
     };
-    if is_end(&loaded.deck, end) && status::is_complete(directory) {
+    let is_complete = machines.ranks().first(Some(status::is_complete(directory)));
+    if is_end(&loaded.deck, end) && is_complete == Some(true) {
         // Removes the remains of a run that was killed after it had written its summary.
-        directory::tidy(directory).with_context(|| format!("`{}` cannot be written", directory.display()))?;
+        if machines.ranks().is_root() {
+            directory::tidy(directory)
+                .with_context(|| format!("`{}` cannot be written", directory.display()))?;
+        }
         return Ok(Found::End(checkpoint.head.reached.summary.steps));
     }
     let staged = match analysis {
         Analysis::Plane(parts) => resume_stage(&mut parts.0, &mut parts.1, &checkpoint.head.reached),
         Analysis::Solid(parts) => resume_stage(&mut parts.0, &mut parts.1, &checkpoint.head.reached),
     };
-    if let Err(reason) = staged {
+    if let Some(reason) = machines.ranks().first(staged.err()) {
         bail!("the checkpoint `{name}` cannot be used: {reason}\n  help: {AGAIN}");
     }
     let restored = match analysis {

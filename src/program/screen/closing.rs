@@ -7,7 +7,6 @@ use crate::deck::quoting::list;
 use crate::model::Model;
 use crate::output::findings::{Extreme, Findings, ForceBalance};
 use crate::output::results::{Picture, Results};
-use crate::points::Points;
 use crate::program::screen::quantities::{duration, significant};
 use crate::quality::{BalanceSoFar, MOST_ENERGY_ERROR, MOST_REGRIDDING};
 use crate::solver::{SolveError, StageStrength, Summary};
@@ -55,7 +54,6 @@ impl Closing {
     /// Sums up a run that has ended; `None` where no step is in equilibrium.
     pub fn new<const D: usize>(
         model: &Model<D>,
-        points: &Points<D>,
         summary: &Summary,
         results: &Results,
         error: Option<&SolveError>,
@@ -82,7 +80,7 @@ impl Closing {
         (steps > 0).then(|| Closing {
             title: model.title.clone(),
             outcome,
-            points: points.len(),
+            points: results.points(),
             cells: model.grid.n_cells(),
             bodies: model.bodies.len(),
             unknowns: summary.unknowns,

@@ -301,10 +301,6 @@ impl<const D: usize> Observer<D> for Watch {
         self.results.failed(model, points, attempt, ended)
     }
 
-    fn needs_points(&self, model: &Model<D>, step: Step) -> bool {
-        self.results.needs_points(model, step)
-    }
-
     fn bisected(&mut self, model: &Model<D>, points: &Points<D>, step: Step) -> io::Result<()> {
         let part = (step.end - step.start) / model.stepping.size();
         self.log(&format!(
@@ -333,7 +329,7 @@ impl<const D: usize> Observer<D> for Watch {
         let lost = written.as_ref().err().map(SolveError::output);
         self.progress.finished(error.or(lost.as_ref()));
         self.update_status();
-        self.closing = Closing::new(model, points, summary, &self.results, error);
+        self.closing = Closing::new(model, summary, &self.results, error);
         written
     }
 }

@@ -88,11 +88,6 @@ impl<const D: usize> StepReport<D> {
         self.residuals.len().saturating_sub(1 + self.augmentations)
     }
 
-    /// The same report with other fields of the grid.
-    pub fn with_grid(&self, grid: GridFields<D>) -> Self {
-        StepReport { grid, ..self.clone() }
-    }
-
     /// Sum of all loads on the points, [force].
     pub fn applied(&self) -> [f64; D] {
         // An empty sum of floats is −0.

@@ -4,6 +4,7 @@
 //! together. Points that leave their part move to the rank of the part that they enter; the parts are chosen anew when one of
 //! them holds too many points.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
@@ -28,6 +29,8 @@ pub struct Partition {
     of_patch: Arc<Vec<u32>>,
     /// The imbalance that the last choice left, [-].
     least: f64,
+    /// One more than the highest permanent number, when the points were last divided by numbers.
+    numbers: f64,
 }
 
 impl Partition {
@@ -115,7 +118,7 @@ impl<const D: usize> Points<D> {
             self.cell[p] = cell_of(grid, &self.converged.position[p], self.cell[p]);
         }
         let ranks = self.ranks.clone();
-        let places = self.cell.iter().map(|cell| self.partition.place(grid, *cell)).collect();
+        let places = self.of_cells(|cell| self.partition.place(grid, cell));
         self.partition.choose(&ranks, places);
         self.migrate(grid);
     }
@@ -128,9 +131,7 @@ impl<const D: usize> Points<D> {
         }
         let ranks = self.ranks.clone();
         let n = ranks.count();
-        let owners = |points: &Self| -> Vec<usize> {
-            points.cell.iter().map(|cell| points.partition.rank_of(grid, *cell)).collect()
-        };
+        let owners = |points: &Self| points.of_cells(|cell| points.partition.rank_of(grid, cell));
         let mut to = owners(self);
         let imbalance = |to: &[usize]| {
             let mut counts = vec![0.0; n];
@@ -140,23 +141,40 @@ impl<const D: usize> Points<D> {
             n as f64 * counts.iter().copied().fold(0.0, f64::max) / all.max(1.0)
         };
         if imbalance(&to) > MOST_IMBALANCE.max(WORSE * self.partition.least) {
-            let places = self.cell.iter().map(|cell| self.partition.place(grid, *cell)).collect();
+            let places = self.of_cells(|cell| self.partition.place(grid, cell));
             self.partition.choose(&ranks, places);
             to = owners(self);
             self.partition.least = imbalance(&to);
         }
-        let own = ranks.own();
-        if !ranks.any(to.iter().any(|rank| *rank != own)) {
+        self.send(&to);
+    }
+
+    /// Divides the points between the ranks by their permanent numbers, as [`Points::rank_of_number`] says.
+    pub fn divide_by_number(&mut self) {
+        self.partition.numbers =
+            self.ranks.largest(self.id.iter().max().map_or(0.0, |id| f64::from(*id) + 1.0));
+        let to: Vec<usize> = self.id.iter().map(|id| self.rank_of_number(*id)).collect();
+        self.send(&to);
+    }
+
+    /// The rank to which a permanent number falls when points are divided by their numbers.
+    pub fn rank_of_number(&self, id: u32) -> usize {
+        let (n, count) = (self.partition.numbers.max(1.0) as u64, self.ranks.count());
+        ((u64::from(id) * count as u64 / n) as usize).min(count - 1)
+    }
+
+    /// Sends each point to the rank that `to` has at its place.
+    fn send(&mut self, to: &[usize]) {
+        let ranks = self.ranks.clone();
+        if !ranks.any(to.iter().any(|rank| *rank != ranks.own())) {
             return;
         }
-        let mut messages = Vec::new();
-        for rank in (0..n).filter(|rank| *rank != own) {
-            let leaving: Vec<u32> = (0..self.len() as u32).filter(|p| to[*p as usize] == rank).collect();
-            if !leaving.is_empty() {
-                messages.push((rank, self.packed(&leaving)));
-            }
+        let mut places: BTreeMap<usize, Vec<u32>> = BTreeMap::new();
+        for (p, rank) in to.iter().enumerate() {
+            places.entry(*rank).or_default().push(p as u32);
         }
-        let staying: Vec<u32> = (0..self.len() as u32).filter(|p| to[*p as usize] == own).collect();
+        let staying = places.remove(&ranks.own()).unwrap_or_default();
+        let messages = places.iter().map(|(rank, leaving)| (*rank, self.packed(leaving))).collect();
         if staying.len() < self.len() {
             self.select(&staying);
         }
@@ -164,6 +182,20 @@ impl<const D: usize> Points<D> {
         for (_, message) in arrived {
             self.unpack(&message);
         }
+    }
+
+    /// What `of` says of the cell of each point; points of a cell mostly follow one another.
+    fn of_cells<T: Copy>(&self, of: impl Fn(u32) -> T) -> Vec<T> {
+        let mut last: Option<(u32, T)> = None;
+        let mut of_point = |cell: u32| match last {
+            Some((same, known)) if same == cell => known,
+            _ => {
+                let found = of(cell);
+                last = Some((cell, found));
+                found
+            }
+        };
+        self.cell.iter().map(|cell| of_point(*cell)).collect()
     }
 
     /// The points at these places as bytes.
@@ -196,25 +228,9 @@ impl<const D: usize> Points<D> {
 
     /// All points of the analysis on rank 0, in the order of the ranks; none on the others, or without other ranks.
     pub fn gather(&self) -> Option<Points<D>> {
-        self.gather_where(|_| true)
-    }
-
-    /// The points with these permanent numbers, ascending, as [`Points::gather`].
-    pub fn gather_some(&self, ids: &[u32]) -> Option<Points<D>> {
-        self.gather_where(|id| ids.binary_search(&id).is_ok())
-    }
-
-    fn gather_where(&self, is_wanted: impl Fn(u32) -> bool) -> Option<Points<D>> {
         let communicator = self.ranks.communicator()?;
-        let own: Vec<u32> = (0..self.len() as u32).filter(|p| is_wanted(self.id[*p as usize])).collect();
-        let mut points = self.ranks.is_root().then(|| {
-            let mut points = self.clone();
-            points.ranks = Ranks::default();
-            if own.len() < points.len() {
-                points.select(&own);
-            }
-            points
-        });
+        let own: Vec<u32> = (0..self.len() as u32).collect();
+        let mut points = self.ranks.is_root().then(|| Points { ranks: Ranks::default(), ..self.clone() });
         // One rank after the other, so that no more than one message is in memory.
         for rank in 1..self.ranks.count() {
             let is_ours = rank == self.ranks.own();

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use crate::basis::DomainKind;
 use crate::model::Model;
 use crate::points::Points;
+use crate::ranks::Ranks;
 
 /// Side of the bins that domains are sorted into, relative to the mean extent of a domain, [-].
 const BIN: f64 = 2.0;
@@ -22,8 +23,27 @@ struct Domain<const D: usize> {
 }
 
 /// Volume shared by the domains of the converged state, summed over all pairs of points, relative to the sum of their volumes,
-/// [-]; for bodies of revolution, in the section. `None` without domains, and in space for domains given by corners.
+/// [-]; for bodies of revolution, in the section. `None` without domains, and in space for domains given by corners. All ranks
+/// must ask for it together.
 pub fn domain_overlap<const D: usize>(model: &Model<D>, points: &Points<D>) -> Option<f64> {
+    let ranks = &points.ranks;
+    let own = domains_of(model, points);
+    if ranks.any(own.is_none()) {
+        return None;
+    }
+    let mut domains = own?;
+    let total = ranks.total(domains.iter().map(Domain::volume).sum());
+    if !total.is_finite() || total <= 0.0 {
+        return None;
+    }
+    let n_own = domains.len();
+    let of_lower_ranks = of_lower_ranks(ranks, &domains);
+    domains.extend(of_lower_ranks);
+    Some(ranks.total(shared_by_pairs(&domains, n_own)) / total)
+}
+
+/// The domains of the points of this rank; `None` if some cannot be cut with others.
+fn domains_of<const D: usize>(model: &Model<D>, points: &Points<D>) -> Option<Vec<Domain<D>>> {
     let mut domains = Vec::new();
     for p in 0..points.len() {
         match model.bodies[points.body[p] as usize].method.domain() {
@@ -37,10 +57,36 @@ pub fn domain_overlap<const D: usize>(model: &Model<D>, points: &Points<D>) -> O
             DomainKind::Corners => domains.push(of_corners(points.corners(p))?),
         }
     }
-    let total: f64 = domains.iter().map(Domain::volume).sum();
-    if domains.is_empty() || !total.is_finite() || total <= 0.0 {
-        return None;
+    Some(domains)
+}
+
+/// The domains of lower ranks that may meet those of this rank.
+fn of_lower_ranks<const D: usize>(ranks: &Ranks, own: &[Domain<D>]) -> Vec<Domain<D>> {
+    if ranks.is_alone() {
+        return Vec::new();
     }
+    let hull = own.iter().fold([[f64::INFINITY; D], [f64::NEG_INFINITY; D]], |[low, high], domain| {
+        [
+            std::array::from_fn(|d| low[d].min(domain.low[d])),
+            std::array::from_fn(|d| high[d].max(domain.high[d])),
+        ]
+    });
+    let hulls = ranks.gather_all(hull.as_flattened().to_vec());
+    let mut messages = Vec::new();
+    for (rank, hull) in hulls.iter().enumerate().skip(ranks.own() + 1) {
+        let meets =
+            |domain: &&Domain<D>| (0..D).all(|d| domain.low[d] < hull[D + d] && hull[d] < domain.high[d]);
+        let message: Vec<Vec<f64>> = own.iter().filter(meets).map(Domain::numbers).collect();
+        if !message.is_empty() {
+            messages.push((rank, message));
+        }
+    }
+    let received = ranks.exchange(messages).into_iter().flat_map(|(_, domains)| domains);
+    received.filter_map(|numbers| Domain::of_numbers(&numbers)).collect()
+}
+
+/// Volume shared by all pairs of domains of which at least one is among the first `n_own`.
+fn shared_by_pairs<const D: usize>(domains: &[Domain<D>], n_own: usize) -> f64 {
     let mean: f64 = domains.iter().map(Domain::extent).sum::<f64>() / domains.len() as f64;
     let bin = |x: f64| (x / (BIN * mean)).floor() as i64;
     let mut bins: HashMap<[i64; D], Vec<u32>> = HashMap::new();
@@ -57,7 +103,8 @@ pub fn domain_overlap<const D: usize>(model: &Model<D>, points: &Points<D>) -> O
         .par_iter()
         .map(|(index, members)| {
             let mut sum = 0.0;
-            for (place, &a) in members.iter().enumerate() {
+            // Numbers ascend, so that those of this rank come first.
+            for (place, &a) in members.iter().enumerate().filter(|(_, a)| (**a as usize) < n_own) {
                 for &b in &members[place + 1..] {
                     let (a, b) = (&domains[a as usize], &domains[b as usize]);
                     let low: [f64; D] = std::array::from_fn(|d| a.low[d].max(b.low[d]));
@@ -71,7 +118,7 @@ pub fn domain_overlap<const D: usize>(model: &Model<D>, points: &Points<D>) -> O
             sum
         })
         .collect();
-    Some(shared.iter().sum::<f64>() / total)
+    shared.iter().sum::<f64>()
 }
 
 /// A domain given by corners, in the plane.
@@ -92,6 +139,21 @@ fn of_corners<const D: usize>(corners: &[[f64; D]]) -> Option<Domain<D>> {
 }
 
 impl<const D: usize> Domain<D> {
+    /// The domain as numbers, for other ranks: the ends of the bounding box, and the corners of the halves if it has any.
+    fn numbers(&self) -> Vec<f64> {
+        let halves = self.halves.iter().flatten().flatten().flatten();
+        self.low.iter().chain(&self.high).chain(halves).copied().collect()
+    }
+
+    fn of_numbers(numbers: &[f64]) -> Option<Self> {
+        let (low, rest) = numbers.split_first_chunk()?;
+        let (high, rest) = rest.split_first_chunk()?;
+        let halves = (!rest.is_empty()).then(|| {
+            std::array::from_fn(|h| std::array::from_fn(|k| std::array::from_fn(|d| rest[6 * h + 2 * k + d])))
+        });
+        Some(Domain { low: *low, high: *high, halves })
+    }
+
     fn volume(&self) -> f64 {
         match &self.halves {
             None => (0..D).map(|d| self.high[d] - self.low[d]).product(),

@@ -7,28 +7,38 @@ use super::{Communicator, Ranks};
 
 type Bytes = Vec<u8>;
 
+/// The call in which a message is sent.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Call {
+    GatherAll,
+    Gather,
+    Exchange,
+    Swap,
+}
+
 /// The end of the channels of one rank.
 #[derive(Debug)]
 struct Thread {
     own: usize,
-    to: Vec<Sender<Bytes>>,
-    from: Vec<Mutex<Receiver<Bytes>>>,
+    to: Vec<Sender<(Call, Bytes)>>,
+    from: Vec<Mutex<Receiver<(Call, Bytes)>>>,
 }
 
 impl Thread {
-    fn send(&self, rank: usize, message: Bytes) {
+    fn send(&self, call: Call, rank: usize, message: Bytes) {
         // A rank that has ended receives nothing.
-        let _ = self.to[rank].send(message);
+        let _ = self.to[rank].send((call, message));
     }
 
     /// The next message of a rank.
     ///
     /// # Panics
-    /// If that rank has ended: this one would wait for ever.
-    fn receive(&self, rank: usize) -> Bytes {
+    /// If that rank has ended, so that this one would wait for ever, or is in another call than this one.
+    fn receive(&self, call: Call, rank: usize) -> Bytes {
         let from = self.from[rank].lock().unwrap_or_else(PoisonError::into_inner);
         match from.recv() {
-            Ok(message) => message,
+            Ok((other, message)) if other == call => message,
+            Ok((other, _)) => panic!("rank {rank} is in {other:?}, and rank {} in {call:?}", self.own),
             Err(_) => panic!("rank {rank} has ended before rank {}", self.own),
         }
     }
@@ -44,16 +54,16 @@ impl Communicator for Thread {
     }
 
     fn gather_all(&self, own: &[u8]) -> Vec<Bytes> {
-        (0..self.count()).for_each(|rank| self.send(rank, own.to_vec()));
-        (0..self.count()).map(|rank| self.receive(rank)).collect()
+        (0..self.count()).for_each(|rank| self.send(Call::GatherAll, rank, own.to_vec()));
+        (0..self.count()).map(|rank| self.receive(Call::GatherAll, rank)).collect()
     }
 
     fn gather(&self, own: &[u8]) -> Vec<Bytes> {
-        self.send(0, own.to_vec());
+        self.send(Call::Gather, 0, own.to_vec());
         if self.own > 0 {
             return Vec::new();
         }
-        (0..self.count()).map(|rank| self.receive(rank)).collect()
+        (0..self.count()).map(|rank| self.receive(Call::Gather, rank)).collect()
     }
 
     fn exchange(&self, messages: Vec<(usize, Bytes)>) -> Vec<(usize, Bytes)> {
@@ -61,11 +71,12 @@ impl Communicator for Thread {
         messages.into_iter().for_each(|(rank, message)| of_rank[rank] = Some(message));
         for (rank, message) in of_rank.into_iter().enumerate() {
             // The first byte tells whether there is a message.
-            self.send(rank, message.map_or_else(|| vec![0], |message| [vec![1], message].concat()));
+            let message = message.map_or_else(|| vec![0], |message| [vec![1], message].concat());
+            self.send(Call::Exchange, rank, message);
         }
         (0..self.count())
             .filter_map(|rank| {
-                let mut message = self.receive(rank);
+                let mut message = self.receive(Call::Exchange, rank);
                 (message.remove(0) == 1).then_some((rank, message))
             })
             .collect()
@@ -73,10 +84,10 @@ impl Communicator for Thread {
 
     fn swap(&self, with: &[usize], send: &[Vec<f64>], receive: &mut [Vec<f64>]) {
         for (&rank, numbers) in with.iter().zip(send) {
-            self.send(rank, numbers.iter().flat_map(|x| x.to_ne_bytes()).collect());
+            self.send(Call::Swap, rank, numbers.iter().flat_map(|x| x.to_ne_bytes()).collect());
         }
         for (&rank, numbers) in with.iter().zip(receive) {
-            let bytes = self.receive(rank);
+            let bytes = self.receive(Call::Swap, rank);
             for (number, bytes) in numbers.iter_mut().zip(bytes.chunks_exact(size_of::<f64>())) {
                 *number = f64::from_ne_bytes(bytes.try_into().unwrap_or_default());
             }

@@ -22,14 +22,6 @@ fn told_by(rank: Option<usize>, error: &SolveError) -> OfRank {
     }
 }
 
-/// An error in words.
-pub(super) fn told(error: &SolveError) -> OfRank {
-    match error {
-        SolveError::OnRank(error) => error.as_ref().clone(),
-        error => told_by(None, error),
-    }
-}
-
 /// Lets an attempt succeed only if it has on all ranks. All ranks get the error of the first that has one, so that all of them
 /// answer it alike; only that rank keeps the error itself.
 pub(super) fn agree<T>(ranks: &Ranks, outcome: Result<T, SolveError>) -> Result<T, SolveError> {

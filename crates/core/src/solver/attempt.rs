@@ -2,7 +2,6 @@
 
 use crate::basis::Connectivity;
 
-use super::agree::told;
 use super::control::{NoPath, Path};
 use super::error::SolveError;
 use crate::equilibrium::Energy;
@@ -157,22 +156,6 @@ impl<const D: usize> FailedAttempt<D> {
         match &mut self.iterate {
             Some(iterate) => iterate.links.exchange_halo(halo),
             None => Halo::default(),
-        }
-    }
-
-    /// The same attempt with another iterate, and its error in words.
-    pub(super) fn told_with(&self, iterate: Option<Iterate<D>>) -> Self {
-        FailedAttempt {
-            step: self.step,
-            error: SolveError::OnRank(Box::new(told(&self.error))),
-            may_succeed_if_smaller: self.may_succeed_if_smaller,
-            is_repeated: self.is_repeated,
-            residuals: self.residuals.clone(),
-            augmentations: self.augmentations,
-            linear_iterations: self.linear_iterations,
-            load_factor: self.load_factor,
-            indefinite: self.indefinite,
-            iterate,
         }
     }
 

@@ -11,6 +11,9 @@ use super::error::SolveError;
 use super::summary::Summary;
 
 /// A follower of a run: a writer of results, a display of the progress, or a recorder in tests.
+///
+/// Each of several ranks has one, which gets the points and the part of the grid of that rank. All are called together, so that
+/// they may exchange what they have through the ranks of the points.
 pub trait Observer<const D: usize> {
     /// Called before the first step, which begins from the converged state of `points`.
     ///
@@ -25,12 +28,6 @@ pub trait Observer<const D: usize> {
 
     /// Called after every evaluation of the out-of-balance force.
     fn iteration(&mut self, _step: Step, _iteration: usize, _residual: f64) {}
-
-    /// True if [`converged`](Observer::converged) looks at all points after this step; otherwise, other ranks send it only those of
-    /// probes.
-    fn needs_points(&self, _model: &Model<D>, _step: Step) -> bool {
-        true
-    }
 
     /// Called when a step is in equilibrium and committed.
     ///

@@ -478,7 +478,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
             (None, None) => None,
         };
         self.reached.summary.diagnosis = ended.map(|(_, diagnosis)| diagnosis.clone());
-        // The run has failed already.
+        // The run has failed already, on all ranks.
         let observe = || observer.failed(model, points, &failed, ended);
         let _ = self.reached.summary.timings.measure(Phase::Output, observe);
         Err(cause.map_or(failed.error, |(cause, _)| cause.error))
@@ -562,7 +562,7 @@ pub(super) fn finish<const D: usize>(
     timings.measure(Phase::Update, || quality.conclude(model, points));
     let finished = reached.summary;
     let reported = observer.finished(model, points, &finished, outcome.as_ref().err());
-    outcome.and(reported.map_err(SolveError::Output)).map(|()| finished)
+    outcome.and(agree(&points.ranks, reported.map_err(SolveError::Output))).map(|()| finished)
 }
 
 fn refused(term: &str, reason: &str) -> SolveError {

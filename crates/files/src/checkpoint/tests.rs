@@ -1,14 +1,20 @@
 use super::*;
 use mpm_core::points::{PointFieldSpec, State};
+use mpm_core::ranks::threads;
 use mpm_core::solver::Summary;
 use mpm_deck::load::load;
-use mpm_deck::ready::{Analysis, ready};
+use mpm_deck::ready::{Analysis, ready_on};
 
 /// The collapse, whose points have a domain and a history.
 fn analysis() -> (Value, Model<2>, Points<2>) {
+    analysis_on(&Ranks::default())
+}
+
+/// The same, divided between ranks.
+fn analysis_on(ranks: &Ranks) -> (Value, Model<2>, Points<2>) {
     let set = [("h", "1"), ("n", "2"), ("method", "cpdi2")].map(|(k, v)| (k.to_owned(), v.to_owned()));
     let loaded = load(Path::new("../../inputs/collapse.yaml"), &set).unwrap();
-    let Analysis::Plane(parts) = ready(&loaded, None).unwrap().analysis else { panic!() };
+    let Analysis::Plane(parts) = ready_on(ranks, &loaded, None).unwrap().analysis else { panic!() };
     let (model, points) = *parts;
     (serde_json::to_value(&loaded.deck).unwrap(), model, points)
 }
@@ -35,7 +41,7 @@ fn the_last_two_are_kept_and_read_back_exactly() {
         write(directory.path(), (&deck, "f"), &reached(step), &Findings::default(), &points).unwrap();
     }
     assert_eq!(names(directory.path()), ["checkpoint_0010.mpm", "checkpoint_10000.mpm"]);
-    let (found, refused) = latest(directory.path()).unwrap();
+    let (found, refused) = latest(directory.path(), &Ranks::default()).unwrap();
     let found = found.unwrap();
     assert!(refused.is_empty());
     assert_eq!((found.head.reached.clone(), &found.head.deck), (reached(10000), &deck));
@@ -52,6 +58,77 @@ fn the_last_two_are_kept_and_read_back_exactly() {
     assert_eq!(others.original_corners, points.original_corners);
 }
 
+/// Number, mass and a stress of each point that some ranks restore from the last checkpoint, with its step and the files refused.
+fn restored(directory: &Path, n: usize) -> (Vec<(u32, f64, f64)>, usize, Vec<String>) {
+    let of_ranks = threads::run(n, |ranks| {
+        let (_, model, mut points) = analysis_on(&ranks);
+        let (found, refused) = latest(directory, &ranks).unwrap();
+        let found = found.unwrap();
+        found.restore(&model, &mut points).unwrap();
+        let here = |cell: &u32| {
+            ranks.is_alone() || points.partition.rank_of(model.grid.as_ref(), *cell) == ranks.own()
+        };
+        assert!(points.cell.iter().all(here));
+        let of_point = |p: usize| (points.id[p], points.mass[p], points.converged.kirchhoff_stress[p].0[2]);
+        let of_points: Vec<_> = (0..points.len()).map(of_point).collect();
+        (of_points, found.step().index, refused.iter().map(ToString::to_string).collect::<Vec<_>>())
+    });
+    let (step, refused) = (of_ranks[0].1, of_ranks[0].2.clone());
+    assert!(of_ranks.iter().all(|of| (of.1, &of.2) == (step, &refused)));
+    let mut all: Vec<(u32, f64, f64)> = of_ranks.into_iter().flat_map(|of| of.0).collect();
+    all.sort_by_key(|(id, ..)| *id);
+    (all, step, refused)
+}
+
+#[test]
+fn any_number_of_ranks_reads_the_pieces_of_others() {
+    let directory = tempfile::tempdir().unwrap();
+    threads::run(3, |ranks| {
+        let (deck, _, mut points) = analysis_on(&ranks);
+        for step in [9, 10, 11] {
+            for p in 0..points.len() {
+                points.converged.kirchhoff_stress[p].0[2] = 0.1 * (step as f64 + f64::from(points.id[p]));
+            }
+            write(directory.path(), (&deck, "f"), &reached(step), &Findings::default(), &points).unwrap();
+            // A rank may begin the next checkpoint while the first one writes this one.
+            ranks.any(false);
+        }
+    });
+    let files =
+        ["10.mpm", "10_r0.mpm", "10_r1.mpm", "10_r2.mpm", "11.mpm", "11_r0.mpm", "11_r1.mpm", "11_r2.mpm"];
+    assert_eq!(names(directory.path()), files.map(|end| format!("checkpoint_00{end}")));
+    let whole = analysis().2;
+    let expected = |step: f64| -> Vec<(u32, f64, f64)> {
+        whole
+            .by_id()
+            .into_iter()
+            .map(|p| (whole.id[p], whole.mass[p], 0.1 * (step + f64::from(whole.id[p]))))
+            .collect()
+    };
+    for n in [1, 2, 3, 4] {
+        assert_eq!(restored(directory.path(), n), (expected(11.0), 11, Vec::new()), "{n} ranks");
+    }
+    // Any number of ranks notices a piece that is damaged, of another checkpoint or missing.
+    let piece = directory.path().join("checkpoint_0011_r2.mpm");
+    let good = fs::read(&piece).unwrap();
+    let other = fs::read(directory.path().join("checkpoint_0010_r2.mpm")).unwrap();
+    for (content, reason) in [
+        (Some(&good[..good.len() - 9]), "its piece `checkpoint_0011_r2.mpm`: "),
+        (Some(&other[..]), "its piece `checkpoint_0011_r2.mpm` does not belong to `checkpoint_0011.mpm`"),
+        (None, "its piece `checkpoint_0011_r2.mpm`: "),
+    ] {
+        match content {
+            Some(content) => fs::write(&piece, content).unwrap(),
+            None => fs::remove_file(&piece).unwrap(),
+        }
+        for n in [1, 2, 4] {
+            let (points, step, refused) = restored(directory.path(), n);
+            assert_eq!((points, step), (expected(10.0), 10), "{n} ranks");
+            assert!(refused.len() == 1 && refused[0].contains(reason), "{refused:?}");
+        }
+    }
+}
+
 #[test]
 fn damaged_files_are_refused_by_name_and_the_one_before_is_used() {
     let directory = tempfile::tempdir().unwrap();
@@ -63,7 +140,7 @@ fn damaged_files_are_refused_by_name_and_the_one_before_is_used() {
     let good = fs::read(&path).unwrap();
     let refused = |bytes: &[u8]| {
         fs::write(&path, bytes).unwrap();
-        let (found, refused) = latest(directory.path()).unwrap();
+        let (found, refused) = latest(directory.path(), &Ranks::default()).unwrap();
         assert_eq!(found.unwrap().step().index, 1);
         assert_eq!(refused.len(), 1);
         let text = refused[0].to_string();
@@ -84,7 +161,7 @@ fn damaged_files_are_refused_by_name_and_the_one_before_is_used() {
     other[NAME_LENGTH] = b'7';
     assert_eq!(refused(&other), "it has version 7 of the format, but this program reads 3");
     fs::write(&path, &good).unwrap();
-    assert_eq!(latest(directory.path()).unwrap().0.unwrap().step().index, 2);
+    assert_eq!(latest(directory.path(), &Ranks::default()).unwrap().0.unwrap().step().index, 2);
 }
 
 /// Offset of the version.
@@ -95,10 +172,13 @@ fn points_of_another_kind_are_refused() {
     let directory = tempfile::tempdir().unwrap();
     let (deck, model, points) = analysis();
     write(directory.path(), (&deck, "f"), &reached(1), &Findings::default(), &points).unwrap();
-    let found = latest(directory.path()).unwrap().0.unwrap();
+    let found = latest(directory.path(), &Ranks::default()).unwrap().0.unwrap();
     let mut other = Points::<2>::new(&[]);
     assert!(found.restore(&model, &mut other).unwrap_err().contains("other points"));
-    assert_eq!(latest(tempfile::tempdir().unwrap().path()).unwrap_err().kind(), io::ErrorKind::NotFound);
+    assert_eq!(
+        latest(tempfile::tempdir().unwrap().path(), &Ranks::default()).unwrap_err().kind(),
+        io::ErrorKind::NotFound
+    );
 }
 
 /// A consistent file that no run of the deck has written.
@@ -108,7 +188,7 @@ fn a_state_that_no_run_has_reached_is_refused() {
     let (deck, model, good) = analysis();
     let refused = |points: &Points<2>, reached: &Reached, findings: &Findings| {
         write(directory.path(), (&deck, "f"), reached, findings, points).unwrap();
-        let found = latest(directory.path()).unwrap().0.unwrap();
+        let found = latest(directory.path(), &Ranks::default()).unwrap().0.unwrap();
         found.restore(&model, &mut analysis().2).unwrap_err()
     };
     let nothing = Findings::default();
@@ -172,7 +252,7 @@ fn further_fields_are_kept_and_others_are_refused() {
     points.further.restore(age, &numbers);
     points.further.restore(pore, &numbers[n..]);
     write(directory.path(), (&deck, "f"), &reached(1), &Findings::default(), &points).unwrap();
-    let found = latest(directory.path()).unwrap().0.unwrap();
+    let found = latest(directory.path(), &Ranks::default()).unwrap().0.unwrap();
 
     let restored = |declared: &[PointFieldSpec]| {
         let mut fresh = analysis().2;
@@ -227,7 +307,7 @@ fn damaged_lists_of_further_fields_are_refused() {
     let n = points.len();
     points.declare(spec("age", FieldKind::Motion, 2, n)).unwrap();
     write(directory.path(), (&deck, "f"), &reached(1), &Findings::default(), &points).unwrap();
-    let good = latest(directory.path()).unwrap().0.unwrap();
+    let good = latest(directory.path(), &Ranks::default()).unwrap().0.unwrap();
     let refused = |change: &dyn Fn(&mut Checkpoint)| {
         let mut damaged =
             Checkpoint { path: good.path.clone(), head: good.head.clone(), arrays: good.arrays.clone() };
@@ -241,10 +321,11 @@ fn damaged_lists_of_further_fields_are_refused() {
     assert!(refused(&|c| c.head.further[0].components = 0).contains("that of this analysis"));
     assert!(refused(&|c| c.head.further[0].kind = FieldKind::Fixed).contains("that of this analysis"));
     assert!(refused(&|c| c.head.further[0].name.clear()).contains("does not declare"));
-    for length in [0, 7, good.arrays.len() - 16 * n, good.arrays.len() - 1] {
-        assert!(refused(&|c| c.arrays.truncate(length)).contains("shorter"));
+    let whole = good.arrays[0].1.len();
+    for length in [0, 7, whole - 16 * n, whole - 1] {
+        assert!(refused(&|c| c.arrays[0].1.truncate(length)).contains("shorter"));
     }
-    assert!(refused(&|c| c.arrays.extend([0; 8])).contains("longer"));
+    assert!(refused(&|c| c.arrays[0].1.extend([0; 8])).contains("longer"));
 }
 
 /// The bytes of an account without further fields are those of earlier versions.
@@ -253,7 +334,7 @@ fn an_account_without_further_fields_does_not_name_them() {
     let directory = tempfile::tempdir().unwrap();
     let (deck, _, points) = analysis();
     write(directory.path(), (&deck, "f"), &reached(1), &Findings::default(), &points).unwrap();
-    let head = latest(directory.path()).unwrap().0.unwrap().head;
+    let head = latest(directory.path(), &Ranks::default()).unwrap().0.unwrap().head;
     let text = serde_json::to_string(&head).unwrap();
     assert!(text.ends_with(&format!(r#""shape":[2,{},1,4]}}"#, points.len())), "{text}");
 }

@@ -9,7 +9,7 @@ use quick_xml::XmlVersion;
 use quick_xml::events::{BytesStart, Event};
 use rayon::prelude::*;
 
-use super::{BEGIN, END, blocks};
+use super::{BEGIN, END, blocks, pieces};
 
 /// Section of a file that contains an array.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -109,27 +109,90 @@ pub struct MeshFile {
     points: usize,
     cells: usize,
     arrays: Vec<Array>,
+    /// The pieces that the mesh consists of, which then hold the arrays.
+    pieces: Vec<MeshFile>,
+    /// The points and the cells of all pieces by ascending permanent numbers, if they have such.
+    order: Option<[Vec<usize>; 2]>,
 }
 
+/// Name of the permanent numbers of the points.
+const NUMBER: &str = "point_id";
+
 impl MeshFile {
-    /// Reads a file.
+    /// Reads a file, or all pieces of a mesh in pieces. Points of pieces that have permanent numbers are put in their order.
     ///
     /// # Errors
     /// An error of the file system; `InvalidData` with the name of the file if it is cut off, or not written by this
     /// program.
     pub fn read(path: &Path) -> io::Result<MeshFile> {
-        MeshFile::from_bytes(path, std::fs::read(path)?)
+        let bytes = std::fs::read(path)?;
+        if path.extension().is_some_and(|extension| extension == pieces::EXTENSION) {
+            MeshFile::of_pieces(path, &bytes)
+        } else {
+            MeshFile::from_bytes(path, bytes)
+        }
     }
 
-    fn from_bytes(path: &Path, bytes: Vec<u8>) -> io::Result<MeshFile> {
-        let mut file = MeshFile {
+    /// Reads the pieces that a list in these bytes names.
+    fn of_pieces(path: &Path, bytes: &[u8]) -> io::Result<MeshFile> {
+        let mut file = MeshFile::empty(path);
+        let directory = path.parent().unwrap_or(Path::new(""));
+        let names = std::str::from_utf8(bytes).map_err(|error| error.to_string());
+        let names =
+            names.and_then(|text| pieces::names(text, directory)).map_err(|what| file.invalid(&what))?;
+        for name in names {
+            let piece = MeshFile::from_bytes(&name, std::fs::read(&name)?)?;
+            file.points += piece.points;
+            file.cells += piece.cells;
+            file.pieces.push(piece);
+        }
+        file.arrays = file.pieces.first().map(|piece| piece.arrays.clone()).unwrap_or_default();
+        file.order = file.order_of_pieces()?;
+        Ok(file)
+    }
+
+    /// The order of the points and of the cells by permanent numbers, if the points or the cells have such.
+    fn order_of_pieces(&self) -> io::Result<Option<[Vec<usize>; 2]>> {
+        let sorted = |section: Section| {
+            let numbers = self.values(section, NUMBER)?;
+            let mut order: Vec<usize> = (0..numbers.len()).collect();
+            order.sort_by(|a, b| numbers[*a].total_cmp(&numbers[*b]));
+            Ok::<_, io::Error>(order)
+        };
+        let has = |section: Section| self.arrays(section).any(|array| array.name == NUMBER);
+        if has(Section::PointData) && self.points == self.cells {
+            let order = sorted(Section::PointData)?;
+            return Ok(Some([order.clone(), order]));
+        }
+        if !has(Section::CellData) {
+            return Ok(None);
+        }
+        let cells = sorted(Section::CellData)?;
+        let corners = self.corners()?;
+        let points: Vec<usize> = cells.iter().flat_map(|cell| &corners[*cell]).copied().collect();
+        // Domains share no corners.
+        if points.len() == self.points {
+            Ok(Some([points, cells]))
+        } else {
+            Err(self.invalid("its cells share points"))
+        }
+    }
+
+    fn empty(path: &Path) -> MeshFile {
+        MeshFile {
             path: path.to_owned(),
             bytes: Vec::new(),
             appended: 0..0,
             points: 0,
             cells: 0,
             arrays: Vec::new(),
-        };
+            pieces: Vec::new(),
+            order: None,
+        }
+    }
+
+    fn from_bytes(path: &Path, bytes: Vec<u8>) -> io::Result<MeshFile> {
+        let mut file = MeshFile::empty(path);
         let found = file.index(&bytes);
         file.bytes = bytes;
         found.map_err(|what| file.invalid(&what))?;
@@ -224,6 +287,58 @@ impl MeshFile {
     /// # Errors
     /// `InvalidData` if its data are damaged.
     pub fn decode(&self, array: &Array) -> io::Result<Vec<f64>> {
+        if self.pieces.is_empty() { self.decode_own(array) } else { self.decode_pieces(array) }
+    }
+
+    /// The numbers of an array of all pieces.
+    fn decode_pieces(&self, array: &Array) -> io::Result<Vec<f64>> {
+        let (mut all, mut points, mut corners) = (Vec::new(), 0, 0.0);
+        for piece in &self.pieces {
+            let mut values = piece.values(array.section, &array.name)?;
+            match (array.section, array.name.as_str()) {
+                (Section::FieldData, _) => return Ok(values),
+                (Section::Cells, "connectivity") => {
+                    values.iter_mut().for_each(|point| *point += points as f64)
+                }
+                (Section::Cells, "offsets") => {
+                    values.iter_mut().for_each(|end| *end += corners);
+                    corners = values.last().copied().unwrap_or(corners);
+                }
+                _ => {}
+            }
+            points += piece.points;
+            all.extend(values);
+        }
+        let Some([of_points, of_cells]) = &self.order else { return Ok(all) };
+        let order = match (array.section, array.name.as_str()) {
+            // Corners follow one another in the order of the cells.
+            (Section::Cells, "connectivity") => {
+                return Ok((0..all.len()).map(|corner| corner as f64).collect());
+            }
+            (Section::Cells, "offsets") => {
+                let sizes: Vec<f64> = (0..all.len())
+                    .map(|cell| all[cell] - if cell > 0 { all[cell - 1] } else { 0.0 })
+                    .collect();
+                let mut end = 0.0;
+                return Ok((of_cells.iter())
+                    .map(|cell| {
+                        end += sizes[*cell];
+                        end
+                    })
+                    .collect());
+            }
+            (Section::Points | Section::PointData, _) => of_points,
+            _ => of_cells,
+        };
+        let n = array.components;
+        if order.len() * n != all.len() {
+            return Err(self.invalid(&format!("array `{}` differs between pieces", array.name)));
+        }
+        Ok(order.iter().flat_map(|place| &all[place * n..][..n]).copied().collect())
+    }
+
+    /// The numbers of an array of this file.
+    fn decode_own(&self, array: &Array) -> io::Result<Vec<f64>> {
         let owners = match array.section {
             Section::FieldData => array.tuples,
             Section::Points | Section::PointData => Some(self.points),
@@ -383,6 +498,62 @@ mod tests {
             assert_eq!(read.arrays(Section::PointData).next().unwrap().component_names, ["X", "Y", "Z"]);
             let missing = read.values(Section::PointData, "v").unwrap_err().to_string();
             assert!(missing.contains("mesh.vtu: there is no array `v`"), "{missing}");
+        }
+    }
+
+    /// A piece with a quadrilateral around each of these places on the x axis, numbered.
+    fn piece(ids: &[i32], in_points: bool) -> super::super::File {
+        let at = |id: &i32| {
+            [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(|[x, y]| [x + 10.0 * f64::from(*id), y, 0.0])
+        };
+        let points: Vec<[f64; 3]> = if in_points {
+            ids.iter().map(|id| at(id)[0]).collect()
+        } else {
+            ids.iter().flat_map(at).collect()
+        };
+        let kind = if in_points { CellKind::Vertex } else { CellKind::Quad };
+        let connectivity: Vec<i64> = (0..points.len() as i64).collect();
+        let mesh = Mesh { points: &points, kinds: Kinds::All(kind), connectivity: &connectivity };
+        let id = Field { name: NUMBER, components: 1, component_names: &[], values: Values::Int32(ids) };
+        let squares: Vec<f64> = ids.iter().flat_map(|id| [f64::from(*id), f64::from(id * id)]).collect();
+        let values = Values::Float64(&squares);
+        let square = Field { name: "square", components: 2, component_names: &["A", "B"], values };
+        let (of_points, of_cells): (&[Field], &[Field]) =
+            if in_points { (&[id, square], &[]) } else { (&[], &[id, square]) };
+        super::super::file(0.5, 12, &mesh, of_points, of_cells).unwrap()
+    }
+
+    #[test]
+    fn pieces_are_one_mesh_in_the_order_of_the_numbers() {
+        for in_points in [true, false] {
+            let directory = tempfile::tempdir().unwrap();
+            let names: Vec<String> = (0..3).map(|rank| format!("mesh_r{rank}.vtu")).collect();
+            // The rank in the middle has no points.
+            let pieces = [&[4, 1][..], &[], &[0, 3, 2]].map(|ids| piece(ids, in_points));
+            for (piece, name) in pieces.iter().zip(&names) {
+                piece.write(&directory.path().join(name)).unwrap();
+            }
+            let list = directory.path().join("mesh.pvtu");
+            super::super::Pieces::new(&pieces[0], &names).write(&list).unwrap();
+            let whole = directory.path().join("mesh.vtu");
+            piece(&[0, 1, 2, 3, 4], in_points).write(&whole).unwrap();
+            let [read, whole] = [&list, &whole].map(|path| MeshFile::read(path).unwrap());
+            assert_eq!((read.points(), read.cells()), (whole.points(), whole.cells()));
+            assert_eq!(read.positions().unwrap(), whole.positions().unwrap());
+            assert_eq!(read.corners().unwrap(), whole.corners().unwrap());
+            let arrays = |file: &MeshFile| -> Vec<(String, Vec<f64>)> {
+                file.arrays.iter().map(|array| (array.name.clone(), file.decode(array).unwrap())).collect()
+            };
+            assert_eq!(arrays(&read), arrays(&whole));
+
+            let text = std::fs::read(&list).unwrap();
+            for end in 0..text.len() {
+                std::fs::write(&list, &text[..end]).unwrap();
+                assert!(MeshFile::read(&list).unwrap_err().to_string().contains("mesh.pvtu"), "{end}");
+            }
+            std::fs::write(&list, &text).unwrap();
+            std::fs::remove_file(directory.path().join(&names[2])).unwrap();
+            assert!(MeshFile::read(&list).is_err());
         }
     }
 

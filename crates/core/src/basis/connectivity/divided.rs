@@ -77,39 +77,20 @@ impl<const D: usize> Connectivity<D> {
         Halo::new(ranks, &self.active_nodes, &sharing(ranks, &nodes, n_nodes))
     }
 
-    /// The active nodes and cells of all ranks, on rank 0; without points.
-    pub fn gather(&self, grid: &dyn Grid<D>) -> Option<Connectivity<D>> {
+    /// The cells with points or parts of domains that this rank shows: of those that several ranks have, the lowest one shows
+    /// them. All ranks must ask for them together.
+    pub fn shown_cells(&self, grid: &dyn Grid<D>) -> Vec<u32> {
         let ranks = self.halo.ranks();
-        let of_ranks = ranks.gather((self.active_nodes.clone(), self.active_cells.clone()));
-        if !ranks.is_root() {
-            return None;
-        }
-        let mut all = Connectivity { group_points: vec![0], ..Connectivity::default() };
-        for (nodes, cells) in of_ranks {
-            all.group_nodes.extend(nodes);
-            all.active_cells.extend(cells);
-        }
-        all.number_active_nodes(grid.n_nodes());
-        all.group_nodes = Vec::new();
-        all.group_node_start = vec![0];
-        all.list_active_cells(grid.n_cells());
-        Some(all)
-    }
-
-    /// A complete nodal field on the active nodes of all ranks, `on`, which only rank 0 has.
-    pub fn gather_field(&self, on: Option<&Connectivity<D>>, field: &[[f64; D]]) -> Option<Vec<[f64; D]>> {
-        let numbers: Vec<f64> = field.as_flattened().to_vec();
-        let of_ranks = self.halo.ranks().gather((self.active_nodes.clone(), numbers));
-        let on = on?;
-        let mut all = vec![[0.0; D]; on.n_active()];
-        for (nodes, numbers) in of_ranks {
-            for (node, value) in nodes.iter().zip(numbers.chunks_exact(D)) {
-                if let Some(active) = on.active_number(*node as usize) {
-                    all[active].copy_from_slice(value);
-                }
-            }
-        }
-        Some(all)
+        let mut cells = self.active_cells.clone();
+        let own: Vec<(u32, bool)> = cells.iter().map(|cell| (*cell, true)).collect();
+        let shared = sharing(ranks, &own, grid.n_cells());
+        let is_of_lower = |cell: &u32| {
+            let sharers = shared.binary_search_by_key(cell, |(cell, _)| *cell).map(|place| &shared[place].1);
+            sharers
+                .is_ok_and(|sharers| sharers.first().is_some_and(|first| (first.rank as usize) < ranks.own()))
+        };
+        cells.retain(|cell| !is_of_lower(cell));
+        cells
     }
 
     /// The nodes that groups of this rank touch, and other ranks, too.
