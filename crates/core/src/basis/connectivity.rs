@@ -160,6 +160,7 @@ impl<const D: usize> Connectivity<D> {
             self.add_layer(grid, &points.ranks, &sharing);
         }
         self.number_active_nodes(grid.n_nodes());
+        self.agree_on_carriers(&points.ranks);
         self.halo = self.find_halo(&points.ranks, grid.n_nodes());
         Ok(self)
     }

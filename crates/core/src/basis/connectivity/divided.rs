@@ -67,6 +67,19 @@ impl<const D: usize> Connectivity<D> {
         self.layer_cells.retain(|cell| own.binary_search(cell).is_err());
     }
 
+    /// Lets each node that only slivers touch move with the same node on all ranks, whichever of them have the points that touch
+    /// it: the lowest carrier that the points of any rank have for it, of those that this rank knows.
+    pub(super) fn agree_on_carriers(&mut self, ranks: &Ranks) {
+        if ranks.is_alone() {
+            return;
+        }
+        let mut all = ranks.gather_all(std::mem::take(&mut self.carried)).concat();
+        all.sort_unstable();
+        all.retain(|[_, carrier]| self.active_number(*carrier as usize).is_some());
+        all.dedup_by_key(|pair| pair[0]);
+        self.carried = all;
+    }
+
     /// The active nodes that other ranks have, too.
     pub(super) fn find_halo(&self, ranks: &Ranks, n_nodes: usize) -> Halo {
         if ranks.is_alone() {
