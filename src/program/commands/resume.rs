@@ -60,6 +60,8 @@ pub fn find(
     if checkpoint.head.files != loaded.hash_of_files() {
         changed.push("a mesh, surface or library that it names has changed".to_owned());
     }
+    // The files may differ on the machine of one rank only.
+    let changed = machines.ranks().first((!changed.is_empty()).then_some(changed)).unwrap_or_default();
     if !changed.is_empty() {
         bail!(
             "the deck differs from that of the checkpoint `{name}`:\n  {}\n  help: undo the changes, or {AGAIN}; \

@@ -51,13 +51,15 @@ pub fn run(args: RunArgs, command_line: &[OsString], began: Instant) -> anyhow::
     let machines = Machines::start(args.petsc.as_deref())?;
     let alone = machines.ranks().is_alone();
     // Ranks share the cores of a machine.
-    analysis::start_threads(args.threads.or((!alone).then_some(1)))?;
+    let started = analysis::start_threads(args.threads.or((!alone).then_some(1)));
     let directory = args.out.clone().unwrap_or_else(|| default_directory(&args.deck.deck));
-    let outcome = if machines.ranks().is_root() {
-        run_as_root(args, &machines, &directory, (command_line, began))
-    } else {
-        analysis::run_along(&args.deck, &machines, &directory, args.resume)
-    };
+    let outcome = started.and_then(|()| {
+        if machines.ranks().is_root() {
+            run_as_root(args, &machines, &directory, (command_line, began))
+        } else {
+            analysis::run_along(&args.deck, &machines, &directory, args.resume)
+        }
+    });
     machines.withdraw();
     outcome
 }
