@@ -7,7 +7,7 @@
 //! | `load_step`, `step_system`, `fields` | one attempt at a step: what is set up once |
 //! | `newton` | the iterations, eqs. (26), (30) |
 //! | `evaluation`, `unknowns` | forces and K of an iterate; Δd, δd and reactions, eq. (28) |
-//! | `residual` | eq. (40), by connected parts, and round-off |
+//! | `residual`, `body_residual`, `round_off` | eq. (40), by connected parts and by bodies, and round-off |
 //! | `update` | motion of points and domains, section 6.4 |
 //! | `equations` | choice of the linear solver, border of global unknowns |
 //! | `initial_state` | equilibrium of bodies that are stressed at time 0 |
@@ -15,13 +15,14 @@
 //! | `conclusion`, `summary`, `observer` | account of a step and of the run |
 //! | `course`, `forcing`, `damping`, `damped_step`, `control`, `motion` | beyond the paper: forecasts, inexact solves, damping, unknown load factor, predictor |
 //! | `agree`, `of_rank`, `reach` | what all ranks of a run decide together |
-//! | `attempt`, `error`, `diagnosis`, `evidence` | how attempts end, and why they fail |
+//! | `attempt`, `error`, `diagnosis`, `evidence`, `stiffness` | how attempts end, and why they fail |
 //!
 //! A step that fails leaves no trace in the converged state. It is retried in two halves, down to the smallest step
 //! that the deck allows; only equilibrium is committed.
 
 mod agree;
 mod attempt;
+mod body_residual;
 mod conclusion;
 mod control;
 mod course;
@@ -44,10 +45,12 @@ mod pace;
 mod reach;
 mod release;
 mod residual;
+mod round_off;
 mod splitting;
 mod stages;
 mod step_system;
 mod stepper;
+mod stiffness;
 mod strength;
 mod summary;
 mod unknowns;

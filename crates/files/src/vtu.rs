@@ -5,6 +5,7 @@
 
 mod blocks;
 mod field;
+mod piece;
 mod pieces;
 pub mod read;
 

@@ -1,6 +1,7 @@
 //! Basis functions of the material point methods: the grid nodes that a point touches, with values and gradients
 //! (section 6.1).
 
+mod bodies;
 mod connectivity;
 mod cpdi;
 mod factors;
@@ -16,6 +17,7 @@ use crate::points::coordinates;
 
 use factors::Factors;
 
+pub use bodies::TouchedBy;
 pub use connectivity::{Connectivity, LinkBuffer, Links, SupportFailure};
 pub use cpdi::{CORNER_MARGIN, Cpdi, check_domain, domain_volume, nearest_with_distance};
 pub use gimp::Gimp;

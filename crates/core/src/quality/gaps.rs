@@ -5,7 +5,7 @@
 use std::collections::{BTreeMap, HashMap};
 
 use super::warning::{Code, Location, Warning};
-use crate::basis::{Connectivity, DomainKind};
+use crate::basis::{Connectivity, DomainKind, TouchedBy};
 use crate::model::Model;
 use crate::points::{Points, coordinates};
 
@@ -13,8 +13,6 @@ use crate::points::{Points, coordinates};
 const TOUCHING: f64 = 0.5;
 /// Basis functions below this are round-off of domains that end at the node, and join the point to no other, [-].
 const LEAST_SHARE: f64 = 1e-6;
-/// Marks a node that no body touches.
-const NOBODY: u16 = u16::MAX;
 
 /// The box around the points of a body at a node, and the largest extent of these points.
 #[derive(Clone, Copy)]
@@ -150,41 +148,7 @@ fn warn<const D: usize>(model: &Model<D>, bodies: [u16; 2], gap: Gap, step: usiz
 
 /// True for each active node that several bodies touch.
 pub(super) fn shared_nodes<const D: usize>(points: &Points<D>, links: &Connectivity<D>) -> Vec<bool> {
-    let mut owner = vec![NOBODY; links.n_active()];
-    let mut is_shared = vec![false; links.n_active()];
-    for group in 0..links.n_groups() {
-        let nodes = links.nodes_of(group);
-        let mut last: Option<(u16, &[u32])> = None;
-        for p in links.points_of(group) {
-            let (body, local) = (points.body[p], links.local_nodes(p));
-            if last == Some((body, local)) {
-                continue;
-            }
-            last = Some((body, local));
-            for &place in local {
-                let node = nodes[place as usize] as usize;
-                if owner[node] == NOBODY {
-                    owner[node] = body;
-                }
-                is_shared[node] |= owner[node] != body;
-            }
-        }
-    }
-    if !links.halo().ranks().is_alone() {
-        let body = |none: f64| {
-            let numbers = owner.iter().map(|body| if *body == NOBODY { none } else { f64::from(*body) });
-            numbers.collect::<Vec<f64>>()
-        };
-        let (mut least, mut most) = (body(f64::INFINITY), body(f64::NEG_INFINITY));
-        let mut several: Vec<f64> = is_shared.iter().map(|is| f64::from(u8::from(*is))).collect();
-        links.halo().minimum(&mut least);
-        links.halo().maximum(&mut most);
-        links.halo().maximum(&mut several);
-        for (node, is_shared) in is_shared.iter_mut().enumerate() {
-            *is_shared = several[node] > 0.0 || least[node] < most[node];
-        }
-    }
-    is_shared
+    links.bodies_at_nodes(points).into_iter().map(|bodies| bodies == TouchedBy::Several).collect()
 }
 
 /// The reach of every body at the shared nodes, in the order of nodes and bodies.

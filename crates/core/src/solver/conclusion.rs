@@ -11,12 +11,13 @@ use crate::step::{Nodal, StepContext, displacement};
 use crate::terms::Terms;
 
 use super::attempt::{FailedAttempt, Iterate, Slump};
+use super::body_residual;
 use super::control::Path;
 use super::course::Course;
 use super::damping;
 use super::error::SolveError;
 use super::motion::Motion;
-use super::residual::{self, RoundOff};
+use super::residual::RoundOff;
 use super::step_system::StepSystem;
 use super::summary::Summary;
 use super::unknowns::Unknowns;
@@ -68,7 +69,7 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
         }
         let report = StepReport {
             step,
-            body_residuals: residual::of_bodies(&forces, model, points, links),
+            body_residuals: body_residual::of_bodies(&forces, model, points, links),
             carried: forces.carried(parts, &summary.carried, model.bodies.len()),
             reactions,
             moments,

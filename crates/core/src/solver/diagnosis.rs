@@ -12,8 +12,9 @@ use crate::step::Step;
 use crate::stress::{PointError, Volumetric};
 
 use super::attempt::FailedAttempt;
-use super::error::{Obstacle, PointPlace, SolveError, stiffness_spread};
+use super::error::{Obstacle, PointPlace, SolveError};
 use super::evidence::{self, emptiest_cell, points_that_flow};
+use super::stiffness;
 
 /// Filling ratio below which a cell is a small cut cell, [-].
 const SMALL: f64 = 0.1;
@@ -351,7 +352,7 @@ impl Found {
         let at_place = iterate.zip(at);
         let Newton { tolerance, max_iterations, .. } = model.newton;
         Found {
-            spread: stiffness_spread(model),
+            spread: stiffness::spread(model),
             is_cut: around.is_some_and(|(_, filling)| filling < SMALL),
             runaway: at_place.map_or(0.0, |(iterate, at)| evidence::runaway(model, iterate, at)),
             flowing,

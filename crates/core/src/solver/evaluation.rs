@@ -10,7 +10,8 @@ use super::attempt::Effort;
 use super::damping::MOST_TRIALS;
 use super::error::{SolveError, locate_failure};
 use super::load_step::LoadStep;
-use super::residual::{self, Measured, RoundOff};
+use super::residual::{Measured, RoundOff};
+use super::round_off::EvaluatedAt;
 use super::unknowns::Bracket;
 
 /// Largest number of halvings of δd when a point cannot follow it.
@@ -168,8 +169,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
     fn residual_by_parts(&self) -> Measured {
         let StepContext { model, links, .. } = self.context;
         let (system, unknowns) = (self.system.sum.system(), &self.unknowns);
-        let at =
-            residual::EvaluatedAt { model, points: self.points, links, system, delta_d: &unknowns.delta_d };
+        let at = EvaluatedAt { model, points: self.points, links, system, delta_d: &unknowns.delta_d };
         let forces = unknowns.forces(&self.course.out_of_balance, system);
         let tolerance = model.newton.tolerance;
         let measured = forces.measure(&self.system.parts, tolerance, &at);

@@ -39,3 +39,8 @@ impl Fields {
         self.fields.iter().map(|(_, n)| n).sum()
     }
 }
+
+/// The Euclidean norm.
+pub(super) fn norm(values: impl Iterator<Item = f64>) -> f64 {
+    values.map(|x| x * x).sum::<f64>().sqrt()
+}

@@ -5,33 +5,20 @@
 //! the out-of-balance force is round-off of each node's own equations and small relative to the forces on the part.
 //! None of this changes the reported residual.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::ops::Range;
 
-use crate::assembly::System;
 use crate::basis::{Connectivity, JoinedParts};
-use crate::material::axial_modulus_at_rest;
-use crate::model::Model;
 use crate::points::Points;
 use crate::ranks::Halo;
 use crate::step::Nodal;
 
+use super::fields::norm;
+use super::round_off::{ACCUMULATED, EvaluatedAt};
+
 /// Largest residual of a part, and largest resultant of its out-of-balance force relative to the sum of its forces,
 /// that is accepted if round-off prevents a smaller one, [-].
 pub(super) const MOST_OF_ROUND_OFF: f64 = 1e-6;
-
-/// Round-off of a nodal force relative to the terms Σ |K_vw| |Δd_w| of a displacement increment, in units of the machine
-/// precision.
-const IN_MOTION: f64 = 16.0;
-/// Round-off of a nodal force relative to Σ |∇S_vp| V_p M_p, the force of a strain of one at all points with the axial
-/// modulus M, in units of the machine precision: deformation gradients are about one.
-const IN_STRAIN: f64 = 8.0;
-/// Upper bound of the force of a strain of one, relative to the largest entry of K times the size of a cell, [-].
-const NO_SUCH_FORCE: f64 = 1e3;
-
-/// Reactions of a part that carries nothing are round-off accumulated in the stresses over the steps, up to this
-/// multiple of the round-off of one step.
-const ACCUMULATED: f64 = 100.0;
 
 /// A part without loads counts as unloaded if its reactions are less than this fraction of the largest force that its
 /// bodies have carried: fresh grids leave residual stresses of this order, [-].
@@ -191,7 +178,7 @@ pub(super) struct Forces<'a, const N: usize> {
 }
 
 impl<const N: usize> Forces<'_, N> {
-    fn total(&self, node: usize) -> [f64; N] {
+    pub(super) fn total(&self, node: usize) -> [f64; N] {
         std::array::from_fn(|d| self.f_ext[node][d] + self.reaction[node][d])
     }
 
@@ -369,191 +356,14 @@ impl<const N: usize> Forces<'_, N> {
     }
 }
 
-/// The out-of-balance force beyond round-off at the nodes of each body alone, relative to the forces on these nodes or,
-/// if they are larger, to the forces of its points on shared nodes, [-]; empty for a single body, 0 for a body without
-/// forces.
-///
-/// The residual of a part of several bodies is relative to all its forces. A body that carries little compared with the
-/// others may then be out of balance unnoticed.
-pub(super) fn of_bodies<const D: usize, const N: usize>(
-    forces: &Forces<'_, N>,
-    model: &Model<D>,
-    points: &Points<D>,
-    links: &Connectivity<D>,
-) -> Vec<f64> {
-    const SHARED: u32 = u32::MAX;
-    const NOBODY: u32 = u32::MAX - 1;
-    let bodies = model.bodies.len();
-    if bodies < 2 {
-        return Vec::new();
-    }
-    let mut owner = vec![NOBODY; links.n_active()];
-    let each_point = |visit: &mut dyn FnMut(&[u32], usize)| {
-        for group in 0..links.n_groups() {
-            links.points_of(group).for_each(|p| visit(links.nodes_of(group), p));
-        }
-    };
-    each_point(&mut |nodes, p| {
-        for &place in links.local_nodes(p) {
-            let owner = &mut owner[nodes[place as usize] as usize];
-            *owner = if [NOBODY, u32::from(points.body[p])].contains(owner) {
-                points.body[p].into()
-            } else {
-                SHARED
-            };
-        }
-    });
-    let halo = links.halo();
-    if !halo.ranks().is_alone() {
-        let of_nodes = |none: f64, merge: fn(&Halo, &mut [f64])| {
-            let mut numbers: Vec<f64> =
-                owner.iter().map(|o| if *o == NOBODY { none } else { f64::from(*o) }).collect();
-            merge(halo, &mut numbers);
-            numbers
-        };
-        let least = of_nodes(f64::INFINITY, Halo::minimum);
-        let most = of_nodes(f64::NEG_INFINITY, Halo::maximum);
-        for (owner, (least, most)) in owner.iter_mut().zip(least.into_iter().zip(most)) {
-            *owner = if least < most { SHARED } else { *owner };
-        }
-    }
-    let mut passed_on: BTreeMap<(u16, u32), [f64; D]> = BTreeMap::new();
-    each_point(&mut |nodes, p| {
-        let stress = &points.trial.kirchhoff_stress[p];
-        links.for_each_link(p, |place, _, gradient| {
-            let node = nodes[place];
-            if owner[node as usize] == SHARED {
-                let force = passed_on.entry((points.body[p], node)).or_insert([0.0; D]);
-                for i in 0..D {
-                    let traction: f64 = (0..D).map(|j| stress.component(i, j) * gradient[j]).sum();
-                    force[i] += traction * points.original_volume[p];
-                }
-            }
-        });
-    });
-    let mut sums = vec![[0.0; 3]; bodies]; // squares: out of balance, on the body, on shared nodes
-    if !halo.ranks().is_alone() {
-        passed_on = complete(passed_on, bodies, halo, links.n_active());
-    }
-    for ((body, node), force) in &passed_on {
-        if halo.is_own(*node as usize) {
-            sums[*body as usize][2] += force.iter().map(|f| f * f).sum::<f64>();
-        }
-    }
-    // A motion of one cell and strains of one are assumed, because the stiffness is no longer available.
-    let round_off = f64::EPSILON * ACCUMULATED * (IN_MOTION + IN_STRAIN);
-    let unit = forces_of_unit_strain(model, points, links);
-    let counts = |node: usize, owner: u32| (owner as usize) < bodies && halo.is_own(node);
-    for (node, &owner) in owner.iter().enumerate().filter(|(node, owner)| counts(*node, **owner)) {
-        let [out, on, _] = &mut sums[owner as usize];
-        let beyond = |f: &f64| if f.abs() > round_off * unit[node] { f * f } else { 0.0 };
-        *out += forces.out_of_balance[node][..D].iter().map(beyond).sum::<f64>();
-        *on += forces.total(node)[..D].iter().map(|f| f * f).sum::<f64>();
-    }
-    halo.ranks().sum(sums.as_flattened_mut());
-    sums.into_iter().map(|[out, on, passed_on]| ratio(out.sqrt(), on.max(passed_on).sqrt())).collect()
-}
-
-/// Forces of bodies on nodes, added up over all ranks.
-fn complete<const D: usize>(
-    forces: BTreeMap<(u16, u32), [f64; D]>,
-    bodies: usize,
-    halo: &Halo,
-    n_nodes: usize,
-) -> BTreeMap<(u16, u32), [f64; D]> {
-    let mut all = BTreeMap::new();
-    for body in 0..bodies as u16 {
-        let mut of_body = vec![[0.0; D]; n_nodes];
-        for ((_, node), force) in forces.range((body, 0)..=(body, u32::MAX)) {
-            of_body[*node as usize] = *force;
-        }
-        halo.add(&mut of_body);
-        let acting = (0u32..).zip(of_body).filter(|(_, force)| *force != [0.0; D]);
-        all.extend(acting.map(|(node, force)| ((body, node), force)));
-    }
-    all
-}
-
-/// The state in which an evaluation was made.
-pub(super) struct EvaluatedAt<'a, const D: usize, const N: usize> {
-    pub(super) model: &'a Model<D>,
-    pub(super) points: &'a Points<D>,
-    pub(super) links: &'a Connectivity<D>,
-    pub(super) system: &'a System<N>,
-    pub(super) delta_d: &'a Nodal<N>,
-}
-
-impl<const D: usize, const N: usize> EvaluatedAt<'_, D, N> {
-    /// An inexpensive upper bound of [`EvaluatedAt::round_off`] over all nodes, [force].
-    fn round_off_at_most(&self) -> f64 {
-        let EvaluatedAt { model, links, system, delta_d, .. } = self;
-        let motion = delta_d.iter().flatten().fold(0.0, |largest, x| f64::max(largest, x.abs()));
-        let size = links
-            .active_cells()
-            .iter()
-            .fold(0.0, |size, &cell| f64::max(size, model.grid.size(cell as usize)));
-        let ranks = links.halo().ranks();
-        let [motion, size] = [motion, size].map(|value| ranks.largest(value));
-        // Shared nodes count twice, which raises the bound by little.
-        let entries_of_row = ranks.total((N * delta_d.len()) as f64);
-        let strain = IN_STRAIN * NO_SUCH_FORCE * size;
-        let of_terms = system.round_off().map_or(0.0, |all| all.iter().copied().fold(0.0, f64::max));
-        let of_terms = ranks.largest(of_terms);
-        f64::EPSILON * system.largest_entry() * (IN_MOTION * entries_of_row * motion + strain) + of_terms
-    }
-
-    /// Round-off of the force at each node, [force]: that of the products of its row of K with the displacement
-    /// increment, and that of strains at its points. A node that carries little material has little stiffness, K_vv ~
-    /// |∇S|², but its force contains stresses of points that other nodes hold, whose round-off is proportional to |∇S|.
-    fn round_off(&self) -> Vec<f64> {
-        let largest_of = |x: &[f64]| x.iter().fold(0.0f64, |a, b| a.max(b.abs()));
-        let motion = self.system.magnitudes(self.delta_d);
-        let of_node = |(motion, strain): (&[f64; N], f64)| {
-            f64::EPSILON * (IN_MOTION * largest_of(&motion[..D]) + IN_STRAIN * strain)
-        };
-        let strained = forces_of_unit_strain(self.model, self.points, self.links);
-        let mut noise: Vec<f64> = motion.iter().zip(strained).map(of_node).collect();
-        if let Some(of_terms) = self.system.round_off() {
-            noise.iter_mut().zip(of_terms).for_each(|(noise, of_terms)| *noise += of_terms);
-        }
-        noise
-    }
-}
-
-/// Σ |∇S_vp| V_p M_p at each node, [force].
-fn forces_of_unit_strain<const D: usize>(
-    model: &Model<D>,
-    points: &Points<D>,
-    links: &Connectivity<D>,
-) -> Vec<f64> {
-    let moduli: Vec<f64> = model.materials.iter().map(|m| axial_modulus_at_rest(m.law.as_ref())).collect();
-    let mut forces = vec![0.0; links.n_active()];
-    for group in 0..links.n_groups() {
-        let nodes = links.nodes_of(group);
-        for p in links.points_of(group) {
-            let stiffness = model.volume(points, p) * moduli[model.bodies[points.body[p] as usize].material];
-            links.for_each_link(p, |local, _, gradient| {
-                forces[nodes[local] as usize] += stiffness * norm(gradient.iter().copied());
-            });
-        }
-    }
-    links.halo().add_numbers(&mut forces);
-    forces
-}
-
 /// The larger of two residuals; NaN if either is.
 fn largest(a: f64, b: f64) -> f64 {
     if a >= b || a.is_nan() { a } else { b }
 }
 
 /// `out` relative to `force`; 0 if `out` is 0, even if `force` is 0, too.
-fn ratio(out: f64, force: f64) -> f64 {
+pub(super) fn ratio(out: f64, force: f64) -> f64 {
     if out == 0.0 { 0.0 } else { out / force }
-}
-
-/// The Euclidean norm.
-pub(super) fn norm(values: impl Iterator<Item = f64>) -> f64 {
-    values.map(|x| x * x).sum::<f64>().sqrt()
 }
 
 #[cfg(test)]

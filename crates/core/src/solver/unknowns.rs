@@ -8,7 +8,8 @@ use crate::model::Model;
 use crate::ranks::Halo;
 use crate::step::{At, Nodal};
 
-use super::residual::{Forces, norm};
+use super::fields::norm;
+use super::residual::Forces;
 
 /// The unknowns of a load step and the vectors that an iteration works with.
 pub(super) struct Unknowns<const N: usize> {

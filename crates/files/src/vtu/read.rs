@@ -1,122 +1,24 @@
-//! Reads meshes written by this program. Meshes of other programs, which may store arrays differently, are refused.
+//! Reads meshes written by this program: a file, or the pieces that a list names.
 
-use std::borrow::Cow;
 use std::io;
-use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use quick_xml::XmlVersion;
-use quick_xml::events::{BytesStart, Event};
-use rayon::prelude::*;
+use super::piece::{Piece, invalid};
+use super::pieces;
 
-use super::{BEGIN, END, blocks, pieces};
-
-/// Section of a file that contains an array.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Section {
-    /// Time and step.
-    FieldData,
-    /// Coordinates.
-    Points,
-    /// Corners, their ends and types.
-    Cells,
-    /// Fields of points.
-    PointData,
-    /// Fields of cells.
-    CellData,
-}
-
-impl Section {
-    fn from_tag(tag: &str) -> Option<Section> {
-        Some(match tag {
-            "FieldData" => Section::FieldData,
-            "Points" => Section::Points,
-            "Cells" => Section::Cells,
-            "PointData" => Section::PointData,
-            "CellData" => Section::CellData,
-            _ => return None,
-        })
-    }
-}
-
-/// Size and meaning of the numbers of an array.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Kind {
-    Float64,
-    Float32,
-    Int64,
-    Int32,
-    UInt8,
-}
-
-impl Kind {
-    fn from_name(name: &str) -> Option<Kind> {
-        Some(match name {
-            "Float64" => Kind::Float64,
-            "Float32" => Kind::Float32,
-            "Int64" => Kind::Int64,
-            "Int32" => Kind::Int32,
-            "UInt8" => Kind::UInt8,
-            _ => return None,
-        })
-    }
-
-    fn size(self) -> usize {
-        match self {
-            Kind::Float64 | Kind::Int64 => 8,
-            Kind::Float32 | Kind::Int32 => 4,
-            Kind::UInt8 => 1,
-        }
-    }
-
-    /// Decodes a number from [`Kind::size`] bytes; 0 for any other number of bytes.
-    fn number(self, bytes: &[u8]) -> f64 {
-        match self {
-            Kind::Float64 => bytes.try_into().map_or(0.0, f64::from_le_bytes),
-            Kind::Float32 => bytes.try_into().map_or(0.0, |b| f64::from(f32::from_le_bytes(b))),
-            Kind::Int64 => bytes.try_into().map_or(0.0, |b| i64::from_le_bytes(b) as f64),
-            Kind::Int32 => bytes.try_into().map_or(0.0, |b| f64::from(i32::from_le_bytes(b))),
-            Kind::UInt8 => bytes.first().map_or(0.0, |b| f64::from(*b)),
-        }
-    }
-}
-
-/// An array of a file, not yet decoded.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Array {
-    /// Section that contains it.
-    pub section: Section,
-    /// Its name.
-    pub name: String,
-    /// Numbers per point or cell.
-    pub components: usize,
-    /// Names of the components, or none.
-    pub component_names: Vec<String>,
-    kind: Kind,
-    /// Number of tuples, if the file states it.
-    tuples: Option<usize>,
-    /// Its range among the appended bytes.
-    data: Range<usize>,
-}
-
-/// The bytes of a file and an index of its arrays, which are decoded on demand.
-#[derive(Debug, Clone)]
-pub struct MeshFile {
-    path: PathBuf,
-    bytes: Vec<u8>,
-    /// Range of the appended arrays.
-    appended: Range<usize>,
-    points: usize,
-    cells: usize,
-    arrays: Vec<Array>,
-    /// The pieces that the mesh consists of, which then hold the arrays.
-    pieces: Vec<MeshFile>,
-    /// The points and the cells of all pieces by ascending permanent numbers, if they have such.
-    order: Option<[Vec<usize>; 2]>,
-}
+pub use super::piece::{Array, Section};
 
 /// Name of the permanent numbers of the points.
 const NUMBER: &str = "point_id";
+
+/// A mesh, whose arrays are decoded on demand. It consists of one piece, or of those that the ranks of a run have written.
+#[derive(Debug, Clone)]
+pub struct MeshFile {
+    path: PathBuf,
+    pieces: Vec<Piece>,
+    /// The points and the cells of several pieces by ascending permanent numbers, if they have such.
+    order: Option<[Vec<usize>; 2]>,
+}
 
 impl MeshFile {
     /// Reads a file, or all pieces of a mesh in pieces. Points of pieces that have permanent numbers are put in their order.
@@ -133,20 +35,19 @@ impl MeshFile {
         }
     }
 
+    fn from_bytes(path: &Path, bytes: Vec<u8>) -> io::Result<MeshFile> {
+        Ok(MeshFile { path: path.to_owned(), pieces: vec![Piece::from_bytes(path, bytes)?], order: None })
+    }
+
     /// Reads the pieces that a list in these bytes names.
     fn of_pieces(path: &Path, bytes: &[u8]) -> io::Result<MeshFile> {
-        let mut file = MeshFile::empty(path);
         let directory = path.parent().unwrap_or(Path::new(""));
         let names = std::str::from_utf8(bytes).map_err(|error| error.to_string());
         let names =
-            names.and_then(|text| pieces::names(text, directory)).map_err(|what| file.invalid(&what))?;
-        for name in names {
-            let piece = MeshFile::from_bytes(&name, std::fs::read(&name)?)?;
-            file.points += piece.points;
-            file.cells += piece.cells;
-            file.pieces.push(piece);
-        }
-        file.arrays = file.pieces.first().map(|piece| piece.arrays.clone()).unwrap_or_default();
+            names.and_then(|text| pieces::names(text, directory)).map_err(|what| invalid(path, &what))?;
+        let read = |name: PathBuf| Piece::from_bytes(&name, std::fs::read(&name)?);
+        let pieces = names.into_iter().map(read).collect::<io::Result<Vec<Piece>>>()?;
+        let mut file = MeshFile { path: path.to_owned(), pieces, order: None };
         file.order = file.order_of_pieces()?;
         Ok(file)
     }
@@ -160,7 +61,7 @@ impl MeshFile {
             Ok::<_, io::Error>(order)
         };
         let has = |section: Section| self.arrays(section).any(|array| array.name == NUMBER);
-        if has(Section::PointData) && self.points == self.cells {
+        if has(Section::PointData) && self.points() == self.cells() {
             let order = sorted(Section::PointData)?;
             return Ok(Some([order.clone(), order]));
         }
@@ -171,105 +72,31 @@ impl MeshFile {
         let corners = self.corners()?;
         let points: Vec<usize> = cells.iter().flat_map(|cell| &corners[*cell]).copied().collect();
         // Domains share no corners.
-        if points.len() == self.points {
+        if points.len() == self.points() {
             Ok(Some([points, cells]))
         } else {
             Err(self.invalid("its cells share points"))
         }
     }
 
-    fn empty(path: &Path) -> MeshFile {
-        MeshFile {
-            path: path.to_owned(),
-            bytes: Vec::new(),
-            appended: 0..0,
-            points: 0,
-            cells: 0,
-            arrays: Vec::new(),
-            pieces: Vec::new(),
-            order: None,
-        }
-    }
-
-    fn from_bytes(path: &Path, bytes: Vec<u8>) -> io::Result<MeshFile> {
-        let mut file = MeshFile::empty(path);
-        let found = file.index(&bytes);
-        file.bytes = bytes;
-        found.map_err(|what| file.invalid(&what))?;
-        Ok(file)
-    }
-
     fn invalid(&self, what: &str) -> io::Error {
-        io::Error::new(io::ErrorKind::InvalidData, format!("{}: {what}", self.path.display()))
-    }
-
-    /// Finds the arrays.
-    fn index(&mut self, bytes: &[u8]) -> Result<(), String> {
-        let begin = bytes.windows(BEGIN.len()).position(|window| window == BEGIN.as_bytes());
-        let text = std::str::from_utf8(&bytes[..begin.unwrap_or(bytes.len())])
-            .map_err(|error| format!("cut off or not XML: {error}"))?;
-        let mut reader = quick_xml::Reader::from_str(text);
-        let (mut section, mut seen_root, mut is_inline) = (None, false, false);
-        // The reader gets only the beginning, in which the root element is not closed.
-        loop {
-            match reader.read_event().map_err(|error| format!("cut off or not XML: {error}"))? {
-                Event::Start(tag) => match tag.name().as_ref() {
-                    "VTKFile" => {
-                        check_root(&tag)?;
-                        seen_root = true;
-                    }
-                    "Piece" => {
-                        self.points = count(&tag, "NumberOfPoints")?;
-                        self.cells = count(&tag, "NumberOfCells")?;
-                    }
-                    "DataArray" => is_inline = true,
-                    name => section = Section::from_tag(name).or(section),
-                },
-                Event::Empty(tag) if tag.name().as_ref() == "DataArray" => {
-                    let array = array(&tag, section)?;
-                    // Arrays follow one another without a gap.
-                    if let Some(last) = self.arrays.last_mut() {
-                        last.data.end = array.data.start;
-                    }
-                    self.arrays.push(array);
-                }
-                Event::Eof => break,
-                _ => {}
-            }
-        }
-        if !seen_root {
-            return Err("not a VTK file".to_owned());
-        }
-        if is_inline {
-            return Err(
-                "it was written by an earlier version of this program; run the analysis again".to_owned()
-            );
-        }
-        let begin = begin.ok_or("the file is cut off, or not written by this program")? + BEGIN.len();
-        let end = bytes
-            .len()
-            .checked_sub(END.len())
-            .filter(|end| *end >= begin && &bytes[*end..] == END.as_bytes());
-        self.appended = begin..end.ok_or("the file is cut off")?;
-        if let Some(last) = self.arrays.last_mut() {
-            last.data.end = self.appended.len();
-        }
-        Ok(())
+        invalid(&self.path, what)
     }
 
     /// Number of points.
     pub fn points(&self) -> usize {
-        self.points
+        self.pieces.iter().map(|piece| piece.points).sum()
     }
 
     /// Number of cells.
     pub fn cells(&self) -> usize {
-        self.cells
+        self.pieces.iter().map(|piece| piece.cells).sum()
     }
 
-    /// The arrays in a section.
+    /// The arrays in a section; those of several pieces are alike.
     pub fn arrays(&self, section: Section) -> impl Iterator<Item = &Array> {
-        self.arrays.iter().filter(move |array| array.section == section)
+        let arrays = self.pieces.first().map_or(&[][..], |piece| &piece.arrays);
+        arrays.iter().filter(move |array| array.section == section)
     }
 
     /// The numbers of an array by name.
@@ -285,16 +112,16 @@ impl MeshFile {
     /// The numbers of an array: all components of the first point or cell, then of the second, and so on.
     ///
     /// # Errors
-    /// `InvalidData` if its data are damaged.
+    /// `InvalidData` if its data are damaged, or it differs between pieces.
     pub fn decode(&self, array: &Array) -> io::Result<Vec<f64>> {
-        if self.pieces.is_empty() { self.decode_own(array) } else { self.decode_pieces(array) }
-    }
-
-    /// The numbers of an array of all pieces.
-    fn decode_pieces(&self, array: &Array) -> io::Result<Vec<f64>> {
+        if let ([only], None) = (&self.pieces[..], &self.order) {
+            return only.decode(array);
+        }
         let (mut all, mut points, mut corners) = (Vec::new(), 0, 0.0);
         for piece in &self.pieces {
-            let mut values = piece.values(array.section, &array.name)?;
+            let of_piece = piece.array(array.section, &array.name);
+            let differs = || self.invalid(&format!("a piece lacks the array `{}`", array.name));
+            let mut values = piece.decode(of_piece.ok_or_else(differs)?)?;
             match (array.section, array.name.as_str()) {
                 (Section::FieldData, _) => return Ok(values),
                 (Section::Cells, "connectivity") => {
@@ -315,18 +142,7 @@ impl MeshFile {
             (Section::Cells, "connectivity") => {
                 return Ok((0..all.len()).map(|corner| corner as f64).collect());
             }
-            (Section::Cells, "offsets") => {
-                let sizes: Vec<f64> = (0..all.len())
-                    .map(|cell| all[cell] - if cell > 0 { all[cell - 1] } else { 0.0 })
-                    .collect();
-                let mut end = 0.0;
-                return Ok((of_cells.iter())
-                    .map(|cell| {
-                        end += sizes[*cell];
-                        end
-                    })
-                    .collect());
-            }
+            (Section::Cells, "offsets") => return Ok(ends_in_order(&all, of_cells)),
             (Section::Points | Section::PointData, _) => of_points,
             _ => of_cells,
         };
@@ -335,30 +151,6 @@ impl MeshFile {
             return Err(self.invalid(&format!("array `{}` differs between pieces", array.name)));
         }
         Ok(order.iter().flat_map(|place| &all[place * n..][..n]).copied().collect())
-    }
-
-    /// The numbers of an array of this file.
-    fn decode_own(&self, array: &Array) -> io::Result<Vec<f64>> {
-        let owners = match array.section {
-            Section::FieldData => array.tuples,
-            Section::Points | Section::PointData => Some(self.points),
-            Section::CellData => Some(self.cells),
-            Section::Cells if array.name == "connectivity" => None,
-            Section::Cells => Some(self.cells),
-        };
-        let expected = match owners.map(|n| n.checked_mul(array.components)) {
-            None => None,
-            Some(Some(numbers)) => Some(numbers),
-            Some(None) => return Err(self.invalid(&format!("array `{}` is too large", array.name))),
-        };
-        let appended = &self.bytes[self.appended.clone()];
-        let bytes = appended
-            .get(array.data.clone())
-            .and_then(blocks::decode)
-            .filter(|bytes| bytes.len().is_multiple_of(array.kind.size()))
-            .filter(|bytes| expected.is_none_or(|numbers| bytes.len() / array.kind.size() == numbers))
-            .ok_or_else(|| self.invalid(&format!("array `{}` is damaged", array.name)))?;
-        Ok(bytes.par_chunks_exact(array.kind.size()).map(|number| array.kind.number(number)).collect())
     }
 
     /// Coordinates of the points, [length].
@@ -378,13 +170,14 @@ impl MeshFile {
     pub fn corners(&self) -> io::Result<Vec<Vec<usize>>> {
         let connectivity = self.values(Section::Cells, "connectivity")?;
         let ends = self.values(Section::Cells, "offsets")?;
+        let n_points = self.points();
         let mut begin = 0;
         let mut cells = Vec::with_capacity(ends.len());
         for end in ends {
             let end = end as usize;
             let corners =
                 connectivity.get(begin..end).ok_or_else(|| self.invalid("cells without corners"))?;
-            if corners.iter().any(|corner| *corner < 0.0 || *corner as usize >= self.points) {
+            if corners.iter().any(|corner| *corner < 0.0 || *corner as usize >= n_points) {
                 return Err(self.invalid("a cell refers to a point that does not exist"));
             }
             cells.push(corners.iter().map(|corner| *corner as usize).collect());
@@ -394,73 +187,20 @@ impl MeshFile {
     }
 }
 
-/// The value of an attribute.
-fn attribute<'a>(tag: &'a BytesStart, name: &str) -> Result<Option<Cow<'a, str>>, String> {
-    match tag.try_get_attribute(name) {
-        Ok(None) => Ok(None),
-        Ok(Some(found)) => match found.normalized_value(XmlVersion::Implicit1_0) {
-            Ok(value) => Ok(Some(value)),
-            Err(error) => Err(format!("attribute `{name}`: {error}")),
-        },
-        Err(error) => Err(format!("attributes: {error}")),
-    }
-}
-
-fn count(tag: &BytesStart, name: &str) -> Result<usize, String> {
-    let value = attribute(tag, name)?;
-    value.and_then(|value| value.parse().ok()).ok_or_else(|| format!("there is no number under `{name}`"))
-}
-
-/// Checks that arrays are stored as [`blocks::decode`] expects them.
-fn check_root(tag: &BytesStart) -> Result<(), String> {
-    for (name, expected) in [
-        ("type", "UnstructuredGrid"),
-        ("byte_order", "LittleEndian"),
-        ("header_type", "UInt64"),
-        ("compressor", "vtkZLibDataCompressor"),
-    ] {
-        let found = attribute(tag, name)?.unwrap_or_default();
-        if found != expected {
-            return Err(format!("not written by this program: `{name}` is \"{found}\", not \"{expected}\""));
-        }
-    }
-    Ok(())
-}
-
-/// Reads the tag of an array; its end is not yet known.
-fn array(tag: &BytesStart, section: Option<Section>) -> Result<Array, String> {
-    let name = attribute(tag, "Name")?.ok_or("an array has no name")?.into_owned();
-    let complaint = |what: &str| format!("array `{name}` has an unknown {what}");
-    if attribute(tag, "format")?.as_deref() != Some("appended") {
-        return Err(complaint("format"));
-    }
-    let begin = count(tag, "offset")?;
-    let kind = attribute(tag, "type")?.and_then(|kind| Kind::from_name(&kind));
-    let components = match attribute(tag, "NumberOfComponents")? {
-        None => 1,
-        Some(number) => {
-            number.parse().ok().filter(|n| (1..=1000).contains(n)).ok_or_else(|| complaint("size"))?
-        }
+/// The ends of cells in another order, from those in theirs.
+fn ends_in_order(ends: &[f64], order: &[usize]) -> Vec<f64> {
+    let size = |cell: usize| ends[cell] - if cell > 0 { ends[cell - 1] } else { 0.0 };
+    let next = |end: &mut f64, cell: &usize| {
+        *end += size(*cell);
+        Some(*end)
     };
-    let mut component_names = Vec::new();
-    while let Some(name) = attribute(tag, &format!("ComponentName{}", component_names.len()))? {
-        component_names.push(name.into_owned());
-    }
-    Ok(Array {
-        section: section.ok_or_else(|| complaint("place"))?,
-        components,
-        component_names,
-        kind: kind.ok_or_else(|| complaint("type"))?,
-        tuples: attribute(tag, "NumberOfTuples")?.and_then(|number| number.parse().ok()),
-        data: begin..begin,
-        name,
-    })
+    order.iter().scan(0.0, next).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::blocks::BLOCK;
-    use super::super::{CellKind, Field, Kinds, Mesh, Values, write};
+    use super::super::{BEGIN, CellKind, Field, Kinds, Mesh, Values, write};
     use super::*;
 
     /// A file of two quadrilaterals with more points than belong to them.
@@ -542,7 +282,11 @@ mod tests {
             assert_eq!(read.positions().unwrap(), whole.positions().unwrap());
             assert_eq!(read.corners().unwrap(), whole.corners().unwrap());
             let arrays = |file: &MeshFile| -> Vec<(String, Vec<f64>)> {
-                file.arrays.iter().map(|array| (array.name.clone(), file.decode(array).unwrap())).collect()
+                file.pieces[0]
+                    .arrays
+                    .iter()
+                    .map(|array| (array.name.clone(), file.decode(array).unwrap()))
+                    .collect()
             };
             assert_eq!(arrays(&read), arrays(&whole));
 
@@ -563,7 +307,7 @@ mod tests {
         read.positions()?;
         read.corners()?;
         let bits = |numbers: Vec<f64>| numbers.iter().map(|x| x.to_bits()).collect();
-        read.arrays.iter().map(|array| read.decode(array).map(bits)).collect()
+        read.pieces[0].arrays.iter().map(|array| read.decode(array).map(bits)).collect()
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Links that are divided between ranks: the nodes and cells that they share, and what rank 0 gathers of all.
+//! Links that are divided between ranks: the nodes and cells that they share.
 
 use std::collections::BTreeMap;
 

@@ -1,0 +1,81 @@
+//! The bodies that touch each active node.
+
+use super::Connectivity;
+use crate::points::Points;
+use crate::ranks::Halo;
+
+/// The bodies whose points touch a node.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TouchedBy {
+    /// No body: the node lies in a cell beside those that points touch.
+    None,
+    /// The body of this number only.
+    One(u16),
+    /// Several bodies, which share the node.
+    Several,
+}
+
+impl TouchedBy {
+    /// With one more body.
+    fn and(self, body: u16) -> TouchedBy {
+        match self {
+            TouchedBy::None => TouchedBy::One(body),
+            TouchedBy::One(other) if other == body => self,
+            _ => TouchedBy::Several,
+        }
+    }
+}
+
+impl<const D: usize> Connectivity<D> {
+    /// The bodies that touch each active node, on any rank. All ranks must ask for them together.
+    pub fn bodies_at_nodes(&self, points: &Points<D>) -> Vec<TouchedBy> {
+        let mut touched = vec![TouchedBy::None; self.n_active()];
+        for group in 0..self.n_groups() {
+            let nodes = self.nodes_of(group);
+            // Points of a cell mostly touch the same nodes.
+            let mut last: Option<(u16, &[u32])> = None;
+            for p in self.points_of(group) {
+                let (body, local) = (points.body[p], self.local_nodes(p));
+                if last == Some((body, local)) {
+                    continue;
+                }
+                last = Some((body, local));
+                for &place in local {
+                    let node = &mut touched[nodes[place as usize] as usize];
+                    *node = node.and(body);
+                }
+            }
+        }
+        join(self.halo(), &mut touched);
+        touched
+    }
+}
+
+/// Adds the bodies of other ranks at shared nodes.
+fn join(halo: &Halo, touched: &mut [TouchedBy]) {
+    if halo.ranks().is_alone() {
+        return;
+    }
+    // The lowest and the highest body at each node; two that differ stand for several.
+    let numbers = |none: f64, several: f64| -> Vec<f64> {
+        let number = |touched: &TouchedBy| match touched {
+            TouchedBy::None => none,
+            TouchedBy::One(body) => f64::from(*body),
+            TouchedBy::Several => several,
+        };
+        touched.iter().map(number).collect()
+    };
+    let mut least = numbers(f64::INFINITY, -1.0);
+    let mut most = numbers(f64::NEG_INFINITY, f64::from(u32::MAX));
+    halo.minimum(&mut least);
+    halo.maximum(&mut most);
+    for (touched, (least, most)) in touched.iter_mut().zip(least.into_iter().zip(most)) {
+        *touched = if least < most {
+            TouchedBy::Several
+        } else if least == most {
+            TouchedBy::One(least as u16)
+        } else {
+            TouchedBy::None
+        };
+    }
+}

@@ -1,0 +1,97 @@
+use super::*;
+use crate::grid::{Axis, Structured};
+use crate::points::Seed;
+
+/// Checks many points of two methods. Some domains end at cell borders, so that their nodes are a subset of their
+/// neighbours' nodes.
+fn check<const D: usize>(grid: &Structured<D>, n: usize) {
+    let methods = [Method::Mpm, Method::Gimp];
+    let mut state = 1u64;
+    let mut next = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 11) as f64 / (1u64 << 53) as f64
+    };
+    let seeds: Vec<Seed<D>> = (0..n)
+        .map(|k| Seed {
+            body: (k % 2) as u16,
+            position: std::array::from_fn(|_| 0.5 + 2.0 * (8.0 * next()).floor() / 8.0 + 0.125),
+            half_lengths: if k % 2 == 0 { [0.0; D] } else { [0.125; D] },
+            corners: Vec::new(),
+            volume: 1.0,
+            mass: 1.0,
+            outer_layer: false,
+            history: Vec::new(),
+        })
+        .collect();
+    let mut points = Points::new(&seeds);
+    let links = Connectivity::new(grid, &mut points, &methods).unwrap();
+    let mut support = Support::default();
+    let mut total = 0;
+    for group in 0..links.n_groups() {
+        let nodes = links.nodes_of(group);
+        let (mut value, mut gradient) = (vec![0.0; nodes.len()], vec![[0.0; D]; nodes.len()]);
+        let mut buffer = LinkBuffer { value: &mut value, gradient: &mut gradient };
+        let mut whole = true;
+        for p in links.points_of(group) {
+            let point = PointGeometry {
+                cell: points.cell[p],
+                position: &points.converged.position[p],
+                half_lengths: &points.half_lengths(p),
+                corners: &[],
+            };
+            methods[points.body[p] as usize].basis().support(grid, &point, &mut support).unwrap();
+            let found = links.links(p, &mut buffer);
+            let touched: Vec<u32> =
+                found.local.iter().map(|l| links.active_nodes()[nodes[*l as usize] as usize]).collect();
+            assert_eq!(touched, support.nodes, "point {p}");
+            assert_eq!((found.value, found.gradient), (&support.value[..], &support.gradient[..]));
+            whole &= touched.len() == nodes.len();
+            total += touched.len();
+        }
+        assert_eq!(links.is_whole(group), whole);
+    }
+    assert_eq!(links.n_links(), total);
+}
+
+/// One domain in the middle of a cell, and one that overlaps the neighbouring cells by `reach` of a cell.
+fn with_sliver(reach: f64) -> Connectivity<2> {
+    let grid = Structured::<2>::new([0.0; 2], [1.0; 2], [4, 4]);
+    let seed = Seed {
+        body: 0,
+        position: [1.5 + 0.5 * reach; 2],
+        half_lengths: [0.5 + 0.5 * reach; 2],
+        corners: Vec::new(),
+        volume: 1.0,
+        mass: 1.0,
+        outer_layer: false,
+        history: Vec::new(),
+    };
+    Connectivity::new(&grid, &mut Points::new(&[seed]), &[Method::Gimp]).unwrap()
+}
+
+#[test]
+fn nodes_that_only_slivers_touch_are_not_active() {
+    // The row above is touched along a whole side; only its corner node is touched by slivers alone. Weakly touched, the
+    // row goes with the corner.
+    for (reach, active) in [(1e-9, 4), (1e-4, 4), (0.1, 9)] {
+        let links = with_sliver(reach);
+        assert_eq!(links.n_active(), active, "{reach}");
+        let corner = 3 + 3 * 5;
+        assert_eq!(links.active_number(corner).is_some(), reach > 0.01);
+        assert_eq!(links.moves_with(corner).is_some(), reach > 1e-8);
+        let (mut value, mut gradient) = ([0.0; 9], [[0.0; 2]; 9]);
+        let mut buffer = LinkBuffer { value: &mut value, gradient: &mut gradient };
+        let found = links.links(0, &mut buffer);
+        assert!((found.value.iter().sum::<f64>() - 1.0).abs() < 1e-15);
+        assert!((0..2).all(|d| found.gradient.iter().map(|g| g[d]).sum::<f64>().abs() < 1e-15));
+    }
+}
+
+#[test]
+fn links_are_those_of_the_basis() {
+    check(&Structured::<2>::new([0.0; 2], [0.5; 2], [6, 6]), 20_000);
+    check(&Structured::<3>::new([0.0; 3], [0.5; 3], [6, 6, 6]), 20_000);
+    let graded = Axis::graded(vec![0.0, 0.25, 0.5, 1.0, 1.75, 3.0]).unwrap();
+    check(&Structured::with_axes([graded.clone(), Axis::even(0.0, 0.5, 6)]), 20_000);
+    check(&Structured::with_axes([graded.clone(), Axis::even(0.0, 0.5, 6), graded]), 20_000);
+}

@@ -1,0 +1,89 @@
+//! Round-off of the out-of-balance force at each node: that of the displacement increment, and that of the stresses.
+
+use crate::assembly::System;
+use crate::basis::Connectivity;
+use crate::material::axial_modulus_at_rest;
+use crate::model::Model;
+use crate::points::Points;
+use crate::step::Nodal;
+
+use super::fields::norm;
+
+/// Round-off of a nodal force relative to the terms Σ |K_vw| |Δd_w| of a displacement increment, in units of the machine
+/// precision.
+pub(super) const IN_MOTION: f64 = 16.0;
+/// Round-off of a nodal force relative to Σ |∇S_vp| V_p M_p, the force of a strain of one at all points with the axial
+/// modulus M, in units of the machine precision: deformation gradients are about one.
+pub(super) const IN_STRAIN: f64 = 8.0;
+/// Upper bound of the force of a strain of one, relative to the largest entry of K times the size of a cell, [-].
+const NO_SUCH_FORCE: f64 = 1e3;
+/// Reactions of a part that carries nothing are round-off accumulated in the stresses over the steps, up to this
+/// multiple of the round-off of one step.
+pub(super) const ACCUMULATED: f64 = 100.0;
+
+/// The state in which an evaluation was made.
+pub(super) struct EvaluatedAt<'a, const D: usize, const N: usize> {
+    pub(super) model: &'a Model<D>,
+    pub(super) points: &'a Points<D>,
+    pub(super) links: &'a Connectivity<D>,
+    pub(super) system: &'a System<N>,
+    pub(super) delta_d: &'a Nodal<N>,
+}
+
+impl<const D: usize, const N: usize> EvaluatedAt<'_, D, N> {
+    /// An inexpensive upper bound of [`EvaluatedAt::round_off`] over all nodes, [force].
+    pub(super) fn round_off_at_most(&self) -> f64 {
+        let EvaluatedAt { model, links, system, delta_d, .. } = self;
+        let motion = delta_d.iter().flatten().fold(0.0, |largest, x| f64::max(largest, x.abs()));
+        let size = links
+            .active_cells()
+            .iter()
+            .fold(0.0, |size, &cell| f64::max(size, model.grid.size(cell as usize)));
+        let ranks = links.halo().ranks();
+        let [motion, size] = [motion, size].map(|value| ranks.largest(value));
+        // Shared nodes count twice, which raises the bound by little.
+        let entries_of_row = ranks.total((N * delta_d.len()) as f64);
+        let strain = IN_STRAIN * NO_SUCH_FORCE * size;
+        let of_terms = system.round_off().map_or(0.0, |all| all.iter().copied().fold(0.0, f64::max));
+        let of_terms = ranks.largest(of_terms);
+        f64::EPSILON * system.largest_entry() * (IN_MOTION * entries_of_row * motion + strain) + of_terms
+    }
+
+    /// Round-off of the force at each node, [force]: that of the products of its row of K with the displacement
+    /// increment, and that of strains at its points. A node that carries little material has little stiffness, K_vv ~
+    /// |∇S|², but its force contains stresses of points that other nodes hold, whose round-off is proportional to |∇S|.
+    pub(super) fn round_off(&self) -> Vec<f64> {
+        let largest_of = |x: &[f64]| x.iter().fold(0.0f64, |a, b| a.max(b.abs()));
+        let motion = self.system.magnitudes(self.delta_d);
+        let of_node = |(motion, strain): (&[f64; N], f64)| {
+            f64::EPSILON * (IN_MOTION * largest_of(&motion[..D]) + IN_STRAIN * strain)
+        };
+        let strained = forces_of_unit_strain(self.model, self.points, self.links);
+        let mut noise: Vec<f64> = motion.iter().zip(strained).map(of_node).collect();
+        if let Some(of_terms) = self.system.round_off() {
+            noise.iter_mut().zip(of_terms).for_each(|(noise, of_terms)| *noise += of_terms);
+        }
+        noise
+    }
+}
+
+/// Σ |∇S_vp| V_p M_p at each node, [force].
+pub(super) fn forces_of_unit_strain<const D: usize>(
+    model: &Model<D>,
+    points: &Points<D>,
+    links: &Connectivity<D>,
+) -> Vec<f64> {
+    let moduli: Vec<f64> = model.materials.iter().map(|m| axial_modulus_at_rest(m.law.as_ref())).collect();
+    let mut forces = vec![0.0; links.n_active()];
+    for group in 0..links.n_groups() {
+        let nodes = links.nodes_of(group);
+        for p in links.points_of(group) {
+            let stiffness = model.volume(points, p) * moduli[model.bodies[points.body[p] as usize].material];
+            links.for_each_link(p, |local, _, gradient| {
+                forces[nodes[local] as usize] += stiffness * norm(gradient.iter().copied());
+            });
+        }
+    }
+    links.halo().add_numbers(&mut forces);
+    forces
+}
