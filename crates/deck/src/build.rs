@@ -200,7 +200,7 @@ where
         }
         let mut points = Points::numbered(&seeds, numbers, self.ranks);
         drop(seeds);
-        points.share(grid.as_ref());
+        points.divide_by_cell(grid.as_ref());
         self.overlaps(grid.as_ref(), (&regions, &groups), &points);
         self.centres(grid.as_ref(), &points);
         let surfaces = self.surfaces(grid.as_ref(), (&regions, &groups));

@@ -259,14 +259,14 @@ impl Checkpoint {
         }
         let mut rows = rows?;
         if !ranks.is_alone() {
-            points.divide_by_number();
-            rows = rows.by_number(points);
+            let division = points.divide_by_number();
+            rows = rows.by_number(&ranks, division);
         }
         let restored = rows.restore(model, points);
         if let Some(reason) = ranks.first(restored.err()) {
             return Err(reason);
         }
-        points.share(model.grid.as_ref());
+        points.divide_by_cell(model.grid.as_ref());
         Ok(())
     }
 

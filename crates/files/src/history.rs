@@ -1,6 +1,6 @@
 //! The rows of the tables of a run: of the history, of the quality, and of the convergence of its iterations.
 
-use mpm_core::model::Model;
+use mpm_core::model::{Model, Probe};
 use mpm_core::points::Points;
 use mpm_core::solver::{FailedAttempt, ReactionMoment, Step, StepReport, Summary};
 
@@ -139,15 +139,15 @@ fn moved<const D: usize>(model: &Model<D>, points: &Points<D>) -> Vec<Vec<Vec<f6
     if model.probes.is_empty() {
         return Vec::new();
     }
-    let places = points.places();
-    let mut own: Vec<(usize, usize, Vec<f64>)> = Vec::new();
-    for (number, probe) in model.probes.iter().enumerate() {
-        for (place, id) in probe.points.iter().enumerate() {
-            if let Some(p) = places.get(*id as usize).copied().flatten() {
-                own.push((number, place, points.displacement(p).to_vec()));
-            }
-        }
-    }
+    let of_probe = |(number, probe): (usize, &Probe)| {
+        probe.points.iter().enumerate().map(|(place, id)| (number, place, *id)).collect::<Vec<_>>()
+    };
+    let probed: Vec<(usize, usize, u32)> = model.probes.iter().enumerate().flat_map(of_probe).collect();
+    let ids: Vec<u32> = probed.iter().map(|(.., id)| *id).collect();
+    let present = probed.iter().zip(points.places_of(&ids));
+    let own: Vec<(usize, usize, Vec<f64>)> = present
+        .filter_map(|((number, place, _), p)| Some((*number, *place, points.displacement(p?).to_vec())))
+        .collect();
     let mut all = points.ranks.gather_all(own).concat();
     all.sort_by_key(|(number, place, _)| (*number, *place));
     let mut moved = vec![Vec::new(); model.probes.len()];

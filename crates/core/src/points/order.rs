@@ -59,20 +59,21 @@ impl<const D: usize> Points<D> {
     /// # Errors
     /// If `id` is not a permutation of the point numbers, or an array does not have one entry per point.
     pub fn restore(&mut self, id: &[u32], cell: Vec<u32>, state: State<D>) -> Result<(), String> {
-        let places = self.places();
+        let by_id = self.by_id();
         let mut seen = vec![false; self.len()];
-        for &number in id {
-            let place = places.get(number as usize).copied().flatten();
-            match place.and_then(|place| seen.get_mut(place)) {
-                Some(seen) if !*seen => *seen = true,
-                _ => return Err("its point numbers are not those of all points".to_owned()),
-            }
+        let mut order = Vec::with_capacity(id.len());
+        for number in id {
+            let rank = by_id.binary_search_by_key(number, |p| self.id[*p]);
+            let place =
+                rank.ok().map(|rank| by_id[rank]).filter(|place| !std::mem::replace(&mut seen[*place], true));
+            let Some(place) = place else {
+                return Err("its point numbers are not those of all points".to_owned());
+            };
+            order.push(place as u32);
         }
         if [id.len(), cell.len()] != [self.len(); 2] || state.lengths() != self.converged.lengths() {
             return Err("its arrays do not have one entry per point".to_owned());
         }
-        let order: Vec<u32> =
-            id.iter().filter_map(|&number| places[number as usize]).map(|place| place as u32).collect();
         self.reorder(&order);
         self.cell = cell;
         self.trial = state.trial();
@@ -96,11 +97,16 @@ impl<const D: usize> Points<D> {
         }
     }
 
-    /// The places of the points by permanent number: `place[id]`, `None` for a point that is not present.
-    pub fn places(&self) -> Vec<Option<usize>> {
-        let mut places = vec![None; self.id.iter().max().map_or(0, |&id| id as usize + 1)];
-        for (p, &id) in self.id.iter().enumerate() {
-            places[id as usize] = Some(p);
+    /// The place of the point with each of these permanent numbers; `None` for one that is not present.
+    pub fn places_of(&self, ids: &[u32]) -> Vec<Option<usize>> {
+        let mut wanted: Vec<(u32, usize)> = ids.iter().copied().zip(0..).collect();
+        wanted.sort_unstable();
+        let mut places = vec![None; ids.len()];
+        for (p, id) in self.id.iter().enumerate() {
+            let first = wanted.partition_point(|(wanted, _)| wanted < id);
+            for (_, k) in wanted[first..].iter().take_while(|(wanted, _)| wanted == id) {
+                places[*k] = Some(p);
+            }
         }
         places
     }
@@ -116,6 +122,12 @@ impl<const D: usize> Points<D> {
     pub fn order_by_id(&self, order: &mut Vec<usize>) {
         let most = self.id.iter().max().map_or(0, |&id| id as usize + 1);
         order.clear();
+        if most > 2 * self.len() {
+            // The numbers of the points of a rank may lie anywhere among those of all.
+            order.extend(0..self.len());
+            order.sort_unstable_by_key(|p| self.id[*p]);
+            return;
+        }
         order.resize(most, usize::MAX);
         for (p, &id) in self.id.iter().enumerate() {
             order[id as usize] = p;

@@ -29,8 +29,21 @@ pub struct Partition {
     of_patch: Arc<Vec<u32>>,
     /// The imbalance that the last choice left, [-].
     least: f64,
-    /// One more than the highest permanent number, when the points were last divided by numbers.
-    numbers: f64,
+}
+
+/// The division of points between ranks by their permanent numbers: ranges of numbers of the same length.
+#[derive(Debug, Clone, Copy)]
+pub struct ByNumber {
+    /// One more than the highest number.
+    end: u64,
+    ranks: u64,
+}
+
+impl ByNumber {
+    /// The rank to which a number falls.
+    pub fn rank_of(&self, id: u32) -> usize {
+        (u64::from(id) * self.ranks / self.end).min(self.ranks - 1) as usize
+    }
 }
 
 impl Partition {
@@ -101,7 +114,7 @@ struct Packed {
 
 impl<const D: usize> Points<D> {
     /// Divides the points between the ranks by the cells that hold them, whichever ranks have formed them.
-    pub fn share(&mut self, grid: &dyn Grid<D>) {
+    pub fn divide_by_cell(&mut self, grid: &dyn Grid<D>) {
         if self.ranks.is_alone() {
             return;
         }
@@ -149,18 +162,14 @@ impl<const D: usize> Points<D> {
         self.send(&to);
     }
 
-    /// Divides the points between the ranks by their permanent numbers, as [`Points::rank_of_number`] says.
-    pub fn divide_by_number(&mut self) {
-        self.partition.numbers =
-            self.ranks.largest(self.id.iter().max().map_or(0.0, |id| f64::from(*id) + 1.0));
-        let to: Vec<usize> = self.id.iter().map(|id| self.rank_of_number(*id)).collect();
+    /// Divides the points between the ranks by their permanent numbers, until they are next grouped by cells.
+    pub fn divide_by_number(&mut self) -> ByNumber {
+        let last = self.id.iter().max().map_or(0.0, |id| f64::from(*id));
+        let end = self.ranks.largest(last) as u64 + 1;
+        let division = ByNumber { end, ranks: self.ranks.count() as u64 };
+        let to: Vec<usize> = self.id.iter().map(|id| division.rank_of(*id)).collect();
         self.send(&to);
-    }
-
-    /// The rank to which a permanent number falls when points are divided by their numbers.
-    pub fn rank_of_number(&self, id: u32) -> usize {
-        let (n, count) = (self.partition.numbers.max(1.0) as u64, self.ranks.count());
-        ((u64::from(id) * count as u64 / n) as usize).min(count - 1)
+        division
     }
 
     /// Sends each point to the rank that `to` has at its place.
@@ -313,7 +322,7 @@ mod tests {
         for count in [2, 4] {
             let left = threads::run(count, |ranks| {
                 let mut points = square(n, &ranks);
-                points.share(&grid);
+                points.divide_by_cell(&grid);
                 let mut left = 0;
                 for _ in 0..4 {
                     let before = points.id.clone();
@@ -348,7 +357,7 @@ mod tests {
         let grid = Structured::<2>::new([-2.0; 2], [0.125; 2], [32, 32]);
         let lengths = threads::run(3, |ranks| {
             let mut points = square(20, &ranks);
-            points.share(&grid);
+            points.divide_by_cell(&grid);
             let before = points.len();
             points.append(&square(10, &ranks));
             points.group_by_cell(&grid).unwrap();

@@ -133,9 +133,7 @@ impl<const D: usize, const N: usize> Condition<D, N> {
                 let mut weight = vec![[0.0; N]; links.n_active()];
                 let chosen = model.probes.get(probe).map_or(&[][..], |probe| &probe.points);
                 let mut is_chosen = vec![false; points.len()];
-                let places = points.places();
-                let present = chosen.iter().filter_map(|id| places.get(*id as usize).copied().flatten());
-                present.for_each(|p| is_chosen[p] = true);
+                points.places_of(chosen).into_iter().flatten().for_each(|p| is_chosen[p] = true);
                 for group in 0..links.n_groups() {
                     let nodes = links.nodes_of(group);
                     for p in links.points_of(group).filter(|&p| is_chosen[p]) {

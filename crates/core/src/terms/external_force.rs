@@ -148,8 +148,7 @@ fn forces_on_points<const D: usize>(
                 }
             }
             Action::PointForce { points: chosen, force } => {
-                let places = points.places();
-                for place in chosen.iter().filter_map(|&id| places.get(id as usize).copied().flatten()) {
+                for place in points.places_of(chosen).into_iter().flatten() {
                     add(place, force.map(|f| factor * f));
                 }
             }

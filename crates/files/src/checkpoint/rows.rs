@@ -3,7 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use mpm_core::model::Model;
-use mpm_core::points::{FieldHandle, Points};
+use mpm_core::points::{ByNumber, FieldHandle, Points};
+use mpm_core::ranks::Ranks;
 
 /// Points from a checkpoint.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
@@ -51,12 +52,11 @@ impl Rows {
         }
     }
 
-    /// Exchanges points, so that each rank has those whose numbers fall to it, as [`Points::divide_by_number`].
-    pub fn by_number<const D: usize>(self, points: &Points<D>) -> Rows {
-        let ranks = &points.ranks;
+    /// Exchanges points, so that each rank has those whose numbers fall to it.
+    pub fn by_number(self, ranks: &Ranks, division: ByNumber) -> Rows {
         let mut places = vec![Vec::new(); ranks.count()];
         for (place, id) in self.id.iter().enumerate() {
-            places[points.rank_of_number(*id)].push(place);
+            places[division.rank_of(*id)].push(place);
         }
         let of_rank = |places: &Vec<usize>| Rows {
             id: places.iter().map(|place| self.id[*place]).collect(),
