@@ -3,6 +3,8 @@
 
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use mpm_core::basis::{Connectivity, DomainKind};
 use mpm_core::model::Model;
@@ -79,6 +81,8 @@ pub struct Results {
     checkpointed: usize,
     /// Number of points of all ranks, once the run has ended.
     points: usize,
+    /// Set to end the run, where nothing else watches it.
+    stop: Option<Arc<AtomicBool>>,
     /// Held until the end of the run; by the first rank only.
     _lock: Option<Lock>,
 }
@@ -150,6 +154,7 @@ impl Results {
             accepted: None,
             checkpointed: reached.index,
             points: 0,
+            stop: None,
             _lock: None,
         }
     }
@@ -221,6 +226,11 @@ impl Results {
             self.checkpointed = self.last.index;
         }
         Ok(())
+    }
+
+    /// The same for a run that nothing else watches: it ends when `stop` is set.
+    pub fn stopped_by(self, stop: Arc<AtomicBool>) -> Results {
+        Results { stop: Some(stop), ..self }
     }
 
     /// Changes the facts about the run, such as its deck.
@@ -454,6 +464,10 @@ impl<const D: usize> Observer<D> for Results {
             Some((cause, _)) if self.every > 0 => failed::write(&self.directory, model, points, cause),
             _ => Ok(()),
         }
+    }
+
+    fn interrupted(&self) -> bool {
+        self.stop.as_ref().is_some_and(|stop| stop.load(Ordering::SeqCst))
     }
 
     fn finished(

@@ -3,7 +3,7 @@
 use std::io::{self, IsTerminal, Write};
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 
 use crate::deck::advice;
 use crate::deck::diagnostic::{self, Diagnostic, as_json, render_all};
@@ -16,9 +16,8 @@ use crate::output::checkpoint::last_step;
 use crate::output::lock::Lock;
 use crate::output::results::Results;
 use crate::output::summary::Start;
-use crate::points::Points;
 use crate::ranks::Ranks;
-use crate::solver::{Diagnosis, FailedAttempt, Observer, SolveError, StepReport, Summary};
+use crate::solver::{SolveError, Summary};
 use crate::timing::Timings;
 use anyhow::{anyhow, bail};
 use serde_json::{Value, json};
@@ -271,64 +270,17 @@ pub fn run_along(
         Analysis::Plane(parts) => Results::of_rank(directory, &asked, &parts.0, account, from),
         Analysis::Solid(parts) => Results::of_rank(directory, &asked, &parts.0, account, from),
     };
-    let mut watch = Part { results, stop: stop_on_interrupt(false)? };
+    let mut results = results.stopped_by(stop_on_interrupt(false)?);
     // Rank 0 says why.
     if machines.equip(&mut analysis).and_then(|()| machines.begin()).is_err() {
         return Ok(USAGE);
     }
     let reached = reached.map_or_else(|| analysis.beginning(), |(_, reached)| *reached);
-    Ok(match rayon::scope(|_| analysis.run(reached, &mut watch)) {
+    Ok(match rayon::scope(|_| analysis.run(reached, &mut results)) {
         Ok(_) => DONE,
         Err(SolveError::Interrupted { .. }) => INTERRUPTED,
         Err(_) => FAILED,
     })
-}
-
-/// The observer of a rank other than the first: writes its part of the results, shows nothing, and ends the run when it is asked
-/// to.
-struct Part {
-    results: Results,
-    stop: Arc<AtomicBool>,
-}
-
-impl<const D: usize> Observer<D> for Part {
-    fn started(&mut self, model: &Model<D>, points: &Points<D>) -> io::Result<()> {
-        self.results.started(model, points)
-    }
-
-    fn converged(
-        &mut self,
-        model: &Model<D>,
-        points: &Points<D>,
-        report: &StepReport<D>,
-        summary: &Summary,
-    ) -> io::Result<()> {
-        self.results.converged(model, points, report, summary)
-    }
-
-    fn failed(
-        &mut self,
-        model: &Model<D>,
-        points: &Points<D>,
-        attempt: &FailedAttempt<D>,
-        ended: Option<(&FailedAttempt<D>, &Diagnosis)>,
-    ) -> io::Result<()> {
-        self.results.failed(model, points, attempt, ended)
-    }
-
-    fn interrupted(&self) -> bool {
-        self.stop.load(Ordering::SeqCst)
-    }
-
-    fn finished(
-        &mut self,
-        model: &Model<D>,
-        points: &Points<D>,
-        summary: &Summary,
-        error: Option<&SolveError>,
-    ) -> io::Result<()> {
-        self.results.finished(model, points, summary, error)
-    }
 }
 
 /// Locks a directory and restores the points from its last checkpoint. `None` if the run may start over instead.

@@ -5,14 +5,14 @@ use crate::ranks::Ranks;
 use super::error::SolveError;
 use super::of_rank::OfRank;
 
-/// An error as ranks tell each other; `rank` is `None` for one of this rank.
-fn told_by(rank: Option<usize>, error: &SolveError) -> OfRank {
+/// An error as its rank tells it to the others.
+fn told_by(rank: usize, error: &SolveError) -> OfRank {
     let has_lost_points = matches!(
         error,
         SolveError::OffGrid { .. } | SolveError::Domain { .. } | SolveError::Collapsed { .. }
     );
     OfRank {
-        rank,
+        rank: Some(rank),
         code: error.code().unwrap_or_default().to_owned(),
         text: error.to_string(),
         residuals: error.residuals().to_vec(),
@@ -30,7 +30,7 @@ pub(super) fn agree<T>(ranks: &Ranks, outcome: Result<T, SolveError>) -> Result<
     }
     // An error of which a rank knows only that another one has it is not told to others.
     let is_known = |error: &&SolveError| !matches!(error, SolveError::OnRank(_));
-    let own = outcome.as_ref().err().filter(is_known).map(|error| told_by(Some(ranks.own()), error));
+    let own = outcome.as_ref().err().filter(is_known).map(|error| told_by(ranks.own(), error));
     match ranks.first(own) {
         None => outcome,
         Some(first) if first.rank == Some(ranks.own()) => outcome,
