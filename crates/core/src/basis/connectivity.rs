@@ -147,9 +147,14 @@ impl<const D: usize> Connectivity<D> {
         let others = SharedTouches { ranks: &points.ranks, sharing: &sharing };
         let groups = (&self.group_node_start[..], &self.group_nodes[..]);
         let slivers = Slivers::new(grid.n_nodes(), groups, &self.touches, &others);
-        if !slivers.is_empty() {
-            self = self.link(grid, points, methods, &group_points, &slivers)?;
+        let linked = match slivers.is_empty() {
+            true => Ok(self),
+            false => self.link(grid, points, methods, &group_points, &slivers),
+        };
+        if points.ranks.any(linked.is_err()) {
+            return linked.and(Err(SupportFailure::ON_RANK));
         }
+        self = linked?;
         self.touches = Vec::new();
         self.carried.sort_unstable();
         self.carried.dedup_by_key(|pair| pair[0]);
