@@ -48,11 +48,13 @@ impl Moment {
 }
 
 impl ForceBalance {
-    /// The balance of a step in equilibrium.
+    /// The balance of a step in equilibrium. All ranks must form it together.
     pub fn new<const D: usize>(model: &Model<D>, report: &StepReport<D>) -> ForceBalance {
         let names = model.boundary_conditions.iter().map(|condition| condition.name.clone());
         let reactions = names.zip(report.reactions.iter().map(|r| r.to_vec())).collect();
-        let of_nodes: f64 = report.grid.reaction.iter().flatten().map(|r| r.abs()).sum();
+        let halo = report.grid.links.halo();
+        let own = report.grid.reaction.iter().enumerate().filter(|(node, _)| halo.is_own(*node));
+        let of_nodes = halo.ranks().total(own.flat_map(|(_, reaction)| reaction).map(|r| r.abs()).sum());
         // The pressures on a closed surface have no resultant.
         let of_surfaces =
             report.surfaces.iter().flat_map(|surface| surface.reaction.iter().chain(&surface.load)).flatten();
