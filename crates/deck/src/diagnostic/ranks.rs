@@ -38,8 +38,8 @@ impl Sent {
     }
 }
 
-/// The messages of all ranks, on each of them. Of several about the same place, for the same reason, those of the lowest rank
-/// stand for all.
+/// The messages of all ranks, on each of them. Of several that are as serious about the same place, for the same reason, those of
+/// the lowest rank stand for all.
 pub(crate) fn of_all_ranks(ranks: &Ranks, own: Vec<Diagnostic>) -> Vec<Diagnostic> {
     if ranks.is_alone() {
         return own;
@@ -48,9 +48,8 @@ pub(crate) fn of_all_ranks(ranks: &Ranks, own: Vec<Diagnostic>) -> Vec<Diagnosti
     let mut all: Vec<Diagnostic> = Vec::new();
     for of_rank in ranks.gather_all(own) {
         let of_rank = of_rank.into_iter().filter_map(Sent::received);
-        let is_new = |found: &Diagnostic| {
-            !all.iter().any(|known| known.code == found.code && known.pointer == found.pointer)
-        };
+        let key = |found: &Diagnostic| (found.code, found.severity, found.pointer.clone());
+        let is_new = |found: &Diagnostic| !all.iter().any(|known| key(known) == key(found));
         let new: Vec<Diagnostic> = of_rank.filter(is_new).collect();
         all.extend(new);
     }
