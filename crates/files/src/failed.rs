@@ -53,14 +53,21 @@ pub(super) fn write<const D: usize>(
     let write = |name: &str, mesh: &Mesh, fields: &[Field]| {
         let path = |name: String| directory.join(name);
         let file = vtu::file(end, index as i64, mesh, fields, &[]);
-        let file = file.map_err(|problem| invalid(format!("{name}: {problem}")))?;
+        let file = file.map_err(|problem| invalid(format!("{name}: {problem}")));
         if ranks.is_alone() {
-            return file.write(&path(format!("{name}.vtu")));
+            return file?.write(&path(format!("{name}.vtu")));
         }
         let piece = |rank: usize| format!("{name}_r{rank}.vtu");
-        let names: Vec<String> = (0..ranks.count()).map(piece).collect();
-        file.write(&path(piece(ranks.own())))?;
-        if ranks.is_root() { Pieces::new(&file, &names).write(&path(format!("{name}.pvtu"))) } else { Ok(()) }
+        let written = file.and_then(|file| file.write(&path(piece(ranks.own()))).map(|()| file));
+        // No list names a piece that is missing.
+        let is_missing = ranks.any(written.is_err());
+        match written {
+            Ok(file) if !is_missing && ranks.is_root() => {
+                let names: Vec<String> = (0..ranks.count()).map(piece).collect();
+                Pieces::new(&file, &names).write(&path(format!("{name}.pvtu")))
+            }
+            written => written.map(|_| ()),
+        }
     };
     let order = points.by_id();
     let increments = increments_of(points, iterate);
@@ -84,7 +91,7 @@ pub(super) fn write<const D: usize>(
         number("point_id", &numbers),
         number("in_equilibrium", &no[..points.len()]),
     ];
-    write(FILES[0], &mesh, &fields)?;
+    let of_points = write(FILES[0], &mesh, &fields);
 
     let [increments, forces] = [delta_d, out_of_balance].map(|field| match &shown {
         None => field.iter().map(padded).collect::<Vec<[f64; 3]>>(),
@@ -96,7 +103,9 @@ pub(super) fn write<const D: usize>(
         number("in_equilibrium", &no[..nodes.len()]),
     ];
     let mesh = Mesh { points: &nodes, kinds: Kinds::Each(&kinds), connectivity: &corners };
-    write(FILES[1], &mesh, &fields)
+    // All ranks write the second file together, whatever became of the first.
+    let of_grid = write(FILES[1], &mesh, &fields);
+    of_points.and(of_grid)
 }
 
 /// The last displacement increment of each point.
