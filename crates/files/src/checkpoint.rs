@@ -26,7 +26,7 @@ use mpm_core::ranks::Ranks;
 use mpm_core::solver::{Reached, Step};
 
 pub(super) use names::step_of;
-use names::{file_name, piece_name, pieces_of, step_and_rank};
+use names::{file_name, piece_name, pieces_before};
 use rows::Rows;
 
 use super::findings::Findings;
@@ -123,12 +123,13 @@ pub(super) fn write<const D: usize>(
         }
         write_file::<D>(&directory.join(file_name(step)), &head, None)?;
     }
-    for old in find(directory)?.into_iter().skip(KEPT) {
-        let pieces = pieces_of(&old);
-        fs::remove_file(old)?;
-        pieces?.into_iter().try_for_each(fs::remove_file)?;
+    let steps = find(directory)?;
+    for old in steps.iter().skip(KEPT) {
+        fs::remove_file(directory.join(file_name(*old)))?;
     }
-    Ok(())
+    // Pieces without main file are those of a run that was killed here.
+    let first = steps.get(KEPT - 1).copied().unwrap_or(0);
+    pieces_before(directory, first)?.into_iter().try_for_each(fs::remove_file)
 }
 
 /// Writes a file of a checkpoint, with points or without.
@@ -143,24 +144,17 @@ fn write_file<const D: usize>(path: &Path, head: &Head, points: Option<&Points<D
     })
 }
 
-/// The checkpoints in a directory, from their names, the last one first.
-fn find(directory: &Path) -> io::Result<Vec<PathBuf>> {
-    let mut found = Vec::new();
-    for entry in fs::read_dir(directory)? {
-        let path = entry?.path();
-        let name = path.file_name().and_then(|name| name.to_str());
-        let of = name.and_then(step_and_rank).filter(|(_, rank)| rank.is_none());
-        // Anything else with such a name, such as a directory, was not written by a run.
-        found.extend(of.filter(|_| path.is_file()).map(|(step, _)| (step, path)));
-    }
-    found.sort();
-    Ok(found.into_iter().rev().map(|(_, path)| path).collect())
+/// The steps of the checkpoints in a directory, from the names of their files, the last one first.
+fn find(directory: &Path) -> io::Result<Vec<usize>> {
+    let of_whole = |(step, rank, _): (usize, Option<usize>, PathBuf)| rank.is_none().then_some(step);
+    let mut found: Vec<usize> = names::all(directory)?.into_iter().filter_map(of_whole).collect();
+    found.sort_unstable_by(|a, b| b.cmp(a));
+    Ok(found)
 }
 
 /// The step of the last checkpoint in a directory, from the name of its file, if there is one.
 pub fn last_step(directory: &Path) -> Option<usize> {
-    let found = find(directory).ok()?;
-    found.first()?.file_name()?.to_str().and_then(step_of)
+    find(directory).ok()?.first().copied()
 }
 
 /// The last readable checkpoint in a directory, and the unreadable ones after it. All ranks look for it together; each reads its
@@ -169,17 +163,18 @@ pub fn last_step(directory: &Path) -> Option<usize> {
 /// # Errors
 /// An error of the file system; `NotFound` if there is no checkpoint.
 pub fn latest(directory: &Path, ranks: &Ranks) -> io::Result<(Option<Checkpoint>, Vec<Refused>)> {
-    let paths = find(directory);
-    if ranks.any(paths.is_err()) {
-        return Err(paths.err().unwrap_or_else(|| io::Error::other("another rank cannot read it")));
+    let steps = find(directory);
+    if ranks.any(steps.is_err()) {
+        return Err(steps.err().unwrap_or_else(|| io::Error::other("another rank cannot read it")));
     }
     // Directories that machines share may not look alike at once.
-    let paths = ranks.first(Some(paths?)).unwrap_or_default();
-    if paths.is_empty() {
+    let steps = ranks.first(Some(steps?)).unwrap_or_default();
+    if steps.is_empty() {
         return Err(io::Error::new(io::ErrorKind::NotFound, "there is no checkpoint"));
     }
     let mut refused = Vec::new();
-    for path in paths {
+    for step in steps {
+        let path = directory.join(file_name(step));
         let read = read_on(ranks, &path);
         match (ranks.first(read.as_ref().err().cloned()), read) {
             (None, Ok(checkpoint)) => return Ok((Some(checkpoint), refused)),

@@ -1,5 +1,6 @@
 //! Names of the files of checkpoints.
 
+use std::io;
 use std::path::{Path, PathBuf};
 
 /// The file of a checkpoint.
@@ -18,7 +19,7 @@ pub fn step_of(name: &str) -> Option<usize> {
 }
 
 /// The step of a checkpoint, and the rank that wrote it if it is a piece.
-pub(super) fn step_and_rank(name: &str) -> Option<(usize, Option<usize>)> {
+fn step_and_rank(name: &str) -> Option<(usize, Option<usize>)> {
     let is_number = |text: &str| !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit());
     let rest = name.strip_prefix("checkpoint_")?.strip_suffix(".mpm")?;
     let (number, rank) = match rest.split_once("_r") {
@@ -31,16 +32,21 @@ pub(super) fn step_and_rank(name: &str) -> Option<(usize, Option<usize>)> {
     Some((number.parse().ok()?, rank.map(str::parse).transpose().ok()?))
 }
 
-/// The files of the pieces that belong to the file of a checkpoint, by their names.
-pub(super) fn pieces_of(path: &Path) -> std::io::Result<Vec<PathBuf>> {
-    let name = |path: &Path| path.file_name().and_then(|name| name.to_str()).and_then(step_and_rank);
-    let (Some(directory), Some((step, _))) = (path.parent(), name(path)) else { return Ok(Vec::new()) };
+/// The files of checkpoints and of their pieces in a directory, by their names: step, rank of a piece, and path.
+pub(super) fn all(directory: &Path) -> io::Result<Vec<(usize, Option<usize>, PathBuf)>> {
     let mut found = Vec::new();
     for entry in std::fs::read_dir(directory)? {
         let path = entry?.path();
-        if name(&path).is_some_and(|(of, rank)| of == step && rank.is_some()) && path.is_file() {
-            found.push(path);
-        }
+        let of = path.file_name().and_then(|name| name.to_str()).and_then(step_and_rank);
+        // Anything else with such a name, such as a directory, was not written by a run.
+        found.extend(of.filter(|_| path.is_file()).map(|(step, rank)| (step, rank, path)));
     }
     Ok(found)
+}
+
+/// The pieces of checkpoints before a step.
+pub(super) fn pieces_before(directory: &Path, step: usize) -> io::Result<Vec<PathBuf>> {
+    let is_before =
+        |(of, rank, path): (usize, Option<usize>, PathBuf)| (of < step && rank.is_some()).then_some(path);
+    Ok(all(directory)?.into_iter().filter_map(is_before).collect())
 }
