@@ -4,6 +4,7 @@ use std::cell::Cell;
 
 use anyhow::bail;
 
+use crate::deck::load::LoadedDeck;
 use crate::deck::ready::Analysis;
 use crate::ranks::Ranks;
 
@@ -107,6 +108,12 @@ impl Machines {
         let ended = self.ranks.gather_all(goes_on).iter().position(|goes_on| !goes_on);
         self.has_begun.set(ended.is_some());
         ended
+    }
+
+    /// True if all ranks have read the same deck and the same files that it names. All must ask together.
+    pub fn have_the_same(&self, loaded: &LoadedDeck) -> bool {
+        let of_ranks = if self.ranks.is_alone() { Vec::new() } else { self.ranks.gather_all(loaded.hash()) };
+        of_ranks.windows(2).all(|pair| pair[0] == pair[1])
     }
 
     /// Waits until all ranks are ready to run.

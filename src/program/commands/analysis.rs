@@ -11,7 +11,6 @@ use crate::deck::load::{LoadFailure, LoadedDeck, load};
 use crate::deck::ready::{self, Analysis, Prepared};
 use crate::deck::source::Source;
 use crate::memory::Memory;
-use crate::model::Model;
 use crate::output::checkpoint::last_step;
 use crate::output::lock::Lock;
 use crate::output::results::Results;
@@ -56,15 +55,20 @@ fn findings(prepared: &Result<Prepared, Box<LoadFailure>>) -> (&Source, &[Diagno
 /// used.
 ///
 /// # Errors
-/// If only another rank cannot read the deck, or the messages cannot be printed.
+/// If only another rank cannot read the deck, ranks have read unlike ones, or the messages cannot be printed.
 pub fn prepare_and_report(
     args: &DeckArgs,
     log_text: &dyn Fn(&str),
     machines: &Machines,
 ) -> anyhow::Result<Option<Prepared>> {
     let loaded = load(&args.deck, &args.set);
-    if let Some(rank) = machines.meet(loaded.is_ok()).filter(|_| loaded.is_ok()) {
-        bail!("rank {rank} cannot read the deck; it says why");
+    match (machines.meet(loaded.is_ok()), &loaded) {
+        (Some(rank), Ok(_)) => bail!("rank {rank} cannot read the deck; it says why"),
+        (None, Ok(loaded)) if !machines.have_the_same(loaded) => bail!(
+            "the deck, or a file that it names, is not the same on all ranks\n  help: let all of them read it from a directory that \
+             their machines share"
+        ),
+        _ => {}
     }
     let prepared = prepare(loaded, args.deny_warnings, machines.ranks());
     let plain = messages(&prepared, false);
@@ -251,6 +255,9 @@ pub fn run_along(
         if rank == machines.ranks().own() {
             print_messages(&loaded.and_then(|loaded| prepare(Ok(loaded), false, &Ranks::default())));
         }
+        return Ok(USAGE);
+    }
+    if loaded.as_ref().is_ok_and(|loaded| !machines.have_the_same(loaded)) {
         return Ok(USAGE);
     }
     let Ok(Prepared { loaded, mut analysis, .. }) = prepare(loaded, deck.deny_warnings, machines.ranks())
