@@ -258,6 +258,22 @@ def test_a_run_whose_rank_dies_is_resumed(sinking, tmp_path, number):
     same(Results(tmp_path), undisturbed)
 
 
+def test_a_resumed_run_knows_the_whole_last_motion(tmp_path):
+    """A prediction from the motion of one rank alone takes more iterations."""
+    deck = tmp_path / "compaction.yaml"
+    text = (ROOT / "inputs" / "compaction.yaml").read_text()
+    deck.write_text(text + "\ncheckpoint: {every: 5}\nsolver: {predictor: last-step}\n")
+    undisturbed = results_of(3, tmp_path / "undisturbed", deck)
+    resumed = tmp_path / "resumed"
+    shutil.copytree(undisturbed.directory, resumed)
+    last = max(resumed.glob("checkpoint_*.mpm"), key=lambda path: path.name).name.split("_")[1].split(".")[0]
+    for path in [*resumed.glob(f"checkpoint_{last}*"), resumed / "summary.json"]:
+        path.unlink()
+    process = run(2, "run", deck, "--out", resumed, "--resume")
+    assert process.returncode == 0 and "resuming after step" in process.stderr, process.stderr
+    same(Results(resumed), undisturbed)
+
+
 def test_a_signal_ends_the_run_with_a_checkpoint(sinking, tmp_path):
     deck, undisturbed = sinking
     process = subprocess.Popen(

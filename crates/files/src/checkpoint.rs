@@ -23,7 +23,7 @@ use serde_json::Value;
 use mpm_core::model::Model;
 use mpm_core::points::{FieldHandle, FieldKind, Further, FurtherField, Points};
 use mpm_core::ranks::Ranks;
-use mpm_core::solver::{Reached, Step};
+use mpm_core::solver::{Path as SolutionPath, Reached, Step};
 
 pub(super) use names::step_of;
 use names::{file_name, piece_name, pieces_before};
@@ -87,6 +87,8 @@ pub struct Checkpoint {
     pub head: Head,
     /// The arrays of the points that this rank reads, not yet decoded, by pieces with their numbers of points.
     arrays: Vec<(usize, Vec<u8>)>,
+    /// The paths in these pieces.
+    paths: Vec<SolutionPath>,
 }
 
 /// Writes the checkpoint of a step in equilibrium and removes those that are no longer needed. All ranks write it together.
@@ -177,7 +179,7 @@ pub fn latest(directory: &Path, ranks: &Ranks) -> io::Result<(Option<Checkpoint>
         let path = directory.join(file_name(step));
         let read = read_on(ranks, &path);
         match (ranks.first(read.as_ref().err().cloned()), read) {
-            (None, Ok(checkpoint)) => return Ok((Some(checkpoint), refused)),
+            (None, Ok(checkpoint)) => return Ok((Some(checkpoint.with_joined_path(ranks)), refused)),
             (reason, _) => refused.push(Refused { path, reason: reason.unwrap_or_default() }),
         }
     }
@@ -189,13 +191,14 @@ pub fn latest(directory: &Path, ranks: &Ranks) -> io::Result<(Option<Checkpoint>
 /// # Errors
 /// The reason why it cannot be used.
 pub fn read(path: &Path) -> Result<Checkpoint, String> {
-    read_on(&Ranks::default(), path)
+    let alone = Ranks::default();
+    read_on(&alone, path).map(|checkpoint| checkpoint.with_joined_path(&alone))
 }
 
 /// Reads a file, with the share of the pieces that falls to this rank.
 fn read_on(ranks: &Ranks, path: &Path) -> Result<Checkpoint, String> {
     let (head, arrays) = read_file(path)?;
-    let mut checkpoint = Checkpoint { path: path.to_owned(), arrays: Vec::new(), head };
+    let mut checkpoint = Checkpoint { path: path.to_owned(), arrays: Vec::new(), paths: Vec::new(), head };
     if checkpoint.head.pieces.is_empty() {
         if ranks.is_root() {
             checkpoint.arrays.push((checkpoint.head.shape[1], arrays));
@@ -203,16 +206,18 @@ fn read_on(ranks: &Ranks, path: &Path) -> Result<Checkpoint, String> {
         return Ok(checkpoint);
     }
     for number in ranks.share(checkpoint.head.pieces.len()) {
-        checkpoint.arrays.push(read_piece(&checkpoint, number)?);
+        let (head, arrays) = read_piece(&checkpoint, number)?;
+        checkpoint.arrays.push((head.shape[1], arrays));
+        checkpoint.paths.push(head.reached.summary.path);
     }
     Ok(checkpoint)
 }
 
-/// The number of points and the arrays of a piece.
+/// The head of a piece, and the bytes of its arrays.
 ///
 /// # Errors
 /// The reason why it cannot be used.
-fn read_piece(checkpoint: &Checkpoint, number: usize) -> Result<(usize, Vec<u8>), String> {
+fn read_piece(checkpoint: &Checkpoint, number: usize) -> Result<(Head, Vec<u8>), String> {
     let step = checkpoint.step().index;
     let directory = checkpoint.path.parent().unwrap_or(Path::new(""));
     let name = piece_name(step, number);
@@ -223,7 +228,7 @@ fn read_piece(checkpoint: &Checkpoint, number: usize) -> Result<(usize, Vec<u8>)
     if head.shape != shape || head.reached.step != of_all.reached.step || head.further != of_all.further {
         return Err(format!("its piece `{name}` does not belong to `{}`", file_name(step)));
     }
-    Ok((shape[1], arrays))
+    Ok((head, arrays))
 }
 
 /// The head of a file, and the bytes of its arrays.
@@ -241,6 +246,15 @@ fn read_file(path: &Path) -> Result<(Head, Vec<u8>), String> {
 }
 
 impl Checkpoint {
+    /// The same with the path of all ranks that have written pieces. All ranks that have read it must join it together.
+    fn with_joined_path(mut self, ranks: &Ranks) -> Checkpoint {
+        let paths = ranks.gather_all(std::mem::take(&mut self.paths)).concat();
+        if !paths.is_empty() {
+            self.head.reached.summary.path = SolutionPath::joined(&paths);
+        }
+        self
+    }
+
     /// Restores the points of a newly built model to the state and the order of the checkpoint. Several ranks do so together, and
     /// divide the points anew.
     ///

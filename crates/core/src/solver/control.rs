@@ -27,6 +27,12 @@ pub struct Path {
 }
 
 impl Path {
+    /// The path of all ranks, from those of each.
+    pub fn joined(of_ranks: &[Path]) -> Path {
+        let motions: Vec<Motion> = of_ranks.iter().map(|path| path.motion.clone()).collect();
+        Path { motion: Motion::joined(&motions), ..of_ranks.first().cloned().unwrap_or_default() }
+    }
+
     /// True if a run in `D` dimensions can have this path.
     pub(super) fn can_be_of<const D: usize>(&self) -> bool {
         self.motion.can_be_of::<D>()

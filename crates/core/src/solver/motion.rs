@@ -1,5 +1,7 @@
 //! The motion of the grid in the last step, which the next one may use as the direction of a path or as a prediction.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
 use crate::basis::Connectivity;
@@ -28,6 +30,20 @@ impl Motion {
             nodes: links.active_nodes().to_vec(),
             increment: delta_d.as_flattened().to_vec(),
             duration: step.end - step.start,
+        }
+    }
+
+    /// The motion of all ranks, from those of each on the nodes that it had; shared nodes move alike on all of them.
+    pub(super) fn joined(of_ranks: &[Motion]) -> Motion {
+        let mut nodes: BTreeMap<u32, &[f64]> = BTreeMap::new();
+        for motion in of_ranks.iter().filter(|motion| !motion.nodes.is_empty()) {
+            let per_node = motion.increment.len() / motion.nodes.len();
+            nodes.extend(motion.nodes.iter().copied().zip(motion.increment.chunks_exact(per_node.max(1))));
+        }
+        Motion {
+            increment: nodes.values().copied().flatten().copied().collect(),
+            nodes: nodes.into_keys().collect(),
+            duration: of_ranks.iter().map(|motion| motion.duration).fold(0.0, f64::max),
         }
     }
 
@@ -89,5 +105,22 @@ impl Motion {
             None => [0.0; N],
         };
         Some((0..known.len()).map(|n| of_node(n).map(|u| factor * u)).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranks_join_their_motions_at_shared_nodes() {
+        let motion = |nodes: &[u32]| Motion {
+            nodes: nodes.to_vec(),
+            increment: nodes.iter().flat_map(|node| [f64::from(*node), 0.5]).collect(),
+            duration: 0.25,
+        };
+        let joined = Motion::joined(&[motion(&[1, 4, 7]), Motion::default(), motion(&[0, 4, 9])]);
+        assert_eq!(joined, motion(&[0, 1, 4, 7, 9]));
+        assert_eq!(Motion::joined(&[Motion::default(), Motion::default()]), Motion::default());
     }
 }

@@ -309,8 +309,12 @@ fn damaged_lists_of_further_fields_are_refused() {
     write(directory.path(), (&deck, "f"), &reached(1), &Findings::default(), &points).unwrap();
     let good = latest(directory.path(), &Ranks::default()).unwrap().0.unwrap();
     let refused = |change: &dyn Fn(&mut Checkpoint)| {
-        let mut damaged =
-            Checkpoint { path: good.path.clone(), head: good.head.clone(), arrays: good.arrays.clone() };
+        let mut damaged = Checkpoint {
+            path: good.path.clone(),
+            head: good.head.clone(),
+            arrays: good.arrays.clone(),
+            paths: Vec::new(),
+        };
         change(&mut damaged);
         damaged.restore(&model, &mut points.clone()).unwrap_err()
     };
