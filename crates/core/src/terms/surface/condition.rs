@@ -320,8 +320,11 @@ impl<const D: usize> Condition<D> {
         let carried = &carried[self.on.surface];
         let places: Vec<[f64; D]> = (0..carried.len()).map(|sample| centre(&carried.facet(sample))).collect();
         let n = places.len().max(1) as f64;
-        let about: [f64; D] = std::array::from_fn(|d| places.iter().map(|x| x[d]).sum::<f64>() / n);
-        // The reactions at samples of other ranks are zero here.
+        // Samples of other ranks have not moved here, and their reactions are zero.
+        let own: Vec<usize> = carried.own_samples().collect();
+        let mut about: [f64; D] = std::array::from_fn(|d| own.iter().map(|s| places[*s][d]).sum());
+        ranks.sum(&mut about);
+        about.iter_mut().for_each(|x| *x /= n);
         let (mut sum, mut moment) = ([0.0; D], [0.0; 3]);
         for (x, reaction) in places.iter().zip(&self.reaction) {
             let (mut arm, mut force) = ([0.0; 3], [0.0; 3]);
