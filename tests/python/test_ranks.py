@@ -82,8 +82,8 @@ def numbers(document):
     return [document]
 
 
-def same(found, expected, tolerance=1e-9):
-    """Compares the histories, the points at the end and what the summaries say of them."""
+def same(found, expected, tolerance=1e-9, apart=()):
+    """Compares the histories apart from some columns, the points at the end and what the summaries say of them."""
     for key in ("points", "cells", "unknowns", "steps"):
         assert found.summary[key] == expected.summary[key], key
     overlaps = [of.summary["quality"]["domain_overlap"] for of in (found, expected)]
@@ -103,12 +103,12 @@ def same(found, expected, tolerance=1e-9):
     force = max(stresses, default=0) * whole
     for name, column in theirs.items():
         # Measures of round-off, and times.
-        if any(word in name for word in ("residual", "error", "order", "seconds", "wall", "cpu")):
+        if name in apart or any(word in name for word in ("residual", "error", "order", "seconds", "wall", "cpu")):
             continue
         is_force = name.endswith(("_rx", "_ry", "_rz", "_fx", "_fy", "_fz", "_mx", "_my", "_mz")) or "work" in name or "energy" in name
         size = max(np.nanmax(np.abs(column), initial=0), force if is_force else 0)
-        apart = np.abs(ours[name] - column)
-        assert np.all((apart <= tolerance * size) | np.isnan(column)), (name, apart.max(), size)
+        error = np.abs(ours[name] - column)
+        assert np.all((error <= tolerance * size) | np.isnan(column)), (name, error.max(), size)
     assert a.points.shape == b.points.shape
     assert np.abs(a.points - b.points).max() <= tolerance * np.abs(b.points).max()
     assert list(a.fields) == list(b.fields)
@@ -120,21 +120,29 @@ def same(found, expected, tolerance=1e-9):
         assert np.abs(x - y).max() <= tolerance * size, (name, np.abs(x - y).max(), size)
 
 
-DECKS = {
+DECKS = sorted(str(path.relative_to(ROOT)) for path in ROOT.glob("inputs/**/*.yaml"))
+
+# Later steps of these amplify round-off by more than 1e5, on one rank as on several: docs/scaling.md, "The results of ranks".
+SHORT = {
     "inputs/beam.yaml": {"steps": 5},
-    "inputs/shear.yaml": {},
-    "inputs/compaction.yaml": {},
-    "inputs/collapse.yaml": {"h": 2, "n": 2, "steps": 10},
-    "inputs/annulus.yaml": {},
+    "inputs/collapse.yaml": {"steps": 10},
+    "inputs/cone.yaml": {"steps": 5, "depth": 0.5},
+    "inputs/pipe.yaml": {"steps": 10, "depth": 0.125},
+    "inputs/plough.yaml": {"steps": 2, "way": 0.125},
+    # These take long.
     "inputs/block/block.yaml": {"h": 0.5, "steps": 2},
+    "inputs/footing_stages.yaml": {"h": 0.5},
 }
+# The last iterations of a step are at the limit of round-off there.
+LIMITED = {"inputs/cone.yaml": ("iterations", "rounding_limited")}
 
 
 @pytest.mark.parametrize("deck", DECKS)
 def test_ranks_agree(deck, tmp_path):
-    alone = results_of(0, tmp_path / "alone", deck, *settings(**DECKS[deck]))
+    arguments = settings(**SHORT.get(deck, {}))
+    alone = results_of(0, tmp_path / "alone", deck, *arguments, "--threads", "1")
     for ranks in (1, 2, 3, 4):
-        same(results_of(ranks, tmp_path / str(ranks), deck, *settings(**DECKS[deck])), alone)
+        same(results_of(ranks, tmp_path / str(ranks), deck, *arguments), alone, apart=LIMITED.get(deck, ()))
 
 
 def test_the_same_ranks_give_the_same_bits(tmp_path):
