@@ -83,24 +83,16 @@ impl Machines {
         &self.ranks
     }
 
-    /// Checks that an analysis can be divided between the ranks, and chooses the solvers of its equations.
-    ///
-    /// # Errors
-    /// If it has parts that only one rank can treat.
-    pub fn equip(&self, analysis: &mut Analysis) -> anyhow::Result<()> {
-        if !self.ranks.is_alone()
-            && let Some(part) = analysis.needs_one_rank()
-        {
-            bail!(
-                "the deck has {part}, which a run on several ranks does not treat yet\n  help: run it on one rank, where threads \
-                 share the work"
-            );
-        }
+    /// Chooses the solvers of the equations of an analysis.
+    #[cfg_attr(
+        not(feature = "petsc"),
+        expect(unused_variables, reason = "the solvers of the core are the only ones")
+    )]
+    pub fn equip(&self, analysis: &mut Analysis) {
         #[cfg(feature = "petsc")]
         if self.solves {
             analysis.solve_with(&std::sync::Arc::new(petsc::Petsc));
         }
-        Ok(())
     }
 
     /// Waits until all ranks are as far as this one; returns the lowest rank that does not go on, if there is one.

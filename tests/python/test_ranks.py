@@ -222,6 +222,43 @@ def sinking(tmp_path_factory):
     return deck, results_of(3, directory / "undisturbed", deck)
 
 
+STRETCHED = """
+version: 1
+title: A bar whose domains are split
+grid: {type: structured, origin: [0, 0], size: [9, 2], spacing: 0.5}
+materials:
+  rubber: {model: neo-hookean, young: 1e6, poisson: 0.3, density: 1000}
+bodies:
+  - {name: bar, material: rubber, shape: {type: box, min: [0, 0], max: [4, 1]}, method: cpdi2, points_per_cell: 2,
+     split_above: 0.6}
+boundary_conditions:
+  - {name: held, nodes: {x: 0}, fix: [x, y]}
+loads:
+  - {name: pull, type: body-force, force: [2e5, 0]}
+steps: {count: 8}
+checkpoint: {every: 3}
+output: {probes: [{name: tip, body: bar, nearest: [4, 1]}]}
+"""
+
+
+def test_domains_are_split_as_on_one_rank(tmp_path):
+    deck = tmp_path / "deck.yaml"
+    deck.write_text(STRETCHED)
+    alone = results_of(0, tmp_path / "alone", deck)
+    points = Last(alone).fields["point_id"]
+    assert len(points) > 64 and len(set(points)) == len(points)
+    for ranks in (1, 2, 3, 4):
+        same(results_of(ranks, tmp_path / str(ranks), deck), alone)
+    resumed = tmp_path / "3"
+    (resumed / "summary.json").unlink()
+    last = max(path.name for path in resumed.glob("checkpoint_*.mpm") if "_r" not in path.name)[:-4]
+    for path in resumed.glob(f"{last}*"):
+        path.unlink()
+    process = run(2, "run", deck, "--out", resumed, "--resume")
+    assert process.returncode == 0 and "resuming after step" in process.stderr, process.stderr
+    same(Results(resumed), alone)
+
+
 def test_a_failed_step_is_shown_in_pieces(tmp_path):
     deck = tmp_path / "heavy.yaml"
     deck.write_text(DECK.replace("density: 1000", "density: 100000").replace("{count: 40}", "{count: 1, smallest: 1}"))

@@ -183,14 +183,6 @@ impl Analysis {
         }
     }
 
-    /// The part of the analysis that only one rank can treat.
-    pub fn needs_one_rank(&self) -> Option<&'static str> {
-        match self {
-            Analysis::Plane(parts) => needs_one_rank(&parts.0),
-            Analysis::Solid(parts) => needs_one_rank(&parts.0),
-        }
-    }
-
     /// Solves the equations by this library.
     pub fn solve_with<E: Engine<2> + Engine<3> + 'static>(&mut self, engine: &Arc<E>) {
         match self {
@@ -213,10 +205,6 @@ impl Analysis {
             Analysis::Solid(parts) => run(parts, reached, observer),
         }
     }
-}
-
-fn needs_one_rank<const D: usize>(model: &Model<D>) -> Option<&'static str> {
-    model.bodies.iter().any(|body| body.split_above.is_some()).then_some("domains that are split")
 }
 
 fn run<const D: usize>(

@@ -224,7 +224,7 @@ pub fn run_into(run: Run, ready: Prepared, set_up: Timings) -> anyhow::Result<Op
         Analysis::Solid(parts) => Watch::new(results, &parts.0, n, start, view, stop),
     };
     watch.law_libraries(&law_libraries);
-    machines.equip(&mut analysis)?;
+    machines.equip(&mut analysis);
     machines.begin()?;
     let reached = match from {
         Some((checkpoint, reached)) => {
@@ -278,8 +278,9 @@ pub fn run_along(
         Analysis::Solid(parts) => Results::of_rank(directory, &asked, &parts.0, account, from),
     };
     let mut results = results.stopped_by(stop_on_interrupt(false)?);
+    machines.equip(&mut analysis);
     // Rank 0 says why.
-    if machines.equip(&mut analysis).and_then(|()| machines.begin()).is_err() {
+    if machines.begin().is_err() {
         return Ok(USAGE);
     }
     let reached = reached.map_or_else(|| analysis.beginning(), |(_, reached)| *reached);

@@ -52,12 +52,12 @@ type Domain<const D: usize> = ([[f64; D]; MAX_CORNERS], usize);
 
 impl<const D: usize> Points<D> {
     /// Cuts domains until no edge is longer than allowed; `next` is the number of the next new point. A domain of which a half
-    /// would not be valid stays whole. Returns the cuts in their order.
+    /// would not be valid stays whole. All ranks cut together, and get the cuts of all in the order of their numbers.
     pub(crate) fn split_long(&mut self, rules: &impl Splitting<D>, mut next: u32) -> Vec<Split> {
         let mut splits = Vec::new();
         for _ in 0..MOST_CUTS {
+            let mut long: Vec<(u32, [u8; 2])> = Vec::new();
             let mut places = Vec::new();
-            let mut cuts = Vec::new();
             for p in 0..self.len() {
                 let Some((edge, length)) = longest_edge(self.corners(p)) else { continue };
                 if length <= rules.longest(self, p) {
@@ -66,15 +66,25 @@ impl<const D: usize> Points<D> {
                 let halves = self.halves_now(p, edge.map(usize::from), rules);
                 if halves.iter().all(|(corners, n)| rules.is_valid(self, p, &corners[..*n])) {
                     places.push(p);
-                    cuts.push(Split { point: self.id[p], half: next, edge });
-                    next += 1;
+                    long.push((self.id[p], edge));
                 }
             }
-            if places.is_empty() {
+            // New numbers follow those of the points that are cut, whichever ranks have them.
+            let mut of_all = self.ranks.gather_all(long).concat();
+            if of_all.is_empty() {
                 break;
             }
+            of_all.sort_unstable();
+            let all: Vec<Split> = of_all
+                .into_iter()
+                .zip(next..)
+                .map(|((point, edge), half)| Split { point, half, edge })
+                .collect();
+            next += all.len() as u32;
+            let of_place = |p: &usize| all.binary_search_by_key(&self.id[*p], |cut| cut.point).ok();
+            let cuts: Vec<Split> = places.iter().filter_map(of_place).map(|k| all[k]).collect();
             self.cut(&places, &cuts, rules);
-            splits.extend(cuts);
+            splits.extend(all);
         }
         splits
     }
@@ -218,6 +228,7 @@ fn volume<const D: usize>(corners: &[[f64; D]], rules: &impl Splitting<D>) -> f6
 mod tests {
     use super::*;
     use crate::points::Seed;
+    use crate::ranks::{Ranks, threads};
 
     /// Domains longer than `longest` are cut; bodies of revolution have the depth 2 π r.
     struct Rules {
@@ -328,6 +339,42 @@ mod tests {
         let brick = |k: usize| std::array::from_fn(|d| (k >> d & 1) as f64);
         splits_keep_the_whole((0..8).map(brick).collect::<Vec<[f64; 3]>>(), false);
         splits_keep_the_whole(vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], false);
+    }
+
+    #[test]
+    fn ranks_split_as_one() {
+        let rules = Rules::new(0.7, false);
+        let square = |id: u32| -> Seed<2> {
+            let corners: Vec<[f64; 2]> =
+                SQUARE.map(|x| [x[0] + f64::from(id), (1.0 + 0.1 * f64::from(id)) * x[1]]).to_vec();
+            Seed {
+                body: 0,
+                position: middle(&corners),
+                half_lengths: [0.5; 2],
+                volume: volume(&corners, &rules),
+                corners,
+                mass: 1.0,
+                outer_layer: false,
+                history: Vec::new(),
+            }
+        };
+        let split = |ranks: &Ranks| {
+            let numbers: Vec<u32> = (0..7).filter(|id| *id as usize % ranks.count() == ranks.own()).collect();
+            let seeds: Vec<Seed<2>> = numbers.iter().map(|id| square(*id)).collect();
+            let mut points = Points::numbered(&seeds, numbers, ranks);
+            let splits = points.split_long(&rules, 10);
+            let found: Vec<(u32, Vec<[f64; 2]>, f64)> = (points.by_id().into_iter())
+                .map(|p| (points.id[p], points.corners(p).to_vec(), points.mass[p]))
+                .collect();
+            let mut all = ranks.gather_all(found).concat();
+            all.sort_by_key(|point| point.0);
+            (splits, all)
+        };
+        let one = split(&Ranks::default());
+        assert!(one.0.len() > 14 && one.1.len() == 7 + one.0.len());
+        for n in [2, 3] {
+            assert!(threads::run(n, |ranks| split(&ranks)).iter().all(|found| *found == one));
+        }
     }
 
     #[test]

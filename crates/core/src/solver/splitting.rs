@@ -20,7 +20,7 @@ struct Present<'a, const D: usize, const N: usize> {
     probed: BTreeSet<u32>,
 }
 
-/// Splits the points of bodies whose domains have become longer than these allow, and adds the splits to those before.
+/// Splits the points of bodies whose domains have become longer than these allow, and adds the splits of all ranks to those before.
 pub(super) fn split_long<const D: usize, const N: usize>(
     model: &Model<D>,
     points: &mut Points<D>,
@@ -32,7 +32,8 @@ pub(super) fn split_long<const D: usize, const N: usize>(
     }
     let of_stages = model.stages.iter().flat_map(|stage| &stage.added.id);
     let numbers = points.id.iter().chain(of_stages).copied().chain(splits.iter().map(|split| split.half));
-    let next = numbers.max().map_or(0, |last| last + 1);
+    let last = points.ranks.largest(numbers.max().map_or(-1.0, f64::from));
+    let next = (last + 1.0) as u32;
     let probed = model.probes.iter().flat_map(|probe| &probe.points).copied().collect();
     splits.extend(points.split_long(&Present { of_model: OfModel { model }, terms, probed }, next));
 }
