@@ -126,11 +126,11 @@ DECKS = sorted(str(path.relative_to(ROOT)) for path in ROOT.glob("inputs/**/*.ya
 SHORT = {
     "inputs/beam.yaml": {"steps": 5},
     "inputs/collapse.yaml": {"steps": 10},
-    "inputs/cone.yaml": {"steps": 5, "depth": 0.5},
     "inputs/pipe.yaml": {"steps": 10, "depth": 0.125},
     "inputs/plough.yaml": {"steps": 2, "way": 0.125},
     # These take long.
     "inputs/block/block.yaml": {"h": 0.5, "steps": 2},
+    "inputs/cone.yaml": {"steps": 5, "depth": 0.5},
     "inputs/footing_stages.yaml": {"h": 0.5},
 }
 # The last iterations of a step are at the limit of round-off there.
@@ -222,6 +222,16 @@ def sinking(tmp_path_factory):
     return deck, results_of(3, directory / "undisturbed", deck)
 
 
+def resumed_from_the_last_but_one(ranks, directory, deck):
+    """Resumes a run as if it had been killed between its last two checkpoints."""
+    last = max(path.name.split("_")[1].removesuffix(".mpm") for path in directory.glob("checkpoint_*.mpm"))
+    for path in [*directory.glob(f"checkpoint_{last}*"), directory / "summary.json"]:
+        path.unlink()
+    process = run(ranks, "run", deck, "--out", directory, "--resume")
+    assert process.returncode == 0 and "resuming after step" in process.stderr, process.stderr
+    return Results(directory)
+
+
 STRETCHED = """
 version: 1
 title: A bar whose domains are split
@@ -249,14 +259,7 @@ def test_domains_are_split_as_on_one_rank(tmp_path):
     assert len(points) > 64 and len(set(points)) == len(points)
     for ranks in (1, 2, 3, 4):
         same(results_of(ranks, tmp_path / str(ranks), deck), alone)
-    resumed = tmp_path / "3"
-    (resumed / "summary.json").unlink()
-    last = max(path.name for path in resumed.glob("checkpoint_*.mpm") if "_r" not in path.name)[:-4]
-    for path in resumed.glob(f"{last}*"):
-        path.unlink()
-    process = run(2, "run", deck, "--out", resumed, "--resume")
-    assert process.returncode == 0 and "resuming after step" in process.stderr, process.stderr
-    same(Results(resumed), alone)
+    same(resumed_from_the_last_but_one(2, tmp_path / "3", deck), alone)
 
 
 def test_a_failed_step_is_shown_in_pieces(tmp_path):
@@ -309,14 +312,8 @@ def test_a_resumed_run_knows_the_whole_last_motion(tmp_path):
     text = (ROOT / "inputs" / "compaction.yaml").read_text()
     deck.write_text(text + "\ncheckpoint: {every: 5}\nsolver: {predictor: last-step}\n")
     undisturbed = results_of(3, tmp_path / "undisturbed", deck)
-    resumed = tmp_path / "resumed"
-    shutil.copytree(undisturbed.directory, resumed)
-    last = max(resumed.glob("checkpoint_*.mpm"), key=lambda path: path.name).name.split("_")[1].split(".")[0]
-    for path in [*resumed.glob(f"checkpoint_{last}*"), resumed / "summary.json"]:
-        path.unlink()
-    process = run(2, "run", deck, "--out", resumed, "--resume")
-    assert process.returncode == 0 and "resuming after step" in process.stderr, process.stderr
-    same(Results(resumed), undisturbed)
+    copy = shutil.copytree(undisturbed.directory, tmp_path / "resumed")
+    same(resumed_from_the_last_but_one(2, copy, deck), undisturbed)
 
 
 def test_a_signal_ends_the_run_with_a_checkpoint(sinking, tmp_path):
