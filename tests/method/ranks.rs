@@ -1,9 +1,11 @@
 //! Runs divided between ranks, which are threads here, give the results of one rank up to the tolerance of equilibrium.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use mpm::deck::load::load;
 use mpm::deck::ready::{Analysis, Prepared, prepare_on};
+use mpm::linear::{Backend, Divided, Engine};
 use mpm::memory::Memory;
 use mpm::model::Model;
 use mpm::points::Points;
@@ -82,13 +84,27 @@ impl<const D: usize> Observer<D> for Recorder {
     }
 }
 
-/// Runs the first steps of a deck on this rank.
+/// Divides every factorisation between the ranks, however few unknowns there are.
+#[derive(Debug)]
+struct Dividing;
+
+impl<const D: usize> Engine<D> for Dividing {
+    fn direct(&self) -> Option<Box<dyn Backend<D>>> {
+        Some(Box::new(Divided::<D>::default().from(0.0)))
+    }
+}
+
+/// Runs the first steps of a deck on this rank. An even number of ranks divides factorisations; of an odd number, rank 0
+/// factorises small systems for all.
 fn run(deck: &str, set: &[(&str, &str)], steps: usize, ranks: &Ranks) -> (Told, Option<String>) {
     let set: Vec<(String, String)> = set.iter().map(|(k, v)| (k.to_string(), v.to_string())).collect();
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("inputs").join(deck);
     let loaded = load(&path, &set).unwrap_or_else(|e| panic!("{e}"));
     let Prepared { mut analysis, .. } =
         prepare_on(ranks, loaded, Memory::of_this_machine(), false).unwrap_or_else(|e| panic!("{e}"));
+    if ranks.count().is_multiple_of(2) {
+        analysis.solve_with(&Arc::new(Dividing));
+    }
     let mut recorder = Recorder { told: Told::default(), steps };
     let reached = analysis.beginning();
     let outcome = analysis.run(reached, &mut recorder);

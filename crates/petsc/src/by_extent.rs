@@ -1,6 +1,6 @@
 //! The direct backend of a run on several ranks: that of the core for most systems, MUMPS for large ones.
 
-use mpm_core::linear::{Backend, BlockMatrix, Gathered, Layout, LinearError, Solved, Stiffness};
+use mpm_core::linear::{Backend, BlockMatrix, Divided, Layout, LinearError, Solved, Stiffness};
 
 use crate::direct::Direct;
 
@@ -10,7 +10,7 @@ pub const MOST_GATHERED: f64 = 2e5;
 
 /// Factorises on rank 0 or, if there are many unknowns, by MUMPS on all ranks.
 pub struct ByExtent<const D: usize, const N: usize = D> {
-    gathered: Gathered<D, N>,
+    divided: Divided<D, N>,
     /// `None` where PETSc has no MUMPS.
     mumps: Option<Direct<N>>,
     is_large: bool,
@@ -19,7 +19,7 @@ pub struct ByExtent<const D: usize, const N: usize = D> {
 impl<const D: usize, const N: usize> ByExtent<D, N> {
     /// A backend; without MUMPS, all systems are factorised on rank 0.
     pub fn new() -> Self {
-        ByExtent { gathered: Gathered::default(), mumps: None, is_large: false }
+        ByExtent { divided: Divided::default(), mumps: None, is_large: false }
     }
 }
 
@@ -38,17 +38,17 @@ impl<const D: usize, const N: usize> Backend<D, N> for ByExtent<D, N> {
         }
         match &mut self.mumps {
             Some(mumps) if self.is_large => {
-                self.gathered = Gathered::default();
+                self.divided = Divided::default();
                 mumps.prepare(layout, matrix)
             }
-            _ => self.gathered.prepare(layout, matrix),
+            _ => self.divided.prepare(layout, matrix),
         }
     }
 
     fn factorise(&mut self, layout: &Layout<D, N>, matrix: &BlockMatrix<N>) -> Result<(), LinearError> {
         match &mut self.mumps {
             Some(mumps) if self.is_large => mumps.factorise(layout, matrix),
-            _ => self.gathered.factorise(layout, matrix),
+            _ => self.divided.factorise(layout, matrix),
         }
     }
 
@@ -62,7 +62,7 @@ impl<const D: usize, const N: usize> Backend<D, N> for ByExtent<D, N> {
     ) -> Result<Solved, LinearError> {
         match &mut self.mumps {
             Some(mumps) if self.is_large => mumps.solve(layout, stiffness, b, x, tolerance),
-            _ => self.gathered.solve(layout, stiffness, b, x, tolerance),
+            _ => self.divided.solve(layout, stiffness, b, x, tolerance),
         }
     }
 

@@ -8,17 +8,17 @@ use super::pivoted_lu::PivotedLu;
 use super::{FactorSize, Factorisation, LinearError, LinearSolver, Pattern};
 
 /// Largest relative residual of a solution that is accepted from a factorisation without pivoting.
-const UNPIVOTED_RESIDUAL: f64 = 1e-8;
+pub(super) const UNPIVOTED_RESIDUAL: f64 = 1e-8;
 
 /// A factor of fewer bytes is allocated without checking the available memory.
 const LITTLE: u64 = 64 << 20;
 
 /// Unknowns whose diagonal entry is below this multiple of the largest are weak: they belong to nodes that points hardly
 /// touch.
-const WEAK: f64 = 1e-2;
+pub(super) const WEAK: f64 = 1e-2;
 
 /// Weak unknowns are lost if they move farther than the others by this factor.
-const LOST: f64 = 1e5;
+pub(super) const LOST: f64 = 1e5;
 
 /// Relative shift of the diagonal entries of weak unknowns that leave the matrix singular.
 const SHIFT: f64 = 1e-9;
@@ -28,11 +28,11 @@ const SHIFT: f64 = 1e-9;
 const SINGULAR_RESIDUAL: f64 = 1e-10;
 
 /// Most steps of iterative refinement that correct for a shift, and the relative residual that they must reach.
-const REFINEMENTS: usize = 4;
+pub(super) const REFINEMENTS: usize = 4;
 const REFINED_RESIDUAL: f64 = 1e-12;
 
 /// Relative residual that refinement aims at where pivots are not exchanged, for the accuracy of LU with pivoting.
-const ROUND_OFF: f64 = 1e-14;
+pub(super) const ROUND_OFF: f64 = 1e-14;
 
 /// A direct solver. Symmetric matrices get LLᵀ, LDLᵀ when they are not positive definite, others LU; both get LU with
 /// pivoting when that is not accurate.
@@ -77,7 +77,7 @@ enum Kind {
 }
 
 /// Returns an error if this number of bytes is not available.
-fn ask_for(needed: u64) -> Result<(), LinearError> {
+pub(super) fn ask_for(needed: u64) -> Result<(), LinearError> {
     if needed > LITTLE && Memory::of_this_machine().is_some_and(|memory| needed > memory.available) {
         return Err(LinearError::OutOfMemory { needed: Some(needed) });
     }

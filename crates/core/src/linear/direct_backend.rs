@@ -86,7 +86,7 @@ impl DirectBackend {
         if !self.kept.as_deref().is_some_and(same) {
             self.embedding = self.kept.as_ref().and_then(|kept| Embedding::new(&names, &pattern, kept));
             if self.embedding.is_none() {
-                let order = elimination_order(layout, matrix);
+                let order = elimination_order(layout.lattice, layout.numbering, matrix, |_| true);
                 self.kept = Some(Arc::new(Named { names, pattern, order }));
             }
         }
@@ -160,15 +160,19 @@ fn may_be_the_order(error: &LinearError) -> bool {
     matches!(error, LinearError::Singular { .. })
 }
 
-/// Order of elimination of the unknowns: nested dissection of the active nodes by their place in the grid.
-fn elimination_order<const D: usize, const N: usize>(
-    layout: &Layout<D, N>,
+/// Order of elimination of the unknowns of some nodes: nested dissection of the nodes by their place in the grid.
+pub(super) fn elimination_order<const D: usize, const N: usize>(
+    lattice: &dyn Fn(usize) -> [u32; D],
+    numbering: &Numbering<N>,
     matrix: &BlockMatrix<N>,
+    is_in: impl Fn(usize) -> bool,
 ) -> Vec<usize> {
-    let n = layout.numbering.n_nodes();
-    let coordinates: Vec<[u32; D]> = (0..n).map(layout.lattice).collect();
-    let nodes = ordering::nested_dissection(&coordinates, matrix.reach(layout.lattice));
-    nodes.iter().flat_map(|&node| (0..N).filter_map(move |c| layout.numbering.unknown(node, c))).collect()
+    let nodes: Vec<usize> = (0..numbering.n_nodes()).filter(|node| is_in(*node)).collect();
+    let coordinates: Vec<[u32; D]> = nodes.iter().map(|node| lattice(*node)).collect();
+    let order = ordering::nested_dissection(&coordinates, matrix.reach(lattice));
+    let unknowns =
+        |place: &usize| (0..N).filter_map(|c| numbering.unknown(nodes[*place], c)).collect::<Vec<_>>();
+    order.iter().flat_map(unknowns).collect()
 }
 
 impl<const D: usize, const N: usize> Backend<D, N> for DirectBackend {
@@ -180,7 +184,9 @@ impl<const D: usize, const N: usize> Backend<D, N> for DirectBackend {
             return self.prepare_contained(layout, matrix, pattern);
         }
         self.kept = None;
-        self.direct.analyse(pattern, &|| elimination_order(layout, matrix)).map(|_| ())
+        self.direct
+            .analyse(pattern, &|| elimination_order(layout.lattice, layout.numbering, matrix, |_| true))
+            .map(|_| ())
     }
 
     fn factorise(&mut self, layout: &Layout<D, N>, matrix: &BlockMatrix<N>) -> Result<(), LinearError> {

@@ -2,10 +2,13 @@
 
 mod backend;
 mod blocks;
+#[cfg(test)]
+mod bodies;
 mod choice;
 mod containing;
 mod direct;
 mod direct_backend;
+mod divided;
 mod gathered;
 mod krylov;
 mod lattice;
@@ -27,6 +30,7 @@ pub use choice::{Choice, Extent};
 pub use containing::{Embedding, Named};
 pub use direct::Direct;
 pub use direct_backend::{DirectBackend, FreeEntries};
+pub use divided::Divided;
 pub use gathered::Gathered;
 pub use krylov::Krylov;
 pub use numbering::Numbering;

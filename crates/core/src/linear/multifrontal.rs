@@ -13,6 +13,7 @@ mod elimination;
 mod fronts;
 mod mirror;
 mod nodes;
+mod separator;
 mod substitution;
 mod tasks;
 #[cfg(test)]
@@ -24,6 +25,8 @@ use elimination::Elimination;
 use fronts::Fronts;
 use mirror::Mirror;
 use nodes::NONE;
+pub(super) use separator::{Columns, Numbers, messages};
+use substitution::{Pass, substitute};
 use tasks::Task;
 
 /// The layout of the factor for a pattern, and working space. The caller stores the factor.
@@ -41,28 +44,48 @@ impl Multifrontal {
     /// independent ones may be exchanged. `None` if an index needs more than 32 bits, or if an entry of a pattern that
     /// is not stored as symmetric has no mirror image.
     pub fn new(pattern: &Pattern, order: &[usize]) -> Option<Multifrontal> {
+        Multifrontal::partial(pattern, order, 0)
+    }
+
+    /// The same for a factorisation that keeps the last unknowns of the order, and forms the matrix that is left for them.
+    pub fn partial(pattern: &Pattern, order: &[usize], kept: usize) -> Option<Multifrontal> {
         if pattern.n.max(pattern.row.len()) >= NONE as usize {
             return None;
         }
         let mut fronts = if pattern.symmetric {
-            Fronts::new(pattern, order, None)
+            Fronts::new(pattern, order, kept, None)
         } else {
             let mirror = Mirror::of(pattern)?;
-            Fronts::new(&mirror.lower, order, Some(&mirror))
+            Fronts::new(&mirror.lower, order, kept, Some(&mirror))
         };
         let task = Task::new(&mut fronts);
         Some(Multifrontal { fronts, task, passed: Vec::new(), solution: Vec::new() })
     }
 
-    /// Numbers in the factor.
+    /// The layout of one dense front: `rows` unknowns, of which the first `pivots` are eliminated and the others kept.
+    pub fn dense(rows: usize, pivots: usize, symmetric: bool) -> Multifrontal {
+        let fronts = Fronts::dense(rows, pivots, if symmetric { 1 } else { 2 });
+        Multifrontal { fronts, task: Task::default(), passed: Vec::new(), solution: Vec::new() }
+    }
+
+    /// Numbers in the factor, those of the matrix that is left included.
     pub fn factor_len(&self) -> usize {
         self.fronts.front.last().map_or(0, |last| last.panel + last.panel_len())
+    }
+
+    /// Start in the factor of the matrix that is left for the kept unknowns: [`dense::room`] of them for each factor.
+    pub fn left(&self) -> usize {
+        if self.fronts.kept == 0 {
+            self.factor_len()
+        } else {
+            self.fronts.front.last().map_or(0, |last| last.panel)
+        }
     }
 
     /// Entries and operations of the factor, without the padding of fronts.
     pub fn size(&self) -> FactorSize {
         let mut size = FactorSize::default();
-        for front in &self.fronts.front {
+        for front in self.fronts.eliminated() {
             let (k, m) = (front.pivots as f64, front.rows as f64);
             let of_l = front.pivots * front.rows - front.pivots * (front.pivots.max(1) - 1) / 2;
             size.entries += front.factors * of_l;
@@ -94,7 +117,7 @@ impl Multifrontal {
 
     /// True if all pivots of a factor are positive, as those of LLᵀ always are.
     pub fn has_positive_pivots(&self, factor: &[f64]) -> bool {
-        self.fronts.front.iter().all(|front| {
+        self.fronts.eliminated().iter().all(|front| {
             let panel = &factor[front.panel..front.panel + front.panel_len()];
             let column = dense::stride(front.rows);
             (0..front.pivots).all(|c| panel[c * column + c] > 0.0)
@@ -103,9 +126,31 @@ impl Multifrontal {
 
     /// Replaces the right-hand side by the solution.
     pub fn solve(&mut self, factor: &[f64], rhs: &mut [f64]) {
+        self.forward(factor, rhs);
+        self.backward(factor, &[], rhs);
+    }
+
+    /// Forward substitution; returns the right-hand sides that are left for the kept unknowns, in their order.
+    pub fn forward(&mut self, factor: &[f64], rhs: &[f64]) -> &[f64] {
         if self.solution.is_empty() {
             self.solution = vec![0.0; self.solution_len()];
         }
-        substitution::solve(&self.fronts, factor, rhs, &mut self.solution);
+        let Multifrontal { fronts, solution, .. } = self;
+        let (x, y) = solution.split_at_mut(rhs.len());
+        for (x, &unknown) in x.iter_mut().zip(&fronts.unknown) {
+            *x = rhs[unknown as usize];
+        }
+        substitute(Pass::Forward, fronts, factor, x, y);
+        &x[rhs.len() - fronts.kept..]
+    }
+
+    /// Backward substitution after the forward one, given the solution for the kept unknowns; writes that for all.
+    pub fn backward(&mut self, factor: &[f64], kept: &[f64], solution: &mut [f64]) {
+        let (x, y) = self.solution.split_at_mut(solution.len());
+        x[solution.len() - kept.len()..].copy_from_slice(kept);
+        substitute(Pass::Backward, &self.fronts, factor, x, y);
+        for (x, &unknown) in x.iter().zip(&self.fronts.unknown) {
+            solution[unknown as usize] = *x;
+        }
     }
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::assembly::{Border, System};
 use crate::basis::Connectivity;
 use crate::dofs::DofMap;
-use crate::linear::{Backend, Choice, Extent, Gathered, Krylov, Layout, LinearError, Named, Solved};
+use crate::linear::{Backend, Choice, Divided, Extent, Krylov, Layout, LinearError, Named, Solved};
 use crate::model::{Model, PatternReuse};
 use crate::step::{Nodal, StepContext};
 use crate::timing::{Phase, Timings};
@@ -15,7 +15,7 @@ const OF_BORDER: f64 = 1e-10;
 
 /// The backends of a run.
 pub(super) struct Equations<const D: usize, const N: usize = D> {
-    direct: Gathered<D, N>,
+    direct: Divided<D, N>,
     iterative: Krylov<D, N>,
     /// The backends of the library that solves the equations of several ranks.
     of_engine: OfEngine<D, N>,
@@ -102,7 +102,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
     /// Equations solved by the built-in backends, or by the given one instead.
     pub(super) fn new(own: Option<Box<dyn Backend<D, N>>>) -> Self {
         Equations {
-            direct: Gathered::default(),
+            direct: Divided::default(),
             iterative: Krylov::default(),
             of_engine: OfEngine { direct: None, iterative: None },
             own,
@@ -120,7 +120,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
 
     /// Starts with a pattern that has already been analysed.
     pub(super) fn resume(&mut self, kept: Option<Arc<Named>>) {
-        self.direct = Gathered::with(kept);
+        self.direct = Divided::with(kept);
     }
 
     /// The analysed pattern for later steps.
@@ -186,7 +186,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         self.method = method;
         match method {
             Method::Direct => self.iterative = Krylov::default(),
-            Method::Iterative | Method::Own => self.direct = Gathered::default(),
+            Method::Iterative | Method::Own => self.direct = Divided::default(),
         }
         place.with_layout(|layout| self.backend().prepare(layout, &system.matrix()))
     }

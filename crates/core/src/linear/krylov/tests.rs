@@ -1,63 +1,13 @@
 //! Solutions of one rank and of several.
 
-mod bodies;
-
-use std::collections::BTreeMap;
-
+use crate::linear::bodies::{Body, Found, Rule, pieces, ragged2, ragged3, scattered, slabs, whole};
 use crate::linear::multigrid::Multigrid;
 use crate::linear::preconditioner::held_by;
 use crate::linear::{Factorisation, LinearError};
 use crate::ranks::{Ranks, threads};
 
-use bodies::{Body, Found};
-
-fn ragged2(cell: [u32; 2]) -> Option<f64> {
-    let [x, y] = cell;
-    if (x * 7 + y * 13) % 17 == 5 || (x > 30 && y < 9) {
-        return None;
-    }
-    Some(if (x + 3 * y) % 11 == 2 { 1e-6 } else { 1.0 })
-}
-
-fn ragged3(cell: [u32; 3]) -> Option<f64> {
-    let [x, y, z] = cell;
-    if (x * 7 + y * 13 + z * 5) % 17 == 5 || (x > 20 && y + z < 5) {
-        return None;
-    }
-    Some(if (x + 3 * y + 2 * z) % 11 == 2 { 1e-6 } else { 1.0 })
-}
-
-/// The rank of a cell.
-type Rule<const D: usize> = fn([u32; D], [u32; D], usize) -> usize;
-
-fn slabs<const D: usize>(cell: [u32; D], cells: [u32; D], n: usize) -> usize {
-    cell[0] as usize * n / cells[0] as usize
-}
-
-fn pieces<const D: usize>(cell: [u32; D], _: [u32; D], n: usize) -> usize {
-    (cell[0] / 5 * 3 + cell[1] / 3 * 2 + cell[D - 1] / 4 + cell[0] * cell[1] / 40) as usize % n
-}
-
-/// Neighbouring cells hardly ever have the same rank.
-fn scattered<const D: usize>(cell: [u32; D], cells: [u32; D], n: usize) -> usize {
-    let number = cell.iter().zip(cells).fold(0, |number, (c, n)| number * u64::from(n) + u64::from(*c));
-    (number.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 33) as usize % n
-}
-
 fn solve<const D: usize>(body: &Body<D>, n: usize, rule: Rule<D>) -> Vec<Found<D>> {
     threads::run(n, |ranks| body.solve(&ranks, |cell| rule(cell, body.cells, n)))
-}
-
-/// The solution at the nodes of all ranks, which must agree with each other.
-fn whole<const D: usize>(found: &[Found<D>]) -> BTreeMap<u32, [f64; D]> {
-    let mut whole = BTreeMap::new();
-    for found in found {
-        for (node, x) in &found.x {
-            let there = whole.entry(*node).or_insert(*x);
-            assert_eq!(there, x, "node {node}");
-        }
-    }
-    whole
 }
 
 /// Checks that several ranks find what one finds.
@@ -87,7 +37,7 @@ fn check<const D: usize>(body: &Body<D>, factorisation: Factorisation) {
             assert_eq!(solved.factorisation, factorisation);
             assert!(solved.iterations.abs_diff(expected.iterations) <= 1, "{solved:?} {expected:?}");
         }
-        let x = whole(&found);
+        let x = whole(found.iter().map(|found| &found.x));
         assert_eq!(x.len(), alone.x.len());
         let distance = x.iter().flat_map(|(node, x)| x.iter().zip(alone.x[node]));
         let distance = distance.fold(0.0f64, |most, (a, b)| most.max((a - b).abs() / size.max(b.abs())));
@@ -145,7 +95,11 @@ fn a_rank_without_nodes_takes_part() {
 fn the_same_ranks_find_the_same_bits() {
     for skew in [0.0, 0.005] {
         let body = Body { fill: ragged3, skew, ..Body::bar([40, 9, 8]) };
-        let of = || whole(&solve(&body, 3, pieces)).into_values().map(|x| x.map(f64::to_bits));
+        let of = || {
+            whole(solve(&body, 3, pieces).iter().map(|found| &found.x))
+                .into_values()
+                .map(|x| x.map(f64::to_bits))
+        };
         assert!(of().eq(of()));
     }
 }

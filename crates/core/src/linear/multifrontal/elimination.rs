@@ -71,6 +71,9 @@ impl Elimination<'_> {
                 passed.add(factor, first, 0, columns);
             });
         });
+        if self.fronts.is_kept(front) {
+            return true;
+        }
         if !dense::eliminate(front.factors, (front.rows, front.pivots), panel, update) {
             return false;
         }
@@ -182,8 +185,8 @@ impl Passed<'_> {
     }
 }
 
-/// Adds values to these rows, at least one; the first value of the target is in row `offset`.
-fn add_rows(source: &[f64], rows: &[u32], offset: usize, target: &mut [f64]) {
+/// Adds values to these rows, ascending and at least one; the first value of the target is in row `offset`.
+pub(super) fn add_rows(source: &[f64], rows: &[u32], offset: usize, target: &mut [f64]) {
     let (first, last) = (rows[0] as usize, rows[rows.len() - 1] as usize);
     if last - first + 1 == rows.len() {
         for (target, source) in target[first - offset..].iter_mut().zip(source) {

@@ -79,15 +79,19 @@ pub(super) struct Fronts {
     pub column_start: Vec<usize>,
     /// For each factor, the entries of the matrix by columns: those of L, then those of Uᵀ.
     pub entry: Vec<Vec<Entry>>,
+    /// Number of unknowns at the end that are kept: the last front has them all, and is assembled without being eliminated.
+    pub kept: usize,
 }
 
 impl Fronts {
-    /// The fronts of the lower triangle of a pattern; of LU if the mirror images of its entries are given.
-    pub fn new(pattern: &Pattern, order: &[usize], mirror: Option<&Mirror>) -> Fronts {
-        let nodes = Nodes::new(pattern, order);
+    /// The fronts of the lower triangle of a pattern, of whose order the last unknowns are kept; of LU if the mirror images of
+    /// its entries are given.
+    pub fn new(pattern: &Pattern, order: &[usize], kept: usize, mirror: Option<&Mirror>) -> Fronts {
+        let nodes = Nodes::new(pattern, order, order.len() - kept);
         let tree = Tree::new(&nodes);
         let factors = if mirror.is_some() { 2 } else { 1 };
         let mut fronts = Fronts::lay_out(&nodes, &tree, pattern, factors);
+        fronts.kept = kept;
         let borders = Borders::of(&nodes, &tree);
         fronts.fill(pattern, &nodes, &tree, &borders, mirror);
         fronts
@@ -151,7 +155,36 @@ impl Fronts {
             relative: vec![0; border],
             column_start: Vec::with_capacity(pattern.n + 1),
             entry: vec![Vec::with_capacity(n_entries); factors],
+            kept: 0,
         }
+    }
+
+    /// One dense front without entries, whose border is kept.
+    pub fn dense(rows: usize, pivots: usize, factors: usize) -> Fronts {
+        let kept = rows - pivots;
+        let own = Front { pivots, rows, factors, parent: NONE, ..Front::default() };
+        let panel = own.panel_len();
+        let left = Front { first: pivots, pivots: kept, rows: kept, border: kept, panel, ..own.clone() };
+        Fronts {
+            front: [own, left].into_iter().take(if kept > 0 { 2 } else { 1 }).collect(),
+            children: Vec::new(),
+            unknown: (0..rows as u32).collect(),
+            border: (pivots as u32..rows as u32).collect(),
+            relative: Vec::new(),
+            column_start: Vec::new(),
+            entry: Vec::new(),
+            kept,
+        }
+    }
+
+    /// The fronts whose unknowns are eliminated.
+    pub fn eliminated(&self) -> &[Front] {
+        &self.front[..self.front.len() - usize::from(self.kept > 0)]
+    }
+
+    /// True for the front of the unknowns that are kept.
+    pub fn is_kept(&self, front: &Front) -> bool {
+        self.kept > 0 && front.first + self.kept == self.unknown.len()
     }
 
     /// Lists rows, entries and the rows of updates.

@@ -12,6 +12,8 @@ pub(super) struct Nodes {
     pub first: Vec<u32>,
     /// Number of unknowns of each node.
     pub width: Vec<u32>,
+    /// Number of nodes at the end whose unknowns are kept.
+    pub kept: usize,
     /// Start of the couplings of each node with later ones.
     start: Vec<usize>,
     coupled: Vec<Coupling>,
@@ -27,15 +29,20 @@ pub(super) struct Coupling {
 }
 
 impl Nodes {
-    /// Finds the nodes of a symmetric pattern.
-    pub fn new(pattern: &Pattern, order: &[usize]) -> Nodes {
-        let follows = followers(pattern, order);
+    /// Finds the nodes of a symmetric pattern, of which the unknowns from place `kept_from` in the order on are kept.
+    pub fn new(pattern: &Pattern, order: &[usize], kept_from: usize) -> Nodes {
+        let mut follows = followers(pattern, order);
+        if let Some(&unknown) = order.get(kept_from) {
+            follows[unknown] = false;
+        }
         let mut number = vec![NONE; pattern.n];
         let (mut first, mut width) = (Vec::new(), Vec::<u32>::new());
-        for &unknown in order {
+        let mut kept = 0;
+        for (place, &unknown) in order.iter().enumerate() {
             match width.last_mut() {
                 Some(width) if follows[unknown] => *width += 1,
                 _ => {
+                    kept += usize::from(place >= kept_from);
                     number[unknown] = first.len() as u32;
                     first.push(unknown as u32);
                     width.push(1);
@@ -54,7 +61,7 @@ impl Nodes {
             coupled[*next] = Coupling { later: a.max(b), entry: entry as u32 };
             *next += 1;
         });
-        Nodes { first, width, start, coupled }
+        Nodes { first, width, kept, start, coupled }
     }
 
     pub fn len(&self) -> usize {

@@ -5,19 +5,22 @@ use pulp::{Arch, Simd, WithSimd};
 use super::dense;
 use super::fronts::{Front, Fronts};
 
-/// Replaces the right-hand side by the solution.
-pub(super) fn solve(fronts: &Fronts, factor: &[f64], rhs: &mut [f64], room: &mut [f64]) {
-    let (x, y) = room.split_at_mut(rhs.len());
-    for (x, &unknown) in x.iter_mut().zip(&fronts.unknown) {
-        *x = rhs[unknown as usize];
-    }
-    Arch::new().dispatch(Substitution { fronts, factor, x, y });
-    for (x, &unknown) in x.iter().zip(&fronts.unknown) {
-        rhs[unknown as usize] = *x;
-    }
+/// A direction of substitution.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Pass {
+    /// With L; the right-hand sides of kept unknowns become those of the equations that are left for them.
+    Forward,
+    /// With Lᵀ or U, given the solution for the kept unknowns.
+    Backward,
+}
+
+/// Replaces the right-hand side, in the order of elimination, by the solution of one pass; `y` is room for the rows of a front.
+pub(super) fn substitute(pass: Pass, fronts: &Fronts, factor: &[f64], x: &mut [f64], y: &mut [f64]) {
+    Arch::new().dispatch(Substitution { pass, fronts, factor, x, y });
 }
 
 struct Substitution<'a> {
+    pass: Pass,
     fronts: &'a Fronts,
     factor: &'a [f64],
     /// The solution, in the order of elimination.
@@ -31,12 +34,10 @@ impl WithSimd for Substitution<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, simd: S) {
-        let fronts = self.fronts;
-        for front in &fronts.front {
-            self.forward(simd, front);
-        }
-        for front in fronts.front.iter().rev() {
-            self.backward(simd, front);
+        let fronts = self.fronts.eliminated();
+        match self.pass {
+            Pass::Forward => fronts.iter().for_each(|front| self.forward(simd, front)),
+            Pass::Backward => fronts.iter().rev().for_each(|front| self.backward(simd, front)),
         }
     }
 }

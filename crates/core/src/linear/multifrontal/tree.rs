@@ -37,6 +37,7 @@ impl Tree {
         let parent = nodes.parents();
         let count = nodes.counts(&parent);
         let mut groups = Groups::chains(nodes, &parent, &count);
+        groups.keep(nodes);
         groups.amalgamate(&parent);
         groups.into_tree(nodes, &parent)
     }
@@ -48,22 +49,24 @@ struct Groups {
     into: Vec<u32>,
     pivots: Vec<u32>,
     rows: Vec<u32>,
+    /// First of the nodes that are kept.
+    kept_from: usize,
 }
 
 impl Groups {
     /// Groups each node with the child, if any, whose rows are those of the node plus the child itself.
     fn chains(nodes: &Nodes, parent: &[u32], count: &[u32]) -> Groups {
         let n = nodes.len();
+        let kept_from = n - nodes.kept;
         let mut into: Vec<u32> = (0..n as u32).collect();
         let mut pivots = nodes.width.clone();
         let mut rows = count.to_vec();
         let mut taken = vec![false; n];
-        for node in 0..n {
-            let above = parent[node];
-            if above == NONE {
-                continue;
+        for node in 0..kept_from {
+            let above = parent[node] as usize;
+            if above >= kept_from {
+                continue; // kept, or NONE
             }
-            let above = above as usize;
             if !taken[above] && count[node] - nodes.width[node] == count[above] {
                 taken[above] = true;
                 into[node] = above as u32;
@@ -71,7 +74,17 @@ impl Groups {
                 rows[above] += pivots[node];
             }
         }
-        Groups { into, pivots, rows }
+        Groups { into, pivots, rows, kept_from }
+    }
+
+    /// Makes one group of all nodes that are kept.
+    fn keep(&mut self, nodes: &Nodes) {
+        let n = nodes.len();
+        if self.kept_from < n {
+            let all = nodes.width[self.kept_from..].iter().sum();
+            self.into[self.kept_from..].fill(n as u32 - 1);
+            (self.pivots[n - 1], self.rows[n - 1]) = (all, all);
+        }
     }
 
     /// The group of a node.
@@ -94,7 +107,9 @@ impl Groups {
             if self.into[last] != last as u32 {
                 continue;
             }
-            self.join_children(last, child[last], &sibling);
+            if last < self.kept_from {
+                self.join_children(last, child[last], &sibling);
+            }
             if parent[last] != NONE {
                 let above = self.of(parent[last]) as usize;
                 sibling[last] = std::mem::replace(&mut child[above], last as u32);

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::linear::{
+use super::{
     Backend, Block, BlockMatrix, Division, Krylov, Layout, LinearError, Numbering, Preconditioner, Solved,
     Stiffness,
 };
@@ -10,6 +10,53 @@ use crate::ranks::{Halo, Ranks, sharing};
 
 /// Relative residual of solutions.
 const TOLERANCE: f64 = 1e-10;
+
+pub fn ragged2(cell: [u32; 2]) -> Option<f64> {
+    let [x, y] = cell;
+    if (x * 7 + y * 13) % 17 == 5 || (x > 30 && y < 9) {
+        return None;
+    }
+    Some(if (x + 3 * y) % 11 == 2 { 1e-6 } else { 1.0 })
+}
+
+pub fn ragged3(cell: [u32; 3]) -> Option<f64> {
+    let [x, y, z] = cell;
+    if (x * 7 + y * 13 + z * 5) % 17 == 5 || (x > 20 && y + z < 5) {
+        return None;
+    }
+    Some(if (x + 3 * y + 2 * z) % 11 == 2 { 1e-6 } else { 1.0 })
+}
+
+/// The rank of a cell.
+pub type Rule<const D: usize> = fn([u32; D], [u32; D], usize) -> usize;
+
+pub fn slabs<const D: usize>(cell: [u32; D], cells: [u32; D], n: usize) -> usize {
+    cell[0] as usize * n / cells[0] as usize
+}
+
+pub fn pieces<const D: usize>(cell: [u32; D], _: [u32; D], n: usize) -> usize {
+    (cell[0] / 5 * 3 + cell[1] / 3 * 2 + cell[D - 1] / 4 + cell[0] * cell[1] / 40) as usize % n
+}
+
+/// Neighbouring cells hardly ever have the same rank.
+pub fn scattered<const D: usize>(cell: [u32; D], cells: [u32; D], n: usize) -> usize {
+    let number = cell.iter().zip(cells).fold(0, |number, (c, n)| number * u64::from(n) + u64::from(*c));
+    (number.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 33) as usize % n
+}
+
+/// The solution at the nodes of all ranks, which must agree with each other.
+pub fn whole<'a, const D: usize>(
+    found: impl IntoIterator<Item = &'a BTreeMap<u32, [f64; D]>>,
+) -> BTreeMap<u32, [f64; D]> {
+    let mut whole = BTreeMap::new();
+    for found in found {
+        for (node, x) in found {
+            let there = whole.entry(*node).or_insert(*x);
+            assert_eq!(there, x, "node {node}");
+        }
+    }
+    whole
+}
 
 /// A body of cells. Its nodes on the lowest plane of the first axis are held, and some others along one direction.
 #[derive(Clone, Copy)]
@@ -80,14 +127,15 @@ impl<const D: usize> Part<D> {
         self.nodes.iter().map(load).collect()
     }
 
-    fn solve(&self, krylov: &mut Krylov<D>, x: &mut [[f64; D]]) -> Result<Solved, LinearError> {
+    /// Prepares, factorises and solves.
+    pub fn solve(&self, backend: &mut dyn Backend<D>, x: &mut [[f64; D]]) -> Result<Solved, LinearError> {
         self.with_layout(|layout| {
             let matrix = self.matrix();
-            krylov.prepare(layout, &matrix)?;
-            krylov.factorise(layout, &matrix)?;
+            backend.prepare(layout, &matrix)?;
+            backend.factorise(layout, &matrix)?;
             let mut division = Division::new(&self.column_start, &self.row);
             let mut stiffness = Stiffness { matrix, division: &mut division };
-            krylov.solve(layout, &mut stiffness, &self.loads(), x, TOLERANCE)
+            backend.solve(layout, &mut stiffness, &self.loads(), x, TOLERANCE)
         })
     }
 

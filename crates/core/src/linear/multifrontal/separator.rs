@@ -1,0 +1,116 @@
+//! A dense front that is assembled from the matrices that other factorisations have left for their kept unknowns.
+
+use std::ops::Range;
+
+use super::elimination::add_rows;
+use super::{Multifrontal, dense};
+
+/// Most numbers of a message, unless a single column has more.
+const MESSAGE: usize = 1 << 19;
+
+/// Columns of a matrix that is left, without what lies above the diagonal: for each factor, column by column.
+pub(in crate::linear) struct Columns<'a> {
+    /// Order of the matrix.
+    pub n: usize,
+    pub range: Range<usize>,
+    pub numbers: Numbers<'a>,
+}
+
+/// Where the numbers of columns are.
+#[derive(Clone, Copy)]
+pub(in crate::linear) enum Numbers<'a> {
+    /// In a factor, with all other columns.
+    Whole(&'a [f64]),
+    /// One after the other.
+    Packed(&'a [f64]),
+}
+
+impl Columns<'_> {
+    /// Number of values of one factor.
+    fn len(&self) -> usize {
+        self.range.clone().map(|column| self.n - column).sum()
+    }
+
+    /// Calls `visit` with the columns of a factor.
+    fn for_each(&self, (factor, factors): (usize, usize), mut visit: impl FnMut(usize, &[f64])) {
+        let mut place = factor * self.len();
+        let stride = dense::stride(self.n);
+        for column in self.range.clone() {
+            let len = self.n - column;
+            match self.numbers {
+                Numbers::Whole(numbers) => {
+                    let numbers = &numbers[factor * (numbers.len() / factors)..];
+                    visit(column, &numbers[column * stride + column..][..len]);
+                }
+                Numbers::Packed(numbers) => visit(column, &numbers[place..place + len]),
+            }
+            place += len;
+        }
+    }
+
+    /// The numbers one after the other.
+    pub fn packed(&self, factors: usize) -> Vec<f64> {
+        let mut packed = Vec::with_capacity(factors * self.len());
+        (0..factors).for_each(|factor| {
+            self.for_each((factor, factors), |_, numbers| packed.extend_from_slice(numbers));
+        });
+        packed
+    }
+}
+
+/// Divides the columns of a matrix into messages, none of which has columns on both sides of `border`. Returns columns, and the
+/// number of values.
+pub(in crate::linear) fn messages(
+    n: usize,
+    border: usize,
+    factors: usize,
+) -> impl Iterator<Item = (Range<usize>, usize)> {
+    let mut first = 0;
+    std::iter::from_fn(move || {
+        let end = if first < border { border } else { n };
+        let (start, mut len) = (first, 0);
+        while first < end && (len == 0 || len + factors * (n - first) <= MESSAGE) {
+            len += factors * (n - first);
+            first += 1;
+        }
+        (first > start).then_some((start..first, len))
+    })
+}
+
+impl Multifrontal {
+    /// Prepares the columns of the pivots of a dense front for sums.
+    pub fn clear_pivots(&self, factor: &mut [f64]) {
+        factor[..self.left()].fill(0.0);
+    }
+
+    /// Adds columns to a dense front, whose rows in it are given, ascending: before the elimination those of pivots, after it those
+    /// of the border.
+    pub fn add_columns(&self, factor: &mut [f64], columns: &Columns, rows: &[u32]) {
+        let Some(front) = self.fronts.front.first() else { return };
+        let (panel, left) = factor.split_at_mut(self.left());
+        let factors = front.factors;
+        for k in 0..factors {
+            columns.for_each((k, factors), |column, numbers| {
+                let at = rows[column] as usize;
+                let (target, height, offset) = match at.checked_sub(front.pivots) {
+                    None => (&mut *panel, front.rows, 0),
+                    Some(_) => (&mut *left, front.border_len(), front.pivots),
+                };
+                let stride = dense::stride(height);
+                let start = k * (target.len() / factors) + (at - offset) * stride;
+                add_rows(numbers, &rows[column..], offset, &mut target[start..start + stride]);
+            });
+        }
+    }
+
+    /// Eliminates the pivots of a dense front; false as for [`Multifrontal::factorise`].
+    pub fn eliminate(&self, factor: &mut [f64]) -> bool {
+        let Some(front) = self.fronts.front.first() else { return true };
+        let (panel, left) = factor.split_at_mut(self.left());
+        if front.pivots == 0 {
+            left.fill(0.0);
+            return true;
+        }
+        dense::eliminate(front.factors, (front.rows, front.pivots), panel, left)
+    }
+}
