@@ -1,10 +1,12 @@
 //! The division of the points between ranks: each keeps the points in its part of the grid.
 //!
-//! A part is a range of cells along a curve that fills the grid (Morton 1966), so that it is compact. The cells of a patch stay
-//! together. Points that leave their part move to the rank of the part that they enter; the parts are chosen anew when one of
-//! them holds too many points.
+//! The grid is cut in two across the longest side of the points, each part is cut in two, and so on (recursive coordinate
+//! bisection; Berger and Bokhari 1987), so that parts are compact and borders plane. The cells of a patch stay together. Points
+//! that leave their part move to the rank of the part that they enter; the parts are chosen anew when one of them holds too many
+//! points.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
@@ -17,18 +19,47 @@ use crate::ranks::Ranks;
 pub const MOST_IMBALANCE: f64 = 1.1;
 /// Parts that no choice divides better are left alone until they are worse by this factor, [-].
 const WORSE: f64 = 1.05;
-/// Bits of a place along each axis of the curve.
+/// Bits of a coordinate of a cell.
 const BITS: u32 = 20;
 
 /// The parts of the grid.
 #[derive(Debug, Clone, Default)]
 pub struct Partition {
-    /// The lowest place on the curve of the part of each rank but the first, ascending.
-    first: Vec<u64>,
+    /// The cut between the parts of each rank but the first and of the ranks before it.
+    cuts: Vec<Cut>,
     /// For each patch of cells, one of them; empty without patches.
     of_patch: Arc<Vec<u32>>,
     /// The imbalance that the last choice left, [-].
     least: f64,
+}
+
+/// A cut of the cells of some ranks: those from a place on belong to the upper ranks.
+#[derive(Debug, Clone, Copy, Default)]
+struct Cut {
+    /// The axis that it crosses.
+    axis: usize,
+    place: u64,
+}
+
+/// Points in cells with the same coordinates.
+#[derive(Debug, Clone, Copy)]
+struct Heap<const D: usize> {
+    at: [u32; D],
+    count: f64,
+    /// The part that has them, while parts are chosen.
+    part: usize,
+}
+
+/// The place of a cell along an axis; cells with the same coordinate follow one another by the others, so that a cut divides
+/// points equally up to those of a cell.
+fn along<const D: usize>(at: [u32; D], axis: usize) -> u64 {
+    (0..D).fold(0, |place, k| place << BITS | u64::from(at[(axis + k) % D]))
+}
+
+/// The first of the upper ranks when the ranks of a range are divided: the lower ones are a power of two, so that neighbours in a
+/// binary tree of the ranks are neighbours in the grid.
+fn middle(ranks: &Range<usize>) -> usize {
+    ranks.start + (ranks.len() as u64).next_power_of_two() as usize / 2
 }
 
 /// The division of points between ranks by their permanent numbers: ranges of numbers of the same length.
@@ -49,58 +80,120 @@ impl ByNumber {
 impl Partition {
     /// The rank whose part contains a cell.
     pub fn rank_of<const D: usize>(&self, grid: &dyn Grid<D>, cell: u32) -> usize {
-        let place = self.place(grid, cell);
-        self.first.partition_point(|first| *first <= place)
+        let at = self.at(grid, cell);
+        let mut ranks = 0..self.cuts.len() + 1;
+        while ranks.len() > 1 {
+            let middle = middle(&ranks);
+            let Cut { axis, place } = self.cuts[middle - 1];
+            ranks = if along(at, axis) < place { ranks.start..middle } else { middle..ranks.end };
+        }
+        ranks.start
     }
 
-    /// The place of a cell on the curve.
-    fn place<const D: usize>(&self, grid: &dyn Grid<D>, cell: u32) -> u64 {
+    /// The coordinates of a cell, in cells or, on a mesh, in small fractions of its widest side.
+    fn at<const D: usize>(&self, grid: &dyn Grid<D>, cell: u32) -> [u32; D] {
         let of_patch = grid.patches().and_then(|patches| {
             let patch = *patches.patch_of.get(cell as usize)?;
             self.of_patch.get(patch as usize)
         });
         let cell = of_patch.copied().unwrap_or(cell) as usize;
-        let at: [u64; D] = match grid.structured() {
-            Some(grid) => grid.cell_index(cell).map(|k| k as u64),
+        match grid.structured() {
+            Some(grid) => grid.cell_index(cell).map(|k| k as u32),
             None => {
                 let ([low, high], centre) = (grid.bounds(), grid.centre(cell));
                 let widest = (0..D).map(|d| high[d] - low[d]).fold(f64::MIN_POSITIVE, f64::max);
                 let steps = f64::from(1u32 << BITS) - 1.0;
-                std::array::from_fn(|d| (steps * (centre[d] - low[d]) / widest) as u64)
-            }
-        };
-        let mut place = 0;
-        for bit in (0..BITS).rev() {
-            for x in at.iter().rev() {
-                place = place << 1 | x >> bit & 1;
+                std::array::from_fn(|d| (steps * (centre[d] - low[d]) / widest) as u32)
             }
         }
-        place
     }
 
-    /// Chooses parts that hold as many points each as cells allow, given the places of the points of this rank.
-    fn choose(&mut self, ranks: &Ranks, mut places: Vec<u64>) {
-        places.sort_unstable();
+    /// Chooses parts that hold as many points each as cells allow, given the points of this rank.
+    fn choose<const D: usize>(&mut self, ranks: &Ranks, mut heaps: Vec<Heap<D>>) {
         let n = ranks.count();
-        let all = ranks.total(places.len() as f64);
-        // The lowest place below which the points of the ranks before fit, by bisection.
-        let wanted: Vec<f64> = (1..n).map(|rank| (all * rank as f64 / n as f64).floor()).collect();
-        let (mut low, mut high) = (vec![0u64; n - 1], vec![u64::MAX >> 1; n - 1]);
-        while low.iter().zip(&high).any(|(low, high)| low < high) {
-            let middle: Vec<u64> = low.iter().zip(&high).map(|(low, high)| low + (high - low) / 2).collect();
-            let mut below: Vec<f64> =
-                middle.iter().map(|m| places.partition_point(|place| place < m) as f64).collect();
-            ranks.sum(&mut below);
-            for k in 0..n - 1 {
-                if below[k] >= wanted[k] {
-                    high[k] = middle[k];
-                } else {
-                    low[k] = (middle[k] + 1).min(high[k]);
+        self.cuts = vec![Cut::default(); n - 1];
+        heaps.iter_mut().for_each(|heap| heap.part = 0);
+        // The ranks of each part.
+        let mut parts = vec![0..n];
+        while parts.iter().any(|part| part.len() > 1) {
+            let axes = longest_sides(ranks, &heaps, parts.len());
+            heaps.sort_unstable_by_key(|heap| (heap.part, along(heap.at, axes[heap.part])));
+            let places = places_of_cuts(ranks, &heaps, &parts, &axes);
+            for heap in &mut heaps {
+                let is_above =
+                    parts[heap.part].len() > 1 && along(heap.at, axes[heap.part]) >= places[heap.part];
+                heap.part = 2 * heap.part + usize::from(is_above);
+            }
+            let mut halves = Vec::with_capacity(2 * parts.len());
+            for ((part, axis), place) in parts.into_iter().zip(axes).zip(places) {
+                let middle = if part.len() > 1 { middle(&part) } else { part.end };
+                if part.len() > 1 {
+                    self.cuts[middle - 1] = Cut { axis, place };
                 }
+                halves.extend([part.start..middle, middle..part.end]);
+            }
+            parts = halves;
+        }
+    }
+}
+
+/// For each part the axis along which its points reach farthest.
+fn longest_sides<const D: usize>(ranks: &Ranks, heaps: &[Heap<D>], parts: usize) -> Vec<usize> {
+    let mut ends = vec![f64::NEG_INFINITY; 2 * D * parts];
+    for heap in heaps {
+        for (d, ends) in ends[2 * D * heap.part..].chunks_exact_mut(2).take(D).enumerate() {
+            let x = f64::from(heap.at[d]);
+            (ends[0], ends[1]) = (ends[0].max(x), ends[1].max(-x));
+        }
+    }
+    ranks.maximum(&mut ends);
+    let longest = |ends: &[f64]| {
+        let side = |d: usize| ends[2 * d] + ends[2 * d + 1];
+        (0..D).rev().max_by(|a, b| side(*a).total_cmp(&side(*b))).unwrap_or(0)
+    };
+    ends.chunks_exact(2 * D).map(longest).collect()
+}
+
+/// For each part the lowest place below which the points of its lower ranks fit, by bisection. The points are sorted by parts and
+/// places.
+fn places_of_cuts<const D: usize>(
+    ranks: &Ranks,
+    heaps: &[Heap<D>],
+    parts: &[Range<usize>],
+    axes: &[usize],
+) -> Vec<u64> {
+    let mut below = vec![0.0];
+    below.extend(heaps.iter().scan(0.0, |sum, heap| {
+        *sum += heap.count;
+        Some(*sum)
+    }));
+    let start = |part: usize| heaps.partition_point(|heap| heap.part < part);
+    let of_part: Vec<Range<usize>> = (0..parts.len()).map(|part| start(part)..start(part + 1)).collect();
+    let counts = |places: &[u64]| -> Vec<f64> {
+        let of_cut = |((range, axis), place): ((&Range<usize>, &usize), &u64)| {
+            let within = &heaps[range.clone()];
+            let end = range.start + within.partition_point(|heap| along(heap.at, *axis) < *place);
+            below[end] - below[range.start]
+        };
+        let mut counts: Vec<f64> = of_part.iter().zip(axes).zip(places).map(of_cut).collect();
+        ranks.sum(&mut counts);
+        counts
+    };
+    let (mut low, mut high) = (vec![0u64; parts.len()], vec![1u64 << (D as u32 * BITS); parts.len()]);
+    let wanted: Vec<f64> = (counts(&high).iter().zip(parts))
+        .map(|(all, part)| (all * (middle(part) - part.start) as f64 / part.len().max(1) as f64).floor())
+        .collect();
+    while low.iter().zip(&high).any(|(low, high)| low < high) {
+        let halves: Vec<u64> = low.iter().zip(&high).map(|(low, high)| low + (high - low) / 2).collect();
+        for (k, count) in counts(&halves).into_iter().enumerate() {
+            if count >= wanted[k] {
+                high[k] = halves[k];
+            } else {
+                low[k] = (halves[k] + 1).min(high[k]);
             }
         }
-        self.first = low;
     }
+    low
 }
 
 /// Points on the way to another rank.
@@ -131,8 +224,8 @@ impl<const D: usize> Points<D> {
             self.cell[p] = cell_of(grid, &self.converged.position[p], self.cell[p]);
         }
         let ranks = self.ranks.clone();
-        let places = self.of_cells(|cell| self.partition.place(grid, cell));
-        self.partition.choose(&ranks, places);
+        let heaps = self.heaps(grid);
+        self.partition.choose(&ranks, heaps);
         self.migrate(grid);
     }
 
@@ -154,8 +247,8 @@ impl<const D: usize> Points<D> {
             n as f64 * counts.iter().copied().fold(0.0, f64::max) / all.max(1.0)
         };
         if imbalance(&to) > MOST_IMBALANCE.max(WORSE * self.partition.least) {
-            let places = self.of_cells(|cell| self.partition.place(grid, cell));
-            self.partition.choose(&ranks, places);
+            let heaps = self.heaps(grid);
+            self.partition.choose(&ranks, heaps);
             to = owners(self);
             self.partition.least = imbalance(&to);
         }
@@ -191,6 +284,16 @@ impl<const D: usize> Points<D> {
         for (_, message) in arrived {
             self.unpack(&message);
         }
+    }
+
+    /// The points of this rank by coordinates of their cells; points of a cell mostly follow one another.
+    fn heaps(&self, grid: &dyn Grid<D>) -> Vec<Heap<D>> {
+        let of_cells = self.cell.chunk_by(|a, b| a == b);
+        let heap = |cells: &[u32]| {
+            let at = self.partition.at(grid, cells[0]);
+            Heap { at, count: cells.len() as f64, part: 0 }
+        };
+        of_cells.map(heap).collect()
     }
 
     /// What `of` says of the cell of each point; points of a cell mostly follow one another.
