@@ -151,5 +151,9 @@ mod petsc {
             let multigrid = Box::new(Preconditioner::<D>::default());
             Some(Box::new(mpm_petsc::Krylov::<D, D>::with_preconditioner(multigrid).ok()?))
         }
+
+        fn algebraic(&self) -> Option<Box<dyn Backend<D>>> {
+            Some(Box::new(mpm_petsc::Krylov::<D, D>::new().ok()?))
+        }
     }
 }

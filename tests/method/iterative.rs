@@ -102,6 +102,7 @@ impl<const D: usize> Equations<D> {
             numbering,
             nodes: &nodes,
             lattice: &lattice,
+            position: &|node| self.places[node].map(f64::from),
             lines,
             keeps_pattern: false,
             halo: &Halo::default(),

@@ -145,6 +145,27 @@ def test_ranks_agree(deck, tmp_path):
         same(results_of(ranks, tmp_path / str(ranks), deck, *arguments), alone, apart=LIMITED.get(deck, ()))
 
 
+@pytest.mark.parametrize("cells", ["triangles", "quadrilaterals"])
+def test_a_mesh_is_solved_iteratively_on_several_ranks(cells, tmp_path):
+    """Without PETSc or on one rank the equations of a mesh are factorised, and a warning says so."""
+    text = (ROOT / "inputs/cantilever.yaml").read_text()
+    text = text.replace("cantilever/${cells}", f"{ROOT}/inputs/cantilever/${{cells}}")
+    deck = tmp_path / "cantilever.yaml"
+    deck.write_text(text.replace("max_iterations: 20", "max_iterations: 20, linear: iterative"))
+    arguments = settings(cells=cells, h=0.125, steps=2)
+    alone = results_of(0, tmp_path / "alone", deck, *arguments, "--threads", "1")
+    assert alone.summary["iterative_solves"] == 0
+    assert any("the grid is a mesh" in warning["message"] for warning in alone.summary["warnings"])
+    iterations = []
+    for ranks in (2, 3):
+        found = results_of(ranks, tmp_path / str(ranks), deck, *arguments)
+        same(found, alone, tolerance=1e-8, apart=("linear_iterations",))
+        assert found.summary["iterative_solves"] == found.summary["linear_solves"] > 0
+        assert not found.summary["warnings"]
+        iterations.append(found.summary["linear_iterations"] / found.summary["linear_solves"])
+    assert max(iterations) < 60
+
+
 def test_the_same_ranks_give_the_same_bits(tmp_path):
     for name in "ab":
         results_of(3, tmp_path / name, "inputs/collapse.yaml", *settings(h=2, n=2, steps=6))

@@ -89,6 +89,7 @@ fn balance<const D: usize, M: Mechanics<D>>(
         numbering: dofs.numbering(),
         nodes: links.active_nodes(),
         lattice: &|active| model.grid.lattice(links.active_nodes()[active] as usize),
+        position: &|active| model.grid.node_position(links.active_nodes()[active] as usize),
         lines: [None; D],
         keeps_pattern: false,
         halo: &Halo::default(),

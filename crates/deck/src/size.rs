@@ -125,7 +125,7 @@ impl Size {
             LinearChoice::Iterative => true,
             LinearChoice::Auto => {
                 let near = (2.0_f64 * reach + 1.0).powi(D as i32);
-                Extent { nodes: active, reach, pairs: 0.5 * (near + 1.0) * active }.is_large::<D>()
+                Extent { nodes: active, reach, pairs: 0.5 * (near + 1.0) * active }.is_large::<D>(true)
             }
         };
         Size {

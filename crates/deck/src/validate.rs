@@ -46,7 +46,6 @@ pub fn validate(deck: &Deck, source: &Source) -> Vec<Diagnostic> {
     check.loads();
     check.tools();
     check.output();
-    check.linear_solver();
     check.stages();
     check.control();
     assign(Gate::Meaning, &mut check.found);

@@ -1,25 +1,36 @@
-//! The direct backend of a run on several ranks: that of the core for most systems, MUMPS for large ones.
+//! The direct backend of a run on several ranks: that of the core for most systems, MUMPS for large ones on many ranks.
 
 use mpm_core::linear::{Backend, BlockMatrix, Divided, Layout, LinearError, Solved, Stiffness};
 
 use crate::direct::Direct;
 
-/// Most unknowns whose equations rank 0 factorises alone. Its factorisation takes less time than that of MUMPS on two ranks, and
-/// repeats its bits.
-pub const MOST_GATHERED: f64 = 2e5;
+/// Systems in space with more unknowns than this are factorised by MUMPS on more ranks than [`MOST_RANKS`]: one rank alone
+/// eliminates the last separator of the core's factorisation, which takes a growing part of the time. On few ranks MUMPS takes
+/// longer, and it does not repeat its bits.
+pub const MOST_UNKNOWNS: f64 = 2e5;
 
-/// Factorises on rank 0 or, if there are many unknowns, by MUMPS on all ranks.
+/// Most ranks that factorise such systems without MUMPS.
+pub const MOST_RANKS: usize = 4;
+
+/// Factorises by the core's division between ranks or, if there are many unknowns and ranks, by MUMPS.
 pub struct ByExtent<const D: usize, const N: usize = D> {
     divided: Divided<D, N>,
     /// `None` where PETSc has no MUMPS.
     mumps: Option<Direct<N>>,
-    is_large: bool,
+    uses_mumps: bool,
 }
 
 impl<const D: usize, const N: usize> ByExtent<D, N> {
-    /// A backend; without MUMPS, all systems are factorised on rank 0.
+    /// A backend; without MUMPS, the core factorises all systems.
     pub fn new() -> Self {
-        ByExtent { divided: Divided::default(), mumps: None, is_large: false }
+        ByExtent { divided: Divided::default(), mumps: None, uses_mumps: false }
+    }
+
+    fn backend(&mut self) -> &mut dyn Backend<D, N> {
+        match &mut self.mumps {
+            Some(mumps) if self.uses_mumps => mumps,
+            _ => &mut self.divided,
+        }
     }
 }
 
@@ -32,24 +43,20 @@ impl<const D: usize, const N: usize> Default for ByExtent<D, N> {
 impl<const D: usize, const N: usize> Backend<D, N> for ByExtent<D, N> {
     fn prepare(&mut self, layout: &Layout<D, N>, matrix: &BlockMatrix<N>) -> Result<(), LinearError> {
         let (halo, n) = (layout.halo, layout.numbering.n_nodes());
-        self.is_large = N as f64 * halo.sum_over_nodes(n, |_| 1.0) > MOST_GATHERED;
-        if self.is_large && self.mumps.is_none() {
+        let unknowns = N as f64 * halo.sum_over_nodes(n, |_| 1.0);
+        let is_large = D > 2 && unknowns > MOST_UNKNOWNS && halo.ranks().count() > MOST_RANKS;
+        if is_large && self.mumps.is_none() {
             self.mumps = Direct::new().ok();
         }
-        match &mut self.mumps {
-            Some(mumps) if self.is_large => {
-                self.divided = Divided::default();
-                mumps.prepare(layout, matrix)
-            }
-            _ => self.divided.prepare(layout, matrix),
+        self.uses_mumps = is_large && self.mumps.is_some();
+        if self.uses_mumps {
+            self.divided = Divided::default();
         }
+        self.backend().prepare(layout, matrix)
     }
 
     fn factorise(&mut self, layout: &Layout<D, N>, matrix: &BlockMatrix<N>) -> Result<(), LinearError> {
-        match &mut self.mumps {
-            Some(mumps) if self.is_large => mumps.factorise(layout, matrix),
-            _ => self.divided.factorise(layout, matrix),
-        }
+        self.backend().factorise(layout, matrix)
     }
 
     fn solve(
@@ -60,10 +67,7 @@ impl<const D: usize, const N: usize> Backend<D, N> for ByExtent<D, N> {
         x: &mut [[f64; N]],
         tolerance: f64,
     ) -> Result<Solved, LinearError> {
-        match &mut self.mumps {
-            Some(mumps) if self.is_large => mumps.solve(layout, stiffness, b, x, tolerance),
-            _ => self.divided.solve(layout, stiffness, b, x, tolerance),
-        }
+        self.backend().solve(layout, stiffness, b, x, tolerance)
     }
 
     fn is_iterative(&self) -> bool {

@@ -213,20 +213,11 @@ fn assembled<const D: usize, const N: usize>(
         assembled.set_symmetric(known.symmetric())?;
         if N == D {
             let own = (0..layout.numbering.n_nodes()).filter(|node| layout.halo.is_own(*node));
-            assembled.set_near_rigid_motions(own.map(|node| position(layout, node)))?;
+            assembled.set_near_rigid_motions(own.map(layout.position))?;
         }
         Ok(assembled)
     };
     agree(ranks, make().map_err(Into::into))
-}
-
-/// Coordinates of a node, or its place in the lattice along axes on which they are unknown.
-fn position<const D: usize, const N: usize>(layout: &Layout<D, N>, node: usize) -> [f64; D] {
-    let place = (layout.lattice)(node);
-    std::array::from_fn(|d| {
-        let line = layout.lines[d].and_then(|lines| lines.get(place[d] as usize));
-        line.copied().unwrap_or(f64::from(place[d]))
-    })
 }
 
 impl<const D: usize, const N: usize> System<D, N> {

@@ -4,7 +4,7 @@
 //!
 //! - [`start`] starts both libraries; the [`Session`] ends them.
 //! - [`Mpi`] is the [`Communicator`](mpm_core::ranks::Communicator) of all processes of `mpirun`.
-//! - [`Direct`] solves linear systems by the multifrontal factorisation of MUMPS; [`ByExtent`] uses it for large ones.
+//! - [`Direct`] solves linear systems by the multifrontal factorisation of MUMPS; [`ByExtent`] uses it for large ones on many ranks.
 //! - [`Krylov`] solves them by conjugate gradients or GMRES, with the algebraic multigrid of PETSc or a preconditioner of the
 //!   caller ([`Preconditioner`]).
 //!
@@ -38,7 +38,7 @@ mod objects;
 mod session;
 
 #[cfg(feature = "petsc")]
-pub use by_extent::{ByExtent, MOST_GATHERED};
+pub use by_extent::{ByExtent, MOST_RANKS, MOST_UNKNOWNS};
 #[cfg(feature = "petsc")]
 pub use direct::Direct;
 #[cfg(feature = "petsc")]

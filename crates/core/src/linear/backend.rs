@@ -53,8 +53,13 @@ pub trait Engine<const D: usize>: Send + Sync + std::fmt::Debug {
         None
     }
 
-    /// A backend that iterates; `None` for the built-in one.
+    /// A backend that iterates on structured grids; `None` for the built-in one.
     fn iterative(&self) -> Option<Box<dyn Backend<D>>> {
+        None
+    }
+
+    /// A backend that iterates on any grid, with whatever holds the nodes; `None` if there is none.
+    fn algebraic(&self) -> Option<Box<dyn Backend<D>>> {
         None
     }
 }
@@ -82,6 +87,8 @@ pub struct Layout<'a, const D: usize, const N: usize = D> {
     pub nodes: &'a [u32],
     /// Integer coordinates of an active node: its place in a structured grid, or a binning of its position in a mesh.
     pub lattice: &'a (dyn Fn(usize) -> [u32; D] + 'a),
+    /// Coordinates of an active node, [length].
+    pub position: &'a (dyn Fn(usize) -> [f64; D] + 'a),
     /// Coordinates of the lines of the lattice along each axis, [length]; `None` along axes on which they are evenly
     /// spaced or unknown.
     pub lines: [Option<&'a [f64]>; D],

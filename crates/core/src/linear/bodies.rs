@@ -115,6 +115,7 @@ impl<const D: usize> Part<D> {
             numbering: &self.numbering,
             nodes: &self.nodes,
             lattice: &|node| self.places[node],
+            position: &|node| self.places[node].map(f64::from),
             lines: std::array::from_fn(|d| self.lines[d].as_deref()),
             keeps_pattern: false,
             halo: &self.halo,

@@ -14,7 +14,8 @@ pub enum Choice {
     /// Factorisation.
     Direct,
     /// Conjugate gradients, or GMRES if the stiffness is unsymmetric or not positive definite, with a multigrid
-    /// preconditioner; only on a structured grid.
+    /// preconditioner. A mesh has no coarser grids, and needs several ranks with PETSc; elsewhere, its equations are factorised
+    /// and a warning says so.
     Iterative,
 }
 
@@ -27,6 +28,10 @@ const WORK_OF_BLOCK: f64 = 40e3;
 
 /// Unknowns in the plane up to which a factorisation is faster.
 const MOST_IN_PLANE: f64 = 1e6;
+
+/// Time of an iterative solution with an algebraic multigrid, divided by that with a geometric one; measured, see
+/// `docs/decisions/0045-ranks.md`.
+const ALGEBRAIC: f64 = 5.0;
 
 /// The size of a system on the nodes of a grid.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -41,13 +46,15 @@ pub struct Extent {
 
 impl Extent {
     /// True if conjugate gradients solve a positive definite system of this size in `D` dimensions much faster than a
-    /// factorisation. The work of the latter is that of its last separator, whose thickness is the reach of couplings.
-    pub fn is_large<const D: usize>(&self) -> bool {
+    /// factorisation. The work of the latter is that of its last separator, whose thickness is the reach of couplings. A
+    /// preconditioner without coarser grids takes longer.
+    pub fn is_large<const D: usize>(&self, has_coarser_grids: bool) -> bool {
+        let slower = if has_coarser_grids { 1.0 } else { ALGEBRAIC };
         if D < 3 {
-            return D as f64 * self.nodes > MOST_IN_PLANE;
+            return D as f64 * self.nodes > slower * MOST_IN_PLANE;
         }
         let separator = D as f64 * self.reach.max(1.0) * self.nodes.powf(2.0 / 3.0);
-        WORK_OF_SEPARATOR * separator.powi(3) > WORK_OF_BLOCK * self.pairs
+        WORK_OF_SEPARATOR * separator.powi(3) > slower * WORK_OF_BLOCK * self.pairs
     }
 }
 
@@ -61,9 +68,11 @@ mod tests {
             let near = (2.0 * reach + 1.0).powi(3);
             Extent { nodes: n.powi(3), reach, pairs: n.powi(3) * (near + 1.0) / 2.0 }
         };
-        assert!(!cube(9.0, 1.0).is_large::<3>());
-        assert!(cube(17.0, 1.0).is_large::<3>() && cube(33.0, 1.0).is_large::<3>());
+        assert!(!cube(9.0, 1.0).is_large::<3>(true));
+        assert!(cube(17.0, 1.0).is_large::<3>(true) && cube(33.0, 1.0).is_large::<3>(true));
+        assert!(!cube(17.0, 1.0).is_large::<3>(false) && cube(65.0, 1.0).is_large::<3>(false));
         let plane = |n: f64| Extent { nodes: n * n, reach: 1.0, pairs: 5.0 * n * n };
-        assert!(!plane(700.0).is_large::<2>() && plane(1000.0).is_large::<2>());
+        assert!(!plane(700.0).is_large::<2>(true) && plane(1000.0).is_large::<2>(true));
+        assert!(!plane(1000.0).is_large::<2>(false));
     }
 }

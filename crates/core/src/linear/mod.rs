@@ -130,6 +130,9 @@ pub enum LinearError {
     /// The iterative solver was asked for, but nodes are held along directions other than the axes, or tied.
     #[error("some nodes are held along directions other than the axes, or tied to others")]
     Turned,
+    /// The iterative solver was asked for, but the grid is a mesh, and there is no algebraic multigrid.
+    #[error("the grid is a mesh, which only PETSc coarsens, on several ranks")]
+    Unstructured,
     /// The iterative solver was given a matrix that is not symmetric.
     #[error("the matrix is not symmetric")]
     Unsymmetric,

@@ -114,7 +114,7 @@ impl Partition {
         self.cuts = vec![Cut::default(); n - 1];
         heaps.iter_mut().for_each(|heap| heap.part = 0);
         // The ranks of each part.
-        let mut parts = vec![0..n];
+        let mut parts: Vec<Range<usize>> = std::iter::once(0..n).collect();
         while parts.iter().any(|part| part.len() > 1) {
             let axes = longest_sides(ranks, &heaps, parts.len());
             heaps.sort_unstable_by_key(|heap| (heap.part, along(heap.at, axes[heap.part])));

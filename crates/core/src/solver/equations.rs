@@ -33,6 +33,7 @@ pub(super) struct Equations<const D: usize, const N: usize = D> {
 pub(super) struct OfEngine<const D: usize, const N: usize> {
     pub(super) direct: Option<Box<dyn Backend<D, N>>>,
     pub(super) iterative: Option<Box<dyn Backend<D, N>>>,
+    pub(super) algebraic: Option<Box<dyn Backend<D, N>>>,
 }
 
 /// The solution method for the equations of a step.
@@ -40,6 +41,8 @@ pub(super) struct OfEngine<const D: usize, const N: usize> {
 enum Method {
     Direct,
     Iterative,
+    /// Iterative without coarser grids.
+    Algebraic,
     Own,
 }
 
@@ -78,6 +81,7 @@ impl<const D: usize, const N: usize> Place<'_, D, N> {
             numbering: self.dofs.numbering(),
             nodes: self.links.active_nodes(),
             lattice: &|active| self.lattice(active),
+            position: &|active| self.model.grid.node_position(self.links.active_nodes()[active] as usize),
             lines: match self.model.grid.structured() {
                 Some(grid) => std::array::from_fn(|d| grid.axes()[d].graded_lines()),
                 None => [None; D],
@@ -104,7 +108,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         Equations {
             direct: Divided::default(),
             iterative: Krylov::default(),
-            of_engine: OfEngine { direct: None, iterative: None },
+            of_engine: OfEngine { direct: None, iterative: None, algebraic: None },
             own,
             method: Method::Direct,
             solution: Vec::new(),
@@ -129,16 +133,17 @@ impl<const D: usize, const N: usize> Equations<D, N> {
     }
 
     fn backend(&mut self) -> &mut dyn Backend<D, N> {
-        match (self.method, &mut self.own) {
-            (Method::Own, Some(own)) => own.as_mut(),
-            (Method::Iterative, _) => match &mut self.of_engine.iterative {
-                Some(backend) => backend.as_mut(),
-                None => &mut self.iterative,
-            },
-            _ => match &mut self.of_engine.direct {
-                Some(backend) => backend.as_mut(),
-                None => &mut self.direct,
-            },
+        let OfEngine { direct, iterative, algebraic } = &mut self.of_engine;
+        let given = match self.method {
+            Method::Own => &mut self.own,
+            Method::Direct => direct,
+            Method::Iterative => iterative,
+            Method::Algebraic => algebraic,
+        };
+        match (given, self.method) {
+            (Some(backend), _) => backend.as_mut(),
+            (None, Method::Iterative) => &mut self.iterative,
+            (None, _) => &mut self.direct,
         }
     }
 
@@ -155,22 +160,29 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         // Coarser grids do not support turned and tied nodes.
         let is_plain = place.links.halo().ranks().all(place.dofs.is_plain());
         let is_regular = place.model.grid.structured().is_some() && is_plain;
+        let method = match self.of_engine.algebraic {
+            _ if is_regular => Method::Iterative,
+            Some(_) => Method::Algebraic,
+            None => Method::Direct,
+        };
+        let can_iterate = method != Method::Direct;
         // In the plane, GMRES needs many iterations where an unsymmetric material flows, and LU is affordable.
-        let suits_auto = is_regular && (system.matrix().symmetric || D == 3);
+        let suits_auto = can_iterate && (system.matrix().symmetric || D == 3);
         let iterative = match choice {
             Choice::Direct => false,
-            Choice::Iterative => is_regular,
-            Choice::Auto => suits_auto && place.extent(system).is_large::<D>(),
+            Choice::Iterative => can_iterate,
+            Choice::Auto => suits_auto && place.extent(system).is_large::<D>(is_regular),
         };
-        if choice == Choice::Iterative && !is_regular {
-            self.turned.get_or_insert(LinearError::Turned);
+        if choice == Choice::Iterative && !can_iterate {
+            let is_mesh = place.model.grid.structured().is_none();
+            self.turned.get_or_insert(if is_mesh { LinearError::Unstructured } else { LinearError::Turned });
         }
         if iterative {
-            return self.prepare_with(Method::Iterative, place, system);
+            return self.prepare_with(method, place, system);
         }
         match self.prepare_with(Method::Direct, place, system) {
-            Err(LinearError::OutOfMemory { .. }) if is_regular && choice == Choice::Auto => {
-                self.prepare_with(Method::Iterative, place, system)
+            Err(LinearError::OutOfMemory { .. }) if can_iterate && choice == Choice::Auto => {
+                self.prepare_with(method, place, system)
             }
             outcome => outcome,
         }
@@ -186,7 +198,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         self.method = method;
         match method {
             Method::Direct => self.iterative = Krylov::default(),
-            Method::Iterative | Method::Own => self.direct = Divided::default(),
+            Method::Iterative | Method::Algebraic | Method::Own => self.direct = Divided::default(),
         }
         place.with_layout(|layout| self.backend().prepare(layout, &system.matrix()))
     }
@@ -220,7 +232,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         timings: &mut Timings,
     ) -> Result<(Solved, Vec<f64>), LinearError> {
         timings.measure(Phase::Factorise, || system.reduce(place.dofs));
-        if self.method == Method::Iterative {
+        if matches!(self.method, Method::Iterative | Method::Algebraic) {
             match self.factorise_and_solve(place, system, rhs, delta, tolerance, timings) {
                 Err(
                     error @ (LinearError::Singular { .. }

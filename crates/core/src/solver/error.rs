@@ -523,6 +523,7 @@ impl SolveError {
         match error {
             LinearError::OutOfMemory { needed } => SolveError::OutOfMemory { step, needed },
             LinearError::Turned
+            | LinearError::Unstructured
             | LinearError::Unsymmetric
             | LinearError::NotConverged { .. }
             | LinearError::Library(_) => SolveError::Iterative { step, error },

@@ -96,7 +96,7 @@ impl<'a, const D: usize> Stepper<'a, D> {
         let mut stepper = Stepper::of_fields(model, points, model.kernels(), Fields::displacement(D));
         if let Some(engine) = &model.engines.0 {
             let (direct, iterative) = (engine.direct(), engine.iterative());
-            stepper.equations.use_engine(OfEngine { direct, iterative });
+            stepper.equations.use_engine(OfEngine { direct, iterative, algebraic: engine.algebraic() });
         }
         stepper
     }

@@ -5,7 +5,7 @@ use super::extent::{Extent, GridBox};
 use crate::diagnostic::Diagnostic;
 use crate::quoting::quote;
 use crate::seeding::placed_in_cells;
-use crate::{AXES, BodyDeck, GridDeck, LinearChoice, Method, PerAxis};
+use crate::{AXES, BodyDeck, GridDeck, Method, PerAxis};
 
 /// Most cells of a grid, and most points of a body: far more than can be computed.
 pub(super) const MOST: f64 = 1e8;
@@ -154,15 +154,6 @@ impl Check<'_> {
             self.error("D034", &format!("{pointer}/method"), message, help);
         }
         true
-    }
-
-    /// An iterative solution needs a grid that can be coarsened.
-    pub(super) fn linear_solver(&mut self) {
-        let iterative = self.deck.solver.linear == LinearChoice::Iterative;
-        if iterative && matches!(self.deck.grid, GridDeck::Gmsh { .. }) {
-            let message = "an iterative solution of the linear equations needs a structured grid";
-            self.error("D034", "/solver/linear", message, "use `auto` or `direct`");
-        }
     }
 
     pub(super) fn points(&mut self, pointer: &str, body: &BodyDeck, extent: &Extent, grid: Option<&GridBox>) {

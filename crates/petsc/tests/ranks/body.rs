@@ -223,6 +223,7 @@ impl<const D: usize> Part<D> {
             numbering: &self.numbering,
             nodes: &self.nodes,
             lattice: &lattice,
+            position: &|node| self.places[node].map(f64::from),
             lines: [None; D],
             keeps_pattern: false,
             halo: &self.halo,
