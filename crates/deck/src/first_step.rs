@@ -12,6 +12,7 @@ use mpm_core::basis::{Connectivity, Method, SupportError, SupportFailure};
 use mpm_core::dofs::{ConstraintError, Covered, DofMap, covered, nodes_of};
 use mpm_core::model::{Model, NodeSet};
 use mpm_core::points::{Points, coordinates};
+use mpm_core::ranks::Ranks;
 use mpm_core::solver::Obstacle;
 use mpm_core::terms::LoadNotFinite;
 use mpm_core::terms::external_force::external_force;
@@ -46,6 +47,13 @@ pub fn first_step<const D: usize>(
     }
 }
 
+/// Leaves an error to the rank whose point has the lowest number, so that all numbers of ranks report the same point.
+fn of_lowest_point(ranks: &Ranks, error: Option<LoadNotFinite>) -> Option<LoadNotFinite> {
+    let own = error.as_ref().map_or(f64::INFINITY, |error| error.point.map_or(-1.0, f64::from));
+    let lowest = ranks.smallest(own);
+    error.filter(|_| own == lowest)
+}
+
 pub(super) struct Check<'a> {
     pub(super) loaded: &'a LoadedDeck,
     pub(super) found: Vec<Diagnostic>,
@@ -64,7 +72,8 @@ impl Check<'_> {
             }
         };
         let end = model.stepping.end_time * (1.0 / model.stepping.count as f64);
-        if let Err(error) = external_force(model, points, &links, end) {
+        let fault = external_force(model, points, &links, end).err();
+        if let Some(error) = of_lowest_point(&points.ranks, fault) {
             self.load_without_value(&error);
         }
         let dofs = DofMap::new(model, points, &links, 0.0, end);

@@ -2,7 +2,7 @@
 
 use crate::assembly::{System, Wanted, add};
 use crate::basis::Connectivity;
-use crate::model::{Action, Load, Model};
+use crate::model::{Action, Load, Model, VectorFormula};
 use crate::points::Points;
 use crate::step::{At, Nodal, StepContext};
 
@@ -100,6 +100,26 @@ fn on_nodes<const D: usize>(
 /// Forces on the points, or resultants of the loads.
 type Forces<const D: usize> = Vec<[f64; D]>;
 
+/// The error of a load without a finite value at a point.
+fn without_value<const D: usize>(
+    model: &Model<D>,
+    points: &Points<D>,
+    p: usize,
+    (load, formula, factor): (&Load<D>, &VectorFormula<D>, f64),
+) -> LoadNotFinite {
+    let (x, original) = (&points.converged.position[p], &points.original_position[p]);
+    let (text, value) = formula.not_finite(x, original, factor).unwrap_or(("", f64::NAN));
+    LoadNotFinite {
+        load: load.name.clone(),
+        place: format!("point {} of body `{}`", points.id[p], model.bodies[points.body[p] as usize].name),
+        point: Some(points.id[p]),
+        position: x.to_vec(),
+        factor,
+        formula: text.to_owned(),
+        value,
+    }
+}
+
 /// Sum of all loads on each point, and the resultant of each load over all points, [force].
 fn forces_on_points<const D: usize>(
     model: &Model<D>,
@@ -125,23 +145,17 @@ fn forces_on_points<const D: usize>(
             }
             Action::BodyForce(formula) | Action::MassForce(formula) => {
                 let is_per_mass = matches!(load.action, Action::MassForce(_));
+                let density_at = |p: usize| {
+                    formula.evaluate(&points.converged.position[p], &points.original_position[p], factor)
+                };
+                let is_finite = |density: [f64; D]| density.iter().all(|b| b.is_finite());
                 for p in (0..points.len()).filter(|&p| acts_on(p)) {
-                    let (x, original) = (&points.converged.position[p], &points.original_position[p]);
-                    let density = formula.evaluate(x, original, factor);
-                    if density.iter().any(|b| !b.is_finite()) {
-                        let fault = formula.not_finite(x, original, factor);
-                        let (text, value) = fault.unwrap_or(("", f64::NAN));
-                        return Err(LoadNotFinite {
-                            load: load.name.clone(),
-                            place: format!(
-                                "point {} of body `{}`",
-                                points.id[p], model.bodies[points.body[p] as usize].name
-                            ),
-                            position: x.to_vec(),
-                            factor,
-                            formula: text.to_owned(),
-                            value,
-                        });
+                    let density = density_at(p);
+                    if !is_finite(density) {
+                        // The error names the point with the lowest number, whatever the order of the points.
+                        let others = (p..points.len()).filter(|&q| acts_on(q) && !is_finite(density_at(q)));
+                        let lowest = others.min_by_key(|&q| points.id[q]).unwrap_or(p);
+                        return Err(without_value(model, points, lowest, (load, formula, factor)));
                     }
                     let amount = if is_per_mass { points.mass[p] } else { model.volume(points, p) };
                     add(p, density.map(|b| b * amount));

@@ -63,6 +63,8 @@ pub struct LoadNotFinite {
     pub load: String,
     /// The material point or the surface.
     pub place: String,
+    /// Permanent number of the material point.
+    pub point: Option<u32>,
     /// Its position, [length].
     pub position: Vec<f64>,
     /// The load factor.

@@ -296,6 +296,7 @@ fn check<'a, const D: usize>(
     Err(BeginError::from(LoadNotFinite {
         load: load.to_owned(),
         place: format!("surface `{}`", surface.name),
+        point: None,
         position: x.to_vec(),
         factor,
         formula: text.to_owned(),
