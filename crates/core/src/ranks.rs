@@ -13,7 +13,7 @@ use serde::{Serialize, de::DeserializeOwned};
 
 pub use halo::{Halo, Sharer, Sharing, sharing};
 
-/// Messages between ranks. Every method is collective: all ranks must call it, in the same order.
+/// Messages between ranks. Every method but the last is collective: all ranks must call it, in the same order.
 pub trait Communicator: Send + Sync + std::fmt::Debug {
     /// Number of ranks.
     fn count(&self) -> usize;
@@ -31,7 +31,7 @@ pub trait Communicator: Send + Sync + std::fmt::Debug {
     fn exchange(&self, messages: Vec<(usize, Vec<u8>)>) -> Vec<(usize, Vec<u8>)>;
 
     /// Swaps numbers with some other ranks, ascending: `send[k]` goes to rank `with[k]`, and `receive[k]` is filled by it. Both
-    /// sides must agree on the lengths.
+    /// sides must call this, and agree on the lengths, which may be 0.
     fn swap(&self, with: &[usize], send: &[Vec<f64>], receive: &mut [Vec<f64>]);
 }
 

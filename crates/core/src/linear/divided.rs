@@ -41,7 +41,13 @@ struct Parts<const N: usize> {
     own: Multifrontal,
     stages: Stages,
     factor: Vec<f64>,
-    /// Values of the entries of the factorised matrix.
+    matrix: Matrix,
+}
+
+/// The factorised matrix.
+#[derive(Default)]
+struct Matrix {
+    /// Values of the entries of this rank.
     values: Vec<f64>,
     /// Diagonal entries of the whole matrix at the unknowns of this rank, and the limit below which they are weak.
     diagonal: Vec<f64>,
@@ -86,6 +92,7 @@ impl<const D: usize, const N: usize> Backend<D, N> for Divided<D, N> {
         if layout.halo.ranks().is_alone() || n < self.fewest {
             return self.gather(layout, matrix);
         }
+        // Frees the memory of the last step.
         self.gathered = Gathered::default();
         self.parts = Parts::new(layout, matrix, self.parts.take())?;
         if self.parts.is_none() { self.gather(layout, matrix) } else { Ok(()) }
@@ -138,21 +145,19 @@ impl<const N: usize> Parts<N> {
         let mut entries = FreeEntries::new(matrix, &numbering);
         let pattern = std::mem::take(&mut entries.pattern);
         let left = left_of(layout, &numbering, &takes_part);
+        let mut is_own = Vec::with_capacity(numbering.count());
+        numbering.for_each(|node, _, unknown| {
+            if unknown.is_some() {
+                is_own.push(halo.is_own(node));
+            }
+        });
         let last =
             last.filter(|last| last.pattern == pattern && last.left == left && last.numbering == numbering);
         if ranks.all(last.is_some()) {
-            return Ok(last.map(|last| Parts { entries, factorised: None, ..last }));
+            return Ok(last.map(|last| Parts { entries, is_own, ..last }));
         }
         drop(last);
-        let mut is_left = vec![false; numbering.count()];
-        left.iter().for_each(|(_, unknown)| is_left[*unknown] = true);
-        let is_left =
-            |node| (0..N).any(|c| numbering.unknown(node, c).is_some_and(|unknown| is_left[unknown]));
-        let is_in = |node: usize| takes_part[node] && !is_left(node);
-        let mut order = elimination_order(layout.lattice, &numbering, matrix, is_in);
-        order.extend(left.iter().map(|(_, unknown)| *unknown));
-        let own =
-            if has_diagonal(&pattern) { Multifrontal::partial(&pattern, &order, left.len()) } else { None };
+        let own = fronts_of(layout, matrix, &numbering, &pattern, &left);
         if !ranks.all(own.is_some()) {
             return Ok(None);
         }
@@ -163,35 +168,16 @@ impl<const N: usize> Parts<N> {
         if !ranks.all(has_room.is_ok()) {
             return Err(LinearError::OutOfMemory { needed: Some(ranks.total(needed as f64) as u64) });
         }
-        let mut is_own = Vec::with_capacity(numbering.count());
-        numbering.for_each(|node, _, unknown| {
-            if unknown.is_some() {
-                is_own.push(halo.is_own(node));
-            }
-        });
         let factor = vec![0.0; own.factor_len()];
-        let (values, diagonal, limit, factorised) = (Vec::new(), Vec::new(), 0.0, None);
-        Ok(Some(Parts {
-            numbering,
-            entries,
-            pattern,
-            left,
-            is_own,
-            own,
-            stages,
-            factor,
-            values,
-            diagonal,
-            limit,
-            factorised,
-        }))
+        let matrix = Matrix::default();
+        Ok(Some(Parts { numbering, entries, pattern, left, is_own, own, stages, factor, matrix }))
     }
 
     /// False if the matrix has no factor on some rank.
     fn factorise(&mut self, halo: &Halo, matrix: &BlockMatrix<N>) -> bool {
         let Some(communicator) = halo.ranks().communicator() else { return false };
-        self.entries.values(matrix, &mut self.values);
-        let is_good = self.own.factorise(&self.values, &mut self.factor);
+        self.entries.values(matrix, &mut self.matrix.values);
+        let is_good = self.own.factorise(&self.matrix.values, &mut self.factor);
         let left = self.own.left();
         let is_good = self.stages.factorise(communicator, &mut self.factor[left..]) && is_good;
         if !halo.ranks().all(is_good) {
@@ -199,7 +185,7 @@ impl<const N: usize> Parts<N> {
         }
         let is_positive = self.own.has_positive_pivots(&self.factor)
             && self.stages.has_positive_pivots(&self.factor[left..]);
-        self.factorised = Some(match (self.pattern.symmetric, halo.ranks().all(is_positive)) {
+        self.matrix.factorised = Some(match (self.pattern.symmetric, halo.ranks().all(is_positive)) {
             (true, _) => Factorisation::Cholesky,
             (false, true) => Factorisation::Lu,
             (false, false) => Factorisation::LuIndefinite,
@@ -212,14 +198,15 @@ impl<const N: usize> Parts<N> {
         let pattern = &self.pattern;
         let of_unknown = |j: usize| {
             let rows = pattern.column_start[j]..pattern.column_start[j + 1];
-            rows.clone().find(|e| pattern.row[*e] == j).map_or(0.0, |e| self.values[e])
+            rows.clone().find(|e| pattern.row[*e] == j).map_or(0.0, |e| self.matrix.values[e])
         };
         let own: Vec<f64> = (0..pattern.n).map(of_unknown).collect();
         let mut field = vec![[0.0; N]; self.numbering.n_nodes()];
         self.spread(&own, &mut field);
         halo.add(&mut field);
-        self.diagonal = self.take(&field);
-        self.limit = WEAK * halo.ranks().largest(self.diagonal.iter().copied().fold(0.0, f64::max));
+        let diagonal = self.take(&field);
+        self.matrix.limit = WEAK * halo.ranks().largest(diagonal.iter().copied().fold(0.0, f64::max));
+        self.matrix.diagonal = diagonal;
     }
 
     /// Solves for `x`; `None` if the solution is not accurate.
@@ -235,7 +222,7 @@ impl<const N: usize> Parts<N> {
         x.fill([0.0; N]);
         self.spread(&solution, x);
         halo.copy(x);
-        self.factorised
+        self.matrix.factorised
     }
 
     /// Forward and backward substitution on the unknowns of this rank.
@@ -276,7 +263,7 @@ impl<const N: usize> Parts<N> {
         let mut product = vec![0.0; pattern.n];
         for j in 0..pattern.n {
             for e in pattern.column_start[j]..pattern.column_start[j + 1] {
-                let (i, a) = (pattern.row[e], self.values[e]);
+                let (i, a) = (pattern.row[e], self.matrix.values[e]);
                 product[i] += a * x[j];
                 if pattern.symmetric && i != j {
                     product[j] += a * x[i];
@@ -298,8 +285,8 @@ impl<const N: usize> Parts<N> {
     /// True if a solution moves weak unknowns so much farther than the others that the matrix must be singular.
     fn is_lost(&self, ranks: &Ranks, x: &[f64]) -> bool {
         let mut most = [0.0f64; 2];
-        for (x, diagonal) in x.iter().zip(&self.diagonal) {
-            let most = &mut most[usize::from(*diagonal < self.limit)];
+        for (x, diagonal) in x.iter().zip(&self.matrix.diagonal) {
+            let most = &mut most[usize::from(*diagonal < self.matrix.limit)];
             *most = if x.is_nan() { f64::INFINITY } else { most.max(x.abs()) };
         }
         ranks.maximum(&mut most);
@@ -326,6 +313,25 @@ impl<const N: usize> Parts<N> {
             }
         });
     }
+}
+
+/// The fronts of a rank, which leave the unknowns that others couple, too; `None` if its pattern has no layout by fronts.
+fn fronts_of<const D: usize, const N: usize>(
+    layout: &Layout<D, N>,
+    matrix: &BlockMatrix<N>,
+    numbering: &Numbering<N>,
+    pattern: &Pattern,
+    left: &[(u64, usize)],
+) -> Option<Multifrontal> {
+    let mut is_left = vec![false; numbering.count()];
+    left.iter().for_each(|(_, unknown)| is_left[*unknown] = true);
+    let is_inside = |node| {
+        let mut unknowns = (0..N).filter_map(|c| numbering.unknown(node, c)).peekable();
+        unknowns.peek().is_some() && unknowns.all(|unknown| !is_left[unknown])
+    };
+    let mut order = elimination_order(layout.lattice, numbering, matrix, is_inside);
+    order.extend(left.iter().map(|(_, unknown)| *unknown));
+    if has_diagonal(pattern) { Multifrontal::partial(pattern, &order, left.len()) } else { None }
 }
 
 /// True for each node that has an entry in the matrix of this rank, or belongs to it.
