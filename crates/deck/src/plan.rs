@@ -41,6 +41,9 @@ pub const EVALUATIONS: f64 = 5.0;
 /// Iterations of a solution.
 pub const ITERATIONS: f64 = 12.0;
 
+/// Time of an iteration with an algebraic multigrid, divided by that with a geometric one.
+const ALGEBRAIC: f64 = 5.0;
+
 /// A run on several ranks.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Plan {
@@ -70,6 +73,7 @@ impl Plan {
     pub fn of(loaded: &LoadedDeck, ranks: usize) -> Result<Plan, Vec<Diagnostic>> {
         let dimensions = loaded.deck.dimensions();
         let size = if dimensions == 3 { size_of::<3>(loaded)? } else { size_of::<2>(loaded)? };
+        let size = if ranks > 1 { size.on_several_ranks() } else { size };
         let (n, d) = (ranks as f64, dimensions as f64);
         let constants = Constants::measured(dimensions, size.is_wide);
         // The nodes of a cube, and the two layers around it that it shares.
@@ -86,7 +90,8 @@ impl Plan {
             };
         let halo = 8.0 * d * own * shared * constants.byte;
         let reductions = n.log2().ceil() * 3.0 * constants.latency;
-        let iteration = constants.unknown * size.unknowns / n
+        let slower = if size.is_mesh { ALGEBRAIC } else { 1.0 };
+        let iteration = slower * constants.unknown * size.unknowns / n
             + if ranks == 1 { 0.0 } else { constants.messages * constants.latency + 6.0 * halo + reductions };
         Ok(Plan {
             ranks,
