@@ -90,7 +90,8 @@ impl Partition {
         ranks.start
     }
 
-    /// The coordinates of a cell, in cells or, on a mesh, in small fractions of its widest side.
+    /// The coordinates of a cell: on a structured grid in cells, or in several where there are very many, on a mesh in small
+    /// fractions of its widest side.
     fn at<const D: usize>(&self, grid: &dyn Grid<D>, cell: u32) -> [u32; D] {
         let of_patch = grid.patches().and_then(|patches| {
             let patch = *patches.patch_of.get(cell as usize)?;
@@ -98,7 +99,11 @@ impl Partition {
         });
         let cell = of_patch.copied().unwrap_or(cell) as usize;
         match grid.structured() {
-            Some(grid) => grid.cell_index(cell).map(|k| k as u32),
+            Some(grid) => {
+                let most = grid.cells().into_iter().max().unwrap_or(0);
+                let shift = (usize::BITS - most.leading_zeros()).saturating_sub(BITS);
+                grid.cell_index(cell).map(|k| (k >> shift) as u32)
+            }
             None => {
                 let ([low, high], centre) = (grid.bounds(), grid.centre(cell));
                 let widest = (0..D).map(|d| high[d] - low[d]).fold(f64::MIN_POSITIVE, f64::max);
