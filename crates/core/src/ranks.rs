@@ -70,8 +70,14 @@ impl Ranks {
 
     /// Number of ranks on the machine of this one; all of them where the system does not tell machines apart.
     pub fn on_this_machine(&self) -> usize {
+        self.total_on_this_machine(1) as usize
+    }
+
+    /// The sum of an amount over the ranks on the machine of this one.
+    pub fn total_on_this_machine(&self, amount: u64) -> u64 {
         let machine = std::fs::read_to_string("/proc/sys/kernel/random/boot_id").unwrap_or_default();
-        self.gather_all(machine.clone()).iter().filter(|other| **other == machine).count()
+        let all = self.gather_all((machine.clone(), amount));
+        all.iter().filter(|(other, _)| *other == machine).map(|(_, amount)| amount).sum()
     }
 
     /// True on the rank that writes results.

@@ -51,6 +51,8 @@ impl<const D: usize, const N: usize> Backend<D, N> for ByExtent<D, N> {
         self.uses_mumps = is_large && self.mumps.is_some();
         if self.uses_mumps {
             self.divided = Divided::default();
+        } else {
+            self.mumps = None;
         }
         self.backend().prepare(layout, matrix)
     }
@@ -68,6 +70,11 @@ impl<const D: usize, const N: usize> Backend<D, N> for ByExtent<D, N> {
         tolerance: f64,
     ) -> Result<Solved, LinearError> {
         self.backend().solve(layout, stiffness, b, x, tolerance)
+    }
+
+    fn release(&mut self) {
+        self.divided = Divided::default();
+        self.mumps = None;
     }
 
     fn is_iterative(&self) -> bool {

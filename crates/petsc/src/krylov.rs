@@ -195,6 +195,10 @@ impl<const D: usize, const N: usize> Backend<D, N> for Krylov<D, N> {
         outcome
     }
 
+    fn release(&mut self) {
+        self.system = None;
+    }
+
     fn is_iterative(&self) -> bool {
         true
     }

@@ -26,8 +26,8 @@ pub struct Mpi {
     chunk: usize,
 }
 
-// SAFETY: MPI was started for calls from several threads, one at a time, and handles of MPI belong to no thread. All ranks call
-// each method in the same order, so a program cannot call two at a time.
+// SAFETY: MPI was started for calls from several threads, one at a time, and handles of MPI belong to no thread. A rank makes its
+// calls in the order that the other ranks expect, so a program cannot make two at a time.
 unsafe impl Send for Mpi {}
 // SAFETY: As above.
 unsafe impl Sync for Mpi {}

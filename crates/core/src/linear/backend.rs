@@ -42,6 +42,9 @@ pub trait Backend<const D: usize, const N: usize = D>: Send {
         tolerance: f64,
     ) -> Result<Solved, LinearError>;
 
+    /// Frees its memory until it is prepared again. All ranks call it together.
+    fn release(&mut self) {}
+
     /// True if [`solve`](Backend::solve) iterates with the current matrix, so a factor of an earlier one is sufficient.
     fn is_iterative(&self) -> bool;
 }

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 #[serde(rename_all = "kebab-case")]
 pub enum Choice {
     /// Direct, or iterative if that is faster or the factor does not fit into memory: for many unknowns in three
-    /// dimensions on a structured grid.
+    /// dimensions on a structured grid or, on several ranks, for very many on a mesh.
     #[default]
     Auto,
     /// Factorisation.
@@ -45,6 +45,14 @@ pub struct Extent {
 }
 
 impl Extent {
+    /// The size of a system on a mesh, whose nodes have no coordinates in cells: nodes are coupled as far as on a structured grid
+    /// with as many pairs.
+    pub fn of_mesh<const D: usize>(nodes: f64, pairs: f64) -> Self {
+        let coupled = 2.0 * pairs / nodes.max(1.0) - 1.0;
+        let reach = (0.5 * (coupled.max(1.0).powf(1.0 / D as f64) - 1.0)).max(1.0);
+        Extent { nodes, reach, pairs }
+    }
+
     /// True if conjugate gradients solve a positive definite system of this size in `D` dimensions much faster than a
     /// factorisation. The work of the latter is that of its last separator, whose thickness is the reach of couplings. A
     /// preconditioner without coarser grids takes longer.
@@ -74,5 +82,9 @@ mod tests {
         let plane = |n: f64| Extent { nodes: n * n, reach: 1.0, pairs: 5.0 * n * n };
         assert!(!plane(700.0).is_large::<2>(true) && plane(1000.0).is_large::<2>(true));
         assert!(!plane(1000.0).is_large::<2>(false));
+        let found = Extent::of_mesh::<3>(1000.0, cube(10.0, 2.0).pairs);
+        assert!((found.reach - 2.0).abs() < 1e-12, "{found:?}");
+        // Tetrahedra have about 15 neighbours.
+        assert_eq!(Extent::of_mesh::<3>(1000.0, 8000.0).reach, 1.0);
     }
 }

@@ -1,6 +1,6 @@
 //! Sparse direct solver: LLᵀ and LU by fronts, and LDLᵀ and LU with pivoting of the faer library, behind one interface.
 
-use crate::memory::Memory;
+use crate::memory::{Bound, Memory};
 
 use super::ldlt::Ldlt;
 use super::multifrontal::Multifrontal;
@@ -77,11 +77,17 @@ enum Kind {
 }
 
 /// Returns an error if this number of bytes is not available.
-pub(super) fn ask_for(needed: u64) -> Result<(), LinearError> {
-    if needed > LITTLE && Memory::of_this_machine().is_some_and(|memory| needed > memory.available) {
-        return Err(LinearError::OutOfMemory { needed: Some(needed) });
-    }
-    Ok(())
+fn ask_for(needed: u64) -> Result<(), LinearError> {
+    if is_available(needed, needed) { Ok(()) } else { Err(LinearError::OutOfMemory { needed: Some(needed) }) }
+}
+
+/// True if this process may have a number of bytes, when all processes of its machine need another number.
+pub(super) fn is_available(here: u64, on_this_machine: u64) -> bool {
+    let has_room = |memory: Memory| {
+        let needed = if memory.bound == Bound::AddressSpace { here } else { on_this_machine };
+        needed <= memory.available
+    };
+    on_this_machine <= LITTLE || Memory::of_this_machine().is_none_or(has_room)
 }
 
 impl LinearSolver for Direct {

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use super::backend::{Backend, Layout, Solved, Stiffness};
 use super::blocks::BlockMatrix;
-use super::direct::{LOST, REFINEMENTS, ROUND_OFF, UNPIVOTED_RESIDUAL, WEAK, ask_for};
+use super::direct::{LOST, REFINEMENTS, ROUND_OFF, UNPIVOTED_RESIDUAL, WEAK, is_available};
 use super::direct_backend::elimination_order;
 use super::multifrontal::Multifrontal;
 use super::{Factorisation, FreeEntries, Gathered, LinearError, Named, Numbering, Pattern};
@@ -26,6 +26,8 @@ pub struct Divided<const D: usize, const N: usize = D> {
     parts: Option<Parts<N>>,
     /// Fewer unknowns than this are factorised by rank 0.
     fewest: f64,
+    /// True if the last matrix had no divided factor, and was not positive definite.
+    is_indefinite: bool,
 }
 
 /// The factorisation of a rank, and its part in that of what ranks share.
@@ -64,7 +66,7 @@ impl<const D: usize, const N: usize> Default for Divided<D, N> {
 impl<const D: usize, const N: usize> Divided<D, N> {
     /// A backend that starts with a pattern that rank 0 has analysed.
     pub fn with(kept: Option<Arc<Named>>) -> Self {
-        Divided { gathered: Gathered::with(kept), parts: None, fewest: FEWEST }
+        Divided { gathered: Gathered::with(kept), parts: None, fewest: FEWEST, is_indefinite: false }
     }
 
     /// The same, which divides systems of at least this number of unknowns.
@@ -89,7 +91,8 @@ impl<const D: usize, const N: usize> Backend<D, N> for Divided<D, N> {
     fn prepare(&mut self, layout: &Layout<D, N>, matrix: &BlockMatrix<N>) -> Result<(), LinearError> {
         let count = |node| (0..N).filter(|c| layout.numbering.unknown(node, *c).is_some()).count() as f64;
         let n = layout.halo.sum_over_nodes(layout.numbering.n_nodes(), count);
-        if layout.halo.ranks().is_alone() || n < self.fewest {
+        // An indefinite matrix is likely to follow another.
+        if layout.halo.ranks().is_alone() || n < self.fewest || self.is_indefinite {
             return self.gather(layout, matrix);
         }
         // Frees the memory of the last step.
@@ -120,10 +123,18 @@ impl<const D: usize, const N: usize> Backend<D, N> for Divided<D, N> {
             if let Some(factorisation) = parts.solve(layout.halo, b, x) {
                 return Ok(Solved { factorisation, iterations: 0 });
             }
+            // The present matrix takes the place of that of the factor, which may be an earlier one.
             self.gather(layout, &stiffness.matrix)?;
             self.gathered.factorise(layout, &stiffness.matrix)?;
         }
-        self.gathered.solve(layout, stiffness, b, x, tolerance)
+        let solved = self.gathered.solve(layout, stiffness, b, x, tolerance)?;
+        self.is_indefinite = !solved.factorisation.is_definite();
+        Ok(solved)
+    }
+
+    fn release(&mut self) {
+        self.parts = None;
+        self.gathered = Gathered::default();
     }
 
     fn is_iterative(&self) -> bool {
@@ -164,9 +175,10 @@ impl<const N: usize> Parts<N> {
         let Some(own) = own else { return Ok(None) };
         let stages = Stages::new(ranks, left.iter().map(|(key, _)| *key).collect(), pattern.symmetric);
         let needed = own.bytes() + stages.bytes();
-        let has_room = ask_for(needed * ranks.on_this_machine() as u64);
-        if !ranks.all(has_room.is_ok()) {
-            return Err(LinearError::OutOfMemory { needed: Some(ranks.total(needed as f64) as u64) });
+        let on_this_machine = ranks.total_on_this_machine(needed);
+        if !ranks.all(is_available(needed, on_this_machine)) {
+            let most = ranks.largest(on_this_machine as f64);
+            return Err(LinearError::OutOfMemory { needed: Some(most as u64) });
         }
         let factor = vec![0.0; own.factor_len()];
         let matrix = Matrix::default();

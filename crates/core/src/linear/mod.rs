@@ -131,7 +131,7 @@ pub enum LinearError {
     #[error("some nodes are held along directions other than the axes, or tied to others")]
     Turned,
     /// The iterative solver was asked for, but the grid is a mesh, and there is no algebraic multigrid.
-    #[error("the grid is a mesh, which only PETSc coarsens, on several ranks")]
+    #[error("the grid is a mesh, which has coarser grids only on several ranks, by PETSc")]
     Unstructured,
     /// The iterative solver was given a matrix that is not symmetric.
     #[error("the matrix is not symmetric")]

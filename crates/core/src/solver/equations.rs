@@ -92,13 +92,15 @@ impl<const D: usize, const N: usize> Place<'_, D, N> {
     }
 
     fn extent(&self, system: &System<N>) -> Extent {
-        let reach = system.matrix().reach(|active| self.lattice(active));
         let (halo, n) = (self.links.halo(), self.links.n_active());
-        Extent {
-            nodes: halo.sum_over_nodes(n, |_| 1.0),
-            reach: halo.ranks().largest(f64::from(reach.into_iter().max().unwrap_or(0))),
-            pairs: halo.ranks().total(system.matrix().blocks.len() as f64),
+        let nodes = halo.sum_over_nodes(n, |_| 1.0);
+        let pairs = halo.ranks().total(system.matrix().blocks.len() as f64);
+        if self.model.grid.structured().is_none() {
+            return Extent::of_mesh::<D>(nodes, pairs);
         }
+        let reach = system.matrix().reach(|active| self.lattice(active));
+        let reach = halo.ranks().largest(f64::from(reach.into_iter().max().unwrap_or(0)));
+        Extent { nodes, reach, pairs }
     }
 }
 
@@ -199,6 +201,12 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         match method {
             Method::Direct => self.iterative = Krylov::default(),
             Method::Iterative | Method::Algebraic | Method::Own => self.direct = Divided::default(),
+        }
+        let OfEngine { direct, iterative, algebraic } = &mut self.of_engine;
+        for (of, backend) in
+            [(Method::Direct, direct), (Method::Iterative, iterative), (Method::Algebraic, algebraic)]
+        {
+            backend.iter_mut().filter(|_| of != method).for_each(|backend| backend.release());
         }
         place.with_layout(|layout| self.backend().prepare(layout, &system.matrix()))
     }
