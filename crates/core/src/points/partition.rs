@@ -142,7 +142,8 @@ impl Partition {
     }
 }
 
-/// For each part the axis along which its points reach farthest.
+/// For each part the axis along which its points reach farthest, the last of several: bodies are filled along the first axes first,
+/// so that most points are then formed where they stay.
 fn longest_sides<const D: usize>(ranks: &Ranks, heaps: &[Heap<D>], parts: usize) -> Vec<usize> {
     let mut ends = vec![f64::NEG_INFINITY; 2 * D * parts];
     for heap in heaps {
@@ -154,7 +155,7 @@ fn longest_sides<const D: usize>(ranks: &Ranks, heaps: &[Heap<D>], parts: usize)
     ranks.maximum(&mut ends);
     let longest = |ends: &[f64]| {
         let side = |d: usize| ends[2 * d] + ends[2 * d + 1];
-        (0..D).rev().max_by(|a, b| side(*a).total_cmp(&side(*b))).unwrap_or(0)
+        (0..D).max_by(|a, b| side(*a).total_cmp(&side(*b))).unwrap_or(0)
     };
     ends.chunks_exact(2 * D).map(longest).collect()
 }
