@@ -5,6 +5,7 @@
 use super::build::size_of;
 use super::diagnostic::Diagnostic;
 use super::load::LoadedDeck;
+use mpm_core::linear::ALGEBRAIC;
 
 /// The measured constants of the model, for points on structured grids in the plane and in space.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -40,9 +41,6 @@ impl Constants {
 pub const EVALUATIONS: f64 = 5.0;
 /// Iterations of a solution.
 pub const ITERATIONS: f64 = 12.0;
-
-/// Time of an iteration with an algebraic multigrid, divided by that with a geometric one.
-const ALGEBRAIC: f64 = 5.0;
 
 /// A run on several ranks.
 #[derive(Debug, Clone, Copy, PartialEq)]

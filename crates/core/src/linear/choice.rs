@@ -31,7 +31,7 @@ const MOST_IN_PLANE: f64 = 1e6;
 
 /// Time of an iterative solution with an algebraic multigrid, divided by that with a geometric one; measured, see
 /// `docs/decisions/0045-ranks.md`.
-const ALGEBRAIC: f64 = 5.0;
+pub const ALGEBRAIC: f64 = 5.0;
 
 /// The size of a system on the nodes of a grid.
 #[derive(Debug, Clone, Copy, PartialEq)]

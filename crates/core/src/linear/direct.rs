@@ -81,7 +81,7 @@ fn ask_for(needed: u64) -> Result<(), LinearError> {
     if is_available(needed, needed) { Ok(()) } else { Err(LinearError::OutOfMemory { needed: Some(needed) }) }
 }
 
-/// True if this process may have a number of bytes, when all processes of its machine need another number.
+/// True if this process may take the bytes that it needs here, and all processes of its machine together those that they need.
 pub(super) fn is_available(here: u64, on_this_machine: u64) -> bool {
     let has_room = |memory: Memory| {
         let needed = if memory.bound == Bound::AddressSpace { here } else { on_this_machine };

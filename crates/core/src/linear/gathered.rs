@@ -141,6 +141,7 @@ impl<const D: usize, const N: usize> Whole<D, N> {
             numbering: &self.numbering,
             nodes: &self.nodes,
             lattice: &|node| self.lattice[node],
+            // The direct backend asks for no positions.
             position: &|node| self.lattice[node].map(f64::from),
             lines,
             keeps_pattern,

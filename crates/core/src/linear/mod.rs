@@ -26,7 +26,7 @@ use serde::{Deserialize, Serialize};
 
 pub use backend::{Backend, Engine, Engines, Layout, Solved, Stiffness};
 pub use blocks::{Block, BlockMatrix, Division};
-pub use choice::{Choice, Extent};
+pub use choice::{ALGEBRAIC, Choice, Extent};
 pub use containing::{Embedding, Named};
 pub use direct::Direct;
 pub use direct_backend::{DirectBackend, FreeEntries};

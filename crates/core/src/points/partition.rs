@@ -41,9 +41,9 @@ struct Cut {
     place: u64,
 }
 
-/// Points in cells with the same coordinates.
+/// The points of a cell.
 #[derive(Debug, Clone, Copy)]
-struct Heap<const D: usize> {
+struct Occupied<const D: usize> {
     at: [u32; D],
     count: f64,
     /// The part that has them, while parts are chosen.
@@ -114,20 +114,20 @@ impl Partition {
     }
 
     /// Chooses parts that hold as many points each as cells allow, given the points of this rank.
-    fn choose<const D: usize>(&mut self, ranks: &Ranks, mut heaps: Vec<Heap<D>>) {
+    fn choose<const D: usize>(&mut self, ranks: &Ranks, mut occupied: Vec<Occupied<D>>) {
         let n = ranks.count();
         self.cuts = vec![Cut::default(); n - 1];
-        heaps.iter_mut().for_each(|heap| heap.part = 0);
+        occupied.iter_mut().for_each(|of_cell| of_cell.part = 0);
         // The ranks of each part.
         let mut parts: Vec<Range<usize>> = std::iter::once(0..n).collect();
         while parts.iter().any(|part| part.len() > 1) {
-            let axes = longest_sides(ranks, &heaps, parts.len());
-            heaps.sort_unstable_by_key(|heap| (heap.part, along(heap.at, axes[heap.part])));
-            let places = places_of_cuts(ranks, &heaps, &parts, &axes);
-            for heap in &mut heaps {
-                let is_above =
-                    parts[heap.part].len() > 1 && along(heap.at, axes[heap.part]) >= places[heap.part];
-                heap.part = 2 * heap.part + usize::from(is_above);
+            let axes = longest_sides(ranks, &occupied, parts.len());
+            occupied.sort_unstable_by_key(|of_cell| (of_cell.part, along(of_cell.at, axes[of_cell.part])));
+            let places = places_of_cuts(ranks, &occupied, &parts, &axes);
+            for of_cell in &mut occupied {
+                let is_above = parts[of_cell.part].len() > 1
+                    && along(of_cell.at, axes[of_cell.part]) >= places[of_cell.part];
+                of_cell.part = 2 * of_cell.part + usize::from(is_above);
             }
             let mut halves = Vec::with_capacity(2 * parts.len());
             for ((part, axis), place) in parts.into_iter().zip(axes).zip(places) {
@@ -144,11 +144,11 @@ impl Partition {
 
 /// For each part the axis along which its points reach farthest, the last of several: bodies are filled along the first axes first,
 /// so that most points are then formed where they stay.
-fn longest_sides<const D: usize>(ranks: &Ranks, heaps: &[Heap<D>], parts: usize) -> Vec<usize> {
+fn longest_sides<const D: usize>(ranks: &Ranks, occupied: &[Occupied<D>], parts: usize) -> Vec<usize> {
     let mut ends = vec![f64::NEG_INFINITY; 2 * D * parts];
-    for heap in heaps {
-        for (d, ends) in ends[2 * D * heap.part..].chunks_exact_mut(2).take(D).enumerate() {
-            let x = f64::from(heap.at[d]);
+    for of_cell in occupied {
+        for (d, ends) in ends[2 * D * of_cell.part..].chunks_exact_mut(2).take(D).enumerate() {
+            let x = f64::from(of_cell.at[d]);
             (ends[0], ends[1]) = (ends[0].max(x), ends[1].max(-x));
         }
     }
@@ -164,21 +164,21 @@ fn longest_sides<const D: usize>(ranks: &Ranks, heaps: &[Heap<D>], parts: usize)
 /// places.
 fn places_of_cuts<const D: usize>(
     ranks: &Ranks,
-    heaps: &[Heap<D>],
+    occupied: &[Occupied<D>],
     parts: &[Range<usize>],
     axes: &[usize],
 ) -> Vec<u64> {
     let mut below = vec![0.0];
-    below.extend(heaps.iter().scan(0.0, |sum, heap| {
-        *sum += heap.count;
+    below.extend(occupied.iter().scan(0.0, |sum, of_cell| {
+        *sum += of_cell.count;
         Some(*sum)
     }));
-    let start = |part: usize| heaps.partition_point(|heap| heap.part < part);
+    let start = |part: usize| occupied.partition_point(|of_cell| of_cell.part < part);
     let of_part: Vec<Range<usize>> = (0..parts.len()).map(|part| start(part)..start(part + 1)).collect();
     let counts = |places: &[u64]| -> Vec<f64> {
         let of_cut = |((range, axis), place): ((&Range<usize>, &usize), &u64)| {
-            let within = &heaps[range.clone()];
-            let end = range.start + within.partition_point(|heap| along(heap.at, *axis) < *place);
+            let within = &occupied[range.clone()];
+            let end = range.start + within.partition_point(|of_cell| along(of_cell.at, *axis) < *place);
             below[end] - below[range.start]
         };
         let mut counts: Vec<f64> = of_part.iter().zip(axes).zip(places).map(of_cut).collect();
@@ -230,8 +230,8 @@ impl<const D: usize> Points<D> {
             self.cell[p] = cell_of(grid, &self.converged.position[p], self.cell[p]);
         }
         let ranks = self.ranks.clone();
-        let heaps = self.heaps(grid);
-        self.partition.choose(&ranks, heaps);
+        let occupied = self.occupied(grid);
+        self.partition.choose(&ranks, occupied);
         self.migrate(grid);
     }
 
@@ -253,8 +253,8 @@ impl<const D: usize> Points<D> {
             n as f64 * counts.iter().copied().fold(0.0, f64::max) / all.max(1.0)
         };
         if imbalance(&to) > MOST_IMBALANCE.max(WORSE * self.partition.least) {
-            let heaps = self.heaps(grid);
-            self.partition.choose(&ranks, heaps);
+            let occupied = self.occupied(grid);
+            self.partition.choose(&ranks, occupied);
             to = owners(self);
             self.partition.least = imbalance(&to);
         }
@@ -293,13 +293,13 @@ impl<const D: usize> Points<D> {
     }
 
     /// The points of this rank by coordinates of their cells; points of a cell mostly follow one another.
-    fn heaps(&self, grid: &dyn Grid<D>) -> Vec<Heap<D>> {
+    fn occupied(&self, grid: &dyn Grid<D>) -> Vec<Occupied<D>> {
         let of_cells = self.cell.chunk_by(|a, b| a == b);
-        let heap = |cells: &[u32]| {
+        let of_cell = |cells: &[u32]| {
             let at = self.partition.at(grid, cells[0]);
-            Heap { at, count: cells.len() as f64, part: 0 }
+            Occupied { at, count: cells.len() as f64, part: 0 }
         };
-        of_cells.map(heap).collect()
+        of_cells.map(of_cell).collect()
     }
 
     /// What `of` says of the cell of each point; points of a cell mostly follow one another.

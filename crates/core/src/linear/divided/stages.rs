@@ -7,7 +7,7 @@ use crate::ranks::{Communicator, Ranks};
 /// The stage at which an unknown is eliminated is kept in the bits of its key from this one on; the others are its name.
 const STAGE: u32 = 56;
 
-/// The key of an unknown with this name, by which shared unknowns are ordered, if these ranks, ascending, couple it.
+/// The key of an unknown with this name, by which shared unknowns are ordered, if these ranks couple it.
 pub(super) fn key(name: u64, ranks: impl Iterator<Item = u32> + Clone) -> u64 {
     let (low, high) = (ranks.clone().min().unwrap_or(0), ranks.max().unwrap_or(0));
     // Numbers of ranks that differ in bit s, and in no higher one, meet at stage s.
