@@ -174,7 +174,7 @@ impl<const N: usize> Parts<N> {
         }
         let Some(own) = own else { return Ok(None) };
         let stages = Stages::new(ranks, left.iter().map(|(key, _)| *key).collect(), pattern.symmetric);
-        let needed = own.bytes() + stages.bytes();
+        let needed = bytes(&own, &stages);
         let on_this_machine = ranks.total_on_this_machine(needed);
         if !ranks.all(is_available(needed, on_this_machine)) {
             let most = ranks.largest(on_this_machine as f64);
@@ -189,14 +189,13 @@ impl<const N: usize> Parts<N> {
     fn factorise(&mut self, halo: &Halo, matrix: &BlockMatrix<N>) -> bool {
         let Some(communicator) = halo.ranks().communicator() else { return false };
         self.entries.values(matrix, &mut self.matrix.values);
+        self.stages.release();
         let is_good = self.own.factorise(&self.matrix.values, &mut self.factor);
-        let left = self.own.left();
-        let is_good = self.stages.factorise(communicator, &mut self.factor[left..]) && is_good;
+        let is_good = self.stages.factorise(communicator, self.own.take_left()) && is_good;
         if !halo.ranks().all(is_good) {
             return false;
         }
-        let is_positive = self.own.has_positive_pivots(&self.factor)
-            && self.stages.has_positive_pivots(&self.factor[left..]);
+        let is_positive = self.own.has_positive_pivots(&self.factor) && self.stages.has_positive_pivots();
         self.matrix.factorised = Some(match (self.pattern.symmetric, halo.ranks().all(is_positive)) {
             (true, _) => Factorisation::Cholesky,
             (false, true) => Factorisation::Lu,
@@ -243,7 +242,7 @@ impl<const N: usize> Parts<N> {
         let mut x: Vec<f64> =
             b.iter().zip(&self.is_own).map(|(b, own)| if *own { *b } else { 0.0 }).collect();
         let mut left = self.own.forward(&self.factor, &x).to_vec();
-        self.stages.solve(communicator, &self.factor[self.own.left()..], &mut left);
+        self.stages.solve(communicator, &mut left);
         self.own.backward(&self.factor, &left, &mut x);
         x
     }
@@ -325,6 +324,11 @@ impl<const N: usize> Parts<N> {
             }
         });
     }
+}
+
+/// Most memory of a factorisation, [byte]. Working space and the matrices of the stages are not needed at the same time.
+fn bytes(own: &Multifrontal, stages: &Stages) -> u64 {
+    own.bytes() - own.working_bytes() + own.working_bytes().max(stages.bytes(own.left_len()))
 }
 
 /// The fronts of a rank, which leave the unknowns that others couple, too; `None` if its pattern has no layout by fronts.

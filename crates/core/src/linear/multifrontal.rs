@@ -22,10 +22,10 @@ mod tree;
 
 use super::{FactorSize, Pattern};
 use elimination::Elimination;
-use fronts::Fronts;
+use fronts::{Front, Fronts};
 use mirror::Mirror;
 use nodes::NONE;
-pub(super) use separator::{Columns, Numbers, messages};
+pub(super) use separator::{Columns, Numbers, forget, messages};
 use substitution::{Pass, substitute};
 use tasks::Task;
 
@@ -68,18 +68,14 @@ impl Multifrontal {
         Multifrontal { fronts, task: Task::default(), passed: Vec::new(), solution: Vec::new() }
     }
 
-    /// Numbers in the factor, those of the matrix that is left included.
+    /// Numbers in the factor.
     pub fn factor_len(&self) -> usize {
         self.fronts.front.last().map_or(0, |last| last.panel + last.panel_len())
     }
 
-    /// Start in the factor of the matrix that is left for the kept unknowns: [`dense::room`] of them for each factor.
-    pub fn left(&self) -> usize {
-        if self.fronts.kept == 0 {
-            self.factor_len()
-        } else {
-            self.fronts.front.last().map_or(0, |last| last.panel)
-        }
+    /// Numbers in the matrix that is left for the kept unknowns: [`dense::room`] of them for each factor.
+    pub fn left_len(&self) -> usize {
+        if self.fronts.kept > 0 { self.fronts.front.last().map_or(0, Front::update_len) } else { 0 }
     }
 
     /// Entries and operations of the factor, without the padding of fronts.
@@ -97,7 +93,12 @@ impl Multifrontal {
 
     /// Memory for the factor and working space, [byte].
     pub fn bytes(&self) -> u64 {
-        8 * (self.factor_len() + self.task.room + self.solution_len()) as u64
+        8 * (self.factor_len() + self.solution_len()) as u64 + self.working_bytes()
+    }
+
+    /// Memory for the working space of the factorisation, which has the matrix that is left in the end, [byte].
+    pub fn working_bytes(&self) -> u64 {
+        8 * self.task.room as u64
     }
 
     fn solution_len(&self) -> usize {
@@ -113,6 +114,14 @@ impl Multifrontal {
         }
         let elimination = Elimination { fronts: &self.fronts, values };
         self.fronts.front.is_empty() || elimination.run(&self.task, factor, &mut self.passed)
+    }
+
+    /// The matrix that the last factorisation has left for the kept unknowns; this frees the working space.
+    pub fn take_left(&mut self) -> Vec<f64> {
+        let mut left = std::mem::take(&mut self.passed);
+        left.truncate(self.left_len());
+        left.shrink_to_fit();
+        left
     }
 
     /// True if all pivots of a factor are positive, as those of LLᵀ always are.

@@ -1,7 +1,7 @@
 //! The fronts of the unknowns that several ranks couple, along a binary tree of the ranks: at stage s, rank r with r mod 2ˢ⁺¹ = 0
 //! takes what rank r + 2ˢ has left, and eliminates the unknowns that only ranks from r to r + 2ˢ⁺¹ − 1 couple.
 
-use crate::linear::multifrontal::{Columns, Multifrontal, Numbers, messages};
+use crate::linear::multifrontal::{Columns, Multifrontal, Numbers, forget, messages};
 use crate::ranks::{Communicator, Ranks};
 
 /// The stage at which an unknown is eliminated is kept in the bits of its key from this one on; the others are its name.
@@ -33,9 +33,9 @@ struct Stage {
     /// Number of unknowns that are eliminated.
     pivots: usize,
     front: Multifrontal,
-    /// True if the front takes the place of what the rank's own factorisation has left.
+    /// True if all unknowns of both matrices are the same, and eliminated: the factor takes the place of the own matrix.
     is_in_place: bool,
-    /// The factor, unless it is in that place.
+    /// The factor, empty before the first factorisation.
     factor: Vec<f64>,
     /// Right-hand side and solution on the unknowns of the front.
     x: Vec<f64>,
@@ -75,7 +75,7 @@ impl Stages {
                     rows: [keys.iter().map(row).collect(), others.iter().map(row).collect()],
                     pivots,
                     front: Multifrontal::dense(all.len(), pivots, symmetric),
-                    is_in_place: stages.taken.is_empty() && pivots == keys.len() && keys.len() == all.len(),
+                    is_in_place: pivots == keys.len() && keys.len() == all.len(),
                     factor: Vec::new(),
                     x: vec![0.0; all.len()],
                 });
@@ -85,25 +85,40 @@ impl Stages {
         stages
     }
 
-    /// Memory for the factors, [byte].
-    pub fn bytes(&self) -> u64 {
-        let in_addition = self.taken.iter().filter(|stage| !stage.is_in_place);
-        8 * in_addition.map(|stage| stage.front.factor_len() as u64).sum::<u64>()
+    /// Numbers in the factors.
+    #[cfg(test)]
+    pub fn factor_len(&self) -> usize {
+        self.taken.iter().map(|stage| stage.front.factor_len()).sum()
     }
 
-    /// Factorises the matrix that this rank has left, in its place. All ranks must call this. False if this rank has met a pivot
-    /// that is not positive, or is zero.
-    pub fn factorise(&mut self, communicator: &dyn Communicator, left: &mut [f64]) -> bool {
+    /// Most memory of a factorisation that starts with a matrix of this many numbers, [byte].
+    pub fn bytes(&self, left: usize) -> u64 {
+        let (mut kept, mut left, mut most) = (0, left, left);
+        for stage in &self.taken {
+            let above = stage.front.left_len();
+            let added = if stage.is_in_place { 0 } else { stage.front.factor_len() + above };
+            most = most.max(kept + left + added);
+            kept += stage.front.factor_len();
+            left = above;
+        }
+        8 * most as u64
+    }
+
+    /// Frees the factors.
+    pub fn release(&mut self) {
+        self.taken.iter_mut().for_each(|stage| stage.factor = Vec::new());
+    }
+
+    /// Factorises the matrix that this rank has left. All ranks must call this. False if this rank has met a pivot that is not
+    /// positive, or is zero.
+    pub fn factorise(&mut self, communicator: &dyn Communicator, mut left: Vec<f64>) -> bool {
         let mut is_good = true;
-        let mut below = left;
         for stage in &mut self.taken {
-            is_good &= stage.factorise(communicator, self.factors, below);
-            let rest = stage.front.left();
-            below = if stage.is_in_place { &mut [] } else { &mut stage.factor[rest..] };
+            is_good &= stage.factorise(communicator, self.factors, &mut left);
         }
         if let Some(Given { to, n, pivots }) = self.given {
             for (range, _) in messages(n, pivots, self.factors) {
-                let columns = Columns { n, range, numbers: Numbers::Whole(below) };
+                let columns = Columns { n, range, numbers: Numbers::From(0, &left) };
                 communicator.swap(&[to], &[columns.packed(self.factors)], &mut [Vec::new()]);
             }
         }
@@ -111,15 +126,15 @@ impl Stages {
     }
 
     /// True if all pivots of the factors of this rank are positive.
-    pub fn has_positive_pivots(&self, left: &[f64]) -> bool {
-        self.taken.iter().all(|stage| stage.front.has_positive_pivots(stage.factor_in(left)))
+    pub fn has_positive_pivots(&self) -> bool {
+        self.taken.iter().all(|stage| stage.front.has_positive_pivots(&stage.factor))
     }
 
     /// Replaces the right-hand sides of the unknowns that this rank has left by the solution. All ranks must call this.
-    pub fn solve(&mut self, communicator: &dyn Communicator, left: &[f64], x: &mut [f64]) {
+    pub fn solve(&mut self, communicator: &dyn Communicator, x: &mut [f64]) {
         let mut below = x.to_vec();
         for stage in &mut self.taken {
-            below = stage.forward(communicator, left, &below);
+            below = stage.forward(communicator, &below);
         }
         if let Some(Given { to, .. }) = self.given {
             communicator.swap(&[to], &[below.clone()], &mut [Vec::new()]);
@@ -128,31 +143,31 @@ impl Stages {
             [below] = solution;
         }
         for stage in self.taken.iter_mut().rev() {
-            below = stage.backward(communicator, left, &below);
+            below = stage.backward(communicator, &below);
         }
         x.copy_from_slice(&below);
     }
 }
 
 impl Stage {
-    /// The factor, which is in the place of what the factorisation below has left, or here.
-    fn factor_in<'a>(&'a self, left: &'a [f64]) -> &'a [f64] {
-        if self.is_in_place { left } else { &self.factor }
-    }
-
-    fn factorise(&mut self, communicator: &dyn Communicator, factors: usize, below: &mut [f64]) -> bool {
+    /// Replaces the matrix that the factorisation below has left by that which this one leaves; false as for
+    /// [`Multifrontal::factorise`].
+    fn factorise(&mut self, communicator: &dyn Communicator, factors: usize, left: &mut Vec<f64>) -> bool {
         if self.is_in_place {
-            return self.take_others(communicator, factors, below);
+            self.factor = std::mem::take(left);
+            return self.take_others(communicator, factors, left);
         }
-        let mut factor = std::mem::take(&mut self.factor);
-        factor.resize(self.front.factor_len(), 0.0);
-        self.front.clear_pivots(&mut factor);
-        let (own, numbers) = (&self.rows[0], Numbers::Whole(below));
-        let (n, border) = (own.len(), self.border_of(own));
-        self.front.add_columns(&mut factor, &Columns { n, range: 0..border, numbers }, own);
-        let is_good = self.take_others(communicator, factors, &mut factor);
-        self.front.add_columns(&mut factor, &Columns { n, range: border..n, numbers }, own);
-        self.factor = factor;
+        self.factor = vec![0.0; self.front.factor_len()];
+        let mut above = vec![0.0; self.front.left_len()];
+        let (n, border) = (self.rows[0].len(), self.border_of(&self.rows[0]));
+        let own = Columns { n, range: 0..border, numbers: Numbers::From(0, left) };
+        self.front.add_columns(&mut self.factor, &mut above, &own, &self.rows[0]);
+        // The system takes memory for what is left above when that is written.
+        forget(left, n, border, factors);
+        let is_good = self.take_others(communicator, factors, &mut above);
+        let own = Columns { n, range: border..n, numbers: Numbers::From(border, left) };
+        self.front.add_columns(&mut self.factor, &mut above, &own, &self.rows[0]);
+        *left = above;
         is_good
     }
 
@@ -161,39 +176,37 @@ impl Stage {
         rows.partition_point(|row| (*row as usize) < self.pivots)
     }
 
-    /// Adds the columns of the other rank, and eliminates the pivots before those of the border.
-    fn take_others(&self, communicator: &dyn Communicator, factors: usize, factor: &mut [f64]) -> bool {
+    /// Adds the columns of the other rank, and eliminates the pivots before those of the border are added to what is left.
+    fn take_others(&mut self, communicator: &dyn Communicator, factors: usize, left: &mut [f64]) -> bool {
         let rows = &self.rows[1];
         let border = self.border_of(rows);
         let mut is_eliminated = None;
         for (range, len) in messages(rows.len(), border, factors) {
             if range.start >= border {
-                is_eliminated.get_or_insert_with(|| self.front.eliminate(factor));
+                is_eliminated.get_or_insert_with(|| self.front.eliminate(&mut self.factor, left));
             }
             let mut message = [vec![0.0; len]];
             communicator.swap(&[self.from], &[Vec::new()], &mut message);
             let columns = Columns { n: rows.len(), range, numbers: Numbers::Packed(&message[0]) };
-            self.front.add_columns(factor, &columns, rows);
+            self.front.add_columns(&mut self.factor, left, &columns, rows);
         }
-        is_eliminated.unwrap_or_else(|| self.front.eliminate(factor))
+        is_eliminated.unwrap_or_else(|| self.front.eliminate(&mut self.factor, left))
     }
 
     /// Forward substitution; returns the right-hand sides that are left.
-    fn forward(&mut self, communicator: &dyn Communicator, left: &[f64], below: &[f64]) -> Vec<f64> {
+    fn forward(&mut self, communicator: &dyn Communicator, below: &[f64]) -> Vec<f64> {
         let mut other = [vec![0.0; self.rows[1].len()]];
         communicator.swap(&[self.from], &[Vec::new()], &mut other);
         self.x.fill(0.0);
         for (rows, numbers) in self.rows.iter().zip([below, &other[0]]) {
             rows.iter().zip(numbers).for_each(|(row, number)| self.x[*row as usize] += number);
         }
-        let factor = if self.is_in_place { left } else { &self.factor };
-        self.front.forward(factor, &self.x).to_vec()
+        self.front.forward(&self.factor, &self.x).to_vec()
     }
 
     /// Backward substitution, given the solution for the unknowns that were left; returns that for the own unknowns below.
-    fn backward(&mut self, communicator: &dyn Communicator, left: &[f64], above: &[f64]) -> Vec<f64> {
-        let factor = if self.is_in_place { left } else { &self.factor };
-        self.front.backward(factor, above, &mut self.x);
+    fn backward(&mut self, communicator: &dyn Communicator, above: &[f64]) -> Vec<f64> {
+        self.front.backward(&self.factor, above, &mut self.x);
         let [below, other] =
             self.rows.each_ref().map(|rows| rows.iter().map(|row| self.x[*row as usize]).collect());
         communicator.swap(&[self.from], &[other], &mut [Vec::new()]);

@@ -15,6 +15,8 @@ struct Found<const D: usize> {
     is_divided: bool,
     /// Numbers in the factors of the rank.
     numbers: usize,
+    /// Most memory of the factorisation of the rank, [byte].
+    bytes: u64,
 }
 
 fn find<const D: usize>(body: &Body<D>, ranks: &Ranks, rank_of: impl Fn([u32; D]) -> usize) -> Found<D> {
@@ -23,8 +25,15 @@ fn find<const D: usize>(body: &Body<D>, ranks: &Ranks, rank_of: impl Fn([u32; D]
     let mut x = vec![[0.0; D]; part.nodes.len()];
     let solved = part.solve(&mut divided, &mut x);
     let parts = divided.parts.as_ref();
-    let numbers = parts.map_or(0, |parts| parts.own.factor_len() + parts.stages.bytes() as usize / 8);
-    Found { x: part.nodes.iter().copied().zip(x).collect(), solved, is_divided: parts.is_some(), numbers }
+    let numbers = parts.map_or(0, |parts| parts.own.factor_len() + parts.stages.factor_len());
+    let bytes = parts.map_or(0, |parts| bytes(&parts.own, &parts.stages));
+    Found {
+        x: part.nodes.iter().copied().zip(x).collect(),
+        solved,
+        is_divided: parts.is_some(),
+        numbers,
+        bytes,
+    }
 }
 
 fn solve<const D: usize>(body: &Body<D>, n: usize, rule: Rule<D>) -> Vec<Found<D>> {
@@ -157,6 +166,19 @@ fn a_rank_keeps_its_share_of_the_factor() {
         for found in solve(&body, n, slabs) {
             let share = found.numbers as f64 / alone[0].numbers as f64;
             assert!(share < 1.3 / n as f64, "{share}");
+        }
+    }
+}
+
+/// Working space, what ranks leave for others, and the fronts of what they share have their turns.
+#[test]
+fn a_rank_takes_its_share_of_the_memory() {
+    let body = Body::bar([16, 16, 16]);
+    let alone = solve(&body, 2, |_, _, _| 0);
+    for n in [2, 4] {
+        for found in solve(&body, n, |[x, y, _], _, n| ((x / 8 * 2 + y / 8) as usize * n) / 4) {
+            let share = found.bytes as f64 / alone[0].bytes as f64;
+            assert!(share < 1.35 / n as f64, "{n} {share}");
         }
     }
 }

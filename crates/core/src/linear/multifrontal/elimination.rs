@@ -64,6 +64,10 @@ impl Elimination<'_> {
         let (before, rest) = room.split_at_mut(front.update);
         let (update, after) = rest.split_at_mut(front.update_len());
         let passed = Passed { fronts: self.fronts, front, before, after };
+        if self.fronts.is_kept(front) {
+            self.assemble_left(front, update, passed);
+            return true;
+        }
         for_each_factor(front, panel, |factor, panel| {
             for_each_column(panel, dense::stride(front.rows), front.pivots, |first, columns| {
                 columns.fill(0.0);
@@ -71,9 +75,6 @@ impl Elimination<'_> {
                 passed.add(factor, first, 0, columns);
             });
         });
-        if self.fronts.is_kept(front) {
-            return true;
-        }
         if !dense::eliminate(front.factors, (front.rows, front.pivots), panel, update) {
             return false;
         }
@@ -90,13 +91,27 @@ impl Elimination<'_> {
         true
     }
 
+    /// Adds entries of the matrix and updates to the matrix that is left.
+    fn assemble_left(self, front: &Front, left: &mut [f64], passed: Passed) {
+        let has_updates = self.fronts.before_kept().is_some();
+        for_each_factor(front, left, |factor, left| {
+            for_each_column(left, dense::stride(front.rows), front.rows, |first, columns| {
+                if !has_updates {
+                    columns.fill(0.0);
+                    passed.add(factor, first, 0, columns);
+                }
+                self.take_entries(front, factor, first, columns);
+            });
+        });
+    }
+
     /// Adds the entries of the matrix to columns of a factor of a front from `first` on.
     fn take_entries(self, front: &Front, factor: usize, first: usize, columns: &mut [f64]) {
         let start = &self.fronts.column_start[front.first + first..];
         let entry = &self.fronts.entry[factor];
         for (column, start) in columns.chunks_exact_mut(dense::stride(front.rows)).zip(start.windows(2)) {
             for entry in &entry[start[0]..start[1]] {
-                column[entry.row as usize] = self.values[entry.source as usize];
+                column[entry.row as usize] += self.values[entry.source as usize];
             }
         }
     }

@@ -79,7 +79,8 @@ pub(super) struct Fronts {
     pub column_start: Vec<usize>,
     /// For each factor, the entries of the matrix by columns: those of L, then those of Uᵀ.
     pub entry: Vec<Vec<Entry>>,
-    /// Number of unknowns at the end that are kept: the last front has them all, and is assembled without being eliminated.
+    /// Number of unknowns at the end that are kept: the last front has no pivots, and them all as its border, so that its update
+    /// is the matrix that is left for them.
     pub kept: usize,
 }
 
@@ -90,20 +91,20 @@ impl Fronts {
         let nodes = Nodes::new(pattern, order, order.len() - kept);
         let tree = Tree::new(&nodes);
         let factors = if mirror.is_some() { 2 } else { 1 };
-        let mut fronts = Fronts::lay_out(&nodes, &tree, pattern, factors);
-        fronts.kept = kept;
+        let mut fronts = Fronts::lay_out(&nodes, &tree, pattern, (factors, kept));
         let borders = Borders::of(&nodes, &tree);
         fronts.fill(pattern, &nodes, &tree, &borders, mirror);
         fronts
     }
 
-    fn lay_out(nodes: &Nodes, tree: &Tree, pattern: &Pattern, factors: usize) -> Fronts {
+    fn lay_out(nodes: &Nodes, tree: &Tree, pattern: &Pattern, (factors, kept): (usize, usize)) -> Fronts {
         let n = tree.pivots.len();
         let mut front: Vec<Front> = Vec::with_capacity(n);
         let (mut first, mut border, mut panel) = (0, 0, 0);
         let mut children_start = vec![0; n + 1];
         for f in 0..n {
-            let (pivots, rows) = (tree.pivots[f] as usize, tree.rows[f] as usize);
+            let rows = tree.rows[f] as usize;
+            let pivots = if kept > 0 && f + 1 == n { 0 } else { tree.pivots[f] as usize };
             let cost = tree::cost(tree.rows[f], tree.pivots[f]);
             let parent = tree.parent[f];
             let new = Front {
@@ -155,7 +156,7 @@ impl Fronts {
             relative: vec![0; border],
             column_start: Vec::with_capacity(pattern.n + 1),
             entry: vec![Vec::with_capacity(n_entries); factors],
-            kept: 0,
+            kept,
         }
     }
 
@@ -164,7 +165,7 @@ impl Fronts {
         let kept = rows - pivots;
         let own = Front { pivots, rows, factors, parent: NONE, ..Front::default() };
         let panel = own.panel_len();
-        let left = Front { first: pivots, pivots: kept, rows: kept, border: kept, panel, ..own.clone() };
+        let left = Front { first: pivots, pivots: 0, rows: kept, panel, ..own.clone() };
         Fronts {
             front: [own, left].into_iter().take(if kept > 0 { 2 } else { 1 }).collect(),
             children: Vec::new(),
@@ -185,6 +186,13 @@ impl Fronts {
     /// True for the front of the unknowns that are kept.
     pub fn is_kept(&self, front: &Front) -> bool {
         self.kept > 0 && front.first + self.kept == self.unknown.len()
+    }
+
+    /// The only front that passes an update to that of the kept unknowns, if it has them all: its update becomes the other one.
+    pub fn before_kept(&self) -> Option<&Front> {
+        let kept = self.front.last().filter(|front| self.is_kept(front))?;
+        let [child] = self.children[kept.children.clone()] else { return None };
+        Some(&self.front[child as usize]).filter(|child| child.border_len() == self.kept)
     }
 
     /// Lists rows, entries and the rows of updates.
@@ -220,6 +228,9 @@ impl Fronts {
                 self.border.extend(place_of[node]..place_of[node] + nodes.width[node]);
             }
             let front = &self.front[f];
+            if self.is_kept(front) {
+                self.border.extend(front.first as u32..self.unknown.len() as u32);
+            }
             for &child in &self.children[front.children.clone()] {
                 let mut relative = self.relative[self.front[child as usize].border..].iter_mut();
                 for &number in borders.of_front(child as usize) {

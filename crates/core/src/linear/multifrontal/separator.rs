@@ -19,8 +19,8 @@ pub(in crate::linear) struct Columns<'a> {
 /// Where the numbers of columns are.
 #[derive(Clone, Copy)]
 pub(in crate::linear) enum Numbers<'a> {
-    /// In a factor, with all other columns.
-    Whole(&'a [f64]),
+    /// In a matrix without the columns before this one.
+    From(usize, &'a [f64]),
     /// One after the other.
     Packed(&'a [f64]),
 }
@@ -38,9 +38,9 @@ impl Columns<'_> {
         for column in self.range.clone() {
             let len = self.n - column;
             match self.numbers {
-                Numbers::Whole(numbers) => {
+                Numbers::From(first, numbers) => {
                     let numbers = &numbers[factor * (numbers.len() / factors)..];
-                    visit(column, &numbers[column * stride + column..][..len]);
+                    visit(column, &numbers[(column - first) * stride + column..][..len]);
                 }
                 Numbers::Packed(numbers) => visit(column, &numbers[place..place + len]),
             }
@@ -77,17 +77,24 @@ pub(in crate::linear) fn messages(
     })
 }
 
-impl Multifrontal {
-    /// Prepares the columns of the pivots of a dense front for sums.
-    pub fn clear_pivots(&self, factor: &mut [f64]) {
-        factor[..self.left()].fill(0.0);
+/// Frees the columns of a matrix before this one.
+pub(in crate::linear) fn forget(matrix: &mut Vec<f64>, n: usize, first: usize, factors: usize) {
+    let len = matrix.len() / factors;
+    let start = dense::stride(n) * first;
+    let mut end = 0;
+    for factor in 0..factors {
+        matrix.copy_within(factor * len + start..(factor + 1) * len, end);
+        end += len - start;
     }
+    matrix.truncate(end);
+    matrix.shrink_to_fit();
+}
 
-    /// Adds columns to a dense front, whose rows in it are given, ascending: before the elimination those of pivots, after it those
-    /// of the border.
-    pub fn add_columns(&self, factor: &mut [f64], columns: &Columns, rows: &[u32]) {
+impl Multifrontal {
+    /// Adds columns to a dense front, whose rows in it are given, ascending: before the elimination those of pivots to `panel`,
+    /// after it those of the border to `left`.
+    pub fn add_columns(&self, panel: &mut [f64], left: &mut [f64], columns: &Columns, rows: &[u32]) {
         let Some(front) = self.fronts.front.first() else { return };
-        let (panel, left) = factor.split_at_mut(self.left());
         let factors = front.factors;
         for k in 0..factors {
             columns.for_each((k, factors), |column, numbers| {
@@ -104,9 +111,8 @@ impl Multifrontal {
     }
 
     /// Eliminates the pivots of a dense front; false as for [`Multifrontal::factorise`].
-    pub fn eliminate(&self, factor: &mut [f64]) -> bool {
+    pub fn eliminate(&self, panel: &mut [f64], left: &mut [f64]) -> bool {
         let Some(front) = self.fronts.front.first() else { return true };
-        let (panel, left) = factor.split_at_mut(self.left());
         if front.pivots == 0 {
             left.fill(0.0);
             return true;

@@ -39,27 +39,33 @@ impl Task {
     /// Divides all fronts and gives each a place.
     pub fn new(fronts: &mut Fronts) -> Task {
         let n = fronts.front.len();
-        let roots: Vec<usize> = (0..n).filter(|&f| fronts.front[f].parent == NONE).collect();
+        let mut roots: Vec<usize> = (0..n).filter(|&f| fronts.front[f].parent == NONE).collect();
+        // The front of the kept unknowns comes after all others.
+        if let Some(kept) = roots.pop_if(|f| fronts.is_kept(&fronts.front[*f])) {
+            roots.extend(children(fronts, kept));
+            roots.sort_unstable();
+        }
         let mut task = divide(fronts, 0..n, roots, DEEPEST);
         plan(&mut task, fronts);
         task
     }
 }
 
+fn children(fronts: &Fronts, f: usize) -> Vec<usize> {
+    fronts.children[fronts.front[f].children.clone()].iter().map(|&child| child as usize).collect()
+}
+
 /// A task for some fronts, of which `tops` are those without a parent among them.
 fn divide(fronts: &Fronts, range: Range<usize>, mut tops: Vec<usize>, depth: usize) -> Task {
-    let children = |f: usize| -> Vec<usize> {
-        fronts.children[fronts.front[f].children.clone()].iter().map(|&child| child as usize).collect()
-    };
     let mut within: Vec<Task> = Vec::new();
     let heavy = |f: &usize| depth > 0 && fronts.front[*f].cost > LEAST;
     tops.retain(heavy);
     while let [only] = tops[..] {
-        tops = children(only);
+        tops = children(fronts, only);
         tops.retain(heavy);
     }
     for f in tops {
-        within.push(divide(fronts, fronts.front[f].descendants..f + 1, children(f), depth - 1));
+        within.push(divide(fronts, fronts.front[f].descendants..f + 1, children(fronts, f), depth - 1));
     }
     let mut own = Vec::new();
     let mut next = range.start;
@@ -96,7 +102,10 @@ fn plan(task: &mut Task, fronts: &mut Fronts) {
     for f in task.own.iter().cloned().flatten() {
         let len = fronts.front[f].update_len();
         let mut place = 0;
-        if len > 0 {
+        let before = fronts.before_kept().filter(|_| fronts.is_kept(&fronts.front[f]));
+        if let Some(before) = before {
+            place = before.passed;
+        } else if len > 0 {
             let mut at = 0;
             while at < used.len() && used[at].0 < place + len {
                 place = used[at].0 + used[at].1;
