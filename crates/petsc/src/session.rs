@@ -92,16 +92,13 @@ fn start_mpi() -> Result<(), Error> {
 }
 
 /// Lets the C library return memory to the system, which drivers of networks (PSM2) switch off when MPI starts: a rank would then
-/// keep the largest memory that it has ever had.
+/// keep the largest memory that it has ever had. Arrays of half a mebibyte and more are taken from the system one by one, because
+/// those that come and go with each step would leave gaps, which take 7 % more memory on four ranks.
 fn return_memory() {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
     {
-        const MEBIBYTE: c_int = 1 << 20;
-        let settings = [
-            (ffi::M_MMAP_MAX, 1 << 16),
-            (ffi::M_MMAP_THRESHOLD, 4 * MEBIBYTE),
-            (ffi::M_TRIM_THRESHOLD, 4 * MEBIBYTE),
-        ];
+        let settings =
+            [(ffi::M_MMAP_MAX, 1 << 16), (ffi::M_MMAP_THRESHOLD, 1 << 19), (ffi::M_TRIM_THRESHOLD, 1 << 22)];
         for (name, value) in settings {
             // SAFETY: the function may be called at any time; it refuses what it does not know.
             unsafe { ffi::mallopt(name, value) };

@@ -225,9 +225,9 @@ macro_rules! point_fields {
             #[allow(dead_code, reason = "tests declare points whose number never changes")]
             pub(super) fn append_fields(&mut self, other: &Self) {
                 let n = self.id.len();
-                self.id.extend(&other.id);
-                self.cell.extend(&other.cell);
                 use $crate::points::declare::append;
+                append(&mut self.id, &other.id, [n, other.id.len()]);
+                append(&mut self.cell, &other.cell, [n, other.id.len()]);
                 $(
                     let per_point = point_fields!(@per self $($fixed_per)?);
                     append(&mut self.$fixed, &other.$fixed, [n, other.id.len()].map(|n| n * per_point));
@@ -413,6 +413,8 @@ pub(super) fn append<T: Value>(values: &mut Vec<T>, others: &[T], counts: [usize
     if values.is_empty() && others.is_empty() {
         return;
     }
+    // Doubling would take twice the memory when few points arrive.
+    values.reserve_exact((counts[0] + counts[1]).saturating_sub(values.len()));
     values.resize(counts[0], T::ZERO);
     values.extend(others);
     values.resize(counts[0] + counts[1], T::ZERO);
