@@ -93,7 +93,7 @@ fn start_mpi() -> Result<(), Error> {
 
 /// Lets the C library return memory to the system, which drivers of networks (PSM2) switch off when MPI starts: a rank would then
 /// keep the largest memory that it has ever had. Arrays of half a mebibyte and more are taken from the system one by one, because
-/// those that come and go with each step would leave gaps, which take 7 % more memory on four ranks.
+/// those that come and go with each step would leave gaps, which cost 7 % more memory on four ranks.
 fn return_memory() {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
     {

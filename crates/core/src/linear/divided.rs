@@ -326,7 +326,7 @@ impl<const N: usize> Parts<N> {
     }
 }
 
-/// Most memory of a factorisation, [byte]. Working space and the matrices of the stages are not needed at the same time.
+/// Peak memory of a factorisation, [byte]. Working space and the matrices of the stages are not needed at the same time.
 fn bytes(own: &Multifrontal, stages: &Stages) -> u64 {
     own.bytes() - own.working_bytes() + own.working_bytes().max(stages.bytes(own.left_len()))
 }

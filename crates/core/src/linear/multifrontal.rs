@@ -96,7 +96,7 @@ impl Multifrontal {
         8 * (self.factor_len() + self.solution_len()) as u64 + self.working_bytes()
     }
 
-    /// Memory for the working space of the factorisation, which has the matrix that is left in the end, [byte].
+    /// Memory for the working space of the factorisation, which holds, in the end, the matrix that is left, [byte].
     pub fn working_bytes(&self) -> u64 {
         8 * self.task.room as u64
     }
@@ -116,7 +116,8 @@ impl Multifrontal {
         self.fronts.front.is_empty() || elimination.run(&self.task, factor, &mut self.passed)
     }
 
-    /// The matrix that the last factorisation has left for the kept unknowns; this frees the working space.
+    /// The matrix that the last factorisation has left for the kept unknowns; this frees the working space. After one that failed,
+    /// its numbers have no meaning; a second call returns none.
     pub fn take_left(&mut self) -> Vec<f64> {
         let mut left = std::mem::take(&mut self.passed);
         left.truncate(self.left_len());

@@ -33,7 +33,7 @@ struct Stage {
     /// Number of unknowns that are eliminated.
     pivots: usize,
     front: Multifrontal,
-    /// True if all unknowns of both matrices are the same, and eliminated: the factor takes the place of the own matrix.
+    /// True if the other matrix adds no unknowns, and all are eliminated: the factor takes the place of the own matrix.
     is_in_place: bool,
     /// The factor, empty before the first factorisation.
     factor: Vec<f64>,
@@ -91,14 +91,16 @@ impl Stages {
         self.taken.iter().map(|stage| stage.front.factor_len()).sum()
     }
 
-    /// Most memory of a factorisation that starts with a matrix of this many numbers, [byte].
+    /// Peak memory of a factorisation that starts with a matrix of this many numbers, [byte].
     pub fn bytes(&self, left: usize) -> u64 {
         let (mut kept, mut left, mut most) = (0, left, left);
         for stage in &self.taken {
-            let above = stage.front.left_len();
-            let added = if stage.is_in_place { 0 } else { stage.front.factor_len() + above };
-            most = most.max(kept + left + added);
-            kept += stage.front.factor_len();
+            let (factor, above) = (stage.front.factor_len(), stage.front.left_len());
+            let border = stage.rows[0].len() - stage.border_of(&stage.rows[0]);
+            let rest = left * border / stage.rows[0].len().max(1);
+            let stage_most = if stage.is_in_place { left } else { factor + left.max(above + rest) };
+            most = most.max(kept + stage_most);
+            kept += factor;
             left = above;
         }
         8 * most as u64
@@ -158,12 +160,11 @@ impl Stage {
             return self.take_others(communicator, factors, left);
         }
         self.factor = vec![0.0; self.front.factor_len()];
-        let mut above = vec![0.0; self.front.left_len()];
         let (n, border) = (self.rows[0].len(), self.border_of(&self.rows[0]));
         let own = Columns { n, range: 0..border, numbers: Numbers::From(0, left) };
-        self.front.add_columns(&mut self.factor, &mut above, &own, &self.rows[0]);
-        // The system takes memory for what is left above when that is written.
+        self.front.add_columns(&mut self.factor, &mut [], &own, &self.rows[0]);
         forget(left, n, border, factors);
+        let mut above = vec![0.0; self.front.left_len()];
         let is_good = self.take_others(communicator, factors, &mut above);
         let own = Columns { n, range: border..n, numbers: Numbers::From(border, left) };
         self.front.add_columns(&mut self.factor, &mut above, &own, &self.rows[0]);

@@ -15,7 +15,7 @@ struct Found<const D: usize> {
     is_divided: bool,
     /// Numbers in the factors of the rank.
     numbers: usize,
-    /// Most memory of the factorisation of the rank, [byte].
+    /// Peak memory of the factorisation of the rank, [byte].
     bytes: u64,
 }
 
@@ -170,7 +170,7 @@ fn a_rank_keeps_its_share_of_the_factor() {
     }
 }
 
-/// Working space, what ranks leave for others, and the fronts of what they share have their turns.
+/// Working space, what ranks leave for others, and the fronts of what they share take turns.
 #[test]
 fn a_rank_takes_its_share_of_the_memory() {
     let body = Body::bar([16, 16, 16]);

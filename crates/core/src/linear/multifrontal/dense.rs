@@ -6,8 +6,8 @@
 //! of L. So the same operations serve for both factorisations.
 //!
 //! Columns are stored one after the other with a stride that is a multiple of [`PAD`], so that whole vectors of rows
-//! can be read and written; values above the diagonal are arbitrary and never used. Every entry is one sum over the
-//! columns to the left, in order, whatever the width of a vector.
+//! can be read and written; values above the diagonal and in padding rows are arbitrary, but finite, and never change a
+//! result. Every entry is one sum over the columns to the left, in order, whatever the width of a vector.
 
 use std::ops::Range;
 

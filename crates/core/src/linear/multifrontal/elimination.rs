@@ -91,12 +91,12 @@ impl Elimination<'_> {
         true
     }
 
-    /// Adds entries of the matrix and updates to the matrix that is left.
+    /// Assembles the matrix that is left: entries of the matrix and updates, where that of an only child is already there.
     fn assemble_left(self, front: &Front, left: &mut [f64], passed: Passed) {
-        let has_updates = self.fronts.before_kept().is_some();
+        let holds_update = self.fronts.before_kept().is_some();
         for_each_factor(front, left, |factor, left| {
             for_each_column(left, dense::stride(front.rows), front.rows, |first, columns| {
-                if !has_updates {
+                if !holds_update {
                     columns.fill(0.0);
                     passed.add(factor, first, 0, columns);
                 }

@@ -79,8 +79,8 @@ pub(super) struct Fronts {
     pub column_start: Vec<usize>,
     /// For each factor, the entries of the matrix by columns: those of L, then those of Uᵀ.
     pub entry: Vec<Vec<Entry>>,
-    /// Number of unknowns at the end that are kept: the last front has no pivots, and them all as its border, so that its update
-    /// is the matrix that is left for them.
+    /// Number of unknowns at the end that are kept: the last front has no pivots, and all of them form its border; its update is
+    /// the matrix that is left for them.
     pub kept: usize,
 }
 
@@ -105,7 +105,7 @@ impl Fronts {
         for f in 0..n {
             let rows = tree.rows[f] as usize;
             let pivots = if kept > 0 && f + 1 == n { 0 } else { tree.pivots[f] as usize };
-            let cost = tree::cost(tree.rows[f], tree.pivots[f]);
+            let cost = tree::cost(tree.rows[f], pivots as u32);
             let parent = tree.parent[f];
             let new = Front {
                 first,
@@ -188,7 +188,8 @@ impl Fronts {
         self.kept > 0 && front.first + self.kept == self.unknown.len()
     }
 
-    /// The only front that passes an update to that of the kept unknowns, if it has them all: its update becomes the other one.
+    /// The only child of the front of the kept unknowns, if its border is all of them: its update then becomes that of the front of
+    /// the kept unknowns, in the same place.
     pub fn before_kept(&self) -> Option<&Front> {
         let kept = self.front.last().filter(|front| self.is_kept(front))?;
         let [child] = self.children[kept.children.clone()] else { return None };

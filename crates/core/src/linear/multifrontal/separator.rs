@@ -77,7 +77,7 @@ pub(in crate::linear) fn messages(
     })
 }
 
-/// Frees the columns of a matrix before this one.
+/// Frees the columns of a matrix of order `n` before column `first`.
 pub(in crate::linear) fn forget(matrix: &mut Vec<f64>, n: usize, first: usize, factors: usize) {
     let len = matrix.len() / factors;
     let start = dense::stride(n) * first;

@@ -102,9 +102,10 @@ fn plan(task: &mut Task, fronts: &mut Fronts) {
     for f in task.own.iter().cloned().flatten() {
         let len = fronts.front[f].update_len();
         let mut place = 0;
-        let before = fronts.before_kept().filter(|_| fronts.is_kept(&fronts.front[f]));
-        if let Some(before) = before {
-            place = before.passed;
+        // The update of an only child of the front of the kept unknowns stays where it is.
+        let only_child = if fronts.is_kept(&fronts.front[f]) { fronts.before_kept() } else { None };
+        if let Some(child) = only_child {
+            place = child.passed;
         } else if len > 0 {
             let mut at = 0;
             while at < used.len() && used[at].0 < place + len {
