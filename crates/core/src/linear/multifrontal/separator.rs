@@ -19,7 +19,7 @@ pub(in crate::linear) struct Columns<'a> {
 /// Where the numbers of columns are.
 #[derive(Clone, Copy)]
 pub(in crate::linear) enum Numbers<'a> {
-    /// In a matrix without the columns before this one.
+    /// In a matrix that begins with the column of this number.
     From(usize, &'a [f64]),
     /// One after the other.
     Packed(&'a [f64]),
