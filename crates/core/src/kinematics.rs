@@ -2,6 +2,7 @@
 #![allow(non_snake_case)]
 
 use crate::basis::Links;
+use crate::tensor::Mat3;
 
 /// Deformation increment of a material point over a load step.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -84,6 +85,16 @@ impl<const D: usize> Increment<D> {
                 };
                 cofactor / in_axes
             })
+        })
+    }
+
+    /// ΔF in three dimensions, [-]. Along an axis that the grid lacks it is the circumferential increment, or 1.
+    #[inline(always)]
+    pub fn in_space(&self) -> Mat3 {
+        Mat3::from_fn(|i, j| match (i < D && j < D, i == j) {
+            (true, _) => self.dF[i][j],
+            (false, true) => self.hoop,
+            (false, false) => 0.0,
         })
     }
 

@@ -4,7 +4,6 @@ use crate::assembly::Wanted;
 use crate::equilibrium::{InitialState, reactions_of};
 use crate::model::InitialImbalance;
 use crate::step::{Step, StepContext, displacement};
-use crate::stress::Mechanics;
 use crate::timing::Phase;
 
 use super::agree::agree;
@@ -23,15 +22,12 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
     /// # Errors
     /// [`SolveError::InitialState`] if it is out of balance and the model refuses that, and the errors of a first step
     /// that cannot begin.
-    pub(super) fn begin_stressed<M: Mechanics<D>>(
-        &mut self,
-        observer: &mut dyn Observer<D>,
-    ) -> Result<(), SolveError> {
+    pub(super) fn begin_stressed(&mut self, observer: &mut dyn Observer<D>) -> Result<(), SolveError> {
         let Some(treatment) = self.model.initial_imbalance else { return Ok(()) };
         if self.reached.step.index > 0 || self.reached.summary.initial_state.is_some() {
             return Ok(());
         }
-        let state = self.initial_state::<M>()?;
+        let state = self.initial_state()?;
         observer.initial_state(&state);
         let tolerance = self.model.newton.tolerance;
         let InitialState { residual, is_balanced, ref worst, energy } = state;
@@ -44,14 +40,13 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
     }
 
     /// Evaluates f_int, f_ext and the reactions of eq. (28) at time 0 and Δd = 0. Writes trial state only.
-    fn initial_state<M: Mechanics<D>>(&mut self) -> Result<InitialState, SolveError> {
+    fn initial_state(&mut self) -> Result<InitialState, SolveError> {
         let step = Step { index: 1, start: 0.0, end: 0.0 };
         let links = self.link(step)?;
         let (model, points) = (self.model, &mut *self.points);
         let context = StepContext { model, links: &links, step, factor: 0.0 };
         let Summary { timings, path, carried, .. } = &mut self.reached.summary;
-        let mut system =
-            StepSystem::new::<M>(&context, points, path, carried, &self.fields, &mut self.terms)?;
+        let mut system = StepSystem::new(&context, points, path, carried, &self.fields, &mut self.terms)?;
         let n_globals = system.sum.system().border.len();
         let mut unknowns = Unknowns::<N>::new(model, 0.0, &links, n_globals);
         let evaluate = || system.sum.evaluate(&context, points, unknowns.at(), Wanted::Stiffness);

@@ -4,7 +4,7 @@ use crate::basis::{Connectivity, SupportError, SupportFailure};
 use crate::model::{Body, Model, Predictor};
 use crate::points::Points;
 use crate::step::{Step, StepContext};
-use crate::stress::{Mechanics, Volumetric};
+use crate::stress::Volumetric;
 use crate::timing::Phase;
 
 use super::agree::agree;
@@ -47,7 +47,7 @@ pub(super) struct LoadStep<'a, const D: usize, const N: usize> {
 impl<const D: usize, const N: usize> Stepper<'_, D, N> {
     /// Attempts one load step (section 6.3). Writes trial state only. Damped iterations stop when a node has moved more than
     /// [`STRIDE`] cells; a slump then continues on a fresh grid.
-    pub(super) fn attempt<M: Mechanics<D>>(
+    pub(super) fn attempt(
         &mut self,
         step: Step,
         slump: Slump,
@@ -62,12 +62,12 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         let Summary { timings, path, carried, .. } = summary;
         // The attempt owns the terms until it ends.
         let (fields, terms) = (&self.fields, &mut self.terms);
-        let begin = || StepSystem::new::<M>(&context, points, path, carried, fields, terms);
+        let begin = || StepSystem::new(&context, points, path, carried, fields, terms);
         let system =
             timings.measure(Phase::SetUp, begin).map_err(|error| FailedAttempt::at_once(step, error))?;
         let load_step = LoadStep::new(context, points, system, slump, &mut self.equations, summary, observer);
         let mut load_step = LoadStep { effort, ..load_step };
-        let ended = load_step.iterate::<M>();
+        let ended = load_step.iterate();
         let mut last = load_step.into_last_iterate();
         let outcome = match ended {
             Ok(Ended::Balanced { replaced_domains }) => {

@@ -3,7 +3,6 @@
 use crate::linear::{LinearError, Solved};
 use crate::ranks::Ranks;
 use crate::step::{At, StepContext, displacement};
-use crate::stress::Mechanics;
 use crate::terms::Augmentation;
 use crate::timing::Phase;
 
@@ -27,7 +26,7 @@ const MOST_UPDATES: usize = 4;
 impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
     /// Iterates with Newton's method until the residual of eq. (40) meets the tolerance and multipliers are final; then the
     /// points move with the grid (section 6.4). Writes only the trial state.
-    pub(super) fn iterate<M: Mechanics<D>>(&mut self) -> Result<Ended, SolveError> {
+    pub(super) fn iterate(&mut self) -> Result<Ended, SolveError> {
         self.prepare_equations()?;
         let mut iteration = 0;
         loop {
@@ -37,7 +36,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
                 continue;
             }
             if is_balanced || self.has_strayed(residual) {
-                return self.conclude::<M>(is_balanced);
+                return self.conclude(is_balanced);
             }
             let is_last = iteration - self.course.solves_before == self.most_iterations();
             if is_last || !residual.is_finite() || self.course.is_hopeless() {
@@ -249,7 +248,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
 
     /// Ends the iterations: checks the path and the stability, frees the matrices, and moves the points with the grid
     /// (section 6.4, trial state).
-    fn conclude<M: Mechanics<D>>(&mut self, is_balanced: bool) -> Result<Ended, SolveError> {
+    fn conclude(&mut self, is_balanced: bool) -> Result<Ended, SolveError> {
         let StepContext { model, links, step, .. } = self.context;
         let reverses = |condition: &Condition<D, N>| !condition.goes_on(&self.unknowns.delta_d);
         if self.system.condition.as_ref().is_some_and(reverses) {
@@ -273,7 +272,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         let replaces_torn_domains = self.summary.pace.is_last_resort();
         let delta_d = displacement(&self.unknowns.delta_d);
         let move_points =
-            || update::move_points::<D, M>(model, self.points, links, &delta_d, step, replaces_torn_domains);
+            || update::move_points(model, self.points, links, &delta_d, step, replaces_torn_domains);
         let moved = self.summary.timings.measure(Phase::Update, move_points);
         let replaced_domains = agree(links.halo().ranks(), moved)?;
         let mut replaced_domains = links.halo().ranks().gather_all(replaced_domains).concat();

@@ -9,19 +9,19 @@ use crate::model::Model;
 use crate::points::Points;
 use crate::ranks::Ranks;
 use crate::step::{At, Step, StepContext};
-use crate::stress::Mechanics;
-use crate::terms::{Saved, Sum, of_model, restore};
+use crate::terms::{Saved, Sum, Terms, restore};
 
 use super::agree::agree;
 use super::error::{SolveError, locate_failure};
 use super::reach::{begin, reach_out};
 
 /// The forces that balance the converged state at a time on the free unknowns: by grid node, [force]. As they decrease, what
-/// the state no longer carries is released, and what it has gained begins to act. `saved` is the state of the terms.
+/// the state no longer carries is released, and what it has gained begins to act. `terms` are those of the model, in the state `saved`.
 ///
 /// # Errors
 /// [`SolveError`] if a point lies outside the grid, constraints contradict each other, or a load is not finite.
-pub(super) fn balancing_forces<const D: usize, M: Mechanics<D>>(
+pub(super) fn balancing_forces<const D: usize>(
+    mut terms: Terms<D>,
     model: &Model<D>,
     points: &mut Points<D>,
     step: Step,
@@ -32,7 +32,6 @@ pub(super) fn balancing_forces<const D: usize, M: Mechanics<D>>(
     let linked = Connectivity::default().renew(model.grid.as_ref(), points, &methods);
     let links =
         agree(&ranks, linked.map_err(|failure| SolveError::unsupported(model, points, failure, step)))?;
-    let mut terms = of_model::<D, D, M>(model);
     restore(&mut terms, saved)
         .map_err(|(term, reason)| SolveError::Term { term: term.to_owned(), reason })?;
     let links = reach_out(model, points, links, &mut terms, step)?;

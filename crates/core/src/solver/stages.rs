@@ -12,9 +12,10 @@ use super::control::Path;
 use super::error::SolveError;
 use super::observer::Observer;
 use super::pace::Pace;
+use super::release::balancing_forces;
 use super::residual::MOST_OF_ROUND_OFF;
 use super::splitting::split_again;
-use super::stepper::{Kernels, Stepper, finish, start};
+use super::stepper::{Stepper, finish, start};
 use super::summary::{Reached, StageReached, Summary};
 
 /// Out-of-balance force relative to the largest force that bodies have carried, below which it may be round-off, [-].
@@ -64,9 +65,11 @@ fn keep_stress<const D: usize>(
 fn enter<const D: usize>(
     model: &mut Model<D>,
     points: &mut Points<D>,
-    kernels: &Kernels<D>,
     reached: &mut Reached,
-) -> Result<(), SolveError> {
+) -> Result<(), SolveError>
+where
+    Model<D>: Solvable<D>,
+{
     let number = model.present.stage + 1;
     let began = model.factors_at_end(reached.summary.path.factor);
     let time = model.stepping.end_time;
@@ -94,7 +97,8 @@ fn enter<const D: usize>(
         reached.summary.quality.exchange(now.mass - before.mass, now.volume - before.volume);
         // The loads still stand where the stage before has left them.
         let control = std::mem::replace(&mut model.stepping.control, Control::Load);
-        let forces = (kernels.balancing_forces)(model, points, step, &reached.summary.terms);
+        let forces =
+            balancing_forces(model.kernels().terms(model), model, points, step, &reached.summary.terms);
         model.stepping.control = control;
         model.present.released_forces = forces?;
         // A remainder that the tolerance or round-off has left out of balance is not a force to release.
@@ -254,7 +258,6 @@ where
         if model.present.stage + 1 >= model.stages.len() {
             return Ok(());
         }
-        let kernels = model.kernels();
-        enter(model, points, &kernels, reached)?;
+        enter(model, points, reached)?;
     }
 }

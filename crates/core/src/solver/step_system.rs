@@ -3,7 +3,6 @@
 use crate::dofs::{ConstraintError, Constraints, DofMap};
 use crate::points::Points;
 use crate::step::StepContext;
-use crate::stress::Mechanics;
 use crate::terms::{Sum, Terms};
 
 use super::agree::agree;
@@ -25,7 +24,7 @@ pub(super) struct StepSystem<const D: usize, const N: usize = D> {
 
 impl<const D: usize, const N: usize> StepSystem<D, N> {
     /// Takes the terms of the run and begins the step with them. If this fails, the terms stay in the run.
-    pub(super) fn new<M: Mechanics<D>>(
+    pub(super) fn new(
         context: &StepContext<D>,
         points: &Points<D>,
         path: &Path,
@@ -38,7 +37,7 @@ impl<const D: usize, const N: usize> StepSystem<D, N> {
         let dofs = constraints(context, points, terms);
         let dofs = agree(ranks, dofs.map_err(|error| SolveError::Constraint { step: step.index, error }))?;
         // A ring resists its own motion outwards.
-        let rigid = usize::from(M::REVOLVED)..D;
+        let rigid = usize::from(model.revolved)..D;
         let joined = links.joined_parts();
         let may_be_held = terms.iter().any(|term| term.may_hold());
         let unheld = dofs.unheld(&joined, ranks, rigid);

@@ -1,6 +1,6 @@
 //! Stepping: the choice of each load step, the response to a failed one, and the commit of a converged one.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
 use crate::basis::Connectivity;
 use crate::equilibrium::StepReport;
@@ -11,7 +11,7 @@ use crate::quality::{Code, Location, Measures, Warning};
 use crate::ranks::{Halo, Ranks};
 use crate::step::Step;
 use crate::stress::Mechanics;
-use crate::terms::{Saved, Terms, of_model, restore};
+use crate::terms::{Terms, of_model, restore};
 use crate::timing::{Phase, Timings};
 
 use super::Solvable;
@@ -24,7 +24,6 @@ use super::equations::{Equations, OfEngine};
 use super::error::SolveError;
 use super::fields::Fields;
 use super::observer::Observer;
-use super::release::balancing_forces;
 use super::splitting;
 use super::strength::Movement;
 use super::summary::{Reached, Summary};
@@ -46,7 +45,6 @@ use super::summary::{Reached, Summary};
 pub struct Stepper<'a, const D: usize, const N: usize = D> {
     pub(super) model: &'a Model<D>,
     pub(super) points: &'a mut Points<D>,
-    kernels: Kernels<D, N>,
     pub(super) fields: Fields,
     pub(super) equations: Equations<D, N>,
     /// Links of the previous step, whose memory is reused.
@@ -64,26 +62,18 @@ pub struct Stepper<'a, const D: usize, const N: usize = D> {
     pub(super) reached: Reached,
 }
 
-/// The code that depends on the mechanics of the idealisation.
-pub struct Kernels<const D: usize, const N: usize = D> {
-    terms: fn(&Model<D>) -> Terms<D, N>,
-    step: StepFunction<D, N>,
-    pub(super) balancing_forces: BalancingFunction<D>,
-}
-
-type StepFunction<const D: usize, const N: usize> =
-    fn(&mut Stepper<'_, D, N>, &mut dyn Observer<D>) -> Result<bool, SolveError>;
-type BalancingFunction<const D: usize> =
-    fn(&Model<D>, &mut Points<D>, Step, &BTreeMap<String, Saved>) -> Result<Vec<(u32, [f64; D])>, SolveError>;
+/// The terms of a model, with kernels compiled for the mechanics of its idealisation.
+pub struct Kernels<const D: usize, const N: usize = D>(fn(&Model<D>) -> Terms<D, N>);
 
 impl<const D: usize, const N: usize> Kernels<D, N> {
-    /// The code for a kind of mechanics.
+    /// The kernels for a kind of mechanics.
     pub fn of<M: Mechanics<D>>() -> Self {
-        Kernels {
-            terms: of_model::<D, N, M>,
-            step: |stepper, observer| stepper.solve_next_step::<M>(observer),
-            balancing_forces: balancing_forces::<D, M>,
-        }
+        Kernels(of_model::<D, N, M>)
+    }
+
+    /// The terms of a model.
+    pub(super) fn terms(&self, model: &Model<D>) -> Terms<D, N> {
+        (self.0)(model)
     }
 }
 
@@ -93,7 +83,7 @@ impl<'a, const D: usize> Stepper<'a, D> {
     where
         Model<D>: Solvable<D>,
     {
-        let mut stepper = Stepper::of_fields(model, points, model.kernels(), Fields::displacement(D));
+        let mut stepper = Stepper::of_fields(model, points, &model.kernels(), Fields::displacement(D));
         if let Some(engine) = &model.engines.0 {
             let (direct, iterative) = (engine.direct(), engine.iterative());
             stepper.equations.use_engine(OfEngine { direct, iterative, algebraic: engine.algebraic() });
@@ -121,21 +111,20 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
                 "the fields must have one component for each unknown at a node, those of the displacement first",
             ));
         }
-        Ok(Stepper::of_fields(model, points, kernels, fields))
+        Ok(Stepper::of_fields(model, points, &kernels, fields))
     }
 
     fn of_fields(
         model: &'a Model<D>,
         points: &'a mut Points<D>,
-        kernels: Kernels<D, N>,
+        kernels: &Kernels<D, N>,
         fields: Fields,
     ) -> Self {
         let reached = Reached::nothing(points);
         Stepper {
             model,
             points,
-            terms: (kernels.terms)(model),
-            kernels,
+            terms: kernels.terms(model),
             fields,
             equations: Equations::new(None),
             links: Connectivity::default(),
@@ -189,7 +178,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
     /// # Errors
     /// [`SolveError`] when there is no equilibrium; the converged state of the points is then the last one in equilibrium.
     pub fn step(&mut self, observer: &mut dyn Observer<D>) -> Result<Option<&StepReport<D>>, SolveError> {
-        Ok((self.kernels.step)(self, observer)?.then_some(self.report.as_ref()).flatten())
+        Ok(self.solve_next_step(observer)?.then_some(self.report.as_ref()).flatten())
     }
 
     /// Runs to the end of the analysis and reports every event to `observer`. The grid must not move between steps;
@@ -219,18 +208,15 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
     }
 
     /// Solves the next step; false at the end of the analysis.
-    fn solve_next_step<M: Mechanics<D>>(
-        &mut self,
-        observer: &mut dyn Observer<D>,
-    ) -> Result<bool, SolveError> {
-        self.begin_stressed::<M>(observer)?;
+    fn solve_next_step(&mut self, observer: &mut dyn Observer<D>) -> Result<bool, SolveError> {
+        self.begin_stressed(observer)?;
         let before = self.reached.step.index;
         while self.reached.step.index == before {
             let Some(step) = self.next_interval() else { return Ok(false) };
             if !self.model.has_grid_of(step.start) {
                 return Err(SolveError::GridMotion { step: step.index, error: GridMotionError::NotPlaced });
             }
-            self.try_step::<M>(step, observer)?;
+            self.try_step(step, observer)?;
         }
         Ok(true)
     }
@@ -253,7 +239,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
     /// # Errors
     /// As [`Stepper::step`].
     pub(super) fn steps_on_grid(&mut self, observer: &mut dyn Observer<D>) -> Result<bool, SolveError> {
-        while (self.kernels.step)(self, observer)? {
+        while self.solve_next_step(observer)? {
             if self.model.moving_grid.is_some() {
                 return Ok(true);
             }
@@ -282,11 +268,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
     ///
     /// # Errors
     /// [`SolveError`] that ends the run.
-    fn try_step<M: Mechanics<D>>(
-        &mut self,
-        step: Step,
-        observer: &mut dyn Observer<D>,
-    ) -> Result<(), SolveError> {
+    fn try_step(&mut self, step: Step, observer: &mut dyn Observer<D>) -> Result<(), SolveError> {
         if self.points.ranks.any(observer.interrupted()) {
             return Err(SolveError::Interrupted { step: step.index });
         }
@@ -295,13 +277,13 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
             && damping::may_slump(self.model, self.points)
             && !self.is_extended;
         let slump = if may_slump { Slump::MayBegin } else { Slump::Forbidden };
-        let mut attempted = self.attempt::<M>(step, slump, Effort::Usual, observer);
+        let mut attempted = self.attempt(step, slump, Effort::Usual, observer);
         if let Err(failed) = &mut attempted
             && failed.may_succeed_if_smaller
             && self.model.stepping.strength_factor(step.end).is_some()
         {
             self.announce_repetition(failed, observer)?;
-            attempted = self.attempt::<M>(step, slump, Effort::Thorough, observer);
+            attempted = self.attempt(step, slump, Effort::Thorough, observer);
         }
         match attempted {
             Ok(Attempt::Equilibrium(report, path)) => {
@@ -311,7 +293,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
                 }
                 self.accept(*report, path, observer)
             }
-            Ok(Attempt::OnTheWay(way)) => self.slump::<M>(step, way, observer),
+            Ok(Attempt::OnTheWay(way)) => self.slump(step, way, observer),
             Err(failed) => self.refuse(*failed, observer),
         }
     }
@@ -353,7 +335,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
 
     /// Continues from the positions to which damped iterations have moved the points, on one fresh grid after another,
     /// until the step is in equilibrium. If this fails, the points are restored.
-    fn slump<M: Mechanics<D>>(
+    fn slump(
         &mut self,
         step: Step,
         first: OnTheWay,
@@ -372,7 +354,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
             rests = if way.is_at_rest { rests + 1 } else { 0 };
             let goes_on = grids < damping::MOST_GRIDS && rests < damping::MOST_RESTS;
             let slump = if goes_on { Slump::GoesOn } else { Slump::Ends };
-            match self.attempt::<M>(step, slump, Effort::Usual, observer) {
+            match self.attempt(step, slump, Effort::Usual, observer) {
                 Ok(Attempt::Equilibrium(mut report, path)) => {
                     way.lead_to(&mut report);
                     return self.accept(*report, path, observer);

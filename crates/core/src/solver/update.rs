@@ -12,7 +12,6 @@ use crate::kinematics::Increment;
 use crate::model::Model;
 use crate::points::Points;
 use crate::step::Step;
-use crate::stress::Mechanics;
 use crate::tensor::Mat3;
 
 /// The new place, deformation and domain of one point.
@@ -39,7 +38,7 @@ const GRAIN: usize = 16;
 ///
 /// # Errors
 /// [`SolveError`] when a point or a corner of its domain leaves the grid, or a domain collapses.
-pub(super) fn move_points<const D: usize, M: Mechanics<D>>(
+pub(super) fn move_points<const D: usize>(
     model: &Model<D>,
     points: &mut Points<D>,
     links: &Connectivity<D>,
@@ -63,7 +62,7 @@ pub(super) fn move_points<const D: usize, M: Mechanics<D>>(
     trial.make_room_for_motion(&points.converged);
     let replaced = Mutex::new(Vec::new());
     let move_point = |nodes: &[u32], products: &mut Products<D>, p: usize| {
-        let moved = move_point::<D, M>(
+        let moved = move_point(
             model,
             next_grid,
             state,
@@ -175,7 +174,7 @@ impl<const D: usize> Room<'_, D> {
 }
 
 #[expect(clippy::too_many_arguments, reason = "one point with everything that moves it")]
-fn move_point<const D: usize, M: Mechanics<D>>(
+fn move_point<const D: usize>(
     model: &Model<D>,
     next_grid: &dyn Grid<D>,
     points: &Points<D>,
@@ -205,7 +204,7 @@ fn move_point<const D: usize, M: Mechanics<D>>(
         return Err(SolveError::off_grid(model, points, p, position, step));
     }
     let start = &points.converged.position[p];
-    let dF = M::embed(&Increment::new(M::REVOLVED, nodes, &of_point, delta_d, start));
+    let dF = Increment::new(model.revolved, nodes, &of_point, delta_d, start).in_space();
     let F = dF * points.converged.deformation_gradient[p];
     let body = &model.bodies[points.body[p] as usize];
     let mut moved = Moved {

@@ -11,7 +11,6 @@ use super::{
 };
 use crate::kinematics::Increment;
 use crate::material::Material;
-use crate::tensor::Mat3;
 
 /// Axisymmetry about x = 0, without twist.
 #[derive(Debug, Clone, Copy)]
@@ -222,10 +221,5 @@ impl Mechanics<2> for Axisymmetric {
             per_radius: 1.0 / (increment.radius * increment.hoop),
         };
         Ok(PointResponse { weak, tau, elastic_strain })
-    }
-
-    fn embed(increment: &Increment<2>) -> Mat3 {
-        let [[rr, rz], [zr, zz]] = increment.dF;
-        Mat3::new(rr, rz, 0.0, zr, zz, 0.0, 0.0, 0.0, increment.hoop)
     }
 }

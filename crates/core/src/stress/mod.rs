@@ -27,7 +27,7 @@ use serde::{Deserialize, Serialize};
 use crate::kinematics::Increment;
 use crate::material::{Material, MaterialError, StrainMeasure};
 use crate::tensor::lane::transposed;
-use crate::tensor::{Lane, Lanes, Mat3, Sym3};
+use crate::tensor::{Lane, Lanes, Sym3};
 
 pub use averaged_solid::{AveragedIsotropic, AveragedSpatial};
 pub use axisymmetric::{Axisymmetric, Revolved};
@@ -245,9 +245,6 @@ pub trait Mechanics<const D: usize>: Copy + Send + Sync + 'static {
     ) -> Option<Result<PointResponse<Self::AveragingIsotropic>, PointError>> {
         None
     }
-
-    /// The increment as a three-dimensional tensor.
-    fn embed(increment: &Increment<D>) -> Mat3;
 
     /// b^e from an elastic strain in the measure `measure`.
     fn elastic_left_cauchy_green(measure: StrainMeasure, elastic_strain: &Sym3) -> Sym3 {

@@ -13,7 +13,7 @@ use super::{
 };
 use crate::kinematics::Increment;
 use crate::material::{CompactResponse, Material, StrainMeasure, VectorisedLaw};
-use crate::tensor::{Mat3, Sym3, Tensor4, plane};
+use crate::tensor::{Sym3, Tensor4, plane};
 
 /// Plane strain in the x-y plane.
 #[derive(Debug, Clone, Copy)]
@@ -257,11 +257,6 @@ impl Mechanics<2> for PlaneStrain {
             per_radius: 0.0,
         };
         Ok(PointResponse { weak, tau: law.0, elastic_strain: law.1 })
-    }
-
-    fn embed(increment: &Increment<2>) -> Mat3 {
-        let [[xx, xy], [yx, yy]] = increment.dF;
-        Mat3::new(xx, xy, 0.0, yx, yy, 0.0, 0.0, 0.0, 1.0)
     }
 
     fn elastic_left_cauchy_green(measure: StrainMeasure, elastic_strain: &Sym3) -> Sym3 {

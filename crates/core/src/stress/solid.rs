@@ -274,10 +274,6 @@ impl Mechanics<3> for Solid {
         };
         Ok(PointResponse { weak, tau, elastic_strain })
     }
-
-    fn embed(increment: &Increment<3>) -> Mat3 {
-        Mat3::from_fn(|i, j| increment.dF[i][j])
-    }
 }
 
 /// Builds a fourth-order tensor from its entries.

@@ -1,7 +1,7 @@
 use super::*;
 use crate::material::tests::{cam_clays, laws};
 use crate::material::{Hencky, PrincipalLaw};
-use crate::tensor::{Tensor4, log_derivative, mandel_entry};
+use crate::tensor::{Mat3, Tensor4, log_derivative, mandel_entry};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 
