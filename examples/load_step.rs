@@ -12,7 +12,7 @@
 #![allow(clippy::print_stdout, reason = "a program")]
 #![allow(non_snake_case)]
 
-use mpm::basis::{Connectivity, Method};
+use mpm::basis::Connectivity;
 use mpm::deck::{build::build, load::load_text};
 use mpm::material::Response;
 use mpm::model::{Action, Model, NodeSet};
@@ -30,7 +30,7 @@ type Nodes = Vec<(usize, f64, Vector3<f64>)>;
 /// Section 6.3: finds equilibrium from the converged state of the points and writes their trial state. Returns Δd, f^react and
 /// the residuals; `None` without equilibrium, or for loads and conditions other than gravity and constant displacements.
 fn load_step(model: &Model<2>, points: &mut Points<2>, step: Step) -> Option<(Vector, Vector, Vec<f64>)> {
-    let methods: Vec<Method> = model.bodies.iter().map(|body| body.method).collect();
+    let methods = model.methods();
     let links = Connectivity::new(model.grid.as_ref(), points, &methods).ok()?;
     let mut basis = vec![Nodes::new(); points.len()]; // section 6.1; constant over the step
     for group in 0..links.n_groups() {

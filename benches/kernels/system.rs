@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use mpm::assembly::Wanted;
-use mpm::basis::{Connectivity, Method};
+use mpm::basis::Connectivity;
 use mpm::deck::{build::build, load::load_text};
 use mpm::dofs::DofMap;
 use mpm::grid::Grid;
@@ -193,7 +193,7 @@ fn measure<const D: usize, M: Mechanics<D>>(
     (model, mut points): (Model<D>, Points<D>),
 ) -> Measured {
     shrink(model.grid.as_ref(), &mut points);
-    let methods: Vec<Method> = model.bodies.iter().map(|b| b.method).collect();
+    let methods = model.methods();
     let grid = model.grid.as_ref();
     let mut kept = Some(Connectivity::new(grid, &mut points, &methods).expect("points lie in the grid"));
     let basis = least(|| {

@@ -30,7 +30,7 @@ type Imbalance = ([f64; 2], [f64; 2]);
 /// residual of eq. (40).
 fn after_one_solve() -> (Vec<Imbalance>, f64) {
     let (model, mut points) = cantilever();
-    let methods: Vec<_> = model.bodies.iter().map(|b| b.method).collect();
+    let methods = model.methods();
     let links = Connectivity::new(model.grid.as_ref(), &mut points, &methods).unwrap();
     let n = links.n_active();
     let place: Vec<[f64; 2]> =

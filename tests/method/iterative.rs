@@ -58,7 +58,7 @@ fn equations<const D: usize, M: Mechanics<D>>(
     points: &mut Points<D>,
     wobble: f64,
 ) -> Equations<D> {
-    let methods: Vec<_> = model.bodies.iter().map(|b| b.method).collect();
+    let methods = model.methods();
     let links = Connectivity::new(model.grid.as_ref(), points, &methods).unwrap();
     let dofs = DofMap::new(model, points, &links, 0.0, model.stepping.end_time / model.stepping.count as f64)
         .unwrap();

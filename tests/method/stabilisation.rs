@@ -29,7 +29,7 @@ fn solid(text: &str) -> (Model<3>, Points<3>) {
 }
 
 fn link<const D: usize>(model: &Model<D>, points: &mut Points<D>) -> Connectivity<D> {
-    let methods: Vec<_> = model.bodies.iter().map(|b| b.method).collect();
+    let methods = model.methods();
     Connectivity::new(model.grid.as_ref(), points, &methods).unwrap()
 }
 

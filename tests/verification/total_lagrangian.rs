@@ -46,7 +46,7 @@ pub fn equilibrium<const D: usize, M: Mechanics<D>>(
     model: Model<D>,
     mut points: Points<D>,
 ) -> Equilibrium<D> {
-    let methods: Vec<_> = model.bodies.iter().map(|body| body.method).collect();
+    let methods = model.methods();
     let links =
         Connectivity::new(model.grid.as_ref(), &mut points, &methods).unwrap_or_else(|e| panic!("{e:?}"));
     let mut displacement = vec![[0.0; D]; links.n_active()];

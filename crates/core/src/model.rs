@@ -170,6 +170,11 @@ impl<const D: usize> Model<D> {
         ((self.stepping.end_time - time) / self.stepping.duration()).clamp(0.0, 1.0)
     }
 
+    /// The method of each body.
+    pub fn methods(&self) -> Vec<Method> {
+        self.bodies.iter().map(|body| body.method).collect()
+    }
+
     /// Material law of a point.
     pub fn law(&self, points: &Points<D>, p: usize) -> &dyn Material {
         self.materials[self.bodies[points.body[p] as usize].material].law.as_ref()

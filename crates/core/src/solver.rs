@@ -2,11 +2,13 @@
 //!
 //! | File | Content |
 //! |---|---|
-//! | `stepper`, `pace` | from step to step: size of steps, failed attempts, commit |
+//! | `stepper`, `pace` | from step to step, and the size of steps |
+//! | `acceptance`, `refusal` | the commit of a step in equilibrium, and what follows a failed attempt |
 //! | `stages`, `release` | from stage to stage: what comes and goes, and the forces that are released |
 //! | `load_step`, `step_system`, `fields` | one attempt at a step: what is set up once |
 //! | `newton` | the iterations, eqs. (26), (30) |
 //! | `evaluation`, `unknowns` | forces and K of an iterate; Δd, δd and reactions, eq. (28) |
+//! | `line_search` | which iterates are evaluated once more, after a shorter δd |
 //! | `residual`, `body_residual`, `round_off` | eq. (40), by connected parts and by bodies, and round-off |
 //! | `update` | motion of points and domains, section 6.4 |
 //! | `equations` | choice of the linear solver, border of global unknowns |
@@ -20,6 +22,7 @@
 //! A step that fails leaves no trace in the converged state. It is retried in two halves, down to the smallest step
 //! that the deck allows; only equilibrium is committed.
 
+mod acceptance;
 mod agree;
 mod attempt;
 mod body_residual;
@@ -36,6 +39,7 @@ mod evidence;
 mod fields;
 mod forcing;
 mod initial_state;
+mod line_search;
 mod load_step;
 mod motion;
 mod newton;
@@ -43,6 +47,7 @@ mod observer;
 mod of_rank;
 mod pace;
 mod reach;
+mod refusal;
 mod release;
 mod residual;
 mod round_off;
@@ -106,7 +111,14 @@ pub fn run<const D: usize>(
 where
     Model<D>: Solvable<D>,
 {
-    Stepper::new(model, points).run(observer)
+    let mut stepper = Stepper::new(model, points);
+    stepper.expect_fixed_grid()?;
+    let started = stepper.start(observer);
+    let outcome = started.and_then(|()| {
+        while stepper.step(observer)?.is_some() {}
+        Ok(())
+    });
+    stepper.finish(outcome, observer)
 }
 
 /// Continues an analysis to the end from a step that has been reached; `points` must be in the state of that step.

@@ -8,7 +8,7 @@ use super::diagnostic::{Diagnostic, Gate, Severity, assign, of_all_ranks, sort};
 use super::load::LoadedDeck;
 use super::quoting::{list, quote};
 use super::{AXES, Expression, LoadDeck, Parameter};
-use mpm_core::basis::{Connectivity, Method, SupportError, SupportFailure};
+use mpm_core::basis::{Connectivity, SupportError, SupportFailure};
 use mpm_core::dofs::{ConstraintError, Covered, DofMap, covered, nodes_of};
 use mpm_core::model::{Model, NodeSet};
 use mpm_core::points::{Points, coordinates};
@@ -61,7 +61,7 @@ pub(super) struct Check<'a> {
 
 impl Check<'_> {
     fn run<const D: usize>(&mut self, model: &mut Model<D>, points: &mut Points<D>) -> Option<FirstStep> {
-        let methods: Vec<Method> = model.bodies.iter().map(|body| body.method).collect();
+        let methods = model.methods();
         let links = match Connectivity::new(model.grid.as_ref(), points, &methods) {
             Ok(links) => links,
             Err(failure) => {

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use mpm_core::basis::{Connectivity, Method};
+use mpm_core::basis::Connectivity;
 use mpm_core::dofs::DofMap;
 use mpm_core::dofs::rigid::{FreePart, free_parts};
 use mpm_core::model::{Action, Course, Model, Pressure};
@@ -66,7 +66,7 @@ impl Check<'_> {
             )
         };
         let n = (1..model.stages.len()).take_while(|number| !moves(number - 1)).count();
-        let methods: Vec<Method> = model.bodies.iter().map(|body| body.method).collect();
+        let methods = model.methods();
         let before = model.present.clone();
         let mut points = points.clone();
         for number in 1..=n {

@@ -366,7 +366,7 @@ impl<const D: usize> Observer<D> for Results {
         }
         let mut frames = self.frames.of_points(model, points, self.last);
         // The connectivity of the undeformed points, only to show the active cells.
-        let methods: Vec<_> = model.bodies.iter().map(|b| b.method).collect();
+        let methods = model.methods();
         let mut copy = points.clone();
         if let Ok(links) = Connectivity::new(model.grid.as_ref(), &mut copy, &methods) {
             let zero = vec![[0.0; D]; links.n_active()];

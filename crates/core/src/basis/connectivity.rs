@@ -1,15 +1,18 @@
 //! The links of a load step: the nodes that each point touches, with basis function values and gradients (section 5.1).
 
 mod divided;
+mod piece;
 
 use rayon::prelude::*;
 
-use super::factors::{Form, multiply};
+use super::factors::{Form, for_each_product, multiply};
 use super::slivers::{SharedTouches, Slivers, Touch};
 use super::{Basis, Method, PointGeometry, Support, SupportError};
 use crate::grid::Grid;
 use crate::points::Points;
-use crate::ranks::Halo;
+use crate::ranks::{Halo, Ranks, Sharing};
+
+use piece::Piece;
 
 /// Number of groups linked by one parallel task.
 const PIECE: usize = 16;
@@ -138,67 +141,82 @@ impl<const D: usize> Connectivity<D> {
         let group_points = points
             .group_by_cell(grid)
             .map_err(|point| point.map_or(SupportFailure::ON_RANK, SupportFailure::off_grid))?;
-        let linked = self.link(grid, points, methods, &group_points, &Slivers::default());
-        if points.ranks.any(linked.is_err()) {
-            return linked.and(Err(SupportFailure::ON_RANK));
-        }
-        self = linked?;
+        let points = &*points;
+        let link = |groups: &[usize], slivers: &Slivers| -> Result<Piece<D>, SupportFailure> {
+            let (mut piece, mut support) = (Piece::new(grid), Support::default());
+            for group in groups.windows(2).map(|ends| ends[0]..ends[1]) {
+                piece.begin_group(group.clone().next().map_or(0.0, |p| grid.size(points.cell[p] as usize)));
+                for p in group {
+                    let point = PointGeometry {
+                        cell: points.cell[p],
+                        position: &points.converged.position[p],
+                        half_lengths: &points.half_lengths(p),
+                        corners: points.corners(p),
+                    };
+                    let basis: &dyn Basis<D> = methods[points.body[p] as usize].basis();
+                    let supported = basis.support(grid, &point, &mut support); // S_vp, ∇S_vp
+                    supported.map_err(|error| SupportFailure { point: p, error })?;
+                    slivers.fold(grid, &mut support, &mut piece.carried);
+                    piece.add(grid, point.cell, &support);
+                }
+                piece.end_group();
+            }
+            Ok(piece)
+        };
+        let of_all_ranks = |linked: Result<(), SupportFailure>| {
+            if points.ranks.any(linked.is_err()) { linked.and(Err(SupportFailure::ON_RANK)) } else { Ok(()) }
+        };
+        of_all_ranks(self.fill(grid, &group_points, |groups| link(groups, &Slivers::default())))?;
         let sharing = self.sharing(&points.ranks, grid.n_nodes());
         let others = SharedTouches { ranks: &points.ranks, sharing: &sharing };
-        let groups = (&self.group_node_start[..], &self.group_nodes[..]);
-        let slivers = Slivers::new(grid.n_nodes(), groups, &self.touches, &others);
-        let linked = match slivers.is_empty() {
-            true => Ok(self),
-            false => self.link(grid, points, methods, &group_points, &slivers),
-        };
-        if points.ranks.any(linked.is_err()) {
-            return linked.and(Err(SupportFailure::ON_RANK));
+        let of_groups = (&self.group_node_start[..], &self.group_nodes[..]);
+        let slivers = Slivers::new(grid.n_nodes(), of_groups, &self.touches, &others);
+        if !slivers.is_empty() {
+            of_all_ranks(self.fill(grid, &group_points, |groups| link(groups, &slivers)))?;
         }
-        self = linked?;
-        self.touches = Vec::new();
-        self.carried.sort_unstable();
-        self.carried.dedup_by_key(|pair| pair[0]);
         self.group_points = group_points;
-        self.group_node_start.push(self.group_nodes.len());
-        self.list_active_cells(grid.n_cells());
-        if !points.ranks.is_alone() {
-            self.add_layer(grid, &points.ranks, &sharing);
-        }
-        self.number_active_nodes(grid.n_nodes());
-        self.agree_on_carriers(&points.ranks);
-        self.halo = self.find_halo(&points.ranks, grid.n_nodes());
-        Ok(self)
+        Ok(self.numbered(grid, &points.ranks, &sharing))
     }
 
-    /// Links the points group by group. Nodes keep their grid numbers for now.
-    fn link(
-        mut self,
+    /// Links the points piece by piece, several at a time. Nodes keep their grid numbers for now.
+    fn fill(
+        &mut self,
         grid: &dyn Grid<D>,
-        points: &Points<D>,
-        methods: &[Method],
         group_points: &[usize],
-        slivers: &Slivers,
-    ) -> Result<Self, SupportFailure> {
+        link: impl Fn(&[usize]) -> Result<Piece<D>, SupportFailure> + Sync,
+    ) -> Result<(), SupportFailure> {
         self.clear();
         self.per_length = per_length_if_even(grid);
         let n_groups = group_points.len() - 1;
-        let mut all = self;
         // Rounds limit the number of pieces that exist besides the result.
         for round in (0..n_groups).step_by(ROUND * PIECE) {
             let end = (round + ROUND * PIECE).min(n_groups);
             let pieces: Vec<Result<Piece<D>, SupportFailure>> = (round..end)
                 .into_par_iter()
                 .step_by(PIECE)
-                .map(|first| {
-                    let groups = &group_points[first..=(first + PIECE).min(end)];
-                    Piece::link(grid, points, methods, groups, slivers)
-                })
+                .map(|first| link(&group_points[first..=(first + PIECE).min(end)]))
                 .collect();
             for piece in pieces {
-                all.append(piece?);
+                self.append(piece?);
             }
         }
-        Ok(all)
+        Ok(())
+    }
+
+    /// The links with active numbers of the nodes, and what ranks share.
+    fn numbered(mut self, grid: &dyn Grid<D>, ranks: &Ranks, sharing: &Sharing) -> Self {
+        self.touches = Vec::new();
+        self.carried.sort_unstable();
+        self.carried.dedup_by_key(|pair| pair[0]);
+        self.group_node_start.push(self.group_nodes.len());
+        self.list_active_cells(grid.n_cells());
+        if !ranks.is_alone() {
+            self.add_layer(grid, ranks, sharing);
+        }
+        self.number_active_nodes(grid.n_nodes());
+        self.agree_on_carriers(ranks);
+        self.halo = self.find_halo(ranks, grid.n_nodes());
+        self
     }
 
     /// Removes all links but keeps the memory.
@@ -310,20 +328,35 @@ impl<const D: usize> Connectivity<D> {
     #[inline(always)]
     pub fn links<'a>(&'a self, point: usize, buffer: &'a mut LinkBuffer<'_, D>) -> Links<'a, D> {
         let local = self.local_nodes(point);
-        let (block, start) = (&self.blocks[point >> BLOCK], self.start[point] as usize);
-        if D < 3 || self.form[point].is_explicit() {
-            let range = block.link + start..block.link + start + local.len();
-            return Links { local, value: &self.value[range.clone()], gradient: &self.gradient[range] };
+        if let Some((value, gradient)) = self.explicit(point, local.len()) {
+            return Links { local, value, gradient };
         }
         let (value, gradient) = (&mut buffer.value[..local.len()], &mut buffer.gradient[..local.len()]);
-        let mut numbers = &self.factor[block.factor + start..];
+        let (numbers, per_length) = self.factors(point);
+        multiply(self.form[point], numbers, &per_length, value, gradient);
+        Links { local, value, gradient }
+    }
+
+    /// Values and gradients of a point at its `n` nodes, if they are stored as such.
+    #[inline(always)]
+    fn explicit(&self, point: usize, n: usize) -> Option<(&[f64], &[[f64; D]])> {
+        let is_explicit = D < 3 || self.form[point].is_explicit();
+        is_explicit.then(|| {
+            let first = self.blocks[point >> BLOCK].link + self.start[point] as usize;
+            (&self.value[first..first + n], &self.gradient[first..first + n])
+        })
+    }
+
+    /// The factors of a point, and 1/h along each axis.
+    #[inline(always)]
+    fn factors(&self, point: usize) -> (&[f64], [f64; D]) {
+        let mut numbers = &self.factor[self.blocks[point >> BLOCK].factor + self.start[point] as usize..];
         let per_length = self.per_length.unwrap_or_else(|| {
             let (of_cell, rest) = numbers.split_at(D);
             numbers = rest;
             std::array::from_fn(|d| of_cell[d])
         });
-        multiply(self.form[point], numbers, &per_length, value, gradient);
-        Links { local, value, gradient }
+        (numbers, per_length)
     }
 
     /// Calls `visit` for each node of a point with its index into the node list of the group, and S_vp.
@@ -336,16 +369,17 @@ impl<const D: usize> Connectivity<D> {
     /// [1/length].
     #[inline(always)]
     pub fn for_each_link(&self, point: usize, mut visit: impl FnMut(usize, f64, &[f64; D])) {
-        const FEW: usize = 64;
-        let n = self.local_nodes(point).len();
-        let (mut value, mut gradient) = ([0.0; FEW], [[0.0; D]; FEW]);
-        // Points with more nodes are stored explicitly and need no buffer.
-        let mut buffer =
-            LinkBuffer { value: &mut value[..n.min(FEW)], gradient: &mut gradient[..n.min(FEW)] };
-        let links = self.links(point, &mut buffer);
-        for ((&local, value), gradient) in links.local.iter().zip(links.value).zip(links.gradient) {
-            visit(local as usize, *value, gradient);
+        let local = self.local_nodes(point);
+        if let Some((values, gradients)) = self.explicit(point, local.len()) {
+            for ((&local, value), gradient) in local.iter().zip(values).zip(gradients) {
+                visit(local as usize, *value, gradient);
+            }
+            return;
         }
+        let (numbers, per_length) = self.factors(point);
+        for_each_product(self.form[point], numbers, &per_length, |k, value, gradient| {
+            visit(local[k] as usize, value, &gradient);
+        });
     }
 
     /// Total number of links.
@@ -417,121 +451,6 @@ impl<const D: usize> Connectivity<D> {
 /// 1/h of an even grid along each axis, [1/length].
 fn per_length_if_even<const D: usize>(grid: &dyn Grid<D>) -> Option<[f64; D]> {
     grid.structured().filter(|grid| grid.is_even()).map(|grid| grid.sides([0; D]).map(|h| 1.0 / h))
-}
-
-/// Links of consecutive groups, with grid node numbers.
-#[derive(Default)]
-struct Piece<const D: usize> {
-    group_node_start: Vec<usize>,
-    group_nodes: Vec<u32>,
-    /// As [`Connectivity::touches`].
-    touches: Vec<Touch>,
-    whole: Vec<bool>,
-    start: Vec<usize>,
-    form: Vec<Form>,
-    local_start: Vec<usize>,
-    local: Vec<u32>,
-    value: Vec<f64>,
-    gradient: Vec<[f64; D]>,
-    factor: Vec<f64>,
-    cells: Vec<u32>,
-    carried: Vec<[u32; 2]>,
-}
-
-impl<const D: usize> Piece<D> {
-    fn link(
-        grid: &dyn Grid<D>,
-        points: &Points<D>,
-        methods: &[Method],
-        groups: &[usize],
-        slivers: &Slivers,
-    ) -> Result<Self, SupportFailure> {
-        let mut piece = Piece::default();
-        let even = per_length_if_even(grid);
-        let mut touches: Vec<Touch> = Vec::new(); // for each entry of `touched`
-        let mut support = Support::default();
-        let mut touched: Vec<u32> = Vec::new(); // grid nodes of one group, listed for each point unless equal to those before
-        let mut nodes: Vec<u32> = Vec::new();
-        for range in groups.windows(2).map(|w| w[0]..w[1]) {
-            touched.clear();
-            touches.clear();
-            nodes.clear();
-            let mut firm_from = 0; // from here on, all entries of `touched` are known to be firm
-            let size = range.clone().next().map_or(0.0, |p| grid.size(points.cell[p] as usize));
-            let mut n_links = 0;
-            for p in range.clone() {
-                let half_lengths = points.half_lengths(p);
-                let basis: &dyn Basis<D> = methods[points.body[p] as usize].basis();
-                let point = PointGeometry {
-                    cell: points.cell[p],
-                    position: &points.converged.position[p],
-                    half_lengths: &half_lengths,
-                    corners: points.corners(p),
-                };
-                basis
-                    .support(grid, &point, &mut support)
-                    .map_err(|error| SupportFailure { point: p, error })?;
-                slivers.fold(grid, &mut support, &mut piece.carried);
-                n_links += support.nodes.len();
-                match (&support.factors, grid.structured()) {
-                    (Some(factors), Some(grid)) => {
-                        piece.start.push(piece.factor.len());
-                        let per_length = even.unwrap_or_else(|| {
-                            let sides = grid.sides(grid.cell_index(points.cell[p] as usize));
-                            let per_length = sides.map(|h| 1.0 / h);
-                            piece.factor.extend(per_length);
-                            per_length
-                        });
-                        piece.form.push(factors.keep(&per_length, &mut piece.factor));
-                    }
-                    _ => {
-                        piece.start.push(piece.value.len());
-                        piece.form.push(Form::explicit(support.nodes.len()));
-                        piece.value.extend_from_slice(&support.value);
-                        piece.gradient.extend_from_slice(&support.gradient);
-                    }
-                }
-                if !touched.ends_with(&support.nodes) {
-                    for node in &support.nodes {
-                        if !nodes.contains(node) {
-                            nodes.push(*node);
-                        }
-                    }
-                    piece.cells.extend_from_slice(&support.cells);
-                    touched.extend_from_slice(&support.nodes);
-                    touches.resize(touched.len(), Touch::Sliver);
-                    firm_from = touched.len();
-                }
-                let of_point = touched.len() - support.nodes.len();
-                if of_point < firm_from {
-                    let mut all_firm = true;
-                    for (k, touch) in touches[of_point..].iter_mut().enumerate() {
-                        if *touch < Touch::Firm {
-                            *touch = (*touch).max(Touch::of(support.value[k], &support.gradient[k], size));
-                        }
-                        all_firm &= *touch == Touch::Firm;
-                    }
-                    if all_firm {
-                        firm_from = of_point;
-                    }
-                }
-                piece.local_start.push(piece.local.len() + of_point);
-            }
-            piece.group_node_start.push(piece.group_nodes.len());
-            nodes.sort_unstable();
-            piece.local.extend(touched.iter().map(|n| nodes.partition_point(|m| m < n) as u32));
-            let first = piece.group_nodes.len();
-            piece.group_nodes.extend_from_slice(&nodes);
-            piece.touches.resize(piece.group_nodes.len(), Touch::Sliver);
-            let locals = &piece.local[piece.local.len() - touched.len()..];
-            for (&local, &touch) in locals.iter().zip(&touches) {
-                let firmest = &mut piece.touches[first + local as usize];
-                *firmest = (*firmest).max(touch);
-            }
-            piece.whole.push(n_links == range.len() * nodes.len());
-        }
-        Ok(piece)
-    }
 }
 
 #[cfg(test)]

@@ -33,20 +33,21 @@ impl<const D: usize> Basis<D> for Cpdi {
         point: &PointGeometry<D>,
         out: &mut Support<D>,
     ) -> Result<(), SupportError> {
+        let weights = CornerWeights::new(point.corners)?;
         match grid.structured() {
-            Some(grid) => support_on(grid, point, out),
-            None => support_on(grid, point, out),
+            Some(grid) => sum_over_corners(&weights, grid, point, out),
+            None => sum_over_corners(&weights, grid, point, out),
         }
     }
 }
 
-/// Evaluates the support on a grid of static type, so that its methods can be inlined.
-fn support_on<const D: usize, G: Grid<D> + ?Sized>(
+/// S_v = Σ_c w_c N_v(x_c) and ∇S_v = Σ_c g_c N_v(x_c), on a grid of static type, so that its methods can be inlined.
+fn sum_over_corners<const D: usize, G: Grid<D> + ?Sized>(
+    weights: &CornerWeights<D>,
     grid: &G,
     point: &PointGeometry<D>,
     out: &mut Support<D>,
 ) -> Result<(), SupportError> {
-    let weights = CornerWeights::new(point.corners)?;
     out.clear();
     out.cells.push(point.cell);
     for (corner, position) in point.corners.iter().enumerate() {

@@ -131,7 +131,7 @@ impl<const D: usize> Factors<D> {
     }
 }
 
-/// Multiplies stored factors; the first axis varies fastest.
+/// Multiplies stored factors into values and gradients; the first axis varies fastest.
 #[inline(always)]
 pub(super) fn multiply<const D: usize>(
     form: Form,
@@ -141,30 +141,64 @@ pub(super) fn multiply<const D: usize>(
     gradient: &mut [[f64; D]],
 ) {
     if form == Form::of_cell::<D>() {
-        let mut hats = [[0.0; 2]; D];
-        for d in 0..D {
-            hats[d] = [1.0 - numbers[d], numbers[d]];
-        }
+        // The known number of nodes needs no checks of indices.
         let (value, gradient) = (&mut value[..1 << D], &mut gradient[..1 << D]);
-        for corner in 0..1 << D {
-            let mut product = 1.0;
-            let mut slopes = [1.0; D];
-            for d in 0..D {
-                let upper = corner >> d & 1;
-                let (s, ds) = (hats[d][upper], if upper == 1 { per_length[d] } else { -per_length[d] });
-                product *= s;
-                for e in 0..D {
-                    slopes[e] *= if e == d { ds } else { s };
-                }
-            }
-            value[corner] = product;
-            gradient[corner] = slopes;
-        }
-        return;
+        return for_each_corner(numbers, per_length, |k, s, ds| (value[k], gradient[k]) = (s, ds));
     }
+    for_each_node(form, numbers, per_length, |k, s, ds| (value[k], gradient[k]) = (s, ds));
+}
+
+/// Calls `visit` with the number of each node, its value and its gradient; the first axis varies fastest.
+#[inline(always)]
+pub(super) fn for_each_product<const D: usize>(
+    form: Form,
+    numbers: &[f64],
+    per_length: &[f64; D],
+    visit: impl FnMut(usize, f64, [f64; D]),
+) {
+    if form == Form::of_cell::<D>() {
+        return for_each_corner(numbers, per_length, visit);
+    }
+    for_each_node(form, numbers, per_length, visit);
+}
+
+/// The products of a point inside one cell, of which `numbers` are the local coordinates.
+#[inline(always)]
+fn for_each_corner<const D: usize>(
+    numbers: &[f64],
+    per_length: &[f64; D],
+    mut visit: impl FnMut(usize, f64, [f64; D]),
+) {
+    let mut hats = [[0.0; 2]; D];
+    for d in 0..D {
+        hats[d] = [1.0 - numbers[d], numbers[d]];
+    }
+    for corner in 0..1 << D {
+        let mut product = 1.0;
+        let mut slopes = [1.0; D];
+        for d in 0..D {
+            let upper = corner >> d & 1;
+            let (s, ds) = (hats[d][upper], if upper == 1 { per_length[d] } else { -per_length[d] });
+            product *= s;
+            for e in 0..D {
+                slopes[e] *= if e == d { ds } else { s };
+            }
+        }
+        visit(corner, product, slopes);
+    }
+}
+
+/// The products of any other point.
+#[inline(always)]
+fn for_each_node<const D: usize>(
+    form: Form,
+    numbers: &[f64],
+    per_length: &[f64; D],
+    mut visit: impl FnMut(usize, f64, [f64; D]),
+) {
     let Factors(lines) = Factors::kept(form, numbers, per_length);
     let mut index = [0; D];
-    for (value, gradient) in value.iter_mut().zip(gradient).take(form.nodes::<D>()) {
+    for node in 0..form.nodes::<D>() {
         let mut product = 1.0;
         let mut slopes = [1.0; D];
         for d in 0..D {
@@ -174,7 +208,7 @@ pub(super) fn multiply<const D: usize>(
                 slopes[e] *= if e == d { ds } else { s };
             }
         }
-        (*value, *gradient) = (product, slopes);
+        visit(node, product, slopes);
         for d in 0..D {
             index[d] += 1;
             if index[d] < lines[d].n {

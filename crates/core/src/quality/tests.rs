@@ -39,7 +39,7 @@ fn seed(body: u16, position: [f64; 2], half_lengths: [f64; 2], with_corners: boo
 const GIMP: (Method, DomainUpdate) = (Method::Gimp, DomainUpdate::None);
 
 fn measures(model: &Model<2>, points: &mut Points<2>) -> Measures {
-    let methods: Vec<Method> = model.bodies.iter().map(|body| body.method).collect();
+    let methods = model.methods();
     let links = Connectivity::new(model.grid.as_ref(), points, &methods).unwrap();
     if points.trial.position.is_empty() {
         points.trial = points.converged.clone(); // nothing has moved

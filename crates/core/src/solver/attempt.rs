@@ -182,17 +182,12 @@ impl<const D: usize> FailedAttempt<D> {
     }
 }
 
-/// The outcome of iterations that have not failed. The points have moved with the grid, in the trial state.
+/// The outcome of iterations that have not failed.
 pub(super) enum Ended {
     /// The iterations reached equilibrium, which is stable if damped iterations found it.
-    Balanced {
-        /// Permanent numbers of the points whose torn domains were replaced.
-        replaced_domains: Vec<u32>,
-    },
+    Balanced,
     /// Damped iterations need a fresh grid: they have not reached equilibrium, or only one that is not stable.
     Strayed {
-        /// As above.
-        replaced_domains: Vec<u32>,
         /// True if no node has moved farther than a stride.
         is_at_rest: bool,
     },

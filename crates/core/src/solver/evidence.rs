@@ -264,7 +264,7 @@ mod tests {
         let places = (0..3 * points_per_cell)
             .flat_map(|i| (0..2 * points_per_cell).map(move |j| [place(i), place(j)]));
         let mut points = Points::new(&places.map(seed).collect::<Vec<_>>());
-        let methods: Vec<Method> = model.bodies.iter().map(|body| body.method).collect();
+        let methods = model.methods();
         let links = Connectivity::new(model.grid.as_ref(), &mut points, &methods).unwrap();
         let places = links.active_nodes().iter().map(|node| model.grid.node_position(*node as usize));
         let delta_d: Vec<[f64; 2]> = places.map(motion).collect();

@@ -42,8 +42,11 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
     /// Evaluates f_int, f_ext and the reactions of eq. (28) at time 0 and Δd = 0. Writes trial state only.
     fn initial_state(&mut self) -> Result<InitialState, SolveError> {
         let step = Step { index: 1, start: 0.0, end: 0.0 };
-        let links = self.link(step)?;
-        let (model, points) = (self.model, &mut *self.points);
+        let (model, old) = (self.model, self.old_links());
+        let link = || old.renew(model.grid.as_ref(), self.points, &model.methods());
+        let linked = self.reached.summary.timings.measure(Phase::Basis, link);
+        let links = self.complete_links(linked, step)?;
+        let points = &mut *self.points;
         let context = StepContext { model, links: &links, step, factor: 0.0 };
         let Summary { timings, path, carried, .. } = &mut self.reached.summary;
         let mut system = StepSystem::new(&context, points, path, carried, &self.fields, &mut self.terms)?;

@@ -1,6 +1,7 @@
 //! One attempt at a load step: sections 5 and 6.3.
 
 use crate::basis::{Connectivity, SupportError, SupportFailure};
+use crate::equilibrium::StepReport;
 use crate::model::{Body, Model, Predictor};
 use crate::points::Points;
 use crate::step::{Step, StepContext};
@@ -15,6 +16,7 @@ use super::damping::{Damping, STRIDE};
 use super::equations::Equations;
 use super::error::SolveError;
 use super::forcing::Forcing;
+use super::line_search::Search;
 use super::observer::Observer;
 use super::reach::reach_out;
 use super::step_system::StepSystem;
@@ -32,6 +34,7 @@ pub(super) struct LoadStep<'a, const D: usize, const N: usize> {
     pub(super) forcing: Forcing,
     pub(super) damping: Option<Damping<N>>,
     pub(super) effort: Effort,
+    pub(super) search: Search,
     /// Largest nodal displacement of damped iterations before the step continues on a fresh grid, [length]; infinite if it may
     /// not.
     pub(super) stride: f64,
@@ -54,39 +57,33 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         effort: Effort,
         observer: &mut dyn Observer<D>,
     ) -> Result<Attempt<D>, Box<FailedAttempt<D>>> {
+        let at_once = |error| FailedAttempt::at_once(step, error);
+        let (model, old) = (self.model, self.old_links());
         // The grid is undeformed: S_vp, ∇S_vp and the pattern of K are fixed for the step (section 5.1).
-        let links = self.link(step).map_err(|error| FailedAttempt::at_once(step, error))?;
-        let (model, points) = (self.model, &mut *self.points);
-        let summary = &mut self.reached.summary;
-        let context = StepContext { model, links: &links, step, factor: summary.path.factor };
-        let Summary { timings, path, carried, .. } = summary;
-        // The attempt owns the terms until it ends.
-        let (fields, terms) = (&self.fields, &mut self.terms);
-        let begin = || StepSystem::new(&context, points, path, carried, fields, terms);
-        let system =
-            timings.measure(Phase::SetUp, begin).map_err(|error| FailedAttempt::at_once(step, error))?;
-        let load_step = LoadStep::new(context, points, system, slump, &mut self.equations, summary, observer);
-        let mut load_step = LoadStep { effort, ..load_step };
-        let ended = load_step.iterate();
+        let link = || old.renew(model.grid.as_ref(), self.points, &model.methods());
+        let linked = self.reached.summary.timings.measure(Phase::Basis, link);
+        let links = self.complete_links(linked, step).map_err(at_once)?;
+        let context = StepContext { model, links: &links, step, factor: self.reached.summary.path.factor };
+        let mut load_step = self.begin(context, slump, effort, observer).map_err(at_once)?;
+        let ended = load_step.iterate(); // section 6.3
+        let ended = ended.and_then(|ended| Ok((ended, load_step.move_points()?))); // section 6.4
         let mut last = load_step.into_last_iterate();
+        let (points, summary) = (&*self.points, &self.reached.summary);
         let outcome = match ended {
-            Ok(Ended::Balanced { replaced_domains }) => {
-                let (mut report, path) = last.report(&context, points, summary, slump);
-                report.replaced_domains = replaced_domains;
+            Ok((Ended::Balanced, replaced_domains)) => {
+                let (report, path) = last.report(&context, points, summary, slump);
+                let mut report = StepReport { replaced_domains, ..report };
                 report.grid.links = links;
                 Ok(Attempt::Equilibrium(Box::new(report), path))
             }
-            Ok(Ended::Strayed { replaced_domains, is_at_rest }) => {
+            Ok((Ended::Strayed { is_at_rest }, replaced_domains)) => {
                 let energy = last.energy_on_the_way(&context, points, slump);
                 self.links = links;
                 Ok(Attempt::OnTheWay(OnTheWay { energy, replaced_domains, is_at_rest }))
             }
             Err(error) => {
-                let error = match agree(links.halo().ranks(), Err::<(), _>(error)) {
-                    Err(error) => error,
-                    Ok(()) => SolveError::elsewhere(),
-                };
-                let mut failed = last.failed(&context, error);
+                let agreed = agree(links.halo().ranks(), Err::<(), _>(error));
+                let mut failed = last.failed(&context, agreed.err().unwrap_or_else(SolveError::elsewhere));
                 failed.iterate = failed.iterate.map(|iterate| Iterate { links, ..iterate });
                 Err(failed)
             }
@@ -95,25 +92,45 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         outcome
     }
 
-    /// Sorts the points by cell and evaluates S_vp and ∇S_vp (section 6.1). The last report gives its links, to reuse their
-    /// memory.
-    pub(super) fn link(&mut self, step: Step) -> Result<Connectivity<D>, SolveError> {
-        let (model, points) = (self.model, &mut *self.points);
-        let methods: Vec<_> = model.bodies.iter().map(|body| body.method).collect();
+    /// The links of the last step, whose memory is reused. The last report gives its own.
+    pub(super) fn old_links(&mut self) -> Connectivity<D> {
+        let of_report = self.report.take().map(|report| report.grid.links);
+        of_report.unwrap_or_else(|| std::mem::take(&mut self.links))
+    }
+
+    /// Lets the links of all ranks have the nodes that terms need.
+    ///
+    /// # Errors
+    /// [`SolveError`] if a rank could not link its points, or a body asks for F-bar without a basis at centres.
+    pub(super) fn complete_links(
+        &mut self,
+        linked: Result<Connectivity<D>, SupportFailure>,
+        step: Step,
+    ) -> Result<Connectivity<D>, SolveError> {
+        let (model, points) = (self.model, &*self.points);
         let lacks_centre = |body: &Body| body.volumetric == Volumetric::FBar && !body.method.has_centres();
         let lacking = points.body.iter().position(|&body| lacks_centre(&model.bodies[body as usize]));
         let failure = lacking.map(|point| SupportFailure { point, error: SupportError::NoCentre });
-        let outcome =
-            failure.map_or(Ok(()), |failure| Err(SolveError::unsupported(model, points, failure, step)));
-        agree(&points.ranks, outcome)?;
-        let old =
-            self.report.take().map_or_else(|| std::mem::take(&mut self.links), |report| report.grid.links);
-        let timings = &mut self.reached.summary.timings;
-        let ranks = points.ranks.clone();
-        let linked = timings.measure(Phase::Basis, || old.renew(model.grid.as_ref(), points, &methods));
-        let links =
-            agree(&ranks, linked.map_err(|failure| SolveError::unsupported(model, points, failure, step)))?;
-        reach_out(model, points, links, &mut self.terms, step)
+        let linked = failure.map_or(linked, Err);
+        let linked = linked.map_err(|failure| SolveError::unsupported(model, points, failure, step));
+        reach_out(model, points, agree(&points.ranks, linked)?, &mut self.terms, step)
+    }
+
+    /// Begins an attempt, which owns the terms until it ends.
+    fn begin<'a>(
+        &'a mut self,
+        context: StepContext<'a, D>,
+        slump: Slump,
+        effort: Effort,
+        observer: &'a mut dyn Observer<D>,
+    ) -> Result<LoadStep<'a, D, N>, SolveError> {
+        let (points, fields, terms) = (&mut *self.points, &self.fields, &mut self.terms);
+        let summary = &mut self.reached.summary;
+        let Summary { timings, path, carried, .. } = summary;
+        let begin = || StepSystem::new(&context, points, path, carried, fields, terms);
+        let system = timings.measure(Phase::SetUp, begin)?;
+        let load_step = LoadStep::new(context, points, system, slump, &mut self.equations, summary, observer);
+        Ok(LoadStep { effort, ..load_step })
     }
 }
 
@@ -146,6 +163,7 @@ impl<'a, const D: usize, const N: usize> LoadStep<'a, D, N> {
             forcing: Forcing::default(),
             damping: None,
             effort: Effort::Usual,
+            search: Search::default(),
             stride,
             is_predicted: false,
             is_laid_out_anew: false,

@@ -6,7 +6,6 @@ use crate::step::{At, StepContext, displacement};
 use crate::terms::Augmentation;
 use crate::timing::Phase;
 
-use super::agree::agree;
 use super::attempt::{Ended, NoIncrement};
 use super::control::{Condition, Field, NoPath};
 use super::damping::{self, MORE_ITERATIONS};
@@ -16,7 +15,6 @@ use super::load_step::LoadStep;
 use super::residual::RoundOff;
 use super::step_system::StepSystem;
 use super::unknowns::Unknowns;
-use super::update;
 
 /// Largest number of increments with support in an attempt: a body that slides for more of them does not come to rest.
 const MOST_SUPPORTED: usize = 8;
@@ -24,13 +22,18 @@ const MOST_SUPPORTED: usize = 8;
 const MOST_UPDATES: usize = 4;
 
 impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
-    /// Iterates with Newton's method until the residual of eq. (40) meets the tolerance and multipliers are final; then the
-    /// points move with the grid (section 6.4). Writes only the trial state.
+    /// Iterates with Newton's method until the residual of eq. (40) meets the tolerance and multipliers are final. Writes only the
+    /// trial state.
+    ///
+    /// # Errors
+    /// [`SolveError`] if there is no equilibrium.
     pub(super) fn iterate(&mut self) -> Result<Ended, SolveError> {
         self.prepare_equations()?;
         let mut iteration = 0;
         loop {
-            let residual = self.evaluate_iterate(iteration)?; // (19)-(25), (27)-(29), (40); may shorten the last δd
+            let wanted = self.wanted();
+            let measured = self.evaluate(wanted).map(|()| self.residual(wanted)); // (19)-(25), (27)-(29), (40)
+            let Some(residual) = self.settle(iteration, wanted, measured)? else { continue };
             let is_balanced = self.is_balanced();
             if is_balanced && self.augment(iteration)? == Augmentation::Updated {
                 continue;
@@ -40,12 +43,11 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             }
             let is_last = iteration - self.course.solves_before == self.most_iterations();
             if is_last || !residual.is_finite() || self.course.is_hopeless() {
-                break;
+                return Err(self.without_equilibrium());
             }
             self.increment()?; // (26), (30)
             iteration += 1;
         }
-        Err(self.without_equilibrium())
     }
 
     /// Lets the terms update their multipliers in equilibrium; the iterations then go on with as many linear solves as at the
@@ -97,6 +99,11 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
     /// True if a node has moved farther than a stride, which is infinite except in damped iterations.
     fn has_strayed(&self, residual: f64) -> bool {
         residual.is_finite() && self.farthest() > self.stride
+    }
+
+    /// True if no node has moved farther than a stride.
+    fn is_at_rest(&self) -> bool {
+        self.farthest() <= self.stride
     }
 
     /// Largest component of a nodal displacement of the step, [length].
@@ -246,10 +253,9 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         Ok(())
     }
 
-    /// Ends the iterations: checks the path and the stability, frees the matrices, and moves the points with the grid
-    /// (section 6.4, trial state).
+    /// Ends the iterations: checks the path and the stability, and frees the matrices.
     fn conclude(&mut self, is_balanced: bool) -> Result<Ended, SolveError> {
-        let StepContext { model, links, step, .. } = self.context;
+        let StepContext { step, .. } = self.context;
         let reverses = |condition: &Condition<D, N>| !condition.goes_on(&self.unknowns.delta_d);
         if self.system.condition.as_ref().is_some_and(reverses) {
             return Err(SolveError::NoPath { step: step.index, reason: NoPath::Reversed });
@@ -269,19 +275,8 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             is_final = false;
         }
         self.system.sum.free_matrices();
-        let replaces_torn_domains = self.summary.pace.is_last_resort();
-        let delta_d = displacement(&self.unknowns.delta_d);
-        let move_points =
-            || update::move_points(model, self.points, links, &delta_d, step, replaces_torn_domains);
-        let moved = self.summary.timings.measure(Phase::Update, move_points);
-        let replaced_domains = agree(links.halo().ranks(), moved)?;
-        let mut replaced_domains = links.halo().ranks().gather_all(replaced_domains).concat();
-        replaced_domains.sort_unstable();
-        if is_final {
-            return Ok(Ended::Balanced { replaced_domains });
-        }
-        let is_at_rest = self.farthest() <= self.stride;
-        Ok(Ended::Strayed { replaced_domains, is_at_rest })
+        let ended = if is_final { Ended::Balanced } else { Ended::Strayed { is_at_rest: self.is_at_rest() } };
+        Ok(ended)
     }
 
     fn without_equilibrium(&self) -> SolveError {

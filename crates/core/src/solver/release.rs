@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use crate::assembly::Wanted;
-use crate::basis::{Connectivity, Method};
+use crate::basis::Connectivity;
 use crate::dofs::DofMap;
 use crate::model::Model;
 use crate::points::Points;
@@ -27,7 +27,7 @@ pub(super) fn balancing_forces<const D: usize>(
     step: Step,
     saved: &BTreeMap<String, Saved>,
 ) -> Result<Vec<(u32, [f64; D])>, SolveError> {
-    let methods: Vec<Method> = model.bodies.iter().map(|body| body.method).collect();
+    let methods = model.methods();
     let ranks = points.ranks.clone();
     let linked = Connectivity::default().renew(model.grid.as_ref(), points, &methods);
     let links =

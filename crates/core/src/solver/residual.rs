@@ -249,18 +249,21 @@ impl<const N: usize> Forces<'_, N> {
         at: &EvaluatedAt<'_, D, N>,
     ) -> Measured {
         let further = self.of_further_fields(parts, at.system.internal_force()).fold(0.0, largest);
-        let measured = self.measure_displacement(parts, tolerance, at);
+        let of_parts = self.of_parts(parts, parts.displacement());
+        let residuals = of_parts.iter().map(|&[out, force]| ratio(out, force)).collect(); // (40)
+        let measured = self.with_round_off(residuals, &of_parts, parts, tolerance, at);
         measured.and(Measured { residual: further, round_off: RoundOff::NoMatter }, tolerance)
     }
 
-    fn measure_displacement<const D: usize>(
+    /// The role of round-off in the residuals of parts that exceed the tolerance, given the norms of eq. (40).
+    fn with_round_off<const D: usize>(
         &self,
+        mut residuals: Vec<f64>,
+        of_parts: &[[f64; 2]],
         parts: &Parts,
         tolerance: f64,
         at: &EvaluatedAt<'_, D, N>,
     ) -> Measured {
-        let of_parts = self.of_parts(parts, parts.displacement());
-        let mut residuals: Vec<f64> = of_parts.iter().map(|&[out, force]| ratio(out, force)).collect();
         let open: Vec<bool> = residuals.iter().map(|r| *r > tolerance || r.is_nan()).collect();
         let told = |residuals: &[f64], round_off| Measured {
             residual: residuals.iter().copied().fold(0.0, largest),

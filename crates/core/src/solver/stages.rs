@@ -232,7 +232,8 @@ where
     finish(model, points, reached, outcome, observer)
 }
 
-/// Solves all steps from the present one to the end of the last stage.
+/// Solves all steps from the present one to the end of the last stage; each stage, and each step on a grid that moves, has its
+/// own stepper.
 ///
 /// # Errors
 /// As [`Stepper::step`].
@@ -250,10 +251,15 @@ where
         model.place_grid(end).map_err(|error| SolveError::GridMotion { step: index + 1, error })?;
         let before = std::mem::replace(reached, Reached::nothing(points));
         let mut stepper = Stepper::new(model, points).resume(before)?;
-        let outcome = stepper.steps_on_grid(observer);
+        let outcome = loop {
+            match stepper.step(observer) {
+                Ok(Some(_)) if model.moving_grid.is_none() => {}
+                outcome => break outcome.map(|report| report.is_some()),
+            }
+        };
         *reached = stepper.into_reached();
         if outcome? {
-            continue;
+            continue; // The grid moves before the next step.
         }
         if model.present.stage + 1 >= model.stages.len() {
             return Ok(());

@@ -4,15 +4,18 @@
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
+use super::agree::agree;
 use super::error::SolveError;
+use super::load_step::LoadStep;
 use crate::basis::{Connectivity, DomainKind, LinkBuffer as Products, Method, check_domain};
 use crate::domain::DomainMotion;
 use crate::grid::{Grid, interpolate};
 use crate::kinematics::Increment;
 use crate::model::Model;
 use crate::points::Points;
-use crate::step::Step;
+use crate::step::{Step, StepContext, displacement};
 use crate::tensor::Mat3;
+use crate::timing::{Phase, Timings};
 
 /// The new place, deformation and domain of one point.
 struct Moved<const D: usize> {
@@ -30,72 +33,77 @@ const MOST_HALVINGS: usize = 10;
 /// A task of at most this many groups is not divided between threads.
 const GRAIN: usize = 16;
 
-/// Moves the points with the grid, eqs. (9), (31), updates F by eq. (16) and the domains by eqs. (32)-(39); all into
-/// the trial state, whose stress and strain the last assembly has written.
-///
-/// If `replaces`, a domain that is torn, or has corners outside the grid, is replaced; returns the permanent numbers of
-/// these points, ascending.
-///
-/// # Errors
-/// [`SolveError`] when a point or a corner of its domain leaves the grid, or a domain collapses.
-pub(super) fn move_points<const D: usize>(
-    model: &Model<D>,
-    points: &mut Points<D>,
-    links: &Connectivity<D>,
-    delta_d: &[[f64; D]],
-    step: Step,
-    replaces: bool,
-) -> Result<Vec<u32>, SolveError> {
-    let at_rest = [0.0; D];
-    let nodal = |node: usize| links.moves_with(node).map_or(at_rest, |active| delta_d[active]);
-    let regular = model.grid.structured(); // calls to a known type are inlined
-    let displacement = |place: &[f64; D]| match regular {
-        Some(grid) => interpolate(grid, place, &nodal),
-        None => interpolate(model.grid.as_ref(), place, &nodal),
-    };
-    // The next step must find the points in its grid.
-    let error = |error| SolveError::GridMotion { step: step.index, error };
-    let moved_grid = model.grid_at(step.end).map_err(error)?;
-    let next_grid = moved_grid.as_ref().map_or(model.grid.as_ref(), |grid| grid as &dyn Grid<D>);
-    let mut trial = std::mem::take(&mut points.trial);
-    let state = &*points;
-    trial.make_room_for_motion(&points.converged);
-    let replaced = Mutex::new(Vec::new());
-    let move_point = |nodes: &[u32], products: &mut Products<D>, p: usize| {
-        let moved = move_point(
-            model,
-            next_grid,
-            state,
-            links,
-            nodes,
-            products,
-            delta_d,
-            &nodal,
-            &displacement,
-            p,
-            step,
-            replaces,
-        )?;
-        if moved.is_replaced {
-            replaced.lock().unwrap_or_else(PoisonError::into_inner).push(state.id[p]);
-        }
-        Ok(moved)
-    };
-    let room = Room {
-        first: 0,
-        position: &mut trial.position,
-        deformation_gradient: &mut trial.deformation_gradient,
-        half_lengths: &mut trial.half_lengths,
-        corners: &mut trial.corners,
-    };
-    let outcome = room.fill(points, links, 0..links.n_groups(), &move_point);
-    if outcome.is_err() {
-        trial.forget_motion();
+impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
+    /// Moves the points with the grid, eqs. (9), (31), updates F by eq. (16) and the domains by eqs. (32)-(39); all into
+    /// the trial state, whose stress and strain the last evaluation has written.
+    ///
+    /// As a last resort, a domain that is torn, or has corners outside the grid, is replaced; returns the permanent numbers of
+    /// these points on all ranks, ascending.
+    ///
+    /// # Errors
+    /// [`SolveError`] when a point or a corner of its domain leaves the grid, or a domain collapses.
+    pub(super) fn move_points(&mut self) -> Result<Vec<u32>, SolveError> {
+        let StepContext { model, links, step, .. } = self.context;
+        let mut timings = Timings::default();
+        let replaced = Mutex::new(Vec::new());
+        let moved = timings.measure(Phase::Update, || {
+            let delta_d = &displacement(&self.unknowns.delta_d);
+            let at_rest = [0.0; D];
+            let nodal = |node: usize| links.moves_with(node).map_or(at_rest, |active| delta_d[active]);
+            let regular = model.grid.structured(); // calls to a known type are inlined
+            let displacement = |place: &[f64; D]| match regular {
+                Some(grid) => interpolate(grid, place, &nodal),
+                None => interpolate(model.grid.as_ref(), place, &nodal),
+            };
+            // The next step must find the points in its grid.
+            let error = |error| SolveError::GridMotion { step: step.index, error };
+            let moved_grid = model.grid_at(step.end).map_err(error)?;
+            let next_grid = moved_grid.as_ref().map_or(model.grid.as_ref(), |grid| grid as &dyn Grid<D>);
+            let replaces = self.summary.pace.is_last_resort();
+            let mut trial = std::mem::take(&mut self.points.trial);
+            trial.make_room_for_motion(&self.points.converged);
+            let points = &*self.points;
+            let move_point = |nodes: &[u32], products: &mut Products<D>, p: usize| {
+                let moved = move_point(
+                    model,
+                    next_grid,
+                    points,
+                    links,
+                    nodes,
+                    products,
+                    delta_d,
+                    &nodal,
+                    &displacement,
+                    p,
+                    step,
+                    replaces,
+                )?;
+                if moved.is_replaced {
+                    replaced.lock().unwrap_or_else(PoisonError::into_inner).push(points.id[p]);
+                }
+                Ok(moved)
+            };
+            let room = Room {
+                first: 0,
+                position: &mut trial.position,
+                deformation_gradient: &mut trial.deformation_gradient,
+                half_lengths: &mut trial.half_lengths,
+                corners: &mut trial.corners,
+            };
+            let outcome = room.fill(points, links, 0..links.n_groups(), &move_point);
+            if outcome.is_err() {
+                trial.forget_motion();
+            }
+            self.points.trial = trial;
+            outcome
+        });
+        self.summary.timings.add(&timings);
+        agree(self.ranks(), moved)?;
+        let replaced = replaced.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let mut replaced = self.ranks().gather_all(replaced).concat();
+        replaced.sort_unstable();
+        Ok(replaced)
     }
-    points.trial = trial;
-    let mut replaced = replaced.into_inner().unwrap_or_else(PoisonError::into_inner);
-    replaced.sort_unstable();
-    outcome.map(|()| replaced)
 }
 
 /// The part of the trial state of consecutive points that is written here.

@@ -45,7 +45,7 @@ fn forces<const D: usize>(sum: &System<D>) -> (Vec<f64>, Vec<f64>) {
 
 fn check<const D: usize>(case: Case<D>) -> usize {
     let Case { model, mut points, free } = case;
-    let methods: Vec<Method> = model.bodies.iter().map(|body| body.method).collect();
+    let methods = model.methods();
     let links = Connectivity::new(model.grid.as_ref(), &mut points, &methods).unwrap();
     let step = StepContext::first(&model, &links);
     let terms: Terms<D> = vec![Box::new(Contact::new(&model))];

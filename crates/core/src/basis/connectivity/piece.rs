@@ -1,0 +1,131 @@
+//! Links of consecutive groups of points, with the grid numbers of the nodes.
+
+use super::super::Support;
+use super::super::factors::Form;
+use super::super::slivers::Touch;
+use super::per_length_if_even;
+use crate::grid::Grid;
+
+/// Links of consecutive groups, with grid node numbers, to be appended to those of the groups before.
+#[derive(Default)]
+pub(super) struct Piece<const D: usize> {
+    pub(super) group_node_start: Vec<usize>,
+    pub(super) group_nodes: Vec<u32>,
+    /// As in [`Connectivity`](super::Connectivity).
+    pub(super) touches: Vec<Touch>,
+    pub(super) whole: Vec<bool>,
+    pub(super) start: Vec<usize>,
+    pub(super) form: Vec<Form>,
+    pub(super) local_start: Vec<usize>,
+    pub(super) local: Vec<u32>,
+    pub(super) value: Vec<f64>,
+    pub(super) gradient: Vec<[f64; D]>,
+    pub(super) factor: Vec<f64>,
+    pub(super) cells: Vec<u32>,
+    pub(super) carried: Vec<[u32; 2]>,
+    /// 1/h of an even grid along each axis, [1/length].
+    per_length: Option<[f64; D]>,
+    group: Group,
+}
+
+/// The group to which points are added.
+#[derive(Default)]
+struct Group {
+    n_points: usize,
+    n_links: usize,
+    /// Size of its cell, [length].
+    size: f64,
+    /// The nodes that points touch, in the order in which they were met.
+    nodes: Vec<u32>,
+    /// The nodes of each point, unless equal to those of the point before.
+    touched: Vec<u32>,
+    /// For each entry of `touched`, how firmly points touch the node.
+    touches: Vec<Touch>,
+    /// From here on, all entries of `touched` are known to be firm.
+    firm_from: usize,
+}
+
+impl<const D: usize> Piece<D> {
+    pub(super) fn new(grid: &dyn Grid<D>) -> Self {
+        Piece { per_length: per_length_if_even(grid), ..Piece::default() }
+    }
+
+    /// Begins a group, whose cell has this size, [length].
+    pub(super) fn begin_group(&mut self, size: f64) {
+        let Group { mut nodes, mut touched, mut touches, .. } = std::mem::take(&mut self.group);
+        nodes.clear();
+        touched.clear();
+        touches.clear();
+        self.group = Group { size, nodes, touched, touches, ..Group::default() };
+    }
+
+    /// Adds the next point of the group, which lies in this cell.
+    #[inline]
+    pub(super) fn add(&mut self, grid: &dyn Grid<D>, cell: u32, support: &Support<D>) {
+        self.keep(grid, cell, support);
+        let group = &mut self.group;
+        group.n_points += 1;
+        group.n_links += support.nodes.len();
+        if !group.touched.ends_with(&support.nodes) {
+            for node in &support.nodes {
+                if !group.nodes.contains(node) {
+                    group.nodes.push(*node);
+                }
+            }
+            self.cells.extend_from_slice(&support.cells);
+            group.touched.extend_from_slice(&support.nodes);
+            group.touches.resize(group.touched.len(), Touch::Sliver);
+            group.firm_from = group.touched.len();
+        }
+        let of_point = group.touched.len() - support.nodes.len();
+        if of_point < group.firm_from {
+            let mut all_firm = true;
+            for (k, touch) in group.touches[of_point..].iter_mut().enumerate() {
+                if *touch < Touch::Firm {
+                    *touch = (*touch).max(Touch::of(support.value[k], &support.gradient[k], group.size));
+                }
+                all_firm &= *touch == Touch::Firm;
+            }
+            if all_firm {
+                group.firm_from = of_point;
+            }
+        }
+        self.local_start.push(self.local.len() + of_point);
+    }
+
+    /// Keeps the basis functions of a point, as factors where it has them.
+    #[inline]
+    fn keep(&mut self, grid: &dyn Grid<D>, cell: u32, support: &Support<D>) {
+        if let (Some(factors), Some(grid)) = (&support.factors, grid.structured()) {
+            self.start.push(self.factor.len());
+            let per_length = self.per_length.unwrap_or_else(|| {
+                let per_length = grid.sides(grid.cell_index(cell as usize)).map(|h| 1.0 / h);
+                self.factor.extend(per_length);
+                per_length
+            });
+            self.form.push(factors.keep(&per_length, &mut self.factor));
+        } else {
+            self.start.push(self.value.len());
+            self.form.push(Form::explicit(support.nodes.len()));
+            self.value.extend_from_slice(&support.value);
+            self.gradient.extend_from_slice(&support.gradient);
+        }
+    }
+
+    /// Ends a group: lists its nodes in ascending order, and where those of its points are in the list.
+    pub(super) fn end_group(&mut self) {
+        let Group { n_points, n_links, nodes, touched, touches, .. } = &mut self.group;
+        self.group_node_start.push(self.group_nodes.len());
+        nodes.sort_unstable();
+        self.local.extend(touched.iter().map(|n| nodes.partition_point(|m| m < n) as u32));
+        let first = self.group_nodes.len();
+        self.group_nodes.extend_from_slice(nodes);
+        self.touches.resize(self.group_nodes.len(), Touch::Sliver);
+        let locals = &self.local[self.local.len() - touched.len()..];
+        for (&local, &touch) in locals.iter().zip(&*touches) {
+            let firmest = &mut self.touches[first + local as usize];
+            *firmest = (*firmest).max(touch);
+        }
+        self.whole.push(*n_links == *n_points * nodes.len());
+    }
+}

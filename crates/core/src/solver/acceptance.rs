@@ -1,0 +1,130 @@
+//! The commit of a step in equilibrium.
+
+use crate::equilibrium::StepReport;
+use crate::quality::{Code, Location, Measures, Warning};
+use crate::step::Step;
+use crate::timing::{Phase, Timings};
+
+use super::agree::agree;
+use super::control::Path;
+use super::error::SolveError;
+use super::observer::Observer;
+use super::splitting;
+use super::stepper::Stepper;
+use super::strength::Movement;
+use super::summary::{Reached, Summary};
+
+impl<const D: usize, const N: usize> Stepper<'_, D, N> {
+    /// The trial state of a step in equilibrium becomes the converged state.
+    pub(super) fn accept(
+        &mut self,
+        report: StepReport<D>,
+        path: Path,
+        observer: &mut dyn Observer<D>,
+    ) -> Result<(), SolveError> {
+        self.judge(&report);
+        self.points.commit();
+        self.terms.iter_mut().for_each(|term| term.commit());
+        self.part_from_tools(&report.replaced_domains);
+        self.split_long_domains();
+        let (model, points) = (self.model, &*self.points);
+        let Reached { step, summary } = &mut self.reached;
+        summary.terms =
+            (self.terms.iter()).filter_map(|term| Some((term.name().to_owned(), term.save()?))).collect();
+        *step = report.step;
+        summary.path = path;
+        self.cause = None;
+        self.lost_points = None;
+        summary.kept = self.equations.kept();
+        summary.pace.succeeded(&model.stepping, report.most_solves);
+        summary.accept(&report);
+        let balance = summary.balance();
+        let raised = summary.quality.judge_balances(model, points, &balance, report.step.index);
+        summary.warnings.extend(raised);
+        let mut timings = Timings::default();
+        let observed = timings.measure(Phase::Output, || observer.converged(model, points, &report, summary));
+        summary.timings.add(&timings);
+        self.report = Some(report);
+        agree(&points.ranks, observed.map_err(SolveError::Output))
+    }
+
+    /// Moves the corners of domains that were replaced out of tools.
+    fn part_from_tools(&mut self, replaced: &[u32]) {
+        let Stepper { model, points, terms, .. } = self;
+        splitting::part_from_tools(model, points, terms, replaced);
+    }
+
+    /// Splits the points whose domains have become too long. The next step begins as a run begins that is resumed here.
+    fn split_long_domains(&mut self) {
+        let Stepper { model, points, reached, terms, .. } = self;
+        splitting::split_long(model, points, terms, &mut reached.summary.splits);
+    }
+
+    /// True if bodies begin to slide in a step in equilibrium, which is not committed, and a smaller one can show where; the
+    /// next attempt then is that one.
+    pub(super) fn hides_a_slide(&mut self, step: Step) -> bool {
+        let (model, points) = (self.model, &*self.points);
+        if model.stepping.strength_factor(step.end).is_none() {
+            return false;
+        }
+        let movement = Movement::of(model, points, step);
+        let summary = &mut self.reached.summary;
+        summary.strength_of(model.present.stage).begins_to_slide(movement)
+            && summary.pace.halve(&model.stepping, step.start, step.end)
+    }
+
+    /// Reports that a smaller step follows one in equilibrium in which bodies begin to slide.
+    pub(super) fn bisect(
+        &mut self,
+        report: StepReport<D>,
+        observer: &mut dyn Observer<D>,
+    ) -> Result<(), SolveError> {
+        self.links = report.grid.links;
+        let step = report.step;
+        let (model, points) = (self.model, &*self.points);
+        let timings = &mut self.reached.summary.timings;
+        let observed = timings.measure(Phase::Output, || observer.bisected(model, points, step));
+        agree(&points.ranks, observed.map_err(SolveError::Output))
+    }
+
+    /// Measures a step in equilibrium before it is committed.
+    fn judge(&mut self, report: &StepReport<D>) {
+        let (model, points) = (self.model, &*self.points);
+        let Summary { timings, quality, warnings, .. } = &mut self.reached.summary;
+        let raised = timings.measure(Phase::Update, || {
+            let moved = model.grid_at(report.step.end).ok().flatten();
+            let next_grid = moved.as_ref().map_or(model.grid.as_ref(), |grid| grid as _);
+            let measures = Measures::new(model, points, &report.grid.links, next_grid);
+            let mut raised = quality.accept(model, report.step.index, &measures, &report.residuals);
+            raised.extend(quality.watch(model, points, report));
+            raised
+        });
+        warnings.extend(raised);
+        if let Some(factor) = report.strength_factor {
+            let movement = Movement::of(model, points, report.step);
+            let from = model.stepping.strength_factor(model.stepping.start_time).unwrap_or(factor);
+            let slumped = self.reached.summary.damped - usize::from(report.damped);
+            let bracket = self.reached.summary.strength_of(model.present.stage);
+            let begun = bracket.begins(slumped, report.step.index);
+            let slides = bracket.stood(factor, from, movement, report.step.index);
+            self.reached.summary.warnings.extend(begun.into_iter().chain(slides));
+        }
+        let Summary { quality, warnings, .. } = &mut self.reached.summary;
+        if let Some(error) = self.equations.unreported_turn()
+            && quality.is_first(Code::Factorised)
+        {
+            let step = report.step.index;
+            warnings.push(Warning {
+                code: Code::Factorised,
+                step,
+                location: Location::default(),
+                value: None,
+                threshold: None,
+                message: format!(
+                    "iterations cannot solve the equations, which are factorised instead: {error}"
+                ),
+                detail: None,
+            });
+        }
+    }
+}

@@ -1,0 +1,186 @@
+//! The decision on an evaluated iterate: its residual is recorded, or it is evaluated once more. δd is halved if a point cannot
+//! follow it, and shortened by a line search if it overshoots.
+
+use crate::assembly::Wanted;
+use crate::step::StepContext;
+use crate::terms::EvaluateError;
+
+use super::attempt::Effort;
+use super::damping::MOST_TRIALS;
+use super::error::{SolveError, locate_failure};
+use super::load_step::LoadStep;
+use super::residual::Measured;
+use super::unknowns::Bracket;
+
+/// Largest number of halvings of δd when a point cannot follow it.
+const MOST_HALVINGS: usize = 5;
+/// Largest number of evaluations of a line search.
+const MOST_SEARCHES: usize = 3;
+/// The same where bodies touch tools: forces have kinks.
+const MOST_SEARCHES_OF_CONTACT: usize = 6;
+/// Fraction of the residual to which an increment must reduce it where bodies touch tools, lest a line search follows.
+const FAST: f64 = 0.1;
+/// First iteration since the last update of multipliers from which on an increment where bodies touch tools is halved until it
+/// does not increase the residual: friction has no potential whose slope would end a cycle between two states.
+const FIRST_BACKTRACK: usize = 8;
+/// Largest number of such halvings.
+const MOST_BACKTRACKS: usize = 5;
+/// First iteration with a line search after a failed attempt.
+const FIRST_SEARCH: usize = 3;
+/// First iteration with a line search otherwise, as a fraction of those allowed, so that iterations that converge are
+/// left alone.
+const LATE: f64 = 0.75;
+
+/// What has been tried at the present iterate.
+#[derive(Debug, Default)]
+pub(super) struct Search {
+    /// True if forces alone do not suffice.
+    pub(super) needs_stiffness: bool,
+    halvings: usize,
+    searches: usize,
+    backtracks: usize,
+    bracket: Bracket,
+}
+
+impl Search {
+    /// True if the last iterative increment has been shortened.
+    pub(super) fn has_shortened(&self) -> bool {
+        self.halvings + self.searches + self.backtracks > 0
+    }
+}
+
+impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
+    /// Records the residual of the iterate. `None` if it must be evaluated once more: with its stiffness, or nearer to the last
+    /// one.
+    ///
+    /// # Errors
+    /// [`SolveError`] if the iterate cannot be evaluated.
+    pub(super) fn settle(
+        &mut self,
+        iteration: usize,
+        wanted: Wanted,
+        measured: Result<Option<Measured>, EvaluateError>,
+    ) -> Result<Option<f64>, SolveError> {
+        let is_final = measured.as_ref().is_err_and(EvaluateError::is_final);
+        let found = match measured {
+            Ok(Some(found)) => Ok(found),
+            Err(failure) if is_final || wanted == Wanted::Stiffness => Err(failure),
+            _ => {
+                self.search.needs_stiffness = true;
+                return Ok(None);
+            }
+        };
+        if !is_final && (self.shortens(iteration, found.as_ref().ok()) || self.withdraws(&found)) {
+            return Ok(None);
+        }
+        self.is_predicted = false;
+        self.search = Search::default();
+        let StepContext { model, step, .. } = self.context;
+        let Measured { residual, round_off } = found
+            .map_err(|f| locate_failure(f, model, self.points, step, iteration, &self.course.residuals))?;
+        self.course.residuals.push(residual);
+        self.course.round_off = round_off;
+        self.observer.iteration(step, iteration, residual);
+        if iteration == 0 {
+            // Δd = 0: the stresses are those of the start of the step.
+            self.course.f_int_start = self.system.sum.system().internal_force().to_vec();
+        }
+        Ok(Some(residual))
+    }
+
+    /// Shortens δd and returns true if a point could not follow it, in which case nothing was found, if the potential rises
+    /// again at its end, or if the residual has grown in a cycle.
+    fn shortens(&mut self, iteration: usize, found: Option<&Measured>) -> bool {
+        let touches_tools = !self.context.model.tools.is_empty();
+        let [most_halvings, most_searches] = match (self.is_damped(), touches_tools) {
+            (true, _) => [MOST_TRIALS; 2],
+            (false, false) => [MOST_HALVINGS, MOST_SEARCHES],
+            (false, true) => [MOST_HALVINGS, MOST_SEARCHES_OF_CONTACT],
+        };
+        let may_shorten = iteration > 0 && !self.unknowns.prescribes && !self.course.is_augmented;
+        let Some(&Measured { residual, .. }) = found else {
+            let halves = may_shorten && self.search.halvings < most_halvings;
+            if halves {
+                self.search.halvings += 1;
+                self.shorten(0.5);
+            }
+            return halves;
+        };
+        // Round-off alone tells nothing about the length of an increment.
+        if residual <= self.context.model.newton.tolerance {
+            return false;
+        }
+        if self.search.searches < most_searches
+            && !self.course.is_augmented
+            && self.may_search(iteration, residual)
+        {
+            if !touches_tools {
+                self.search.bracket = Bracket::default(); // Smooth potentials need no more than a secant.
+            }
+            let border = &self.system.sum.system().border;
+            let bracket = &mut self.search.bracket;
+            let shorter = self.unknowns.secant_fraction(&self.course.out_of_balance, border, bracket);
+            if let Some(shorter) = shorter {
+                self.search.searches += 1;
+                self.shorten(shorter);
+                return true;
+            }
+        }
+        let backtracks =
+            self.search.backtracks < MOST_BACKTRACKS && may_shorten && self.cycles(iteration, residual);
+        if backtracks {
+            self.search.backtracks += 1;
+            self.shorten(0.5);
+        }
+        backtracks
+    }
+
+    /// Returns to Δd = 0, where the iterations have begun, if a predicted iterate is no better.
+    fn withdraws(&mut self, found: &Result<Measured, EvaluateError>) -> bool {
+        let is_better = |found: &Measured| found.residual < self.course.residuals[0];
+        let withdraws = self.is_predicted && !found.as_ref().is_ok_and(is_better);
+        if withdraws {
+            self.unknowns.start_again();
+            self.is_predicted = false;
+            self.search = Search { needs_stiffness: true, ..Search::default() };
+        }
+        withdraws
+    }
+
+    /// Reduces the last iterative increment to this fraction of what was taken of it.
+    fn shorten(&mut self, part: f64) {
+        if std::mem::take(&mut self.course.is_augmented_along) {
+            self.system.sum.withdraw_augmentation();
+        }
+        self.unknowns.shorten(part);
+    }
+
+    /// True if bodies touch tools and an increment of late iterations has led to a larger residual.
+    fn cycles(&self, iteration: usize, residual: f64) -> bool {
+        let before = self.course.residuals.last().copied().unwrap_or(f64::INFINITY);
+        !self.context.model.tools.is_empty()
+            && iteration - self.course.solves_before >= FIRST_BACKTRACK
+            && residual > before.max(self.context.model.newton.tolerance)
+    }
+
+    /// True if a line search may shorten the last increment, given the residual it has led to. Where bodies touch tools, any
+    /// increment may overshoot.
+    fn may_search(&self, iteration: usize, residual: f64) -> bool {
+        let newton = &self.context.model.newton;
+        let (damped, touches_tools) = (self.is_damped(), !self.context.model.tools.is_empty());
+        let first = if damped || touches_tools {
+            1
+        } else if self.summary.pace.is_careful() || self.effort == Effort::Thorough {
+            FIRST_SEARCH
+        } else {
+            ((LATE * newton.max_iterations as f64) as usize).max(FIRST_SEARCH)
+        };
+        let before = self.course.residuals.last().copied().unwrap_or(f64::INFINITY);
+        iteration - self.course.solves_before >= first
+            && !self.unknowns.prescribes
+            // Only the first increment changes the quantity that determines the load factor.
+            && (self.system.sum.system().per_factor().is_none() || touches_tools && iteration > 1)
+            && (damped || residual > if touches_tools { FAST * before } else { before })
+            && residual > newton.tolerance
+    }
+}

@@ -1,0 +1,108 @@
+//! What follows a failed attempt at a step.
+
+use crate::ranks::{Halo, Ranks};
+use crate::step::Step;
+use crate::timing::Phase;
+
+use super::agree::agree;
+use super::attempt::FailedAttempt;
+use super::diagnosis::Diagnosis;
+use super::error::SolveError;
+use super::observer::Observer;
+use super::stepper::Stepper;
+use super::summary::Reached;
+
+impl<const D: usize, const N: usize> Stepper<'_, D, N> {
+    /// True if a thorough attempt at the same step follows a failed one: where strength is reduced, the settings must not decide
+    /// whether a step has an equilibrium.
+    pub(super) fn is_repeated(&self, failed: &FailedAttempt<D>) -> bool {
+        failed.may_succeed_if_smaller && self.model.stepping.strength_factor(failed.step.end).is_some()
+    }
+
+    /// Counts and reports a failed attempt that a thorough one follows.
+    pub(super) fn announce_repetition(
+        &mut self,
+        mut failed: FailedAttempt<D>,
+        observer: &mut dyn Observer<D>,
+    ) -> Result<(), SolveError> {
+        failed.is_repeated = true;
+        let (model, points, summary) = (self.model, &*self.points, &mut self.reached.summary);
+        summary.failed_attempts += 1;
+        let observe = || observer.failed(model, points, &failed, None);
+        let observed = summary.timings.measure(Phase::Output, observe).map_err(SolveError::Output);
+        agree(&points.ranks, observed)
+    }
+
+    /// Makes the next step smaller, or returns the error that ends the run.
+    pub(super) fn refuse(
+        &mut self,
+        mut failed: FailedAttempt<D>,
+        observer: &mut dyn Observer<D>,
+    ) -> Result<(), SolveError> {
+        let (model, points) = (self.model, &*self.points);
+        let Reached { summary, step } = &mut self.reached;
+        summary.failed_attempts += 1;
+        let Step { start, end, .. } = failed.step;
+        let is_torn = failed.error.is_torn();
+        let was_last_resort = summary.pace.is_last_resort();
+        let goes_on =
+            failed.may_succeed_if_smaller && summary.pace.failed(&model.stepping, start, end, is_torn);
+        // The last attempt before the last resorts shows why a step fails.
+        let diagnosis = (!was_last_resort && (!goes_on || summary.pace.is_last_resort())).then(|| {
+            // Each rank looks at what it has: their errors may differ, and with them what they look for.
+            let halo = failed.exchange_halo(Halo::default());
+            let lost_points = self.lost_points.as_ref();
+            let diagnosis = Diagnosis::new(model, points, &failed, lost_points, summary.largest_load_factor);
+            failed.exchange_halo(halo);
+            of_failing_rank(&points.ranks, &failed, diagnosis)
+        });
+        if goes_on {
+            let observe = || observer.failed(model, points, &failed, None);
+            let observed = summary.timings.measure(Phase::Output, observe).map_err(SolveError::Output);
+            let observed = agree(&points.ranks, observed);
+            match diagnosis {
+                Some(diagnosis) => self.cause = Some((failed, diagnosis)),
+                None if failed.has_lost_points(model.newton.tolerance) => {
+                    self.lost_points = Some(failed.error)
+                }
+                None => {}
+            }
+            return observed;
+        }
+        if let Some(fails) = model.stepping.strength_factor(end).filter(|_| failed.may_succeed_if_smaller) {
+            let from = model.stepping.strength_factor(model.stepping.start_time);
+            // The state before the stage is in equilibrium at full strength.
+            let stood =
+                step.index > 0 || summary.initial_state.as_ref().is_some_and(|state| state.is_balanced);
+            let bracket = summary.strength_of(model.present.stage);
+            bracket.stands = bracket.stands.or(from.filter(|from| stood && *from <= 1.0));
+            bracket.fails = Some(fails);
+            let short = bracket.stopped_short(step.index);
+            summary.warnings.extend(short);
+            let observe = || observer.failed(model, points, &failed, None);
+            let observed = summary.timings.measure(Phase::Output, observe).map_err(SolveError::Output);
+            return agree(&points.ranks, observed);
+        }
+        let cause = self.cause.take().filter(|_| was_last_resort);
+        let ended = match (&cause, &diagnosis) {
+            (Some((cause, diagnosis)), _) => Some((cause, diagnosis)),
+            (None, Some(diagnosis)) => Some((&failed, diagnosis)),
+            (None, None) => None,
+        };
+        self.reached.summary.diagnosis = ended.map(|(_, diagnosis)| diagnosis.clone());
+        // The run has failed already, on all ranks.
+        let observe = || observer.failed(model, points, &failed, ended);
+        let _ = self.reached.summary.timings.measure(Phase::Output, observe);
+        Err(cause.map_or(failed.error, |(cause, _)| cause.error))
+    }
+}
+
+/// The diagnosis of the rank that has the error; the others know it in words only.
+fn of_failing_rank<const D: usize>(ranks: &Ranks, failed: &FailedAttempt<D>, own: Diagnosis) -> Diagnosis {
+    if ranks.is_alone() {
+        return own;
+    }
+    let is_known = !matches!(failed.error, SolveError::OnRank(_));
+    let told = ranks.first(is_known.then(|| serde_json::to_string(&own).unwrap_or_default()));
+    told.and_then(|text| serde_json::from_str(&text).ok()).unwrap_or(own)
+}
