@@ -182,7 +182,13 @@ impl Compressor {
         // A constant field has equal blocks.
         if self.stream.is_empty() || self.next != self.bytes {
             std::mem::swap(&mut self.bytes, &mut self.next);
-            let compress = self.compress.get_or_insert_with(|| Compress::new(Compression::new(1), true));
+            let compress = match &mut self.compress {
+                Some(used) => {
+                    used.reset();
+                    used
+                }
+                none => none.insert(Compress::new(Compression::new(1), true)),
+            };
             deflate(compress, &self.bytes, &mut self.stream).map_err(|error| error.to_string())?;
         }
         Ok(self.stream.clone())
@@ -222,9 +228,8 @@ fn store<T: Number>(values: &[T], stream: &mut Vec<u8>) {
     after.copy_from_slice(&simd_adler32::adler32(&&*bytes).to_be_bytes());
 }
 
-/// Replaces `stream` by the bytes as a zlib stream.
+/// Replaces `stream` by the bytes as a zlib stream; `how` begins.
 fn deflate(how: &mut Compress, bytes: &[u8], stream: &mut Vec<u8>) -> Result<(), CompressError> {
-    how.reset();
     stream.clear();
     stream.reserve(bytes.len() + bytes.len() / 64 + 64);
     loop {
