@@ -216,14 +216,17 @@ impl<const D: usize> Filling<'_, D> {
             .into_par_iter()
             .map(|place| inside(&at(&lattice.cell_index(place), 0.5)))
             .collect();
+        // The ways to a place and its neighbours, plus one along each axis.
+        let ways: Vec<[usize; D]> = (0..3usize.pow(D as u32))
+            .map(|k| std::array::from_fn(|d| k / 3usize.pow(d as u32) % 3))
+            .collect();
         let is_outer = |index: &[usize; D]| {
             // Subtraction below zero wraps around to an index beyond the lattice.
-            let neighbour = |k: usize| -> [usize; D] {
-                std::array::from_fn(|d| (index[d] + k / 3usize.pow(d as u32) % 3).wrapping_sub(1))
+            let is_full = |way: &[usize; D]| {
+                let at: [usize; D] = std::array::from_fn(|d| (index[d] + way[d]).wrapping_sub(1));
+                (0..D).all(|d| at[d] < n[d]) && kept[lattice.cell(at) - looked_at.start]
             };
-            let is_full =
-                |at: [usize; D]| (0..D).all(|d| at[d] < n[d]) && kept[lattice.cell(at) - looked_at.start];
-            !(0..3usize.pow(D as u32)).all(|k| is_full(neighbour(k)))
+            !ways.iter().all(is_full)
         };
         let one = |place: usize| {
             let index = lattice.cell_index(place);
