@@ -72,6 +72,7 @@ impl Sym3 {
     }
 
     /// Component `(i, j)`.
+    #[inline]
     pub fn component(&self, i: usize, j: usize) -> f64 {
         match (i.min(j), i.max(j)) {
             (0, 0) => self.0[0],
@@ -86,7 +87,8 @@ impl Sym3 {
     /// Components in the order of [`SYMMETRIC`], without the factors of the Mandel layout.
     #[inline]
     pub fn components(&self) -> [f64; 6] {
-        SYMMETRIC.map(|(i, j)| self.component(i, j))
+        let [xx, yy, zz, yz, xz, xy] = self.0;
+        [xx, yy, zz, xy / SQRT_2, yz / SQRT_2, xz / SQRT_2]
     }
 
     /// Trace.

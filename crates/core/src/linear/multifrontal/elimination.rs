@@ -187,12 +187,13 @@ impl Passed<'_> {
             let border = child.border_len();
             let height = dense::stride(border);
             let rows = &self.fronts.relative[child.border..child.border + border];
+            let update = self.of(child, factor);
             let begin = rows.partition_point(|&row| (row as usize) < first);
             for (c, &column) in rows.iter().enumerate().skip(begin) {
                 if column as usize >= end {
                     break;
                 }
-                let source = &self.of(child, factor)[c * height + c..c * height + border];
+                let source = &update[c * height + c..c * height + border];
                 let target = &mut columns[(column as usize - first) * stride..][..stride];
                 add_rows(source, &rows[c..], offset, target);
             }

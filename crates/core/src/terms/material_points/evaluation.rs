@@ -204,7 +204,7 @@ impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
         })
     }
 
-    #[inline]
+    #[inline(always)]
     pub(super) fn law(&self, p: usize) -> &dyn Material {
         if let Some(laws) = self.laws {
             return laws[p];
