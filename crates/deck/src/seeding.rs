@@ -209,29 +209,33 @@ impl<const D: usize> Filling<'_, D> {
         let margin = 1 + (1..D).map(|d| n[..d].iter().product::<usize>()).sum::<usize>();
         let looked_at =
             own.start.saturating_sub(margin)..own.end.saturating_add(margin).min(lattice.n_cells());
-        let at = |index: &[usize; D], shift: f64| -> [f64; D] {
-            std::array::from_fn(|d| lattice.axes()[d].position(index[d] as f64 + shift))
+        let table = |shift: f64| -> [Vec<f64>; D] {
+            let position = |d: usize, i: usize| lattice.axes()[d].position(i as f64 + shift);
+            std::array::from_fn(|d| (0..=n[d]).map(|i| position(d, i)).collect())
+        };
+        let (lines, middles) = (table(0.0), table(0.5));
+        let at = |table: &[Vec<f64>; D], index: &[usize; D]| -> [f64; D] {
+            std::array::from_fn(|d| table[d][index[d]])
         };
         let kept: Vec<bool> = (looked_at.clone())
             .into_par_iter()
-            .map(|place| inside(&at(&lattice.cell_index(place), 0.5)))
+            .map(|place| inside(&at(&middles, &lattice.cell_index(place))))
             .collect();
-        // The ways to a place and its neighbours, plus one along each axis.
-        let ways: Vec<[usize; D]> = (0..3usize.pow(D as u32))
-            .map(|k| std::array::from_fn(|d| k / 3usize.pow(d as u32) % 3))
+        // Ways from the lowest neighbour of a place to all of them, and to the place itself.
+        let ways: Vec<usize> = (0..3usize.pow(D as u32))
+            .map(|k| lattice.cell(std::array::from_fn(|d| k / 3usize.pow(d as u32) % 3)))
             .collect();
         let is_outer = |index: &[usize; D]| {
-            // Subtraction below zero wraps around to an index beyond the lattice.
-            let is_full = |way: &[usize; D]| {
-                let at: [usize; D] = std::array::from_fn(|d| (index[d] + way[d]).wrapping_sub(1));
-                (0..D).all(|d| at[d] < n[d]) && kept[lattice.cell(at) - looked_at.start]
-            };
-            !ways.iter().all(is_full)
+            if (0..D).any(|d| index[d] == 0 || index[d] + 1 == n[d]) {
+                return true;
+            }
+            let lowest = lattice.cell(index.map(|i| i - 1)) - looked_at.start;
+            !ways.iter().all(|way| kept[lowest + way])
         };
         let one = |place: usize| {
             let index = lattice.cell_index(place);
-            let mut seed =
-                self.brick(at(&index, 0.5), [at(&index, 0.0), at(&index, 1.0)], lattice.sides(index));
+            let ends = [at(&lines, &index), at(&lines, &index.map(|i| i + 1))];
+            let mut seed = self.brick(at(&middles, &index), ends, lattice.sides(index));
             seed.outer_layer = is_outer(&index);
             seed
         };

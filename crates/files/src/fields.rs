@@ -164,11 +164,20 @@ fn fill<const N: usize>(out: &mut [f64], tuples: impl Iterator<Item = [f64; N]>)
     }
 }
 
+/// Smallest ratio of the squares of stretches from which their logarithms have twelve digits, [-].
+const WELL_CONDITIONED: f64 = 1e-3;
+
 /// Logarithmic plastic strain −½ ln(F⁻¹ b^e F⁻ᵀ) in the original configuration.
 ///
-/// It follows from the singular values of F⁻¹ √b^e: at large strain, round-off of their squares could be negative.
+/// At large strain it follows from the singular values of F⁻¹ √b^e: round-off of their squares could be negative.
 fn plastic_strain(f: &Mat3, b: &Sym3) -> Sym3 {
     let inverse = f.try_inverse().unwrap_or_else(Mat3::identity);
+    let squares = Sym3::symmetric_part(&(inverse * b.to_matrix() * inverse.transpose())).spectrum();
+    let [least, largest] =
+        [f64::min, f64::max].map(|of| squares.values.into_iter().fold(squares.values[0], of));
+    if least > WELL_CONDITIONED * largest {
+        return squares.compose(squares.values.map(f64::ln)) * -0.5;
+    }
     let svd = (inverse * b.map_eigenvalues(f64::sqrt).to_matrix()).svd(true, false);
     let Some(u) = svd.u else { return Sym3::ZERO };
     let least = f64::EPSILON * svd.singular_values.max();
