@@ -138,7 +138,7 @@ impl<const D: usize> Connectivity<D> {
         points: &mut Points<D>,
         methods: &[Method],
     ) -> Result<Self, SupportFailure> {
-        let group_points = points
+        let groups = points
             .group_by_cell(grid)
             .map_err(|point| point.map_or(SupportFailure::ON_RANK, SupportFailure::off_grid))?;
         let points = &*points;
@@ -147,60 +147,45 @@ impl<const D: usize> Connectivity<D> {
             for group in groups.windows(2).map(|ends| ends[0]..ends[1]) {
                 piece.begin_group(group.clone().next().map_or(0.0, |p| grid.size(points.cell[p] as usize)));
                 for p in group {
-                    let point = PointGeometry {
-                        cell: points.cell[p],
-                        position: &points.converged.position[p],
-                        half_lengths: &points.half_lengths(p),
-                        corners: points.corners(p),
-                    };
                     let basis: &dyn Basis<D> = methods[points.body[p] as usize].basis();
-                    let supported = basis.support(grid, &point, &mut support); // S_vp, ∇S_vp
+                    let supported = basis.support(grid, &PointGeometry::of(points, p), &mut support); // S_vp, ∇S_vp
                     supported.map_err(|error| SupportFailure { point: p, error })?;
                     slivers.fold(grid, &mut support, &mut piece.carried);
-                    piece.add(grid, point.cell, &support);
+                    piece.add(grid, points.cell[p], &support);
                 }
                 piece.end_group();
             }
             Ok(piece)
         };
-        let of_all_ranks = |linked: Result<(), SupportFailure>| {
-            if points.ranks.any(linked.is_err()) { linked.and(Err(SupportFailure::ON_RANK)) } else { Ok(()) }
-        };
-        of_all_ranks(self.fill(grid, &group_points, |groups| link(groups, &Slivers::default())))?;
-        let sharing = self.sharing(&points.ranks, grid.n_nodes());
-        let others = SharedTouches { ranks: &points.ranks, sharing: &sharing };
-        let of_groups = (&self.group_node_start[..], &self.group_nodes[..]);
-        let slivers = Slivers::new(grid.n_nodes(), of_groups, &self.touches, &others);
-        if !slivers.is_empty() {
-            of_all_ranks(self.fill(grid, &group_points, |groups| link(groups, &slivers)))?;
-        }
-        self.group_points = group_points;
-        Ok(self.numbered(grid, &points.ranks, &sharing))
-    }
-
-    /// Links the points piece by piece, several at a time. Nodes keep their grid numbers for now.
-    fn fill(
-        &mut self,
-        grid: &dyn Grid<D>,
-        group_points: &[usize],
-        link: impl Fn(&[usize]) -> Result<Piece<D>, SupportFailure> + Sync,
-    ) -> Result<(), SupportFailure> {
-        self.clear();
-        self.per_length = per_length_if_even(grid);
-        let n_groups = group_points.len() - 1;
-        // Rounds limit the number of pieces that exist besides the result.
-        for round in (0..n_groups).step_by(ROUND * PIECE) {
-            let end = (round + ROUND * PIECE).min(n_groups);
-            let pieces: Vec<Result<Piece<D>, SupportFailure>> = (round..end)
-                .into_par_iter()
-                .step_by(PIECE)
-                .map(|first| link(&group_points[first..=(first + PIECE).min(end)]))
-                .collect();
-            for piece in pieces {
-                self.append(piece?);
+        let (mut slivers, mut sharing) = (Slivers::default(), Sharing::default());
+        // The first pass finds the slivers, if any; a second one folds them into other nodes.
+        for pass in 0..2 {
+            self.clear();
+            self.per_length = per_length_if_even(grid);
+            let n_groups = groups.len() - 1;
+            // Rounds limit the number of pieces that exist besides the result.
+            let linked = (0..n_groups).step_by(ROUND * PIECE).try_for_each(|round| {
+                let end = (round + ROUND * PIECE).min(n_groups);
+                let firsts = (round..end).into_par_iter().step_by(PIECE);
+                let pieces = firsts.map(|first| link(&groups[first..=(first + PIECE).min(end)], &slivers));
+                let pieces: Vec<Result<Piece<D>, SupportFailure>> = pieces.collect();
+                pieces.into_iter().try_for_each(|piece| piece.map(|piece| self.append(piece)))
+            });
+            if points.ranks.any(linked.is_err()) {
+                return linked.and(Err(SupportFailure::ON_RANK));
+            }
+            if pass == 0 {
+                sharing = self.sharing(&points.ranks, grid.n_nodes());
+                let others = SharedTouches { ranks: &points.ranks, sharing: &sharing };
+                let of_groups = (&self.group_node_start[..], &self.group_nodes[..]);
+                slivers = Slivers::new(grid.n_nodes(), of_groups, &self.touches, &others);
+            }
+            if slivers.is_empty() {
+                break;
             }
         }
-        Ok(())
+        self.group_points = groups;
+        Ok(self.numbered(grid, &points.ranks, &sharing))
     }
 
     /// The links with active numbers of the nodes, and what ranks share.

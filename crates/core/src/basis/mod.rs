@@ -13,7 +13,7 @@ mod slivers;
 use serde::{Deserialize, Serialize};
 
 use crate::grid::Grid;
-use crate::points::coordinates;
+use crate::points::{Points, coordinates};
 
 use factors::Factors;
 
@@ -101,6 +101,19 @@ pub struct PointGeometry<'a, const D: usize> {
     pub corners: &'a [[f64; D]],
 }
 
+impl<'a, const D: usize> PointGeometry<'a, D> {
+    /// The geometry of a point in its converged state.
+    #[inline(always)]
+    pub fn of(points: &'a Points<D>, p: usize) -> Self {
+        PointGeometry {
+            cell: points.cell[p],
+            position: &points.converged.position[p],
+            half_lengths: points.converged.half_lengths.get(p).unwrap_or(&[0.0; D]),
+            corners: points.corners(p),
+        }
+    }
+}
+
 /// Grid nodes and cells that a point touches, with basis function values and gradients.
 #[derive(Debug, Clone, Default)]
 pub struct Support<const D: usize> {
@@ -157,7 +170,7 @@ pub enum SupportError {
     /// A corner of the domain lies outside the grid.
     #[error("corner {corner} of its domain, at {}, is outside the grid", coordinates(&position[..*dimension]))]
     CornerOffGrid {
-        /// Number of the corner.
+        /// Corner number.
         corner: usize,
         /// Its position, [length]; zero beyond the dimension.
         position: [f64; 3],
@@ -191,8 +204,8 @@ pub trait Basis<const D: usize>: Sync {
         out: &mut Support<D>,
     ) -> Result<(), SupportError>;
 
-    /// The cells of a point with their shares of its domain, which add up to 1: those at whose centres F-bar takes the volume
-    /// ratio. None without such centres.
+    /// The cells at whose centres F-bar takes the volume ratio of a point, each with its share of the point's domain;
+    /// the shares add up to 1. Empty if the method has no such centres.
     fn shares(&self, _grid: &dyn Grid<D>, _point: &PointGeometry<D>) -> Vec<(u32, f64)> {
         Vec::new()
     }

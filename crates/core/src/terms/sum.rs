@@ -61,7 +61,7 @@ pub struct Sum<const D: usize, const N: usize = D> {
 }
 
 impl<const D: usize, const N: usize> Sum<D, N> {
-    /// Sets up the system of a step; the terms must have begun it.
+    /// Sets up the system of a step, which the terms must already have begun.
     pub fn new(terms: Terms<D, N>, step: &StepContext<D>, dofs: &DofMap<N>) -> Self {
         let system = Sum::laid_out(&terms, step, dofs);
         Sum { terms, system }
@@ -80,8 +80,8 @@ impl<const D: usize, const N: usize> Sum<D, N> {
         )
     }
 
-    /// Lays out the system anew if its stiffness has ceased to be symmetric at the last evaluation, or if terms couple further
-    /// nodes; true if it has.
+    /// Lays out the system anew if its stiffness has ceased to be symmetric at the last evaluation, or if terms couple
+    /// further nodes; true if it has done so.
     pub fn outgrows(&mut self, step: &StepContext<D>, dofs: &DofMap<N>) -> bool {
         let is_symmetric = || self.terms.iter().all(|term| term.is_symmetric(step));
         let outgrown =
@@ -94,7 +94,7 @@ impl<const D: usize, const N: usize> Sum<D, N> {
         outgrown
     }
 
-    /// The sum of the terms of a model whose loads are finite.
+    /// The sum of the terms of a model, which begin the step, without constraints.
     ///
     /// # Errors
     /// [`BeginError`].
@@ -130,8 +130,8 @@ impl<const D: usize, const N: usize> Sum<D, N> {
     /// Evaluates all terms, on the points of this rank.
     ///
     /// # Errors
-    /// [`EvaluateError`]: the first point that could not follow the increment, or a law that failed; on all ranks if one has an
-    /// error.
+    /// [`EvaluateError`]: the first point that could not follow the increment, or a law that failed; on all ranks if
+    /// one rank has an error.
     pub fn evaluate(
         &mut self,
         step: &StepContext<D>,
@@ -173,8 +173,8 @@ impl<const D: usize, const N: usize> Sum<D, N> {
         Ok(outcome)
     }
 
-    /// Updates the multipliers of all terms along an increment, after so many updates along it; returns what this adds to the
-    /// equations if any has changed.
+    /// Updates the multipliers of all terms along an increment; `update` is the number of previous updates along it.
+    /// Returns what the update adds to the equations if any multiplier has changed.
     pub fn augment_along(&mut self, increment: At<N>, update: usize) -> Option<Response<N>> {
         let (n_nodes, n_globals) = (increment.delta_d.len(), increment.globals.len());
         let mut added = Response::new(n_nodes, n_globals);
@@ -197,7 +197,7 @@ impl<const D: usize, const N: usize> Sum<D, N> {
         Some(added)
     }
 
-    /// Supports the last stiffness where terms leave bodies without resistance; true if there is such a place.
+    /// Supports the last stiffness where terms leave bodies without resistance; true if there is such a location.
     pub fn support(&mut self) -> bool {
         let Sum { terms, system } = self;
         let mut supports = false;
@@ -207,7 +207,7 @@ impl<const D: usize, const N: usize> Sum<D, N> {
         system.ranks().any(supports)
     }
 
-    /// Takes back the updates of multipliers along the last increment.
+    /// Withdraws the updates of multipliers along the last increment.
     pub fn withdraw_augmentation(&mut self) {
         self.terms.iter_mut().for_each(|term| term.withdraw_augmentation());
     }
@@ -217,12 +217,12 @@ impl<const D: usize, const N: usize> Sum<D, N> {
         &self.system
     }
 
-    /// The same, for the solver.
+    /// The sum of all terms in the last evaluation, for the solver.
     pub fn system_mut(&mut self) -> &mut System<N> {
         &mut self.system
     }
 
-    /// The external force of the state that the step starts from, condensed like the forces at the end of the step,
+    /// The external force of the state from which the step starts, condensed like the forces at the end of the step,
     /// [force].
     pub fn external_force_at_start(&self, dofs: &DofMap<N>) -> Nodal<N> {
         let mut force = vec![[0.0; N]; self.system.internal_force().len()];
@@ -256,7 +256,7 @@ impl<const D: usize, const N: usize> Sum<D, N> {
         resultants
     }
 
-    /// The reactions of the boundary conditions of the model that hold on surfaces.
+    /// The reactions of those boundary conditions of the model that act on surfaces.
     pub fn surface_reactions(&self) -> Vec<SurfaceReaction<D>> {
         self.terms.iter().flat_map(|term| term.surface_reactions()).collect()
     }
@@ -276,7 +276,7 @@ impl<const D: usize, const N: usize> Sum<D, N> {
         self.terms.iter().flat_map(|term| term.named_forces()).collect()
     }
 
-    /// Number of faces between cells that are stabilised.
+    /// Number of stabilised faces between cells.
     pub fn stabilised_faces(&self) -> usize {
         self.terms.iter().map(|term| term.stabilised_faces()).sum()
     }
@@ -293,8 +293,8 @@ impl<const D: usize, const N: usize> Sum<D, N> {
     }
 }
 
-/// The unknowns at which a term is evaluated, given the index of its first global unknown; and that index for the next
-/// term.
+/// The unknowns at which a term is evaluated, given the index of its first global unknown; and the index of the first
+/// global unknown of the next term.
 fn of_term<'a, const D: usize, const N: usize>(
     term: &dyn Term<D, N>,
     at: At<'a, N>,
