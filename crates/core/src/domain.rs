@@ -128,14 +128,13 @@ fn corrected<const D: usize>(F: &Mat3, lengths: &[f64; D]) -> [f64; D] {
     std::array::from_fn(|i| lengths[i] * F[(i, i)] * factor)
 }
 
-/// Scales the lengths uniformly to a volume, eq. (37); both the lengths and the volume are per 2^n_D.
+/// Scales half lengths uniformly so that their product is `volume`, the volume of the domain divided by 2^n_D, eq. (37).
 fn with_volume<const D: usize>(lengths: [f64; D], volume: f64) -> [f64; D] {
     let factor = root::<D>(volume / lengths.iter().product::<f64>());
     lengths.map(|l| l * factor)
 }
 
-/// Half the largest distance between the mid-points of opposite sides (faces) after the corners have moved, eqs.
-/// (35)-(36).
+/// Along each axis, half the extent of the mid-points of all sides (faces) after the corners have moved, eqs. (35)-(36).
 fn lengths_from_corners<const D: usize>(motion: &DomainMotion<D>) -> [f64; D] {
     let mut low = [f64::INFINITY; D];
     let mut high = [f64::NEG_INFINITY; D];

@@ -54,9 +54,10 @@
 //! | b^e_n | [`b_n`](stress::StartOfStep::b_n) | elastic left Cauchy-Green strain at the start of the step |
 //! | ε^e | [`elastic_strain`](points::State::elastic_strain) | elastic logarithmic strain, ½ ln b^e (or ½ (b^e − I), see [`StrainMeasure`](material::StrainMeasure)) |
 //! | τ | [`kirchhoff_stress`](points::State::kirchhoff_stress), `tau` | Kirchhoff stress |
-//! | P̃, Ã | [`stress`](stress::Contribution::stress), [`tangent`](stress::Contribution::tangent) | stress of eq. (18) and its derivative (A.3): formed by `plane_strain::previous` and [`Spatial`](stress::Spatial); `P` inside the kernels |
+//! | V P̃, V Ã | [`stress`](stress::InPlane::stress), [`tangent`](stress::InPlane::tangent) | stress of eq. (18) and its derivative (A.3), times the volume, in plane strain: formed by `plane_strain::previous`; in space, [`Spatial`](stress::Spatial) has the equivalent in the current configuration |
+//! | σ, a | [`stress`](stress::Contribution::stress), [`tangent`](stress::Contribution::tangent) | stress and tangent of the updated Lagrangian formulation, eqs. (2)-(6) |
 //! | D^alg | [`tangent`](material::Response::tangent) | algorithmic (consistent) tangent of the law |
-//! | L | [`log_derivative`](tensor::log_derivative), `L` | derivative of the logarithm, eq. (A.2) |
+//! | L | [`log_with_derivative`](tensor::log_with_derivative), `L` | derivative of the logarithm, eq. (A.2) |
 //! | V_p^0, V_p^n | [`original_volume`](points::Points::original_volume), [`volume_n`](stress::StartOfStep::volume_n), by [`Model::volume`](model::Model::volume) | volume of a point, original and at the start of the step, eq. (22) |
 //! | m_p | [`mass`](points::Points::mass) | constant mass |
 //! | – | [`corners`](points::State::corners), [`original_corners`](points::Points::original_corners) | corners of a CPDI domain, current and original |

@@ -9,18 +9,21 @@
 //! | `newton` | the iterations, eqs. (26), (30) |
 //! | `evaluation`, `unknowns` | forces and K of an iterate; Δd, δd and reactions, eq. (28) |
 //! | `line_search` | which iterates are evaluated once more, after a shorter δd |
-//! | `residual`, `body_residual`, `round_off` | eq. (40), by connected parts and by bodies, and round-off |
+//! | `residual`, `body_residual`, `round_off` | eq. (40), by connected parts and by bodies, and round-off; `evaluation` forms it |
 //! | `update` | motion of points and domains, section 6.4 |
 //! | `equations` | choice of the linear solver, border of global unknowns |
 //! | `initial_state` | equilibrium of bodies that are stressed at time 0 |
 //! | `strength` | factors of a reduction of strength, and displacements on the way |
+//! | `splitting` | domains that have become too long are split between steps |
 //! | `conclusion`, `summary`, `observer` | account of a step and of the run |
-//! | `course`, `forcing`, `damping`, `damped_step`, `control`, `motion` | beyond the paper: forecasts, inexact solves, damping, unknown load factor, predictor |
+//! | `course` | the account of the iterations, with f^R of eq. (28) |
+//! | `forcing`, `damping`, `damped_step`, `control`, `motion` | beyond the paper: inexact solves, damping, unknown load factor, predictor |
 //! | `agree`, `of_rank`, `reach` | what all ranks of a run decide together |
-//! | `attempt`, `error`, `diagnosis`, `evidence`, `stiffness` | how attempts end, and why they fail |
+//! | `attempt`, `error`, `diagnosis`, `evidence`, `stiffness` | how attempts end, and why they fail; contrasts of stiffness between materials |
 //!
 //! A step that fails leaves no trace in the converged state. It is retried in two halves, down to the smallest step
-//! that the deck allows; only equilibrium is committed.
+//! that the deck allows; only equilibrium is accepted and reported. While bodies slump, the points move on over several grids,
+//! and return if no equilibrium follows.
 
 mod acceptance;
 mod agree;
