@@ -7,8 +7,8 @@
 //! cargo run --example load_step
 //! ```
 //!
-//! Symbols are those of the paper; the table in `crates/core/src/lib.rs` lists them. All tensors are 3×3 and nodes have three
-//! degrees of freedom, 3v + i for axis i of active node v: plane strain prescribes zero along z.
+//! Symbols are those of the paper; the table in `crates/core/src/lib.rs` lists them. All tensors are 3×3 and nodes have
+//! three degrees of freedom, 3v + i for axis i of active node v: plane strain prescribes zero along z.
 #![allow(clippy::print_stdout, reason = "a program")]
 #![allow(non_snake_case)]
 
@@ -27,8 +27,9 @@ type Matrix = DMatrix<f64>;
 /// The nodes that a point p touches: v, S_vp and ∂S_vp/∂X̃.
 type Nodes = Vec<(usize, f64, Vector3<f64>)>;
 
-/// Section 6.3: finds equilibrium from the converged state of the points and writes their trial state. Returns Δd, f^react and
-/// the residuals; `None` without equilibrium, or for loads and conditions other than gravity and constant displacements.
+/// Section 6.3: finds equilibrium from the converged state of the points and writes their trial state. Returns Δd,
+/// f^react and the residuals; `None` without equilibrium, or for loads and conditions other than gravity and constant
+/// displacements.
 fn load_step(model: &Model<2>, points: &mut Points<2>, step: Step) -> Option<(Vector, Vector, Vec<f64>)> {
     let methods = model.methods();
     let links = Connectivity::new(model.grid.as_ref(), points, &methods).ok()?;
@@ -71,7 +72,7 @@ fn load_step(model: &Model<2>, points: &mut Points<2>, step: Step) -> Option<(Ve
             move_points(points, &basis, &delta_d);
             return Some((delta_d, f_react, residuals));
         }
-        // (26) on the free degrees of freedom. What is left of the prescribed increments loads them through K.
+        // (26) on the free degrees of freedom, which the remaining prescribed increments load through K.
         let mut delta = Vector::from_fn(n, |d, _| prescribed[d].map_or(0.0, |whole| whole - delta_d[d]));
         let right = (&f_R - &K * &delta).select_rows(&free);
         let solution = K.select_rows(&free).select_columns(&free).lu().solve(&right)?;
@@ -167,7 +168,7 @@ boundary_conditions: [{name: clamp, nodes: {x: 0}, ux: 0, uy: 1}]
 loads: [{name: weight, type: gravity, acceleration: [0, -6]}]
 steps: {count: 3}";
 
-/// Takes each step from where the program began it, and panics where the two differ.
+/// Repeats each step from the state in which the program began it, and panics where the two differ.
 struct Twin(Points<2>);
 
 impl Observer<2> for Twin {

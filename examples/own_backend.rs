@@ -4,8 +4,8 @@
 //! cargo run --example own_backend
 //! ```
 //!
-//! It cannot compete with the built-in ones, but shows everything a backend must do. A run with it takes the same
-//! steps.
+//! It cannot compete with the built-in solvers, but shows everything that a backend must do. A run with it takes the
+//! same steps.
 #![allow(clippy::print_stdout, reason = "a program")]
 
 use mpm::deck::{build::build, load::load_text};
@@ -36,7 +36,7 @@ impl<const D: usize, const N: usize> Backend<D, N> for ConjugateGradients<N> {
         });
         for (node, block) in diagonal.iter_mut().enumerate() {
             let is_unknown = |c: usize| layout.numbering.unknown(node, c).is_some();
-            // Rows and columns without an unknown become those of the identity.
+            // Rows and columns without an unknown become rows and columns of the identity.
             for (i, k) in (0..N).flat_map(|i| (0..N).map(move |k| (i, k))) {
                 if !(is_unknown(i) && is_unknown(k)) {
                     block[(i, k)] = f64::from(u8::from(i == k));

@@ -97,8 +97,8 @@ fn settlement(h: f64) -> Result<f64, SolveError> {
     Ok(moved.fold(0.0, f64::max))
 }
 
-/// The same from the balance of forces, by bisection for the strain at each depth: with rigid sides the axial force is the weight
-/// above, and the Cauchy stress e^(−ε) τ.
+/// The same from the balance of forces, by bisection for the strain at each depth: with rigid sides, the axial force is
+/// the weight above, and the Cauchy stress is e^(−ε) τ.
 fn exact_settlement(to: f64) -> f64 {
     let slices = 20_000;
     let strain_under = |weight: f64| {
@@ -141,7 +141,7 @@ mod tests {
         assert!(errors.iter().all(|error| *error < 1e-3), "{errors:?}");
     }
 
-    /// The tangent is the derivative of the stress, and the stress that of the energy.
+    /// The tangent is the derivative of the stress, and the stress is the derivative of the energy.
     #[test]
     fn the_tangent_is_consistent() {
         let strain = Sym3([-0.1, 0.03, -0.2, 0.05, 0.02, -0.04]);

@@ -37,7 +37,7 @@ impl Trolley {
         std::array::from_fn(|d| self.start[d] + time * self.velocity[d])
     }
 
-    /// The force on the active nodes at a time, by the basis functions of the grid at the trolley.
+    /// The force on the active nodes at a time, distributed by the basis functions of the grid at the trolley.
     fn on_nodes(&self, step: &StepContext<2>, time: f64) -> Nodal<2> {
         let mut nodal = vec![[0.0; 2]; step.links.n_active()];
         let (_, basis) = step.model.grid.basis_near(&self.place(time), None);
@@ -82,7 +82,7 @@ impl Term<2> for Trolley {
         Ok(())
     }
 
-    // The energy balance needs it.
+    // The energy balance needs this force.
     fn force_at_start(&self, force: &mut Nodal<2>) {
         add(force, &self.at_start);
     }

@@ -1,5 +1,5 @@
 //! A user-defined term of equilibrium, implemented outside the library: a smooth wall that is independent of the grid,
-//! by a penalty on the points behind it.
+//! enforced by a penalty on the points behind it.
 //!
 //! ```sh
 //! cargo run --example own_term
@@ -58,7 +58,7 @@ impl Term<2> for Wall {
         Ok(())
     }
 
-    // Nodes of a point are in the same group, so the term couples no further nodes.
+    // The nodes of a point are in the same group, so the term couples no further nodes.
     fn evaluate(
         &mut self,
         step: &StepContext<2>,
@@ -82,7 +82,7 @@ impl Term<2> for Wall {
                     continue;
                 }
                 let k = self.stiffness * points.original_volume[p];
-                // The internal force resists the motion: the contribution of the wall points into the wall.
+                // The internal force resists the motion, so the contribution of the wall points into the wall.
                 let internal = self.normal.map(|n| k * distance * n);
                 for &(node, value) in &links {
                     let force = &mut sum.internal_force_mut()[node];
@@ -119,7 +119,7 @@ impl Term<2> for Wall {
         vec![NamedForce { name: "wall".to_owned(), force: self.force }]
     }
 
-    // A checkpoint has to know the energy from which the account begins.
+    // A checkpoint must store the energy from which the energy balance begins.
     fn save(&self) -> Option<Saved> {
         Some(serde_json::json!(self.at_start).into())
     }
@@ -136,7 +136,7 @@ const SPACING: f64 = 0.5;
 const DENSITY: f64 = 1000.0;
 const WEIGHT: f64 = DENSITY * 9.81 * SIDE * SIDE;
 
-/// A block on the wall, its left side held along x.
+/// A block on the wall; its left side is held along x.
 fn block() -> Result<(Model<2>, Points<2>), BuildError> {
     let fill = Fill { method: Method::Mpm, points_per_cell: 4, density: DENSITY, ..Fill::default() };
     Builder::new(Structured::new([0.0; 2], [SPACING; 2], [8; 2]))
@@ -148,7 +148,7 @@ fn block() -> Result<(Model<2>, Points<2>), BuildError> {
         .build()
 }
 
-/// The account of the run, and the force of the wall at its end, [force].
+/// The summary of the run, and the force of the wall at its end, [force].
 fn run(angle: f64) -> Result<(Summary, [f64; 2]), Box<dyn std::error::Error>> {
     let (model, mut points) = block()?;
     // The wall touches the lowest points at the start.

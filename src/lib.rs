@@ -5,7 +5,7 @@
 //! - the method (`mpm-core`): [`solver`] and its parts; start with the page of that crate;
 //! - [`foreign`] (`mpm-foreign`): laws from shared libraries;
 //! - [`deck`] (`mpm-deck`): from YAML to a [`model::Model`] and [`points::Points`], with messages that name the line;
-//! - [`output`] (`mpm-files`): from there to result files;
+//! - [`output`] (`mpm-files`): from a run to result files;
 //! - [`appendix`] and [`study`] (`mpm-report`): reports of results, and a deck run for many parameters;
 //! - [`codes`]: the pages that explain messages;
 //! - [`program`]: the commands.
@@ -24,7 +24,7 @@ pub use mpm_report::{appendix, study};
 pub mod codes;
 pub mod program;
 
-/// The program on the page about the library is run as a test.
+/// The program on the page about the library runs as a test.
 #[cfg(doctest)]
 #[doc = include_str!("../docs/how-to/library.md")]
 struct LibraryPage;

@@ -1,5 +1,5 @@
-//! The program `mpm`: arguments, messages and exit codes. Only this module prints, sets up threads and signals for the whole
-//! process, and ends it: after a second Ctrl-C, or without memory.
+//! The program `mpm`: arguments, messages and exit codes. Only this module prints, sets up threads and signals for the
+//! whole process, and ends the process: after a second Ctrl-C, or when memory runs out.
 
 #[macro_use]
 mod screen;

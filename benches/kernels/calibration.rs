@@ -6,7 +6,7 @@ use pulp::{Arch, Simd, WithSimd};
 
 use crate::clock::least;
 
-/// Speed of one thread of the machine, by the vector instructions that the kernels are compiled for.
+/// Speed of one thread of the machine, with the vector instructions for which the kernels are compiled.
 pub struct Machine {
     /// Products and sums rounded one by one, as the kernels do, [GFLOP/s].
     pub separate: f64,
@@ -42,7 +42,7 @@ impl Machine {
     }
 }
 
-/// Numbers in each array of the triad: 64 MiB, more than caches hold.
+/// Numbers in each array of the triad: 64 MiB, more than the caches hold.
 const TRIAD: usize = 1 << 23;
 /// Independent chains of sums of products: enough to hide their latency, few enough for the registers.
 const CHAINS: usize = 12;

@@ -7,8 +7,8 @@ use cpu_time::ThreadTime;
 /// A measurement ends after this much CPU time in total.
 const ENOUGH: Duration = Duration::from_millis(400);
 
-/// Least CPU time of one call of `work` over repeated calls, [s]: its cost without interference by other programs. CPU
-/// time does not count other programs, but they share caches and memory.
+/// Least CPU time of one call of `work` over repeated calls, [s]: its cost without interference from other programs.
+/// CPU time does not count other programs, but they share caches and memory.
 ///
 /// Calls take some milliseconds, so no batches are needed.
 pub fn least(mut work: impl FnMut()) -> f64 {

@@ -1,9 +1,9 @@
-//! Operations and memory traffic of an evaluation, counted on the equations as they are programmed.
+//! Operations and memory traffic of an evaluation, counted in the equations as they are programmed.
 //!
-//! Sums, differences, products, quotients and roots count as one, a logarithm as twenty; of a symmetric stiffness only
-//! one triangle counts, even where vector instructions form more. Bytes are those that must pass at least once
-//! between memory and processor: the data of points and links, and the blocks of the stiffness where they are zeroed,
-//! summed and read again. Both are estimates.
+//! A sum, difference, product, quotient or root counts as one operation, a logarithm as twenty; for a symmetric
+//! stiffness only one triangle counts, even where vector instructions compute more. Bytes are those that must pass at
+//! least once between memory and processor: the data of points and links, and the blocks of the stiffness where they
+//! are zeroed, summed and read again. Both are estimates.
 
 use mpm::basis::Connectivity;
 use mpm::stress::StartOfStep;
@@ -17,7 +17,7 @@ pub struct Work {
     pub bytes: f64,
 }
 
-/// The kernels, by their cost.
+/// The kernels, distinguished by their cost.
 #[derive(Clone, Copy)]
 pub enum Kernel {
     /// [`mpm::stress::PlaneStrain`].

@@ -38,7 +38,7 @@ fn row<const D: usize>(machine: &Machine, name: &str, n: usize) {
     });
     let size = direct.factor_size();
     let flops = size.operations / factorise * 1e-9;
-    // Forward and back again.
+    // The substitutions read the factor twice: forward and back again.
     let bytes = 2.0 * 8.0 * size.entries as f64 / solve * 1e-9;
     println!(
         "| {name} | {} | {} | {:.1} | {:.1} | {flops:.1} | {:.0} % | {:.2} | {bytes:.1} | {:.0} % |",
@@ -52,8 +52,8 @@ fn row<const D: usize>(machine: &Machine, name: &str, n: usize) {
     );
 }
 
-/// The stiffness of `n` nodes along each axis, the lowest along the last axis fixed, with a random stiffness of cells;
-/// and the positions of its nodes.
+/// The stiffness for `n` nodes along each axis, with the lowest nodes along the last axis fixed and random cell
+/// stiffnesses; and the positions of its nodes.
 fn equations<const D: usize>(n: usize) -> (Pattern, Vec<f64>, Vec<[u32; D]>) {
     let place = |node: usize| -> [usize; D] { std::array::from_fn(|d| node / n.pow(d as u32) % n) };
     let number = |place: [usize; D]| (0..D).map(|d| place[d] * n.pow(d as u32)).sum::<usize>();
@@ -104,7 +104,8 @@ fn equations<const D: usize>(n: usize) -> (Pattern, Vec<f64>, Vec<[u32; D]>) {
     (pattern, values, (held..n_nodes).map(|node| place(node).map(|i| i as u32)).collect())
 }
 
-/// The stiffness of a square or cube of side 1 with Young's modulus 1 and Poisson's ratio 0.3: a block for each two corners.
+/// The stiffness of a square or cube of side 1 with Young's modulus 1 and Poisson's ratio 0.3: one block for each pair
+/// of corners.
 fn element<const D: usize>() -> Vec<Vec<[[f64; D]; D]>> {
     let (lambda, mu) = (0.3 / (1.3 * 0.4), 0.5 / 1.3);
     let mut element = vec![vec![[[0.0; D]; D]; 1 << D]; 1 << D];

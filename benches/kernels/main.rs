@@ -4,9 +4,9 @@
 //! cargo bench --bench kernels [-- TEXT]
 //! ```
 //!
-//! With a text, only examples of assembly and linear systems run whose name and method contain it. Everything runs on
-//! one thread and is measured by the CPU time of that thread, the least of several calls: other programs on the machine
-//! then matter little. Tables are Markdown, for `docs/performance.md`.
+//! With TEXT, the examples of assembly and linear systems are limited to those whose name and method contain it.
+//! Everything runs on one thread and is measured by the CPU time of that thread, as the least of several calls, so that
+//! other programs on the machine matter little. Tables are Markdown, for `docs/performance.md`.
 #![allow(clippy::print_stdout, reason = "a program")]
 
 mod calibration;

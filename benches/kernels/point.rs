@@ -14,9 +14,10 @@ use pulp::{Arch, Simd, WithSimd};
 
 use crate::clock::least;
 
-/// Points of a measurement: their data stay in the fastest memory, and a call takes some tenths of a millisecond.
+/// Number of points in a measurement: their data stay in the fastest memory, and a call takes some tenths of a
+/// millisecond.
 const N: usize = 1000;
-/// Calls of a measurement.
+/// Number of calls in a measurement.
 const TIMES: usize = 20;
 
 /// A repeatable sequence of numbers in [-1, 1]; steps of the golden ratio, which cover it evenly.
@@ -46,7 +47,7 @@ fn row<T>(name: &str, mut work: impl FnMut(usize) -> T) {
     println!("| {name} | {:.1} |", seconds * 1e9 / (N * TIMES) as f64);
 }
 
-/// Strains up to 0.2 and, in the plane, without shear across it.
+/// Strains up to 0.2; if `in_plane`, without shear out of the plane.
 fn strains(in_plane: bool) -> Vec<Sym3> {
     let mut number = numbers();
     let across = if in_plane { 0.0 } else { 0.2 };

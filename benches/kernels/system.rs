@@ -142,7 +142,7 @@ pub fn print(machine: &Machine, only: Option<&str>) {
             exponent(&sizes.iter().map(|m| (m.unknowns, cost(m))).collect::<Vec<_>>())
         };
         let flops = finest.factor.operations / finest.factorise * 1e-9;
-        // Forward and back again.
+        // The substitutions read the factor twice: forward and back again.
         let bytes = 2.0 * 8.0 * finest.factor.entries as f64 / finest.solve * 1e-9;
         println!(
             "| {} | {} | {} | {} | {:.2} | {:.2} | {flops:.1} | {:.0} % | {:.3} | {:.2} | {bytes:.1} | {:.0} % |",
@@ -248,8 +248,8 @@ fn measure<const D: usize, M: Mechanics<D>>(
     }
 }
 
-/// Shrinks the bodies towards the lowest corner of the grid, so that domains do not end at the sides of cells, as in no
-/// step but the first.
+/// Shrinks the bodies towards the lowest corner of the grid, so that domains do not end at cell sides, as they do only
+/// in the first step.
 fn shrink<const D: usize>(grid: &dyn Grid<D>, points: &mut Points<D>) {
     const BY: f64 = 0.96;
     let [low, _] = grid.bounds();
@@ -261,8 +261,8 @@ fn shrink<const D: usize>(grid: &dyn Grid<D>, points: &mut Points<D>) {
     points.converged.half_lengths.iter_mut().flatten().for_each(|l| *l *= BY);
 }
 
-/// Displacement that strains the bodies by up to three parts in a hundred, von Mises points of the examples beyond yield
-/// in places, [length].
+/// Displacement, [length], that strains the bodies by up to three parts in a hundred and takes von Mises points of the
+/// examples beyond yield in places.
 fn motion<const D: usize>(place: &[f64; D]) -> [f64; D] {
     std::array::from_fn(|d| 0.03 * (place[d] + 0.7 * place[(d + 1) % D]).sin())
 }

@@ -22,7 +22,7 @@ pub fn read(py: Python<'_>, path: std::path::PathBuf) -> PyResult<(Py<PyBytes>, 
     Ok((PyBytes::new(py, &text).unbind(), value))
 }
 
-/// A deck, given as JSON, as YAML.
+/// Converts a deck from JSON to YAML.
 #[pyfunction]
 pub fn dump(document: &str) -> PyResult<String> {
     let invalid =
@@ -63,7 +63,7 @@ pub fn schema() -> String {
     deck_schema().to_string()
 }
 
-/// The page about a code of a message; none without such a code.
+/// The page about a message code; `None` if there is no such code.
 #[pyfunction]
 pub fn text_of_code(code: &str) -> Option<&'static str> {
     codes::page(code).map(|page| page.text)

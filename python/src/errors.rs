@@ -4,12 +4,12 @@ use mpm::deck::diagnostic::as_json;
 use mpm::deck::load::LoadFailure;
 use pyo3::prelude::*;
 
-/// An exception of the package, to be raised where the interpreter is held.
+/// An exception of the package, to be raised where the interpreter lock is held.
 #[derive(Debug)]
 pub enum Raised {
     /// A deck that cannot be used.
     Deck(Box<LoadFailure>),
-    /// Files of results that cannot be read or written, with a code if there is one.
+    /// Result files that cannot be read or written, with a code if there is one.
     Results { code: Option<&'static str>, message: String },
     /// A call that is not possible.
     Misuse(String),
@@ -40,7 +40,7 @@ impl From<Raised> for PyErr {
     }
 }
 
-/// An exception of a class of the package, or what prevents it from being made.
+/// An exception of a class of the package, or the error that prevented its creation.
 pub fn exception<'py>(py: Python<'py>, class: &str, arguments: impl pyo3::call::PyCallArgs<'py>) -> PyErr {
     let made = py.import("mpm._errors").and_then(|module| module.getattr(class)?.call1(arguments));
     made.map_or_else(|error| error, PyErr::from_value)

@@ -1,4 +1,4 @@
-//! Files of results: tables, series and meshes.
+//! Result files: tables, series and meshes.
 
 use std::path::PathBuf;
 
@@ -10,7 +10,7 @@ use pyo3::types::PyDict;
 use crate::arrays::{dictionary, matrix};
 use crate::errors::Raised;
 
-/// A table as a dictionary of columns; missing entries are not a number.
+/// A table as a dictionary of columns; missing entries are NaN.
 #[pyfunction]
 pub fn table<'py>(py: Python<'py>, path: PathBuf) -> PyResult<Bound<'py, PyDict>> {
     let columns = py.detach(|| Columns::read(&path)).map_err(|error| Raised::unreadable(&error))?;
@@ -25,7 +25,7 @@ pub fn series(path: PathBuf) -> PyResult<Vec<(f64, PathBuf)>> {
     Ok(sets.into_iter().map(|set| (set.time, set.path)).collect())
 }
 
-/// The fields of the points of a mesh by their names, those of its cells, and the coordinates of its points as `""`.
+/// The point fields of a mesh by name, its cell fields by name, and the coordinates of its points under the name `""`.
 #[pyfunction]
 pub fn mesh<'py>(py: Python<'py>, path: PathBuf) -> PyResult<(Bound<'py, PyDict>, Bound<'py, PyDict>)> {
     let unreadable = |error: std::io::Error| PyErr::from(Raised::unreadable(&error));

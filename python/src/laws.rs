@@ -1,7 +1,7 @@
 //! Constitutive laws that the interpreter evaluates, and laws of the library for the interpreter.
 //!
-//! Strains and stresses cross the border as rows xx, yy, zz, √2 xy, √2 yz, √2 xz: in this layout the product of two rows is
-//! the product of the tensors, and a tangent is a symmetric matrix.
+//! Strains and stresses pass between Rust and Python as rows xx, yy, zz, √2 xy, √2 yz, √2 xz: in this layout the
+//! product of two rows is the product of the tensors, and a tangent is a symmetric matrix.
 
 use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -22,7 +22,7 @@ use pyo3::types::PyDict;
 use crate::arrays::matrix;
 use crate::errors::Raised;
 
-/// Place in the library of each component: its order is xx, yy, zz, √2 yz, √2 xz, √2 xy.
+/// Index of each component in the order of the library, which is xx, yy, zz, √2 yz, √2 xz, √2 xy.
 const PLACE: [usize; 6] = [0, 1, 2, 5, 3, 4];
 
 fn row(tensor: &Sym3) -> [f64; 6] {
@@ -35,7 +35,7 @@ fn tensor(row: &[f64]) -> Sym3 {
     tensor
 }
 
-/// The facts that a law of the interpreter states once.
+/// What a law of the interpreter states once.
 #[derive(Debug, Clone)]
 struct Facts {
     fields: Vec<StateField>,
@@ -77,7 +77,7 @@ struct Calls {
 }
 
 impl Laws {
-    /// From a dictionary of adapters.
+    /// Laws from a dictionary of adapters.
     pub fn new(laws: &Bound<'_, PyDict>) -> PyResult<Laws> {
         let law = |(name, adapter): (Bound<'_, PyAny>, Bound<'_, PyAny>)| {
             Ok((name.extract()?, Facts::new(&adapter)?, Arc::new(adapter.unbind())))
@@ -102,12 +102,12 @@ impl Laws {
         Ok(())
     }
 
-    /// True without laws.
+    /// True if there are no laws.
     pub fn are_none(&self) -> bool {
         self.list.is_empty()
     }
 
-    /// Shows the objects of users to the collector of cycles.
+    /// Shows the objects of users to the cycle collector of Python.
     pub fn traverse(&self, visit: &PyVisit<'_>) -> Result<(), PyTraverseError> {
         self.list.iter().try_for_each(|(_, _, adapter)| visit.call(adapter.as_ref()))
     }
@@ -117,7 +117,7 @@ impl Laws {
         self.calls.raised.lock().ok()?.take()
     }
 
-    /// No law is called any more: the interpreter ends.
+    /// Stops all calls of laws, because the interpreter ends.
     pub fn end_calls(&self) {
         self.calls.are_over.store(true, Ordering::SeqCst);
     }
@@ -140,7 +140,8 @@ fn call(py: Python<'_>, adapter: &Py<PyAny>, strain: &[f64], history: &[f64]) ->
     Ok(Answer { stress: stress?, elastic_strain: elastic_strain?, tangent: tangent?, history: history? })
 }
 
-/// A law that the interpreter evaluates. It is called from the thread of the analysis, while that of the interpreter waits.
+/// A law that the interpreter evaluates. It is called from the thread of the analysis while the interpreter's thread
+/// waits.
 #[derive(Clone)]
 struct PythonLaw {
     facts: Facts,
@@ -155,7 +156,7 @@ impl fmt::Debug for PythonLaw {
 }
 
 impl PythonLaw {
-    /// Holds the interpreter during a call; an exception is kept, and its message returned.
+    /// Holds the interpreter lock during a call; an exception is kept, and its message is returned.
     fn with_interpreter<T>(&self, call: impl FnOnce(Python<'_>) -> PyResult<T>) -> Result<T, String> {
         if self.calls.are_over.load(Ordering::SeqCst) {
             return Err("the interpreter has ended".to_owned());
@@ -252,7 +253,7 @@ impl BatchLaw for PythonLaw {
         let strain: &[f64] = &elastic_strain.iter().flat_map(row).collect::<Vec<_>>();
         match self.with_interpreter(|py| call_energies(py, &self.adapter, strain, history)) {
             Ok(of_points) => of_points.map(|of| of.iter().zip(volume).map(|(e, v)| e * v).sum()),
-            // A run does not go on with energies that are no numbers.
+            // A run does not go on with energies that are NaN.
             Err(_) => [f64::NAN; 2],
         }
     }
@@ -287,7 +288,7 @@ pub struct BuiltIn {
 
 #[pymethods]
 impl BuiltIn {
-    /// The law of a material of a deck, given as JSON.
+    /// The law of a material; the material is given as in a deck, as JSON.
     #[new]
     fn new(material: &str) -> PyResult<BuiltIn> {
         let read: Result<MaterialDeck, _> = serde_json::from_str(material);
@@ -331,7 +332,7 @@ impl BuiltIn {
             let history = p * kept..(p + 1) * kept;
             let trial = tensor(&strain[6 * p..6 * (p + 1)]);
             let response = self.law.update(&trial, &old[history.clone()], &mut new[history]);
-            // A strain is refused as by the laws of users: by a row that is not finite.
+            // A strain is refused in the same way as by the laws of users: by a row that is not finite.
             let response = response.unwrap_or(Response {
                 tau: Sym3([f64::NAN; 6]),
                 elastic_strain: Sym3([f64::NAN; 6]),
@@ -346,7 +347,7 @@ impl BuiltIn {
         Ok([matrix(py, stress, 6)?, matrix(py, elastic, 6)?, tangent, new])
     }
 
-    /// Elastic strain of points with this stress; not a number where none gives it.
+    /// Elastic strain of points with this stress; NaN where no elastic strain gives it.
     fn elastic_strain<'py>(
         &self,
         py: Python<'py>,
@@ -388,7 +389,7 @@ impl BuiltIn {
     }
 }
 
-/// The name of a property, a strain, the relative error there, and what is tolerated.
+/// The name of a property, a strain, the relative error at that strain, and the tolerance.
 type Finding = (String, Vec<f64>, f64, f64);
 
 /// The properties that a law lacks. `law` is an adapter.

@@ -15,11 +15,11 @@ pub enum Request {
     Go,
     /// End the run before the next step.
     Stop,
-    /// An array of the points; none without an array of this name.
+    /// An array of the points; `None` if there is no array of this name.
     Array(String, Sender<Option<Array>>),
     /// A table.
     Table(Name, Sender<Rows>),
-    /// Go on with the loads, conditions, materials and steps of another deck, which is built already.
+    /// Go on with the loads, conditions, materials and steps of another deck, whose model is already built.
     Change(Box<Changed>, Sender<Result<(), String>>),
 }
 
@@ -56,7 +56,7 @@ pub struct Array {
 }
 
 impl Array {
-    /// An array of a model; none without an array of this name.
+    /// An array of a model; `None` if there is no array of this name.
     pub fn of<const D: usize>(model: &Model<D>, points: &Points<D>, name: &str) -> Option<Array> {
         let found = model.array(points, name)?;
         Some(Array { components: found.components, values: found.values })
@@ -103,7 +103,7 @@ pub struct Failure {
     pub is_interruption: bool,
 }
 
-/// The end of the link at the analysis.
+/// The end of the link on the side of the analysis.
 pub struct Link {
     pub events: Sender<Event>,
     pub requests: Receiver<Request>,

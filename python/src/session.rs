@@ -1,4 +1,4 @@
-//! A run that the interpreter steps: the end of the link that Python holds.
+//! A run that the interpreter takes from step to step: the end of the link that Python holds.
 
 use std::path::PathBuf;
 use std::sync::Mutex;
@@ -29,10 +29,10 @@ use crate::worker::{Files, Worker};
 /// Largest number of threads.
 const MOST_THREADS: usize = 1024;
 
-/// Longest time between two looks for signals such as Ctrl-C.
+/// Longest time between two checks for signals such as Ctrl-C.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// Threads of their own for a run; by default, one per core.
+/// A pool of threads for one run only; by default, one thread per core.
 pub fn pool(threads: Option<usize>) -> Result<ThreadPool, Raised> {
     if threads.is_some_and(|n| !(1..=MOST_THREADS).contains(&n)) {
         return Err(Raised::misuse(format!("threads is a number from 1 to {MOST_THREADS}")));
@@ -51,25 +51,25 @@ pub fn prepared(loaded: LoadedDeck, pool: &ThreadPool) -> Result<Prepared, Raise
 struct Running {
     events: Receiver<Event>,
     requests: Option<Sender<Request>>,
-    /// The next event is that of a step which is being solved.
+    /// True if the next event is that of a step that is being solved.
     is_under_way: bool,
     ended: Option<Box<Ended>>,
     thread: Option<JoinHandle<()>>,
 }
 
-/// A run between whose steps the interpreter decides.
+/// A run that the interpreter controls between steps.
 #[pyclass(frozen, module = "mpm._mpm")]
 pub struct Session {
     running: Mutex<Running>,
     laws: Laws,
     on_iteration: Mutex<Option<Py<PyAny>>>,
     threads: Option<usize>,
-    /// The process that began the run: after a fork its thread does not exist.
+    /// The process that began the run; the run's thread does not exist in a forked child.
     process: u32,
     /// Messages about the deck, as JSON.
     #[pyo3(get)]
     notes: String,
-    /// The directory of the results.
+    /// The results directory.
     #[pyo3(get)]
     directory: Option<PathBuf>,
 }
@@ -119,7 +119,7 @@ impl Session {
         Ok(session)
     }
 
-    /// Solves the next step and returns it as JSON; none at the end of the run.
+    /// Solves the next step and returns it as JSON; `None` at the end of the run.
     fn step(&self, py: Python<'_>) -> PyResult<Option<String>> {
         let running = &mut *self.lock()?;
         if running.ended.is_some() {
@@ -132,7 +132,7 @@ impl Session {
         self.wait(py, running)
     }
 
-    /// Ends the run before the next step, in the state of the last one; the step under way is awaited, and returned.
+    /// Ends the run before the next step, in the state of the last one; a step under way is awaited and returned.
     fn stop(&self, py: Python<'_>) -> PyResult<Option<String>> {
         let running = &mut *self.lock()?;
         let mut last = None;
@@ -147,7 +147,7 @@ impl Session {
         Ok(last)
     }
 
-    /// Ends the run and releases its thread and its memory; nothing can be asked afterwards.
+    /// Ends the run and releases its thread and its memory; nothing can be requested afterwards.
     fn close(&self, py: Python<'_>) -> PyResult<()> {
         let mut running = self.lock()?;
         running.requests = None; // what has ended is released with the run
@@ -176,7 +176,7 @@ impl Session {
     }
 
     fn __clear__(&self) {
-        // The analysis holds the laws: it ends, and is released.
+        // The analysis holds the laws, so it must end before they can be released.
         self.laws.end_calls();
         let mut running = self.running.try_lock();
         if let Ok(running) = &mut running {
@@ -193,7 +193,7 @@ impl Session {
         Ok(self.lock()?.ended.is_some())
     }
 
-    /// The document of `summary.json`, as JSON; none before the end of the run.
+    /// The document of `summary.json`, as JSON; `None` before the end of the run.
     fn summary(&self) -> PyResult<Option<String>> {
         let running = self.lock()?;
         let summary = running.ended.as_ref().and_then(|ended| ended.record.summary.as_ref());
@@ -226,7 +226,7 @@ impl Session {
         dictionary(py, columns)
     }
 
-    /// Goes on with the loads, conditions, materials and steps of another deck.
+    /// Continues with the loads, conditions, materials and steps of another deck.
     fn change(
         &self,
         py: Python<'_>,
@@ -287,7 +287,7 @@ impl Session {
         Ok(())
     }
 
-    /// What a run that has ended holds; none before its end.
+    /// What a run that has ended holds; `None` before its end.
     fn at_end<T>(&self, of: impl FnOnce(&Ended) -> T) -> PyResult<Option<T>> {
         let running = self.lock()?;
         if running.requests.is_none() {
@@ -296,7 +296,7 @@ impl Session {
         Ok(running.ended.as_deref().map(of))
     }
 
-    /// Asks for something while the run is paused.
+    /// Makes a request while the run is paused.
     fn ask<T: Send>(&self, py: Python<'_>, request: impl FnOnce(Sender<T>) -> Request) -> PyResult<T> {
         let running = &*self.lock()?;
         self.is_paused(running)?;
@@ -311,7 +311,7 @@ impl Session {
         self.wait_until(py, running, hears.as_ref())
     }
 
-    /// The same; `hears` is told of every iteration.
+    /// As `wait`; `hears` is called for every iteration.
     fn wait_until(
         &self,
         py: Python<'_>,
@@ -353,7 +353,7 @@ impl Session {
                 Err(error)
             }
             (None, Some(error)) => Err(error),
-            // Some calls serve diagnostics alone, and the last step goes on without them.
+            // Some calls serve diagnostics only, and the last step goes on without them.
             (Some(raised), None) => {
                 let message = format!("a law has failed: {raised}");
                 let error = exception(py, "SolveError", (message, "S019"));
@@ -370,8 +370,8 @@ fn received<T: Send>(py: Python<'_>, answer: Receiver<T>) -> PyResult<T> {
     py.detach(move || answer.recv().ok()).ok_or_else(|| Raised::misuse("the run is closed").into())
 }
 
-/// Reads and builds a deck, opens its files and begins its run on a new thread; returns that and the messages about the
-/// deck.
+/// Reads and builds a deck, opens its files and begins its run on a new thread; returns the thread and the messages
+/// about the deck.
 fn begin(
     (name, text, overrides): (&str, &[u8], &[(String, String)]),
     threads: Option<usize>,

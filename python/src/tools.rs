@@ -29,7 +29,7 @@ fn document<const D: usize>(tool: &Tool<D>, state: &ToolState<D>) -> Value {
     })
 }
 
-/// The places that touch a tool, one list for each of their quantities.
+/// The contact points of a tool, one list for each of their quantities.
 fn contacts<const D: usize>(contacts: &[ContactPoint<D>]) -> Value {
     let vectors = |of: &dyn Fn(&ContactPoint<D>) -> [f64; D]| -> Vec<Vec<f64>> {
         contacts.iter().map(|contact| of(contact).to_vec()).collect()

@@ -41,7 +41,7 @@ pub struct Worker {
     pub link: Link,
     pub record: Record,
     pub files: Option<Files>,
-    /// True if the interpreter wants to hear of every iteration.
+    /// True if the interpreter wants to be told of every iteration.
     pub tells_iterations: bool,
 }
 
@@ -55,11 +55,11 @@ enum Decision {
 /// The observer of a run.
 struct Follower<'a> {
     worker: &'a mut Worker,
-    /// Decided, but not yet carried out: anything but [`Decision::Go`].
+    /// A decision that is not yet carried out: anything but [`Decision::Go`].
     decided: Option<Decision>,
 }
 
-/// An access to the points, whatever the number of axes.
+/// Access to the points, whatever the number of axes.
 trait State {
     fn array(&self, name: &str) -> Option<Array>;
 }
@@ -71,7 +71,7 @@ impl<const D: usize> State for (&Model<D>, &Points<D>) {
 }
 
 impl Worker {
-    /// Tells an event. If the interpreter has dropped the run, nobody listens, and the next pause ends it.
+    /// Reports an event. If the interpreter has dropped the run, nobody listens, and the next pause ends the run.
     fn tell(&self, event: Event) {
         let _ = self.link.events.send(event);
     }
@@ -91,7 +91,7 @@ impl Worker {
         }
     }
 
-    /// Makes the files and the summary state another deck.
+    /// Makes the files and the summary describe another deck.
     fn account_for(&mut self, deck: &LoadedDeck) {
         self.record.restate(|account| deck.restate(account));
         if let Some(files) = &mut self.files {
@@ -99,7 +99,7 @@ impl Worker {
         }
     }
 
-    /// Runs an analysis to its end, and hands it over.
+    /// Runs an analysis to its end, and hands over the result.
     pub fn run(mut self, mut analysis: Analysis, loaded: LoadedDeck) {
         let reached = analysis.beginning();
         let failure = match &mut analysis {
@@ -190,7 +190,7 @@ impl Follower<'_> {
     }
 }
 
-/// Puts the model of another deck in place of the present one.
+/// Puts the model of another deck in place of the current one.
 ///
 /// # Errors
 /// A reason, if the other deck describes other bodies, another grid or other tables.

@@ -17,7 +17,7 @@ pub struct Cli {
     pub command: Command,
 }
 
-/// The version with what the build contains.
+/// The version, with the features of this build.
 fn long_version() -> &'static str {
     static TEXT: OnceLock<String> = OnceLock::new();
     TEXT.get_or_init(|| format!("{}\nfeatures: {}", env!("CARGO_PKG_VERSION"), features()))
@@ -54,7 +54,7 @@ pub enum Command {
     Sweep(sweep::SweepArgs),
     /// Write a report on results as a single HTML page; several results are compared.
     Report(report::ReportArgs),
-    /// Take one material point along a path of strain or stress, as in a laboratory test.
+    /// Take one material point along a strain or stress path, as in a laboratory test.
     ///
     /// For example: mpm element clay.yaml --material clay --path triaxial-drained --confining 100e3 --to 0.2
     Element(element::ElementArgs),

@@ -11,8 +11,8 @@ use crate::program::exit::INTERRUPTED;
 #[cfg(unix)]
 const STACK: usize = 128 << 10;
 
-/// Returns a flag that Ctrl-C, SIGTERM or a closed terminal sets; the second signal ends the program at once. Says so if
-/// `speaks`.
+/// Returns a flag that Ctrl-C, SIGTERM or a closed terminal sets; a second signal ends the program at once. Both are
+/// announced if `speaks` is true.
 #[cfg(unix)]
 pub fn stop_on_interrupt(speaks: bool) -> anyhow::Result<Arc<AtomicBool>> {
     use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
@@ -58,7 +58,7 @@ pub fn stop_on_interrupt(_: bool) -> anyhow::Result<Arc<AtomicBool>> {
     use signal_hook::flag;
 
     let stop = Arc::new(AtomicBool::new(false));
-    // In this order, so that the first Ctrl-C finds the flag unset.
+    // Registered in this order, so that the first Ctrl-C finds the flag unset.
     flag::register_conditional_shutdown(SIGINT, i32::from(INTERRUPTED), Arc::clone(&stop))
         .and_then(|_| flag::register(SIGINT, Arc::clone(&stop)))
         .context("Ctrl-C cannot be handled")?;

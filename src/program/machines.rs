@@ -8,12 +8,12 @@ use crate::deck::load::LoadedDeck;
 use crate::deck::ready::Analysis;
 use crate::ranks::Ranks;
 
-/// Variables by which launchers of MPI tell a process the number of ranks.
+/// Environment variables by which MPI launchers tell a process the number of ranks.
 const LAUNCHERS: [&str; 4] = ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "MV2_COMM_WORLD_SIZE", "MPI_LOCALNRANKS"];
-/// The variable that is set where the launcher tells the number through PMIx only.
+/// The variable that is set if the launcher gives the number through PMIx only.
 const PMIX: &str = "PMIX_RANK";
 
-/// What this build of the program contains beside what every build does.
+/// What this build of the program contains beyond what every build contains.
 pub fn features() -> String {
     #[cfg(feature = "petsc")]
     return format!("petsc ({})", mpm_petsc::version());
@@ -47,8 +47,8 @@ impl Machines {
         }
     }
 
-    /// The ranks that a launcher has started; `options` are options of PETSc, which then solves the equations of a single rank,
-    /// too.
+    /// The ranks that a launcher has started; `options` are PETSc options, with which PETSc also solves the equations
+    /// of a single rank.
     ///
     /// # Errors
     /// If this build cannot divide a run between ranks, or MPI and PETSc cannot start.
@@ -95,14 +95,15 @@ impl Machines {
         }
     }
 
-    /// Waits until all ranks are as far as this one; returns the lowest rank that does not go on, if there is one.
+    /// Waits until all ranks have come as far as this one; returns the lowest rank that does not go on, if any.
     pub fn meet(&self, goes_on: bool) -> Option<usize> {
         let ended = self.ranks.gather_all(goes_on).iter().position(|goes_on| !goes_on);
         self.has_begun.set(ended.is_some());
         ended
     }
 
-    /// True if all ranks have read the same deck and the same files that it names. All must ask together.
+    /// True if all ranks have read the same deck, and the same files that the deck names. All ranks must call it
+    /// together.
     pub fn have_the_same(&self, loaded: &LoadedDeck) -> bool {
         let of_ranks = if self.ranks.is_alone() { Vec::new() } else { self.ranks.gather_all(loaded.hash()) };
         of_ranks.windows(2).all(|pair| pair[0] == pair[1])
@@ -111,7 +112,7 @@ impl Machines {
     /// Waits until all ranks are ready to run.
     ///
     /// # Errors
-    /// If a rank has withdrawn, which has said why.
+    /// If a rank has withdrawn; that rank has stated the reason.
     pub fn begin(&self) -> anyhow::Result<()> {
         let ended = self.meet(true);
         self.has_begun.set(true);
@@ -138,7 +139,7 @@ fn is_launched() -> bool {
 mod petsc {
     use crate::linear::{Backend, Engine, Preconditioner};
 
-    /// The solvers of PETSc.
+    /// The PETSc solvers.
     #[derive(Debug)]
     pub struct Petsc;
 

@@ -1,4 +1,4 @@
-//! Orderly ends at the limits of the system: memory that runs out, files that reach their largest size.
+//! Orderly exits at the limits of the system: when memory runs out, or a file reaches its largest size.
 //!
 //! A failed allocation ends a Rust program by SIGABRT, and the allocation cannot be resumed. A thread that needs no
 //! memory waits for that signal, prints a message and exits with the code of a failed analysis. Meanwhile the thread
@@ -53,7 +53,7 @@ mod unix {
     /// Makes a write beyond the file size limit, `ulimit -f`, an ordinary error, like a full disk.
     ///
     /// # Errors
-    /// When the signal cannot be handled.
+    /// If the signal cannot be handled.
     pub fn limits_are_errors() -> anyhow::Result<()> {
         // With the signal handled, the write that caused it returns an error.
         signal_hook::flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false)))
@@ -64,7 +64,7 @@ mod unix {
     /// Makes a failed allocation end the program with a message and the exit code of a failed analysis.
     ///
     /// # Errors
-    /// When the signal cannot be handled or the thread that waits cannot be started.
+    /// If the signal cannot be handled or the thread that waits for it cannot be started.
     pub fn wait_for_lack_of_memory() -> anyhow::Result<()> {
         let (mut awaited, waker) = UnixStream::pair().context("no sockets can be created")?;
         pipe::register(SIGABRT, waker).context("failed allocations cannot be handled")?;

@@ -60,7 +60,7 @@ def test_the_screen_the_log_and_the_report_state_the_factor(mpm, tmp_path):
     before, after = bracket["slides"]
     assert 1.38 < before < after < 1.43
     words = f"between {before:.3f} (in equilibrium) and {after:.3f} (displacements exceed 1 % of the height)"
-    assert "warning[W018]" in process.stderr and "take the smaller of these factors" in process.stderr
+    assert "warning[W018]" in process.stderr and "use the smaller of these factors" in process.stderr
     assert f"factor of safety {words}" in closing
     assert "flow of `soil` is not associated" in closing and "depends on the size of the cells" in closing
     assert "strength factor 1.1000" in process.stderr

@@ -1,7 +1,8 @@
-//! The stiffness and the forces of the active grid, to which the terms of equilibrium add: eqs. (19)-(23), (27)-(29).
+//! The stiffness and the forces of the active grid, to which the terms of equilibrium contribute: eqs. (19)-(23),
+//! (27)-(29).
 //!
-//! The pattern is laid out once per step: nodes that share a group of points, and those that terms couple beyond that. Terms
-//! add in a fixed order, so that the result has the same bits for any number of threads.
+//! The pattern is laid out once per step: it couples nodes that share a group of points, and nodes that terms couple
+//! beyond that. Terms contribute in a fixed order, so that the result has the same bits for any number of threads.
 
 mod border;
 mod group;
@@ -25,37 +26,38 @@ pub(crate) use reduced::with_ties;
 pub enum Wanted {
     /// Forces and stiffness.
     Stiffness,
-    /// The forces, with the same bits; the stiffness stays that of the evaluation before.
+    /// The forces, with the same bits; the stiffness stays that of the previous evaluation.
     Force,
 }
 
-/// The discrete equilibrium of one load step: its pattern, and what the terms have added in the last evaluation.
+/// The discrete equilibrium of one load step: its pattern, and what the terms have added in the latest evaluation.
 pub struct System<const N: usize> {
     pub(crate) pairs: NodePairs,
     pub(crate) blocks: Vec<Block<N>>,
     division: Division<N>,
-    /// Force of the bodies on the active nodes, eq. (23), and of what is added to them, [force].
+    /// Force of the bodies on the active nodes, eq. (23), plus the internal forces that other terms add, [force].
     pub(crate) internal: Nodal<N>,
     /// External force on the active nodes, eq. (29), [force].
     pub(crate) external: Nodal<N>,
-    /// The part of the external force that holds bodies as reactions do: of conditions on surfaces, and what a stage releases,
-    /// [force]. None without such forces.
+    /// The part of the external force that holds bodies as reactions do: the forces of conditions on surfaces, and
+    /// those that a stage releases, [force]. None without such forces.
     holding: Option<Nodal<N>>,
     /// Round-off of the external force at each node beyond that of its terms, [force]; `None` if there is none.
     round_off: Option<Vec<f64>>,
-    /// The change of the external force with the load factor, where that follows from equilibrium, [force].
+    /// Rate of change of the external force with the load factor, where this factor follows from equilibrium, [force].
     pub(crate) per_factor: Option<Nodal<N>>,
     /// The equations of global unknowns.
     pub border: Border<N>,
-    /// The blocks of the equations of the unknowns, where nodes are turned or tied.
+    /// The blocks of the equations of the unknowns, if nodes are turned or tied.
     reduced: Vec<Block<N>>,
     /// The nodes shared with other ranks. The blocks hold the contributions of this rank only.
     halo: Halo,
 }
 
 impl<const N: usize> System<N> {
-    /// Lays out the system of a load step. `is_dense` holds for the groups of points whose nodes are all coupled with each
-    /// other; `couples` gives the nodes that are coupled beyond groups; `globals` is the number of global unknowns.
+    /// Lays out the system of a load step. `is_dense` holds for the groups of points whose nodes are all coupled with
+    /// one another; `couples` gives the nodes that are coupled beyond groups; `globals` is the number of global
+    /// unknowns.
     pub(crate) fn new<const D: usize>(
         links: &Connectivity<D>,
         symmetric: bool,
@@ -85,25 +87,25 @@ impl<const N: usize> System<N> {
         self.pairs.symmetric()
     }
 
-    /// The place of the block of two coupled active nodes, by which [`System::add_block`] takes it; `None` where they are not
-    /// coupled, and for row < column of a symmetric system.
+    /// The index of the block of two coupled active nodes, by which [`System::add_block`] takes it; `None` where the
+    /// nodes are not coupled, and for row < column of a symmetric system.
     pub fn place(&self, row: usize, column: usize) -> Option<usize> {
         self.pairs.place_of(row as u32, column as u32)
     }
 
-    /// Adds to the block of a place, `[i][k]`, [force/length].
+    /// Adds to the block with index `place`, `[i][k]`, [force/length].
     pub fn add_block(&mut self, place: usize, block: &[[f64; N]; N]) {
         add(&mut self.blocks[place], block);
     }
 
-    /// Adds to the block of a place between displacements only, `[i][k]`, [force/length].
+    /// Adds to the displacement components of the block with index `place`, `[i][k]`, [force/length].
     pub(crate) fn add_displacement_block<const D: usize>(&mut self, place: usize, block: &[[f64; D]; D]) {
         for (row, values) in self.blocks[place].iter_mut().zip(block) {
             (0..D).for_each(|k| row[k] += values[k]);
         }
     }
 
-    /// Forgets what the terms have added.
+    /// Clears what the terms have added.
     pub(crate) fn clear(&mut self, wanted: Wanted) {
         if wanted == Wanted::Stiffness {
             self.blocks.fill([[0.0; N]; N]);
@@ -114,7 +116,7 @@ impl<const N: usize> System<N> {
         self.border.clear();
     }
 
-    /// Adds up the forces of all ranks, once the terms of this one have been added. The stiffness stays divided.
+    /// Sums the forces over all ranks, once the terms of this rank have been added. The stiffness stays divided.
     pub(crate) fn complete(&mut self) {
         let ranks = self.halo.ranks();
         if ranks.is_alone() {
@@ -139,12 +141,12 @@ impl<const N: usize> System<N> {
         self.halo.ranks()
     }
 
-    /// Adds up a force of all ranks.
+    /// Adds the contributions of other ranks to a force.
     pub(crate) fn add_ranks(&self, force: &mut [[f64; N]]) {
         self.halo.add(force);
     }
 
-    /// Moves the forces on tied components to those they are tied to.
+    /// Moves the forces on tied components to the components to which these are tied.
     pub(crate) fn condense(&mut self, dofs: &DofMap<N>) {
         dofs.condense(&mut self.internal);
         dofs.condense(&mut self.external);
@@ -153,7 +155,7 @@ impl<const N: usize> System<N> {
         }
     }
 
-    /// Frees what only further evaluations would need.
+    /// Frees the memory that only further evaluations would need.
     pub(crate) fn conclude(&mut self) {
         self.blocks = Vec::new();
         self.reduced = Vec::new();
@@ -164,7 +166,7 @@ impl<const N: usize> System<N> {
         &self.internal
     }
 
-    /// The same, to add to.
+    /// The same, for terms to add to.
     pub fn internal_force_mut(&mut self) -> &mut [[f64; N]] {
         &mut self.internal
     }
@@ -174,12 +176,12 @@ impl<const N: usize> System<N> {
         &self.external
     }
 
-    /// The same, to add to.
+    /// The same, for terms to add to.
     pub fn external_force_mut(&mut self) -> &mut [[f64; N]] {
         &mut self.external
     }
 
-    /// Adds to the external force a force that holds a body, [force].
+    /// Adds a force that holds a body to the external force, [force].
     pub fn add_holding<const D: usize>(&mut self, node: usize, force: &[f64; D]) {
         let n = self.external.len();
         let holding = &mut self.holding.get_or_insert_with(|| vec![[0.0; N]; n])[node];
@@ -202,28 +204,28 @@ impl<const N: usize> System<N> {
         self.round_off.as_deref()
     }
 
-    /// Counts a part of the external force that has been added as a force that holds bodies, [force].
+    /// Counts a force that is already part of the external force as one that holds bodies, [force].
     pub fn count_as_holding<const D: usize>(&mut self, force: &[[f64; D]]) {
         add(self.holding.get_or_insert_with(|| vec![[0.0; N]; force.len()]), force);
     }
 
-    /// The part of the external force that holds bodies as reactions do: of conditions on surfaces, and what a stage releases,
-    /// [force]; `None` without such forces. It may cancel the loads at the same nodes.
+    /// The part of the external force that holds bodies as reactions do: the forces of conditions on surfaces, and
+    /// those that a stage releases, [force]; `None` without such forces. It may cancel the loads at the same nodes.
     pub fn holding_force(&self) -> Option<&Nodal<N>> {
         self.holding.as_ref()
     }
 
-    /// Adds to the change of the external force with the load factor, which follows from equilibrium, [force].
+    /// Adds to the rate of change of the external force with the load factor, which follows from equilibrium, [force].
     pub fn add_per_factor<const D: usize>(&mut self, force: &[[f64; D]]) {
         add(self.per_factor.get_or_insert_with(|| vec![[0.0; N]; force.len()]), force);
     }
 
-    /// The change of the external force with the load factor, where that follows from equilibrium, [force].
+    /// Rate of change of the external force with the load factor, where this factor follows from equilibrium, [force].
     pub fn per_factor(&self) -> Option<&Nodal<N>> {
         self.per_factor.as_ref()
     }
 
-    /// K over all active nodes, constrained ones included.
+    /// K over all active nodes, including constrained ones.
     pub fn matrix(&self) -> BlockMatrix<'_, N> {
         self.pairs.matrix(&self.blocks)
     }
@@ -234,21 +236,21 @@ impl<const N: usize> System<N> {
         Stiffness { matrix: self.pairs.matrix(blocks), division: &mut self.division }
     }
 
-    /// `out = K x` over all active nodes, constrained ones included.
+    /// `out = K x` over all active nodes, including constrained ones.
     pub fn multiply(&mut self, x: &[[f64; N]], out: &mut [[f64; N]]) {
         self.pairs.matrix(&self.blocks).multiply(&mut self.division, x, out);
         self.halo.add(out);
     }
 
-    /// The largest magnitude of an entry of K.
+    /// The largest magnitude of an entry of K; an upper bound if several ranks share K.
     pub fn largest_entry(&self) -> f64 {
         let entries = self.blocks.iter().flatten().flatten();
         let own = entries.fold(0.0, |largest, entry| f64::max(largest, entry.abs()));
-        // Ranks that share an entry add up to no more than their sum.
+        // An entry that ranks share is at most the sum of their largest entries.
         self.halo.ranks().total(own)
     }
 
-    /// Σ |K_vw| |x_w| over all active nodes: the size of the terms that K x adds up, per node.
+    /// Σ |K_vw| |x_w| over all active nodes: the size of the terms that K x sums, per node.
     pub fn magnitudes(&self, x: &[[f64; N]]) -> Vec<[f64; N]> {
         let mut sums = vec![[0.0; N]; x.len()];
         let symmetric = self.pairs.symmetric();
@@ -292,7 +294,7 @@ impl<const N: usize> System<N> {
     }
 }
 
-/// Adds forces to the first components of others.
+/// Adds forces to the first `D` components of other forces.
 pub(crate) fn add<const D: usize, const N: usize>(sum: &mut [[f64; N]], force: &[[f64; D]]) {
     for (sum, force) in sum.iter_mut().zip(force) {
         for d in 0..D {

@@ -23,10 +23,11 @@ pub use error::ConstraintError;
 pub use prescribed::{displacement_increment, nodes_of};
 pub use turned::Turned;
 
-/// Nodes nearer to the axis of revolution than this, relative to the size of the cells around them, lie on it.
+/// Nodes nearer to the axis of revolution than this, relative to the size of the cells around them, count as lying on
+/// it.
 pub const ON_AXIS: f64 = 1e-6;
 
-/// A prescribed increment that is missed by less than this, relative to its size, is reached.
+/// A prescribed increment that is missed by less than this, relative to its size, counts as reached.
 const REACHED: f64 = 1e-12;
 
 pub(crate) const AXES: [&str; 3] = ["x", "y", "z"];
@@ -36,7 +37,7 @@ pub(crate) const AXES: [&str; 3] = ["x", "y", "z"];
 enum Bound {
     /// Prescribed by a boundary condition.
     Held { condition: u16, increment: f64 },
-    /// Follows from others by the tie with this number.
+    /// Follows from other components by the tie with this number.
     Tied(u32),
 }
 
@@ -55,8 +56,8 @@ pub struct DofMap<const N: usize> {
     numbering: Numbering<N>,
     /// The components that are not unknowns, in order.
     bound: Vec<Bound>,
-    /// Further conditions that prescribe the same motion of a component: active node, component and condition,
-    /// ascending.
+    /// Further conditions that prescribe the same motion of a component that is already prescribed: active node,
+    /// component and condition, ascending.
     shared: Vec<(u32, u8, u16)>,
     /// The nodes whose unknowns are not along the axes, ascending.
     turned: Vec<Turned<N>>,
@@ -64,11 +65,11 @@ pub struct DofMap<const N: usize> {
 }
 
 impl<const N: usize> DofMap<N> {
-    /// The constraints that a model states for a step from time `start` to time `end`.
+    /// The constraints of a model in a step from time `start` to time `end`.
     ///
     /// # Errors
-    /// [`ConstraintError`] when two conditions contradict each other, a formula is not finite, or nodes can leave the axis
-    /// of revolution.
+    /// [`ConstraintError`] if two conditions contradict each other, a formula is not finite, or nodes can leave the
+    /// axis of revolution.
     pub fn new<const D: usize>(
         model: &Model<D>,
         points: &Points<D>,
@@ -90,7 +91,7 @@ impl<const N: usize> DofMap<N> {
         self.numbering.count()
     }
 
-    /// Number of unknowns at the nodes for which `counts` holds.
+    /// Number of unknowns at the nodes for which `counts` is true.
     pub fn n_free_at(&self, counts: impl Fn(usize) -> bool) -> usize {
         let mut n = 0;
         self.for_each(|node, _, unknown| n += usize::from(unknown.is_some() && counts(node)));
@@ -107,7 +108,7 @@ impl<const N: usize> DofMap<N> {
         &self.numbering
     }
 
-    /// The unknown of a component, or `None` when it is prescribed or tied.
+    /// The unknown of a component; `None` if the component is prescribed or tied.
     #[inline]
     pub fn free(&self, node: usize, component: usize) -> Option<usize> {
         self.numbering.unknown(node, component)
@@ -133,7 +134,7 @@ impl<const N: usize> DofMap<N> {
             .find_map(|node| (0..N).find(|&c| self.free(node, c) == Some(unknown)).map(|c| (node, c)))
     }
 
-    /// Visits all components in order: node, component, and the unknown if it is one.
+    /// Visits all components in order: node, component, and the unknown if the component is one.
     pub fn for_each(&self, visit: impl FnMut(usize, usize, Option<usize>)) {
         self.numbering.for_each(visit);
     }
@@ -162,8 +163,8 @@ impl<const N: usize> DofMap<N> {
         }
     }
 
-    /// A part of the bodies and one of `axes` along which nothing holds it: the axis is free at all nodes of the part, on all
-    /// ranks.
+    /// A part of the bodies, and one of `axes` along which nothing holds this part: the axis is free at all nodes of
+    /// the part, on all ranks.
     pub fn unheld(
         &self,
         parts: &JoinedParts,
@@ -181,8 +182,8 @@ impl<const N: usize> DofMap<N> {
             .find_map(|part| axes.clone().find(|axis| held[N * part + axis] == 0.0).map(|axis| (part, axis)))
     }
 
-    /// A component as a combination C of unknowns and prescribed components, without its constant: nodes, components
-    /// and weights. At a turned node, component k stands for its direction k.
+    /// A component as a linear combination of unknowns and prescribed components, without its constant: nodes,
+    /// components and weights. At a turned node, component k stands for direction k of the node.
     pub fn expression(&self, node: usize, component: usize) -> Vec<(usize, usize, f64)> {
         let tie = self.numbering.other(node, component).and_then(|other| match self.bound[other] {
             Bound::Tied(tie) => Some(&self.ties[tie as usize]),
@@ -205,14 +206,14 @@ impl<const N: usize> DofMap<N> {
         turned.chain(self.ties.iter().map(|tie| tie.node)).map(|node| node as usize).for_each(visit);
     }
 
-    /// Visits the tied nodes with the nodes they are tied to.
+    /// Visits each tied node with the nodes to which it is tied.
     pub fn for_each_tie(&self, mut visit: impl FnMut(usize, &mut dyn Iterator<Item = usize>)) {
         for tie in &self.ties {
             visit(tie.node as usize, &mut tie.terms.iter().map(|(node, ..)| *node as usize));
         }
     }
 
-    /// Moves the forces on tied components to those they are tied to, [force].
+    /// Moves the forces on tied components to the components to which these are tied, [force].
     pub fn condense(&self, force: &mut [[f64; N]]) {
         for Tie { node, component, terms, .. } in &self.ties {
             let tied = std::mem::take(&mut force[*node as usize][*component as usize]);
@@ -222,8 +223,8 @@ impl<const N: usize> DofMap<N> {
         }
     }
 
-    /// Writes the remaining increment of the prescribed and tied components into `motion`, zero elsewhere; returns true
-    /// if any of it is not zero.
+    /// Writes the remaining increment of the prescribed and tied components into `motion`, and zero elsewhere; returns
+    /// true if any component of it is not zero.
     pub fn remaining(&self, increment: &[[f64; N]], motion: &mut [[f64; N]]) -> bool {
         motion.fill([0.0; N]);
         let mut lacks = false;
@@ -313,7 +314,7 @@ impl<const N: usize> DofMap<N> {
         }
     }
 
-    /// The part of a condensed force on a node that the constraints carry, [force].
+    /// The part of the condensed force on a node that the constraints carry, [force].
     #[inline]
     pub fn held_part(&self, node: usize, force: &[f64; N]) -> [f64; N] {
         if !self.turned.is_empty()
@@ -340,9 +341,9 @@ impl<const N: usize> DofMap<N> {
     /// Distributes the reaction of a node among the boundary conditions that carry it: `visit(condition, component,
     /// force)`.
     ///
-    /// The conditions that fix a component carry equal shares; if none fixes it, those that move it do. At a turned
-    /// node, each condition carries a force along its prescribed direction. Conditions that do not belong to the model
-    /// get no share.
+    /// The conditions that fix a component carry equal shares; if none fixes it, the conditions that move it do. At a
+    /// turned node, each condition carries a force along its prescribed direction. Conditions that do not belong to the
+    /// model get no share.
     pub fn for_each_share<const D: usize>(
         &self,
         model: &Model<D>,

@@ -2,9 +2,9 @@
 //!
 //! The deformation gradient of the point is F = exp(e) (I + γ e_x ⊗ e_y). On all paths but simple shear, γ = 0 and the
 //! principal axes are fixed, so that e is the logarithmic strain measured from the start and ln J = tr e holds without
-//! round-off. A [`Target`] prescribes e and γ, or the Cauchy stress along an axis in place of the strain. The components
-//! of e that are then unknown follow from Newton's method with the consistent tangent of the law, including the change
-//! of J.
+//! round-off. A [`Target`] prescribes e and γ, or the Cauchy stress along an axis in place of the strain. The
+//! components of e that are then unknown follow from Newton's method with the consistent tangent of the law, including
+//! the change of J.
 //!
 //! A law need not have a stress-free state: a test begins at an initial stress.
 #![allow(non_snake_case)]
@@ -25,11 +25,11 @@ pub use error::{Cause, ElementTestError};
 pub use path::{Control, Path, Target};
 pub use state::ElementState;
 
-/// Largest relative difference between two stresses that are the same, [-].
+/// Largest relative difference between two stresses that count as equal, [-].
 const SAME_STRESS: f64 = 1e-9;
-/// Stress of a law at zero strain that is round-off, relative to its stiffness, [-].
+/// Stress of a law at zero strain that counts as round-off, relative to its stiffness, [-].
 const NO_STRESS: f64 = 1e-13;
-/// Smallest part of a step that is tried, [-].
+/// Smallest part of a step that is attempted, [-].
 const SMALLEST_PART: f64 = 1.0 / 1024.0;
 
 /// A material point on its way along a path.
@@ -46,8 +46,8 @@ pub struct ElementTest<'a> {
 }
 
 impl<'a> ElementTest<'a> {
-    /// A point of a law at J = 1 with an initial Cauchy stress, [stress], and the initial history variables `history`. The
-    /// state is that of [`initial_state`], so a stress outside the yield surface is returned to it.
+    /// A material point at J = 1 with an initial Cauchy stress, [stress], and the initial history variables `history`
+    /// of its law. The state is that of [`initial_state`], so a stress outside the yield surface is returned to it.
     ///
     /// # Errors
     /// [`ElementTestError::Initial`] if the law cannot begin with this stress. A law without an inverse can begin only
@@ -85,8 +85,8 @@ impl<'a> ElementTest<'a> {
         self.was_returned
     }
 
-    /// Takes the point to a target in one step. A step without solution is divided: its parts are halved until each has
-    /// a solution, down to 1/1024 of the step.
+    /// Takes the point to a target in one step. A step without a solution is divided: its parts are halved until each
+    /// has a solution, down to 1/1024 of the step.
     ///
     /// # Errors
     /// [`ElementTestError::Step`] if a part has no solution; the point is then in the state before the step.
@@ -118,8 +118,8 @@ impl<'a> ElementTest<'a> {
         Ok(&self.state)
     }
 
-    /// The states at the end of each step on the way through some targets, with `steps` even steps up to each of them,
-    /// at least one; ends after the first error.
+    /// The state at the end of each step on the way through some targets, with `steps` equal steps to each target, at
+    /// least one; ends after the first error.
     pub fn follow(
         mut self,
         targets: impl IntoIterator<Item = Target>,

@@ -18,7 +18,7 @@ pub enum Bound {
 pub struct Memory {
     /// Largest amount that the process may use.
     pub limit: u64,
-    /// Part of `limit` that is free now.
+    /// Part of `limit` that is still free.
     pub available: u64,
     /// Origin of `limit`.
     pub bound: Bound,

@@ -101,8 +101,8 @@ pub struct Model<const D: usize> {
     pub loads: Vec<Load<D>>,
     /// Rigid tools that touch the bodies.
     pub tools: Vec<Tool<D>>,
-    /// Treatment of an initial state out of balance, if bodies are stressed and loaded at time 0; the loads then have the
-    /// factors of their curves there. `None` if nothing is stressed and nothing is loaded at time 0.
+    /// Treatment of an initial state that is out of balance, if bodies are stressed and loaded at time 0; the load
+    /// factors are then those of the curves at time 0. `None` if nothing is stressed and nothing is loaded at time 0.
     pub initial_imbalance: Option<InitialImbalance>,
     /// Division of the loading into steps, and step control.
     pub stepping: Stepping,
@@ -110,7 +110,7 @@ pub struct Model<const D: usize> {
     pub newton: Newton,
     /// Probes.
     pub probes: Vec<Probe>,
-    /// The stages, if there are several; `stepping` and `newton` are those of the present one.
+    /// The stages, if there are several; `stepping` and `newton` are those of the present stage.
     pub stages: Vec<Stage<D>>,
     /// The state of the present stage.
     pub present: Present<D>,
@@ -191,8 +191,8 @@ impl<const D: usize> Model<D> {
         corners.iter().map(|corner| self.depth(corner)).sum::<f64>() / D as f64
     }
 
-    /// The original area of a sample of a surface, [length²]: per unit thickness in plane strain, on the full circle for
-    /// bodies of revolution.
+    /// The original area of a sample of a surface, [length²]: per unit thickness in plane strain, on the full circle
+    /// for bodies of revolution.
     pub fn original_area(&self, surface: &Surface<D>, sample: usize) -> f64 {
         let area = surface.original_area(sample).iter().map(|a| a * a).sum::<f64>().sqrt();
         area * self.mean_depth(&surface.facet(sample))

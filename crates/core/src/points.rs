@@ -28,7 +28,7 @@ pub use value::PointValues;
 #[cfg(test)]
 mod tests;
 
-/// Smallest number of points that one thread works on.
+/// Smallest number of points assigned to one thread.
 pub const PIECE: usize = 1 << 10;
 
 /// A position as text for messages.
@@ -49,8 +49,8 @@ pub enum PointVolume {
     /// det(F) times the original volume, eq. (22).
     #[default]
     Deformation,
-    /// The volume of the domain; the same as above unless the domain update changes it. Needed only to reproduce some
-    /// results of the paper. Points without domain use eq. (22).
+    /// The volume of the domain; equal to that of eq. (22) unless the domain update changes it. Needed only to
+    /// reproduce some results of the paper. Points without a domain use eq. (22).
     Domain,
 }
 
@@ -74,13 +74,13 @@ impl<const D: usize> Points<D> {
     /// Adds a field that only this analysis has. Reordering, commits, checkpoints and result files include it.
     ///
     /// # Errors
-    /// [`FieldError`] if the name, shape or start values are invalid.
+    /// [`FieldError`] if the name, shape or initial values are invalid.
     pub fn declare(&mut self, spec: PointFieldSpec) -> Result<FieldHandle, FieldError> {
         let is_taken = |name: &str| Self::STORED.contains(&name) || PointArray::named(name).is_some();
         self.further.declare(spec, &self.id, is_taken)
     }
 
-    /// Half lengths of the domain of a point in the converged state, [length]; zero for points without.
+    /// Half lengths of the domain of a point in the converged state, [length]; zero for points without half lengths.
     #[inline]
     pub fn half_lengths(&self, p: usize) -> [f64; D] {
         self.converged.half_lengths.get(p).copied().unwrap_or([0.0; D])
@@ -103,7 +103,7 @@ impl<const D: usize> Points<D> {
         start..start + self.corner_count.get(p).map_or(0, |n| usize::from(*n))
     }
 
-    /// Corners of the domain of a point in the converged state; empty if it is not given by corners.
+    /// Corners of the domain of a point in the converged state; empty if the domain is not given by corners.
     pub fn corners(&self, p: usize) -> &[[f64; D]] {
         &self.converged.corners[self.corner_range(p)]
     }

@@ -1,8 +1,9 @@
-//! The quality of a run, in measures that cost hardly any time: the partition of unity, the fit of the domains to the
+//! The quality of a run, by measures that cost hardly any time: the partition of unity, how well the domains fit the
 //! bodies and the grid, the filling of the cells, and the convergence of the iterations.
 //!
-//! [`Measures`] are taken once per step in equilibrium; [`Quality`] keeps the worst of all steps and warns when a measure is
-//! out of bounds for the first time. The overlap of domains costs more, and is computed once, at the end of the run.
+//! [`Measures`] are taken once per step in equilibrium; [`Quality`] keeps the worst values of all steps and warns when
+//! a measure is out of bounds for the first time. The overlap of domains costs more, and is computed once, at the end
+//! of the run.
 
 mod cohesion;
 mod contrast;
@@ -40,9 +41,9 @@ use crate::domain::DomainUpdate;
 use crate::model::Model;
 use crate::points::Points;
 
-/// Largest loss of the partition of unity without a warning, [-].
+/// Largest loss of the partition of unity that causes no warning, [-].
 const MOST_LOSS: f64 = 1e-3;
-/// Largest share of a domain outside the grid without a warning, [-].
+/// Largest share of a domain outside the grid that causes no warning, [-].
 const MOST_OUTSIDE: f64 = 0.01;
 
 /// The worst value of a measure so far, with its step, body and point.
@@ -50,11 +51,11 @@ const MOST_OUTSIDE: f64 = 0.01;
 pub struct Worst {
     /// The value.
     pub value: f64,
-    /// Number of the step.
+    /// Step number.
     pub step: usize,
-    /// Number of the body.
+    /// Body number.
     pub body: usize,
-    /// Permanent number of the point, for measures of points.
+    /// Permanent number of the point, for measures taken at points.
     pub point: Option<u32>,
 }
 
@@ -63,23 +64,23 @@ pub struct Worst {
 pub struct Filling {
     /// Volume of the points in the cell relative to that of the cell, [-].
     pub value: f64,
-    /// Number of the step.
+    /// Step number.
     pub step: usize,
-    /// Number of the cell.
+    /// Cell number.
     pub cell: u32,
 }
 
-/// A total at the start of the run and now.
+/// A total at the start of the run and at present.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Balance {
-    /// At the start of the run.
+    /// Value at the start of the run.
     pub start: f64,
-    /// Now.
+    /// Present value.
     pub now: f64,
 }
 
 impl Balance {
-    /// Change since the start relative to the value then, [-]; 0 if that was 0.
+    /// Change since the start relative to the value at the start, [-]; 0 if that value is 0.
     pub fn relative_change(&self) -> f64 {
         if self.start == 0.0 { 0.0 } else { self.now / self.start - 1.0 }
     }
@@ -131,12 +132,12 @@ impl StepMeasures {
     }
 }
 
-/// The quality of a run so far. A measure is `None` until a step has it.
+/// The quality of a run so far. A measure is `None` until a step has provided it.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Quality {
     /// Largest 1 − Σ S_vp, [-].
     pub partition_of_unity_loss: Option<Worst>,
-    /// Largest share of a domain outside the grid; of the corners for domains given by corners, [-].
+    /// Largest share of a domain outside the grid or, for domains given by corners, of the corners, [-].
     pub domain_outside_grid: Option<Worst>,
     /// Smallest filling of a cell that holds points.
     pub smallest_cell_filling: Option<Filling>,
@@ -148,30 +149,32 @@ pub struct Quality {
     pub volume: Balance,
     /// Volume of the domains of a body relative to that of its points, minus 1; the largest in magnitude, [-].
     pub domain_volume_excess: Option<Worst>,
-    /// Volume that domains share with each other at the end of the run, relative to the volume of all, [-].
+    /// Volume that domains share with each other at the end of the run, relative to the volume of all domains, [-].
     pub domain_overlap: Option<f64>,
     /// The measures of the last step over all bodies.
     pub latest: StepMeasures,
-    /// Observed order of the Newton iterations, [`newton_order`], of every step that has one, after the number of the step.
+    /// Observed order of the Newton iterations, [`newton_order`], of every step that has one, each preceded by the step
+    /// number.
     pub newton_orders: Vec<(usize, f64)>,
     /// Largest magnitude of the rotation in the plane, [degrees].
     pub rotation: Option<Worst>,
     /// Largest shear in the plane, [-].
     pub shear: Option<Worst>,
-    /// Largest mean rotation of a body whose domains are boxes that cannot follow it, [degrees].
+    /// Largest mean rotation of a body whose domains are boxes that cannot follow the rotation, [degrees].
     pub box_rotation: Option<Worst>,
-    /// Largest oscillation of the pressures, [`oscillation`], over the cells that flow in a step, [-], and this step.
+    /// Largest oscillation of the pressures, [`oscillation`], over the cells that flow in a step, [-], and the number
+    /// of this step.
     pub pressure_oscillation: Option<(f64, usize)>,
-    /// For each body, number of cell borders crossed by its points without domain, and number of these points.
+    /// For each body, number of cell boundaries crossed by its points without a domain, and number of these points.
     crossed: Vec<[usize; 2]>,
     /// The connected parts at the start.
     cohesion: Option<Cohesion>,
-    /// True if a stiffness has been positive definite.
+    /// True if the stiffness has been positive definite at least once.
     #[serde(default)]
     was_stable: bool,
     /// The material at the nodes of each boundary condition.
     held: Vec<Held>,
-    /// Warnings raised so far, each with the number of the body or boundary condition concerned.
+    /// Warnings raised so far, each with the number of the body or boundary condition that it concerns.
     #[serde(default)]
     raised: BTreeSet<(Code, usize)>,
 }
@@ -203,7 +206,7 @@ impl Quality {
             && self.cohesion.as_ref().is_none_or(|cohesion| cohesion.fits(bodies))
     }
 
-    /// Records the measures and the residuals of a step; returns the warnings that they cause for the first time.
+    /// Records the measures and the residuals of a step; returns the warnings that the step raises for the first time.
     pub fn accept<const D: usize>(
         &mut self,
         model: &Model<D>,
@@ -250,7 +253,7 @@ impl Quality {
         warnings
     }
 
-    /// Records that bodies of this mass and volume were added, or removed if they are negative, [mass, volume].
+    /// Records that bodies of this mass and volume were added, or removed if the values are negative, [mass, volume].
     pub fn exchange(&mut self, mass: f64, volume: f64) {
         for (balance, change) in [(&mut self.mass, mass), (&mut self.volume, volume)] {
             balance.start += change;
@@ -259,7 +262,7 @@ impl Quality {
         self.cohesion = None;
     }
 
-    /// Records the state at the end of the run, if it has made a step.
+    /// Records the state at the end of the run, if the run has completed a step.
     pub fn conclude<const D: usize>(&mut self, model: &Model<D>, points: &Points<D>) {
         // Only domains overlap.
         if self.det_f.is_none() || model.bodies.iter().all(|body| body.method.domain() == DomainKind::None) {
@@ -278,13 +281,13 @@ impl Quality {
         Some(0.5 * (orders[lower] + orders[upper]))
     }
 
-    /// Smallest observed order of the Newton iterations, with the step.
+    /// Smallest observed order of the Newton iterations, with the step number.
     pub fn smallest_newton_order(&self) -> Option<(usize, f64)> {
         self.newton_orders.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1))
     }
 }
 
-/// One line; nothing before the first step.
+/// The quality in one line; empty before the first step.
 impl fmt::Display for Quality {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut parts = Vec::new();
@@ -337,7 +340,7 @@ fn keep_worst(kept: &mut Option<Worst>, found: Worst) {
     }
 }
 
-/// Raises the warnings that a body has not had before.
+/// Raises the warnings that have not been raised for a body before.
 fn warn<const D: usize>(
     model: &Model<D>,
     step: usize,

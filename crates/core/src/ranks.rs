@@ -1,7 +1,7 @@
-//! The processes that share an analysis: ranks, each of which keeps the points in its part of the grid.
+//! The processes that share an analysis: ranks, each of which holds the points in its part of the grid.
 //!
-//! All ranks run the same program on their own points. What they decide together is formed here: each reduction adds up the
-//! parts in the order of the ranks and gives the same bits to all of them, so that all ranks take the same path.
+//! All ranks run the same program on their own points. What they decide together is formed here: each reduction adds up
+//! the contributions in the order of the ranks and gives the same bits to all ranks, so that all take the same path.
 
 mod halo;
 pub mod threads;
@@ -18,19 +18,20 @@ pub trait Communicator: Send + Sync + std::fmt::Debug {
     /// Number of ranks.
     fn count(&self) -> usize;
 
-    /// Number of this rank, from 0.
+    /// The number of this rank, from 0.
     fn own(&self) -> usize;
 
-    /// The bytes that every rank gives, in the order of the ranks.
+    /// The bytes that every rank supplies, in the order of the ranks.
     fn gather_all(&self, own: &[u8]) -> Vec<Vec<u8>>;
 
-    /// The same on rank 0; nothing on the others.
+    /// The same on rank 0; nothing on the other ranks.
     fn gather(&self, own: &[u8]) -> Vec<Vec<u8>>;
 
-    /// Sends messages to some ranks, each at most once; returns those for this rank with the ranks they come from, ascending.
+    /// Sends messages to some ranks, each at most once; returns the messages for this rank with the ranks that sent
+    /// them, ascending.
     fn exchange(&self, messages: Vec<(usize, Vec<u8>)>) -> Vec<(usize, Vec<u8>)>;
 
-    /// Swaps numbers with some other ranks, ascending: `send[k]` goes to rank `with[k]`, and `receive[k]` is filled by it. Both
+    /// Swaps numbers with some other ranks, ascending: `send[k]` goes to rank `with[k]`, which fills `receive[k]`. Both
     /// sides must call this, and agree on the lengths, which may be 0.
     fn swap(&self, with: &[usize], send: &[Vec<f64>], receive: &mut [Vec<f64>]);
 }
@@ -45,7 +46,7 @@ impl Ranks {
         Ranks((communicator.count() > 1).then_some(communicator))
     }
 
-    /// True if there is one rank only.
+    /// True if there is only one rank.
     #[inline]
     pub fn is_alone(&self) -> bool {
         self.0.is_none()
@@ -56,24 +57,24 @@ impl Ranks {
         self.0.as_ref().map_or(1, |ranks| ranks.count())
     }
 
-    /// Number of this rank.
+    /// The number of this rank.
     pub fn own(&self) -> usize {
         self.0.as_ref().map_or(0, |ranks| ranks.own())
     }
 
-    /// This rank's share of work that consists of `n` items in a row; the shares of the ranks follow one another.
+    /// This rank's share of work that consists of `n` consecutive items; the shares of the ranks follow one another.
     pub fn share(&self, n: usize) -> Range<usize> {
         let (own, count) = (self.own(), self.count());
         let end = |rank: usize| (n as u128 * rank as u128 / count as u128) as usize;
         end(own)..end(own + 1)
     }
 
-    /// Number of ranks on the machine of this one; all of them where the system does not tell machines apart.
+    /// Number of ranks on the same machine as this rank; all of them where the system does not tell machines apart.
     pub fn on_this_machine(&self) -> usize {
         self.total_on_this_machine(1) as usize
     }
 
-    /// The sum of an amount over the ranks on the machine of this one.
+    /// The sum of an amount over the ranks on the same machine as this rank.
     pub fn total_on_this_machine(&self, amount: u64) -> u64 {
         let machine = std::fs::read_to_string("/proc/sys/kernel/random/boot_id").unwrap_or_default();
         let all = self.gather_all((machine.clone(), amount));
@@ -85,12 +86,12 @@ impl Ranks {
         self.own() == 0
     }
 
-    /// The messages, if there are several ranks.
+    /// The communicator, if there are several ranks.
     pub fn communicator(&self) -> Option<&dyn Communicator> {
         self.0.as_deref()
     }
 
-    /// The values of all ranks, in their order.
+    /// The values of all ranks, in rank order.
     pub fn gather_all<T: Serialize + DeserializeOwned>(&self, own: T) -> Vec<T> {
         match &self.0 {
             None => vec![own],
@@ -98,7 +99,7 @@ impl Ranks {
         }
     }
 
-    /// The values of all ranks on rank 0, in their order; none on the others.
+    /// The values of all ranks on rank 0, in their order; none on the other ranks.
     pub fn gather<T: Serialize + DeserializeOwned>(&self, own: T) -> Vec<T> {
         match &self.0 {
             None => vec![own],
@@ -106,7 +107,8 @@ impl Ranks {
         }
     }
 
-    /// Sends values to some ranks, each at most once; returns those for this rank with the ranks they come from, ascending.
+    /// Sends values to some ranks, each at most once; returns the values for this rank with the ranks that sent them,
+    /// ascending.
     pub fn exchange<T: Serialize + DeserializeOwned>(&self, messages: Vec<(usize, T)>) -> Vec<(usize, T)> {
         let Some(ranks) = &self.0 else { return messages };
         let messages = messages.iter().map(|(rank, value)| (*rank, encode(value))).collect();
@@ -119,7 +121,7 @@ impl Ranks {
         if self.is_alone() { own } else { self.gather_all(own).into_iter().flatten().next() }
     }
 
-    /// Combines numbers of all ranks one by one, in the order of the ranks.
+    /// Combines corresponding numbers of all ranks, in rank order.
     fn combine(&self, values: &mut [f64], with: impl Fn(f64, f64) -> f64) {
         let Some(ranks) = &self.0 else { return };
         let own: Vec<u8> = values.iter().flat_map(|value| value.to_ne_bytes()).collect();
@@ -149,29 +151,29 @@ impl Ranks {
         self.total(count as f64) as usize
     }
 
-    /// Replaces each number by its largest value on any rank; NaN if any is.
+    /// Replaces each number by its largest value on any rank; NaN if one of the values is NaN.
     pub fn maximum(&self, values: &mut [f64]) {
         self.combine(values, |a, b| if a >= b || a.is_nan() { a } else { b });
     }
 
-    /// The largest value of a number on any rank; NaN if any is.
+    /// The largest value of a number on any rank; NaN if one of the values is NaN.
     pub fn largest(&self, value: f64) -> f64 {
         let mut values = [value];
         self.maximum(&mut values);
         values[0]
     }
 
-    /// The smallest value of a number on any rank; NaN if any is.
+    /// The smallest value of a number on any rank; NaN if one of the values is NaN.
     pub fn smallest(&self, value: f64) -> f64 {
         -self.largest(-value)
     }
 
-    /// True if it is true on any rank.
+    /// True if the value is true on any rank.
     pub fn any(&self, is: bool) -> bool {
         if self.is_alone() { is } else { self.largest(f64::from(u8::from(is))) > 0.0 }
     }
 
-    /// True if it is true on all ranks.
+    /// True if the value is true on all ranks.
     pub fn all(&self, is: bool) -> bool {
         !self.any(!is)
     }

@@ -10,7 +10,7 @@ use crate::model::Model;
 /// A load step: the time it starts from and the time it reaches.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Step {
-    /// Number, from 1.
+    /// Step number, from 1.
     pub index: usize,
     /// Time of the state it starts from.
     pub start: f64,
@@ -49,7 +49,7 @@ pub struct At<'a, const N: usize> {
     pub delta_d: &'a [[f64; N]],
     /// Load factor if it follows from equilibrium, [-].
     pub factor: f64,
-    /// Increments of global unknowns in the step: of all, or only of one term.
+    /// Increments of global unknowns in the step: of all terms, or only of one.
     pub globals: &'a [f64],
 }
 
@@ -60,7 +60,8 @@ impl<'a, const N: usize> At<'a, N> {
     }
 }
 
-/// The displacement of nodal increments, their first `D` components, [length]; without a copy where there are no others.
+/// The displacement of nodal increments, their first `D` components, [length]; not copied if there are no other
+/// components.
 pub fn displacement<const D: usize, const N: usize>(increments: &[[f64; N]]) -> Cow<'_, [[f64; D]]> {
     if D == N {
         let (same, _) = increments.as_flattened().as_chunks::<D>();

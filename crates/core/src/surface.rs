@@ -1,13 +1,14 @@
-//! Surfaces of bodies: the places where tractions and pressures act, and where motions are prescribed weakly.
+//! Surfaces of bodies, on which tractions and pressures act and motions are prescribed weakly.
 //!
-//! A surface is sampled at the start from the boundary of the body's region, in flat facets (segments in the plane,
-//! triangles in space). Their corners are massless points, which the grid carries with the linear basis N_v of its cells.
-//! A sample is a facet: its position is the mean of its corners, and its N_v is the mean of theirs. The area vector n a
-//! follows from the carried corners, so a closed surface stays closed: Σ n a = 0 at all times, except for bodies of
-//! revolution along the radius. In a uniform deformation it is that of Nanson's formula, n a = cof(F) N A.
+//! A surface is sampled once, at the start, by dividing the boundary of the body's region into flat facets (segments in
+//! the plane, triangles in space). The corners of the facets are massless points, which the grid carries with the
+//! linear basis N_v of its cells. Each facet is one sample: its position is the mean of its corners, and its N_v is the
+//! mean of their N_v. The area vector n a follows from the carried corners, so a closed surface stays closed: Σ n a = 0
+//! at all times, except for the radial component in bodies of revolution. In a uniform deformation, n a agrees with
+//! Nanson's formula, n a = cof(F) N A.
 //!
-//! With the mean over corners, a pressure p does the work −p dV on the volume V inside a closed surface exactly, and the
-//! forces of a uniform stress are those of CPDI2 domains whose sides are the facets.
+//! Because a sample takes the mean over its corners, a pressure p does exactly the work −p dV on the volume V inside a
+//! closed surface, and the forces of a uniform stress are those of CPDI2 domains whose sides are the facets.
 
 mod carried;
 mod cells;
@@ -22,9 +23,9 @@ pub use carried::Carried;
 pub use cells::boundary_of_cells;
 pub use support::{Support, support};
 
-/// Slack of boxes and half-spaces that select samples, relative to the size of a cell, [-].
+/// Tolerance of the boxes and half-spaces that select samples, relative to the size of a cell, [-].
 const SLACK: f64 = 1e-6;
-/// Relative distance within which corners of facets are one corner, [-].
+/// Relative distance within which corners of facets coincide, [-].
 const SAME: f64 = 1e-9;
 
 /// The part of the boundary of a body that forms a surface.
@@ -42,7 +43,7 @@ pub enum Part<const D: usize> {
         /// Direction into the half-space, of any length.
         normal: [f64; D],
     },
-    /// The samples of one side of the primitive of which the region consists.
+    /// The samples on one side of the primitive that forms the region.
     Side(usize),
 }
 
@@ -75,18 +76,18 @@ pub struct Surface<const D: usize> {
     pub corners: Vec<[f64; D]>,
     /// Corners of the facet of each sample, as indices into `corners`.
     pub facets: Vec<[u32; D]>,
-    /// Number of the side of the body's shape to which each sample belongs.
+    /// Number of the side of the body's shape on which each sample lies.
     pub sides: Vec<usize>,
     /// Size of a grid cell at the surface, [length].
     pub cell: f64,
 }
 
 impl<const D: usize> Surface<D> {
-    /// Samples a part of the boundary of a region with facets whose edges are at most `spacing` long; `cell` is the size
-    /// of a grid cell, both [length].
+    /// Samples a part of the boundary of a region with facets whose edges are no longer than `spacing`; `cell` is the
+    /// size of a grid cell, both [length].
     ///
     /// # Errors
-    /// [`NoBoundary`] if the boundary is not available. A part that contains no sample is no error here.
+    /// [`NoBoundary`] if the boundary is not available. A part without samples is not an error here.
     pub fn new(
         name: impl Into<String>,
         body: usize,
@@ -103,7 +104,7 @@ impl<const D: usize> Surface<D> {
         Ok(Surface::of_facets(name, body, facets, part, cell))
     }
 
-    /// The surface of the facets that a part contains; `cell` is the size of a grid cell, [length].
+    /// The surface made of the facets that a part contains; `cell` is the size of a grid cell, [length].
     pub fn of_facets(
         name: impl Into<String>,
         body: usize,
@@ -121,7 +122,7 @@ impl<const D: usize> Surface<D> {
             sides: facets.iter().map(|facet| facet.side).collect(),
             cell,
         };
-        // Neighbours share corners, whatever the round-off of their positions.
+        // Neighbouring facets share corners in spite of round-off in their positions.
         let mut known: BTreeMap<[i64; D], u32> = BTreeMap::new();
         for facet in &facets {
             let indices = facet.corners.map(|corner| {
@@ -144,7 +145,7 @@ impl<const D: usize> Surface<D> {
         self.samples.len()
     }
 
-    /// True if there are none.
+    /// True if there are no samples.
     pub fn is_empty(&self) -> bool {
         self.samples.is_empty()
     }
@@ -159,7 +160,7 @@ impl<const D: usize> Surface<D> {
         area_vector(&self.facet(sample))
     }
 
-    /// Original unit normal of a sample, out of the body.
+    /// Original unit normal of a sample, pointing out of the body.
     pub fn normal(&self, sample: usize) -> [f64; D] {
         unit(&self.original_area(sample))
     }
@@ -172,7 +173,7 @@ pub struct SurfaceFields<const D: usize> {
     pub position: Vec<[f64; D]>,
     /// Unit normals out of the body.
     pub normal: Vec<[f64; D]>,
-    /// Areas, [length²]: per unit thickness in plane strain, on the full circle for bodies of revolution.
+    /// Areas, [length²]: per unit thickness in plane strain, over the full circle for bodies of revolution.
     pub area: Vec<f64>,
     /// Sum of the pressures, [stress].
     pub pressure: Vec<f64>,
@@ -183,7 +184,7 @@ pub struct SurfaceFields<const D: usize> {
 }
 
 impl<const D: usize> SurfaceFields<D> {
-    /// The fields with the values of all ranks, each of which gives those of its own samples and, of the reactions, those that it
+    /// The fields completed over all ranks: each rank supplies the values of its own samples and the reactions that it
     /// adds.
     pub fn of_all_ranks(&self, ranks: &Ranks, is_own: impl Fn(usize) -> bool) -> Self {
         let mut all = self.clone();
@@ -208,7 +209,7 @@ pub fn centre<const D: usize>(corners: &[[f64; D]; D]) -> [f64; D] {
     Facet { corners: *corners, side: 0 }.centre()
 }
 
-/// The lattice place of a position, then those around it.
+/// The lattice cell of a position, then the cells around it.
 fn neighbours<const D: usize>(key: [i64; D]) -> impl Iterator<Item = [i64; D]> {
     let around = (0..3usize.pow(D as u32)).map(move |number| {
         std::array::from_fn(|d| key[d].saturating_add((number / 3usize.pow(d as u32) % 3) as i64 - 1))
@@ -216,7 +217,7 @@ fn neighbours<const D: usize>(key: [i64; D]) -> impl Iterator<Item = [i64; D]> {
     std::iter::once(key).chain(around)
 }
 
-/// A vector divided by its length; zero if that is zero.
+/// A vector divided by its length; the zero vector if its length is zero.
 pub fn unit<const D: usize>(vector: &[f64; D]) -> [f64; D] {
     let length = vector.iter().map(|x| x * x).sum::<f64>().sqrt();
     if length > 0.0 { vector.map(|x| x / length) } else { [0.0; D] }

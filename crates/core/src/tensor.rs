@@ -36,10 +36,11 @@ pub type Tensor4<const D: usize> = [[[[f64; D]; D]; D]; D];
 /// Row and column of each Mandel component.
 pub const MANDEL: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)];
 
-/// Row and column of each component of a symmetric tensor in files and arrays, the order of ParaView: xx, yy, zz, xy, yz, xz.
+/// Row and column of each component of a symmetric tensor in files and arrays, in the order of ParaView: xx, yy, zz,
+/// xy, yz, xz.
 pub const SYMMETRIC: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)];
 
-/// Weight of each Mandel component: 1 on the diagonal, √2 off it.
+/// Weight of each Mandel component: 1 on the diagonal, √2 off the diagonal.
 const WEIGHT: [f64; 6] = [1.0, 1.0, 1.0, SQRT_2, SQRT_2, SQRT_2];
 
 /// A symmetric second-order tensor in the Mandel layout.

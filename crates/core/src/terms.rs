@@ -1,8 +1,8 @@
-//! The parts of equilibrium. Each adds force and stiffness to the grid; Newton's method uses only their sum.
+//! The terms of equilibrium. Each adds forces and stiffness to the grid; Newton's method uses only their sum.
 //!
 //! Five terms are built in: the material points, the ghost stabilisation, the external forces on material points, the
-//! surfaces with their loads and weak conditions, and the contact with rigid tools. A new term implements [`Term`], in a
-//! file here or in another crate.
+//! surfaces with their loads and weak conditions, and the contact with rigid tools. A new term implements [`Term`], in
+//! a file here or in another crate.
 
 pub mod contact;
 pub mod external_force;

@@ -9,8 +9,8 @@ use mpm_core::timing::Timings;
 use mpm_files::summary::{Account, DeckMessage, Start};
 
 impl LoadedDeck {
-    /// The facts about this deck that the files of a run state. The run began at `start`; `set_up` is the time spent on
-    /// reading and building so far.
+    /// The facts about this deck that the result files of a run state. The run began at `start`; `set_up` is the time
+    /// spent on reading and building so far.
     ///
     /// # Errors
     /// If the deck cannot be written as JSON.
@@ -32,17 +32,17 @@ impl LoadedDeck {
         })
     }
 
-    /// Makes an account state this deck in place of the one with which the run began.
+    /// Replaces, in an account, the deck with which the run began by this deck.
     pub fn restate(&self, account: &mut Account) {
         if let Ok(of_this) = self.account(account.start, account.set_up.clone(), account.threads) {
-            // Without its deck a run writes no checkpoints, and goes on so.
+            // A run whose account has no deck writes no checkpoints, and continues without them.
             let deck = account.deck.is_some().then_some(of_this.deck).flatten();
             *account = Account { deck, ..of_this };
         }
     }
 }
 
-/// A message about the deck as the files of a run state it.
+/// A message about the deck, in the form that the result files of a run state.
 fn in_files(message: &Diagnostic) -> DeckMessage {
     DeckMessage {
         code: message.code.to_owned(),

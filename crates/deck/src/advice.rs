@@ -12,8 +12,8 @@ pub use warning::on_warning;
 
 use mpm_files::summary::Wording;
 
-/// The words of this module for the files of a run.
+/// The advice of this module, for the result files of a run.
 pub const WORDING: Wording = Wording { on_failure, on_warning };
 
-/// The remedy for large steps.
+/// The remedy where steps are too large.
 const SMALLER_STEPS: &str = "use smaller steps (`steps: {count, smallest}`)";

@@ -12,7 +12,7 @@ use super::quoting::quote;
 use super::{AXES, BoxDeck, Expression, LoadCurve, Vector};
 
 /// A named set of prescribed nodal displacements; its reaction is reported under its name. Conditions that fix the same
-/// node along an axis share its reaction equally and take precedence over conditions that move it.
+/// node along an axis share the reaction there equally, and take precedence over conditions that move the node.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BoundaryConditionDeck {
@@ -21,14 +21,14 @@ pub struct BoundaryConditionDeck {
     /// Grid nodes on which it acts. Exactly one of `nodes` and `surface` is needed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub nodes: Option<NodeSelector>,
-    /// Name of the surface on which it acts. There it holds weakly, and prescribes the displacement of the surface since
-    /// the start, or since the stage that sets it.
+    /// Name of the surface on which it acts. The condition is then imposed weakly, and prescribes the displacement of
+    /// the surface since the start, or since the stage that sets the condition.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = ["wall"]))]
     pub surface: Option<String>,
-    /// Axes along which the nodes or the surface do not move, or the normal of a wall that they do not leave:
-    /// `{normal: [-0.5, 0.866]}` is a roller on a slope of 30 degrees. On a surface also `normal`, the original normal of
-    /// the surface at each place, so that it slides along itself.
+    /// Axes along which the nodes or the surface do not move, or the normal of a wall that they do not leave: `{normal:
+    /// [-0.5, 0.866]}` is a roller on a slope of 30 degrees. On a surface, also `normal`: the original normal at each
+    /// position, so that the surface slides along itself.
     #[serde(default, skip_serializing_if = "FixDeck::is_empty")]
     #[schemars(extend("examples" = [["x", "y"], {"normal": [-0.5, 0.866]}, "normal"]))]
     pub fix: FixDeck,
@@ -53,7 +53,8 @@ pub struct BoundaryConditionDeck {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = [0, "-0.1*x*factor^2"]))]
     pub uz: Option<Expression>,
-    /// Displacement along a given direction, in place of `ux`, `uy` and `uz`; the nodes stay free across it.
+    /// Displacement along a given direction, in place of `ux`, `uy` and `uz`; the nodes stay free perpendicular to this
+    /// direction.
     #[serde(rename = "move", default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = [{"along": [0.866, 0.5], "by": 0.2}]))]
     pub along: Option<MoveDeck>,
@@ -73,11 +74,11 @@ pub enum FixDeck {
     Axes(Vec<Axis>),
     /// The normal of a wall.
     Normal(NormalDeck),
-    /// A direction that depends on the place on a surface.
+    /// A direction that depends on the position on a surface.
     OnSurface(AlongSurface),
 }
 
-/// A direction that depends on the place on a surface.
+/// A direction that depends on the position on a surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum AlongSurface {
@@ -101,7 +102,7 @@ pub struct MoveDeck {
     /// The direction, a vector of any length.
     #[schemars(with = "Vector", extend("examples" = [[0.866, 0.5]]))]
     pub along: Vec<f64>,
-    /// Displacement along it at load factor 1, [length]: a number or a formula, as `ux`.
+    /// Displacement along this direction at load factor 1, [length]: a number or a formula, as `ux`.
     #[schemars(extend("examples" = [0.2]))]
     pub by: Expression,
 }
@@ -117,7 +118,7 @@ impl FixDeck {
         self.axes().is_empty() && matches!(self, FixDeck::Axes(_))
     }
 
-    /// The axes it names.
+    /// The axes that `fix` names.
     fn axes(&self) -> &[Axis] {
         match self {
             FixDeck::Axes(axes) => axes,
@@ -143,7 +144,7 @@ impl BoundaryConditionDeck {
         self.displacements().iter().any(|displacement| !displacement.value.is_zero())
     }
 
-    /// Its own direction, if it has one, with its key.
+    /// The direction that the condition states itself, if any, with its key.
     fn direction(&self) -> Option<(&'static str, &[f64])> {
         match (&self.fix, &self.along) {
             (FixDeck::Normal(NormalDeck { normal }), _) => Some(("fix/normal", normal)),
@@ -152,14 +153,14 @@ impl BoundaryConditionDeck {
         }
     }
 
-    /// Its own directions, orthonormal, of which it prescribes the first, `[direction][axis]`; `None` if it prescribes
-    /// displacements along the axes.
+    /// Orthonormal directions, `[direction][axis]`, the first of which is the one that the condition states; `None` if
+    /// it prescribes displacements along the axes.
     pub(crate) fn frame<const D: usize>(&self) -> Option<[[f64; D]; D]> {
         let (_, direction) = self.direction()?;
         Some(frame(array(direction)))
     }
 
-    /// True if it and another condition prescribe the same displacement of the same surface.
+    /// True if this and another condition prescribe the same displacement of the same surface.
     pub(crate) fn repeats(&self, other: &Self) -> bool {
         let directions = |condition: &Self| match condition.direction() {
             Some(_) => Vec::new(),
@@ -176,12 +177,12 @@ impl BoundaryConditionDeck {
             && directions(self).iter().any(|direction| directions(other).contains(direction))
     }
 
-    /// True if it holds a surface along the normal at each of its places.
+    /// True if the condition holds a surface along its normal at every position.
     pub(crate) fn holds_along_surface_normal(&self) -> bool {
         matches!(self.fix, FixDeck::OnSurface(AlongSurface::Normal))
     }
 
-    /// The directions that `fix` holds: axes, or 0 for a normal.
+    /// Indices of the directions that `fix` holds: axes, or 0 for a normal.
     pub(crate) fn held(&self) -> Vec<usize> {
         match &self.fix {
             FixDeck::Axes(axes) => axes.iter().map(|axis| *axis as usize).collect(),
@@ -231,7 +232,7 @@ impl BoundaryConditionDeck {
         check.formulas_at_nodes(pointer, displacements, &self.intermediate);
     }
 
-    /// Checks what depends on whether it acts on nodes or on a surface.
+    /// Checks what depends on whether the condition acts on nodes or on a surface.
     fn check_place(&self, check: &mut dyn Checks, pointer: &str) {
         let name = quote(&self.name);
         let message = match (&self.nodes, &self.surface) {
@@ -298,8 +299,8 @@ fn length(vector: &[f64]) -> f64 {
 fn frame<const D: usize>(first: [f64; D]) -> [[f64; D]; D] {
     let mut found = [[0.0; D]; D];
     let unit = |vector: [f64; D]| vector.map(|x| x / length(&vector));
-    found[0] = unit(unit(first)); // twice, for the last bit
-    // The axes that are most nearly orthogonal to it span the rest.
+    found[0] = unit(unit(first)); // twice, to be exact to the last bit
+    // The axes that are most nearly orthogonal to the first vector span the rest.
     let mut axes: Vec<usize> = (0..D).collect();
     axes.sort_by(|&a, &b| found[0][a].abs().total_cmp(&found[0][b].abs()));
     for k in 1..D {

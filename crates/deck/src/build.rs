@@ -40,10 +40,10 @@ use mpm_core::ranks::Ranks;
 use mpm_core::region::Region;
 use mpm_core::stress::Volumetric;
 
-/// Penalty stiffness of conditions on surfaces, relative to the axial modulus over the size of a cell, [-].
+/// Penalty stiffness of conditions on surfaces, relative to the axial modulus divided by the cell size, [-].
 const PENALTY: f64 = 10.0;
 
-/// Share of the area of a region whose loss is probably not intended.
+/// Share of the area of a region; a larger loss is probably not intended.
 const MUCH: f64 = 0.05;
 
 /// Builds the model of a deck that passed the earlier gates, and its points; `D` must be the number of axes of the
@@ -69,8 +69,8 @@ pub(super) struct Built<const D: usize> {
     pub(super) memory: f64,
 }
 
-/// As [`build`], but refuses a model that does not fit into `memory`. Each rank gets the points in its part of the grid; all
-/// get the same messages.
+/// As [`build`], but refuses a model that does not fit into `memory`. Each rank gets the points in its part of the
+/// grid; all get the same messages.
 pub(super) fn built<const D: usize>(
     loaded: &LoadedDeck,
     memory: Option<Memory>,
@@ -101,7 +101,7 @@ struct Outline<const D: usize> {
     size: Size,
 }
 
-/// Estimates the size of a deck without filling its bodies.
+/// Estimates the size of an analysis without filling its bodies.
 pub(super) fn size_of<const D: usize>(loaded: &LoadedDeck) -> Result<Size, Vec<Diagnostic>>
 where
     Region<D>: OfDeck<D>,
@@ -322,7 +322,8 @@ where
         self.body_numbers.get(name).copied().unwrap_or(0)
     }
 
-    /// The regions of all bodies, and the groups of cells they are made of; `None` if one cannot be determined.
+    /// The regions of all bodies, and the groups of cells that they consist of; `None` if any region cannot be
+    /// determined.
     fn regions(&mut self, grid: &dyn Grid<D>) -> Option<(Vec<Region<D>>, Groups)> {
         let (directory, source) = (self.loaded.directory.as_path(), &self.loaded.source);
         let mut given = FromFiles { grid, directory, source, groups: Groups::default(), found: Vec::new() };
@@ -375,7 +376,7 @@ where
         }
     }
 
-    /// Fills every body with points; returns those that this rank forms, with their permanent numbers.
+    /// Fills every body with points; returns the points that this rank creates, with their permanent numbers.
     fn seeds(
         &mut self,
         grid: &dyn Grid<D>,
@@ -388,7 +389,7 @@ where
             let body = &bodies[number];
             let density = self.deck.materials[&deck.material].density().and_then(Expression::as_number);
             let mut history = materials[body.material].law.initial_history();
-            // Room for the variables of materials that stages give the body.
+            // Points need room for the variables of materials that stages assign to the body.
             let later = self.deck.stages.iter().filter_map(|stage| stage.material.get(&deck.name));
             let later = materials.iter().filter(|material| later.clone().any(|name| *name == material.name));
             let most = later.map(|material| material.law.state_fields().len()).max().unwrap_or(0);
@@ -412,7 +413,7 @@ where
             match filled {
                 Ok(mut filled) => {
                     self.furnish(&deck.name, &materials[body.material], room, &mut filled.seeds);
-                    // Materials that stages give the body must suit its points as well.
+                    // Materials that stages assign to the body must suit its points as well.
                     for stage in &self.deck.stages {
                         let given = stage.material.get(&deck.name);
                         let given = given.and_then(|name| materials.iter().find(|m| m.name == *name));
@@ -434,7 +435,7 @@ where
                     let pointer = format!("/bodies/{number}{}", fault.key);
                     self.error(fault.code, &pointer, fault.message, fault.help);
                 }
-                // Another rank says why.
+                // Another rank reports the fault.
                 Err(None) => {}
             }
         }

@@ -1,4 +1,4 @@
-//! Finds the changes of a deck with which a run cannot resume: those in anything the steps so far depend on.
+//! Finds the changes to a deck that prevent a run from resuming: changes to anything on which the steps so far depend.
 
 use std::collections::BTreeSet;
 
@@ -16,7 +16,7 @@ const SAME: f64 = 1e-12;
 /// Longest value that is shown in full, [characters].
 const LONGEST: usize = 60;
 
-/// Changes of a deck with which a run cannot resume from `time`, each as a sentence. The control of steps and
+/// Changes to a deck that prevent a run from resuming at `time`, each as a sentence. The control of steps and
 /// iterations, loads after that time, titles and the output may change.
 pub fn changes(old: &Deck, new: &Deck, time: f64) -> Vec<String> {
     let mut found = Vec::new();
@@ -36,8 +36,9 @@ pub fn changes(old: &Deck, new: &Deck, time: f64) -> Vec<String> {
     found
 }
 
-/// Changes of a deck with which a run cannot go on, each as a sentence. The parameters of materials may change, values and
-/// curves of loads and boundary conditions, the control of steps and iterations, titles and the output of files.
+/// Changes to a deck that prevent a run from continuing, each as a sentence. The parameters of materials, the values
+/// and curves of loads and boundary conditions, the control of steps and iterations, titles and the output of files may
+/// change.
 pub fn changes_during_run(old: &Deck, new: &Deck) -> Vec<String> {
     let of = |deck: &Deck| {
         let mut value = essential(deck);
@@ -70,8 +71,8 @@ pub fn changes_during_run(old: &Deck, new: &Deck) -> Vec<String> {
     found
 }
 
-/// The number in this deck of the step that ends at a time: its own number or, if larger, that of the requested step
-/// that ends there, so that no file of an earlier step is overwritten. `None` after the end of the analysis.
+/// The number in this deck of the step that ends at `time`: `own` or, if larger, the number of the requested step that
+/// ends then, so that no file of an earlier step is overwritten. `None` after the end of the analysis.
 pub fn step_at(deck: &Deck, time: f64, own: usize) -> Option<usize> {
     let end = deck.end_time();
     if time > end * (1.0 + SAME) {
@@ -105,7 +106,7 @@ fn essential(deck: &Deck) -> Value {
         for key in ["title", "solver", "checkpoint"] {
             map.remove(key);
         }
-        // Step sizes may change, also how far a reduction of strength cuts them; the control may not.
+        // Step sizes may change, and so may the limit to which a strength reduction cuts them; the control may not.
         if let Some(steps) = map.get_mut("steps").and_then(Value::as_object_mut) {
             steps.retain(|key, _| key == "control");
             without_tolerance(steps);
@@ -123,7 +124,7 @@ fn essential(deck: &Deck) -> Value {
             output.retain(|key, _| key == "probes");
         }
         if let Some(parameters) = map.get_mut("parameters").and_then(Value::as_object_mut) {
-            // The values of the others are already inserted in the deck.
+            // The values of the other parameters are already inserted in the deck.
             parameters.retain(|name, _| used.contains(name.as_str()));
         }
         for section in ["boundary_conditions", "loads"] {
@@ -135,7 +136,7 @@ fn essential(deck: &Deck) -> Value {
     value
 }
 
-/// Leaves the tolerance of a control out.
+/// Removes the tolerance of a control.
 fn without_tolerance(steps: &mut Map<String, Value>) {
     steps.get_mut("control").and_then(Value::as_object_mut).map(|control| control.remove("tolerance"));
 }
@@ -170,7 +171,7 @@ fn differ(before: &LoadCurve, after: &LoadCurve, time: f64) -> bool {
     })
 }
 
-/// Collects the differences of two values, each with its path.
+/// Collects the differences between two values, each with its path.
 fn compare(path: &str, old: &Value, new: &Value, found: &mut Vec<String>) {
     match (old, new) {
         (Value::Object(a), Value::Object(b)) => {
@@ -282,7 +283,7 @@ mod tests {
             (10, 25, 25),
             (25, 25, 25), // in the middle of a requested step
             (75, 25, 25),
-            (50, 31, 31), // some of its steps were cut
+            (50, 31, 31), // some of the steps were cut
         ] {
             deck.steps.as_mut().unwrap().count = count;
             assert_eq!(step_at(&deck, 0.5, own), Some(step), "{count}");

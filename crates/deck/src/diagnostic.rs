@@ -70,8 +70,8 @@ pub struct Diagnostic {
     pub gate: Gate,
     /// The fault, as a fragment in lower case.
     pub message: String,
-    /// The values possible there, for programs: a kind of value, a range, words, keys or names. Texts for people state
-    /// them in the message or in the help.
+    /// The values allowed there, for programs: a kind of value, a range, words, keys or names. For people, the message
+    /// or the help states them.
     pub expected: Option<String>,
     /// JSON pointer to the value concerned, such as `/bodies/0/shape/min`.
     pub pointer: Option<String>,
@@ -214,14 +214,14 @@ impl Diagnostic {
         diagnostic
     }
 
-    /// Adds a text beside the marked location.
+    /// Adds a label beside the marked location.
     #[must_use]
     pub fn label(mut self, label: impl Into<String>) -> Diagnostic {
         self.label = Some(label.into());
         self
     }
 
-    /// Adds the values possible there.
+    /// Adds the values allowed there.
     #[must_use]
     pub fn expected(mut self, expected: impl Into<String>) -> Diagnostic {
         self.expected = Some(expected.into());
@@ -254,7 +254,7 @@ impl Diagnostic {
         self.severity == Severity::Error
     }
 
-    /// The message as text, with the line of the deck concerned; no newline at the end.
+    /// The message as text, with the line of the deck that it concerns; no newline at the end.
     pub fn render(&self, source: &Source, colour: bool) -> String {
         let level = match self.severity {
             Severity::Error => Level::ERROR,
@@ -320,7 +320,7 @@ pub fn count(diagnostics: &[Diagnostic]) -> String {
     counts.into_iter().flatten().collect::<Vec<_>>().join(", ")
 }
 
-/// Most messages that are rendered; in a deck with more faults, most of them have one cause.
+/// Largest number of messages that are rendered; if a deck has more faults, most have the same cause.
 const MOST: usize = 100;
 
 /// Renders messages in the order of their locations, with an empty line between them and a newline at the end.

@@ -20,9 +20,9 @@ use mpm_core::terms::external_force::external_force;
 /// The size of the first load step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FirstStep {
-    /// Nodes that the points touch.
+    /// Number of nodes that the points touch.
     pub active_nodes: usize,
-    /// Degrees of freedom that no boundary condition prescribes.
+    /// Number of degrees of freedom that no boundary condition prescribes.
     pub unknowns: usize,
 }
 
@@ -47,7 +47,8 @@ pub fn first_step<const D: usize>(
     }
 }
 
-/// Leaves an error to the rank whose point has the lowest number, so that all numbers of ranks report the same point.
+/// Keeps an error only on the rank whose point has the lowest number, so that the point reported does not depend on the
+/// number of ranks.
 fn of_lowest_point(ranks: &Ranks, error: Option<LoadNotFinite>) -> Option<LoadNotFinite> {
     let own = error.as_ref().map_or(f64::INFINITY, |error| error.point.map_or(-1.0, f64::from));
     let lowest = ranks.smallest(own);
@@ -151,7 +152,7 @@ impl Check<'_> {
                 self.at("D043", &pointer, error.to_string())
             }
             ConstraintError::LooseAxis { .. } => self.at("D046", "/boundary_conditions", error.to_string()),
-            // No deck has ties.
+            // A deck cannot state ties.
             _ => self.at("D042", "/boundary_conditions", error.to_string()),
         };
         self.found.push(found.help(against(Obstacle::from(error))));
@@ -167,7 +168,7 @@ impl Check<'_> {
         self.found.push(found.severity(Severity::Note).help(help));
     }
 
-    /// Warns of boundary conditions all of whose nodes other conditions already fix along an axis.
+    /// Warns of boundary conditions whose nodes are all fixed along an axis by other conditions already.
     fn held_already<const D: usize>(&mut self, model: &Model<D>) {
         for Covered { condition, axis, by } in covered(&model.boundary_conditions) {
             let name = |number: usize| model.boundary_conditions[number].name.as_str();

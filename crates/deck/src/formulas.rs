@@ -1,5 +1,5 @@
-//! From the texts of a deck to formulas: the names each may contain, and the order in which intermediate values are
-//! computed.
+//! Turns the expressions of a deck into formulas: the names that each may contain, and the order in which intermediate
+//! values are computed.
 
 use std::collections::BTreeMap;
 
@@ -16,7 +16,7 @@ fn variables(dimensions: usize) -> Vec<&'static str> {
 /// Names of variables of formulas, which no parameter may have.
 pub const VARIABLES: [&str; 7] = ["x", "y", "z", "X", "Y", "Z", "factor"];
 
-/// A fault of a formula: the key under the load or boundary condition (`force/0`, `where/q`), the text, and the error.
+/// A fault in a formula: the key under the load or boundary condition (`force/0`, `where/q`), the text, and the error.
 pub struct Fault {
     /// Key, relative to the load or boundary condition.
     pub key: String,
@@ -67,12 +67,12 @@ fn text_of(expression: &Expression) -> String {
     }
 }
 
-/// The components of a vector and the intermediate values they use, as formulas of the same variables and of the
-/// intermediate values before them.
+/// The components of a vector, and the intermediate values that they use, as formulas of the same variables; a formula
+/// may also use the intermediate values before it.
 type Parsed = (Vec<Formula>, Vec<Formula>);
 
 /// # Errors
-/// The first fault of each text, names that already have a meaning, and values that depend on themselves.
+/// The first fault of each formula, names that already have a meaning, and values that depend on themselves.
 fn parse_all<'a>(
     components: &[(String, &Expression)],
     intermediate: &'a BTreeMap<String, Expression>,
@@ -103,15 +103,15 @@ fn parse_all<'a>(
 pub struct Displacement<'a> {
     /// Its key, relative to the boundary condition.
     pub key: &'static str,
-    /// Number of the direction, an axis where the condition has no direction of its own.
+    /// Index of the direction; the axis if the condition states no direction of its own.
     pub direction: usize,
     /// Number or formula.
     pub value: &'a Expression,
 }
 
 /// The displacements that a boundary condition prescribes along each axis or direction of its own, as formulas of the
-/// coordinates x, y, z of a grid node, the original position X, Y, Z of the material there, and `factor`; z and Z only in
-/// three dimensions.
+/// coordinates x, y, z of a grid node, the original position X, Y, Z of the material there, and `factor`; z and Z only
+/// in three dimensions.
 ///
 /// # Errors
 /// As for [`at_points`].
@@ -135,7 +135,7 @@ pub fn at_nodes(
 /// The vector formula of a body force and its intermediate values.
 ///
 /// # Errors
-/// The first fault of each text, names that already have a meaning, and values that depend on themselves.
+/// The first fault of each formula, names that already have a meaning, and values that depend on themselves.
 pub fn at_points<const D: usize>(
     components: &[Expression],
     intermediate: &BTreeMap<String, Expression>,
@@ -145,7 +145,7 @@ pub fn at_points<const D: usize>(
 }
 
 /// A formula with `C` components on material points or surfaces, and its intermediate values. `key` is the key of the
-/// components, which are a list unless there is one only.
+/// components, which form a list unless there is only one.
 ///
 /// # Errors
 /// As for [`at_points`].
@@ -163,7 +163,8 @@ pub fn at_places<const D: usize, const C: usize>(
     Ok(VectorFormula::new(given, vector))
 }
 
-/// A formula of the load factor, `factor`, and of `time`, in this order; a parameter of the name `time` takes its place.
+/// A formula of the load factor, `factor`, and of `time`, in this order; a parameter named `time` takes the place of
+/// the time.
 ///
 /// # Errors
 /// Its fault, with an empty key.
@@ -176,10 +177,10 @@ pub fn of_time(value: &Expression, parameters: &BTreeMap<String, Parameter>) -> 
     })
 }
 
-/// Expressions, each with its key, as formulas of the original position X, Y, in three dimensions also Z.
+/// Expressions, each with its key, as formulas of the original position: X, Y and, in three dimensions, Z.
 ///
 /// # Errors
-/// The first fault of each text.
+/// The first fault of each formula.
 pub fn at_start(
     components: Vec<(String, &Expression)>,
     parameters: &BTreeMap<String, Parameter>,
@@ -239,7 +240,7 @@ fn in_order<'a>(
     while !waiting.is_empty() {
         let ready = |name: &&str| !needs(name).iter().any(|used| waiting.contains(used));
         let Some(place) = waiting.iter().position(ready) else {
-            // Values that depend on themselves are at fault; values that only need them are a consequence.
+            // Values that depend on themselves are at fault; values that only need these fail as a consequence.
             for name in &waiting {
                 let mut reached: Vec<&str> = needs(name);
                 let mut next = 0;

@@ -1,12 +1,12 @@
-//! The services that the checks of the meaning and the builder of the model offer to the kinds of loads and boundary
-//! conditions, so that each kind can check and build itself.
+//! The services that the semantic checks and the model builder provide to each kind of load and boundary condition, so
+//! that each kind can check and build itself.
 
 use std::collections::BTreeMap;
 
 use super::formulas::{Displacement, Fault};
 use super::{Expression, Parameter};
 
-/// Semantic checks of a deck. Each reports what it finds at the place in the deck that `pointer` names.
+/// Semantic checks of a deck. Each reports what it finds at the location in the deck that `pointer` names.
 pub(crate) trait Checks {
     /// Number of axes.
     fn dimensions(&self) -> usize;
@@ -14,19 +14,19 @@ pub(crate) trait Checks {
     fn error(&mut self, code: &'static str, pointer: &str, message: String, help: &str);
     /// Reports an error at the key rather than at its value.
     fn error_at_key(&mut self, code: &'static str, pointer: &str, message: String, help: &str);
-    /// Reports something that exists only with this number of dimensions.
+    /// Reports something that exists only in this number of dimensions.
     fn of_other_dimension(&mut self, pointer: &str, what: &str, dimensions: usize);
     /// The components of a vector, if there is one for each axis.
     fn vector(&mut self, pointer: &str, components: &[f64]) -> Option<Vec<f64>>;
     /// Reports a vector with too few or too many components.
     fn wrong_count(&mut self, pointer: &str, found: usize);
-    /// Checks that the name of a body exists.
+    /// Checks that a body of this name exists.
     fn body(&mut self, pointer: &str, name: &str);
     /// Checks that the bodies on which a load acts exist, each listed once.
     fn targets(&mut self, pointer: &str, bodies: Option<&[String]>);
     /// Checks that the bodies on which a load per mass acts have a density.
     fn weight(&mut self, pointer: &str, load: &str, bodies: Option<&[String]>);
-    /// Checks that the name of a surface exists.
+    /// Checks that a surface of this name exists.
     fn surface(&mut self, pointer: &str, name: &str);
     /// Checks the formulas of a load on a surface, `components` with their key: one for each axis, or a single one if
     /// `is_scalar`.
@@ -53,7 +53,7 @@ pub(crate) trait Checks {
     );
 }
 
-/// Treatment of points that are equally near when fewer were requested.
+/// Treatment of equally near points where fewer are requested.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Ties {
     /// An error, since round-off would choose between them.
@@ -62,7 +62,7 @@ pub(crate) enum Ties {
     All,
 }
 
-/// The builder of a model. What it finds is reported at the place in the deck that `pointer` names.
+/// The builder of a model. The builder reports what it finds at the location in the deck that `pointer` names.
 pub(crate) trait Builds {
     /// The parameters of the deck.
     fn parameters(&self) -> &BTreeMap<String, Parameter>;

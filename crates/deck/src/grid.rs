@@ -17,7 +17,7 @@ pub enum GridDeck {
         /// Corner with the smallest coordinates, [length].
         #[schemars(with = "Vector", extend("examples" = [[0, 0]]))]
         origin: Vec<f64>,
-        /// Extent along each axis, [length]; a whole multiple of the spacing where that is a number.
+        /// Extent along each axis, [length]; a whole multiple of `spacing` where this is a number.
         #[schemars(with = "Lengths", extend("examples" = [[11, 10]]))]
         size: Vec<f64>,
         /// Sides of the cells, [length]; one number, or one entry per axis, each a number or a list of intervals for a
@@ -39,9 +39,9 @@ pub enum GridDeck {
     },
 }
 
-/// Grid lines that follow a boundary condition. At the start of each load step they stand where it has moved them; the lines
-/// between two groups of such lines, and between these and the ends of the grid, stretch evenly. The ends stay where they are
-/// unless they follow, too.
+/// Grid lines that follow a boundary condition. At the start of each load step, they stand where the condition has
+/// moved them. The cells between two groups of such lines, and between a group and an end of the grid, stretch evenly.
+/// The ends of the grid stay in place unless they follow a condition, too.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FollowDeck {
@@ -50,12 +50,12 @@ pub struct FollowDeck {
     /// Coordinate of the first line at the start, [length].
     #[schemars(extend("examples" = [4]))]
     pub from: f64,
-    /// Coordinate of the last line at the start, [length]; by default, that of the first.
+    /// Coordinate of the last line at the start, [length]; by default, that of the first line.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = [5]))]
     pub to: Option<f64>,
-    /// Name of the boundary condition whose displacement along the axis they follow: a number, or a formula without
-    /// coordinates. They follow it even while it does not act.
+    /// Name of the boundary condition whose displacement along the axis the lines follow; the displacement must be a
+    /// number, or a formula without coordinates. The lines follow it even while the condition does not act.
     #[schemars(extend("examples" = ["push"]))]
     pub condition: String,
 }
@@ -63,7 +63,7 @@ pub struct FollowDeck {
 /// Relative distance to a grid line within which a coordinate counts as lying on it.
 const ON_LINE: f64 = 1e-6;
 
-/// The number of the grid line at a coordinate.
+/// The index of the grid line at a coordinate.
 ///
 /// # Errors
 /// The coordinate of the nearest line, if none lies there.
@@ -98,8 +98,8 @@ pub enum AxisSpacing {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct IntervalDeck {
-    /// Coordinate at which the interval ends, [length]; above that of the interval before. The last interval ends where
-    /// the grid does, at `origin` + `size`.
+    /// Coordinate at which the interval ends, [length]; above the end of the interval before. The last interval ends
+    /// where the grid does, at `origin` + `size`.
     #[schemars(extend("examples" = [2]))]
     pub to: f64,
     /// Number of cells.
@@ -127,7 +127,8 @@ impl SpacingDeck {
 }
 
 impl AxisSpacing {
-    /// Number of cells of an axis that is `size` long, [length]; not whole where the size is no multiple of the spacing.
+    /// Number of cells of an axis that is `size` long, [length]; not whole where the size is not a multiple of the
+    /// spacing.
     pub(crate) fn cells(&self, size: f64) -> f64 {
         match self {
             AxisSpacing::Even(spacing) => size / spacing,
@@ -135,7 +136,8 @@ impl AxisSpacing {
         }
     }
 
-    /// The lines of an axis from `origin` on that is `size` long, [length]. The last interval ends exactly there.
+    /// The lines of an axis that begins at `origin` and is `size` long, [length]. The last interval ends exactly at the
+    /// end of the axis.
     ///
     /// # Errors
     /// [`CoincidentLines`] for intervals whose lines do not ascend.

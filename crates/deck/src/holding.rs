@@ -13,10 +13,10 @@ use super::diagnostic::Severity;
 use super::first_step::Check;
 use super::quoting::{list, quote};
 
-/// Most parts of the bodies that are reported.
+/// Largest number of parts of the bodies that are reported.
 const MOST_PARTS: usize = 20;
 
-/// What is free: bodies and axes.
+/// Free parts: the bodies in each, and the axes along which it is free.
 type Free = BTreeSet<(Vec<u16>, Vec<usize>)>;
 
 impl Check<'_> {
@@ -50,8 +50,8 @@ impl Check<'_> {
         parts.iter().map(key).collect()
     }
 
-    /// Reports bodies that are free from a later stage on, with the points at their original places: where a prescribed
-    /// motion carries them elsewhere, only the run can tell.
+    /// Reports bodies that are free from a later stage on, with the points at their original positions: only the run
+    /// can tell what happens where a prescribed motion carries them elsewhere.
     pub(super) fn held_in_stages<const D: usize>(
         &mut self,
         model: &mut Model<D>,

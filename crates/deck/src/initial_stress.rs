@@ -1,4 +1,4 @@
-//! The stress of bodies at time 0, and the loads that hold it in equilibrium.
+//! The stress of bodies at time 0, and the loads that balance it.
 
 use std::collections::BTreeMap;
 
@@ -11,16 +11,16 @@ use super::{BodyDeck, Deck, Expression, LoadDeck, Parameter};
 use mpm_core::formula::Formula;
 use mpm_core::model::LoadCurve;
 
-/// Stress of a body at time 0, in its original configuration, whose deformation gradient is the identity. A stress outside the
-/// yield surface is brought back to it, with a warning. Gravity without a `curve` on a body with initial stress has the load
-/// factor 1 from time 0 on; other loads have the factors of their curves there.
+/// Stress of a body at time 0, in its original configuration, whose deformation gradient is the identity. A stress
+/// outside the yield surface is returned to it, with a warning. Gravity without a `curve` on a body with initial stress
+/// has the load factor 1 from time 0 on; other loads then have the factors of their curves.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum InitialStressDeck {
-    /// The vertical stress, along the last axis, carries the weight above: of all bodies with geostatic stress on the
-    /// vertical line from a point up to the surface. The stresses along the other axes, also out of plane and in the
-    /// circumferential direction, are `k0` times the vertical one. The weight is that of the loads of type `gravity`, with
-    /// their factors at time 0.
+    /// The vertical stress, along the last axis, carries the weight above: the weight of all bodies with geostatic
+    /// stress on the vertical line from a point up to the surface. The normal stresses in all other directions,
+    /// including the out-of-plane or circumferential one, are `k0` times the vertical stress. The weight is that of the
+    /// loads of type `gravity`, with their factors at time 0.
     Geostatic {
         /// Level of the surface of the ground, the coordinate along the last axis, [length].
         #[schemars(extend("examples" = [10]))]
@@ -104,7 +104,7 @@ impl StressDeck {
     /// The given components as formulas of the original position, each with its row and column.
     ///
     /// # Errors
-    /// The first fault of each text.
+    /// The first fault of each formula.
     pub fn formulas(
         &self,
         parameters: &BTreeMap<String, Parameter>,
@@ -126,20 +126,20 @@ fn acts_on(load: &LoadDeck, body: &BodyDeck) -> bool {
     load.bodies().is_none_or(|names| names.contains(&body.name))
 }
 
-/// True if a load holds the initial stress of a body from time 0 on: gravity without a curve on such a body.
+/// True if a load balances the initial stress of a body from time 0 on: gravity without a curve on such a body.
 fn holds_stress(deck: &Deck, load: &LoadDeck) -> bool {
     let is_stressed = |body: &BodyDeck| body.initial_stress.is_some() && acts_on(load, body);
     matches!(load, LoadDeck::Gravity { curve: None, .. }) && deck.bodies.iter().any(is_stressed)
 }
 
-/// Load factor at which a load stands at time 0, [-]: 0 without initial stress, 1 for gravity without a curve on a body with
-/// initial stress, otherwise that of its curve.
+/// Load factor of a load at time 0, [-]: 0 without initial stress, 1 for gravity without a curve on a body with initial
+/// stress, otherwise that of its curve.
 pub fn initial_factor(deck: &Deck, load: &LoadDeck) -> f64 {
     if is_stressed(deck) { curve_of(deck, load).factor(0.0) } else { 0.0 }
 }
 
-/// The load factor of a load over time, [-]: that of its curve; without one, constant for gravity on a body with initial
-/// stress, and otherwise a ramp from 0 to 1.
+/// The load factor of a load over time, [-]: that of its curve; without one, constant for gravity on a body with
+/// initial stress, and otherwise a ramp from 0 to 1.
 pub fn curve_of(deck: &Deck, load: &LoadDeck) -> LoadCurve {
     let end = deck.end_time();
     if holds_stress(deck, load) {

@@ -131,7 +131,7 @@ impl OfLibrary<'_> {
     }
 }
 
-/// True if files or arrays of the points have a field of this name that is no history variable.
+/// True if the result files or the arrays of the points have a field of this name that is not a history variable.
 fn is_taken(name: &str) -> bool {
     let of_files = PointField::ALL.into_iter().filter(|field| *field != PointField::EquivalentPlasticStrain);
     let mut of_files = of_files.map(PointField::name).chain(["body_id", "material_id", "point_id"]);
@@ -165,8 +165,8 @@ fn remedy(error: &LibraryError) -> &'static str {
     }
 }
 
-/// Messages about the law of a library that lacks a property on which the solver relies. Only a law without a response to the
-/// unstrained state, in which its points begin, is refused.
+/// Messages about the law of a library that lacks a property on which the solver relies. Only a law without a response
+/// in the unstrained state, in which the points begin, is refused.
 pub(super) fn remarks(source: &Source, name: &str, law: &dyn Material) -> Vec<Diagnostic> {
     let at = format!("/materials/{}/file", escape(name));
     let remark = |severity: Severity, what: String, help: &str| {

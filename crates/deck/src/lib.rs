@@ -160,7 +160,7 @@ pub struct Deck {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(length(max = 60_000))]
     pub tools: Vec<ToolDeck>,
-    /// Division of the loading into load steps; `stages` in its place divide the analysis into several stages.
+    /// Division of the loading into load steps; `stages` takes its place where the analysis consists of several stages.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub steps: Option<StepsDeck>,
     /// Stages of the analysis, one after the other, in place of `steps`.
@@ -296,12 +296,13 @@ pub struct BodyDeck {
     /// no domain.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub domain_update: Option<DomainUpdate>,
-    /// How the law sees changes of volume; `mean-dilatation` keeps nearly incompressible material and plastic flow at constant
-    /// volume from locking.
+    /// Treatment of volumetric deformation; `mean-dilatation` prevents locking of nearly incompressible material and of
+    /// plastic flow at constant volume.
     #[serde(default, skip_serializing_if = "is_standard")]
     pub volumetric: Volumetric,
-    /// Length of the domain of a CPDI2 point, in cells of the grid [-], above which the point is split in two; domains stay whole
-    /// without it. Material that flows along a tool or in a shear band stretches domains without bound.
+    /// Length of the domain of a CPDI2 point, in cells of the grid [-], above which the point is split in two; without
+    /// this key, domains are not split. Material that flows along a tool or in a shear band stretches domains without
+    /// bound.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.25, max = 100.0), extend("examples" = [1]))]
     pub split_above: Option<f64>,
@@ -311,21 +312,21 @@ pub struct BodyDeck {
     #[schemars(with = "Option<PerAxis<AlongAxis>>", extend("examples" = [4, [2, 3]]))]
     pub points_per_cell: Option<PerAxis<u32>>,
     /// Points in every filled triangle of a gmsh grid: 1, 4, 9, 16, … at the centroids of an even subdivision, or 8,
-    /// which halves the triangles of the subdivision into 4.
+    /// which halves each of the 4 triangles of such a subdivision.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1, max = 10_000), extend("examples" = [4]))]
     pub points_per_triangle: Option<u32>,
     /// Points in every filled tetrahedron of a gmsh grid: 1, 8, 27, 64, … at the centroids of an even subdivision, or
-    /// 4, which joins each face to the centroid.
+    /// 4, from the four tetrahedra that join each face to the centroid.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1, max = 10_000), extend("examples" = [8]))]
     pub points_per_tetrahedron: Option<u32>,
-    /// Instead of `points_per_cell`: distance between points, [length], for a body that is not aligned with the grid;
-    /// one number or one per axis. The sides of the body must be whole multiples of it.
+    /// Distance between points, [length], in place of `points_per_cell`, for a body that is not aligned with the grid:
+    /// one number or one per axis. The sides of the body must be whole multiples of this distance.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Option<PerAxis<Length>>", extend("examples" = [0.1, [0.1, 0.2]]))]
     pub point_spacing: Option<PerAxis<f64>>,
-    /// Stress at time 0; without it, the body is free of stress then, and loads grow from 0.
+    /// Stress at time 0; without this key, the body is free of stress at time 0, and loads grow from 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = [{"type": "geostatic", "surface": 10, "k0": 0.5}]))]
     pub initial_stress: Option<InitialStressDeck>,
@@ -395,8 +396,8 @@ pub struct SolverDeck {
     /// Largest relative out-of-balance force, eq. (40), of a converged step, [-].
     #[schemars(extend("exclusiveMinimum" = 0.0, "exclusiveMaximum" = 1.0, "examples" = [1e-9]))]
     pub tolerance: f64,
-    /// Largest number of linear solves in a step; by default 20, and 60 with tools, whose places open, close, stick and slide on
-    /// the way.
+    /// Largest number of linear solves in a step; by default 20, and 60 with tools, whose contact points open, close,
+    /// stick and slide during the iterations.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1, max = 1000), extend("examples" = [40]))]
     pub max_iterations: Option<u32>,
@@ -444,8 +445,8 @@ pub struct OutputDeck {
     /// files.
     #[schemars(range(max = 10_000_000))]
     pub every: u32,
-    /// Fields of the points in VTU files; all but `pressure_smoothed` by default. Every file also has the volume and the
-    /// numbers of point, body and material.
+    /// Fields of the points in VTU files; all but `pressure_smoothed` by default. Every file also has the volume and
+    /// the numbers of point, body and material.
     pub fields: Vec<PointField>,
     /// Precision of floating-point numbers in VTU files; files of a failed step always have `double`.
     pub precision: Precision,
@@ -472,7 +473,7 @@ pub struct ProbeDeck {
     /// The location, [length].
     #[schemars(with = "Vector", extend("examples" = [[10, 9.5]]))]
     pub nearest: Vec<f64>,
-    /// Number of points; further points that are as near as the last one, up to round-off, are included.
+    /// Number of points; further points that are as near as the last one, to within round-off, are included.
     #[serde(default = "one")]
     #[schemars(range(min = 1))]
     pub count: u32,

@@ -21,20 +21,20 @@ use mpm_core::formula::closest;
 use mpm_core::material::Material;
 use mpm_files::summary::LawLibrary;
 
-/// A deck that passed all checks that need no mesh.
+/// A deck that has passed all checks for which no mesh is needed.
 #[derive(Debug, Clone)]
 pub struct LoadedDeck {
-    /// The deck, its parameters inserted.
+    /// The deck, with its parameters inserted.
     pub deck: Deck,
     /// The parameters with their final values.
     pub parameters: BTreeMap<String, Parameter>,
-    /// Directory of the deck, to which paths in it are relative.
+    /// Directory of the deck, to which paths in the deck are relative.
     pub directory: PathBuf,
     /// The text with its locations, for messages of later checks.
     pub source: Source,
     /// Warnings and notes, in the order of their locations.
     pub notes: Vec<Diagnostic>,
-    /// Laws that take the place of those of materials, by the names of these.
+    /// Laws that replace the laws of the deck, by material name.
     pub laws: BTreeMap<String, OwnLaw>,
 }
 
@@ -49,8 +49,8 @@ impl fmt::Debug for OwnLaw {
 }
 
 impl LoadedDeck {
-    /// The law of a material for a single point: its softening is adapted to the cells of a structured grid, and not to those of
-    /// a mesh. `None` if there is no such material.
+    /// The law of a material for a single point: its softening is adapted to the cells of a structured grid, but not to
+    /// those of a mesh. `None` if there is no such material.
     ///
     /// # Errors
     /// The faults of the library that the law comes from.
@@ -79,7 +79,8 @@ impl LoadedDeck {
         CellSize::of_deck(&self.deck)
     }
 
-    /// The sides of the cells of a structured grid along each axis, means where it is graded, [length]; `None` for a mesh.
+    /// The sides of the cells of a structured grid along each axis, mean values where the grid is graded, [length];
+    /// `None` for a mesh.
     pub fn cell_sides(&self) -> Option<Vec<f64>> {
         let GridDeck::Structured { size, spacing, .. } = &self.deck.grid else { return None };
         let entries = spacing.entries(self.deck.dimensions());
@@ -105,8 +106,8 @@ impl LoadedDeck {
         self.deck.materials.iter().filter_map(library).collect()
     }
 
-    /// A hash of the text of the deck, of the final values of its parameters and of the files it names: decks with the
-    /// same hash describe the same analysis. It is the same for all builds of the program.
+    /// A hash of the text of the deck, of the final values of its parameters and of the files that it names: decks with
+    /// the same hash describe the same analysis. The hash is the same for all builds of the program.
     pub fn hash(&self) -> String {
         // Writing numbers and words as JSON into a string cannot fail.
         let parameters = serde_json::to_string(&self.parameters).unwrap_or_default();
@@ -131,7 +132,8 @@ impl LoadedDeck {
         let named = surfaces.chain(libraries).chain(tools).map(|file| self.directory.join(file));
         for file in self.mesh_path().into_iter().chain(named).filter(|path| path.is_file()) {
             bytes.push(0);
-            // A file that cannot be read is skipped: without it no analysis runs that could be confused with another.
+            // A file that cannot be read is skipped: without it, no analysis can run, so none can be confused with
+            // another.
             bytes.extend(std::fs::read(file).unwrap_or_default());
         }
     }
@@ -155,7 +157,7 @@ pub struct LoadFailure {
 }
 
 impl LoadFailure {
-    /// All messages as text, each with its line of the deck.
+    /// All messages as text, each with the line of the deck that it concerns.
     pub fn render(&self, colour: bool) -> String {
         diagnostic::render_all(&self.source, &self.diagnostics, colour)
     }
@@ -231,8 +233,8 @@ pub fn parameter_names(name: &str, text: &[u8]) -> Result<Vec<String>, Box<LoadF
     Ok(parameters.map_or_else(Vec::new, |parameters| parameters.keys().cloned().collect()))
 }
 
-/// The keys and values of a deck as they are written, parameters and formulas not inserted; `name` stands for the file in
-/// messages.
+/// The keys and values of a deck as they are written, before parameters and expressions are inserted; `name` stands for
+/// the file in messages.
 ///
 /// # Errors
 /// If the text is not YAML. Nothing else is checked.
@@ -244,7 +246,7 @@ pub fn values(name: &str, text: &[u8]) -> Result<Value, Box<LoadFailure>> {
     }
 }
 
-/// Reads at most one byte more than the largest deck: a device never ends.
+/// Reads at most one byte more than the largest deck: input from a device may never end.
 fn read_bounded(path: &Path) -> std::io::Result<Vec<u8>> {
     let mut text = Vec::new();
     let limit = Source::MAX_BYTES as u64 + 1;

@@ -42,8 +42,8 @@ pub enum LoadDeck {
         /// Names of the bodies it acts on; all bodies by default.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         bodies: Option<Vec<String>>,
-        /// Load factor over time; by default, a linear ramp from 0 to 1, or 1 from time 0 on if it acts on a body with
-        /// `initial_stress`.
+        /// Load factor over time; by default, a linear ramp from 0 to 1, or 1 from time 0 on if the load acts on a body
+        /// with `initial_stress`.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         curve: Option<LoadCurve>,
     },
@@ -70,7 +70,7 @@ pub enum LoadDeck {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         curve: Option<LoadCurve>,
     },
-    /// A force distributed equally over selected points of a body, which moves with them, eq. (25).
+    /// A force distributed equally over selected points of a body, eq. (25); it moves with these points.
     PointForce {
         /// Name, unique among the loads.
         name: String,
@@ -86,14 +86,14 @@ pub enum LoadDeck {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         curve: Option<LoadCurve>,
     },
-    /// A force per original area of a surface, which keeps its direction.
+    /// A force per original area of a surface; its direction stays fixed.
     Traction {
         /// Name, unique among the loads.
         name: String,
         /// Name of the surface.
         surface: String,
-        /// Force per original area at load factor 1, [stress], one number or formula per axis. Formulas are as those of a
-        /// body force.
+        /// Force per original area at load factor 1, [stress], one number or formula per axis. Formulas are written as
+        /// for a body force.
         #[schemars(with = "Expressions", extend("examples" = [[0, -10e3]]))]
         traction: Vec<Expression>,
         /// Named intermediate values, in any order, for use in `traction`.
@@ -103,14 +103,14 @@ pub enum LoadDeck {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         curve: Option<LoadCurve>,
     },
-    /// A pressure on a surface. It follows the surface, unless `follows: false` is given: it acts against the present normal on
-    /// the present area. Give either `pressure` or `hydrostatic`.
+    /// A pressure on a surface. It follows the surface, acting against the current normal on the current area, unless
+    /// `follows: false` is given. Give either `pressure` or `hydrostatic`.
     Pressure {
         /// Name, unique among the loads.
         name: String,
         /// Name of the surface.
         surface: String,
-        /// Pressure at load factor 1, [stress]: a number, or a formula as those of a body force.
+        /// Pressure at load factor 1, [stress]: a number, or a formula as for a body force.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(extend("examples" = [100e3]))]
         pressure: Option<Expression>,
@@ -129,8 +129,8 @@ pub enum LoadDeck {
     },
 }
 
-/// The pressure of a liquid at rest: `unit_weight` times the depth below `level` at the present position, and none above
-/// it. The last axis is vertical.
+/// The pressure of a liquid at rest: `unit_weight` times the depth below `level` at the current position, and zero
+/// above `level`. The last axis is vertical.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HydrostaticDeck {
@@ -214,7 +214,7 @@ impl LoadDeck {
         keys.into_iter().zip(components).chain(given).collect()
     }
 
-    /// Checks what belongs to this kind of load.
+    /// Checks the keys of this kind of load.
     pub(crate) fn check(&self, check: &mut dyn Checks, pointer: &str) {
         let at = |key: &str| format!("{pointer}/{key}");
         match self {
@@ -262,7 +262,7 @@ impl LoadDeck {
         }
     }
 
-    /// The action of the load in a model; `None` if it has faults, which the builder then knows.
+    /// The action of the load in a model; `None` if the load has faults, which the builder then knows.
     pub(crate) fn action<const D: usize>(
         &self,
         builder: &mut dyn Builds,
@@ -305,7 +305,7 @@ impl LoadDeck {
         }
     }
 
-    /// Key of the magnitude, and true if it is zero for any load factor.
+    /// Key of the magnitude, and true if the magnitude is zero at every load factor.
     pub(crate) fn magnitude(&self) -> (&'static str, bool) {
         match self {
             LoadDeck::Gravity { acceleration, .. } => {

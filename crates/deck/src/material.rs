@@ -22,8 +22,8 @@ pub use cell_size::CellSize;
 pub use law::Surroundings;
 pub(crate) use of_points::MaterialOfPoints;
 
-/// A constitutive law and its properties. Each number of the laws of the program may also be a formula of X, Y (in space also Z), the original
-/// position, and of the parameters.
+/// A constitutive law and its properties. Each number of a built-in law may also be a formula of X, Y (in space also
+/// Z), the original position, and of the parameters.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "model", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum MaterialDeck {
@@ -53,8 +53,9 @@ pub enum MaterialDeck {
         #[schemars(extend("minimum" = 0.0, "examples" = [2000]))]
         density: Option<Expression>,
     },
-    /// Von Mises plasticity with linear isotropic hardening: f = √(2 J₂) − (ρ_y + H κ) on the Kirchhoff stress, κ the
-    /// equivalent plastic strain. Exactly one of three keys states the strength.
+    /// Von Mises plasticity with linear isotropic hardening: f = √(2 J₂) − (ρ_y + H κ) in terms of the Kirchhoff stress
+    /// and the equivalent plastic strain κ. Exactly one of `deviatoric_yield_stress`, `yield_stress` and
+    /// `undrained_strength` is needed.
     VonMises {
         /// Young's modulus E, [stress].
         #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [12e6]))]
@@ -70,13 +71,13 @@ pub enum MaterialDeck {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [250e6]))]
         yield_stress: Option<Expression>,
-        /// Undrained shear strength in plane strain s_u, [stress]: ρ_y = √2 s_u. In triaxial compression (σ₁ − σ₃)/2 then
-        /// reaches √3/2 s_u only.
+        /// Undrained shear strength in plane strain s_u, [stress]: ρ_y = √2 s_u. In triaxial compression, (σ₁ − σ₃)/2
+        /// then reaches only √3/2 s_u.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [20e3]))]
         undrained_strength: Option<Expression>,
         /// Hardening modulus H, the increase of ρ_y per unit of equivalent plastic strain, [stress]; √(2/3) times the
-        /// slope of the uniaxial stress over the plastic strain. 0 is perfect plasticity.
+        /// slope of uniaxial stress against plastic strain. 0 means perfect plasticity.
         #[serde(default = "zero")]
         #[schemars(extend("minimum" = 0.0))]
         hardening_modulus: Expression,
@@ -96,10 +97,10 @@ pub enum MaterialDeck {
         /// Undrained shear strength s_u, [stress].
         #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [20e3, "5e3 + 1.5e3*(10 - Y)"]))]
         cohesion: Expression,
-        /// Stress that the strength limits.
+        /// Stress measure that the strength limits.
         #[serde(default)]
         strength: StrengthMeasure,
-        /// Loss of strength with plastic strain; without it, the strength stays.
+        /// Loss of strength with plastic strain; without this key, the strength stays constant.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         softening: Option<CohesionSofteningDeck>,
         /// Initial mass density ρ₀, [mass/volume]; needed where gravity acts.
@@ -107,8 +108,8 @@ pub enum MaterialDeck {
         #[schemars(extend("minimum" = 0.0, "examples" = [1800]))]
         density: Option<Expression>,
     },
-    /// Mohr-Coulomb plasticity: f = N τ₁ − τ₃ − 2c√N with N = (1 + sin φ)/(1 − sin φ), flow with the dilation angle ψ in
-    /// place of φ, and if stated a tension cut-off.
+    /// Mohr-Coulomb plasticity: f = N τ₁ − τ₃ − 2c√N with N = (1 + sin φ)/(1 − sin φ), flow with the dilation angle ψ
+    /// in place of φ and, if stated, a tension cut-off.
     MohrCoulomb {
         /// Young's modulus E, [stress].
         #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [20e6]))]
@@ -116,7 +117,7 @@ pub enum MaterialDeck {
         /// Poisson's ratio ν, [-].
         #[schemars(extend("exclusiveMinimum" = -1.0, "exclusiveMaximum" = 0.5, "examples" = [0.3]))]
         poisson: Expression,
-        /// Cohesion c, [stress]. Without cohesion, points at a free surface have no stiffness once they yield.
+        /// Cohesion c, [stress]; without cohesion, points at a free surface have no stiffness once they yield.
         #[schemars(extend("minimum" = 0.0, "examples" = [5e3]))]
         cohesion: Expression,
         /// Friction angle φ, [degrees].
@@ -126,15 +127,15 @@ pub enum MaterialDeck {
         #[serde(default = "zero")]
         #[schemars(extend("minimum" = 0.0, "exclusiveMaximum" = 90.0, "examples" = [0]))]
         dilation_angle: Expression,
-        /// Tensile strength, [stress]: no principal stress exceeds it. Without this key, and above c cot φ, the apex of the
-        /// cone limits tension.
+        /// Tensile strength, [stress]: no principal stress exceeds it. Without this key, or if its value exceeds c cot
+        /// φ, the apex of the yield surface limits tension.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(extend("minimum" = 0.0, "examples" = [0]))]
         tensile_strength: Option<Expression>,
-        /// Stress that the strength limits.
+        /// Stress measure that the strength limits.
         #[serde(default = "cauchy")]
         strength: StrengthMeasure,
-        /// Loss of strength with plastic strain; without it, the strength stays.
+        /// Loss of strength with plastic strain; without this key, the strength stays constant.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         softening: Option<FrictionSofteningDeck>,
         /// Initial mass density ρ₀, [mass/volume]; needed where gravity acts.
@@ -142,8 +143,8 @@ pub enum MaterialDeck {
         #[schemars(extend("minimum" = 0.0, "examples" = [1800]))]
         density: Option<Expression>,
     },
-    /// Drucker-Prager plasticity: f = √J₂ + η p − ξ c with the mean stress p, a cone matched to the strength of Mohr and
-    /// Coulomb, flow with the dilation angle ψ, and return to the apex.
+    /// Drucker-Prager plasticity: f = √J₂ + η p − ξ c with the mean stress p, a cone matched to the Mohr-Coulomb
+    /// strength, flow with the dilation angle ψ, and return to the apex.
     DruckerPrager {
         /// Young's modulus E, [stress].
         #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [20e6]))]
@@ -161,10 +162,10 @@ pub enum MaterialDeck {
         #[serde(default = "zero")]
         #[schemars(extend("minimum" = 0.0, "exclusiveMaximum" = 90.0, "examples" = [0]))]
         dilation_angle: Expression,
-        /// States of stress in which the cone has the strength of Mohr and Coulomb.
+        /// Stress states in which the cone has the Mohr-Coulomb strength.
         #[serde(rename = "match")]
         matched: Match,
-        /// Stress that the strength limits.
+        /// Stress measure that the strength limits.
         #[serde(default = "cauchy")]
         strength: StrengthMeasure,
         /// Initial mass density ρ₀, [mass/volume]; needed where gravity acts.
@@ -172,33 +173,33 @@ pub enum MaterialDeck {
         #[schemars(extend("minimum" = 0.0, "examples" = [1800]))]
         density: Option<Expression>,
     },
-    /// Modified Cam-clay at finite strain: f = q²/M² + P (P − P_c) on the Kirchhoff stress, with ln J linear in ln P. Bodies
-    /// of this material need an `initial_stress` with compression everywhere.
+    /// Modified Cam-clay at finite strain: f = q²/M² + P (P − P_c) in terms of the Kirchhoff stress, with ln J linear
+    /// in ln P. Bodies of this material need an `initial_stress` that is compressive everywhere.
     ModifiedCamClay {
-        /// Slope λ̂ of the virgin compression line in ln J over ln P, [-]: λ/(1 + e₀) in terms of the void ratio.
+        /// Slope λ̂ of the virgin compression line of ln J against ln P, [-]: λ/(1 + e₀) in terms of the void ratio.
         #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [0.09]))]
         compression_index: Expression,
-        /// Slope κ̂ of unloading lines, below λ̂, [-].
+        /// Slope κ̂ of the unloading lines, less than λ̂, [-].
         #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [0.018]))]
         swelling_index: Expression,
         /// M, the ratio q/P at the critical state, [-]: 6 sin φ/(3 − sin φ) for the friction angle φ in compression.
         #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [1.05]))]
         critical_state_ratio: Expression,
-        /// Shear modulus μ₀ at no pressure, [stress].
+        /// Shear modulus μ₀ at zero pressure, [stress].
         #[serde(default = "zero")]
         #[schemars(extend("minimum" = 0.0, "examples" = [3e6]))]
         shear_modulus: Expression,
-        /// Growth α of the shear modulus with the pressure, [-]: μ = μ₀ + α P₀ e^(−ε_v/κ̂).
+        /// Growth α of the shear modulus with pressure, [-]: μ = μ₀ + α P₀ e^(−ε_v/κ̂).
         #[serde(default = "zero")]
         #[schemars(extend("minimum" = 0.0, "examples" = [0]))]
         shear_modulus_ratio: Expression,
-        /// Overconsolidation ratio of the initial stress, [-]: the preconsolidation pressure P_c over that of the ellipse
-        /// through the initial stress.
+        /// Overconsolidation ratio of the initial stress, [-]: the preconsolidation pressure P_c divided by that of the
+        /// yield ellipse through the initial stress.
         #[serde(default = "unity")]
         #[schemars(extend("minimum" = 1.0, "examples" = [1.5]))]
         overconsolidation_ratio: Expression,
-        /// Pressure P₀ at which the elastic strain is zero, [stress]. Stresses depend on it only through the initial ones;
-        /// it sets the scale of stabilisations, so take one that is typical of the body.
+        /// Pressure P₀ at which the elastic strain is zero, [stress]; stresses depend on it only through the initial
+        /// stresses. It also sets the scale of stabilisations, so choose a pressure that is typical of the body.
         #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [100e3]))]
         reference_pressure: Expression,
         /// Initial mass density ρ₀, [mass/volume]; needed where gravity acts.
@@ -206,8 +207,8 @@ pub enum MaterialDeck {
         #[schemars(extend("minimum" = 0.0, "examples" = [1800]))]
         density: Option<Expression>,
     },
-    /// A law of your own in a shared library, written in C, Fortran or another compiled language; its code runs as part of the
-    /// program.
+    /// A law of your own in a shared library, written in C, Fortran or another compiled language; its code runs as part
+    /// of the program.
     Library {
         /// Path of the library, relative to the deck.
         #[schemars(extend("examples" = ["./law.so"]))]
@@ -227,23 +228,23 @@ pub enum MaterialDeck {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CohesionSofteningDeck {
-    /// Equivalent plastic strain κ₉₅ after which 95 % of the loss has occurred, [-]; in simple shear, √3 κ is the plastic
-    /// shear strain.
+    /// Equivalent plastic strain κ₉₅ after which 95 % of the loss has occurred, [-]; in simple shear, √3 κ is the
+    /// plastic shear strain.
     #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [0.5]))]
     pub strain: Expression,
     /// Remoulded strength, [stress].
     #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [5e3]))]
     pub residual_cohesion: Expression,
-    /// Width of the shear band to which `strain` belongs, [length]: in cells of size h the strain is multiplied by band/h,
-    /// so that the displacement that softens a band of one cell does not depend on the grid. Without it, results depend on
-    /// the grid.
+    /// Width of the shear band to which `strain` belongs, [length]: in cells of size h, `strain` is multiplied by
+    /// band/h, so that the displacement that softens a band one cell wide does not depend on the grid. Without this
+    /// key, results depend on the grid.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [0.1]))]
     pub band: Option<f64>,
 }
 
-/// Loss of strength: c, tan φ and tan ψ decay from their peak to a residual value with the factor e^(−3κ/κ₉₅) and the
-/// equivalent plastic strain κ.
+/// Loss of strength: c, tan φ and tan ψ decay from their peak to a residual value with the factor e^(−3κ/κ₉₅), where κ
+/// is the equivalent plastic strain.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FrictionSofteningDeck {
@@ -260,9 +261,9 @@ pub struct FrictionSofteningDeck {
     #[serde(default = "zero")]
     #[schemars(extend("minimum" = 0.0, "exclusiveMaximum" = 90.0, "examples" = [0]))]
     pub residual_dilation_angle: Expression,
-    /// Width of the shear band to which `strain` belongs, [length]: in cells of size h the strain is multiplied by band/h,
-    /// so that the displacement that softens a band of one cell does not depend on the grid. Without it, results depend on
-    /// the grid.
+    /// Width of the shear band to which `strain` belongs, [length]: in cells of size h, `strain` is multiplied by
+    /// band/h, so that the displacement that softens a band one cell wide does not depend on the grid. Without this
+    /// key, results depend on the grid.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [0.1]))]
     pub band: Option<f64>,
@@ -310,7 +311,7 @@ impl MaterialDeck {
         self.properties().into_iter().find(is_own)?.1.as_number()
     }
 
-    /// True if it flows plastically at constant volume.
+    /// True if the material flows plastically at constant volume.
     pub fn flows_at_constant_volume(&self) -> bool {
         let is_zero = |angle: &Expression| angle.as_number() == Some(0.0);
         match self {
@@ -321,8 +322,8 @@ impl MaterialDeck {
         }
     }
 
-    /// True unless the dilation angle differs from the friction angle at the peak or after softening. Factors of safety of
-    /// other materials depend on the size of the cells.
+    /// True unless the dilation angle differs from the friction angle at the peak or after softening. Where it differs,
+    /// factors of safety depend on the cell size.
     pub fn is_associated(&self) -> bool {
         match self {
             MaterialDeck::MohrCoulomb { friction_angle, dilation_angle, softening, .. } => {
@@ -338,7 +339,7 @@ impl MaterialDeck {
         }
     }
 
-    /// Path of the library of the law, relative to the deck; `None` for the laws of the program.
+    /// Path of the library of the law, relative to the deck; `None` for built-in laws.
     pub fn library(&self) -> Option<&str> {
         match self {
             MaterialDeck::Library { file, .. } => Some(file),
@@ -346,12 +347,12 @@ impl MaterialDeck {
         }
     }
 
-    /// True if bodies of this material must be stressed at time 0.
+    /// True if bodies of this material need an initial stress.
     pub fn needs_initial_stress(&self) -> bool {
         matches!(self, MaterialDeck::ModifiedCamClay { .. })
     }
 
-    /// Width of the shear band and the key under which it stands, if the material softens.
+    /// Width of the shear band, if it is stated, [length]; `None` if the material does not soften.
     pub fn softening(&self) -> Option<Option<f64>> {
         match self {
             MaterialDeck::Tresca { softening, .. } => softening.as_ref().map(|softening| softening.band),

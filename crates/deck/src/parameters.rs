@@ -13,12 +13,12 @@ use super::span::escape;
 use super::yaml;
 use mpm_core::formula::{self, Formula, FormulaError, closest};
 
-/// Most parameters of a deck; this also limits the depth of dependencies between them.
+/// Largest number of parameters of a deck; this also limits the depth of dependencies between them.
 const MOST: usize = 500;
-/// Most bytes that expressions may add to one text: parameters that contain each other several times would grow without
-/// bound.
+/// Largest number of bytes that expressions may add to one string: parameters that contain each other several times
+/// would grow without bound.
 const MOST_IN_TEXT: usize = 10_000;
-/// Most bytes that expressions may add to all texts of a deck.
+/// Largest number of bytes that expressions may add to all strings of a deck.
 const MOST_IN_ALL: usize = 16 << 20;
 
 // Names that already have a meaning in formulas.
@@ -48,7 +48,8 @@ struct Known {
     overrides: BTreeSet<String>,
 }
 
-/// A text with expressions that cannot be evaluated; without a message if a fault already reported is the cause.
+/// A string with expressions that cannot be evaluated; without a message if the cause is a fault that has already been
+/// reported.
 enum Fault {
     Reported,
     Here { message: String, offset: usize, length: usize, help: Option<String> },
@@ -83,7 +84,7 @@ struct Table<'a> {
     is_complete: bool,
     source: &'a mut Source,
     diagnostics: &'a mut Vec<Diagnostic>,
-    /// Bytes that expressions have added to the texts of the deck.
+    /// Bytes that expressions have added to the strings of the deck.
     added: usize,
 }
 
@@ -266,7 +267,7 @@ impl Table<'_> {
         }
     }
 
-    /// Inserts the parameters into all texts below a value, except the parameters themselves.
+    /// Inserts the parameters into all strings below a value, except the parameters themselves.
     fn insert(&mut self, value: &mut Value, pointer: &mut String) {
         let parent = pointer.len();
         match value {
@@ -306,7 +307,7 @@ impl Table<'_> {
         }
     }
 
-    /// Evaluates the expressions in a text: a number or a word if the text is a single expression, otherwise text.
+    /// Evaluates the expressions in a string: a number or a word if the string is a single expression, otherwise text.
     fn expand(&mut self, text: &str, in_formula: bool) -> Result<(Parameter, BTreeSet<String>), Fault> {
         let mut overrides = BTreeSet::new();
         let mut expanded = String::new();
@@ -340,7 +341,7 @@ impl Table<'_> {
         Ok((Parameter::Word(expanded), overrides))
     }
 
-    /// Counts the bytes of an inserted value against the limits; `before` is the length of the text so far, `offset`
+    /// Counts the bytes of an inserted value against the limits; `before` is the length of the string so far, `offset`
     /// and `length` locate the expression.
     fn grows(&mut self, value: &Parameter, before: usize, offset: usize, length: usize) -> Result<(), Fault> {
         let Parameter::Word(word) = value else { return Ok(()) };
@@ -416,7 +417,7 @@ impl Table<'_> {
         Err(Fault::Here { message, offset: start, length: inner.len(), help: Some(help) })
     }
 
-    /// Turns a fault of a formula into a fault of the text around it; unknown names are compared with all parameters.
+    /// Turns a fault in a formula into a fault in the string around it; unknown names are compared with all parameters.
     fn name_fault(&self, error: FormulaError, inner: &str, start: usize) -> Fault {
         let mut help = error.help;
         let mut message = error.message;
@@ -452,7 +453,7 @@ fn as_value(parameter: &Parameter) -> Value {
 }
 
 impl Parameter {
-    /// The parameter given by a text on the command line.
+    /// The parameter that a command-line argument states.
     pub fn from_text(text: &str) -> Parameter {
         match yaml::number(text) {
             Some(number) if number.is_finite() => Parameter::Number(number),
@@ -464,7 +465,7 @@ impl Parameter {
 impl Display for Parameter {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            // Whole numbers of moderate size, without exponent and fraction.
+            // Numbers of moderate size have no exponent; whole numbers have no fraction, either.
             Parameter::Number(number) if number.abs() >= 1e-5 && number.abs() < 1e9 || *number == 0.0 => {
                 write!(f, "{number}")
             }

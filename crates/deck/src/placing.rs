@@ -40,8 +40,8 @@ pub(super) fn unknown_group<const D: usize>(
     (message, help)
 }
 
-/// All nodes within bounds, ascending, and some outside: those next to the bounds, or all nodes of an unstructured
-/// grid.
+/// All nodes within bounds, in ascending order, and some outside: the nodes next to the bounds or, on an unstructured
+/// grid, all nodes.
 pub(super) fn nodes_near<'a, const D: usize>(
     grid: &'a dyn Grid<D>,
     bounds: &[[f64; D]; 2],
@@ -76,8 +76,8 @@ pub(super) fn inside_grid<const D: usize>(
     Err(Fault { code: "D028", key: "/shape".to_owned(), message, help })
 }
 
-/// Finds bodies whose points lie in the region of an earlier body that is there at the same time: the number of the body,
-/// and a message. All points of a cell must be on one rank; all ranks search together.
+/// Finds bodies whose points lie in the region of an earlier body that exists at the same time; returns the index of
+/// each and a message. All points of a cell must be on one rank; all ranks search together.
 pub(super) fn overlaps<const D: usize>(
     grid: &dyn Grid<D>,
     deck: &Deck,
@@ -94,7 +94,7 @@ pub(super) fn overlaps<const D: usize>(
             in_cell.entry(cell).or_default().push(p);
         }
     }
-    // Points inside the region of another body, by the later and the earlier body: how many, and the first with its cell.
+    // Points inside the region of another body, by later and earlier body: their number, and the first with its cell.
     let mut found: BTreeMap<(u16, u16), (usize, u32, Vec<f64>)> = BTreeMap::new();
     let in_group = |key: usize, cell: usize| groups.holds(key, cell);
     for (cell, of_cell) in &in_cell {

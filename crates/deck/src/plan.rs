@@ -12,9 +12,9 @@ use mpm_core::linear::ALGEBRAIC;
 pub struct Constants {
     /// Memory of a rank before it has points, MPI and PETSc included, [byte].
     pub rank: f64,
-    /// CPU time per point and evaluation, all work of a step but the linear solver included, [s].
+    /// CPU time per point and evaluation, for all work of a step except the linear solver, [s].
     pub point: f64,
-    /// CPU time per unknown and iteration of the linear solver, its share of the set-up included, [s].
+    /// CPU time per unknown and iteration of the linear solver, including a share of its set-up, [s].
     pub unknown: f64,
     /// Messages that a rank waits for in an iteration of the linear solver.
     pub messages: f64,
@@ -25,7 +25,8 @@ pub struct Constants {
 }
 
 impl Constants {
-    /// Those of the machine that `docs/scaling.md` describes; `is_wide` for domains that reach into the cells around their own.
+    /// The constants of the machine that `docs/scaling.md` describes; `is_wide` is true for domains that reach into the
+    /// cells around their own.
     pub fn measured(dimensions: usize, is_wide: bool) -> Self {
         let (point, unknown, messages) = match (dimensions < 3, is_wide) {
             (true, false) => (0.15e-6, 0.1e-6, 60.0),
@@ -37,9 +38,9 @@ impl Constants {
     }
 }
 
-/// Evaluations of a step, and iterations of the linear solver for each, that the prediction assumes.
+/// Number of evaluations per step that the prediction assumes.
 pub const EVALUATIONS: f64 = 5.0;
-/// Iterations of a solution.
+/// Number of iterations of the linear solver per solution that the prediction assumes.
 pub const ITERATIONS: f64 = 12.0;
 
 /// A run on several ranks.
@@ -59,7 +60,7 @@ pub struct Plan {
     pub evaluation: f64,
     /// Time of a solution of the equations, [s]; `None` where they are factorised.
     pub solution: Option<f64>,
-    /// Nodes that a rank shares with others, relative to its own.
+    /// Number of nodes that a rank shares with others, relative to the number of its own nodes.
     pub shared: f64,
 }
 
@@ -67,7 +68,7 @@ impl Plan {
     /// The plan of a deck on this number of ranks.
     ///
     /// # Errors
-    /// What makes its size unknown.
+    /// The faults that make its size unknown.
     pub fn of(loaded: &LoadedDeck, ranks: usize) -> Result<Plan, Vec<Diagnostic>> {
         let dimensions = loaded.deck.dimensions();
         let size = if dimensions == 3 { size_of::<3>(loaded)? } else { size_of::<2>(loaded)? };

@@ -13,7 +13,7 @@ pub fn quote(text: &str) -> String {
     format!("`{shown}`")
 }
 
-/// Formats names as a list for a message: `` `a`, `b` and `c` ``; long lists are cut.
+/// Formats names as a list for a message: `` `a`, `b` and `c` ``; long lists are truncated.
 pub fn list<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
     let mut names: Vec<String> = names.into_iter().map(quote).collect();
     if names.len() > 20 {

@@ -116,8 +116,8 @@ pub fn ready(loaded: &LoadedDeck, memory: Option<Memory>) -> Result<Ready, Vec<D
     ready_on(&Ranks::default(), loaded, memory)
 }
 
-/// As [`ready`], divided between ranks: each forms a share of the points and gets those in its part of the grid. All must call
-/// this with the same deck, and get the same messages.
+/// As [`ready`], but divided between ranks: each creates a share of the points and receives the points in its part of
+/// the grid. All ranks must call this with the same deck; all get the same messages.
 ///
 /// # Errors
 /// As [`ready`], on all ranks.
@@ -183,7 +183,7 @@ impl Analysis {
         }
     }
 
-    /// Solves the equations by this library.
+    /// Makes the run solve its equations with this library.
     pub fn solve_with<E: Engine<2> + Engine<3> + 'static>(&mut self, engine: &Arc<E>) {
         match self {
             Analysis::Plane(parts) => parts.0.engines = Engines(Some(engine.clone())),

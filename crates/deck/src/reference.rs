@@ -1,4 +1,4 @@
-//! Reference of all keys, `docs/deck.md`, generated from the schema.
+//! The reference of all deck keys, `docs/deck.md`, generated from the schema.
 
 use std::fmt::Write;
 
@@ -29,7 +29,7 @@ const SECTIONS: &[(&str, &str)] = &[
     ("`follow`, each group of lines", "FollowDeck"),
     ("`materials`, each by its name", "MaterialDeck"),
     ("`softening` of Tresca's material", "CohesionSofteningDeck"),
-    ("`softening` of Mohr and Coulomb's material", "FrictionSofteningDeck"),
+    ("`softening` of the Mohr-Coulomb material", "FrictionSofteningDeck"),
     ("`bodies`, each", "BodyDeck"),
     ("`shape` of a body", "Shape"),
     ("`initial_stress` of a body", "InitialStressDeck"),
@@ -61,7 +61,7 @@ const SECTIONS: &[(&str, &str)] = &[
     ("`output.probes`, each", "ProbeDeck"),
 ];
 
-/// The reference of all keys of a deck, and of all codes of messages, in Markdown.
+/// The reference of all deck keys, and of all message codes, in Markdown.
 pub fn reference_markdown() -> String {
     let schema = strict_schema();
     let mut text = INTRODUCTION.to_owned();
@@ -172,7 +172,7 @@ fn description(schema: &Value) -> String {
     flow(schema.get("description").and_then(Value::as_str).unwrap_or_default())
 }
 
-/// A text without line breaks.
+/// Text with its line breaks removed.
 fn flow(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }

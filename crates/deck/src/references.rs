@@ -1,4 +1,4 @@
-//! Names that refer to nothing, also in a deck that is still incomplete.
+//! Names that refer to nothing, even in a deck that is still incomplete.
 
 use serde_json::Value;
 
@@ -7,8 +7,8 @@ use super::quoting::{list, quote};
 use super::source::Source;
 use mpm_core::formula::closest;
 
-/// Help for a name that refers to none of the entries of a deck that it should refer to: the entries, singular and
-/// plural, and the most similar name.
+/// Help for a name that refers to no entry of the deck: the names of the entries that exist, or the most similar of
+/// these. The pair is the word for such an entry, singular and plural.
 pub fn known_names((one, several): (&str, &str), name: &str, names: &[&str]) -> String {
     match (closest(name, names.iter().copied()), names.len()) {
         (_, 0) => format!("the deck has no {several}"),
@@ -21,7 +21,7 @@ pub fn known_names((one, several): (&str, &str), name: &str, names: &[&str]) -> 
     }
 }
 
-/// Message about a name that refers to none of the entries it should refer to.
+/// Message about a name that refers to no entry of the deck.
 pub(super) fn unknown_reference(
     source: &Source,
     pointer: &str,

@@ -29,7 +29,7 @@ pub enum Shape {
         #[schemars(with = "Vector", extend("examples" = [[10, 10]]))]
         max: Vec<f64>,
     },
-    /// A polygon in the plane that does not cross itself, with its corners in either sense.
+    /// A polygon in the plane that does not cross itself; its corners may be in either sense.
     Polygon {
         /// Corners in order, [length].
         #[schemars(with = "Vec<Pair>", length(min = 3), extend("examples" = [[[0, 0], [2, 0], [0, 1]]]))]
@@ -91,8 +91,8 @@ pub enum Shape {
     },
     /// A polygon extruded along an axis, in space.
     Extrusion {
-        /// Corners of the polygon in order, [length], given by the other two coordinates in alphabetical order; it must
-        /// not cross itself.
+        /// Corners of the polygon in order, [length], given by the other two coordinates in alphabetical order; the
+        /// polygon must not cross itself.
         #[schemars(with = "Vec<Pair>", length(min = 3), extend("examples" = [[[0, 0], [2, 0], [0, 1]]]))]
         polygon: Vec<Vec<f64>>,
         /// Axis of the extrusion.
@@ -105,7 +105,7 @@ pub enum Shape {
         #[schemars(extend("examples" = [3]))]
         to: f64,
     },
-    /// The interior of a closed surface of triangles, in space.
+    /// The interior of a closed triangulated surface, in space.
     Stl {
         /// Path of an STL file, text or binary, relative to the deck. Its surface must be closed and must not cross
         /// itself.
@@ -154,7 +154,7 @@ pub enum Shape {
         /// Fixed point of the rotation, [length].
         #[schemars(with = "Vector", extend("examples" = [[0, 0]]))]
         center: Vec<f64>,
-        /// Direction of the axis, of any length, [-], or the name of a coordinate axis; in space only.
+        /// Direction of the axis, a vector of any length, [-], or the name of a coordinate axis; in space only.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(extend("examples" = ["z", [1, 1, 0]]))]
         axis: Option<Direction>,
@@ -195,7 +195,7 @@ impl Shape {
         }
     }
 
-    /// The number of dimensions it needs; `None` if it exists in both.
+    /// The number of dimensions it needs; `None` if it exists in the plane and in space.
     pub(super) fn dimensions(&self) -> Option<usize> {
         match self {
             Shape::Polygon { .. } | Shape::Circle { .. } | Shape::Annulus { .. } => Some(2),
@@ -231,7 +231,7 @@ impl Shape {
         is_such(self) || self.parts().into_iter().any(|(_, part)| part.any(is_such))
     }
 
-    /// Paths of all surfaces it is made of.
+    /// Paths of all surface files it is made of.
     pub(super) fn files(&self) -> Vec<&str> {
         match self {
             Shape::Stl { file } => vec![file],
@@ -248,11 +248,11 @@ pub(super) enum Refusal {
     Unknown,
 }
 
-/// The sources of regions that a deck only names; `place` is a JSON pointer into the deck.
+/// The sources of regions that a deck states only by name; `place` is a JSON pointer into the deck.
 pub(super) trait Given<const D: usize> {
-    /// A group of cells, or all of them.
+    /// A group of cells, or all cells.
     fn cells(&mut self, place: &str, group: Option<&str>) -> Option<Group<D>>;
-    /// The surface of a file.
+    /// The surface in a file.
     fn surface(&mut self, place: &str, file: &str) -> Option<Surface>;
 }
 

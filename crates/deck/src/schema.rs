@@ -10,7 +10,7 @@ use serde_json::{Map, Value, json};
 
 use super::Deck;
 
-/// Pattern of a text that contains an expression of parameters.
+/// Pattern of a string that contains an expression of parameters.
 const EXPRESSION: &str = r"\$\{.+\}";
 
 /// The schema for editors, draft 07: every number and word may also be an expression of parameters, `${h/2}`, and
@@ -35,8 +35,8 @@ pub fn deck_schema() -> Value {
     schema
 }
 
-/// Adds range and default to the description of every key, and removes descriptions that editors would show instead:
-/// that of the whole deck, and those of choices between types.
+/// Adds the range and the default to the description of every key, and removes the descriptions that editors would show
+/// instead: those of the whole deck and of choices between types.
 fn describe(schema: &mut Value) {
     match schema {
         Value::Array(items) => items.iter_mut().for_each(describe),

@@ -27,7 +27,7 @@ const FINE_IN_SPACE: usize = 10;
 /// Subdivision along each axis to find out if a cell is cut.
 const PROBED: usize = 8;
 
-/// Most points of a body that a rank forms.
+/// Largest number of points of a body that a rank creates.
 const MOST_POINTS: f64 = 1e8;
 
 /// A body that cannot be filled: code, the key of the body that causes it, message and remedy.
@@ -44,9 +44,9 @@ type Parts<'a, const D: usize> = Box<dyn Iterator<Item = Seed<D>> + 'a>;
 
 /// The points of a body.
 pub(super) struct Filled<const D: usize> {
-    /// Those that this rank forms; the shares of the ranks follow one another.
+    /// The points that this rank creates; the shares of the ranks follow one another.
     pub(super) seeds: Vec<Seed<D>>,
-    /// Number of points that lower ranks form, and that all form.
+    /// Number of points that the lower ranks create, and that all ranks create.
     pub(super) before: usize,
     pub(super) all: usize,
     /// Volume (area) of the region, if it is known.
@@ -64,7 +64,7 @@ pub(super) struct Filling<'a, const D: usize> {
     pub(super) history: Vec<f64>,
     /// True if the model has tools, which standard points touch with a box.
     pub(super) touches_tools: bool,
-    /// The ranks, each of which forms a share of the points.
+    /// The ranks, each of which creates a share of the points.
     pub(super) ranks: &'a Ranks,
 }
 
@@ -95,7 +95,7 @@ impl<const D: usize> Filling<'_, D> {
         Ok(Filled { seeds, before, all, exact })
     }
 
-    /// The points that this rank forms, and whether they are parts of the cells that hold them.
+    /// The points that this rank creates, and whether they are parts of the cells that contain them.
     fn seeds(&self, deck: &BodyDeck) -> Result<(Vec<Seed<D>>, bool), Fault> {
         if matches!(deck.shape, Shape::Stl { .. }) {
             self.surface_in_grid(deck)?;
@@ -113,8 +113,8 @@ impl<const D: usize> Filling<'_, D> {
         Ok((seeds, is_by_cells))
     }
 
-    /// Volume of a region of whole cells that other regions cut: the full cells, and the fine parts of the others whose
-    /// centres lie inside.
+    /// Volume of a region of whole cells that other regions cut: the full cells, and those fine parts of the other
+    /// cells whose centres lie inside.
     fn measured(&self) -> Volume {
         let fine = if D > 2 { FINE_IN_SPACE } else { FINE };
         let divide = |cell: usize| -> Result<Vec<(ElementPart<D>, bool)>, std::convert::Infallible> {
@@ -201,7 +201,7 @@ impl<const D: usize> Filling<'_, D> {
         Some(self.rows(Structured::with_axes(std::array::from_fn(along)), |_| true))
     }
 
-    /// The points inside the region at the cells of a lattice.
+    /// The points at the cell centres of a lattice that lie inside the region.
     fn rows(&self, lattice: Structured<D>, inside: impl Fn(&[f64; D]) -> bool + Sync) -> Vec<Seed<D>> {
         let n = lattice.cells();
         // Neighbours of the points of this rank count as well.
@@ -221,7 +221,7 @@ impl<const D: usize> Filling<'_, D> {
             .into_par_iter()
             .map(|place| inside(&at(&middles, &lattice.cell_index(place))))
             .collect();
-        // Ways from the lowest neighbour of a place to all of them, and to the place itself.
+        // Offsets from the lowest neighbour of a lattice cell to all its neighbours, and to the cell itself.
         let ways: Vec<usize> = (0..3usize.pow(D as u32))
             .map(|k| lattice.cell(std::array::from_fn(|d| k / 3usize.pow(d as u32) % 3)))
             .collect();
@@ -305,7 +305,7 @@ impl<const D: usize> Filling<'_, D> {
         Ok(())
     }
 
-    /// The parts of every cell whose centres lie in the region.
+    /// The points of those parts of every cell whose centres lie in the region.
     fn cell_by_cell(&self, deck: &BodyDeck) -> Result<Vec<Seed<D>>, Fault> {
         let cut = AtomicUsize::new(0);
         let divide = |cell: usize| {
@@ -334,13 +334,13 @@ impl<const D: usize> Filling<'_, D> {
         Ok(seeds)
     }
 
-    /// Marks the points of cells that are not full, or share a node with the border of the full ones.
+    /// Marks the points of cells that are not full, or share a node with the boundary of the full ones.
     fn mark_outer_layer(&self, seeds: &mut [Seed<D>], filled: &[FilledCell]) {
         let own_full = || filled.iter().filter(|filled| filled.full).map(|filled| filled.cell);
         let full: Vec<u32> = if self.ranks.is_alone() {
             own_full().collect()
         } else {
-            // Cells of other ranks matter beside those of this one only.
+            // Full cells of other ranks matter only next to the cells of this rank.
             let corners = |cell: u32| self.grid.corners(cell as usize);
             let touched: HashSet<u32> =
                 filled.iter().flat_map(|filled| corners(filled.cell).nodes().to_vec()).collect();
@@ -361,7 +361,7 @@ impl<const D: usize> Filling<'_, D> {
             }
         }
         sides.sort_unstable();
-        // A side that belongs to only one full cell is part of the border.
+        // A side that belongs to only one full cell is part of the boundary.
         let of_one = sides.chunk_by(|a, b| a == b).filter(|same| same.len() == 1);
         let border: HashSet<u32> = of_one.flat_map(|side| side[0]).collect();
         for FilledCell { cell, parts, full } in filled {
@@ -429,7 +429,7 @@ impl<const D: usize> Filling<'_, D> {
         Ok(self.points(parts))
     }
 
-    /// The point of a part of a cell of any form.
+    /// The point of a part of a cell of any shape.
     fn point(&self, part: ElementPart<D>) -> Seed<D> {
         let mut seed = self.seed(part.position, part.volume);
         if self.domain() == DomainKind::Corners {

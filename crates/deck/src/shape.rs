@@ -27,12 +27,12 @@ pub(crate) use words::written_number;
 
 /// Number of passes over a deck with misspelt keys.
 const PASSES: usize = 3;
-/// Most unknown keys that are corrected; in a deck with more, most of them have one cause.
+/// Largest number of unknown keys that are corrected; in a deck with more, most have the same cause.
 const MOST_CORRECTED: usize = 100;
 
-/// Checks the shape of a deck whose parameters are inserted; adds a message for every fault. Returns the deck if it can
-/// be read, even if a number is out of range or a key misspelt, so that later checks can run; otherwise the value as
-/// far as it was read.
+/// Checks a deck against the schema once its parameters have been substituted; adds a message for every fault. Returns
+/// the deck if it can be read, even if a number is out of range or a key is misspelt, so that later checks can run;
+/// otherwise returns the value as far as it could be read.
 pub(super) fn check(
     mut value: Value,
     source: &mut Source,
@@ -248,7 +248,7 @@ impl Gate<'_> {
         self.found.push(fault.expected(alternatives(&words)).help(help));
     }
 
-    /// Reports a value that fits none of several choices; if its type fits one of them, the faults of that one are
+    /// Reports a value that fits none of several choices; if its type fits one choice, the faults of this choice are
     /// reported.
     fn no_choice(
         &mut self,

@@ -22,10 +22,10 @@ const PER_NODE: f64 = 10.0;
 /// that reach beyond it.
 const ITERATIVE: [[f64; 2]; 2] = [[450.0, 850.0], [1200.0, 4500.0]];
 
-/// Memory of an iterative solution on a mesh, on several ranks, relative to that on a structured grid: the algebraic multigrid
-/// has a second matrix and coarser ones. Measured for 24³ hexahedra: 3.6.
+/// Memory of an iterative solution on a mesh, on several ranks, relative to that on a structured grid: the algebraic
+/// multigrid has a second matrix and coarser ones. Measured for 24³ hexahedra: 3.6.
 const ALGEBRAIC: f64 = 4.0;
-/// Memory per point for order, volumes and numbers of points in files, [byte].
+/// Memory per point for the order of points, and for their volumes and numbers in files, [byte].
 const MAKING: f64 = 50.0;
 /// Required accuracy of the volume of a region.
 const ROUGHLY: Accuracy = Accuracy { relative: 1e-2, lines: 20_000 };
@@ -34,8 +34,8 @@ const MUCH: f64 = 0.8;
 /// Address space that each thread reserves for products of dense matrices, [byte]; hardly any of it is used.
 const PER_THREAD: f64 = 67_108_864.0;
 
-/// Memory per point without output files, and memory of the stiffness and its factor relative to N log₂ N with N unknowns in
-/// the plane, to N^(4/3) in space, [byte]. Measured, see `docs/performance.md`.
+/// Memory per point without output files, and memory of the stiffness and its factor relative to N log₂ N in the plane
+/// and to N^(4/3) in space with N unknowns, [byte]. Measured, see `docs/performance.md`.
 fn costs<const D: usize>(method: Method) -> (f64, f64) {
     if D > 2 {
         return match method {
@@ -51,8 +51,8 @@ fn costs<const D: usize>(method: Method) -> (f64, f64) {
     }
 }
 
-/// Memory per point for the files of a step until they are written, [byte]: their numbers, and the working memory to
-/// encode them.
+/// Memory per point for the files of a step until they are written, [byte]: the numbers in these files, and the working
+/// memory to encode them.
 fn cost_of_files<const D: usize>(method: Method, output: &OutputDeck) -> f64 {
     if output.every == 0 {
         return 0.0;
@@ -78,7 +78,8 @@ pub(super) struct Size {
     pub(super) memory_of_stiffness: f64,
     /// True if the equations are solved iteratively.
     pub(super) is_iterative: bool,
-    /// Memory of the stiffness of a mesh where several ranks solve the equations iteratively, [byte]; `None` where they do not.
+    /// Memory of the stiffness of a mesh where several ranks solve the equations iteratively, [byte]; `None` where they
+    /// do not.
     memory_of_algebraic: Option<f64>,
     /// True if the grid is a mesh.
     pub(super) is_mesh: bool,
@@ -86,13 +87,13 @@ pub(super) struct Size {
     pub(super) is_wide: bool,
     /// The body with the most points.
     largest_body: usize,
-    /// Number of processes that the memory is for.
+    /// Number of processes whose memory is estimated.
     processes: f64,
 }
 
 impl Size {
-    /// Estimates the size of a deck from its grid and regions, before any body is filled. An unsymmetric stiffness and its
-    /// factors have twice the entries of a symmetric one.
+    /// Estimates the size of a deck from its grid and regions, before any body is filled. An unsymmetric stiffness and
+    /// its factors have twice the entries of a symmetric one.
     pub(super) fn of<const D: usize>(
         deck: &Deck,
         grid: &dyn Grid<D>,
@@ -107,7 +108,7 @@ impl Size {
             let of_cell = cell_volume(grid, region, whole);
             let all = volume_of(region);
             let volume = all.min(whole);
-            // With `point_spacing`, points outside the grid exist until they are found.
+            // With `point_spacing`, points outside the grid exist until they are detected.
             let seeded = if body.point_spacing.is_some() { all } else { volume };
             let n = seeded * density::<D>(body, deck, of_cell);
             if n > largest.0 {
@@ -119,12 +120,12 @@ impl Size {
             cells += volume / of_cell;
             factor = factor.max(per_unknown);
         }
-        // Domains reach into the cells around a body; a body thinner than a cell still touches its nodes.
+        // Domains reach into the cells around a body; a body thinner than a cell still touches the nodes of this cell.
         let border =
             if deck.bodies.iter().any(|b| b.method.domain() != DomainKind::None) { 3.0 } else { 1.0 };
         let active = (cells.powf(1.0 / D as f64) + border).powi(D as i32).min(nodes);
         let unknowns = D as f64 * active;
-        // Fill of a nested dissection: the separators of a square, the faces of a cube.
+        // Fill-in of nested dissection, with lines as separators of a square and faces as separators of a cube.
         let fill = if D > 2 { unknowns.powf(4.0 / 3.0) } else { unknowns * unknowns.max(2.0).log2() };
         let reach = if border > 1.0 { 2.0 } else { 1.0 };
         let is_mesh = grid.structured().is_none();
@@ -155,7 +156,7 @@ impl Size {
         }
     }
 
-    /// The same with the memory of the parts that the ranks on this machine have. All ranks must ask for it together.
+    /// The same with the memory of the parts that the ranks on this machine have. All ranks must call this together.
     pub(super) fn of_part(self, ranks: &Ranks) -> Size {
         if ranks.is_alone() {
             return self;
@@ -226,7 +227,7 @@ impl Size {
         Some(found.severity(severity))
     }
 
-    /// The key in the deck that causes most of the memory, and the remedy.
+    /// The key in the deck that causes most of the memory demand, and the remedy.
     pub(super) fn largest_part(&self, deck: &Deck) -> (String, &'static str) {
         let grid = match deck.grid {
             GridDeck::Structured { .. } => "/grid/spacing",
@@ -337,7 +338,7 @@ steps: {count: 1}
         assert_eq!(size("{type: cells}", "points_per_cell: 2").points, 3200.0);
     }
 
-    /// A body of a graded grid counts the cells where it is.
+    /// The estimate for a body on a graded grid counts the cells where the body lies.
     #[test]
     fn sizes_on_a_graded_grid_are_those_of_the_cells_at_hand() {
         let spacing = "spacing: [[{to: 2, cells: 20}, {to: 20, cells: 6, ratio: 1.5}], 0.5]";

@@ -89,8 +89,8 @@ impl Source {
         self.entries.get(pointer).and_then(|place| place.key)
     }
 
-    /// Location of the value at a JSON pointer, or of the nearest parent that is in the text. An empty value and a
-    /// value over several lines are shown by their key.
+    /// Location of the value at a JSON pointer, or of the nearest parent that is in the text. An empty value, or a
+    /// value over several lines, is located at its key.
     pub fn nearest_span(&self, pointer: &str) -> Option<Span> {
         let mut pointer = pointer;
         loop {
@@ -108,7 +108,7 @@ impl Source {
     pub fn span_inside(&self, pointer: &str, scalar: &str, offset: usize, length: usize) -> Option<Span> {
         let place = self.span_of(pointer)?;
         let start = place.start + self.text.get(place.start..place.end)?.find(scalar)? + offset;
-        // The end of a text has no byte to mark; the last one is marked instead.
+        // The end of a text has no byte to mark; its last character is marked instead.
         let (start, length) = if length == 0 && offset == scalar.len() && offset > 0 {
             let last = scalar.chars().next_back().map_or(1, char::len_utf8);
             (start - last, last)

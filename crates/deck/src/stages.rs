@@ -7,24 +7,26 @@ use serde::{Deserialize, Serialize};
 
 use super::{ControlDeck, Deck, SolverDeck, StepsDeck};
 
-/// A stage of an analysis. It begins in the state in which the stage before it ends, and names only what changes. What removed
-/// bodies, released boundary conditions and exchanged materials carried is released over the stage, and the weight of added
-/// bodies grows over it, in proportion to time, so that every step is in equilibrium.
+/// A stage of an analysis. It begins in the state in which the previous stage ends, and states only what changes.
+/// Forces that removed bodies, released boundary conditions and replaced materials carried are released over the stage,
+/// and the weight of added bodies grows over the stage, both in proportion to time, so that every step is in
+/// equilibrium.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StageDeck {
     /// Name, unique among the stages.
     pub name: String,
-    /// Its load steps; `end_time` is the duration of the stage, and `to` and `length` of a control are reached within it.
+    /// Its load steps; `end_time` is the duration of the stage; a control reaches `to` or `length` within the stage.
     pub steps: StepsDeck,
-    /// Factors that loads and prescribed displacements reach at the end, by their names, linearly from where they stand (0
-    /// before the first stage). Others stay where they stand, unless they have a `curve`. With a control other than load, the
-    /// loads named here are those whose common factor follows from equilibrium: 1 stands for the values given here.
+    /// Factors that loads and boundary conditions reach at the end of the stage, by name. They change linearly from
+    /// their values at the start of the stage (0 before the first stage). All other factors stay constant, unless there
+    /// is a `curve`. With displacement or arc-length control, the loads named here share the common factor that follows
+    /// from equilibrium; at a common factor of 1, they have the factors given here.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     #[schemars(extend("examples" = [{"weight": 1}]))]
     pub factors: BTreeMap<String, f64>,
-    /// Names of bodies that are added: free of strain, at the place of their shape. A body that a stage adds before any removes
-    /// it is absent from the start.
+    /// Names of bodies that are added: free of strain, where their shape places them. A body that a stage adds before
+    /// any stage removes it is absent at the start.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(extend("examples" = [["wall"]]))]
     pub add: Vec<String>,
@@ -36,25 +38,25 @@ pub struct StageDeck {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(extend("examples" = [["prop"]]))]
     pub release: Vec<String>,
-    /// Names of boundary conditions that begin to act. One that a stage sets before any releases it does not act from the
-    /// start.
+    /// Names of boundary conditions that begin to act. A condition that a stage sets before any stage releases it does
+    /// not act at the start.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(extend("examples" = [["prop"]]))]
     pub set: Vec<String>,
-    /// Names of bodies, each with the name of its new material. The stress of the points stays, unless the
-    /// new material yields under it; its history begins anew.
+    /// Names of bodies, each with the name of its new material. The points keep their stress, unless the new material
+    /// yields under it; their history starts anew.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     #[schemars(extend("examples" = [{"ground": "clay_undrained"}]))]
     pub material: BTreeMap<String, String>,
-    /// Control of its Newton iterations, in place of `solver` of the deck.
+    /// Control of the Newton iterations of this stage, in place of the `solver` of the deck.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub solver: Option<SolverDeck>,
-    /// Number of load steps from one set of VTU files to the next, in place of `output: {every: ...}`; the last step of a stage
-    /// is always written.
+    /// Number of load steps from one set of VTU files to the next, in place of `every` under `output`; the last step of
+    /// a stage is always written.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1, max = 10_000_000), extend("examples" = [5]))]
     pub every: Option<u32>,
-    /// Changes at its end.
+    /// Changes at the end of this stage.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub then: Option<ThenDeck>,
 }
@@ -72,12 +74,12 @@ pub struct ThenDeck {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Reset {
-    /// The displacement in files, probes and reports. Formulas still know the original position.
+    /// The displacement in files, probes and reports. Formulas still refer to the original position.
     Displacement,
 }
 
 impl Deck {
-    /// The load steps: those of the only stage, or of each of the stages, with their places in the deck.
+    /// The load steps of the only stage, or of each stage, with their JSON pointers in the deck.
     pub fn courses(&self) -> Vec<(String, &StepsDeck)> {
         let only = self.steps.iter().map(|steps| ("/steps".to_owned(), steps));
         let stages = self.stages.iter().enumerate();
@@ -101,7 +103,7 @@ impl Deck {
         self.bodies.iter().map(|body| &body.material).chain(in_stages).map(String::as_str).collect()
     }
 
-    /// Names of the materials of bodies whose flow is not associated, if their strength is reduced.
+    /// Names of the materials of bodies whose flow is non-associated, if the deck reduces the strength.
     pub fn nonassociated_with_reduced_strength(&self) -> Vec<&str> {
         let used = self.used_materials();
         let found = self.materials.iter().filter(|(name, material)| {
@@ -115,8 +117,8 @@ impl Deck {
         self.courses().iter().map(|(_, steps)| steps.count as usize).sum()
     }
 
-    /// True if a body is there before the first stage, or a boundary condition acts: what comes first, by `begins` or by
-    /// `ends`, decides.
+    /// True if a body exists, or a boundary condition acts, before the first stage: whichever of `begins` and `ends`
+    /// names it first decides.
     pub(crate) fn is_there_at_start(
         &self,
         name: &str,
@@ -128,7 +130,7 @@ impl Deck {
         first.is_none_or(|stage| !names(begins(stage)) || names(ends(stage)))
     }
 
-    /// True if two bodies are there at the same time.
+    /// True if two bodies exist at the same time.
     pub(crate) fn meet(&self, bodies: [&str; 2]) -> bool {
         let names = |list: &[String], body: &str| list.iter().any(|name| name == body);
         let mut are_there = bodies.map(|body| self.is_there_at_start(body, |s| &s.add, |s| &s.remove));

@@ -21,8 +21,8 @@ pub struct StepsDeck {
     #[serde(default = "thousandth")]
     #[schemars(range(min = 1e-6, max = 1.0), extend("examples" = [0.001]))]
     pub smallest: f64,
-    /// Retries a step that fails at its smallest size with damped iterations, and with new domains in place of torn
-    /// ones, under prescribed loads and motions. The run warns if this was needed (W013, W014).
+    /// If a step fails at its smallest size under prescribed loads and motions, it is retried with damped iterations,
+    /// and with new domains in place of torn ones. The run warns if this was needed (W013, W014).
     #[serde(default = "yes")]
     pub damping: bool,
     /// Largest step, as a multiple of a requested step, [-]: steps that converge in few iterations grow up to this
@@ -42,8 +42,8 @@ pub struct StepsDeck {
 pub enum ControlDeck {
     /// Load control: loads and prescribed displacements follow their curves.
     Load {},
-    /// Displacement control: the displacement of a probe or a tool grows in proportion to time; the common factor of all
-    /// loads, and of prescribed motions of tools, follows from equilibrium and may decrease.
+    /// Displacement control: the displacement of a probe or a tool grows in proportion to time; the common factor of
+    /// all loads, and of prescribed motions of tools, follows from equilibrium and may decrease.
     Displacement {
         /// Name of the probe, one of those under `output: {probes: ...}`. Exactly one of `probe` and `tool` is needed.
         #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -60,8 +60,8 @@ pub enum ControlDeck {
         to: f64,
     },
     /// Arc-length control: the length of the path of all displacements grows in proportion to time; the common factor
-    /// of all loads follows from equilibrium and may decrease. Without `length`, the load factor of the first step is
-    /// its share of the end time, and its path length sets that of the other steps.
+    /// of all loads follows from equilibrium and may decrease. Without `length`, the load factor of the first step
+    /// equals its share of the end time, and the path length of the first step sets that of all others.
     ArcLength {
         /// Length of the path at the end of the analysis, [length]: the sum over the steps of √(Σ V |Δu|² / V₀) over
         /// the nodes. V is the volume assigned to a node at the start of the step, V₀ the original volume of all
@@ -71,9 +71,9 @@ pub enum ControlDeck {
         #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [0.5]))]
         length: Option<f64>,
     },
-    /// Strength reduction: the cohesion and the tangent of the friction angle of all materials are divided by a factor F that
-    /// grows in proportion to time, until no equilibrium is found. The factor of safety lies between the last F with
-    /// equilibrium and the first one without; the stage then ends. Loads stay constant.
+    /// Strength reduction: the cohesion and the tangent of the friction angle of all materials are divided by a factor
+    /// F that grows in proportion to time, until no equilibrium is found. The factor of safety lies between the last F
+    /// with equilibrium and the first F without it; the stage then ends. Loads stay constant.
     StrengthReduction {
         /// Factor at the start, [-].
         #[serde(default = "whole")]

@@ -17,8 +17,8 @@ pub struct SurfaceDeck {
     /// Part of the boundary of the body; the whole boundary by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub part: Option<PartDeck>,
-    /// Largest length of a sample, [length]; by default a quarter of the smallest cell at the body. A full circle has at
-    /// least 24 samples.
+    /// Largest length of a sample, [length]; by default a quarter of the smallest cell at the body. A full circle has
+    /// at least 24 samples.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Option<Length>", extend("examples" = [0.05]))]
     pub spacing: Option<f64>,
@@ -34,15 +34,15 @@ pub struct PartDeck {
     /// Samples whose centres lie in this half-space, its plane included.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub half_space: Option<HalfSpaceDeck>,
-    /// Number of a side of the shape, from 0: the side from that corner of a polygon to the next one; of a box in the
-    /// plane, bottom, right, top and left; of a box in space, lowest and highest x, y and z; the outer (0) and the inner
-    /// (1) border of an annulus; the mantle (0), start (1) and end (2) of a cylinder or cone; the sides of an extruded
-    /// polygon, then its lower and upper end.
+    /// Number of a side of the shape, from 0: of a polygon, side i runs from corner i to the next; of a box in the
+    /// plane, bottom, right, top, left; of a box in space, lowest and highest x, y, z; of an annulus, outer (0) and
+    /// inner (1) boundary; of a cylinder or cone, lateral surface (0), start (1), end (2); of an extruded polygon, its
+    /// sides, then its lower and upper ends.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = [2]))]
     pub edge: Option<u32>,
-    /// Name of a physical group of a gmsh grid: the sides of cells at the boundary of a body of shape `cells` all of whose
-    /// nodes belong to it.
+    /// Name of a physical group of a gmsh grid: selects the cell sides at the boundary of a body of shape `cells` whose
+    /// nodes all belong to the group.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = ["crest"]))]
     pub group: Option<String>,
@@ -52,10 +52,10 @@ pub struct PartDeck {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HalfSpaceDeck {
-    /// A point of its plane, [length].
+    /// A point on its plane, [length].
     #[schemars(with = "Vector", extend("examples" = [[4, 0]]))]
     pub point: Vec<f64>,
-    /// Direction into it, of any length, [-].
+    /// Direction into the half-space, a vector of any length, [-].
     #[schemars(with = "Vector", extend("examples" = [[1, 0]]))]
     pub normal: Vec<f64>,
 }

@@ -1,4 +1,4 @@
-//! From the shapes of tools in a deck to those of the core.
+//! Translates the shapes of tools in a deck into shapes of the core.
 
 use std::sync::Arc;
 
@@ -16,8 +16,8 @@ type Shaped<const D: usize> = Result<Arc<dyn Shape<D>>, ShapeError>;
 
 /// Tools that exist in the plane only, or in space only.
 pub(crate) trait ToolOfDeck<const D: usize> {
-    /// Builds a shape whose frame has its origin at `about`; `triangles` are those of its file, and `revolved` is true for
-    /// sections of bodies of revolution. `None` for shapes of another number of dimensions.
+    /// Builds a shape whose frame has its origin at `about`; `triangles` are the triangles in its file, and `revolved`
+    /// is true for sections of bodies of revolution. `None` for shapes that exist in another number of dimensions.
     fn tool(shape: &ToolShape, about: &[f64; D], triangles: &[Triangle], revolved: bool)
     -> Option<Shaped<D>>;
 }

@@ -7,17 +7,17 @@ use serde::{Deserialize, Serialize};
 
 use super::{Axis, BoxDeck, Expression, LoadCurve, Pair, Vector};
 
-/// A rigid tool that touches the bodies: it moves as prescribed, or as its loads and the bodies let it, and no body may
-/// enter it.
+/// A rigid tool that touches the bodies: it moves as prescribed, or as equilibrium with its loads and the bodies
+/// requires, and no body may penetrate it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ToolDeck {
-    /// Name, unique among the tools; its forces are reported under it.
+    /// Name, unique among the tools; its forces are reported under this name.
     pub name: String,
-    /// Shape, at its place at the start.
+    /// Shape, in its position at the start.
     pub shape: ToolShape,
-    /// Point of the tool to which its displacement and moment refer and about which it turns, [length]; by default the centre
-    /// of the box around the shape, or the point of a half-space.
+    /// Point of the tool to which its displacement and moment refer and about which it rotates, [length]; by default
+    /// the centre of the box around the shape, or the point of a half-space.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Option<Vector>", extend("examples" = [[0, 4]]))]
     pub reference: Option<Vec<f64>>,
@@ -26,9 +26,9 @@ pub struct ToolDeck {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = [30, [0, 0, 30]]))]
     pub turned: Option<Turn>,
-    /// Displacement of the reference point along x at load factor 1, [length]: a number, or a formula of `factor` (the load
-    /// factor), `time` and the parameters. A formula that contains `factor` or `time` gives the whole displacement; any
-    /// other is multiplied by the load factor. 0 by default.
+    /// Displacement of the reference point along x at load factor 1, [length]: a number, or a formula of `factor` (the
+    /// load factor), `time` and the parameters. A formula that contains `factor` or `time` gives the whole
+    /// displacement; any other is multiplied by the load factor. 0 by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = [0.1, "0.1 * sin(2 * pi * time)"]))]
     pub ux: Option<Expression>,
@@ -40,21 +40,22 @@ pub struct ToolDeck {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = [-0.5]))]
     pub uz: Option<Expression>,
-    /// Rotation about the reference point at load factor 1, [degree]: in the plane one number or formula, as `ux`,
-    /// counter-clockwise; in space a list of three, the components of the rotation vector.
+    /// Rotation about the reference point at load factor 1, [degree]: in the plane, one number or formula, as `ux`,
+    /// counter-clockwise; in space, a list of the three components of the rotation vector.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = [90, [0, 0, "360 * time"]]))]
     pub rotation: Option<RotationDeck>,
     /// Load factor of the prescribed motion over time; by default, a linear ramp from 0 to 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub curve: Option<LoadCurve>,
-    /// Components of the motion that follow from equilibrium between the loads of the tool and the bodies: the displacements
-    /// `x`, `y`, `z`, the `rotation` in the plane, and the rotations `rx`, `ry`, `rz` in space.
+    /// Components of the motion that follow from equilibrium between the loads of the tool and the bodies: the
+    /// displacements `x`, `y`, `z`, the `rotation` in the plane, and the rotations `rx`, `ry`, `rz` in space.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(extend("examples" = [["y"]]))]
     pub free: Vec<FreeDeck>,
-    /// Weight of the tool at load factor 1, [force] (per unit thickness in plane strain, of the full circle in axisymmetry).
-    /// It acts at the reference point against the last axis, and needs this displacement to be free.
+    /// Weight of the tool at load factor 1, [force] (per unit thickness in plane strain, of the full circle in
+    /// axisymmetry); it acts at the reference point, downwards along the last axis. The displacement along this axis
+    /// must be free.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [50e3]))]
     pub weight: Option<f64>,
@@ -68,12 +69,13 @@ pub struct ToolDeck {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = [0.3, "rough"]))]
     pub friction: Option<FrictionDeck>,
-    /// Shear strength that does not depend on the pressure, [stress]; 0 by default. The shear is at most ten times the pressure
-    /// above the tension cut-off, also where surfaces are rough.
+    /// Shear strength that does not depend on the pressure, [stress]; 0 by default. The shear stress is at most ten
+    /// times the sum of the pressure and the tension cut-off, even where surfaces are rough.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("minimum" = 0.0, "examples" = [5e3]))]
     pub adhesion: Option<f64>,
-    /// Largest tension of the interface, [stress]; 0 by default. It acts once the surfaces have touched, until they part.
+    /// Largest tension of the interface, [stress]; 0 by default. It acts once the surfaces have touched, until they
+    /// separate.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("minimum" = 0.0, "examples" = [1e3]))]
     pub tension_cut_off: Option<f64>,
@@ -81,21 +83,23 @@ pub struct ToolDeck {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = [["clay"]]))]
     pub bodies: Option<Vec<String>>,
-    /// Interfaces with single bodies, where they differ.
+    /// Interfaces with individual bodies, where they differ from that of the tool.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub contacts: Vec<ContactDeck>,
-    /// Named parts of its surface, such as the tip and the shaft of a pile. The force and the moment on each of them are columns
-    /// of `history.csv`. Parts may overlap.
+    /// Named parts of its surface, such as the tip and the shaft of a pile. The force and the moment on each of them
+    /// are columns of `history.csv`. Parts may overlap.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     #[schemars(extend("examples" = [{"tip": {"edges": [0, 1]}}]))]
     pub parts: BTreeMap<String, ToolPartDeck>,
-    /// Penalty stiffness of the contact, relative to four times the shear modulus of the body over a cell, [-]. Results do
-    /// not depend on it; small values converge in fewer iterations where bodies flow.
+    /// Penalty stiffness of the contact per unit area, as a multiple of 4G/h, with the shear modulus G of the body and
+    /// the cell size h, [-]; results do not depend on it. With small values, fewer iterations are needed where bodies
+    /// flow plastically.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1e-3, max = 1e6), extend("examples" = [10]))]
     pub penalty: Option<f64>,
-    /// Largest mean overlap of a body and the tool around a node in a step in equilibrium, relative to the size of a cell, [-];
-    /// 1e-4 where more corners touch than the nodes have freedom for, and 1e-3 at a single corner.
+    /// Largest mean overlap of a body and the tool around a node in a step in equilibrium, relative to the size of a
+    /// cell, [-]; by default 1e-6. Where more corners touch than the nodes have degrees of freedom, up to 1e-4 is
+    /// accepted, and up to 1e-3 at a single corner.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1e-12, max = 0.1), extend("examples" = [1e-6]))]
     pub overlap: Option<f64>,
@@ -105,9 +109,9 @@ pub struct ToolDeck {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum ToolShape {
-    /// Everything behind a plane (a line in the plane): a platen or a wall.
+    /// Everything behind a plane (in two dimensions, behind a line): a platen or a wall.
     HalfSpace {
-        /// A point of the plane, [length].
+        /// A point on the plane, [length].
         #[schemars(with = "Vector", extend("examples" = [[0, 4]]))]
         point: Vec<f64>,
         /// Direction out of the tool, of any length, [-].
@@ -132,14 +136,14 @@ pub enum ToolShape {
         #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [0.5]))]
         radius: f64,
     },
-    /// A polygon in the plane that does not cross itself, with its corners in either sense; in axisymmetry, the half of the
-    /// section at x ≥ 0, or one that is symmetric about the axis.
+    /// A polygon in the plane that does not cross itself; its corners may be in either sense. In axisymmetry, give the
+    /// half of the section at x ≥ 0, or a section that is symmetric about the axis.
     Polygon {
         /// Corners in order, [length].
         #[schemars(with = "Vec<Pair>", length(min = 3), extend("examples" = [[[0, 4], [0.2, 4.4], [0.2, 9], [0, 9]]]))]
         vertices: Vec<Vec<f64>>,
     },
-    /// A wall of constant thickness in the plane, with round ends and bends, along an open polyline.
+    /// A wall of constant thickness in the plane, with rounded ends and bends, along an open polyline.
     Polyline {
         /// Corners in order, [length].
         #[schemars(with = "Vec<Pair>", length(min = 2), extend("examples" = [[[0, 2], [0, 4]]]))]
@@ -183,7 +187,7 @@ pub enum ToolShape {
     },
     /// A body of revolution in space: a penetrometer, a spudcan, an open pile.
     Revolution {
-        /// A point of the axis, [length].
+        /// A point on the axis, [length].
         #[schemars(with = "Vector", extend("examples" = [[2, 2, 4]]))]
         start: Vec<f64>,
         /// Direction of the axis, of any length, [-].
@@ -208,16 +212,17 @@ pub enum ToolShape {
         #[schemars(extend("examples" = [3]))]
         to: f64,
     },
-    /// A closed surface of triangles, in space.
+    /// A closed triangulated surface, in space.
     Stl {
-        /// Path of an STL file, text or binary, relative to the deck. Its surface must be closed and must not cross itself.
+        /// Path of an STL file, text or binary, relative to the deck. Its surface must be closed and must not cross
+        /// itself.
         #[schemars(length(min = 1), extend("examples" = ["anchor.stl"]))]
         file: String,
         /// Factor of the coordinates of the file, [-]; 1 by default.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [0.001]))]
         scale: Option<f64>,
-        /// Where the origin of the file stands, [length]; the origin by default.
+        /// Position of the origin of the file, [length]; the origin of coordinates by default.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(with = "Option<Vector>", extend("examples" = [[2, 2, 5]]))]
         at: Option<Vec<f64>>,
@@ -270,13 +275,13 @@ pub enum FreeDeck {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ToolLoadDeck {
-    /// Force at the reference point at load factor 1, [force] (per unit thickness in plane strain, on the full circle in
-    /// axisymmetry), one number per axis.
+    /// Force at the reference point at load factor 1, [force] (per unit thickness in plane strain, on the full circle
+    /// in axisymmetry), one number per axis.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Option<Vector>", extend("examples" = [[0, -20e3]]))]
     pub force: Option<Vec<f64>>,
-    /// Moment about the reference point at load factor 1, [force·length]: one number in the plane, counter-clockwise, or a
-    /// vector in space.
+    /// Moment about the reference point at load factor 1, [force·length]: one number in the plane, counter-clockwise,
+    /// or a vector in space.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = [5e3]))]
     pub moment: Option<Turn>,
@@ -289,14 +294,15 @@ pub struct ToolLoadDeck {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ToolPartDeck {
-    /// Numbers of sides of the shape, from 0: the sides from each corner of a polygon, of a polyline (both faces) or of the section
-    /// of a body of revolution to the next corner; of a box in the plane, bottom, right, top and left; of a box in
-    /// space, lowest and highest x, y and z; the mantle (0), start (1) and end (2) of a cylinder or cone; the sides of an
-    /// extruded polygon, then its lower and upper end. All sides by default.
+    /// Numbers of sides of the shape, from 0: of a polygon, of a polyline (both faces) or of the section of a body of
+    /// revolution, side i runs from corner i to the next; of a box in the plane, bottom, right, top, left; of a box in
+    /// space, lowest and highest x, y, z; of a cylinder or cone, lateral surface (0), start (1), end (2); of an
+    /// extruded polygon, its sides, then its lower and upper ends. All sides by default.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(length(min = 1), extend("examples" = [[0, 1]]))]
     pub edges: Option<Vec<u32>>,
-    /// Box in which the part lies, its boundary included, in coordinates of the start of the analysis; it moves with the tool.
+    /// Box in which the part lies, its boundary included, in coordinates at the start of the analysis; it moves with
+    /// the tool.
     #[serde(rename = "box", skip_serializing_if = "Option::is_none")]
     pub within: Option<BoxDeck>,
 }
@@ -319,7 +325,7 @@ pub enum Sticking {
     Rough,
 }
 
-/// The interface of a tool with one body; keys that are left out are those of the tool.
+/// The interface of a tool with one body; keys that are left out take the values of the tool.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ContactDeck {
@@ -357,7 +363,7 @@ impl ToolShape {
         }
     }
 
-    /// The number of dimensions it needs; `None` if it exists in both.
+    /// The number of dimensions it needs; `None` if it exists in the plane and in space.
     pub(crate) fn dimensions(&self) -> Option<usize> {
         match self {
             ToolShape::HalfSpace { .. } | ToolShape::Box { .. } => None,
@@ -366,7 +372,7 @@ impl ToolShape {
         }
     }
 
-    /// Number of its sides with numbers in decks; `None` if it has none.
+    /// Number of its sides that decks can refer to by number; `None` if there are none.
     pub(crate) fn edges(&self) -> Option<usize> {
         match self {
             ToolShape::Box { min, .. } => Some(2 * min.len()),
@@ -382,7 +388,8 @@ impl ToolShape {
         }
     }
 
-    /// True if it is no section of a body of revolution about x = 0: neither beside the axis nor symmetric about it.
+    /// True if it cannot be the section of a body of revolution about x = 0: it lies neither beside the axis nor
+    /// symmetrically about it.
     pub(crate) fn is_lopsided(&self) -> bool {
         match self {
             ToolShape::Box { min, max } => {
@@ -440,7 +447,7 @@ impl ToolDeck {
             || motion.any(|(_, component, value)| is_along(component) && !value.is_zero())
     }
 
-    /// Its curves with their keys: of the motion, the weight and the further loads.
+    /// The load curves of the motion, the weight and the further loads, each with its key.
     pub(crate) fn curves(&self) -> impl Iterator<Item = (String, &LoadCurve)> {
         let loads = self.loads.iter().enumerate();
         let of_loads = loads.filter_map(|(k, load)| Some((format!("loads/{k}/curve"), load.curve.as_ref()?)));
@@ -449,7 +456,7 @@ impl ToolDeck {
         named.chain(of_loads)
     }
 
-    /// The prescribed components of its motion with their keys: the displacements, then the rotation vector.
+    /// The prescribed components of its motion, each with its key: the displacements, then the rotation vector.
     pub(crate) fn motion(&self) -> Vec<(String, FreeDeck, Expression)> {
         use FreeDeck::{Rotation, Rx, Ry, Rz, X, Y, Z};
         let along = [("ux", X, &self.ux), ("uy", Y, &self.uy), ("uz", Z, &self.uz)];

@@ -1,4 +1,4 @@
-//! Tools that overlap a body at the start, leave the grid, or come near no body.
+//! Tools that overlap a body at the start, leave the grid, or do not come near any body.
 
 use mpm_core::model::Model;
 use mpm_core::points::{Points, coordinates};
@@ -14,8 +14,8 @@ use super::quoting::quote;
 const TIMES: usize = 100;
 
 impl Check<'_> {
-    /// Reports tools that overlap a body at the start, and tools whose prescribed motion leaves the grid or comes near no
-    /// body.
+    /// Reports tools that overlap a body at the start, and tools whose prescribed motion leaves the grid or comes near
+    /// no body.
     pub(super) fn tools_at_start<const D: usize>(&mut self, model: &Model<D>, points: &Points<D>) {
         for overlap in overlaps_at_start(model, points) {
             self.overlap_at_start(model, &overlap);
@@ -54,7 +54,8 @@ impl Check<'_> {
         self.found.push(found.help(help));
     }
 
-    /// Warns of a tool that is wholly outside the grid after it has been inside, by the boxes around it at some times.
+    /// Warns of a tool that is wholly outside the grid after it has been inside, judged by its bounding boxes at a
+    /// number of times.
     fn leaves_grid<const D: usize>(
         &mut self,
         model: &Model<D>,
@@ -76,7 +77,7 @@ impl Check<'_> {
         self.found.push(found.help("check the sign and the size of its motion, or make the grid larger"));
     }
 
-    /// Notes a tool that comes near no body, by the boxes around it: perhaps a body will reach it later.
+    /// Notes a tool that comes near no body, judged by its bounding boxes: perhaps a body will reach it later.
     fn comes_near_no_body<const D: usize>(
         &mut self,
         model: &Model<D>,
@@ -103,7 +104,7 @@ impl Check<'_> {
     }
 }
 
-/// The box around the points of a body; `None` if it has none at the start. All ranks must ask for it together.
+/// The box around the points of a body; `None` if it has none at the start. All ranks must call this together.
 fn box_around<const D: usize>(points: &Points<D>, body: usize) -> Option<Bounds<D>> {
     let of_body = (0..points.len()).filter(|p| points.body[*p] as usize == body);
     let [low, high] = of_body.map(|p| points.converged.position[p]).fold(

@@ -67,7 +67,7 @@ struct Check<'a> {
     found: Vec<Diagnostic>,
 }
 
-/// Longest name that heads columns, [characters].
+/// Longest name that may head columns, [characters].
 const LONGEST_NAME: usize = 60;
 
 impl Check<'_> {
@@ -193,7 +193,7 @@ impl Check<'_> {
         self.needs_domains(pointer, body, &format!("domain update {word}"), ("domain_update", wanted, lacks));
     }
 
-    /// Only domains given by their corners become long and can be cut.
+    /// Only domains given by their corners become long and can be split.
     fn split_above(&mut self, pointer: &str, body: &BodyDeck) {
         if body.split_above.is_some() && body.method != Method::Cpdi2 {
             let wanted = ("cpdi2", "whose domains stretch with the grid");
@@ -202,7 +202,7 @@ impl Check<'_> {
         }
     }
 
-    /// Reports a key of domains of another method.
+    /// Reports a key that needs the domains of another method.
     fn needs_domains(
         &mut self,
         pointer: &str,
@@ -225,7 +225,7 @@ impl Check<'_> {
         self.found.push(diagnostic);
     }
 
-    /// F-bar needs points that know the centres of cells.
+    /// F-bar needs points that know the cell centres.
     fn volumetric(&mut self, pointer: &str, body: &BodyDeck) {
         if body.volumetric == Volumetric::FBar && !body.method.has_centres() {
             let method = body.method.name();

@@ -12,14 +12,14 @@ use super::diagnostic::Diagnostic;
 use super::quoting::quote;
 use super::span::{EntrySpan, Span, escape};
 
-/// Most levels of nesting; the deepest valid deck needs a tenth of it.
+/// Largest number of levels of nesting; the deepest valid deck needs a tenth of it.
 const MAX_DEPTH: usize = 64;
-/// Most values in a deck.
+/// Largest number of values in a deck.
 const MAX_VALUES: usize = 2_000_000;
-/// Most values that aliases may add to those written out.
+/// Largest number of values that aliases may add to the values written out.
 const MAX_COPIED: usize = 100_000;
-/// Most bytes of all values of a deck, including copies by aliases, and of the pointers to them. Only a long text that
-/// is copied often, or a long key above many values, exceeds it.
+/// Largest number of bytes of all values of a deck, including copies by aliases, and of the pointers to these values.
+/// Only a long string that is copied often, or a long key above many values, exceeds it.
 const MAX_BYTES: usize = 256 << 20;
 
 /// A deck read from text, before its keys are interpreted.
@@ -36,7 +36,7 @@ struct Node {
     span: Span,
     weight: usize,
     depth: usize,
-    /// Bytes of the values in it and of the pointers to them, relative to this node.
+    /// Bytes of the values in this node and of the pointers to these, relative to the node.
     bytes: usize,
 }
 
@@ -380,7 +380,7 @@ fn fault(code: &'static str, span: Span, message: impl Into<String>) -> Diagnost
     diagnostic
 }
 
-/// Bytes of the values of a list or mapping, and of the pointers to them relative to it.
+/// Bytes of the values of a list or mapping, and of the pointers to these values relative to the list or mapping.
 fn bytes(data: &Data) -> usize {
     let below = |part: usize, child: &Node| {
         child.bytes.saturating_add(child.weight.saturating_mul(part.saturating_add(1)))
@@ -456,7 +456,7 @@ fn plain(text: &str) -> Result<Value, String> {
     }
 }
 
-/// The number that a text denotes in the core schema; infinite if it is too large.
+/// The number that a string denotes in the core schema; infinite if it is too large.
 pub(super) fn number(text: &str) -> Option<f64> {
     for (prefix, radix) in [("0x", 16), ("0o", 8)] {
         if let Some(digits) = text.strip_prefix(prefix) {

@@ -1,12 +1,13 @@
 //! Checkpoints: everything a run needs to resume, bit for bit, from a step in equilibrium.
 //!
-//! A file consists of a line with the version of the format, blocks of compressed bytes, and a checksum of both
-//! (`blocks`). The bytes are a JSON text with the deck and the summary of the run so far, and the arrays of the points.
-//! Data that follow from the deck alone, such as the masses, are built again. A file is written under a temporary name
-//! and renamed, and the previous one stays until the next is complete, so that there is always a complete one.
+//! A file consists of a line with the format version, blocks of compressed bytes, and a checksum of both (`blocks`).
+//! The bytes hold a JSON text with the deck and the summary of the run so far, and the arrays of the points. Data that
+//! follow from the deck alone, such as masses, are computed again. A file is written under a temporary name and then
+//! renamed, and the previous checkpoint stays until the next is complete, so that a complete one exists at all times.
 //!
-//! Each of several ranks writes the points that it has to a piece, a file of the same kind. The file of the checkpoint then states
-//! the sizes of the pieces instead of the arrays, and is written last. Any number of ranks can read it (`rows`).
+//! With several ranks, each writes its points to a piece, a file of the same format. The main file of the checkpoint
+//! then states the sizes of the pieces in place of the arrays, and is written last. Any number of ranks can read it
+//! (`rows`).
 
 mod blocks;
 mod names;
@@ -37,15 +38,15 @@ use super::summary::VERSION;
 /// First bytes of every file.
 pub(super) const NAME: &str = blocks::NAME;
 
-/// Number of checkpoints that are kept: the last one and, in case it is damaged, the one before.
+/// Number of checkpoints kept: the last one and, in case it is damaged, the one before it.
 const KEPT: usize = 2;
 
 /// The data of a checkpoint other than the points.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Head {
-    /// Version of the program that wrote it.
+    /// Version of the program that wrote the checkpoint.
     pub program: String,
-    /// The deck, its parameters inserted; interpreted by the reader.
+    /// The deck after parameter substitution; the reader interprets it.
     pub deck: Value,
     /// Hash of the meshes and surfaces that the deck names.
     pub files: String,
@@ -53,12 +54,12 @@ pub struct Head {
     pub reached: Reached,
     /// Findings of the run so far.
     pub findings: Findings,
-    /// Number of axes, of points, of history variables per point, and of slots for corners per point.
+    /// Numbers of axes, of points, of history variables per point, and of corner slots per point.
     shape: [usize; 4],
     /// Fields of the points that only this analysis has.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     further: Vec<FurtherField>,
-    /// Numbers of the points in the pieces; without pieces, the file holds all points.
+    /// Number of points in each piece; without pieces, the file holds all points.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pieces: Vec<usize>,
 }
@@ -78,23 +79,25 @@ impl fmt::Display for Refused {
     }
 }
 
-/// A checkpoint that has been read.
+/// A checkpoint that has been read from its file.
 #[derive(Debug)]
 pub struct Checkpoint {
     /// The file.
     pub path: PathBuf,
     /// All data other than the points.
     pub head: Head,
-    /// The arrays of the points that this rank reads, not yet decoded, by pieces with their numbers of points.
+    /// The arrays of the points that this rank reads, not yet decoded: for each piece, its number of points and its
+    /// bytes.
     arrays: Vec<(usize, Vec<u8>)>,
     /// The paths in these pieces.
     paths: Vec<SolutionPath>,
 }
 
-/// Writes the checkpoint of a step in equilibrium and removes those that are no longer needed. All ranks write it together.
+/// Writes the checkpoint of a step in equilibrium and removes those that are no longer needed. All ranks must call it
+/// together.
 ///
 /// # Errors
-/// An error of the file system; earlier checkpoints are then kept.
+/// A file-system error; earlier checkpoints are then kept.
 pub(super) fn write<const D: usize>(
     directory: &Path,
     identity: (&Value, &str),
@@ -129,7 +132,7 @@ pub(super) fn write<const D: usize>(
     for old in steps.iter().skip(KEPT) {
         fs::remove_file(directory.join(file_name(*old)))?;
     }
-    // Pieces without main file are those of a run that was killed here.
+    // Pieces without a main file are left by a run that was killed while it wrote the checkpoint.
     let first = steps.get(KEPT - 1).copied().unwrap_or(0);
     pieces_before(directory, first)?.into_iter().try_for_each(fs::remove_file)
 }
@@ -146,7 +149,7 @@ fn write_file<const D: usize>(path: &Path, head: &Head, points: Option<&Points<D
     })
 }
 
-/// The steps of the checkpoints in a directory, from the names of their files, the last one first.
+/// The steps of the checkpoints in a directory, from their file names, the last one first.
 fn find(directory: &Path) -> io::Result<Vec<usize>> {
     let of_whole = |(step, rank, _): (usize, Option<usize>, PathBuf)| rank.is_none().then_some(step);
     let mut found: Vec<usize> = names::all(directory)?.into_iter().filter_map(of_whole).collect();
@@ -154,22 +157,22 @@ fn find(directory: &Path) -> io::Result<Vec<usize>> {
     Ok(found)
 }
 
-/// The step of the last checkpoint in a directory, from the name of its file, if there is one.
+/// The step of the last checkpoint in a directory, from its file name; `None` if there is no checkpoint.
 pub fn last_step(directory: &Path) -> Option<usize> {
     find(directory).ok()?.first().copied()
 }
 
-/// The last readable checkpoint in a directory, and the unreadable ones after it. All ranks look for it together; each reads its
-/// share of the pieces.
+/// The last readable checkpoint in a directory, and the unreadable ones after it. All ranks must call it together; each
+/// reads its share of the pieces.
 ///
 /// # Errors
-/// An error of the file system; `NotFound` if there is no checkpoint.
+/// A file-system error; `NotFound` if there is no checkpoint.
 pub fn latest(directory: &Path, ranks: &Ranks) -> io::Result<(Option<Checkpoint>, Vec<Refused>)> {
     let steps = find(directory);
     if ranks.any(steps.is_err()) {
         return Err(steps.err().unwrap_or_else(|| io::Error::other("another rank cannot read it")));
     }
-    // Directories that machines share may not look alike at once.
+    // A shared directory may not look the same on all machines at once.
     let steps = ranks.first(Some(steps?)).unwrap_or_default();
     if steps.is_empty() {
         return Err(io::Error::new(io::ErrorKind::NotFound, "there is no checkpoint"));
@@ -195,7 +198,7 @@ pub fn read(path: &Path) -> Result<Checkpoint, String> {
     read_on(&alone, path).map(|checkpoint| checkpoint.with_joined_path(&alone))
 }
 
-/// Reads a file, with the share of the pieces that falls to this rank.
+/// Reads a file and this rank's share of the pieces.
 fn read_on(ranks: &Ranks, path: &Path) -> Result<Checkpoint, String> {
     let (head, arrays) = read_file(path)?;
     let mut checkpoint = Checkpoint { path: path.to_owned(), arrays: Vec::new(), paths: Vec::new(), head };
@@ -246,7 +249,8 @@ fn read_file(path: &Path) -> Result<(Head, Vec<u8>), String> {
 }
 
 impl Checkpoint {
-    /// The same with the path of all ranks that have written pieces. All ranks that have read it must join it together.
+    /// The checkpoint with the solution path joined from all ranks that have written pieces. All ranks that have read
+    /// it must call this together.
     fn with_joined_path(mut self, ranks: &Ranks) -> Checkpoint {
         let paths = ranks.gather_all(std::mem::take(&mut self.paths)).concat();
         if !paths.is_empty() {
@@ -255,11 +259,12 @@ impl Checkpoint {
         self
     }
 
-    /// Restores the points of a newly built model to the state and the order of the checkpoint. Several ranks do so together, and
-    /// divide the points anew.
+    /// Restores the points of a newly built model to the state and the order of the checkpoint. Several ranks must do
+    /// so together; the points are then divided between them anew.
     ///
     /// # Errors
-    /// If the points differ, or if no run of this model can have written the checkpoint; on all ranks.
+    /// If the points differ, or if no run of this model can have written the checkpoint; all ranks then return an
+    /// error.
     pub fn restore<const D: usize>(&self, model: &Model<D>, points: &mut Points<D>) -> Result<(), String> {
         let ranks = points.ranks.clone();
         let rows = self.rows(model, points);
@@ -300,10 +305,10 @@ impl Checkpoint {
         Ok(rows)
     }
 
-    /// The further fields whose values the checkpoint holds, in its order.
+    /// The further fields whose values the checkpoint holds, in the order of the checkpoint.
     ///
     /// # Errors
-    /// When its fields are not those of the analysis.
+    /// If the fields differ from those of the analysis.
     fn further_of(&self, declared: &Further) -> Result<Vec<FieldHandle>, String> {
         let mut found = Vec::new();
         for field in &self.head.further {

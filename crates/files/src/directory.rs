@@ -1,4 +1,4 @@
-//! Files of a results directory: their names, and those that a run may remove.
+//! Files of a results directory: their names, and which of them a run may remove.
 
 use std::fs::File;
 use std::io::{self, Read};
@@ -15,12 +15,12 @@ pub(super) fn file_name(series: &str, step: usize) -> String {
     format!("{series}_{step:04}.vtu")
 }
 
-/// The file of a series that a rank writes of a step, where several write.
+/// The file of a series that a rank writes for a step if several ranks write.
 pub(super) fn piece_name(series: &str, step: usize, rank: usize) -> String {
     format!("{series}_{step:04}_r{rank}.vtu")
 }
 
-/// The list of the pieces of a step.
+/// The file that lists the pieces of a step.
 pub(super) fn list_name(series: &str, step: usize) -> String {
     format!("{series}_{step:04}.pvtu")
 }
@@ -30,7 +30,7 @@ pub(super) fn step_of_file(name: &str) -> Option<usize> {
     number_in(name)?.rsplit_once('_')?.1.parse().ok()
 }
 
-/// The name of a file of a series up to the number of its step.
+/// The name of a file of a series up to its step number.
 fn number_in(name: &str) -> Option<&str> {
     if let Some(list) = name.strip_suffix(".pvtu") {
         return Some(list);
@@ -50,7 +50,7 @@ pub(super) fn remove_earlier_results(directory: &Path) -> io::Result<()> {
     remove(directory, |name| !matches!(Kind::of(name), None | Some(Kind::Table(_))))
 }
 
-/// Removes the files that a run wrote after a step, and those it wrote because it ended.
+/// Removes the files that a run wrote after a step, and the files that it wrote because it ended.
 pub(super) fn remove_later_results(
     directory: &Path,
     last: usize,
@@ -66,18 +66,18 @@ pub(super) fn remove_later_results(
 /// Removes temporary files of a run that was killed.
 ///
 /// # Errors
-/// An error of the file system.
+/// A file-system error.
 pub fn tidy(directory: &Path) -> io::Result<()> {
     remove(directory, |_| false)
 }
 
-/// Removes files by their names, and the temporary files of such names.
+/// Removes files selected by name, and their temporary files.
 fn remove(directory: &Path, is_old: impl Fn(&str) -> bool) -> io::Result<()> {
     for entry in std::fs::read_dir(directory)? {
         let path = entry?.path();
         let Some(name) = path.file_name().and_then(|name| name.to_str()) else { continue };
         let is_half = name.strip_suffix(TEMPORARY).is_some_and(|name| Kind::of(name).is_some());
-        // A directory of such a name, or a file that no run wrote, stays.
+        // A directory with such a name, or a file that no run wrote, stays.
         if (is_old(name) || is_half) && is_ours(&path, name) {
             std::fs::remove_file(&path)?;
         }
@@ -92,7 +92,7 @@ const TABLES: [(&str, &str); 3] = [
     ("quality.csv", "step,partition_of_unity_loss,"),
 ];
 
-/// Files about a run as a whole, and keys that identify them; the first key is the first in the file.
+/// Files about a run as a whole, with keys that identify them; the first key comes first in the file.
 const OF_RUN: [(&str, [&str; 3]); 3] = [
     ("summary.json", ["outcome", "deck_hash", "version"]),
     ("run.json", ["title", "deck_hash", "version"]),
@@ -131,7 +131,7 @@ impl Kind {
         if name.ends_with(".pvtu") { Kind::Pieces } else { Kind::Mesh }
     }
 
-    /// True if a file that begins with this text was written by a run; `whole` if the text is the whole file.
+    /// True if a run wrote a file that begins with this text; `whole` if the text is the whole file.
     fn fits(&self, begin: &str, whole: bool) -> bool {
         match self {
             Kind::Mesh => begin.starts_with(vtu::HEAD),
@@ -157,12 +157,12 @@ impl Kind {
 /// Bytes of a file that are read to identify it; files about a run as a whole are read completely.
 const FIRST: u64 = 2048;
 
-/// True if a file with the name of a result is one, by its content; also if it is empty or contains only zeros, as
-/// after a loss of power.
+/// True if a file with the name of a result is one, judged by its content; also true if the file is empty or contains
+/// only zeros, as after a power loss.
 fn is_ours(path: &Path, name: &str) -> bool {
     let half = name.strip_suffix(TEMPORARY);
     let Some(kind) = Kind::of(half.unwrap_or(name)) else { return false };
-    // Anything but a regular file may never end.
+    // Reading anything but a regular file may never end.
     let Ok(about) = std::fs::metadata(path) else { return false };
     let most = if let Kind::OfRun(_) = kind { about.len() } else { FIRST };
     let mut begin = Vec::new();
@@ -181,16 +181,16 @@ fn series_of(name: &str) -> Option<&'static str> {
     })
 }
 
-/// True if a run or a report may write a file of this name into its directory.
+/// True if a run or a report may write a file with this name into its directory.
 pub fn is_of_results(name: &str) -> bool {
     let name = name.strip_suffix(TEMPORARY).unwrap_or(name);
     Kind::of(name).is_some() || name == lock::NAME || name == REPORT
 }
 
-/// A file that a run would replace although no run has written it.
+/// The name of a file that a run would replace although no run has written it.
 ///
 /// # Errors
-/// An error of the file system.
+/// A file-system error.
 pub(super) fn foreign_file(directory: &Path) -> io::Result<Option<String>> {
     for entry in std::fs::read_dir(directory)? {
         let path = entry?.path();
@@ -206,7 +206,7 @@ pub(super) fn foreign_file(directory: &Path) -> io::Result<Option<String>> {
 /// A series that has data files but no `.pvd` file.
 ///
 /// # Errors
-/// An error of the file system.
+/// A file-system error.
 pub(super) fn series_without_list(directory: &Path) -> io::Result<Option<&'static str>> {
     for entry in std::fs::read_dir(directory)? {
         let name = entry?.file_name();
@@ -225,7 +225,7 @@ pub(super) fn series_without_list(directory: &Path) -> io::Result<Option<&'stati
 mod tests {
     use super::*;
 
-    /// The first foreign file in a directory with one file.
+    /// The first foreign file in a directory that contains one file.
     fn foreign(name: &str, content: &str) -> Option<String> {
         let directory = tempfile::tempdir().unwrap();
         std::fs::write(directory.path().join(name), content).unwrap();

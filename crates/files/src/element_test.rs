@@ -33,12 +33,12 @@ impl Prescribed {
     }
 }
 
-/// Reads a history, one row per target: columns `xx`, `yy`, `zz`, `yz`, `xz` and `xy` in any order, of which those that
-/// are missing are zero.
+/// Reads a history, one row per target. The columns `xx`, `yy`, `zz`, `yz`, `xz` and `xy` may be in any order;
+/// components without a column are zero.
 ///
 /// # Errors
-/// Those of the file system; `InvalidData` with file and line if the table is damaged, has no rows or other columns, an
-/// entry is missing, or a history of stress has a shear stress.
+/// A file-system error; `InvalidData` with file and line if the table is damaged, has no rows or has other columns, if
+/// an entry is missing, or if a stress history has a shear stress.
 pub fn read_history(path: &Path, prescribed: Prescribed) -> io::Result<Vec<Target>> {
     let table = Columns::read_foreign(path)?;
     targets(&table, prescribed)
@@ -83,11 +83,11 @@ fn target(table: &Columns, prescribed: Prescribed, row: usize) -> Result<Target,
     }
 }
 
-/// The table of the states of an element test: step, strain and stress, invariants, history variables and energies. The
-/// components yz and xz follow if a state has some, and `jump`, 1 where a state has jumped, if one has.
+/// The table of states of an element test: step, strain and stress, invariants, history variables and energies. The
+/// components yz and xz are included if a state has any, and `jump`, 1 where a state has jumped, if any has.
 ///
 /// # Errors
-/// `InvalidInput` if a history variable of the law has the name of another column, or a number is not finite.
+/// `InvalidInput` if a history variable of the law has the name of another column, or if a number is not finite.
 pub fn table(law: &dyn Material, states: &[ElementState]) -> io::Result<String> {
     let has_shear = |state: &ElementState| state.strain.0[3] != 0.0 || state.strain.0[4] != 0.0;
     let in_space = states.iter().any(has_shear);
@@ -119,7 +119,7 @@ fn columns(law: &dyn Material, in_space: bool) -> Vec<String> {
     columns
 }
 
-/// True if the plastic work is a history variable of the law, and so has its column already.
+/// True if the plastic work is a history variable of the law and therefore already has a column.
 fn has_plastic_work(law: &dyn Material) -> bool {
     law.state_fields().iter().any(|field| field.name == "plastic_work")
 }

@@ -1,5 +1,5 @@
-//! The last iterate of a step without equilibrium, for ParaView. No series lists these files. Each of several ranks writes
-//! pieces of them.
+//! The last iterate of a step without equilibrium, for ParaView. No series lists these files. With several ranks, each
+//! writes its pieces of them.
 
 use std::io;
 use std::path::Path;
@@ -13,10 +13,10 @@ use super::fields::{GridMesh, grid_mesh, number, vector};
 use super::invalid;
 use super::vtu::{self, CellKind, Field, Kinds, Mesh, Pieces};
 
-/// The files: the points, and the grid; without extensions.
+/// File names without extension: the points, and the grid.
 const FILES: [&str; 2] = ["failed_points", "failed_grid"];
 
-/// True if one of the files, a list of its pieces or a piece has this name.
+/// True if this is the name of one of the files, of the list of its pieces or of a piece.
 pub(super) fn is_name(name: &str) -> bool {
     FILES.iter().filter_map(|file| name.strip_prefix(file)).any(|rest| {
         let rank = rest.strip_prefix("_r").and_then(|rest| rest.strip_suffix(".vtu"));
@@ -25,11 +25,11 @@ pub(super) fn is_name(name: &str) -> bool {
     })
 }
 
-/// Writes both files into a directory; writes nothing if the iterations have not begun or are not finite. All ranks must write
-/// together.
+/// Writes both files into a directory; writes nothing if the iterations have not begun or are not finite. All ranks
+/// must call it together.
 ///
 /// # Errors
-/// An error of the file system.
+/// A file-system error.
 pub(super) fn write<const D: usize>(
     directory: &Path,
     model: &Model<D>,
@@ -59,7 +59,7 @@ pub(super) fn write<const D: usize>(
         }
         let piece = |rank: usize| format!("{name}_r{rank}.vtu");
         let written = file.and_then(|file| file.write(&path(piece(ranks.own()))).map(|()| file));
-        // No list names a piece that is missing.
+        // A list must not name a missing piece.
         let is_missing = ranks.any(written.is_err());
         match written {
             Ok(file) if !is_missing && ranks.is_root() => {
@@ -103,7 +103,7 @@ pub(super) fn write<const D: usize>(
         number("in_equilibrium", &no[..nodes.len()]),
     ];
     let mesh = Mesh { points: &nodes, kinds: Kinds::Each(&kinds), connectivity: &corners };
-    // All ranks write the second file together, whatever became of the first.
+    // All ranks write the second file together, whether or not the first succeeded.
     let of_grid = write(FILES[1], &mesh, &fields);
     of_points.and(of_grid)
 }

@@ -17,10 +17,10 @@ use super::vtu::{
     CellKind, Compute, Encoded, Field, Precision, Room, SYMMETRIC_TENSOR, TENSOR, VECTOR, Values,
 };
 
-/// The history variable that every file has, zero for laws without it.
+/// The history variable that every file contains; zero for laws without it.
 const EQUIVALENT_PLASTIC_STRAIN: &str = "equivalent_plastic_strain";
 
-/// A field of the points in files.
+/// A field of the points in result files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
@@ -46,8 +46,8 @@ pub enum PointField {
     Volume,
     /// Equivalent plastic strain κ, zero for laws without plasticity.
     EquivalentPlasticStrain,
-    /// Pressure of the body, averaged at the nodes of the grid and interpolated back, [stress]; for pictures, only if
-    /// requested.
+    /// Pressure of the body, averaged at the grid nodes and interpolated back to the points, [stress]; intended for
+    /// plots and written only if requested.
     PressureSmoothed,
 }
 
@@ -67,7 +67,7 @@ impl PointField {
         PointField::PressureSmoothed,
     ];
 
-    /// The fields of files for which none are requested: the state of the points, without the smoothed pressure.
+    /// The fields written if none are requested: the state of the points, without the smoothed pressure.
     pub fn by_default() -> Vec<PointField> {
         Self::ALL.into_iter().filter(|field| *field != PointField::PressureSmoothed).collect()
     }
@@ -110,7 +110,7 @@ impl PointField {
         self.component_names().len().max(1)
     }
 
-    /// Computes the field for some points of a file.
+    /// Computes the field for some of the points of a file.
     fn fill<const D: usize>(self, of: Of<D>, tuples: Range<usize>, out: &mut [f64]) {
         let Of { model, points, .. } = of;
         let (order, volumes) = (&of.order[tuples.clone()], &of.volumes[tuples.clone()]);
@@ -164,12 +164,13 @@ fn fill<const N: usize>(out: &mut [f64], tuples: impl Iterator<Item = [f64; N]>)
     }
 }
 
-/// Smallest ratio of the squares of stretches from which their logarithms have twelve digits, [-].
+/// Smallest ratio of squared stretches at which their logarithms still have twelve digits, [-].
 const WELL_CONDITIONED: f64 = 1e-3;
 
 /// Logarithmic plastic strain −½ ln(F⁻¹ b^e F⁻ᵀ) in the original configuration.
 ///
-/// At large strain it follows from the singular values of F⁻¹ √b^e: round-off of their squares could be negative.
+/// At large strain it follows from the singular values of F⁻¹ √b^e, because round-off could make their squares
+/// negative.
 fn plastic_strain(f: &Mat3, b: &Sym3) -> Sym3 {
     let inverse = f.try_inverse().unwrap_or_else(Mat3::identity);
     let squares = Sym3::symmetric_part(&(inverse * b.to_matrix() * inverse.transpose())).spectrum();
@@ -219,7 +220,7 @@ pub fn volumes<const D: usize>(
     }
 }
 
-/// The points of a file in their converged state; their fields are computed piece by piece.
+/// The points of a file in their converged state; their fields are computed in chunks.
 #[derive(Clone, Copy)]
 pub struct Of<'a, const D: usize> {
     /// The model of the points.
@@ -228,9 +229,10 @@ pub struct Of<'a, const D: usize> {
     pub points: &'a Points<D>,
     /// Indices of the points of the file, in its order.
     pub order: &'a [usize],
-    /// J and current volume of each of these points, [`volumes`].
+    /// J and current volume of each of these points, see [`volumes`].
     pub volumes: &'a [[f64; 2]],
-    /// Pressure of each of these points, [`smoothed_pressures`](super::smoothed_pressure::smoothed_pressures); empty unless it is requested.
+    /// Pressure of each of these points, see [`smoothed_pressures`](super::smoothed_pressure::smoothed_pressures);
+    /// empty unless requested.
     pub smoothed: &'a [f64],
     /// Precision of floating-point numbers.
     pub precision: Precision,
@@ -274,7 +276,7 @@ impl<const D: usize> Of<'_, D> {
     /// Positions.
     ///
     /// # Errors
-    /// A message about a non-finite number; the same holds for the methods below.
+    /// A message about a non-finite number; likewise for the methods below.
     pub fn positions(&self) -> Result<Arc<Encoded>, String> {
         let place = |of: Of<D>, tuples: Range<usize>, out: &mut [f64]| {
             fill(out, of.order[tuples].iter().map(|&p| padded(&of.points.converged.position[p])));
@@ -284,8 +286,8 @@ impl<const D: usize> Of<'_, D> {
         Encoded::positions(self.order.len(), values, self.precision, self.room).map(Arc::new)
     }
 
-    /// The requested fields, the volume, the history variables that are not a [`PointField`], and the further fields of the
-    /// points.
+    /// The requested fields, the volume, the history variables that are not a [`PointField`], and the further fields of
+    /// the points.
     pub fn fields(&self, asked: &[PointField]) -> Result<Vec<Arc<Encoded>>, String> {
         let is_asked = |field: &PointField| *field == PointField::Volume || asked.contains(field);
         let known = PointField::ALL.into_iter().filter(is_asked).map(|field| {
@@ -322,12 +324,12 @@ impl<const D: usize> Of<'_, D> {
         all.iter().map(|(name, numbers)| self.encode(&number(name, numbers))).collect()
     }
 
-    /// Shapes of the domains of the points; each must have one.
+    /// Shapes of the domains of the points; each point must have a domain.
     pub fn domains(&self) -> Vec<CellKind> {
         self.order.iter().map(|&p| cell_kind::<D>(number_of_corners(self.model, self.points, p))).collect()
     }
 
-    /// Corners of their domains, in the order of the VTK cells of these shapes.
+    /// Corners of the domains, in the VTK order of these shapes.
     pub fn corners(&self, domains: &[CellKind]) -> Result<Arc<Encoded>, String> {
         let end = |end: &mut usize, kind: &CellKind| {
             *end += kind.points();
@@ -351,7 +353,7 @@ impl<const D: usize> Of<'_, D> {
     }
 }
 
-/// Names of the components of a further field with this number of components.
+/// Component names of a further field with this number of components.
 fn names_of_components(components: usize) -> &'static [&'static str] {
     match components {
         3 => &VECTOR,
@@ -381,8 +383,8 @@ fn cell_kind<const D: usize>(corners: usize) -> CellKind {
     }
 }
 
-/// The active cells, which points or their domains overlap; cells that are only touched from outside have inactive
-/// nodes and are left out. Corners are indices of nodes in the order of VTK.
+/// The active cells, that is, the cells that points or their domains overlap; cells that are only touched from outside
+/// have inactive nodes and are left out. Corners are node indices in VTK order.
 #[derive(Debug, PartialEq)]
 pub struct GridMesh {
     /// Positions of the nodes.
@@ -391,12 +393,12 @@ pub struct GridMesh {
     pub corners: Vec<i64>,
     /// Kinds of the active cells.
     pub kinds: Vec<CellKind>,
-    /// The active node that each node is; `None` if they are all active nodes, in their order.
+    /// The index of each node among the active nodes; `None` if the nodes are all active nodes, in their order.
     pub shown: Option<Vec<u32>>,
 }
 
-/// The active part of the grid in a load step; of several ranks, each shows some of the cells that it shares with others. All
-/// ranks must ask for it together.
+/// The active part of the grid in a load step; with several ranks, each shows only some of the cells that it shares
+/// with others. All ranks must call it together.
 pub fn grid_mesh<const D: usize>(model: &Model<D>, links: &Connectivity<D>) -> GridMesh {
     let is_alone = links.halo().ranks().is_alone();
     let cells: Cow<[u32]> =
@@ -444,8 +446,8 @@ pub fn number_of_corners<const D: usize>(model: &Model<D>, points: &Points<D>, p
     }
 }
 
-/// A corner of the domain of a point, or its position if it has no domain. Of 2^D corners, bit d of the number of a
-/// corner is its side along axis d.
+/// A corner of the domain of a point, or the position of the point if it has no domain. With 2^D corners, bit d of the
+/// corner number selects the side along axis d.
 pub fn corner_of<const D: usize>(model: &Model<D>, points: &Points<D>, p: usize, k: usize) -> [f64; D] {
     let state = &points.converged;
     match model.bodies[points.body[p] as usize].method.domain() {

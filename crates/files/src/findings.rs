@@ -17,7 +17,7 @@ pub struct ForceBalance {
     pub applied: Vec<f64>,
     /// Name and resultant of each load, [force].
     pub loads: Vec<(String, Vec<f64>)>,
-    /// Name and sum of each further force, such as that of a tool or that which a stage releases, [force].
+    /// Name and sum of each further force, such as the force of a tool or the force that a stage releases, [force].
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub further: Vec<(String, Vec<f64>)>,
     /// Name and reaction of each boundary condition, [force].
@@ -48,7 +48,7 @@ impl Moment {
 }
 
 impl ForceBalance {
-    /// The balance of a step in equilibrium. All ranks must form it together.
+    /// The balance of a step in equilibrium. All ranks must call it together.
     pub fn new<const D: usize>(model: &Model<D>, report: &StepReport<D>) -> ForceBalance {
         let names = model.boundary_conditions.iter().map(|condition| condition.name.clone());
         let reactions = names.zip(report.reactions.iter().map(|r| r.to_vec())).collect();
@@ -81,8 +81,8 @@ impl ForceBalance {
         }
     }
 
-    /// Sum of loads and reactions along each axis with a balance, [force]: the residual of the iterations, and forces
-    /// lost where basis functions do not add up to 1.
+    /// Sum of loads and reactions along each axis along which forces balance, [force]: the residual of the iterations,
+    /// and forces lost where basis functions do not add up to 1.
     pub fn difference(&self) -> Vec<Option<f64>> {
         let reactions = |axis: usize| self.reactions.iter().map(|(_, r)| r[axis]).sum::<f64>();
         let further = |axis: usize| self.further.iter().map(|(_, f)| f[axis]).sum::<f64>();
@@ -105,7 +105,7 @@ pub struct Extreme {
     pub value: f64,
     /// Name of the body.
     pub body: String,
-    /// Permanent number of the point.
+    /// Permanent point number.
     pub point: u32,
     /// Position of the point, [length].
     pub position: Vec<f64>,
@@ -308,7 +308,7 @@ steps: {{count: 4}}"
     }
 
     /// The body stretches beyond the top of the grid, where its domains have no basis functions: the load lost there
-    /// shows as a difference.
+    /// appears as a difference.
     #[test]
     fn a_load_that_basis_functions_lose_is_a_difference() {
         let gimp = "method: gimp, domain_update: none";

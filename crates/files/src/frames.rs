@@ -1,5 +1,5 @@
-//! The VTU files of a step: the points, their domains, the active part of the grid and the surfaces, each a file of a
-//! series, encoded. Each of several ranks makes pieces of the first three.
+//! The encoded VTU files of a step: the points, their domains, the active part of the grid and the surfaces, each a
+//! file of a series. With several ranks, each makes pieces of the first three.
 
 use std::io;
 use std::mem::take;
@@ -67,7 +67,7 @@ impl Frame {
     }
 }
 
-/// The list of the pieces of a mesh, a file of a series.
+/// The list of the pieces of a mesh, itself a file of a series.
 pub(super) struct List {
     /// Index of the series.
     pub series: usize,
@@ -84,12 +84,12 @@ pub(super) struct Frames {
     fields: Vec<PointField>,
     precision: Precision,
     room: Room,
-    /// Memory of order and volumes of the points.
+    /// Reused memory for the order and the volumes of the points.
     order: Vec<usize>,
     volumes: Vec<[f64; 2]>,
-    /// Parts that are the same in all frames of the points, and in all frames of the domains; set by the first frame.
+    /// Parts that are the same in all frames of the points, and likewise for the domains; set by the first frame.
     steady: [Option<Steady>; 2],
-    /// The stage of the last frame, and its number of points: a stage may add and remove bodies, and points may be split.
+    /// Stage and number of points of the last frame: a stage may add and remove bodies, and points may be split.
     shown: (usize, usize),
     /// The grid of the last frame.
     grid: Option<Active>,
@@ -187,7 +187,7 @@ impl Frames {
         let fields = of.fields(&self.fields);
         let file = fields.clone().and_then(|fields| self.file_of_points(of, fields, step));
         let ranks = &points.ranks;
-        // Smoothing takes part in what all ranks do together, whether this rank has failed or not.
+        // All ranks smooth together, so a rank whose own frames have failed must still take part.
         let of_points = Frame::of_ranks(0, step, file, ranks);
         let with_domain = |body: &Body| body.method.domain() != DomainKind::None;
         let file = if model.bodies.iter().all(with_domain) {
@@ -247,7 +247,7 @@ impl Frames {
         File::new(step.end, step.index as i64, of.corners(&domains)?, steady.cells, Vec::new(), fields)
     }
 
-    /// Frame of the active part of the grid, with these fields on its nodes. All ranks must ask for it together.
+    /// Frame of the active part of the grid, with these fields on its nodes. All ranks must call it together.
     ///
     /// # Errors
     /// As [`Frames::of_points`].
@@ -263,7 +263,7 @@ impl Frames {
         Frame::of_ranks(2, step, self.file_of_grid(mesh, fields, step), ranks)
     }
 
-    /// Frame of all surfaces, a point for each sample; none without surfaces.
+    /// Frame of all surfaces, with one point per sample; none without surfaces.
     ///
     /// # Errors
     /// As [`Frames::of_points`].
@@ -278,7 +278,7 @@ impl Frames {
         Frame::new(3, step, self.file_of_surfaces(surfaces, step)).map(Some)
     }
 
-    /// Frames of the surfaces of all tools, and of the places that touch them; none without tools.
+    /// Frames of the surfaces of all tools and of the contact points on them; none without tools.
     ///
     /// # Errors
     /// As [`Frames::of_points`].

@@ -1,4 +1,4 @@
-//! The rows of the tables of a run: of the history, of the quality, and of the convergence of its iterations.
+//! The rows of the tables of a run: history, quality, and convergence of the iterations.
 
 use mpm_core::model::{Model, Probe};
 use mpm_core::points::Points;
@@ -74,7 +74,7 @@ pub fn columns_of_history<const D: usize>(model: &Model<D>) -> Vec<String> {
     columns
 }
 
-/// The row of `history.csv` of a step in equilibrium. All ranks must ask for it together.
+/// The row of `history.csv` of a step in equilibrium. All ranks must call it together.
 pub fn row_of_history<const D: usize>(
     model: &Model<D>,
     points: &Points<D>,
@@ -126,7 +126,7 @@ pub fn row_of_history<const D: usize>(
     for moved in moved(model, points) {
         for d in 0..D {
             let sum: f64 = moved.iter().map(|moved| moved[d]).sum();
-            // A probe in a body that is not there has no displacement.
+            // A probe in an absent body has no displacement.
             row.push(if moved.is_empty() { Entry::Missing } else { (sum / moved.len() as f64).into() });
         }
     }
@@ -134,7 +134,7 @@ pub fn row_of_history<const D: usize>(
     row
 }
 
-/// The displacements of the points of each probe that are present, on any rank.
+/// For each probe, the displacements of its points that are present, on any rank.
 fn moved<const D: usize>(model: &Model<D>, points: &Points<D>) -> Vec<Vec<Vec<f64>>> {
     if model.probes.is_empty() {
         return Vec::new();

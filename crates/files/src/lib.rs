@@ -30,11 +30,11 @@ mod writer;
 
 use std::io;
 
-/// Codes of errors in using a results directory, with their titles.
+/// Codes and titles of the errors in using a results directory.
 pub const CODES: &[(&str, &str)] =
     &[("R001", "a directory that cannot take results"), ("R002", "a run that cannot be resumed")];
 
-/// An error of kind `InvalidInput`, for invalid data of the caller.
+/// An error of kind `InvalidInput`, for invalid data from the caller.
 fn invalid(message: impl Into<String>) -> io::Error {
     io::Error::new(io::ErrorKind::InvalidInput, message.into())
 }
@@ -57,7 +57,7 @@ pub fn escape_xml(text: &str) -> String {
     escaped
 }
 
-/// The shortest decimal text that reads back as exactly this number; with an exponent only if this is shorter.
+/// The shortest decimal text that reads back as exactly this number; it has an exponent only if that is shorter.
 pub fn shortest(value: f64) -> String {
     let size = value.abs();
     if value == 0.0 || (1e-4..1e16).contains(&size) { format!("{value}") } else { format!("{value:e}") }

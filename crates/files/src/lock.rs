@@ -1,4 +1,4 @@
-//! Lock of a results directory: it admits one run at a time, and shows others that a run is still going.
+//! Lock of a results directory: it admits one run at a time, and shows others that a run is in progress.
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io;
@@ -12,7 +12,7 @@ pub(super) const NAME: &str = ".lock";
 const TRIES: usize = 20;
 const PAUSE: Duration = Duration::from_millis(10);
 
-/// A lock on a directory of results. The system releases it when the process ends, for whatever reason.
+/// A lock on a results directory. The system releases it when the process ends, for whatever reason.
 #[derive(Debug)]
 pub struct Lock {
     _file: File,
@@ -22,8 +22,8 @@ impl Lock {
     /// Locks a directory.
     ///
     /// # Errors
-    /// `ResourceBusy` if another run holds the lock; otherwise those of the file system. A file system without locks
-    /// admits every run.
+    /// `ResourceBusy` if another run holds the lock; otherwise a file-system error. A file system without locks admits
+    /// every run.
     pub fn take(directory: &Path) -> io::Result<Lock> {
         if !is_possible(directory) {
             return Err(io::Error::new(io::ErrorKind::InvalidInput, format!("`{NAME}` in it is not a file")));
@@ -39,7 +39,10 @@ impl Lock {
                 Err(TryLockError::Error(error)) => return Err(error),
             }
         }
-        Err(io::Error::new(io::ErrorKind::ResourceBusy, "another run writes its results there"))
+        Err(io::Error::new(
+            io::ErrorKind::ResourceBusy,
+            "another run is writing its results to this directory",
+        ))
     }
 
     /// True if a run holds the lock of a directory, or if the file system does not support locks.

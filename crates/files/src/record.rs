@@ -1,4 +1,4 @@
-//! The account of a run in memory: what its tables and its summary hold, without files.
+//! The record of a run in memory: what its tables and its summary hold, without files.
 
 use std::io;
 
@@ -30,7 +30,7 @@ impl Rows {
         Rows { columns: columns.iter().map(|name| name.as_ref().to_owned()).collect(), rows: Vec::new() }
     }
 
-    /// A column as numbers; missing entries are not a number.
+    /// A column as numbers; NaN for missing entries.
     pub fn column(&self, number: usize) -> Vec<f64> {
         let value = |row: &Vec<Entry>| match row[number] {
             Entry::Integer(value) => value as f64,
@@ -69,7 +69,7 @@ impl Record {
         }
     }
 
-    /// Changes the facts about the run, such as its deck.
+    /// Changes facts about the run, such as its deck.
     pub fn restate(&mut self, change: impl FnOnce(&mut Account)) {
         change(&mut self.account);
     }

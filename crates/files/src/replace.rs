@@ -5,13 +5,13 @@ use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
-/// Suffix of the name of a file that is not yet complete.
+/// Suffix of the name of an incomplete file.
 pub(crate) const TEMPORARY: &str = ".tmp";
 
 /// Writes a file through `fill` under the temporary name `<name>.tmp` beside it, then renames it to `path`.
 ///
-/// The old file, if any, stays untouched until then. On failure the temporary file is removed. Errors name the file:
-/// those of `fill` and of the file system; `InvalidInput` if `path` does not name a file.
+/// The old file, if any, stays untouched until then. On failure the temporary file is removed. Errors, which name the
+/// file: those of `fill`; file-system errors; `InvalidInput` if `path` does not name a file.
 pub fn replace_file(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
     let name =
         path.file_name().ok_or_else(|| super::invalid(format!("{} does not name a file", path.display())))?;

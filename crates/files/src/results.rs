@@ -1,5 +1,5 @@
-//! The results directory of a run: VTU series, tables and summary. Of several ranks, the first writes the tables, the lists of
-//! files and the summary, and each writes its pieces of the meshes.
+//! The results directory of a run: VTU series, tables and summary. With several ranks, the first writes the tables, the
+//! lists of files and the summary, and each writes its pieces of the meshes.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -41,9 +41,9 @@ use super::writer::Writer;
 pub struct Request {
     /// Number of load steps from one set of VTU files to the next; the last step is always written. 0 writes none.
     pub every: usize,
-    /// Fields of the points in them.
+    /// Fields of the points in the VTU files.
     pub fields: Vec<PointField>,
-    /// Precision of their numbers.
+    /// Precision of the numbers in the VTU files.
     pub precision: Precision,
     /// Number of load steps from one checkpoint to the next; `None` writes one only if a run ends early.
     pub checkpoints: Option<usize>,
@@ -61,7 +61,7 @@ pub struct Results {
     directory: PathBuf,
     every: usize,
     checkpoints: Option<usize>,
-    /// The tables; other ranks than the first have none.
+    /// The tables; only the first rank has them.
     tables: Option<Tables>,
     frames: Frames,
     writer: Writer,
@@ -75,15 +75,15 @@ pub struct Results {
     findings: Findings,
     all_have_domains: bool,
     last: Step,
-    /// Summary of the run up to that step, once this run has made one.
+    /// Summary of the run up to the last step, once this run has made one.
     accepted: Option<Summary>,
     /// The last step with a checkpoint.
     checkpointed: usize,
     /// Number of points of all ranks, once the run has ended.
     points: usize,
-    /// Set to end the run, where nothing else watches it.
+    /// Ends the run when set; `None` if something else watches for a stop.
     stop: Option<Arc<AtomicBool>>,
-    /// Held until the end of the run; by the first rank only.
+    /// Held by the first rank until the end of the run.
     _lock: Option<Lock>,
 }
 
@@ -96,7 +96,7 @@ struct Tables {
 
 impl Results {
     /// Prepares a directory for a run: creates it, removes the series of an earlier run and opens the tables.
-    /// VTU files and checkpoints are written as `asked`.
+    /// VTU files and checkpoints are written as `asked` states.
     ///
     /// # Errors
     /// If the directory cannot be created or written; `ResourceBusy` if another run writes there.
@@ -124,8 +124,8 @@ impl Results {
         })
     }
 
-    /// The part of a rank other than the first in the results of a run that begins at the start, or at a checkpoint whose step has
-    /// the number `reached` in this run. Touches no file yet.
+    /// The results as a rank other than the first sees them, for a run that begins at the start, or at a checkpoint
+    /// whose step has the number `reached` in this run. Touches no file yet.
     pub fn of_rank<const D: usize>(
         directory: &Path,
         asked: &Request,
@@ -188,7 +188,7 @@ impl Results {
             return Err(io::Error::new(io::ErrorKind::InvalidData, what));
         }
         let [history, quality, convergence] = [history.reopen()?, quality.reopen()?, convergence.reopen()?];
-        // A run that is stopped writes its last step, due or not. A run without VTU files does not remove any.
+        // A stopped run writes its last step, whether or not it is due. A run without VTU files removes none.
         let is_due = every == 0 || is_due(every, model, reached);
         let is_kept =
             |name: &str| step_of_file(name).is_some_and(|step| step < last || step == last && is_due);
@@ -209,9 +209,9 @@ impl Results {
     }
 
     /// Writes a checkpoint of the last step in equilibrium, if there is none yet. Later failed attempts are not part of
-    /// it: a resumed run repeats them. All ranks must write it together.
+    /// it: a resumed run repeats them. All ranks must call it together.
     fn write_checkpoint<const D: usize>(&mut self, points: &Points<D>) -> io::Result<()> {
-        // A resumed run does not write earlier results again.
+        // Earlier results must be complete first, because a resumed run does not write them again.
         let settled = self.settle();
         if points.ranks.any(settled.is_err()) {
             return settled;
@@ -228,12 +228,12 @@ impl Results {
         Ok(())
     }
 
-    /// The same for a run that nothing else watches: it ends when `stop` is set.
+    /// The same results, for a run in which nothing else watches `stop`: the run ends when it is set.
     pub fn stopped_by(self, stop: Arc<AtomicBool>) -> Results {
         Results { stop: Some(stop), ..self }
     }
 
-    /// Changes the facts about the run, such as its deck.
+    /// Changes facts about the run, such as its deck.
     pub fn restate(&mut self, change: impl FnOnce(&mut Account)) {
         change(&mut self.account);
     }
@@ -248,7 +248,7 @@ impl Results {
         &self.findings
     }
 
-    /// The last file of the points, or of their domains if all points have one; `None` if none was written.
+    /// The last file that shows the points, or their domains if all points have one; `None` if none was written.
     pub fn last_picture(&self) -> Option<Picture> {
         let step = self.written?;
         let series = SERIES[usize::from(self.all_have_domains)];
@@ -270,7 +270,7 @@ impl Results {
         self.every > 0
     }
 
-    /// Begins to write the frames of a step. Several ranks finish it together.
+    /// Begins to write the frames of a step; several ranks finish it together.
     fn show(&mut self, step: Step, frames: io::Result<Vec<Frame>>, ranks: &Ranks) -> io::Result<()> {
         if ranks.is_alone() {
             self.settle()?;
@@ -285,7 +285,7 @@ impl Results {
             self.settle()?;
             Ok(lists)
         });
-        // No list names a piece that is missing.
+        // A list must not name a missing piece.
         let is_missing = ranks.any(written.is_err());
         match written {
             Ok(lists) if !is_missing && ranks.is_root() => self.writer.list(&lists),
@@ -315,7 +315,7 @@ impl Results {
     }
 }
 
-/// The error of a file that a run would replace although no run has written it.
+/// The error for a file that a run would replace although no run has written it.
 fn foreign(name: &str) -> io::Error {
     let what = format!(
         "its file `{name}` was not written by a run; choose another directory with `--out`, or move the file away"
@@ -331,7 +331,7 @@ fn is_due<const D: usize>(every: usize, model: &Model<D>, step: Step) -> bool {
     every > 0 && requested.is_some_and(is_due)
 }
 
-/// Fields in the files of the grid.
+/// Fields in the grid files.
 fn on_nodes<'a, const D: usize>(
     delta_d: &'a [[f64; D]],
     reaction: &'a [[f64; D]],
@@ -342,7 +342,7 @@ fn on_nodes<'a, const D: usize>(
 /// A time series, and its last file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Picture {
-    /// The series, for ParaView.
+    /// The series file, for ParaView.
     pub series: PathBuf,
     /// The mesh at the last step that was written.
     pub file: PathBuf,
@@ -365,7 +365,7 @@ impl<const D: usize> Observer<D> for Results {
             return begun;
         }
         let mut frames = self.frames.of_points(model, points, self.last);
-        // The connectivity of the undeformed points, only to show the active cells.
+        // The connectivity of the undeformed points is needed only to show the active cells.
         let methods = model.methods();
         let mut copy = points.clone();
         if let Ok(links) = Connectivity::new(model.grid.as_ref(), &mut copy, &methods) {
@@ -490,7 +490,7 @@ impl<const D: usize> Observer<D> for Results {
         } else {
             Ok(())
         };
-        // A run that ended early can be resumed from there, unless the files of that step are missing.
+        // A run that ended early can be resumed from its last step, unless the files of that step are missing.
         let has_lost_files = ranks.any(matches!(error, Some(SolveError::Output(_))));
         let checkpoint = match error {
             _ if has_lost_files || is_lost || error.is_none() && self.checkpoints.is_none() => Ok(()),
@@ -499,7 +499,7 @@ impl<const D: usize> Observer<D> for Results {
         self.findings.extremes = Extremes::new(model, points);
         let whole = Whole::new(model, points);
         self.points = whole.points;
-        // Each part is written even if another could not be.
+        // Each part is written even if another could not be written.
         let written = lost.and(rows).and(mesh).and(checkpoint).and(tables);
         let lost = ranks.first(written.as_ref().err().map(ToString::to_string));
         if !ranks.is_root() {
@@ -515,7 +515,7 @@ impl<const D: usize> Observer<D> for Results {
     }
 }
 
-/// Frames with one or several more.
+/// Frames with one or several more added.
 fn joined<I: IntoIterator<Item = Frame>>(
     mut frames: Vec<Frame>,
     more: io::Result<I>,

@@ -41,7 +41,7 @@ pub(super) fn check([history, quality, convergence]: [&Kept; 3], steps: usize) -
         // Failed attempts precede the converged one.
         let last =
             of_step.iter().rposition(|row| row[1] == Some(0)).map_or(&[][..], |first| &of_step[first..]);
-        // An update of multipliers evaluates the residual of an iteration once more.
+        // A multiplier update evaluates the residual of an iteration once more.
         let follows = |pair: &[[Option<usize>; 2]]| {
             pair[1][1] == pair[0][1] || pair[1][1] == pair[0][1].map(|number| number + 1)
         };

@@ -30,10 +30,10 @@ impl Series {
         Series { path: path.into(), entries: Vec::new() }
     }
 
-    /// Reopens a series with the entries of its file up to a time, [time], whose data files `is_kept` accepts; empty if
-    /// there is no file.
+    /// Reopens a series with the entries of its file up to a time, [time], whose data files `is_kept` accepts; the
+    /// series is empty if there is no file.
     ///
-    /// Errors: those of [`read`] and of the file system.
+    /// Errors: those of [`read`]; file-system errors.
     pub fn reopen(
         path: impl Into<PathBuf>,
         until: f64,
@@ -61,9 +61,10 @@ impl Series {
         self.entries.last().map(|(time, name)| (*time, name.as_str()))
     }
 
-    /// Adds the data file of a time, [time], named relative to the directory of the series, and rewrites the series.
+    /// Adds the data file of a time, [time], named relative to the directory of the series, and rewrites the series
+    /// file.
     ///
-    /// Errors: those of the file system; `InvalidInput` if the time is not finite or not later than the last one.
+    /// Errors: file-system errors; `InvalidInput` if the time is not finite or not later than the last one.
     /// A failed push leaves the series as it was.
     pub fn push(&mut self, time: f64, file_name: &str) -> io::Result<()> {
         if !time.is_finite() {
@@ -105,7 +106,7 @@ pub struct DataSet {
 
 /// Reads a `.pvd` time series, in the order of the file.
 ///
-/// Errors: those of the file system; `InvalidData` with the name of the file if it is cut off or not a series.
+/// Errors: file-system errors; `InvalidData` with the name of the file if it is cut off or is not a series.
 pub fn read(path: &Path) -> io::Result<Vec<DataSet>> {
     let text = std::fs::read_to_string(path)?;
     let directory = path.parent().unwrap_or(Path::new(""));

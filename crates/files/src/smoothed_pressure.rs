@@ -1,8 +1,8 @@
 //! Pressures smoothed over the grid, for pictures; the analysis never uses them.
 //!
-//! Pressures of points alternate where cells lock, and from cell to cell where a cell has one volume ratio. Their means at
-//! the nodes, p_v = Σ S_vp V_p p_p / Σ S_vp V_p over the points of one body, do not; each point then takes Σ S_vp p_v. S_vp
-//! is the linear basis of the grid at the current position, for all methods.
+//! Point pressures alternate where cells lock, and from cell to cell where a cell has a single volume ratio. Their
+//! nodal means over the points of one body, p_v = Σ S_vp V_p p_p / Σ S_vp V_p, do not; each point then takes Σ S_vp
+//! p_v. S_vp is the linear basis of the grid at the current position, for all methods.
 
 use std::collections::HashMap;
 
@@ -12,19 +12,19 @@ use mpm_core::ranks::Ranks;
 
 use super::fields::pressure;
 
-/// A node of the grid, as it carries one body.
+/// A node of the grid with the body that it carries.
 type NodeOfBody = (u16, u32);
 
-/// Pressure of some points, smoothed over the points of their body among them, [stress]. Constant pressures are
-/// reproduced; all values lie between the pressures of the points around. `volumes` has J and the current volume of each
-/// of these points, [-] and [volume]. All ranks must smooth together.
+/// Pressures of some points, each smoothed over those of the points that belong to its body, [stress]. Constant
+/// pressures are reproduced; all values lie between the pressures of the surrounding points. `volumes` has J and the
+/// current volume of each of these points, [-] and [volume]. All ranks must call it together.
 pub fn smoothed_pressures<const D: usize>(
     model: &Model<D>,
     points: &Points<D>,
     order: &[usize],
     volumes: &[[f64; 2]],
 ) -> Vec<f64> {
-    // Round-off may give a point on the border of its cell a negative basis value.
+    // Round-off may give a point on the boundary of its cell a negative basis value.
     let links = |p: usize| {
         let (_, basis) = model.grid.basis_near(&points.converged.position[p], Some(points.cell[p]));
         let body = points.body[p];
@@ -56,8 +56,8 @@ pub fn smoothed_pressures<const D: usize>(
 /// A node of a body with its sum and weight, on the way to another rank.
 type Sent = (NodeOfBody, [f64; 2]);
 
-/// Adds up the sums of the nodes that several ranks touch. Each node has a home rank, which adds up what the ranks have in
-/// their order, and tells them.
+/// Adds up the sums of the nodes that several ranks touch. Each node has a home rank, which adds the contributions in
+/// rank order and returns the total to the ranks.
 fn add_up(ranks: &Ranks, means: &mut HashMap<NodeOfBody, [f64; 2]>) {
     if ranks.is_alone() {
         return;

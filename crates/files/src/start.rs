@@ -54,7 +54,7 @@ impl Account {
     }
 }
 
-/// Description of the machine, as far as the system provides it.
+/// Description of the machine, from what the system provides.
 fn machine() -> Value {
     let line = |path: &str, key: &str| {
         let text = fs::read_to_string(path).ok()?;

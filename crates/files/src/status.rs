@@ -66,7 +66,7 @@ pub struct Status {
     pub title: String,
     /// Version of the program.
     pub version: String,
-    /// Number of the process.
+    /// Process ID.
     pub process: u32,
     /// Start of the run.
     pub started: Timestamp,
@@ -78,7 +78,7 @@ pub struct Status {
     pub steps_requested: usize,
     /// The current step, or the last one.
     pub step: usize,
-    /// The last evaluation in it; 0 is the one before the first solve.
+    /// The last evaluation in this step; 0 is the one before the first solve.
     pub iteration: usize,
     /// Relative out-of-balance force, eq. (40), of that evaluation, [-]; `None` if it is not finite.
     pub residual: Option<f64>,
@@ -90,10 +90,11 @@ pub struct Status {
     pub end_time: f64,
     /// Load factor at the end of the current step, if all loads and prescribed motions share one, [-].
     pub load_factor: Option<f64>,
-    /// Factor by which the strength of the materials is divided at the end of the current step, [-]; none at full strength.
+    /// Factor by which the strength of the materials is divided at the end of the current step, [-]; `None` at full
+    /// strength.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub strength_factor: Option<f64>,
-    /// Name of the present stage; none in an analysis without stages.
+    /// Name of the current stage; `None` in an analysis without stages.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stage: Option<String>,
     /// Number of material points.
@@ -130,12 +131,12 @@ pub struct Progress {
     stages: Vec<String>,
     /// Start of the first step.
     began: Instant,
-    /// Time of the analysis, and of the clock, at the ends of the last steps.
+    /// Analysis time and clock time at the ends of the last steps.
     recent: VecDeque<(f64, Instant)>,
 }
 
 impl Progress {
-    /// Progress of a run about to begin; `start` is the origin of its times.
+    /// Progress of a run about to begin; its times are measured from `start`.
     pub fn new<const D: usize>(model: &Model<D>, points: usize, start: Start) -> Progress {
         let now = Timestamp::now();
         let before = jiff::SignedDuration::try_from(start.elapsed().wall).unwrap_or_default();
@@ -180,7 +181,7 @@ impl Progress {
         Progress { start, status, curve, reductions, stages, began, recent: VecDeque::from([(0.0, began)]) }
     }
 
-    /// Factor of the strength in a step that ends at a time; `None` at full strength.
+    /// Strength reduction factor in a step that ends at a time; `None` at full strength.
     fn strength_factor(&self, end: f64) -> Option<f64> {
         let is_in = |stepping: &&Stepping| stepping.start_time < end && end <= stepping.end_time;
         self.reductions.iter().find(is_in)?.strength_factor(end)
@@ -212,7 +213,7 @@ impl Progress {
         status.iteration = iteration;
         status.residual = residual.is_finite().then_some(residual);
         status.time = step.end;
-        // An unknown load factor is that of the last step in equilibrium.
+        // If the load factor is unknown, its value at the last step in equilibrium stays.
         if let Some(curve) = &self.curve {
             status.load_factor = Some(curve.factor(step.end));
         }
@@ -307,7 +308,7 @@ impl StatusFile {
     }
 }
 
-/// Reads the status of the run in a directory. A run that is neither running nor ended properly has died.
+/// Reads the status of the run in a directory. A run that is neither running nor properly ended has died.
 ///
 /// # Errors
 /// If there is no run in the directory, or its status cannot be read.
@@ -316,7 +317,7 @@ pub fn read(directory: &Path) -> io::Result<Status> {
     if status.state != State::Running || Lock::is_held(directory) {
         return Ok(status);
     }
-    // The run may have ended, or another begun, since the file was read.
+    // Since the file was read, the run may have ended or another may have begun.
     let again = read_as_written(directory)?;
     let same = again.state == State::Running && again.started == status.started;
     // The summary is written before the status records the end.
@@ -333,7 +334,7 @@ pub fn is_complete(directory: &Path) -> bool {
 
 fn read_as_written(directory: &Path) -> io::Result<Status> {
     let status: Status = serde_json::from_slice(&std::fs::read(directory.join(NAME))?)?;
-    // One may have been written since.
+    // A checkpoint may have been written since.
     Ok(Status { checkpoint: checkpoint::last_step(directory), ..status })
 }
 
@@ -360,7 +361,7 @@ steps: {count: 4}";
         let began = progress.began;
         let at = |seconds: f64| began + Duration::from_secs_f64(seconds);
         assert_eq!(progress.seconds_left(at(3.0)), None, "nothing is known before the first step is solved");
-        // Half of the analysis in 8 s; 1 s of the next step is over.
+        // Half of the analysis has taken 8 s; 1 s of the next step has passed.
         progress.recent.push_back((0.25, at(2.0)));
         progress.recent.push_back((0.5, at(8.0)));
         assert!((progress.seconds_left(at(9.0)).unwrap() - 7.0).abs() < 1e-6);

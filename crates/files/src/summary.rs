@@ -50,7 +50,7 @@ impl Outcome {
     }
 }
 
-/// Origin of the times of a run.
+/// Origin of the times that a run reports.
 #[derive(Debug, Clone, Copy)]
 pub struct Start {
     wall: Instant,
@@ -64,22 +64,22 @@ impl Start {
         Start { wall, cpu: Duration::ZERO }
     }
 
-    /// For one run of several, starting now. The peak memory is also reset, if the system allows it; it includes memory
-    /// that the program still holds from earlier runs.
+    /// For one of several runs, starting now. The peak memory is reset as well, if the system allows it; it includes
+    /// memory that the program still holds from earlier runs.
     pub fn now() -> Start {
         // Linux only; elsewhere, the peak memory is that of the whole program.
         let _ = std::fs::write("/proc/self/clear_refs", "5");
         Start { wall: Instant::now(), cpu: ProcessTime::now().as_duration() }
     }
 
-    /// Time since the start; processor time of all threads.
+    /// Time since the start, and processor time of all threads.
     pub fn elapsed(&self) -> Spent {
         let cpu = ProcessTime::now().as_duration().saturating_sub(self.cpu);
         Spent { wall: self.wall.elapsed(), cpu }
     }
 }
 
-/// The words of advice in the files. Their author knows how the user states an analysis, which this crate does not.
+/// The advice in the files. Its author knows how the user states an analysis, which this crate does not.
 #[derive(Debug, Clone, Copy)]
 pub struct Wording {
     /// Advice on the failure of a run.
@@ -88,7 +88,7 @@ pub struct Wording {
     pub on_warning: fn(&Warning) -> String,
 }
 
-/// A shared library from which the law of a material comes.
+/// A shared library that provides the law of a material.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct LawLibrary {
     /// Name of the material.
@@ -130,21 +130,21 @@ pub struct Account {
     pub deck_text: String,
     /// Hash of the deck: of its text and parameters.
     pub deck_hash: String,
-    /// The deck, its parameters inserted; without it, no checkpoints are written.
+    /// The deck after parameter substitution; without it, no checkpoints are written.
     pub deck: Option<Value>,
-    /// Hash of the files that it names.
+    /// Hash of the files that the deck names.
     pub files_hash: String,
-    /// The libraries from which laws come.
+    /// The libraries that provide laws.
     pub law_libraries: Vec<LawLibrary>,
     /// Parameters of the deck with their final values.
     pub parameters: BTreeMap<String, Value>,
     /// Warnings and notes about the deck.
     pub messages: Vec<DeckMessage>,
-    /// Time spent so far, reading the deck and building the model.
+    /// Time spent so far on reading the deck and building the model.
     pub set_up: Timings,
     /// Number of threads.
     pub threads: usize,
-    /// The words of advice.
+    /// The advice.
     pub wording: Wording,
 }
 
@@ -322,7 +322,7 @@ fn check(path: &Path, summary: &Summary, findings: &Findings) -> io::Result<()> 
     }
 }
 
-/// What the summary states of the points of all ranks.
+/// What the summary states about the points of all ranks.
 pub(super) struct Whole {
     /// Number of points.
     pub points: usize,
@@ -335,7 +335,7 @@ pub(super) struct Whole {
 }
 
 impl Whole {
-    /// All ranks must ask for it together.
+    /// All ranks must call it together.
     pub fn new<const D: usize>(model: &Model<D>, points: &Points<D>) -> Whole {
         let ranks = &points.ranks;
         let peaks = ranks.gather_all(mpm_core::memory::peak());
@@ -348,8 +348,8 @@ impl Whole {
     }
 }
 
-/// The extent of every body: of its points, and of their domains. A point without domain counts as a square (cube)
-/// of its volume, as the paper's footnote 7.
+/// The extent of every body, both of its points and of their domains. A point without a domain counts as a square
+/// (cube) of its volume, as in footnote 7 of the paper.
 fn bodies<const D: usize>(model: &Model<D>, points: &Points<D>) -> Value {
     let mut map = Map::new();
     for (number, body) in model.bodies.iter().enumerate() {
@@ -538,7 +538,7 @@ fn quality<const D: usize>(model: &Model<D>, quality: &Quality) -> Value {
     })
 }
 
-/// A measure by the names of the bodies that have it; null if none has.
+/// A measure, keyed by the names of the bodies that have it; null if none has.
 fn by_body<const D: usize>(model: &Model<D>, of: impl Fn(usize) -> Option<f64>) -> Value {
     let entries =
         model.bodies.iter().enumerate().filter_map(|(k, body)| Some((body.name.clone(), json!(of(k)?))));
@@ -546,7 +546,7 @@ fn by_body<const D: usize>(model: &Model<D>, of: impl Fn(usize) -> Option<f64>) 
     if map.is_empty() { Value::Null } else { Value::Object(map) }
 }
 
-/// Share of the material still held by the nodes of each moving boundary condition; null if there is none.
+/// Share of the material that the nodes of each moving boundary condition still hold; null if there is none.
 fn held_by_nodes<const D: usize>(model: &Model<D>, quality: &Quality) -> Value {
     let entries = model
         .boundary_conditions

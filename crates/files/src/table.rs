@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use super::replace::replace_file;
 use super::{invalid, shortest};
 
-/// Largest size of a table of another origin, [byte].
+/// Largest size of a table from another source, [byte].
 const LARGEST_FOREIGN: u64 = 64 << 20;
 
 /// An entry of a table.
@@ -63,16 +63,16 @@ impl Kept {
         &self.path
     }
 
-    /// The entries of some columns, row by row, as whole numbers; `None` for other entries.
+    /// The entries of some columns, row by row, as whole numbers; `None` for entries that are not whole numbers.
     pub(super) fn numbers<const N: usize>(&self, columns: [&str; N]) -> Vec<[Option<usize>; N]> {
         let places = columns.map(|name| self.columns.iter().position(|column| column == name));
         let rows = self.text.lines().skip(1).map(|row| row.split(',').collect::<Vec<_>>());
         rows.map(|row| places.map(|place| row.get(place?)?.parse().ok())).collect()
     }
 
-    /// Replaces the file by the rows that are kept, and opens it to be extended.
+    /// Replaces the content of the file by the rows that are kept, and opens the file to be extended.
     ///
-    /// Errors: those of the file system.
+    /// Errors: file-system errors.
     pub(super) fn reopen(self) -> io::Result<Table> {
         Table::begin(self.path, self.columns, &self.text)
     }
@@ -81,7 +81,7 @@ impl Kept {
 impl Table {
     /// Creates the file, or empties it, and writes the header.
     ///
-    /// Errors: those of the file system; `InvalidInput` if there is no column or two have the same name.
+    /// Errors: file-system errors; `InvalidInput` if there is no column or two have the same name.
     pub fn create(path: impl AsRef<Path>, columns: &[impl AsRef<str>]) -> io::Result<Table> {
         let path = path.as_ref().to_owned();
         let columns: Vec<String> = columns.iter().map(|name| name.as_ref().to_owned()).collect();
@@ -90,18 +90,18 @@ impl Table {
         Table::begin(path, columns, &header)
     }
 
-    /// Creates a file with this text, to be extended; a killed run leaves no file without header.
+    /// Creates a file with this text, to be extended; a killed run leaves no file without a header.
     fn begin(path: PathBuf, columns: Vec<String>, text: &str) -> io::Result<Table> {
         replace_file(&path, |file| file.write_all(text.as_bytes()))?;
         let file = fs::OpenOptions::new().append(true).open(&path)?;
         Ok(Table { path, file, columns, length: text.len() as u64 })
     }
 
-    /// Reads the rows to keep of a file with these columns: those whose first entry is at most `last`. The file is not
-    /// changed.
+    /// Reads the rows of a file with these columns that are to be kept: those whose first entry is at most `last`. The
+    /// file is not changed.
     ///
-    /// Errors, which name the file: those of the file system; `InvalidData` if the file has other columns, is damaged,
-    /// or has no row with `last` although that is not 0.
+    /// Errors, which name the file: file-system errors; `InvalidData` if the file has other columns, is damaged, or has
+    /// no row with `last` although `last` is not 0.
     pub fn keep(path: impl AsRef<Path>, columns: &[impl AsRef<str>], last: usize) -> io::Result<Kept> {
         let path = path.as_ref().to_owned();
         let columns: Vec<String> = columns.iter().map(|name| name.as_ref().to_owned()).collect();
@@ -134,9 +134,9 @@ impl Table {
         Ok(Kept { path, columns, text: kept })
     }
 
-    /// Checks that the file is still as this table has written it.
+    /// Checks that the file is still as this table wrote it.
     ///
-    /// Errors, which name the file: those of the file system; `Other` if it was removed, replaced or changed.
+    /// Errors, which name the file: file-system errors; `Other` if the file was removed, replaced or changed.
     pub fn check(&self) -> io::Result<()> {
         let wrong =
             |what: &str| io::Error::other(format!("`{}` was {what} during the run", self.path.display()));
@@ -160,7 +160,7 @@ impl Table {
 
     /// Appends a row with one entry per column; it is in the file when this returns.
     ///
-    /// Errors: those of the file system; `InvalidInput` if the number of entries is wrong or one is not finite. Nothing
+    /// Errors: file-system errors; `InvalidInput` if the number of entries is wrong or an entry is not finite. No part
     /// of the row is then in the file.
     pub fn push(&mut self, row: &[Entry]) -> io::Result<()> {
         let line =
@@ -180,8 +180,8 @@ impl Table {
 /// A table as text, for output other than a file that grows.
 ///
 /// # Errors
-/// `InvalidInput` if there is no column or two have the same name, a row has another number of entries, or one is not
-/// finite.
+/// `InvalidInput` if there is no column, two columns have the same name, a row has another number of entries, or an
+/// entry is not finite.
 pub fn text_of(columns: &[String], rows: impl IntoIterator<Item = Vec<Entry>>) -> io::Result<String> {
     let mut text = header(columns).map_err(|what| invalid(format!("the table would have {what}")))?;
     for row in rows {
@@ -190,7 +190,7 @@ pub fn text_of(columns: &[String], rows: impl IntoIterator<Item = Vec<Entry>>) -
     Ok(text)
 }
 
-/// The line of the names of columns.
+/// The line of column names.
 fn header(columns: &[String]) -> Result<String, String> {
     if columns.is_empty() {
         return Err("no column".to_owned());
@@ -223,14 +223,14 @@ fn line(row: &[Entry], columns: &[String]) -> Result<String, String> {
     Ok(line)
 }
 
-/// True if two sets of metadata are of the same file.
+/// True if two sets of metadata belong to the same file.
 #[cfg(unix)]
 fn is_same(a: &fs::Metadata, b: &fs::Metadata) -> bool {
     use std::os::unix::fs::MetadataExt;
     (a.dev(), a.ino()) == (b.dev(), b.ino())
 }
 
-/// True if two sets of metadata may be of the same file.
+/// True if two sets of metadata may belong to the same file.
 #[cfg(not(unix))]
 fn is_same(a: &fs::Metadata, b: &fs::Metadata) -> bool {
     a.is_file() && a.created().ok() == b.created().ok()
@@ -256,18 +256,18 @@ pub struct Columns {
 impl Columns {
     /// Reads a table written by [`Table`].
     ///
-    /// Errors: those of the file system; `InvalidData` with file and line if there is no header, a row has another
-    /// number of entries, an entry is not a number, or the last row is cut off.
+    /// Errors: file-system errors; `InvalidData` with file and line if there is no header, a row has another number of
+    /// entries, an entry is not a number, or the last row is cut off.
     pub fn read(path: &Path) -> io::Result<Columns> {
         let text = fs::read_to_string(path)?;
         Columns::parse(&text)
             .map_err(|what| io::Error::new(io::ErrorKind::InvalidData, format!("{}: {what}", path.display())))
     }
 
-    /// Reads a table of any origin, such as a spreadsheet: entries may have spaces around them, lines may end in CR LF,
-    /// and the last one need not end.
+    /// Reads a table from any source, such as a spreadsheet: entries may have spaces around them, lines may end in CR
+    /// LF, and the last line need not end with a newline.
     ///
-    /// Errors: as [`Columns::read`]; `InvalidData` also if the file is larger than 64 MiB or not UTF-8.
+    /// Errors: as [`Columns::read`]; also `InvalidData` if the file is larger than 64 MiB or not UTF-8.
     pub fn read_foreign(path: &Path) -> io::Result<Columns> {
         let damaged =
             |what: &str| io::Error::new(io::ErrorKind::InvalidData, format!("{}: {what}", path.display()));
@@ -314,7 +314,7 @@ impl Columns {
         Ok(Columns { names, values })
     }
 
-    /// Keeps the rows in which `has` is true for a column; all rows if there is no such column.
+    /// Keeps the rows for which `has` is true of the value in a column; keeps all rows if there is no such column.
     pub fn where_column(mut self, name: &str, has: impl Fn(f64) -> bool) -> Columns {
         let Some(kept) = self.column(name).map(|column| column.iter().map(|v| has(*v)).collect::<Vec<_>>())
         else {

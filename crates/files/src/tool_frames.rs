@@ -1,4 +1,4 @@
-//! The VTU files of the tools of a step: their surfaces with pressure and shear, and the places that touch them.
+//! The VTU files of the tools of a step: their surfaces with pressure and shear, and the contact points on them.
 
 use std::sync::Arc;
 
@@ -11,25 +11,25 @@ use mpm_core::tool::Outline;
 use super::fields::{number, vector};
 use super::vtu::{CellKind, Cells, Encoded, Field, File, Kinds, Precision, Room, Values};
 
-/// Half the width of the part of an unbounded tool that is shown, relative to the diagonal of the grid, [-].
+/// Half the width of the part of an unbounded tool that is shown, relative to the grid diagonal, [-].
 const SHOWN: f64 = 0.5;
 
-/// The surface of a tool in facets, in the frame of the tool.
+/// The surface of a tool, divided into facets, in the frame of the tool.
 #[derive(Debug, Clone)]
 pub(super) struct Outlined {
-    /// Corners of each facet and positions of all corners, [length].
+    /// Corners of each facet, and positions of all corners, [length].
     facets: Vec<Vec<u32>>,
     vertices: Vec<Vec<f64>>,
-    /// Area of each facet, [length^(D−1)], its side, and its centre, [length].
+    /// Area of each facet, [length^(D−1)], the side of the surface to which it belongs, and its centre, [length].
     areas: Vec<f64>,
     parts: Vec<usize>,
     centres: Vec<Vec<f64>>,
-    /// The first named part to which the centre of each facet belongs, -1 if there is none.
+    /// The first named part to which the centre of each facet belongs; -1 if there is none.
     named: Vec<i32>,
 }
 
 impl Outlined {
-    /// The outline of a tool in facets as large as the cells of the grid where the tool starts; empty if it has none.
+    /// The outline of a tool, with facets as large as the grid cells where the tool starts; empty if the tool has none.
     pub fn new<const D: usize>(tool: &Tool<D>, model: &Model<D>) -> Self {
         let Outline { vertices, facets, areas, parts } = tool.outline(model.grid.as_ref(), SHOWN);
         let centre = |facet: &[u32; D]| {
@@ -56,8 +56,8 @@ impl Outlined {
     }
 }
 
-/// The file of the surfaces of all tools: on each facet the number of the tool, of the side of its surface and, if tools have
-/// any, of the named part, and the mean pressure and shear of the places that touch it.
+/// The file of the surfaces of all tools. Each facet has the tool number, the number of its side of the surface and, if
+/// any tool has named parts, the part number, as well as the mean pressure and shear of the contact points on it.
 ///
 /// # Errors
 /// If values cannot be written.
@@ -93,7 +93,7 @@ pub(super) fn surfaces_of_tools<const D: usize>(
             let around = if model.revolved { std::f64::consts::TAU * x[0].abs() } else { 1.0 };
             let per = if area * around > 0.0 { 1.0 / (area * around) } else { 0.0 };
             pressure.push(normal_force[facet] * per);
-            // Shear is that on the tool.
+            // The shear is that on the tool.
             shear.push(padded(&tangential[facet].map(|t| -t * per)));
         }
     }
@@ -115,7 +115,7 @@ pub(super) fn surfaces_of_tools<const D: usize>(
     File::new(step.end, step.index as i64, Arc::new(vertices), Arc::new(cells), Vec::new(), fields)
 }
 
-/// The file of the places that touch tools.
+/// The file of the contact points on tools.
 ///
 /// # Errors
 /// If values cannot be written.
@@ -173,7 +173,7 @@ fn encoded(
     fields.iter().map(|field| Encoded::new(field, of, precision, room).map(Arc::new)).collect()
 }
 
-/// The number of a state in files: 1 sticks, 2 slides, 3 parts.
+/// The number of a contact state in files: 1 sticking, 2 sliding, 3 parting.
 fn state(mode: Mode) -> i32 {
     match mode {
         Mode::Stick => 1,

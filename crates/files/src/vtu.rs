@@ -120,11 +120,10 @@ pub struct Mesh<'a> {
     pub connectivity: &'a [i64],
 }
 
-/// Writes a mesh with its fields at a time, [time], and the number of the load step they belong to.
+/// Writes a mesh with its fields at a time, [time]; `step` is the number of the load step to which they belong.
 ///
-/// The file appears under its name only when it is complete. Errors: those of the file system; `InvalidInput` if
-/// lengths do not match, a cell refers to a point that does not exist, two fields share a name, or a number is not
-/// finite.
+/// The file appears under its name only when it is complete. Errors: file-system errors; `InvalidInput` if lengths do
+/// not match, a cell refers to a point that does not exist, two fields share a name, or a number is not finite.
 pub fn write(
     path: &Path,
     time: f64,
@@ -227,7 +226,7 @@ pub struct File {
     lines: Vec<Line>,
 }
 
-/// A line of the XML: a tag, or an array among the appended ones.
+/// A line of the XML: a tag, or a reference to an appended array.
 enum Line {
     Tag(String),
     Array(Arc<Encoded>),
@@ -250,7 +249,7 @@ impl Line {
 }
 
 impl File {
-    /// A mesh with its fields at a time, [time], and the number of the load step they belong to.
+    /// A mesh with its fields at a time, [time]; `step` is the number of the load step to which they belong.
     ///
     /// # Errors
     /// A message about data that no reader could interpret.
@@ -297,7 +296,7 @@ impl File {
     /// Writes the file, which appears under its name only when it is complete.
     ///
     /// # Errors
-    /// An error of the file system.
+    /// A file-system error.
     pub fn write(&self, path: &Path) -> io::Result<()> {
         replace_file(path, |out| {
             let mut begins = Vec::new();

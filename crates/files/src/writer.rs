@@ -10,11 +10,11 @@ use super::directory::SERIES;
 use super::frames::{Frame, List};
 use super::series::Series;
 
-/// Pause if there is no work to help with.
+/// Pause while there is no work to help with.
 const PAUSE: Duration = Duration::from_micros(100);
 
-/// Writes frames and adds them to their series: concurrently with the run if it has more than one thread, and one step
-/// at a time. The content of the files is the same in both cases.
+/// Writes frames, one step at a time, and adds them to their series. If the run has more than one thread, frames are
+/// written concurrently with it; the contents of the files are the same either way.
 pub(super) struct Writer {
     directory: PathBuf,
     series: Arc<Mutex<[Series; SERIES.len()]>>,
@@ -29,7 +29,7 @@ impl Writer {
     /// Begins to write frames once the previous ones are written.
     ///
     /// # Errors
-    /// An error of the file system, possibly about the previous frames.
+    /// A file-system error, possibly about the previous frames.
     pub fn begin(&mut self, frames: Vec<Frame>) -> io::Result<()> {
         self.settle()?;
         if rayon::current_num_threads() < 2 {
@@ -44,7 +44,7 @@ impl Writer {
                 self.at_work = Some(thread);
                 Ok(())
             }
-            // The system allows no further thread, so this one writes.
+            // The system allows no further thread, so the current one writes.
             Err(_) => write(&self.directory, &self.series, &frames),
         }
     }
@@ -52,7 +52,7 @@ impl Writer {
     /// Adds the pieces of meshes that all ranks have written to their series.
     ///
     /// # Errors
-    /// An error of the file system.
+    /// A file-system error.
     pub fn list(&self, lists: &[List]) -> io::Result<()> {
         for list in lists {
             list.pieces.write(&self.directory.join(&list.name))?;
@@ -76,7 +76,7 @@ impl Writer {
     /// Waits for the frames that are being written, and helps with other work of the pool meanwhile.
     ///
     /// # Errors
-    /// An error of the file system.
+    /// A file-system error.
     pub fn settle(&mut self) -> io::Result<()> {
         while self.is_at_work() {
             if rayon::yield_now() != Some(rayon::Yield::Executed) {

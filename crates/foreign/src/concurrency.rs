@@ -1,4 +1,4 @@
-//! A test whether a law gives the same results when several threads evaluate it at once.
+//! A test of whether a law gives the same results when several threads evaluate it at once.
 
 use std::thread;
 
@@ -21,9 +21,9 @@ fn evaluate(law: &dyn Material, strain: &Sym3) -> Outcome {
     (law.update(strain, &old, &mut new), new)
 }
 
-/// True if a law, evaluated by several threads at once, is seen to give other results than on one thread: it keeps data
-/// between or during calls. The components of the strains are at most `largest`, [-]. A law that passes may still have the
-/// fault, since threads need not meet.
+/// True if a law, evaluated by several threads at once, gives other results than on one thread: it then keeps data
+/// between or during calls. The components of the strains are at most `largest`, [-]. A law that passes may still have
+/// the fault, since calls need not overlap.
 pub fn differs_between_threads(law: &dyn Material, largest: f64) -> bool {
     let strain = |k: usize| {
         let size = largest * [1.0, 0.1, 0.01][k % 3];
@@ -32,7 +32,7 @@ pub fn differs_between_threads(law: &dyn Material, largest: f64) -> bool {
     let strains: Vec<Sym3> = (0..STRAINS).map(strain).collect();
     let expected: Vec<Outcome> = strains.iter().map(|strain| evaluate(law, strain)).collect();
     let agrees = |first: usize| {
-        // Each thread begins elsewhere, so that threads evaluate different strains at the same time.
+        // Each thread begins at another strain, so that threads evaluate different strains at the same time.
         (0..ROUNDS * STRAINS)
             .map(|k| (first + k) % STRAINS)
             .all(|k| evaluate(law, &strains[k]) == expected[k])
@@ -41,7 +41,7 @@ pub fn differs_between_threads(law: &dyn Material, largest: f64) -> bool {
         let agrees = &agrees;
         let threads: Vec<_> =
             (0..THREADS).map(|t| scope.spawn(move || agrees(t * STRAINS / THREADS))).collect();
-        // A thread that cannot be joined has panicked, which no law does that follows the interface.
+        // A thread that cannot be joined has panicked, which a law that follows the interface never does.
         threads.into_iter().any(|thread| !thread.join().unwrap_or(false))
     })
 }

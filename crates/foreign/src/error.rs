@@ -20,11 +20,11 @@ impl fmt::Display for Kind {
     }
 }
 
-/// Failure to load a library, or a fault in what it states about its law. Messages are fragments about the library.
+/// Failure to load a library, or a fault in what it states about its law. In the messages, `it` is the library.
 #[non_exhaustive]
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum LibraryError {
-    /// The system does not load it.
+    /// The operating system cannot load it.
     #[error("it cannot be loaded: {0}")]
     NotLoaded(String),
     /// A required function is missing.
@@ -43,7 +43,7 @@ pub enum LibraryError {
     Size {
         /// Size that the library states, [byte].
         found: i64,
-        /// Size of this program, [byte].
+        /// Size in this program, [byte].
         expected: i64,
     },
     /// A count is out of range.
@@ -67,12 +67,12 @@ pub enum LibraryError {
     /// A name or unit is not UTF-8.
     #[error("the name or the unit of {kind} {number} is not UTF-8")]
     NotText {
-        /// What the text is about.
+        /// What the string is about.
         kind: Kind,
         /// Its number, from 0.
         number: usize,
     },
-    /// A name is no word.
+    /// A name is not a single word.
     #[error(
         "{kind} {number} cannot be named {name:?}: a name consists of letters, digits and `_`, the first a letter"
     )]

@@ -1,7 +1,8 @@
-//! The functions of a shared library, as `examples/laws/mpm_law.h` declares them. All unsafe code of the program is here.
+//! The functions of a shared library, as `examples/laws/mpm_law.h` declares them. All unsafe code of this crate is
+//! here.
 //!
-//! Two things are taken on trust, since nothing can check them: functions have the types of the header, and they write
-//! only to their results.
+//! Two things are taken on trust, because nothing can check them: the functions have the types of the header, and they
+//! write only to their results.
 #![allow(unsafe_code, reason = "functions of other languages cannot be called otherwise")]
 
 use std::error::Error;
@@ -14,7 +15,7 @@ use super::error::{Kind, LibraryError};
 /// The version of the interface.
 pub const VERSION: i32 = 1;
 
-/// Most parameters, and most history variables.
+/// Largest number of parameters, and of history variables.
 const MOST: i64 = 1000;
 
 #[repr(C)]
@@ -23,7 +24,7 @@ struct Sizes {
     size: i64,
     n_parameters: i64,
     n_history: i64,
-    /// Room for a library whose structure is larger.
+    /// Spare room, in case the structure of a library is larger.
     room: [i64; 29],
 }
 
@@ -50,8 +51,8 @@ type StartFrom = unsafe extern "C" fn(*const f64, *const f64, f64, *mut f64);
 type IsSymmetric = unsafe extern "C" fn(*const f64) -> i32;
 type Measure = unsafe extern "C" fn() -> i32;
 
-/// The functions of a library. Parameters and history variables are slices of the numbers that the library states;
-/// results of functions that are called with other numbers are not finite.
+/// The functions of a library. Parameters and history variables are slices of the lengths that the library states; if a
+/// function is called with other lengths, its results are not finite.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Interface {
     pub(crate) n_parameters: usize,
@@ -76,7 +77,7 @@ pub(crate) struct Statement {
     pub(crate) initial: f64,
 }
 
-/// Results of the return mapping in plain components; the tangent row by row.
+/// Results of the return mapping in plain components; the tangent is stored row by row.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Answer {
     pub(crate) stress: [f64; 6],
@@ -90,7 +91,7 @@ pub(crate) struct Answer {
 /// [`LibraryError::NotLoaded`].
 pub(crate) fn load(path: &Path) -> Result<Loaded, LibraryError> {
     let library = open(path).map_err(|error| {
-        // The message of the system is the source; it names the fault, such as a symbol that is not defined.
+        // The source of the error is the message of the system, which names the fault, such as an undefined symbol.
         let of_system = error.source().map(ToString::to_string);
         LibraryError::NotLoaded(of_system.unwrap_or_else(|| error.to_string()))
     })?;
@@ -101,7 +102,7 @@ pub(crate) fn load(path: &Path) -> Result<Loaded, LibraryError> {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Loaded(&'static libloading::Library);
 
-/// Binds all symbols at once: a function that the library lacks itself is missed here, and not amid a run.
+/// Binds all symbols at once, so that a function that the library itself lacks is missed here and not during a run.
 #[cfg(unix)]
 fn open(path: &Path) -> Result<libloading::Library, libloading::Error> {
     use libloading::os::unix::{Library, RTLD_LOCAL, RTLD_NOW};
@@ -118,7 +119,8 @@ fn open(path: &Path) -> Result<libloading::Library, libloading::Error> {
 impl Loaded {
     /// A function by its name; `F` must be its type in the header.
     fn function<F: Copy>(&self, name: &'static str) -> Option<F> {
-        // SAFETY: the type is that of the header, which the library is trusted to follow; the library is never unloaded.
+        // SAFETY: the type is that in the header, which the library is trusted to follow; the library is never
+        // unloaded.
         unsafe { self.0.get::<F>(name) }.ok().map(|function| *function)
     }
 
@@ -126,13 +128,13 @@ impl Loaded {
         self.function(name).ok_or(LibraryError::NoFunction(name))
     }
 
-    /// The functions, once version and sizes are known to be right.
+    /// The functions, once the version and the sizes are known to be right.
     ///
     /// # Errors
-    /// Faults of version, sizes and functions.
+    /// Faults in the version, the sizes or the functions.
     pub(crate) fn interface(&self) -> Result<Interface, LibraryError> {
         let abi: Abi = self.required("mpm_law_abi")?;
-        // SAFETY: it takes nothing.
+        // SAFETY: the function takes no arguments.
         let version = unsafe { abi() };
         if version != VERSION {
             return Err(LibraryError::Version { found: version, needed: VERSION });
@@ -176,7 +178,7 @@ impl Loaded {
     }
 }
 
-/// A text of a library; `None` for a null pointer.
+/// A string from a library; `None` for a null pointer.
 ///
 /// # Errors
 /// If it is not UTF-8.
@@ -184,16 +186,16 @@ fn text(start: *const c_char) -> Result<Option<String>, std::str::Utf8Error> {
     if start.is_null() {
         return Ok(None);
     }
-    // SAFETY: the library returns texts that end with a zero byte.
+    // SAFETY: the library returns strings that end with a zero byte.
     let text = unsafe { CStr::from_ptr(start) };
     text.to_str().map(|text| Some(text.to_owned()))
 }
 
 impl Interface {
-    /// What the library states about a parameter or a history variable, by its number.
+    /// What the library states about the parameter or history variable with this number.
     ///
     /// # Errors
-    /// If it has no name, or a text is not UTF-8.
+    /// If it has no name, or a string is not UTF-8.
     pub(crate) fn statement(&self, kind: Kind, number: usize) -> Result<Statement, LibraryError> {
         let describe = match kind {
             Kind::Parameter => self.describe_parameter.filter(|_| number < self.n_parameters),
@@ -213,7 +215,7 @@ impl Interface {
     /// Return mapping from a trial strain in plain components; `new` starts as a copy of `old`.
     ///
     /// # Errors
-    /// The number by which the law refuses the strain.
+    /// The number with which the law refuses the strain.
     pub(crate) fn update(
         &self,
         parameters: &[f64],
@@ -247,10 +249,10 @@ impl Interface {
         parameters.len() == self.n_parameters && history.len() == self.n_history
     }
 
-    /// The reason why values of parameters cannot be used, if the law gives one.
+    /// The reason why parameters cannot have these values, if the law gives one.
     pub(crate) fn refusal(&self, parameters: &[f64]) -> Option<String> {
         let refuse = self.refuse.filter(|_| parameters.len() == self.n_parameters)?;
-        // SAFETY: the array has the length of the header; the text ends with a zero byte.
+        // SAFETY: the array has the length of the header; the string ends with a zero byte.
         let reason = unsafe { refuse(parameters.as_ptr()) };
         text(reason).unwrap_or_else(|_| Some("its reason is not UTF-8".to_owned()))
     }
@@ -262,17 +264,17 @@ impl Interface {
         Some(unsafe { energy(parameters.as_ptr(), strain.as_ptr(), history.as_ptr()) })
     }
 
-    /// Plastic work per initial volume, zero if the library has no function for it.
+    /// Plastic work per initial volume; zero if the library has no function for it.
     pub(crate) fn plastic_work(&self, parameters: &[f64], history: &[f64]) -> f64 {
         let Some(work) = self.plastic_work.filter(|_| self.fits(parameters, history)) else { return 0.0 };
         // SAFETY: all arrays have the lengths of the header.
         unsafe { work(parameters.as_ptr(), history.as_ptr()) }
     }
 
-    /// Elastic strain of a stress; `None` if the library has no function for it.
+    /// Elastic strain that gives a stress; `None` if the library has no function for it.
     ///
     /// # Errors
-    /// The number by which the law states that there is none.
+    /// The number with which the law states that there is none.
     pub(crate) fn elastic_strain(
         &self,
         parameters: &[f64],
@@ -305,7 +307,7 @@ impl Interface {
 
     /// Number of the strain measure.
     pub(crate) fn measure(&self) -> i32 {
-        // SAFETY: it takes nothing.
+        // SAFETY: the function takes no arguments.
         self.measure.map_or(0, |measure| unsafe { measure() })
     }
 }

@@ -1,6 +1,6 @@
-//! A law of a library as the solver evaluates it.
+//! A law from a library, as the solver evaluates it.
 //!
-//! The library has plain components of tensors and of the tangent; the solver has the Mandel layout, in which shear
+//! The library uses plain components of tensors and of the tangent; the solver uses the Mandel layout, in which shear
 //! components carry a factor √2.
 
 use std::f64::consts::SQRT_2;
@@ -12,7 +12,7 @@ use mpm_core::tensor::{Sym3, Tangent};
 use super::interface::Answer;
 use super::library::Library;
 
-/// Weight of each component in the Mandel layout, whose order is that of the library.
+/// Weight of each component in the Mandel layout, which has the same order as the library.
 const WEIGHT: [f64; 6] = [1.0, 1.0, 1.0, SQRT_2, SQRT_2, SQRT_2];
 
 fn plain(tensor: &Sym3) -> [f64; 6] {
@@ -27,7 +27,7 @@ fn are_finite(values: &[f64]) -> bool {
     values.iter().all(|x| x.is_finite())
 }
 
-/// A law of a library with values of its parameters.
+/// A law from a library, with parameter values.
 #[derive(Debug, Clone)]
 pub struct LibraryLaw {
     library: Arc<Library>,
@@ -36,7 +36,7 @@ pub struct LibraryLaw {
 }
 
 impl LibraryLaw {
-    /// The law of a library with values of its parameters, in the order of [`Library::parameters`].
+    /// The law of a library with parameter values, in the order of [`Library::parameters`].
     ///
     /// # Errors
     /// The reason why the law cannot have these values, in the words of the library.

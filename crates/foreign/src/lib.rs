@@ -1,8 +1,7 @@
 //! Constitutive laws from shared libraries, in C, Fortran or any language with the same calling conventions.
 //!
-//! `examples/laws/mpm_law.h` is the interface. [`Library::open`] loads a library and reads what it states about its law;
-//! [`LibraryLaw`] is the law with values of its parameters. The crate
-//! describes no input format and prints nothing.
+//! `examples/laws/mpm_law.h` is the interface. [`Library::open`] loads a library and reads what it states about its
+//! law; [`LibraryLaw`] is the law with parameter values. The crate defines no input format and prints nothing.
 
 #![allow(rustdoc::broken_intra_doc_links, reason = "units stand in brackets")]
 

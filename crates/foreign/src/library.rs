@@ -31,16 +31,16 @@ pub struct Library {
 /// A library that was loaded: the hash of its file, and the outcome.
 type Known = (u128, Result<Arc<Library>, LibraryError>);
 
-/// All libraries that were loaded. Systems answer a second request for a path with the library that they have, even if
-/// the file is another one now, so files are told apart here.
+/// All libraries that were loaded. If a path is requested again, the system returns the library that it already has,
+/// even if the file has been replaced, so files are told apart here.
 static KNOWN: Mutex<BTreeMap<PathBuf, Known>> = Mutex::new(BTreeMap::new());
 
 impl Library {
-    /// Loads the library in a file, once in the life of the program; `hash` is that of its contents. This runs code of
-    /// the library.
+    /// Loads the library in a file, once during the life of the program; `hash` is the hash of the file contents. This
+    /// runs code of the library.
     ///
     /// # Errors
-    /// [`LibraryError`]; [`LibraryError::Changed`] if a file with the same path and other contents was loaded before.
+    /// [`LibraryError`]; [`LibraryError::Changed`] if a file with the same path but other contents was loaded before.
     pub fn open(path: &Path, hash: u128) -> Result<Arc<Library>, LibraryError> {
         let path = path.canonicalize().map_err(|error| LibraryError::NotLoaded(error.to_string()))?;
         let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
@@ -87,7 +87,7 @@ impl Library {
     }
 }
 
-/// What a library states about its parameters or its history variables, each with a name of its own.
+/// What a library states about its parameters or its history variables, all of which have different names.
 fn statements(interface: &Interface, kind: Kind, count: usize) -> Result<Vec<Statement>, LibraryError> {
     let mut all: Vec<Statement> = Vec::with_capacity(count);
     for number in 0..count {

@@ -1,18 +1,19 @@
-//! The direct backend of a run on several ranks: that of the core for most systems, MUMPS for large ones on many ranks.
+//! The direct backend of a run on several ranks: that of the core for most systems, MUMPS for large systems on many
+//! ranks.
 
 use mpm_core::linear::{Backend, BlockMatrix, Divided, Layout, LinearError, Solved, Stiffness};
 
 use crate::direct::Direct;
 
-/// Systems in space with more unknowns than this are factorised by MUMPS on more ranks than [`MOST_RANKS`]: one rank alone
-/// eliminates the last separator of the core's factorisation, which takes a growing part of the time. On few ranks MUMPS takes
-/// longer, and it does not repeat its bits.
+/// On more than [`MOST_RANKS`] ranks, MUMPS factorises the systems of three-dimensional problems that have more
+/// unknowns than this. In the core's factorisation, a single rank eliminates the last separator, which takes a growing
+/// share of the time. On few ranks MUMPS takes longer, and its results are not bitwise reproducible.
 pub const MOST_UNKNOWNS: f64 = 2e5;
 
-/// Most ranks that factorise such systems without MUMPS.
+/// Largest number of ranks that factorise such systems without MUMPS.
 pub const MOST_RANKS: usize = 4;
 
-/// Factorises by the core's division between ranks or, if there are many unknowns and ranks, by MUMPS.
+/// Factorises by the core, divided between ranks, or by MUMPS if there are many unknowns and ranks.
 pub struct ByExtent<const D: usize, const N: usize = D> {
     divided: Divided<D, N>,
     /// `None` where PETSc has no MUMPS.

@@ -12,36 +12,37 @@ use crate::session::is_running;
 
 use factor::{Factor, Pivots};
 
-/// Unknowns whose diagonal entry is below this multiple of the largest are weak: they belong to nodes that points hardly
-/// touch.
+/// Unknowns whose diagonal entry is below this fraction of the largest are weak: they belong to nodes that points
+/// hardly touch.
 const WEAK: f64 = 1e-2;
 
 /// Relative shift of the diagonal entries of weak unknowns that leave the matrix singular.
 const SHIFT: f64 = 1e-9;
 
-/// Largest relative residual of a solution that needs no refinement, with a factor of the matrix and of the shifted one.
+/// Largest relative residual of a solution that needs no refinement, with a factor of the matrix and with one of the
+/// shifted matrix.
 const ENOUGH: [f64; 2] = [1e-6, 1e-12];
 
-/// Most steps of iterative refinement in both cases.
+/// Largest number of steps of iterative refinement in these two cases.
 const REFINEMENTS: [usize; 2] = [2, 4];
 
-/// A larger relative residual shows in both cases that the matrix is singular.
+/// Relative residual above which the matrix is singular, in these two cases.
 const SINGULAR: [f64; 2] = [1e-3, 1e-10];
 
-/// Largest relative residual of a trial solution that shows that a shift has only compensated for round-off.
+/// Largest relative residual of a trial solution at which a shift has evidently only compensated for round-off.
 const TRIAL: f64 = 1e-8;
 
-/// A direct backend for matrices whose contributions are distributed over ranks. Symmetric matrices get LDLᵀ, others LU, both
-/// with pivoting.
+/// A direct backend for matrices whose contributions are distributed over ranks. Symmetric matrices are factorised as
+/// LDLᵀ, others as LU, both with pivoting.
 ///
-/// MUMPS adds up contributions of other ranks as they arrive: on three or more ranks, each run may get other last bits. No option
-/// changes that.
+/// MUMPS adds contributions of other ranks in the order of their arrival, so on three or more ranks the last bits may
+/// differ from run to run. No option changes that.
 ///
-/// Names of the options of PETSc start with `direct_`, such as `-direct_mat_mumps_icntl_7 5` for another ordering. If they choose
-/// another solver than MUMPS, matrices count as positive definite.
+/// PETSc options for this backend start with `direct_`, such as `-direct_mat_mumps_icntl_7 5` for another ordering. If
+/// they choose another solver than MUMPS, matrices count as positive definite.
 ///
-/// If weak unknowns leave the matrix singular to working precision, their diagonal entries are shifted, and solutions refined
-/// until they solve the original equations, as the direct solver of the core does.
+/// If weak unknowns leave the matrix singular to working precision, their diagonal entries are shifted, and solutions
+/// are refined until they satisfy the original equations, as in the direct solver of the core.
 #[derive(Debug)]
 pub struct Direct<const N: usize> {
     system: Option<System<N>>,
@@ -52,7 +53,7 @@ pub struct Direct<const N: usize> {
 struct System<const N: usize> {
     known: Known<N>,
     matrix: Matrix,
-    /// Argument and result of PETSc.
+    /// Argument and result as PETSc vectors.
     given: Vector,
     found: Vector,
     factor: Option<Factor>,
@@ -64,10 +65,10 @@ struct System<const N: usize> {
 }
 
 impl<const N: usize> Direct<N> {
-    /// A backend; PETSc must run.
+    /// A backend; PETSc must be running.
     ///
     /// # Errors
-    /// [`Error`] if this PETSc library has no MUMPS, or does not run.
+    /// [`Error`] if this PETSc library has no MUMPS, or is not running.
     pub fn new() -> Result<Self, Error> {
         if !is_running() {
             return Err(Error::NotStarted);
@@ -143,7 +144,8 @@ impl<const N: usize> System<N> {
         Ok(System { known, matrix, given, found, factor, factorised, shift, largest: 0.0 })
     }
 
-    /// Factorises a matrix, or, if it is not positive definite, the shifted one if that shows that it is, but for round-off.
+    /// Factorises a matrix or, if it is not positive definite, the shifted matrix, provided that this shows the
+    /// original one to be positive definite but for round-off.
     fn factorise(&mut self, halo: &Halo, matrix: &BlockMatrix<N>) -> Result<(), LinearError> {
         let ranks = halo.ranks();
         let singular = Err(LinearError::Singular { unknown: None });
@@ -191,7 +193,8 @@ impl<const N: usize> System<N> {
         }
     }
 
-    /// Factorises a matrix with these values. A matrix that has no factor has a zero pivot.
+    /// Factorises a matrix with these values. A singular matrix that MUMPS cannot factorise is reported as one with a
+    /// zero pivot.
     fn factorise_values(&mut self, ranks: &Ranks, values: &[f64]) -> Result<Pivots, LinearError> {
         let System { known, matrix, factor, .. } = self;
         let outcome = Factor::renew(factor, matrix, values, known.symmetric(), ranks);
@@ -205,7 +208,7 @@ impl<const N: usize> System<N> {
         }
     }
 
-    /// Shifts of the diagonal entries of weak unknowns; none if no rank has any.
+    /// Shifts of the diagonal entries of weak unknowns; `None` if no rank has any.
     fn shift_of_weak(&self, halo: &Halo, matrix: &BlockMatrix<N>) -> Option<Vec<f64>> {
         let mut own = vec![0.0; self.known.numbers().own()];
         self.known.numbers().take(&diagonal(halo, matrix), &mut own);
@@ -215,14 +218,15 @@ impl<const N: usize> System<N> {
         halo.ranks().any(own.iter().any(|shift| *shift > 0.0)).then_some(own)
     }
 
-    /// True if the factor of the shifted matrix solves the original equations for a right-hand side that has a solution.
+    /// True if the factor of the shifted matrix solves the original equations for a right-hand side for which they have
+    /// a solution.
     fn is_accurate(&mut self, ranks: &Ranks) -> Result<bool, LinearError> {
         let some: Vec<f64> = (0..self.known.numbers().own()).map(|j| 1.0 + (j % 7) as f64).collect();
         let trial = self.multiply(&some)?;
         Ok(self.refine(ranks, &trial)?.1 <= TRIAL)
     }
 
-    /// The product of the original matrix with the numbers at own unknowns.
+    /// The product of the original matrix with the values at own unknowns.
     fn multiply(&mut self, x: &[f64]) -> Result<Vec<f64>, Error> {
         self.given.with(x.len(), |given| given.copy_from_slice(x))?;
         self.matrix.multiply(&self.given, &mut self.found)?;
@@ -241,7 +245,7 @@ impl<const N: usize> System<N> {
         Ok(self.found.with(b.len(), |found| found.to_vec())?)
     }
 
-    /// Solves the original equations, with refinement; returns also the relative residual.
+    /// Solves the original equations, with refinement; also returns the relative residual.
     fn refine(&mut self, ranks: &Ranks, b: &[f64]) -> Result<(Vec<f64>, f64), LinearError> {
         let case = usize::from(self.shift.is_some());
         let size = norm(ranks, b);
@@ -283,7 +287,7 @@ impl<const N: usize> System<N> {
         self.largest = self.largest.max(size);
         let (x, residual) = self.refine(ranks, b)?;
         let case = usize::from(self.shift.is_some());
-        // Near equilibrium a right-hand side is round-off of larger ones.
+        // Near equilibrium, a right-hand side is round-off of larger ones.
         let allowed =
             if self.shift.is_some() { SINGULAR[case] * self.largest / size } else { SINGULAR[case] };
         let is_solved = residual <= allowed && x.iter().all(|x| x.is_finite());
@@ -291,7 +295,7 @@ impl<const N: usize> System<N> {
     }
 }
 
-/// The Euclidean norm of numbers of all ranks.
+/// The Euclidean norm of the numbers on all ranks.
 fn norm(ranks: &Ranks, own: &[f64]) -> f64 {
     ranks.total(own.iter().map(|x| x * x).sum()).sqrt()
 }

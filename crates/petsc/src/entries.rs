@@ -1,4 +1,4 @@
-//! The numbers of the unknowns over all ranks, and the entries of a matrix at them.
+//! The numbers of the unknowns over all ranks, and the matrix entries at these unknowns.
 
 use std::ops::Range;
 
@@ -9,19 +9,19 @@ use crate::error::Error;
 use crate::ffi::PetscInt;
 use crate::objects::index;
 
-/// No unknown.
+/// Marks a component that is not an unknown.
 const NONE: PetscInt = -1;
 
-/// The numbers of unknowns over all ranks: each rank numbers those at its own nodes, after those of the ranks below.
+/// The numbers of unknowns over all ranks: each rank numbers the unknowns at its own nodes, after those of lower ranks.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct GlobalNumbers<const N: usize> {
     /// Number at each component of each active node of this rank, or [`NONE`].
     number: Vec<[PetscInt; N]>,
-    /// The numbers at own nodes.
+    /// The numbers of the unknowns at own nodes.
     own: Range<usize>,
     /// Number of unknowns of all ranks.
     count: usize,
-    /// Place of each own unknown among the components of the active nodes.
+    /// Index of each own unknown among the components of the active nodes.
     places: Vec<u32>,
 }
 
@@ -58,13 +58,14 @@ impl<const N: usize> GlobalNumbers<N> {
         self.count
     }
 
-    /// Copies the values at own unknowns from a complete field.
+    /// Copies the values at own unknowns out of a complete field.
     pub fn take(&self, field: &[[f64; N]], own: &mut [f64]) {
         let field = field.as_flattened();
         own.iter_mut().zip(&self.places).for_each(|(value, place)| *value = field[*place as usize]);
     }
 
-    /// Makes a complete field, zero where there is no unknown. All ranks must call this.
+    /// Makes a complete field from the values at own unknowns; it is zero where there is no unknown. All ranks must
+    /// call this.
     pub fn spread(&self, halo: &Halo, own: &[f64], field: &mut [[f64; N]]) {
         field.fill([0.0; N]);
         let flat = field.as_flattened_mut();
@@ -72,13 +73,14 @@ impl<const N: usize> GlobalNumbers<N> {
         halo.copy(field);
     }
 
-    /// Places of the own unknowns among the components of the active nodes.
+    /// Indices of the own unknowns among the components of the active nodes.
     pub fn places(&self) -> &[u32] {
         &self.places
     }
 
-    /// Visits the entries of a matrix at unknowns, of a symmetric one those of both triangles: the places of the row and of the
-    /// column among the components of the active nodes, and that of the value among all values of all blocks.
+    /// Visits the matrix entries at unknowns, for a symmetric matrix those of both triangles: gives the indices of the
+    /// row and of the column among the components of the active nodes, and the index of the value among all values of
+    /// all blocks.
     fn for_each_entry(&self, matrix: &BlockMatrix<N>, mut visit: impl FnMut(usize, usize, usize)) {
         matrix.for_each(|row, column, place| {
             let mirrored = matrix.symmetric && row != column;
@@ -98,7 +100,7 @@ impl<const N: usize> GlobalNumbers<N> {
         });
     }
 
-    /// Rows and columns of the entries, and of one further entry on the diagonal of each own unknown.
+    /// Rows and columns of the entries, followed by one further entry on the diagonal for each own unknown.
     ///
     /// # Errors
     /// [`LinearError::OutOfMemory`].
@@ -117,8 +119,8 @@ impl<const N: usize> GlobalNumbers<N> {
         Ok([rows, columns])
     }
 
-    /// Values of the same entries, where `is_coupled` holds for the places of row and column; zero elsewhere. `diagonal` lists
-    /// the further ones.
+    /// Values of the same entries where `is_coupled` holds for the indices of row and column, zero elsewhere;
+    /// `diagonal` lists the values of the further entries.
     ///
     /// # Errors
     /// [`LinearError::OutOfMemory`].

@@ -12,16 +12,16 @@ use crate::ffi;
 #[non_exhaustive]
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum Error {
-    /// A session has been started before: the libraries start once in a process.
+    /// A session has been started before: the libraries can be started only once in a process.
     #[error("MPI and PETSc can be started only once")]
     StartedBefore,
-    /// MPI and PETSc do not run.
+    /// MPI and PETSc are not running.
     #[error("MPI and PETSc do not run")]
     NotStarted,
     /// The options contain a zero byte.
     #[error("the options for PETSc contain a zero byte")]
     Options,
-    /// MPI has not started.
+    /// MPI cannot be started.
     #[error("MPI does not start (error {0})")]
     Mpi(i32),
     /// MPI cannot be called from more than one thread.
@@ -32,10 +32,10 @@ pub enum Error {
     /// PETSc was built without a solver.
     #[error("this PETSc library was built without {0}, which the direct solver needs")]
     Without(&'static str),
-    /// A function of PETSc has failed.
+    /// A PETSc function has failed.
     #[error("PETSc: {message}")]
     Petsc {
-        /// The error code of PETSc.
+        /// The PETSc error code.
         code: i32,
         /// Its message.
         message: String,
@@ -45,7 +45,7 @@ pub enum Error {
 /// The message of the last error.
 static MESSAGE: Mutex<String> = Mutex::new(String::new());
 
-/// Replaces the error handler of PETSc, which prints: keeps the message.
+/// Replaces the error handler of PETSc, which prints messages; this one keeps the message.
 pub(crate) unsafe extern "C" fn keep_message(
     _: ffi::MPI_Comm,
     _: c_int,
@@ -57,7 +57,7 @@ pub(crate) unsafe extern "C" fn keep_message(
     _: *mut c_void,
 ) -> ffi::PetscErrorCode {
     if kind == ffi::PETSC_ERROR_INITIAL {
-        // SAFETY: PETSc passes texts that end with a zero byte, or null.
+        // SAFETY: PETSc passes strings that end with a zero byte, or null.
         let [function, message] = [function, message].map(|text| unsafe { text_at(text) });
         let line = message.split_whitespace().collect::<Vec<_>>().join(" ");
         *MESSAGE.lock().unwrap_or_else(PoisonError::into_inner) = format!("{line} ({function})");
@@ -65,19 +65,19 @@ pub(crate) unsafe extern "C" fn keep_message(
     code
 }
 
-/// Copies a text of C.
+/// Copies a C string.
 ///
 /// # Safety
-/// The pointer must be null or lead to a text that ends with a zero byte.
+/// The pointer must be null or point to a string that ends with a zero byte.
 pub(crate) unsafe fn text_at(text: *const c_char) -> String {
     if text.is_null() {
         return String::new();
     }
-    // SAFETY: The caller guarantees a text.
+    // SAFETY: The caller guarantees such a string.
     unsafe { CStr::from_ptr(text) }.to_string_lossy().into_owned()
 }
 
-/// Turns an error code of PETSc into an error with the message that belongs to it.
+/// Turns a PETSc error code into an error with the message that belongs to it.
 pub(crate) fn check(code: ffi::PetscErrorCode) -> Result<(), Error> {
     if code == 0 {
         return Ok(());
@@ -96,13 +96,13 @@ impl From<Error> for LinearError {
             Error::Petsc { code: ffi::PETSC_ERR_MAT_LU_ZRPVT | ffi::PETSC_ERR_MAT_CH_ZRPVT, .. } => {
                 LinearError::Singular { unknown: None }
             }
-            // Such an error ends the program: the text may stay in memory.
+            // Such an error ends the program, so the text may stay in memory.
             other => LinearError::Library(Text(other.to_string().leak())),
         }
     }
 }
 
-/// Returns an error on all ranks if any of them has one: its own if it is as bad as any.
+/// Returns an error on all ranks if any of them has one; a rank keeps its own error if no other is worse.
 pub(crate) fn agree<T>(ranks: &Ranks, outcome: Result<T, LinearError>) -> Result<T, LinearError> {
     let weight = |error: &LinearError| match error {
         LinearError::Singular { .. } => 1,

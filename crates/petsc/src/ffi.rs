@@ -1,11 +1,11 @@
-//! Declarations of the functions of MPI and PETSc, as in the headers of Open MPI 4, MPICH 4 and PETSc 3.18.
+//! Declarations of MPI and PETSc functions, as in the headers of Open MPI 4, MPICH 4 and PETSc 3.18.
 #![allow(non_camel_case_types, non_snake_case, clippy::upper_case_acronyms, reason = "names of C")]
 
 use std::ffi::{c_char, c_int, c_void};
 
 pub use handles::*;
 
-/// Handles of Open MPI: pointers to objects of the library.
+/// Handles of Open MPI: pointers to library objects.
 #[cfg(open_mpi)]
 mod handles {
     use std::ffi::c_void;
@@ -14,7 +14,7 @@ mod handles {
     pub type MPI_Datatype = *mut c_void;
     pub type MPI_Request = *mut c_void;
 
-    /// An object of the library of which only the address counts.
+    /// A library object of which only the address matters.
     #[repr(C)]
     pub struct Object {
         _private: [u8; 0],
@@ -138,7 +138,7 @@ pub type PetscInt = i32;
 
 pub type PetscCount = isize;
 pub type PetscErrorCode = c_int;
-/// An enumeration of C with the values 0 and 1.
+/// A C enumeration with the values 0 and 1.
 pub type PetscBool = c_int;
 
 macro_rules! handles {
@@ -309,7 +309,7 @@ unsafe extern "C" {
     pub fn PCShellGetContext(pc: PC, context: *mut c_void) -> PetscErrorCode;
 }
 
-/// Settings of the allocator of the GNU C library, as in its `malloc.h`.
+/// Allocator settings of the GNU C library, as in its `malloc.h`.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 pub use allocator::*;
 

@@ -1,5 +1,5 @@
-//! The iterative backend over many ranks: conjugate gradients or GMRES of PETSc, preconditioned by its algebraic multigrid or
-//! by a preconditioner of the caller.
+//! The iterative backend over many ranks: conjugate gradients or GMRES of PETSc, preconditioned by its algebraic
+//! multigrid or by a preconditioner that the caller provides.
 
 mod shell;
 mod solvers;
@@ -18,7 +18,7 @@ use crate::session::is_running;
 use shell::Context;
 use solvers::{Outcome, Solvers};
 
-/// An approximate inverse over all ranks. All ranks call each method together, and all must find the same errors.
+/// An approximate inverse over all ranks. All ranks call each method together, and all must return the same errors.
 pub trait Preconditioner<const D: usize, const N: usize>: Send {
     /// Prepares for matrices of this pattern.
     ///
@@ -32,8 +32,8 @@ pub trait Preconditioner<const D: usize, const N: usize>: Send {
     /// [`LinearError`].
     fn factorise(&mut self, layout: &Layout<D, N>, matrix: &BlockMatrix<N>) -> Result<bool, LinearError>;
 
-    /// Replaces `z` by an approximation of A⁻¹ r. Both are fields on the active nodes; `r` is complete and zero at components
-    /// that are not unknowns, and only the unknowns of `z` at own nodes count.
+    /// Replaces `z` by an approximation of A⁻¹ r. Both are fields on the active nodes; `r` is complete and zero at
+    /// components that are not unknowns, and only the values of `z` at the unknowns of own nodes are used.
     ///
     /// # Errors
     /// [`LinearError`].
@@ -55,13 +55,14 @@ impl<const D: usize, const N: usize> Preconditioner<D, N> for linear::Preconditi
     }
 }
 
-/// An iterative backend for matrices whose contributions are distributed over ranks: conjugate gradients, and GMRES where the
-/// matrix turns out not to be positive definite, or is not symmetric. It applies the assembled matrix block by block.
+/// An iterative backend for matrices whose contributions are distributed over ranks: conjugate gradients, or GMRES if
+/// the matrix turns out not to be positive definite, or is not symmetric. It applies the assembled matrix block by
+/// block.
 ///
-/// Each run on the same number of ranks gets the same bits.
+/// All runs on the same number of ranks give the same bits.
 ///
-/// The algebraic multigrid of PETSc needs another copy of the matrix; a [`Preconditioner`] does not. Names of the options of
-/// PETSc have no prefix, such as `-ksp_monitor`.
+/// The algebraic multigrid of PETSc needs another copy of the matrix; a [`Preconditioner`] does not. PETSc options for
+/// this backend have no prefix, such as `-ksp_monitor`.
 pub struct Krylov<const D: usize, const N: usize = D> {
     preconditioner: Option<Box<dyn Preconditioner<D, N>>>,
     system: Option<System<D, N>>,
@@ -73,16 +74,16 @@ impl<const D: usize, const N: usize> std::fmt::Debug for Krylov<D, N> {
     }
 }
 
-/// The equations for one pattern, on all components of all active nodes: those that are not unknowns have rows and columns of
-/// a diagonal matrix, so that all blocks have the same size.
+/// The equations for one pattern, on all components of all active nodes: in the rows and columns of components that are
+/// not unknowns, the matrix is diagonal, so that all blocks have the same size.
 #[derive(Debug)]
 struct System<const D: usize, const N: usize> {
     known: Known<N>,
     /// True at components that are not unknowns.
     held: Vec<[bool; N]>,
-    /// Diagonal entries at these, zero elsewhere.
+    /// Diagonal entries at these components, zero elsewhere.
     held_diagonal: Vec<[f64; N]>,
-    /// The product with the present matrix.
+    /// The product with the current matrix.
     operator: Matrix,
     /// The matrix for the preconditioner of PETSc.
     assembled: Option<Matrix>,
@@ -94,7 +95,7 @@ struct System<const D: usize, const N: usize> {
 }
 
 impl<const D: usize, const N: usize> Krylov<D, N> {
-    /// A backend with the algebraic multigrid of PETSc, which must run.
+    /// A backend with the algebraic multigrid of PETSc, which must be running.
     ///
     /// # Errors
     /// [`Error::NotStarted`].
@@ -102,7 +103,7 @@ impl<const D: usize, const N: usize> Krylov<D, N> {
         if is_running() { Ok(Krylov { preconditioner: None, system: None }) } else { Err(Error::NotStarted) }
     }
 
-    /// A backend with another preconditioner; PETSc must run.
+    /// A backend with another preconditioner; PETSc must be running.
     ///
     /// # Errors
     /// [`Error::NotStarted`].
@@ -160,7 +161,7 @@ impl<const D: usize, const N: usize> Backend<D, N> for Krylov<D, N> {
         Ok(())
     }
 
-    /// Measures the residual in the norm of the forces on the unknowns.
+    /// Solves the equations; the residual is measured in the norm of the forces on the unknowns.
     ///
     /// # Errors
     /// [`LinearError::NotConverged`] after too many iterations; errors of the preconditioner.
@@ -235,7 +236,7 @@ impl<const D: usize, const N: usize> System<D, N> {
         Ok(System { known, held, held_diagonal, operator, assembled, b, x, solvers, definite: true })
     }
 
-    /// Takes the values of a matrix; returns whether all diagonal entries are positive.
+    /// Takes the values of a matrix; returns true if all diagonal entries are positive.
     fn take(&mut self, halo: &Halo, matrix: &BlockMatrix<N>) -> Result<bool, LinearError> {
         let ranks = halo.ranks();
         let mut entries = diagonal(halo, matrix);
@@ -274,7 +275,7 @@ impl<const D: usize, const N: usize> System<D, N> {
     }
 }
 
-/// What a solution works with.
+/// The data with which a solution works.
 struct Run<'a> {
     operator: &'a Matrix,
     solvers: &'a mut Solvers,

@@ -6,38 +6,38 @@ use mpm_core::ranks::Communicator;
 
 use crate::ffi;
 
-/// Most bytes of one message of MPI, whose counts have 31 bits.
+/// Largest number of bytes in one MPI message, whose counts have 31 bits.
 const CHUNK: usize = 1 << 30;
 
-/// Marks of the messages, so that those of different methods are not mixed up.
+/// Tags of the messages, so that messages of different methods are not mixed up.
 const EXCHANGE: c_int = 1;
 const SWAP: c_int = 2;
 const GATHER: c_int = 3;
 
 /// All ranks of MPI, on a communicator that no other library uses.
 ///
-/// An error of MPI ends all ranks with a message, as MPI does by default.
+/// An MPI error ends all ranks with a message, as is the default in MPI.
 #[derive(Debug)]
 pub struct Mpi {
     communicator: ffi::MPI_Comm,
     count: usize,
     own: usize,
-    /// Most bytes of one message of MPI.
+    /// Largest number of bytes in one MPI message.
     chunk: usize,
 }
 
-// SAFETY: MPI was started for calls from several threads, one at a time, and handles of MPI belong to no thread. A rank makes its
-// calls in the order that the other ranks expect, so a program cannot make two at a time.
+// SAFETY: MPI was started for calls from several threads, one at a time, and MPI handles belong to no thread. A rank
+// makes its calls in the order that the other ranks expect, so a program cannot make two at a time.
 unsafe impl Send for Mpi {}
 // SAFETY: As above.
 unsafe impl Sync for Mpi {}
 
 impl Mpi {
-    /// All ranks; MPI must run. All ranks must call this.
+    /// All ranks; MPI must be running. All ranks must call this.
     pub(crate) fn world() -> Self {
         let mut communicator = ffi::MPI_COMM_WORLD();
         let (mut own, mut count) = (0, 0);
-        // SAFETY: MPI runs, and all arguments outlive the calls.
+        // SAFETY: MPI is running, and all arguments outlive the calls.
         unsafe {
             ffi::MPI_Comm_dup(ffi::MPI_COMM_WORLD(), &mut communicator);
             ffi::MPI_Comm_rank(communicator, &mut own);
@@ -46,13 +46,13 @@ impl Mpi {
         Mpi { communicator, count: count as usize, own: own as usize, chunk: CHUNK }
     }
 
-    /// The same ranks with at most this number of bytes in one message of MPI, for tests. All ranks must call this.
+    /// The same ranks with at most this number of bytes in one MPI message, for tests. All ranks must call this.
     #[must_use]
     pub fn in_chunks(&self, bytes: usize) -> Self {
         Mpi { chunk: bytes.clamp(1, CHUNK), ..Mpi::world() }
     }
 
-    /// One number of each rank.
+    /// One number from each rank.
     fn gather_numbers(&self, own: u64) -> Vec<u64> {
         let mut all = vec![0u64; self.count];
         let bytes = size_of::<u64>() as c_int;
@@ -71,7 +71,7 @@ impl Mpi {
         all
     }
 
-    /// Sends one number to each rank; returns those for this rank.
+    /// Sends one number to each rank; returns the numbers sent to this one.
     fn transpose(&self, send: &[u64]) -> Vec<u64> {
         let mut receive = vec![0u64; self.count];
         assert_eq!(send.len(), self.count, "one number for each rank");
@@ -91,7 +91,7 @@ impl Mpi {
         receive
     }
 
-    /// The bytes of all ranks, whose numbers are given, one after the other, in one message.
+    /// Gathers the bytes of all ranks in rank order, in one message; `lengths` are the numbers of bytes.
     fn gather_few(&self, own: &[u8], lengths: &[usize], all: &mut [u8]) {
         let counts: Vec<c_int> = lengths.iter().map(|length| *length as c_int).collect();
         let starts: Vec<c_int> = (0..counts.len()).map(|rank| counts[..rank].iter().sum()).collect();
@@ -110,7 +110,7 @@ impl Mpi {
         }
     }
 
-    /// Copies bytes of one rank to all others.
+    /// Copies bytes from one rank to all others.
     fn broadcast(&self, root: usize, bytes: &mut [u8]) {
         for chunk in bytes.chunks_mut(self.chunk) {
             // SAFETY: The chunk has this length, on all ranks.
@@ -220,7 +220,7 @@ impl Communicator for Mpi {
     fn exchange(&self, messages: Vec<(usize, Vec<u8>)>) -> Vec<(usize, Vec<u8>)> {
         let mut of_rank: Vec<Option<Vec<u8>>> = vec![None; self.count];
         messages.into_iter().for_each(|(rank, message)| of_rank[rank] = Some(message));
-        // Lengths count from 1, so that a message without bytes is one.
+        // Lengths are sent plus one, so that an empty message differs from none.
         let lengths: Vec<u64> =
             of_rank.iter().map(|message| message.as_ref().map_or(0, |m| m.len() as u64 + 1)).collect();
         let own = of_rank[self.own].take();
@@ -249,11 +249,11 @@ impl Communicator for Mpi {
 }
 
 fn bytes_of(numbers: &[f64]) -> &[u8] {
-    // SAFETY: Numbers are bytes without gaps.
+    // SAFETY: Numbers are bytes without padding.
     unsafe { std::slice::from_raw_parts(numbers.as_ptr().cast(), size_of_val(numbers)) }
 }
 
 fn bytes_of_mut(numbers: &mut [f64]) -> &mut [u8] {
-    // SAFETY: Numbers are bytes without gaps, and all bytes are numbers.
+    // SAFETY: Numbers are bytes without padding, and any bytes are valid numbers.
     unsafe { std::slice::from_raw_parts_mut(numbers.as_mut_ptr().cast(), size_of_val(numbers)) }
 }

@@ -1,4 +1,4 @@
-//! Matrices, vectors and solvers of PETSc as values that own them. All ranks create, use and drop them together.
+//! PETSc matrices, vectors and solvers as owned values. All ranks create, use and drop them together.
 
 use std::ffi::{CStr, c_int, c_void};
 use std::ptr::null;
@@ -7,7 +7,7 @@ use crate::error::{Error, check};
 use crate::ffi::{self, PetscInt};
 use crate::session::is_running;
 
-/// Converts a count to an index of PETSc.
+/// Converts a count to a PETSc index.
 ///
 /// # Errors
 /// [`Error::Petsc`] if it is too large.
@@ -22,14 +22,14 @@ pub(crate) fn index(n: usize) -> Result<PetscInt, Error> {
 #[derive(Debug)]
 pub(crate) struct Vector(ffi::Vec_);
 
-// SAFETY: Objects of PETSc belong to no thread; only one thread at a time uses them, as the caller owns them.
+// SAFETY: PETSc objects belong to no thread; only one thread at a time uses them, as the caller owns them.
 unsafe impl Send for Vector {}
 
 impl Vector {
     /// A vector with `own` numbers on this rank, in blocks.
     pub fn new(own: usize, block: usize) -> Result<Self, Error> {
         let mut vector = ffi::Vec_::NULL;
-        // SAFETY: PETSc runs, and the pointer is that of a local variable.
+        // SAFETY: PETSc is running, and the pointer is that of a local variable.
         unsafe {
             let world = ffi::MPI_COMM_WORLD();
             check(ffi::VecCreateMPI(world, index(own)?, ffi::PETSC_DETERMINE, &mut vector))?;
@@ -44,7 +44,7 @@ impl Vector {
 
     /// Works on the numbers of this rank, of which there must be `own`.
     pub fn with<T>(&mut self, own: usize, work: impl FnOnce(&mut [f64]) -> T) -> Result<T, Error> {
-        // SAFETY: The vector has this number of numbers on this rank, and is borrowed alone.
+        // SAFETY: The vector has this number of numbers on this rank, and is borrowed exclusively.
         unsafe { with_numbers(self.0, own, work) }
     }
 }
@@ -61,14 +61,14 @@ pub(crate) unsafe fn with_numbers<T>(
     let mut numbers = std::ptr::null_mut();
     // SAFETY: The caller guarantees that the vector exists.
     check(unsafe { ffi::VecGetArray(vector, &mut numbers) })?;
-    // A vector without numbers may have none in memory.
+    // A vector without numbers on this rank may have a null pointer.
     let found = if own == 0 || numbers.is_null() {
         work(&mut [])
     } else {
         // SAFETY: There are `own` numbers until the vector takes them back.
         work(unsafe { std::slice::from_raw_parts_mut(numbers, own) })
     };
-    // SAFETY: The pointer is the one that the vector gave.
+    // SAFETY: The pointer is the one that the vector returned.
     check(unsafe { ffi::VecRestoreArray(vector, &mut numbers) })?;
     Ok(found)
 }
@@ -91,7 +91,7 @@ pub(crate) unsafe fn read_numbers<T>(
         // SAFETY: There are `own` numbers until the vector takes them back.
         work(unsafe { std::slice::from_raw_parts(numbers, own) })
     };
-    // SAFETY: The pointer is the one that the vector gave.
+    // SAFETY: The pointer is the one that the vector returned.
     check(unsafe { ffi::VecRestoreArrayRead(vector, &mut numbers) })?;
     Ok(found)
 }
@@ -113,8 +113,8 @@ pub(crate) struct Matrix(ffi::Mat);
 unsafe impl Send for Matrix {}
 
 impl Matrix {
-    /// A sparse matrix with `own` rows on this rank, in blocks, from the rows and columns of entries on any rank. Entries at the
-    /// same place add up.
+    /// A sparse matrix with `own` rows on this rank, in blocks, from the rows and columns of entries on any rank.
+    /// Entries at the same position are added up.
     pub fn sparse(
         own: usize,
         block: usize,
@@ -125,7 +125,7 @@ impl Matrix {
         let mut matrix = Matrix(ffi::Mat::NULL);
         let own = index(own)?;
         let all = ffi::PETSC_DETERMINE;
-        // SAFETY: PETSc runs; it may change the two lists, which are as long as it is told, during the call only.
+        // SAFETY: PETSc is running; it may change the two lists, which have the stated length, during the call only.
         unsafe {
             check(ffi::MatCreate(ffi::MPI_COMM_WORLD(), &mut matrix.0))?;
             check(ffi::MatSetSizes(matrix.0, own, own, all, all))?;
@@ -137,13 +137,14 @@ impl Matrix {
         Ok(matrix)
     }
 
-    /// A matrix that is known by its product only; see [`Matrix::set_context`].
+    /// A matrix known only by its product; see [`Matrix::set_context`].
     pub fn shell(own: usize, block: usize, product: ffi::MatMultiply) -> Result<Self, Error> {
         let mut matrix = Matrix(ffi::Mat::NULL);
         let own = index(own)?;
         let all = ffi::PETSC_DETERMINE;
         let context = std::ptr::null_mut();
-        // SAFETY: PETSc calls functions of all kinds through pointers of one type, and this one with the arguments of a product.
+        // SAFETY: PETSc calls functions of all kinds through pointers of one type; it calls this one with the arguments
+        // of a product.
         unsafe {
             let product = std::mem::transmute::<ffi::MatMultiply, unsafe extern "C" fn()>(product);
             let world = ffi::MPI_COMM_WORLD();
@@ -154,7 +155,7 @@ impl Matrix {
         Ok(matrix)
     }
 
-    /// Sets what the product gets. The pointer must be valid whenever the matrix is used.
+    /// Sets the context that the product receives. The pointer must be valid whenever the matrix is used.
     pub fn set_context(&self, context: *mut c_void) -> Result<(), Error> {
         // SAFETY: The matrix exists; the pointer is only stored.
         check(unsafe { ffi::MatShellSetContext(self.0, context) })
@@ -171,7 +172,7 @@ impl Matrix {
         Ok(())
     }
 
-    /// States that rigid motions of the own nodes at these positions meet little resistance.
+    /// States that rigid-body motions of the own nodes, at these positions, meet little resistance.
     pub fn set_near_rigid_motions<const D: usize>(
         &self,
         positions: impl Iterator<Item = [f64; D]>,
@@ -188,9 +189,9 @@ impl Matrix {
         }
     }
 
-    /// Sets the values of the entries, in the order in which their places were given.
+    /// Sets the values of the entries, in the order in which their positions were given.
     pub fn set_values(&mut self, values: &[f64]) -> Result<(), Error> {
-        // SAFETY: The caller gives as many values as places.
+        // SAFETY: The caller gives as many values as positions.
         check(unsafe { ffi::MatSetValuesCOO(self.0, values.as_ptr(), ffi::INSERT_VALUES) })
     }
 
@@ -218,10 +219,10 @@ pub(crate) struct Solver(ffi::KSP);
 unsafe impl Send for Solver {}
 
 impl Solver {
-    /// A solver of this type; the names of its options start with `prefix`.
+    /// A solver of this type; its options start with `prefix`.
     pub fn new(kind: &CStr, prefix: &CStr) -> Result<Self, Error> {
         let mut solver = Solver(ffi::KSP::NULL);
-        // SAFETY: PETSc runs and copies the texts.
+        // SAFETY: PETSc is running and copies the strings.
         unsafe {
             check(ffi::KSPCreate(ffi::MPI_COMM_WORLD(), &mut solver.0))?;
             check(ffi::KSPSetOptionsPrefix(solver.0, prefix.as_ptr()))?;
@@ -242,7 +243,7 @@ impl Solver {
         Ok(pc)
     }
 
-    /// Sets the matrix, and the one from which the preconditioner is formed.
+    /// Sets the matrix, and the matrix from which the preconditioner is formed.
     pub fn set_matrices(&self, matrix: &Matrix, preconditioner: &Matrix) -> Result<(), Error> {
         // SAFETY: All three exist.
         check(unsafe { ffi::KSPSetOperators(self.0, matrix.0, preconditioner.0) })

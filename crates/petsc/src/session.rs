@@ -10,28 +10,28 @@ use crate::error::{Error, check, keep_message, text_at};
 use crate::ffi;
 use crate::mpi::Mpi;
 
-/// True from the first call of [`start`] on.
+/// True from the first call of [`start`] onwards.
 static STARTED: AtomicBool = AtomicBool::new(false);
 
-/// True while objects of PETSc may be used.
+/// True while PETSc objects may be used.
 static RUNNING: AtomicBool = AtomicBool::new(false);
 
-/// Options that those of the user override: no handlers of signals, and products of multigrid whose sums do not depend on the
-/// order in which messages arrive, as those of other ways do.
+/// Options that user options override: no signal handlers, and multigrid products whose sums do not depend on the order
+/// in which messages arrive, unlike those of the other algorithms.
 const PRESET: [(&CStr, &CStr); 2] = [(c"-no_signal_handler", c"true"), (c"-matptap_via", c"allatonce")];
 
-/// Length of the longest text on the version of an MPI library.
+/// Length of the longest version string of an MPI library.
 const VERSION_LENGTH: usize = 8192;
 
-/// True while objects of PETSc may be used and destroyed.
+/// True while PETSc objects may be used and destroyed.
 pub(crate) fn is_running() -> bool {
     RUNNING.load(Ordering::Acquire)
 }
 
-/// MPI and PETSc at work, until this value is dropped; the communicator and all solvers must not be used any longer then. It
-/// stays on the thread that has started them.
+/// MPI and PETSc at work, until this value is dropped; the communicator and all solvers must not be used after that.
+/// The session stays on the thread that started it.
 ///
-/// The session of a thread that panics aborts all ranks, which would wait for this one.
+/// If the thread panics, its session aborts all ranks, which would otherwise wait for this one.
 #[derive(Debug)]
 pub struct Session {
     communicator: Arc<Mpi>,
@@ -39,13 +39,13 @@ pub struct Session {
     _on_this_thread: PhantomData<*mut ()>,
 }
 
-/// Starts MPI, unless it runs, and PETSc with these options, such as `"-ksp_monitor -pc_gamg_threshold 0.02"`; blanks separate
-/// them. PETSc also reads the variable `PETSC_OPTIONS` and the file `~/.petscrc`.
+/// Starts MPI, unless it is already running, and PETSc with these options, such as `"-ksp_monitor -pc_gamg_threshold
+/// 0.02"`, separated by blanks. PETSc also reads the environment variable `PETSC_OPTIONS` and the file `~/.petscrc`.
 ///
-/// PETSc handles no signals then, and prints no errors.
+/// PETSc then handles no signals and prints no errors.
 ///
 /// # Errors
-/// [`Error`] if one of them does not start.
+/// [`Error`] if one of the libraries does not start.
 pub fn start(options: &str) -> Result<Session, Error> {
     let arguments = std::iter::once("mpm").chain(options.split_whitespace());
     let arguments: Result<Vec<CString>, _> = arguments.map(CString::new).collect();
@@ -59,7 +59,7 @@ pub fn start(options: &str) -> Result<Session, Error> {
     let mut count = pointers.len() as c_int;
     pointers.push(null_mut());
     let mut pointers = pointers.leak().as_mut_ptr();
-    // SAFETY: MPI runs; the arguments stay in memory, and the last pointer is null.
+    // SAFETY: MPI is running; the arguments stay in memory, and the last pointer is null.
     unsafe {
         for (name, value) in PRESET {
             check(ffi::PetscOptionsSetValue(null_mut(), name.as_ptr(), value.as_ptr()))?;
@@ -91,9 +91,10 @@ fn start_mpi() -> Result<(), Error> {
     }
 }
 
-/// Lets the C library return memory to the system, which drivers of networks (PSM2) switch off when MPI starts: a rank would then
-/// keep the largest memory that it has ever had. Arrays of half a mebibyte and more are taken from the system one by one, because
-/// those that come and go with each step would leave gaps, which cost 7 % more memory on four ranks.
+/// Makes the C library return memory to the system, which network drivers (PSM2) switch off when MPI starts: a rank
+/// would then keep the largest memory that it has ever had. Arrays of half a mebibyte and more are taken from the
+/// system one by one, because arrays that come and go with each step would otherwise leave gaps, which cost 7 % more
+/// memory on four ranks.
 fn return_memory() {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
     {
@@ -107,7 +108,7 @@ fn return_memory() {
 }
 
 impl Session {
-    /// The messages between all ranks.
+    /// The communicator of all ranks.
     pub fn communicator(&self) -> Arc<Mpi> {
         Arc::clone(&self.communicator)
     }
@@ -119,7 +120,7 @@ impl Session {
 }
 
 fn abort(code: i32) -> ! {
-    // SAFETY: MPI runs as long as the session lives.
+    // SAFETY: MPI is running as long as the session lives.
     unsafe { ffi::MPI_Abort(ffi::MPI_COMM_WORLD(), code) };
     std::process::exit(code)
 }
@@ -147,7 +148,7 @@ pub fn version() -> String {
     let [mut major, mut minor, mut patch, mut release] = [0; 4];
     let mut text = vec![0 as c_char; VERSION_LENGTH + 1];
     let mut length = 0;
-    // SAFETY: Both functions may be called at any time; the text has room for the longest answer.
+    // SAFETY: Both functions may be called at any time; the buffer has room for the longest answer.
     let text = unsafe {
         ffi::PetscGetVersionNumber(&mut major, &mut minor, &mut patch, &mut release);
         ffi::MPI_Get_library_version(text.as_mut_ptr(), &mut length);
@@ -156,7 +157,7 @@ pub fn version() -> String {
     format!("PETSc {major}.{minor}.{patch}, {}", short(&text))
 }
 
-/// The name and the number in the text on the version of an MPI library.
+/// The name and the number in the version string of an MPI library.
 fn short(text: &str) -> String {
     let first = text.lines().next().unwrap_or_default();
     let first = first.split(',').next().unwrap_or_default();

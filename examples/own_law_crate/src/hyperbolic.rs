@@ -3,8 +3,8 @@
 use mpm::material::{Material, MaterialError, Response, StateField};
 use mpm::tensor::{Sym3, Tangent, dyad};
 
-/// τ = K tr ε I + 2 G/(1 + a |e|) e with the deviator e of the logarithmic elastic strain ε: a hyperbola between stress and
-/// strain in shear, which tends to |dev τ| = 2 G/a.
+/// τ = K tr ε I + 2 G/(1 + a |e|) e with the deviator e of the logarithmic elastic strain ε: the stress-strain curve in
+/// shear is a hyperbola that tends to |dev τ| = 2 G/a.
 #[derive(Debug, Clone, Copy)]
 pub struct Hyperbolic {
     /// Bulk modulus K, [stress].

@@ -1,4 +1,4 @@
-//! A program that runs a deck with a constitutive law of its own, and writes the files of `mpm run`.
+//! A program that runs a deck with a constitutive law of its own, and writes the same files as `mpm run`.
 //!
 //! ```sh
 //! cargo run -p own-law -- examples/own_law_crate/press.yaml results/press
@@ -26,7 +26,7 @@ use hyperbolic::Hyperbolic;
 /// Name of the material that has the law.
 const MATERIAL: &str = "sand";
 
-/// The law with the parameters of the deck.
+/// The law with parameters from the deck.
 fn law(loaded: &LoadedDeck) -> Result<Hyperbolic, String> {
     let number = |name: &str| match loaded.parameters.get(name) {
         Some(Parameter::Number(value)) if *value > 0.0 => Ok(*value),
@@ -76,7 +76,7 @@ mod tests {
         assert_eq!(check(&SAND, 0.1), []);
     }
 
-    /// The strain is uniform: ε_yy = ln 0.9, others zero. The press carries τ_yy/J on its unit width.
+    /// The strain is uniform: ε_yy = ln 0.9, the other components are zero. The press carries τ_yy/J on its unit width.
     #[test]
     fn the_press_carries_the_stress_of_the_law() {
         let folder = std::env::temp_dir().join(format!("own-law-{}", std::process::id()));

@@ -39,7 +39,7 @@ pub fn prepare(
     deny_warnings: bool,
     ranks: &Ranks,
 ) -> Result<Prepared, Box<LoadFailure>> {
-    // On a worker thread, as the analysis itself.
+    // On a worker thread, like the analysis itself.
     rayon::scope(|_| ready::prepare_on(ranks, loaded?, Memory::of_this_machine(), deny_warnings))
 }
 
@@ -55,7 +55,8 @@ fn findings(prepared: &Result<Prepared, Box<LoadFailure>>) -> (&Source, &[Diagno
 /// used.
 ///
 /// # Errors
-/// If only another rank cannot read the deck, ranks have read unlike ones, or the messages cannot be printed.
+/// If only another rank cannot read the deck, if the ranks have read different decks, or if the messages cannot be
+/// printed.
 pub fn prepare_and_report(
     args: &DeckArgs,
     log_text: &dyn Fn(&str),
@@ -156,11 +157,11 @@ pub struct Run<'a> {
     pub start: Start,
     /// Amount of output.
     pub view: View,
-    /// Set to end the run.
+    /// Flag that ends the run when set.
     pub stop: &'a Arc<AtomicBool>,
-    /// The state in which it starts.
+    /// The state in which the run starts.
     pub begin: Begin,
-    /// The ranks that share it.
+    /// The ranks that share the run.
     pub machines: &'a Machines,
 }
 
@@ -217,7 +218,7 @@ pub fn run_into(run: Run, ready: Prepared, set_up: Timings) -> anyhow::Result<Op
         }
     };
     let stop = Arc::clone(stop);
-    // A run that resumes may have other points than the first stage.
+    // A resumed run may have other points than those of the first stage.
     let n = if machines.ranks().is_alone() { analysis.n_points() } else { extent.points };
     let mut watch = match &analysis {
         Analysis::Plane(parts) => Watch::new(results, &parts.0, n, start, view, stop),
@@ -279,7 +280,7 @@ pub fn run_along(
     };
     let mut results = results.stopped_by(stop_on_interrupt(false)?);
     machines.equip(&mut analysis);
-    // Rank 0 says why.
+    // Rank 0 reports the reason.
     if machines.begin().is_err() {
         return Ok(USAGE);
     }
@@ -321,9 +322,9 @@ pub fn not_writable(directory: &Path, error: io::Error) -> Coded {
     Coded::new("R001", format!("the results directory `{}` cannot be written: {error}", directory.display()))
 }
 
-/// Number of residuals of a failed step shown from its beginning.
+/// Number of residuals shown from the beginning of a failed step.
 const FIRST_RESIDUALS: usize = 20;
-/// Number of residuals of a failed step shown from its end.
+/// Number of residuals shown from the end of a failed step.
 const LAST_RESIDUALS: usize = 10;
 
 /// Describes the failure of an analysis in a few lines.
@@ -337,7 +338,7 @@ pub fn describe_failure(error: &SolveError) -> String {
         }
         text.push_str(&format!("\n  residuals: {}", history.join(", ")));
     }
-    // The diagnosis of a failure that smaller steps might have avoided has given advice that depends on the run.
+    // If smaller steps might have avoided the failure, its diagnosis has already given advice that depends on the run.
     let of_diagnosis =
         error.is_retryable().then_some("see the diagnosis of the run and its advice, also in `summary.json`");
     if let Some(help) = of_diagnosis.or_else(|| advice::on_error(error)) {

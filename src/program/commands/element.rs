@@ -21,11 +21,11 @@ use crate::tensor::Sym3;
 use anyhow::{Context, anyhow, bail};
 use clap::{Args, ValueEnum};
 
-/// Most steps up to a turning point.
+/// Largest number of steps up to a turning point.
 const MOST_STEPS: u64 = 1_000_000;
-/// Most states of a test, which are held in memory.
+/// Largest number of states of a test, which are held in memory.
 const MOST_STATES: usize = 10_000_000;
-/// Steps up to a turning point.
+/// Default number of steps up to a turning point.
 const USUAL_STEPS: u64 = 200;
 
 /// Arguments of `mpm element`.
@@ -51,10 +51,10 @@ pub struct ElementArgs {
     /// Final strain: axial compression, the shear γ of simple shear, or −ln J of isotropic compression.
     #[arg(long, value_name = "STRAIN", value_parser = finite, allow_negative_numbers = true)]
     to: Option<f64>,
-    /// Strain to go to afterwards; may be given several times.
+    /// Strain to reach after --to; may be given several times.
     #[arg(long, value_name = "STRAIN", requires = "to", value_parser = finite, allow_negative_numbers = true)]
     then: Vec<f64>,
-    /// Even steps up to each strain [default: 200], or from each row of a history to the next [default: 1].
+    /// Equal steps up to each strain [default: 200], or from each row of a history to the next [default: 1].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=MOST_STEPS))]
     steps: Option<u64>,
     /// Original position of the point, for a material whose properties vary in space.
@@ -63,13 +63,13 @@ pub struct ElementArgs {
     /// Hold the stress along y in simple shear, instead of the height.
     #[arg(long)]
     constant_normal_stress: bool,
-    /// The history of the paths strain and stress: a CSV file with columns xx, yy, zz, yz, xz, xy.
+    /// History of the paths strain and stress: a CSV file with columns xx, yy, zz, yz, xz, xy.
     #[arg(long, value_name = "HISTORY.csv")]
     file: Option<PathBuf>,
-    /// The table to write [default: DECK-MATERIAL-PATH.csv]; `-` is standard output.
+    /// Table to write [default: DECK-MATERIAL-PATH.csv]; `-` is standard output.
     #[arg(long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Write curves of stress and strain as a single HTML page [default name: DECK-MATERIAL-PATH.html].
+    /// Write stress-strain curves as a single HTML page [default name: DECK-MATERIAL-PATH.html].
     #[arg(long, value_name = "FILE.html", num_args = 0..=1)]
     report: Option<Option<PathBuf>>,
     /// Units of length, force and time in the deck for the page, for example m,kN,s.
@@ -99,7 +99,7 @@ enum PathName {
 }
 
 impl PathName {
-    /// Name on the command line and in the names of files.
+    /// Name on the command line and in file names.
     fn word(self) -> &'static str {
         match self {
             PathName::Oedometer => "oedometer",
@@ -128,7 +128,7 @@ fn positive(text: &str) -> Result<f64, String> {
     })
 }
 
-/// What the point follows.
+/// The route that the point follows.
 enum Route {
     /// A path through turning points.
     Path(element_test::Path, Vec<f64>),
@@ -283,7 +283,7 @@ fn material_name<'a>(loaded: &'a LoadedDeck, wanted: Option<&str>) -> anyhow::Re
     }
 }
 
-/// What the point follows, from arguments that fit together.
+/// The route that the point follows, from arguments that fit together.
 fn route(args: &ElementArgs) -> anyhow::Result<Route> {
     use element_test::Path as Way;
     let (word, constant_normal_stress) = (args.path.word(), args.constant_normal_stress);
@@ -310,7 +310,7 @@ fn route(args: &ElementArgs) -> anyhow::Result<Route> {
     Ok(Route::Path(way, turning_points))
 }
 
-/// The history of a file.
+/// The history in a file.
 fn history(args: &ElementArgs, prescribed: Prescribed) -> anyhow::Result<Route> {
     let word = args.path.word();
     if args.to.is_some() {
@@ -338,7 +338,7 @@ impl Route {
     }
 }
 
-/// The initial state and those at the end of each step, and the error that ended the test early.
+/// The initial state and the states at the end of each step, and the error that ended the test early.
 fn states(
     test: ElementTest,
     route: &Route,
@@ -403,7 +403,7 @@ impl Outputs {
     /// The files of some arguments; files that the command did not write are not overwritten.
     fn of(args: &ElementArgs, material: &str) -> anyhow::Result<Outputs> {
         let deck = args.deck.file_stem().unwrap_or_default().to_string_lossy();
-        // The name of a material may have characters that cannot be in the name of a file.
+        // A material name may have characters that a file name cannot have.
         let is_plain = |c: char| c.is_alphanumeric() || "-_.+".contains(c);
         let material: String = material.chars().map(|c| if is_plain(c) { c } else { '_' }).collect();
         let named =

@@ -10,7 +10,7 @@ const FIRST: u64 = 1000;
 /// The mark of a report: the beginning of the tag of its generator.
 pub const REPORT: &str = r#"<meta name="generator" content="mpm "#;
 
-/// True if a path does not exist, or is an empty file or one that begins with a mark, up to a short head.
+/// True if a path does not exist, or is a file that is empty or begins with a mark, after at most a short head.
 pub fn may_be_replaced(path: &Path, mark: &str) -> bool {
     let Ok(about) = std::fs::metadata(path) else { return true };
     let mut first = Vec::new();

@@ -12,7 +12,7 @@ use clap::Args;
 /// Arguments of `mpm report`.
 #[derive(Args)]
 pub struct ReportArgs {
-    /// Directories of results; several are compared.
+    /// Results directories; several are compared.
     #[arg(required = true, value_name = "DIR")]
     directories: Vec<PathBuf>,
     /// The page [default: DIR/report.html; comparison.html for several directories].
@@ -22,7 +22,7 @@ pub struct ReportArgs {
     /// von_mises_stress, or another field if the run did not write it].
     #[arg(long, value_name = "NAME[:COMPONENT]")]
     field: Vec<FieldChoice>,
-    /// Load steps at which the points are shown: numbers, first, middle or last.
+    /// Load steps at which the points are shown: each a step number, or first, middle or last.
     #[arg(long, value_name = "STEP,...", value_delimiter = ',', default_value = "first,middle,last")]
     steps: Vec<StepChoice>,
     /// Units of length, force and time in the decks, for example m,kN,s.

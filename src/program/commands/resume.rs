@@ -19,16 +19,16 @@ pub const AGAIN: &str = "run the deck without `--resume` to start over, which re
 
 /// State of the run to resume.
 pub enum Found {
-    /// A checkpoint, from which the points were restored; its step has the number of this deck.
+    /// A checkpoint from which the points were restored; its step is numbered as in this deck.
     Step(Box<Checkpoint>, Box<Reached>),
     /// The end of the run, with all its results, after this number of steps.
     End(usize),
 }
 
-/// Finds the last usable checkpoint in a directory and restores the points from it. All ranks do so together.
+/// Finds the last usable checkpoint in a directory and restores the points from it. All ranks must call it together.
 ///
 /// # Errors
-/// If there is none, or a part of the deck has changed on which the steps so far depend; if another rank has ended.
+/// If there is none, if a part of the deck on which the steps so far depend has changed, or if another rank has ended.
 pub fn find(
     directory: &Path,
     loaded: &LoadedDeck,
@@ -60,7 +60,7 @@ pub fn find(
     if checkpoint.head.files != loaded.hash_of_files() {
         changed.push("a mesh, surface or library that it names has changed".to_owned());
     }
-    // The files may differ on the machine of one rank only.
+    // The files may differ on the machine of a single rank.
     let changed = machines.ranks().first((!changed.is_empty()).then_some(changed)).unwrap_or_default();
     if !changed.is_empty() {
         bail!(

@@ -38,7 +38,7 @@ pub struct RunArgs {
     /// Write a log of iterations, warnings and timings to a file.
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
-    /// Options of PETSc, such as "-ksp_view"; it then also solves the equations of a single rank.
+    /// PETSc options, such as "-ksp_view"; PETSc then also solves the equations of a single rank.
     #[arg(long, value_name = "OPTIONS", allow_hyphen_values = true)]
     petsc: Option<String>,
     /// Print the time spent in each phase of the run.
@@ -131,12 +131,12 @@ fn run_as_root(
     Ok(if is_shown { code } else { code.max(FAILED) })
 }
 
-/// First lines of a log.
+/// The first lines of a log.
 fn heading(deck: &DeckArgs, command_line: &[OsString], ranks: usize) -> String {
     let version = env!("CARGO_PKG_VERSION");
     let now = jiff::Timestamp::now();
     let ranks = if ranks > 1 { format!("ranks: {ranks}, ") } else { String::new() };
-    // Names of files need not be UTF-8.
+    // File names need not be UTF-8.
     let command: Vec<String> = command_line.iter().map(|word| word.to_string_lossy().into_owned()).collect();
     format!(
         "mpm {version}, {now:.0}\n{}\ndeck: {}, {ranks}threads: {}",
@@ -165,7 +165,7 @@ fn default_directory(deck: &Path) -> PathBuf {
     Path::new("results").join(deck.file_stem().unwrap_or_default())
 }
 
-/// Table of the time spent in each phase, as Table 5 of the paper, without a line break at the end.
+/// Table of the time spent in each phase, like Table 5 of the paper, without a line break at the end.
 fn timings_table(timings: &Timings) -> String {
     let total: f64 = Phase::ALL.iter().map(|&phase| timings.of(phase).wall.as_secs_f64()).sum();
     let mut text = format!("{:<10} {:>10} {:>10} {:>7}", "phase", "wall [s]", "CPU [s]", "share");

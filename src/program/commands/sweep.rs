@@ -32,7 +32,7 @@ use clap::Args;
 pub struct SweepArgs {
     #[command(flatten)]
     deck: DeckArgs,
-    /// Vary a parameter of the deck; may be given several times, the last one varies fastest.
+    /// Vary a parameter of the deck; may be given several times; the last one varies fastest.
     #[arg(long, value_name = "NAME=VALUE,VALUE,...", required = true)]
     over: Vec<Axis>,
     /// Directory for the table and for the results of the members [default: results/<deck name>-sweep].
@@ -205,7 +205,7 @@ impl Sweep {
             .with_context(|| format!("the table `{}` cannot be written", path.display()))
     }
 
-    /// Prints how many members ended in which way; returns the exit code.
+    /// Prints the number of members with each outcome; returns the exit code.
     fn conclude(&self) -> u8 {
         let count = |word: &str| self.rows.iter().flatten().filter(|row| row.outcome.word() == word).count();
         let words = ["completed", "failed", "interrupted", "invalid"];
@@ -234,7 +234,7 @@ impl Sweep {
     }
 }
 
-/// The errors of a deck in one line, for the table.
+/// The errors of a deck on one line, for the table.
 fn in_one_line(failure: &LoadFailure) -> String {
     let errors = failure.diagnostics.iter().filter(|diagnostic| Diagnostic::is_error(diagnostic));
     let errors: Vec<String> = errors.map(|error| format!("{}: {}", error.code, error.message)).collect();

@@ -15,7 +15,7 @@ use crate::solver::{SolveError, StageStrength, Summary};
 const WIDTH: usize = 80;
 /// Width of the first column.
 const LABEL: usize = 18;
-/// Most boundary conditions that are listed one by one; the others are summed.
+/// Largest number of boundary conditions listed one by one; if there are more, the last ones are summed.
 const MOST_CONDITIONS: usize = 8;
 
 /// Summary printed at the end of a run.
@@ -41,7 +41,7 @@ pub struct Closing {
     findings: Findings,
     /// The factor of safety in words, of each stage that reduced the strength.
     safety: Vec<String>,
-    /// Materials whose flow is not associated, while their strength is reduced.
+    /// Materials with non-associated flow whose strength is reduced.
     nonassociated: Vec<String>,
     directory: PathBuf,
     picture: Option<Picture>,
@@ -237,7 +237,7 @@ impl Closing {
     }
 }
 
-/// The factors of safety in words: one, or one for each of several stages, with its name.
+/// The factors of safety in words: a single one, or one for each of several stages, with its name.
 fn safety<const D: usize>(model: &Model<D>, summary: &Summary) -> Vec<String> {
     let in_words = |of: &StageStrength| {
         let stage = model.stages.get(of.stage).filter(|_| summary.strength.len() > 1);
@@ -252,7 +252,7 @@ pub fn counted(number: usize, one: &str, many: &str) -> String {
     format!("{number} {}", if number == 1 { one } else { many })
 }
 
-/// Rows of a label and a text.
+/// Rows, each with a label and some text.
 #[derive(Default)]
 struct Table {
     text: String,
@@ -269,7 +269,7 @@ impl Table {
         self.line(&format!("{label:<LABEL$}{text}"));
     }
 
-    /// A row; the text is wrapped and may have several lines. A row without label starts at the margin.
+    /// A row; the text is wrapped and may take several lines. A row without a label starts at the margin.
     fn row(&mut self, label: &str, text: &str) {
         let indent = if label.is_empty() { 0 } else { LABEL };
         let mut label = label;
@@ -295,7 +295,7 @@ impl Table {
         for (name, force) in &balance.further {
             row(&format!("  {name}"), &all(force), "");
         }
-        // All of them, or all but those that share the last line.
+        // All conditions, or all but those that share the last line.
         let shown =
             if balance.reactions.len() > MOST_CONDITIONS { MOST_CONDITIONS - 1 } else { MOST_CONDITIONS };
         for (name, reaction) in balance.reactions.iter().take(shown) {

@@ -28,7 +28,7 @@ pub fn keep_out_of_results(log: &Path, results: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Resolves the links in the part of a path that exists.
+/// Resolves the symbolic links in the part of a path that exists.
 fn real(path: &Path) -> PathBuf {
     let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     let mut missing = Vec::new();
@@ -71,10 +71,10 @@ impl LogFile {
         Ok(LogFile { file: Arc::new(file), began })
     }
 
-    /// Writes a text of one or more lines.
+    /// Writes one or more lines of text.
     ///
     /// # Errors
-    /// An error of the file system.
+    /// A file-system error.
     pub fn line(&self, text: &str) -> io::Result<()> {
         let time = self.began.elapsed().as_secs_f64();
         let lines: String = clean(text).lines().map(|line| format!("{time:10.3}  {line}\n")).collect();

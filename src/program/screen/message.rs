@@ -18,7 +18,7 @@ fn controls_terminal(c: char) -> bool {
     c.is_control() && c != '\n' && c != '\t' || reverses
 }
 
-/// Replaces control characters in a text: titles, names and paths may contain escape sequences.
+/// Replaces control characters in text: titles, names and paths may contain escape sequences.
 pub fn clean(text: &str) -> Cow<'_, str> {
     if text.contains(controls_terminal) {
         Cow::Owned(text.chars().map(|c| if controls_terminal(c) { '\u{fffd}' } else { c }).collect())

@@ -16,7 +16,7 @@ pub fn print_json(document: &impl serde::Serialize) -> anyhow::Result<u8> {
     write_out(&json_text(document)?)
 }
 
-/// Writes a text to standard output without control characters; a closed pipe is not an error.
+/// Writes text to standard output without control characters; a closed pipe is not an error.
 pub fn print(text: &str) -> anyhow::Result<u8> {
     write_out(&message::clean(text))
 }

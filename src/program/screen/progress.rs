@@ -119,7 +119,7 @@ impl Watch {
         watch
     }
 
-    /// Reports the libraries from which laws come.
+    /// Reports the libraries that provide laws.
     pub fn law_libraries(&mut self, libraries: &[LawLibrary]) {
         if let View::Run { .. } = self.view {
             libraries.iter().for_each(|library| self.say(&library.to_string()));
@@ -348,7 +348,7 @@ fn initial_balance(state: &InitialState) -> String {
     }
 }
 
-/// The current step among those requested or, once a step was cut, the share of the end time reached.
+/// The current step out of those requested or, once a step has been cut, the share of the end time reached.
 fn step_of(status: &Status) -> String {
     let Status { step, steps_requested, time, end_time, .. } = status;
     let reached = time / end_time;

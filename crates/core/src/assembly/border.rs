@@ -10,7 +10,7 @@ use crate::step::Nodal;
 /// K alone must be regular: the border cannot hold a body that nothing else holds.
 #[derive(Debug, Clone, Default)]
 pub struct Border<const N: usize> {
-    /// B by columns: change of the internal minus the external force on the nodes with each global unknown.
+    /// B by columns: change of the nodal internal minus external force with each global unknown.
     pub(crate) columns: Vec<Nodal<N>>,
     /// A by rows: change of each global equation with the nodal displacements.
     pub(crate) rows: Vec<Nodal<N>>,
@@ -18,23 +18,23 @@ pub struct Border<const N: usize> {
     pub(crate) corner: Vec<Vec<f64>>,
     /// r.
     pub(crate) residual: Vec<f64>,
-    /// Change of r with the load factor, if that follows from equilibrium.
+    /// Change of r with the load factor, if this factor follows from equilibrium.
     pub(crate) per_factor: Vec<f64>,
     /// True for each residual that is a force or moment, whose work on its unknown counts in a line search.
     pub(crate) works: Vec<bool>,
-    /// The magnitude that each residual is compared with.
+    /// The magnitude with which each residual is compared.
     pub(crate) scale: Vec<f64>,
     /// Round-off of each residual beyond that of its sum.
     pub(crate) round_off: Vec<f64>,
-    /// Stiffness that the solver adds to the diagonal of C where the equations alone may leave a global unknown undetermined; it
-    /// changes the way to the solution only.
+    /// Stiffness that the solver adds to the diagonal of C where the equations alone may leave a global unknown
+    /// undetermined; it affects the iterations, not the solution.
     pub(crate) support: Vec<f64>,
     /// The first global unknown of the term that is being evaluated.
     pub(crate) first: usize,
 }
 
 impl<const N: usize> Border<N> {
-    /// No entries, for `n` global unknowns.
+    /// A border without entries, for `n` global unknowns.
     pub(crate) fn new(n: usize, n_nodes: usize) -> Self {
         let zeros = || (0..n).map(|_| vec![[0.0; N]; n_nodes]).collect();
         Border {
@@ -65,7 +65,7 @@ impl<const N: usize> Border<N> {
         *self = Border::new(self.len(), self.columns.first().map_or(0, Vec::len));
     }
 
-    /// Adds to global equation `i` of the term: its residual, and the magnitude to which that is compared.
+    /// Adds to the residual of global equation `i` of the term, and to the magnitude with which it is compared.
     pub fn add_residual(&mut self, i: usize, residual: f64, scale: f64) {
         self.residual[self.first + i] += residual;
         self.scale[self.first + i] += scale;
@@ -96,24 +96,25 @@ impl<const N: usize> Border<N> {
         self.corner[self.first + i][self.first + j] += value;
     }
 
-    /// Adds to the stiffness with which the solver holds global unknown `i` of the term in an iteration, because the equations may
-    /// leave it undetermined.
+    /// Adds to the stiffness with which the solver supports global unknown `i` of the term in an iteration, because the
+    /// equations may leave it undetermined.
     pub fn add_support(&mut self, i: usize, stiffness: f64) {
         self.support[self.first + i] += stiffness;
     }
 
-    /// The residual of global equation `i` of the term is a force or moment, minus the one out of balance on unknown `i`.
+    /// Marks the residual of global equation `i` of the term as a force or moment, minus the out-of-balance one on
+    /// unknown `i`.
     pub fn count_as_work(&mut self, i: usize) {
         self.works[self.first + i] = true;
     }
 
-    /// The work of the forces out of balance of the global equations on increments of the global unknowns, [energy].
+    /// The work of the out-of-balance forces of the global equations on increments of the global unknowns, [energy].
     pub(crate) fn work(&self, increments: &[f64]) -> f64 {
         let of_each = self.residual.iter().zip(increments).zip(&self.works);
         of_each.filter(|(_, works)| **works).map(|((r, w), _)| -r * w).sum()
     }
 
-    /// Adds up what all ranks have added.
+    /// Sums the contributions of all ranks.
     pub(crate) fn complete(&mut self, halo: &Halo) {
         let ranks = halo.ranks();
         let Border { columns, rows, corner, residual, per_factor, scale, round_off, support, .. } = self;
@@ -134,7 +135,7 @@ impl<const N: usize> Border<N> {
         }
     }
 
-    /// Each residual relative to its magnitude, [-], and true if it is round-off.
+    /// Each residual relative to the magnitude with which it is compared, [-], and true if it is round-off.
     pub(crate) fn relative_residuals(&self) -> impl Iterator<Item = (f64, bool)> {
         let terms = self.residual.iter().zip(&self.scale).zip(&self.round_off);
         terms.map(|((r, scale), round_off)| {
@@ -142,7 +143,7 @@ impl<const N: usize> Border<N> {
         })
     }
 
-    /// The largest residual relative to its magnitude, [-].
+    /// The largest residual relative to the magnitude with which it is compared, [-].
     pub(crate) fn relative_residual(&self) -> f64 {
         self.relative_residuals().fold(0.0, |a, (b, _)| if a >= b || f64::is_nan(a) { a } else { b })
     }

@@ -8,8 +8,8 @@ use crate::tensor::lane::transposed;
 
 /// The dense stiffness of a group, to which its points add.
 pub(crate) trait Dense<const D: usize> {
-    /// Adds one point, given its gradients in the configuration that its weak form needs; `force` is that on the nodes
-    /// of the group. `adjust` is called with the index of each node of the point and its column.
+    /// Adds one point, given its gradients in the configuration that its weak form needs; `force` is the force on the
+    /// nodes of the group. `adjust` is called with the index of each node of the point and the column of this node.
     fn add<W: WeakForm<D>>(
         &mut self,
         weak: &W,
@@ -105,10 +105,10 @@ impl<const D: usize> Dense<D> for Triangle<'_, D> {
     }
 }
 
-/// The same of a group in the plane whose points all touch its `N` nodes, as standard points do: with everything in
-/// its place, a block is one vector of numbers, and there is nothing to look up.
+/// As [`Triangle`], for a group in the plane whose points all touch its `N` nodes, as standard points do: each block is
+/// one vector of numbers at a fixed position, so nothing has to be looked up.
 pub(crate) struct Whole<const D: usize, const N: usize> {
-    /// `[b][a]`, b the column.
+    /// `[b][a]`, with the column b.
     blocks: [[Block<D>; N]; N],
 }
 
@@ -196,9 +196,9 @@ impl<const D: usize> Dense<D> for Square<'_, D> {
     }
 }
 
-/// The stiffness of a group whose points all touch its `N` nodes, as standard points do: by columns, the rows side by
-/// side in `C` times [`Lanes::WIDTH`], so that one instruction works on several rows. Small enough for the fastest
-/// memory; the blocks are taken apart once, after all points.
+/// The stiffness of a group whose points all touch its `N` nodes, as standard points do. It is stored by columns, with
+/// the rows side by side in `C` vectors of [`Lanes::WIDTH`], so that one instruction works on several rows. It is small
+/// enough for the fastest memory; the blocks are separated once, after all points.
 pub(crate) struct Cell<const D: usize, const N: usize, const C: usize> {
     symmetric: bool,
     columns: [[[[Lanes; D]; D]; C]; N],
@@ -209,7 +209,7 @@ impl<const D: usize, const N: usize, const C: usize> Cell<D, N, C> {
         Cell { symmetric, columns: [[[[Lanes::ZERO; D]; D]; C]; N] }
     }
 
-    /// The first lanes that hold a row of this column.
+    /// The first vector of lanes with a row that this column stores.
     #[inline(always)]
     fn first(&self, column: usize) -> usize {
         if self.symmetric { column / Lanes::WIDTH } else { 0 }

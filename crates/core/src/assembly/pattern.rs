@@ -1,4 +1,4 @@
-//! The pairs of nodes coupled by a point, and the places of the blocks of a group.
+//! The coupled pairs of nodes, and the indices of the blocks of each group.
 
 use std::ops::Range;
 
@@ -11,24 +11,25 @@ pub(crate) const UNCOUPLED: u32 = u32::MAX;
 /// Calls its argument with lists of active nodes, ascending, all of which are coupled with each other.
 pub type Couples<'a> = dyn Fn(&mut dyn FnMut(&[u32])) + 'a;
 
-/// The coupled pairs of active nodes, by columns; of a symmetric system those with row ≥ column.
+/// The coupled pairs of active nodes, by columns; in a symmetric system, only those with row ≥ column.
 pub(crate) struct NodePairs {
     symmetric: bool,
     column_start: Vec<usize>,
     row: Vec<u32>,
     /// Start of the dense pairs of each group in `position`.
     group_start: Vec<usize>,
-    /// For each dense pair of each group, its place among the pairs, or [`UNCOUPLED`].
+    /// For each dense pair of each group, its index among the pairs, or [`UNCOUPLED`].
     position: Vec<u32>,
 }
 
-/// Number of the dense pair (a, b) of a group of n nodes.
+/// Index of the dense pair (a, b) in a group of n nodes.
 fn dense_pair(symmetric: bool, n: usize, a: usize, b: usize) -> usize {
     if symmetric { a * (a + 1) / 2 + b } else { a * n + b }
 }
 
 impl NodePairs {
-    /// The pairs of nodes that share a point, all pairs of the groups for which `is_dense` holds, and those of `couples`.
+    /// The pairs of nodes that share a point, all pairs of the groups for which `is_dense` is true, and the pairs that
+    /// `couples` lists.
     pub(crate) fn new<const D: usize>(
         links: &Connectivity<D>,
         symmetric: bool,
@@ -54,7 +55,7 @@ impl NodePairs {
         pairs
     }
 
-    /// Marks with 0 the dense pairs whose nodes share a point, or are all coupled.
+    /// Marks with 0 the dense pairs whose nodes share a point, and all pairs of dense groups.
     fn mark_coupled<const D: usize>(&mut self, links: &Connectivity<D>, is_dense: &dyn Fn(usize) -> bool) {
         for group in 0..links.n_groups() {
             let n = links.nodes_of(group).len();
@@ -113,14 +114,14 @@ impl NodePairs {
         });
     }
 
-    /// The place of a pair, if its nodes are coupled.
+    /// The index of a pair; `None` if its nodes are not coupled.
     pub(crate) fn place_of(&self, row: u32, column: u32) -> Option<usize> {
         let first = self.column_start[column as usize];
         let rows = &self.row[first..self.column_start[column as usize + 1]];
         rows.binary_search(&row).ok().map(|at| first + at)
     }
 
-    /// Merges the pairs of all groups and of what terms couple into sorted columns.
+    /// Merges the pairs of all groups and the pairs that terms couple into sorted columns.
     fn collect_columns<const D: usize>(&mut self, links: &Connectivity<D>, couples: &Couples) {
         let n = links.n_active();
         let mut count = vec![0usize; n + 1];
@@ -158,7 +159,7 @@ impl NodePairs {
         }
     }
 
-    /// Gives every marked dense pair its place among the pairs.
+    /// Gives every marked dense pair its index among the pairs.
     fn place<const D: usize>(&mut self, links: &Connectivity<D>) {
         let mut position = std::mem::take(&mut self.position);
         for group in 0..links.n_groups() {
@@ -196,7 +197,7 @@ impl NodePairs {
         self.group_start[groups.start]..self.group_start[groups.end]
     }
 
-    /// Places of the dense pairs of a group.
+    /// Indices of the dense pairs of a group.
     pub(crate) fn positions(&self, group: usize) -> &[u32] {
         &self.position[self.group_start[group]..self.group_start[group + 1]]
     }
@@ -206,12 +207,12 @@ impl NodePairs {
         BlockMatrix { symmetric: self.symmetric, column_start: &self.column_start, row: &self.row, blocks }
     }
 
-    /// The division of its columns between threads in a product with a vector.
+    /// The division of the matrix columns between threads, for products with a vector.
     pub(crate) fn division<const D: usize>(&self) -> Division<D> {
         Division::new(&self.column_start, &self.row)
     }
 
-    /// Calls `visit(row, column, place)` for every pair.
+    /// Calls `visit(row, column, index)` for every pair.
     pub(crate) fn for_each(&self, mut visit: impl FnMut(usize, usize, usize)) {
         for column in 0..self.column_start.len() - 1 {
             for place in self.column_start[column]..self.column_start[column + 1] {

@@ -9,8 +9,8 @@ use super::System;
 use super::pattern::Couples;
 
 impl<const N: usize> System<N> {
-    /// Forms the matrix of the equations of the unknowns from the stiffness; does nothing if that is the stiffness
-    /// itself.
+    /// Forms the matrix of the equations of the unknowns from the stiffness; does nothing if this matrix is the
+    /// stiffness itself.
     pub fn reduce(&mut self, dofs: &DofMap<N>) {
         if dofs.is_plain() {
             return;
@@ -36,7 +36,7 @@ impl<const N: usize> System<N> {
                     for &(b, of_b, weight_b) in &of_column[k] {
                         let value = weight_a * weight_b * entry;
                         self.add_reduced([a, of_a], [b, of_b], value);
-                        // The mirror image, which a symmetric matrix does not keep.
+                        // The mirror image, which a symmetric matrix does not store.
                         if self.is_symmetric() && row != column {
                             self.add_reduced([b, of_b], [a, of_a], value);
                         }

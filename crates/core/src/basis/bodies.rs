@@ -7,9 +7,9 @@ use crate::ranks::Halo;
 /// The bodies whose points touch a node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TouchedBy {
-    /// No body: the node lies in a cell beside those that points touch.
+    /// No body: the node lies in a cell next to those that points touch.
     None,
-    /// The body of this number only.
+    /// Only the body with this number.
     One(u16),
     /// Several bodies, which share the node.
     Several,
@@ -27,7 +27,7 @@ impl TouchedBy {
 }
 
 impl<const D: usize> Connectivity<D> {
-    /// The bodies that touch each active node, on any rank. All ranks must ask for them together.
+    /// The bodies that touch each active node, on any rank. All ranks must call this together.
     pub fn bodies_at_nodes(&self, points: &Points<D>) -> Vec<TouchedBy> {
         let mut touched = vec![TouchedBy::None; self.n_active()];
         for group in 0..self.n_groups() {
@@ -56,7 +56,7 @@ fn join(halo: &Halo, touched: &mut [TouchedBy]) {
     if halo.ranks().is_alone() {
         return;
     }
-    // The lowest and the highest body at each node; two that differ stand for several.
+    // The lowest and the highest body at each node; if they differ, several bodies touch it.
     let numbers = |none: f64, several: f64| -> Vec<f64> {
         let number = |touched: &TouchedBy| match touched {
             TouchedBy::None => none,

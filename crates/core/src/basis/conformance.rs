@@ -65,7 +65,7 @@ fn conforms<const D: usize>(grid: &dyn Grid<D>, variant: (Method, ElementShape),
     let sum: f64 = s.value.iter().sum();
     assert!((sum - 1.0).abs() < 1e-13, "{variant:?} {sum}");
     assert!(s.nodes.is_sorted());
-    // A position this close to a border may belong to the neighbouring cell.
+    // A position this close to the boundary of a cell may belong to the neighbouring cell.
     let least = if grid.structured().is_some() { 0.0 } else { -1e-8 };
     assert!(s.value.iter().all(|v| *v >= least));
     let size = grid.size(grid.locate(&x, None).unwrap() as usize);
@@ -81,8 +81,8 @@ fn conforms<const D: usize>(grid: &dyn Grid<D>, variant: (Method, ElementShape),
     }
 }
 
-/// Checks that the gradient is the derivative of the value with respect to position. Not true of CPDI, whose gradient
-/// belongs to the interpolation inside the domain.
+/// Checks that the gradient is the derivative of the value with respect to position. This does not hold for CPDI, whose
+/// gradient is that of the interpolation inside the domain.
 fn gradient_is_derivative<const D: usize>(
     grid: &Structured<D>,
     variant: (Method, ElementShape),
@@ -123,7 +123,7 @@ fn graded(low: f64, high: f64) -> Axis {
     Axis::from_intervals(low, &[middle, Interval { to: high, cells: 4, ratio: 1.4 }]).unwrap()
 }
 
-/// Graded grids with the extent of those below.
+/// Graded grids with the extent of the even grids below.
 static GRADED: LazyLock<(Structured<2>, Structured<3>)> = LazyLock::new(|| {
     let (x, y) = (graded(0.0, 1.0), graded(-0.5, 1.5));
     let plane = Structured::with_axes([x.clone(), y.clone()]);
@@ -191,7 +191,7 @@ fn a_gimp_point_averages_the_linear_basis_over_its_domain() {
     averages(&GRADED.1, [0.47, 0.83, 0.55], [0.055, 0.33, 0.4], 120);
 }
 
-/// ∫ N_v from the lowest line to `y` on any lines, in closed form.
+/// ∫ N_v from the lowest line to `y` for any grid lines, in closed form.
 fn antiderivative(lines: &[f64], v: usize, y: f64) -> f64 {
     let mut integral = 0.0;
     if v > 0 {
@@ -205,7 +205,7 @@ fn antiderivative(lines: &[f64], v: usize, y: f64) -> f64 {
     integral
 }
 
-/// S_v = [I_v(x + l) − I_v(x − l)] / 2l for every node, and equal intervals against the even grid.
+/// S_v = [I_v(x + l) − I_v(x − l)] / 2l for every node; intervals of equal cells give the same as the even grid.
 #[test]
 fn gimp_points_are_differences_of_the_antiderivative() {
     let even = Axis::even(0.0, 0.1, 10);
@@ -227,7 +227,7 @@ fn gimp_points_are_differences_of_the_antiderivative() {
         }
         let (a, b) = (of(&even), of(&equal));
         assert_eq!(a.nodes, b.nodes);
-        // Round-off of coordinates up to 1, over the length of the domain.
+        // Round-off of coordinates up to 1, relative to the length of the domain.
         let round_off = 16.0 * f64::EPSILON / l[0];
         assert!(a.value.iter().zip(&b.value).all(|(a, b)| (a - b).abs() < 0.1 * round_off));
         assert!(a.gradient.iter().zip(&b.gradient).all(|(a, b)| (a[0] - b[0]).abs() < round_off));

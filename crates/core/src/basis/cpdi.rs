@@ -41,7 +41,8 @@ impl<const D: usize> Basis<D> for Cpdi {
     }
 }
 
-/// S_v = Σ_c w_c N_v(x_c) and ∇S_v = Σ_c g_c N_v(x_c), on a grid of static type, so that its methods can be inlined.
+/// S_v = Σ_c w_c N_v(x_c) and ∇S_v = Σ_c g_c N_v(x_c), on a grid whose type is known statically, so that its methods
+/// can be inlined.
 fn sum_over_corners<const D: usize, G: Grid<D> + ?Sized>(
     weights: &CornerWeights<D>,
     grid: &G,

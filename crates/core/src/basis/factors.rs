@@ -88,8 +88,8 @@ impl<const D: usize> Factors<D> {
         }))
     }
 
-    /// Appends the factors to `numbers`, in the shortest form that restores them bit for bit; `per_length` is 1/h of the
-    /// cell of the point along each axis.
+    /// Appends the factors to `numbers`, in the shortest form that restores them bit for bit; `per_length` is 1/h of
+    /// the cell of the point along each axis.
     pub fn keep(&self, per_length: &[f64; D], numbers: &mut Vec<f64>) -> Form {
         let mut form = 0;
         for (d, line) in self.0.iter().enumerate() {
@@ -141,7 +141,7 @@ pub(super) fn multiply<const D: usize>(
     gradient: &mut [[f64; D]],
 ) {
     if form == Form::of_cell::<D>() {
-        // The known number of nodes needs no checks of indices.
+        // With a known number of nodes, indices need no bounds checks.
         let (value, gradient) = (&mut value[..1 << D], &mut gradient[..1 << D]);
         return for_each_corner(numbers, per_length, |k, s, ds| (value[k], gradient[k]) = (s, ds));
     }
@@ -162,7 +162,7 @@ pub(super) fn for_each_product<const D: usize>(
     for_each_node(form, numbers, per_length, visit);
 }
 
-/// The products of a point inside one cell, of which `numbers` are the local coordinates.
+/// The products for a point inside one cell; `numbers` are its local coordinates.
 #[inline(always)]
 fn for_each_corner<const D: usize>(
     numbers: &[f64],
@@ -188,7 +188,7 @@ fn for_each_corner<const D: usize>(
     }
 }
 
-/// The products of any other point.
+/// The products for any other point.
 #[inline(always)]
 fn for_each_node<const D: usize>(
     form: Form,

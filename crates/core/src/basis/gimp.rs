@@ -44,7 +44,7 @@ impl<const D: usize> Basis<D> for Gimp {
     }
 }
 
-/// The cells of the grid that [x − l, x + l] overlaps, with its parts in them relative to its length; at least one.
+/// The cells of the grid that [x − l, x + l] overlaps, each with a weight proportional to the overlap; at least one.
 fn parts_in_cells(axis: &Axis, x: f64, half_length: f64) -> Vec<(usize, f64)> {
     let n = axis.n_cells();
     let (a, b) = (axis.coordinate(x - half_length), axis.coordinate(x + half_length));

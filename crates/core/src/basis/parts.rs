@@ -5,14 +5,15 @@ use super::Connectivity;
 /// The connected parts of the active nodes of all ranks, numbered in the order of their lowest nodes.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct JoinedParts {
-    /// Number of the part of each active node of this rank.
+    /// Part number of each active node of this rank.
     pub of_node: Vec<u32>,
     /// The lowest grid node of each part.
     pub lowest: Vec<u32>,
 }
 
 impl JoinedParts {
-    /// Parts from the lowest active node of the part of each, [`Connectivity::parts`]; active nodes count as grid nodes.
+    /// Parts from the lowest active node of each node's part, see [`Connectivity::parts`]; active node numbers stand in
+    /// for grid node numbers.
     pub fn of_one_rank(lowest: &[usize]) -> Self {
         let mut parts = JoinedParts { of_node: vec![0; lowest.len()], lowest: Vec::new() };
         for (node, &first) in lowest.iter().enumerate() {
@@ -68,7 +69,7 @@ impl<const D: usize> Connectivity<D> {
         root
     }
 
-    /// The connected parts of the active nodes of all ranks: parts that share a node are one.
+    /// The connected parts of the active nodes of all ranks: parts that share a node count as one.
     pub fn joined_parts(&self) -> JoinedParts {
         let lowest = self.parts();
         let mut parts = JoinedParts::of_one_rank(&lowest);

@@ -14,7 +14,7 @@ const SLIVER: f64 = 1e-8;
 /// Threshold of value and slope (over a cell) below which points touch a node weakly, [-].
 const WEAK: f64 = 1e-3;
 
-/// Number of rounds in which the displacement field without the sliver nodes is found.
+/// Number of iterations that determine the displacement field without the sliver nodes.
 const ROUNDS: usize = 10;
 
 /// How firmly the points of a group touch a grid node.
@@ -52,7 +52,8 @@ pub(super) struct SharedTouches<'a> {
 }
 
 impl SharedTouches<'_> {
-    /// Combines how firmly each shared node is touched with what all ranks that touch it say; true if any has changed.
+    /// Combines how firmly this rank touches each shared node with how firmly the other ranks touch it; true if any
+    /// value has changed.
     fn merge(&self, touches: &mut [Touch], with: impl Fn(Touch, Touch) -> Touch) -> bool {
         let Some(communicator) = self.ranks.communicator() else { return false };
         let mut messages: BTreeMap<usize, Vec<u8>> = BTreeMap::new();
@@ -80,8 +81,8 @@ impl SharedTouches<'_> {
 /// motion. They are not active; their small contributions go to the other nodes of the point.
 ///
 /// A node that points touch weakly is a sliver node too if a group touches it together with a sliver node: a surface
-/// along a grid line leaves the line here by less and there by more than the threshold, and no ghost penalty supports a
-/// node in a cell with inactive corners.
+/// along a grid line lies off the line by less than the threshold in one part and by more in another, and no ghost
+/// penalty supports a node in a cell with inactive corners.
 #[derive(Default)]
 pub(super) struct Slivers {
     /// For each grid node, true if it is a sliver node; empty if there is none.
@@ -90,7 +91,7 @@ pub(super) struct Slivers {
 
 impl Slivers {
     /// Finds the sliver nodes. `touches` says how firmly each group touches each of its nodes; the nodes of group g are
-    /// `group_nodes[starts[g]..starts[g + 1]]`, those of the last group reach to the end.
+    /// `group_nodes[starts[g]..starts[g + 1]]`, and those of the last group extend to the end.
     pub(super) fn new(
         n_nodes: usize,
         (starts, group_nodes): (&[usize], &[u32]),
@@ -164,7 +165,7 @@ impl Slivers {
             if k == most {
                 slivers.iter().for_each(|(v, _)| start = along(&start, 1.0, &slopes[*v]));
             }
-            // The slopes of sliver nodes are small: each round multiplies the error by about a hundredth at most.
+            // The slopes of sliver nodes are small: each iteration reduces the error to about a hundredth or less.
             let mut of_field = start;
             for _ in 0..ROUNDS {
                 let before = of_field;

@@ -1,4 +1,4 @@
-//! Collection of the constraints of a load step, one after the other.
+//! Collection of the constraints of a load step, one at a time.
 
 use std::collections::BTreeMap;
 
@@ -10,10 +10,10 @@ use crate::points::Points;
 use super::turned::{Along, Turned};
 use super::{AXES, Bound, ConstraintError, DofMap, ON_AXIS, Tie};
 
-/// Two prescribed increments that differ by less than this, relative to their size, agree.
+/// Two prescribed increments agree if they differ by less than this, relative to their size.
 const SAME: f64 = 1e-12;
 
-/// The reason to refuse a tie that leads back to itself.
+/// Reason for refusing a tie that leads back to itself.
 const CIRCLE: &str = "it would depend on itself";
 
 /// Progress in the resolution of a tie.
@@ -33,7 +33,7 @@ enum Dof {
 
 /// The constraints on the increments of `N` components at each active node in one load step.
 ///
-/// Conditions have numbers: those of the model come first, and only these have reported reactions.
+/// Conditions are numbered: those of the model come first, and reactions are reported for these only.
 pub struct Constraints<'a, const N: usize> {
     dofs: Vec<[Dof; N]>,
     shared: Vec<(u32, u8, u16)>,
@@ -41,7 +41,7 @@ pub struct Constraints<'a, const N: usize> {
     ties: Vec<Tie>,
     /// Position of an active node, [length].
     position: Box<dyn Fn(usize) -> Vec<f64> + 'a>,
-    /// Name of a condition; empty for those that do not belong to the model.
+    /// Name of a condition; empty if it does not belong to the model.
     name: Box<dyn Fn(usize) -> String + 'a>,
     /// Active nodes on the axis of revolution.
     on_axis: Vec<usize>,
@@ -51,7 +51,7 @@ impl<'a, const N: usize> Constraints<'a, N> {
     /// The constraints of a model in a step between two times.
     ///
     /// # Errors
-    /// [`ConstraintError`] when two conditions contradict each other or a formula is not finite.
+    /// [`ConstraintError`] if two conditions contradict each other or a formula is not finite.
     pub fn of_model<const D: usize>(
         model: &'a Model<D>,
         points: &Points<D>,
@@ -125,13 +125,13 @@ impl<'a, const N: usize> Constraints<'a, N> {
         Ok(())
     }
 
-    /// Prescribes the increment of an active node along a direction of unit length.
+    /// Prescribes the increment of an active node along a unit vector.
     pub fn hold_along(&mut self, node: usize, direction: [f64; N], increment: f64, condition: usize) {
         let along = Along { direction, increment, condition: condition.min(u16::MAX.into()) as u16 };
         self.along.entry(node as u32).or_default().push(along);
     }
 
-    /// Makes the increment of a component the sum of others, given as node, component and weight, and a constant.
+    /// Ties the increment of a component to a sum of others, given by node, component and weight, plus a constant.
     ///
     /// # Errors
     /// [`ConstraintError::Tie`] if the component is already prescribed or tied.
@@ -233,7 +233,7 @@ impl<'a, const N: usize> Constraints<'a, N> {
         Ok(())
     }
 
-    /// Substitutes the resolved ties into a tie, and merges equal components.
+    /// Substitutes the resolved ties into a tie, and merges terms of the same component.
     fn substitute(&mut self, k: usize) {
         let mut terms: BTreeMap<(u32, u8), f64> = BTreeMap::new();
         let mut constant = self.ties[k].constant;
@@ -260,7 +260,7 @@ impl<'a, const N: usize> Constraints<'a, N> {
         }
     }
 
-    /// The ring through a node on the axis has no radius, so no other constraint may move the node off the axis.
+    /// The ring through a node on the axis has zero radius, so no other constraint may move the node off the axis.
     fn keep_axis(&self, turned: &[Turned<N>]) -> Result<(), ConstraintError> {
         let is_kept = |node: usize| match turned.iter().find(|turned| turned.node as usize == node) {
             Some(turned) => turned.fixes_axis(0),

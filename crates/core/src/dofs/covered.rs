@@ -2,7 +2,7 @@
 
 use crate::model::{BoundaryCondition, NodeSet};
 
-/// A boundary condition all of whose nodes are already held along an axis by earlier ones.
+/// A boundary condition whose nodes are all held along an axis by earlier conditions.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Covered {
     /// Number of the condition.

@@ -40,10 +40,10 @@ pub enum ConstraintError {
         factor: f64,
         /// Text of the formula.
         formula: String,
-        /// The increment that follows from it.
+        /// The resulting increment.
         value: f64,
     },
-    /// Nodes on the axis of a body of revolution are free to leave it, or are moved off it.
+    /// Nodes on the axis of a body of revolution can leave the axis, or are moved off it.
     #[error("{loose} of the {all} grid nodes of the body on the axis x = 0 can move off it")]
     LooseAxis {
         /// Number of these nodes.
@@ -51,7 +51,7 @@ pub enum ConstraintError {
         /// Number of nodes on the axis that points touch.
         all: usize,
     },
-    /// A component is tied that is already prescribed or tied, or that is tied to itself through other ties.
+    /// A tied component is already prescribed or tied, or is tied to itself through other ties.
     #[error("the motion along {axis} at node {node:?} cannot be tied to that of other nodes: {reason}")]
     Tie {
         /// Position of the grid node, [length].

@@ -18,7 +18,7 @@ impl<const N: usize> Constraints<'_, N> {
         [start, end]: [f64; 2],
     ) -> Result<(), ConstraintError> {
         let set = || model.boundary_conditions.iter().enumerate().filter(|(number, _)| model.is_set(*number));
-        // What other ranks take part in comes before anything that may fail on one rank only.
+        // Collective calls come before anything that may fail on one rank only.
         let nodes: Vec<_> = set().map(|(_, condition)| nodes_of(condition, points, links)).collect();
         let originals = set()
             .any(|(_, condition)| condition.follows_material())
@@ -74,9 +74,9 @@ pub fn displacement_increment<const D: usize>(
 /// uniform.
 const LEAST_WEIGHT: f64 = 1e-9;
 
-/// Original position of the material at each active node at the start of a step: the mean, weighted by the basis
-/// functions, of the estimates X_p + F_p⁻¹ (x − x_p) of the points around it. Exact if the deformation is uniform,
-/// otherwise of second order in the cell size.
+/// Original position of the material at each active node at the start of a step: the mean of the estimates X_p + F_p⁻¹
+/// (x − x_p) of the points around it, weighted by the basis functions. Exact if the deformation is uniform, otherwise
+/// with an error of second order in the cell size.
 fn original_places<const D: usize>(
     model: &Model<D>,
     points: &Points<D>,

@@ -1,7 +1,7 @@
 //! Rigid-body motions that boundary conditions leave free, found from the degrees of freedom that they hold.
 //!
-//! The grid carries every translation and every small rotation exactly, so a part of the bodies whose held degrees of
-//! freedom do not stop such a motion has a singular stiffness as long as it is free of stress.
+//! The grid represents every translation and every small rotation exactly, so a part of the bodies whose held degrees
+//! of freedom do not prevent such a motion has a singular stiffness as long as it is free of stress.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -15,24 +15,24 @@ use crate::surface::support;
 
 use super::DofMap;
 
-/// Eigenvalue, relative to the largest, below which a motion counts as free. Two held nodes at one end of a body of a
-/// million cells still give more.
+/// A motion counts as free if its eigenvalue, relative to the largest, is below this. Two held nodes at one end of a
+/// body a million cells long still give a larger one.
 const FREE: f64 = 1e-13;
 
 /// A part of the bodies, connected through the grid, that is free to move as a rigid body.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FreePart<const D: usize> {
-    /// The bodies that have points in it, ascending.
+    /// The bodies with points in this part, ascending.
     pub bodies: Vec<u16>,
     /// True if these bodies have no points in other parts.
     pub whole: bool,
-    /// One of its nodes, [length].
+    /// Position of one of its nodes, [length].
     pub node: [f64; D],
     /// Axes along which nothing holds it.
     pub axes: Vec<usize>,
-    /// Number of further independent rotations that are free.
+    /// Number of independent free rotations besides these translations.
     pub rotations: usize,
-    /// The place about which it can turn, [length], where it can make one rotation in the plane and nothing else.
+    /// Centre of rotation, [length], if one rotation in the plane is the only free motion.
     pub centre: Option<[f64; D]>,
 }
 
@@ -44,7 +44,7 @@ struct Part<const D: usize> {
     low: [f64; D],
     high: [f64; D],
     held: [bool; D],
-    /// Σ rᵀ r over the rows r of the held degrees of freedom, which give their displacement in each rigid motion.
+    /// Σ rᵀ r over the held degrees of freedom; the row r holds the displacement of one of them in each rigid motion.
     gram: DMatrix<f64>,
 }
 
@@ -53,8 +53,8 @@ const fn n_motions(dimensions: usize) -> usize {
     dimensions * (dimensions + 1) / 2
 }
 
-/// The parts that are free to move in the step that `dofs` describes, in the order of their lowest nodes. All ranks must ask for
-/// them together.
+/// The parts that are free to move in the step that `dofs` describes, in the order of their lowest nodes. All ranks
+/// must call this together.
 pub fn free_parts<const D: usize>(
     model: &Model<D>,
     points: &Points<D>,
@@ -82,7 +82,8 @@ pub fn free_parts<const D: usize>(
         for (sample, x) in surface.samples.iter().enumerate() {
             let normal = surface.normal(sample);
             let carried = support(model.grid.as_ref(), links, x, &normal);
-            // Ranks that share the nodes count the sample once each, which frees nothing and holds nothing else.
+            // Each rank that shares the nodes counts the sample once; the repetition changes only the weight of what is
+            // held.
             let Some(&node) = carried.as_ref().and_then(|carried| carried.nodes().first()) else { continue };
             let part = &mut parts[joined.of_node[node as usize] as usize];
             for displacement in (0..D).filter(|&d| condition.displacement[d].is_some()) {
@@ -106,7 +107,7 @@ pub fn free_parts<const D: usize>(
     free.into_values().collect()
 }
 
-/// Adds up the numbers of nodes and their places over all ranks.
+/// Sums the node counts and positions of the parts over all ranks.
 fn add_up_nodes<const D: usize>(ranks: &Ranks, parts: &mut [Part<D>]) {
     if ranks.is_alone() {
         return;
@@ -114,7 +115,7 @@ fn add_up_nodes<const D: usize>(ranks: &Ranks, parts: &mut [Part<D>]) {
     let mut sums: Vec<f64> = parts.iter().flat_map(|part| part.sum).collect();
     sums.extend(parts.iter().map(|part| part.n_nodes as f64));
     ranks.sum(&mut sums);
-    // The lowest coordinates as the largest with the other sign.
+    // The lowest coordinates are found as the largest ones with their sign changed.
     let mut ends: Vec<f64> = parts.iter().flat_map(|part| part.low.map(|x| -x)).collect();
     ends.extend(parts.iter().flat_map(|part| part.high));
     ranks.maximum(&mut ends);
@@ -127,7 +128,7 @@ fn add_up_nodes<const D: usize>(ranks: &Ranks, parts: &mut [Part<D>]) {
     }
 }
 
-/// Adds up what holds the parts on all ranks.
+/// Sums over all ranks what holds each part.
 fn add_up_held<const D: usize>(ranks: &Ranks, parts: &mut [Part<D>]) {
     if ranks.is_alone() {
         return;
@@ -206,7 +207,7 @@ impl<const D: usize> Part<D> {
         }
     }
 
-    /// Adds a direction in which a node is held, after all nodes are known.
+    /// Adds a direction in which a node is held; all nodes must already be known.
     fn hold(&mut self, x: &[f64; D], direction: &[f64; D]) {
         for d in 0..D {
             self.held[d] |= direction[d] != 0.0;
@@ -246,7 +247,7 @@ impl<const D: usize> Part<D> {
         if let (2, true, [only]) = (D, axes.is_empty(), null.as_slice()) {
             let motion = eigen.eigenvectors.column(*only);
             let ((middle, size), turn) = (self.frame(), motion[2]);
-            // The displacement (t_x − ω y, t_y + ω x) vanishes there.
+            // The displacement (t_x − ω y, t_y + ω x) vanishes at the centre.
             let offset = [-motion[1] / turn, motion[0] / turn];
             let found: [f64; D] = std::array::from_fn(|d| middle[d] + size * offset[d]);
             centre = Some(found).filter(|x| x.iter().all(|x| x.is_finite()));
@@ -264,7 +265,7 @@ mod tests {
         std::array::from_fn(|d| f64::from(u8::from(d == axis)))
     }
 
-    /// The motions left free to the nodes of a plane box, of which some are held along some axes.
+    /// The free motions of a plane box with some nodes held along an axis.
     fn plane(held: &[([f64; 2], usize)]) -> Option<FreePart<2>> {
         let mut part = Part::empty();
         for i in 0..=10 {
@@ -292,7 +293,8 @@ mod tests {
 
     #[test]
     fn the_centre_of_a_rotation_is_where_the_held_lines_meet() {
-        // Sliding along a floor and a wall at once: the instantaneous centre is above the one and beside the other.
+        // Sliding along a floor and a wall at once: the instantaneous centre is above the contact with the floor and
+        // level with the contact with the wall.
         let free = plane(&[([7.0, 0.0], 1), ([0.0, 3.0], 0)]).unwrap();
         let centre = free.centre.unwrap();
         assert!((centre[0] - 7.0).abs() < 1e-9 && (centre[1] - 3.0).abs() < 1e-9, "{centre:?}");

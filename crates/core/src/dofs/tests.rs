@@ -41,7 +41,7 @@ fn increments_meet_all_constraints() {
     let map = map();
     assert_eq!(map.n_free(), 2 * NODES - 1 - 1 - 2 - 1);
     assert!(!map.is_plain() && map.conditions(0, 0) == [0]);
-    // Some increment, completed by its remainder and any motion of the unknowns.
+    // An arbitrary increment, then completed by its remainder and an arbitrary motion of the unknowns.
     let mut u: Vec<[f64; 2]> = (0..NODES).map(|n| [0.3 * n as f64, 0.1 - n as f64]).collect();
     for round in 0..2 {
         let mut motion = vec![[0.0; 2]; NODES];

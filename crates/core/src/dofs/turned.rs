@@ -2,7 +2,7 @@
 
 use super::unless_round_off;
 
-/// A direction whose component orthogonal to those before it is smaller than this counts as dependent on them, [-].
+/// A direction counts as dependent on earlier ones if its component orthogonal to them is smaller than this, [-].
 const INDEPENDENT: f64 = 1e-8;
 
 /// A prescribed motion of a node along a direction.
@@ -21,7 +21,7 @@ pub struct Turned<const N: usize> {
     pub node: u32,
     /// Orthonormal directions, `[k][component]`.
     pub directions: [[f64; N]; N],
-    /// The prescribed motions. Directions 0 to k span the first k + 1 of them.
+    /// The prescribed motions. Directions 0 to k span the first k + 1 of their directions.
     prescribed: Vec<Along<N>>,
     /// The prescribed increment along each of the first directions, [length].
     increment: Vec<f64>,
@@ -31,7 +31,7 @@ fn dot<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
     (0..N).map(|c| a[c] * b[c]).sum()
 }
 
-/// The part of a vector orthogonal to orthonormal directions.
+/// The part of a vector orthogonal to these orthonormal directions.
 fn beside<const N: usize>(vector: &[f64; N], directions: &[[f64; N]]) -> [f64; N] {
     let mut rest = *vector;
     // Twice is enough (Giraud et al. 2005, doi 10.1007/s00211-005-0615-4).
@@ -51,12 +51,12 @@ impl<const N: usize> Turned<N> {
     /// A node with these prescribed motions.
     ///
     /// # Errors
-    /// Two conditions and their increments that contradict each other.
+    /// The two conditions that contradict each other, and their increments.
     pub(super) fn new(node: u32, motions: &[Along<N>]) -> Result<Self, ([u16; 2], [f64; 2])> {
         let (mut directions, mut prescribed, mut increment) =
             (Vec::new(), Vec::<Along<N>>::new(), Vec::new());
         for motion in motions {
-            // The increment along the part of the direction that is orthogonal to those before it.
+            // The part of the increment that follows from the directions before this one.
             let known: f64 =
                 directions.iter().zip(&increment).map(|(e, g)| dot(&motion.direction, e) * g).sum();
             match unit(&beside(&motion.direction, &directions)) {

@@ -13,9 +13,9 @@ pub enum ElementTestError {
         "step {step} has no solution beyond {reached} of it, even in parts of 1/1024 of the step: {cause}"
     )]
     Step {
-        /// Number of the step, from 1.
+        /// Step number, from 1.
         step: usize,
-        /// Part of the step up to which there are solutions, [-].
+        /// Fraction of the step up to which there are solutions, [-].
         reached: f64,
         /// The reason.
         cause: Cause,

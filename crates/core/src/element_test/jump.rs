@@ -1,22 +1,22 @@
-//! Jumps: increments that no continuous path leads through.
+//! Jumps: increments over which no continuous path leads.
 
 use super::path::{Control, Target};
 use super::solution::solve;
 use super::state::ElementState;
 use crate::material::Material;
 
-/// Change of the elastic strain relative to what is prescribed, beyond which a jump is possible, [-].
+/// Change of the elastic strain, relative to the prescribed change, beyond which a jump is possible, [-].
 const SUDDEN: f64 = 2.0;
-/// Change of the elastic strain below which nothing has changed but round-off, [-].
+/// Change of the elastic strain that counts as round-off, [-].
 const LEAST: f64 = 1e-10;
 /// Number of halvings of the increment.
 const HALVINGS: usize = 10;
 /// Share of a change that remains in the last part of an increment with a jump, [-].
 const REMAINS: f64 = 0.5;
 
-/// True if most of the change from `start` to `end`, the state at `target`, happens at once: it remains in one part of the
-/// increment however often this is halved. A softening point whose elastic strain releases more than its flow takes up would
-/// have to go back along the path (snap-back), and jumps to another state instead.
+/// True if most of the change from `start` to `end`, the state at `target`, happens at once: it stays within one part
+/// of the increment, however often the increment is halved. A softening point whose elastic strain releases more than
+/// its plastic flow takes up would have to go back along the path (snap-back); it jumps to another state instead.
 pub(super) fn is_between(
     law: &dyn Material,
     start: &ElementState,
@@ -46,7 +46,8 @@ fn change(start: &ElementState, end: &ElementState) -> f64 {
     (end.elastic_strain - start.elastic_strain).norm()
 }
 
-/// What an increment prescribes, as a strain: of stresses, the elastic strain that belongs to their change, [-].
+/// What an increment prescribes, expressed as a strain; for stresses, the elastic strain that corresponds to their
+/// change, [-].
 fn prescribed(start: &ElementState, target: &Target, end: &ElementState) -> f64 {
     let (before, after) = (start.cauchy_stress(), end.cauchy_stress());
     let compliance = change(start, end) / (after - before).norm().max(f64::MIN_POSITIVE);

@@ -1,4 +1,4 @@
-//! Paths of element tests: where the point goes next.
+//! Loading paths of element tests: what is prescribed in the next step.
 
 use super::state::ElementState;
 use crate::tensor::Sym3;
@@ -17,7 +17,7 @@ pub enum Control {
 pub struct Target {
     /// What is prescribed along x, y and z.
     pub axes: [Control; 3],
-    /// True if the strain along z is that along x, whose control then applies to both.
+    /// True if the strain along z equals that along x; the control along x then applies to both.
     pub is_axisymmetric: bool,
     /// Shear components yz, xz and xy of e, [-].
     pub shears: [f64; 3],
@@ -43,7 +43,7 @@ impl Target {
         Target::along_axes(normal.map(Control::Stress))
     }
 
-    /// The target at a fraction of the way from a state, linear in all that is prescribed.
+    /// The target at a fraction of the way from a state to this target; all prescribed quantities vary linearly.
     pub(super) fn between(&self, begin: &ElementState, fraction: f64) -> Target {
         if fraction >= 1.0 {
             return *self;
@@ -64,7 +64,7 @@ impl Target {
     }
 }
 
-/// A path of laboratory tests; y is the axial direction.
+/// The path of a laboratory test; y is the axial direction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Path {
     /// Axial compression without lateral strain.
@@ -85,8 +85,9 @@ pub enum Path {
 }
 
 impl Path {
-    /// The target at a measure of the path: axial compression −e_yy, the shear γ of simple shear, or −ln J of isotropic
-    /// compression, [-]. Stresses that the path holds are those of `initial`, the Cauchy stress at the start, [stress].
+    /// The target at a value of the measure of the path: axial compression −e_yy, the shear γ of simple shear, or −ln J
+    /// of isotropic compression, [-]. Stresses that the path holds constant are those of `initial`, the Cauchy stress
+    /// at the start, [stress].
     pub fn target(self, measure: f64, initial: &Sym3) -> Target {
         use Control::{Strain, Stress};
         let lateral = Stress(initial.0[0]);

@@ -6,7 +6,7 @@ use crate::tensor::{Mat3, Sym3, exp_derivative, log_with_derivative};
 
 /// The response of a point to a deformation.
 pub(super) struct Response {
-    /// The state there.
+    /// The state at this deformation.
     pub state: ElementState,
     /// Cauchy stress σ, [stress].
     pub stress: Sym3,
@@ -22,7 +22,7 @@ struct Trial {
     rates: [Sym3; 3],
 }
 
-/// The response at F = exp(`strain`) (I + `shear` e_x ⊗ e_y) to one increment from the state `start`.
+/// The response to one increment from the state `start` to F = exp(`strain`) (I + `shear` e_x ⊗ e_y).
 pub(super) fn respond(
     law: &dyn Material,
     start: &ElementState,
@@ -49,7 +49,7 @@ pub(super) fn respond(
     };
     let stress = state.cauchy_stress();
     let per_volume = 1.0 / state.volume_ratio();
-    // J grows by J per normal component of e.
+    // ∂J/∂e_ii = J for each normal component of e.
     let rates = trial.rates.map(|rate| rate.contract(&response.tangent) * per_volume - stress);
     let is_finite = stress.norm().is_finite() && rates.iter().all(|rate| rate.norm().is_finite());
     let stiffness = response.tangent.norm();

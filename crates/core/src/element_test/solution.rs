@@ -11,11 +11,11 @@ use crate::tensor::{Mat3, Sym3};
 const MOST_ITERATIONS: usize = 60;
 /// Largest change of a strain in an iteration, [-].
 const LARGEST_CHANGE: f64 = 0.3;
-/// Smallest part of a change that a line search tries, [-].
+/// Smallest fraction of a change that the line search tries, [-].
 const SMALLEST_PART: f64 = 1.0 / 4096.0;
-/// Decrease that a line search requires, per part of the change, [-].
+/// Relative decrease of the residual that the line search requires, per fraction of the change, [-].
 const DECREASE: f64 = 1e-4;
-/// Difference from a prescribed stress, relative to the stresses, at which it is reached, [-].
+/// Difference from a prescribed stress, relative to the stresses, at which it counts as reached, [-].
 const REACHED: f64 = 1e-9;
 /// Round-off of stresses, relative to the stiffness of the law, [-].
 const ROUND_OFF: f64 = 1e-14;
@@ -30,7 +30,7 @@ const MOST_BISECTIONS: usize = 200;
 struct Unknown {
     /// The axis of the strain and of the stress.
     axis: usize,
-    /// The axis whose strain is equal, if any.
+    /// The other axis with the same strain, if any.
     follower: Option<usize>,
     /// The prescribed stress, [stress].
     stress: f64,
@@ -44,12 +44,12 @@ struct Increment<'a> {
     unknowns: Vec<Unknown>,
 }
 
-/// A point of the iterations.
+/// An iterate.
 struct Iterate {
     /// The strain e; its unknown components are being sought.
     strain: Sym3,
     response: Response,
-    /// Difference from the prescribed stress of each unknown, 0 beyond their number, [stress].
+    /// Difference from the prescribed stress for each unknown, 0 beyond their number, [stress].
     residual: [f64; 3],
 }
 
@@ -154,9 +154,10 @@ impl Increment<'_> {
         iterate.residual.iter().all(|r| r.abs() <= tolerance)
     }
 
-    /// Newton's method with a line search. Where the consistent tangent gives no decrease, as at the kink between loading
-    /// and unloading, that at the start of the increment is tried. After the stresses are reached, the iterations go on
-    /// as long as they gain digits. Returns the last iterate, whether the stresses are reached or not.
+    /// Newton's method with a line search. Where the consistent tangent gives no decrease, as at the kink between
+    /// loading and unloading, the tangent at the start of the increment is tried. Once the stresses are reached, the
+    /// iterations continue as long as they gain digits. Returns the last iterate, whether or not the stresses are
+    /// reached.
     fn newton(&self, first: Iterate) -> Iterate {
         let at_start = respond(self.law, self.start, &self.start.strain, self.start.shear);
         let at_start = at_start.ok().map(|response| self.jacobian(&response));
@@ -178,7 +179,7 @@ impl Increment<'_> {
         now
     }
 
-    /// A point on the line of a Newton change at which the residual is smaller.
+    /// An iterate along a Newton change at which the residual is smaller.
     fn line_search(&self, now: &Iterate, jacobian: &Mat3, smallest: f64) -> Option<Iterate> {
         let change: [f64; 3] = jacobian.lu().solve(&(-nalgebra::Vector3::from(now.residual)))?.into();
         let largest = change.iter().fold(0.0, |largest: f64, x| largest.max(x.abs()));
@@ -199,15 +200,16 @@ impl Increment<'_> {
         None
     }
 
-    /// A point near a change of sign of the residual of a single unknown: the nearest change of sign to the start of the
-    /// increment, sought in growing distances on both sides, then bisected.
+    /// An iterate near a change of sign of the residual of a single unknown: the change of sign nearest to the start of
+    /// the increment, sought at growing distances on both sides and then located by bisection.
     fn bracketed(&self) -> Option<Iterate> {
         let from = self.prescribed();
         let at = |by: f64| self.at(&self.changed(&from, [by, 0.0, 0.0])).ok();
         let value = |by: f64| at(by).map(|iterate| iterate.residual[0]);
         let first = value(0.0)?;
         let is_other = |residual: f64| (residual > 0.0) != (first > 0.0);
-        // The stress grows with the strain unless the law softens, so a stress too large asks for compression first.
+        // The stress grows with the strain unless the law softens, so compression is tried first if the stress is too
+        // large.
         let downwards = if first > 0.0 { -1.0 } else { 1.0 };
         let mut inner = [0.0, 0.0];
         let mut distance = FIRST_DISTANCE;

@@ -1,4 +1,4 @@
-//! Element tests against closed forms, and of laws that make them difficult.
+//! Element tests against closed forms, and with laws that make them difficult.
 
 use super::response::respond;
 use super::*;
@@ -174,7 +174,7 @@ const PATHS: [Path; 7] = [
     Path::SimpleShear { constant_normal_stress: true },
 ];
 
-/// Held stresses stay as they are, held volumes too, and the paths end where they should.
+/// Stresses and volumes that are held stay constant, and the paths end where they should.
 #[test]
 fn every_law_follows_every_path() {
     for law in crate::material::tests::laws() {
@@ -228,7 +228,7 @@ fn work_is_energy_and_plastic_work() {
     }
 }
 
-/// Hencky's law is a function of the whole deformation, so a path of strains with shear may be walked in any steps.
+/// Hencky's law is a function of the whole deformation, so a path of strains with shear may be divided into any steps.
 #[test]
 fn a_history_of_strains_with_shear_gives_the_stress_of_its_end() {
     for law in [&Hencky::new(YOUNG, POISSON) as &dyn Material, &NeoHookean::new(YOUNG, POISSON)] {
@@ -287,7 +287,8 @@ fn test_state(law: &dyn Material) -> ElementState {
     states(law, Path::Oedometer, 10e3, &[0.02], 1).remove(1)
 }
 
-/// Pressure as a function of ln J that stiffens abruptly in compression, and a bound on the increments that the law takes.
+/// Pressure as a function of ln J that stiffens abruptly in compression, and a bound on the increments that the law
+/// accepts.
 #[derive(Debug)]
 struct Awkward {
     stiffer: f64,
@@ -295,7 +296,7 @@ struct Awkward {
     stress_at_zero: f64,
     /// Factor by which the tangent is wrong.
     tangent_factor: f64,
-    /// Sudden growth of the pressure under compression.
+    /// Sudden increase of the pressure under compression.
     jump: f64,
 }
 
@@ -346,7 +347,7 @@ fn a_kink_of_the_law_is_passed() {
     }
 }
 
-/// Newton's method diverges from a tangent of the wrong sign; bisection does not need it.
+/// Newton's method diverges with a tangent of the wrong sign; bisection does not need the tangent.
 #[test]
 fn a_single_strain_is_found_without_the_tangent() {
     for tangent_factor in [-1.0, 0.0, 1e-3] {
@@ -357,7 +358,8 @@ fn a_single_strain_is_found_without_the_tangent() {
     }
 }
 
-/// Where ln J reaches −0.01, the lateral stress jumps over the held one: at the axial strain 0.01/(1 − 2 ν) with ν = 2/7.
+/// Where ln J reaches −0.01, the lateral stress jumps past its held value: at the axial strain 0.01/(1 − 2 ν) with ν =
+/// 2/7.
 #[test]
 fn a_stress_that_jumps_over_the_held_one_is_an_error() {
     let law = Awkward { jump: 0.3 * YOUNG, ..SMOOTH };
@@ -420,7 +422,8 @@ fn a_test_begins_where_its_law_can() {
     assert_eq!(ElementTest::new(&stressed, &[0.0], &Sym3::ZERO).unwrap_err(), no_inverse);
 }
 
-/// Sand that loses its strength over a short strain cannot release its elastic strain along the path of drained compression.
+/// Sand that loses its strength within a small strain cannot release its elastic strain along the path of drained
+/// compression.
 #[test]
 fn a_point_that_snaps_back_has_jumped() {
     let friction = |friction_angle: f64| Friction { cohesion: 0.0, friction_angle, dilation_angle: 10.0 };

@@ -16,12 +16,12 @@ use crate::terms::Ledger;
 /// size. Each step starts on an undeformed grid with new basis functions, on which the equilibrium of the previous step
 /// no longer holds exactly. The resulting out-of-balance forces do work, too. This work vanishes with the step size if
 /// the basis functions are smooth. It does not vanish for standard points, whose stress jumps as they cross cell
-/// borders.
+/// boundaries.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Energy {
     /// Work of loads and reactions during the step, [energy].
     pub external_work: f64,
-    /// Work during the step of the out-of-balance forces at its start, [energy].
+    /// Work done during the step by the out-of-balance forces at its start, [energy].
     pub regridding_work: f64,
     /// Work absorbed by the ghost stabilisation during the step, [energy].
     pub stabilisation_work: f64,
@@ -31,11 +31,11 @@ pub struct Energy {
     pub strain_energy: f64,
     /// Plastic work since the start of the analysis, [energy].
     pub plastic_work: f64,
-    /// Plastic work that the history variables of the laws show for this step, but which was not done because the strength
-    /// was reduced, [energy].
+    /// Plastic work that the history variables of the laws record for this step, but which was not done because the
+    /// strength was reduced, [energy].
     pub undone_work: f64,
-    /// Work of friction between tools and bodies during the step, [energy]. The external work contains it: that of tools
-    /// is the work of their forces over their own motion.
+    /// Work of friction between tools and bodies during the step, [energy]. The external work contains it, because the
+    /// work of tools is that of their forces over their own motion.
     pub friction_work: f64,
 }
 
@@ -88,9 +88,9 @@ impl Energy {
 
     /// Energy of a step that is in equilibrium but not yet committed, over all ranks.
     ///
-    /// `start` and `end` are the external forces (loads, reactions) at the start and end of the step, `f_int_start` is
-    /// the internal force at the start, all [force]; `delta_d` is the displacement increment, [length]; `ledger` is the
-    /// energy of the terms.
+    /// `start` and `end` are the external forces (loads and reactions) at the start and end of the step, `f_int_start`
+    /// is the internal force at the start, all [force]; `delta_d` is the displacement increment, [length]; `ledger` is
+    /// the energy of the terms.
     pub fn new<const D: usize, const N: usize>(
         halo: &Halo,
         delta_d: &[[f64; D]],
@@ -126,7 +126,7 @@ pub struct ReactionMoment<const D: usize> {
     /// `None` if it has no active node.
     pub about: Option<[f64; D]>,
     /// Moment on the body about the axes x, y and z, positive by the right-hand rule, [force·length]. In the plane only
-    /// z is not zero; it is positive from x towards y.
+    /// the z component is non-zero; it is positive from x towards y.
     pub moment: [f64; 3],
 }
 

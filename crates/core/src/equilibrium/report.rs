@@ -33,8 +33,8 @@ pub struct StepReport<const D: usize> {
     pub step: Step,
     /// Relative residuals, eq. (40), one per evaluation; the first precedes any solve.
     pub residuals: Vec<f64>,
-    /// True if the step was accepted at the round-off limit, with a residual of at most 10⁻⁶, instead of at the
-    /// tolerance.
+    /// True if round-off, and not the tolerance, has ended the iterations: the residual is at most 10⁻⁶, or only parts that
+    /// carry nothing exceed the tolerance.
     pub rounding_limited: bool,
     /// Out-of-balance force at the nodes of each body alone, relative to the forces on that body, [-]; empty for a
     /// single body.
@@ -50,9 +50,9 @@ pub struct StepReport<const D: usize> {
     pub factorisations: Vec<Factorisation>,
     /// Total number of iterations of the linear solver; 0 for a direct solver.
     pub linear_iterations: usize,
-    /// Number of updates of multipliers. After each, one evaluation shows the new residual before the next linear solve.
+    /// Number of multiplier updates. After each, one evaluation gives the new residual before the next linear solve.
     pub augmentations: usize,
-    /// Largest number of linear solves without an update between them.
+    /// Largest number of linear solves without a multiplier update between them.
     pub most_solves: usize,
     /// Reaction of each boundary condition, [force].
     pub reactions: Vec<[f64; D]>,
@@ -60,7 +60,7 @@ pub struct StepReport<const D: usize> {
     pub moments: Option<Vec<ReactionMoment<D>>>,
     /// Resultant of each load on the points or on its surface, [force].
     pub loads: Vec<[f64; D]>,
-    /// Forces of terms beside the loads of the model, such as those of walls.
+    /// Forces of terms other than the loads of the model, such as those of walls.
     pub forces: Vec<NamedForce<D>>,
     /// The surfaces of the model.
     pub surfaces: Vec<SurfaceFields<D>>,

@@ -6,7 +6,7 @@ use thiserror::Error;
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error("{message}")]
 pub struct FormulaError {
-    /// The error as a fragment in lower case.
+    /// The message, a fragment in lower case.
     pub message: String,
     /// Offset of the faulty part of the text, [byte].
     pub offset: usize,

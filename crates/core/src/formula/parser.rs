@@ -141,7 +141,7 @@ impl<'a> Parser<'a> {
         Ok(())
     }
 
-    /// Parses an expression of operators with a precedence above `floor`.
+    /// Parses an expression whose operators have a precedence above `floor`.
     fn expression(&mut self, floor: u8) -> Result<(), FormulaError> {
         self.nesting += 1;
         if self.nesting > MAX_NESTING {

@@ -57,7 +57,7 @@ impl Axis {
         }
         let farthest = lines.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
         for (number, pair) in lines.windows(2).enumerate() {
-            // Positions must be resolved to a share of the cell, and sizes must be numbers.
+            // Positions must be resolved to a fraction of the cell, and sizes must be numbers.
             let size = pair[1] - pair[0];
             if size.is_nan() || size * ON_LINE < f64::EPSILON * farthest || !(size > 0.0 && size.is_finite())
             {
@@ -67,11 +67,11 @@ impl Axis {
         Ok(Axis { n_cells: lines.len() - 1, lines: Lines::Graded(lines.into()) })
     }
 
-    /// Intervals one after the other from `origin` on, [length]. With the ratio r, the line k of an interval of n cells
-    /// and length L lies L (1 + r + … + r^(k−1)) / (1 + r + … + r^(n−1)) beyond its start.
+    /// Consecutive intervals from `origin` on, [length]. With the ratio r, line k of an interval of n cells and length
+    /// L lies L (1 + r + … + r^(k−1)) / (1 + r + … + r^(n−1)) beyond its start.
     ///
     /// # Errors
-    /// As [`Axis::graded`], also where an interval ends before it starts.
+    /// As [`Axis::graded`], and if an interval ends before it starts.
     pub fn from_intervals(origin: f64, intervals: &[Interval]) -> Result<Axis, CoincidentLines> {
         let mut lines = vec![origin];
         let mut start = origin;
@@ -283,7 +283,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Four cells from 0 to 1, of which each is half as large as the one before; three of size 2 from there to 7.
+    /// Four cells from 0 to 1, each half as large as the one before, then three of size 2 up to 7.
     fn graded() -> Axis {
         let intervals =
             [Interval { to: 1.0, cells: 4, ratio: 0.5 }, Interval { to: 7.0, cells: 3, ratio: 1.0 }];

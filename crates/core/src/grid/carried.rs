@@ -17,10 +17,10 @@ pub struct CarriedLines {
     pub by: f64,
 }
 
-/// Lines that cannot be carried where they should be.
+/// Lines that cannot be carried to where they should be.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum CarryError {
-    /// Cells would become smaller than [`LEAST_SIZE`] times their original size, or be turned over.
+    /// Cells would become smaller than [`LEAST_SIZE`] times their original size, or be inverted.
     #[error("{}", squeezed(*ratio))]
     Squeezed {
         /// Numbers of the lines between which the cells lie.
@@ -45,8 +45,8 @@ fn squeezed(ratio: f64) -> String {
 
 impl Axis {
     /// The axis after groups of lines have been carried along; the groups must ascend without overlap. All other lines
-    /// keep their relative place between the carried lines on either side, or between a carried line and an end of the
-    /// axis, which stays unless it is carried itself.
+    /// keep their relative position between the carried lines on either side, or between a carried line and an end of
+    /// the axis, which stays unless it is carried itself.
     ///
     /// # Errors
     /// [`CarryError`] where cells would be squeezed.

@@ -16,9 +16,10 @@ use cell::Cell;
 pub use error::{CellReport, HangingNode, MeshError, MeshWarning};
 pub use sides::{BoundarySide, Side};
 
-/// Relative distance, in units of the cell size, within which a position counts as lying on the border of a cell.
+/// Relative distance, in units of the cell size, within which a position counts as lying on the boundary of a cell.
 ///
-/// Positions that lie on a border in exact arithmetic must all belong to the same cell, whatever their round-off.
+/// Positions that lie on such a boundary in exact arithmetic must all belong to the same cell, whatever their
+/// round-off.
 pub const ON_EDGE: f64 = 1e-9;
 
 /// An unstructured mesh. Cells have positive volume and do not overlap; quadrilaterals are convex and hexahedra do not
@@ -149,7 +150,7 @@ impl<const D: usize> Mesh<D> {
     /// the search faster; it never changes the result.
     pub fn locate(&self, x: &[f64; D], hint: Option<u32>) -> Option<u32> {
         if let Some(cell) = hint.filter(|cell| (*cell as usize) < self.n_cells()) {
-            // Beyond this distance from the border, no other cell, however large, can claim the position.
+            // Beyond this distance from the boundary, no other cell, however large, can claim the position.
             if self.cell(cell).holds(x, 2.0 * ON_EDGE * self.largest_size) {
                 return Some(cell);
             }
@@ -158,8 +159,8 @@ impl<const D: usize> Mesh<D> {
         candidates.find(|&cell| self.cell(cell).touches(x, ON_EDGE * self.size(cell)))
     }
 
-    /// The cell nearest to a position inside or outside the mesh. Among cells at equal distance, within [`ON_EDGE`],
-    /// the one with the lowest number.
+    /// The cell nearest to a position inside or outside the mesh; of several cells at equal distance, within
+    /// [`ON_EDGE`], the one with the lowest number.
     pub fn nearest_cell(&self, x: &[f64; D]) -> u32 {
         if let Some(cell) = self.locate(x, None) {
             return cell;
@@ -178,9 +179,9 @@ impl<const D: usize> Mesh<D> {
         near.iter().map(|(cell, _)| *cell).min().unwrap_or(0)
     }
 
-    /// The basis of a cell at a position, continued outside the cell. A position within [`ON_EDGE`] of the border of
-    /// the cell counts as lying on it: nodes off that border get exactly zero, so that round-off never activates a node
-    /// with negligible stiffness.
+    /// The basis of a cell at a position, continued outside the cell. A position within [`ON_EDGE`] of the boundary of
+    /// the cell counts as lying on it: nodes off that part of the boundary get exactly zero, so that round-off never
+    /// activates a node with negligible stiffness.
     ///
     /// Far outside a quadrilateral or hexahedron, where its map has no inverse, the linear basis of a part of the cell
     /// is used, which still reproduces linear fields.
@@ -212,7 +213,7 @@ impl<const D: usize> Mesh<D> {
     }
 }
 
-/// Snaps local coordinates and shape functions to the border of the cell if they are within round-off of it.
+/// Snaps local coordinates and shape functions to the boundary of the cell if they are within round-off of it.
 fn on_border<const D: usize>(shape: ElementShape, mut xi: [f64; D]) -> ([f64; D], [f64; MAX_NODES]) {
     if shape == ElementShape::Box {
         for x in xi.iter_mut().filter(|x| (x.abs() - 1.0).abs() < 2.0 * ON_EDGE) {

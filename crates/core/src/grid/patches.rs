@@ -1,8 +1,9 @@
 //! Patches: small connected groups of triangles or tetrahedra, over which the dilatation may be averaged.
 //!
-//! The gradient in a simplex is constant, so that its own mean dilatation changes nothing. There are two triangles to a node
-//! of a large mesh, and about five and a half tetrahedra: one volume constraint for every three or four triangles, or eight
-//! tetrahedra, leaves enough freedom at constant volume (de Souza Neto, Andrade Pires and Owen 2005).
+//! The gradient in a simplex is constant, so averaging the dilatation over the simplex alone changes nothing. A large
+//! mesh has about two triangles, or five and a half tetrahedra, per node: one volume constraint for every three or four
+//! triangles, or eight tetrahedra, leaves enough freedom at constant volume (de Souza Neto, Andrade Pires and Owen
+//! 2005).
 
 use super::Grid;
 use super::sides::sides_of;
@@ -10,23 +11,24 @@ use super::sides::sides_of;
 /// The patches of a mesh. Quadrilaterals and hexahedra are patches of their own.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Patches {
-    /// For each cell, its patch.
+    /// For each cell, the number of its patch.
     pub patch_of: Vec<u32>,
-    /// For each cell, its place in the order of patches.
+    /// For each cell, its index in the order of patches.
     pub rank_of: Vec<u32>,
 }
 
-/// Most cells that grow into a patch.
+/// Largest number of cells to which a patch grows.
 const fn most_cells(dimension: usize) -> usize {
     if dimension == 3 { 8 } else { 4 }
 }
 
-/// Marks a cell without patch.
+/// Marks a cell without a patch.
 const NONE: u32 = u32::MAX;
 
 impl Patches {
-    /// Forms the patches of a mesh, from the cells in their order: each takes the neighbours that share most sides with it,
-    /// and of those the nearest; patches of at most half the size are then joined to the smallest patch beside them.
+    /// Forms the patches of a mesh from its cells in order: each patch takes the neighbours that share the most sides
+    /// with it, the nearest first; patches of at most half the full size are then joined to the smallest neighbouring
+    /// patch.
     pub fn new<const D: usize>(grid: &dyn Grid<D>) -> Self {
         let neighbours = neighbours(grid);
         let n = grid.n_cells();
@@ -64,7 +66,7 @@ impl Patches {
     }
 }
 
-/// The cell that shares most sides with a patch, and of several the one nearest to its centre.
+/// The cell that shares the most sides with a patch; of several, the one nearest to the centre of the patch.
 fn best<const D: usize>(
     grid: &dyn Grid<D>,
     patch: &[u32],
@@ -91,7 +93,7 @@ fn best<const D: usize>(
         .map(|(_, cell)| cell)
 }
 
-/// Joins small patches to the smallest patch beside them.
+/// Joins small patches to their smallest neighbouring patch.
 fn join_small(
     patches: &mut [Vec<u32>],
     patch_of: &mut [u32],

@@ -3,18 +3,18 @@
 use super::Grid;
 use super::element::ElementShape;
 
-/// A side of a cell of a list.
+/// A side of a cell in a list.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Side {
-    /// Its nodes, ascending, filled up with `u32::MAX`; the same for all cells that share the side.
+    /// Its nodes, ascending, padded with `u32::MAX`; the same for all cells that share the side.
     pub key: [u32; 4],
-    /// Place of its cell in the list.
+    /// Index of its cell in the list.
     pub cell: usize,
-    /// Its nodes in turn: an edge has the cell to its left, a face is counterclockwise as seen from outside.
+    /// Its nodes in order: an edge has the cell to its left, a face is counterclockwise as seen from outside.
     pub nodes: Vec<u32>,
 }
 
-/// The sides of the cells of a list, sorted, so that equal ones follow each other.
+/// The sides of the cells in a list, sorted, so that equal sides are adjacent.
 pub fn sides_of<const D: usize>(grid: &dyn Grid<D>, cells: &[u32]) -> Vec<Side> {
     let mut sides = Vec::new();
     for (place, &cell) in cells.iter().enumerate() {

@@ -84,7 +84,7 @@ impl<const D: usize> Structured<D> {
     }
 
     /// Indices of the cell that contains a position; `None` outside the grid. A position on a grid line belongs to the
-    /// upper cell, on the upper border of the grid to the last cell.
+    /// upper cell; on the upper boundary of the grid, to the last cell.
     #[inline(always)]
     pub fn locate_index(&self, position: &[f64; D]) -> Option<[usize; D]> {
         let mut index = [0; D];

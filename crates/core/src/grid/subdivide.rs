@@ -16,7 +16,7 @@ pub struct ElementPart<const D: usize> {
 
 /// Positions of `n` points in a triangle: barycentric coordinates, and the share of the area of each point.
 ///
-/// - `n` = k²: dividing the sides into k gives k² congruent triangles; the points are their centroids.
+/// - `n` = k²: dividing the sides into k parts gives k² congruent triangles; the points are their centroids.
 /// - `n` = 8: each of the four triangles of k = 2 is halved by its median from the corner that corresponds to the first
 ///   node of the triangle (in the inverted middle triangle, the corner opposite that node); the points are the
 ///   centroids of the halves.
@@ -302,7 +302,7 @@ mod tests {
         assert_eq!(parts.len(), n.iter().product::<usize>());
         let whole = ElementShape::Box.volume(corners);
         assert!((parts.iter().map(|p| p.volume).sum::<f64>() - whole).abs() < 1e-14 * whole);
-        // The centroids of the parts balance to that of the whole.
+        // The centroids of the parts, weighted by volume, average to the centroid of the whole.
         let centroid = ElementShape::Box.centroid(corners);
         for d in 0..D {
             let moment: f64 = parts.iter().map(|p| p.volume * p.position[d]).sum();

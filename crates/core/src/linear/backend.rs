@@ -27,9 +27,9 @@ pub trait Backend<const D: usize, const N: usize = D>: Send {
     /// [`LinearError`].
     fn factorise(&mut self, layout: &Layout<D, N>, matrix: &BlockMatrix<N>) -> Result<(), LinearError>;
 
-    /// Solves for `x` to a residual of `tolerance` relative to `b`, [-], or better. Only the unknowns of `b` count; `x` is
-    /// zero elsewhere. The factor or preconditioner may be that of an earlier matrix: a direct backend then solves the
-    /// earlier equations, an iterative one those of `stiffness`.
+    /// Solves for `x` to a residual of `tolerance` relative to `b`, [-], or better. Only the unknowns of `b` count; `x`
+    /// is zero elsewhere. The factor or preconditioner may be that of an earlier matrix: a direct backend then solves
+    /// the earlier equations, an iterative one the equations of `stiffness`.
     ///
     /// # Errors
     /// [`LinearError`].
@@ -51,17 +51,17 @@ pub trait Backend<const D: usize, const N: usize = D>: Send {
 
 /// A library that solves the equations of several ranks.
 pub trait Engine<const D: usize>: Send + Sync + std::fmt::Debug {
-    /// A backend that factorises; `None` for the built-in one.
+    /// A direct backend; `None` to use the built-in one.
     fn direct(&self) -> Option<Box<dyn Backend<D>>> {
         None
     }
 
-    /// A backend that iterates on structured grids; `None` for the built-in one.
+    /// An iterative backend for structured grids; `None` to use the built-in one.
     fn iterative(&self) -> Option<Box<dyn Backend<D>>> {
         None
     }
 
-    /// A backend that iterates on any grid, with whatever holds the nodes; `None` if there is none.
+    /// An iterative backend for any grid and any way of holding nodes; `None` if there is none.
     fn algebraic(&self) -> Option<Box<dyn Backend<D>>> {
         None
     }
@@ -88,22 +88,22 @@ pub struct Layout<'a, const D: usize, const N: usize = D> {
     /// Grid node of each active node, ascending. Unlike active nodes and unknowns, grid nodes keep their numbers from
     /// step to step.
     pub nodes: &'a [u32],
-    /// Integer coordinates of an active node: its place in a structured grid, or a binning of its position in a mesh.
+    /// Integer coordinates of an active node: its indices in a structured grid, or its binned position in a mesh.
     pub lattice: &'a (dyn Fn(usize) -> [u32; D] + 'a),
     /// Coordinates of an active node, [length].
     pub position: &'a (dyn Fn(usize) -> [f64; D] + 'a),
-    /// Coordinates of the lines of the lattice along each axis, [length]; `None` along axes on which they are evenly
-    /// spaced or unknown.
+    /// Coordinates of the lattice lines along each axis, [length]; `None` along axes on which they are evenly spaced or
+    /// unknown.
     pub lines: [Option<&'a [f64]>; D],
     /// True if an analysed pattern may be reused for patterns that it contains.
     pub keeps_pattern: bool,
-    /// The active nodes shared with other ranks. If there are any, the matrix holds the contributions of this rank only; vectors
-    /// are complete.
+    /// The active nodes shared with other ranks. If there are any, the matrix holds the contributions of this rank
+    /// only; vectors are complete.
     pub halo: &'a Halo,
 }
 
 impl<const D: usize, const N: usize> Layout<'_, D, N> {
-    /// Names of the unknowns that stay valid from step to step: grid node times `N`, plus the component; ascending.
+    /// Names of the unknowns, which stay valid from step to step: grid node times `N`, plus the component; ascending.
     pub fn names(&self) -> Vec<u64> {
         let mut names = Vec::with_capacity(self.numbering.count());
         self.numbering.for_each(|node, component, unknown| {

@@ -1,4 +1,4 @@
-//! A matrix of blocks on pairs of grid nodes, and its product with a vector.
+//! A matrix with a block for each coupled pair of grid nodes, and its product with a vector.
 
 use std::ops::Range;
 
@@ -7,10 +7,10 @@ use pulp::Arch;
 /// A block of a pair of nodes, `[i][k]`: row component i, column component k.
 pub type Block<const N: usize> = [[f64; N]; N];
 
-/// A task has at least this many columns.
+/// Least number of columns of a task.
 const COLUMNS: usize = 2048;
 
-/// Rows of a sum that one thread adds up.
+/// Rows that one thread sums at a time.
 const ROWS: usize = 1024;
 
 /// A square matrix of N×N blocks by columns, as assembled; for a symmetric matrix only the blocks with row ≥ column.
@@ -39,7 +39,7 @@ pub struct Division<const N: usize> {
 struct Task {
     columns: Range<usize>,
     rows: Range<usize>,
-    /// Start of its rows in the working space of all tasks.
+    /// Start of its rows in the common working space of all tasks.
     place: usize,
 }
 
@@ -49,7 +49,7 @@ impl<const N: usize> Division<N> {
         let n = column_start.len().saturating_sub(1);
         let rows_of = |c: usize| &row[column_start[c]..column_start[c + 1]];
         let reach = |c: usize| rows_of(c).last().map_or(0, |&r| (r as usize).saturating_sub(c));
-        // Working spaces that overlap little cost little.
+        // Working spaces with little overlap cost little.
         let size = COLUMNS.max(2 * (0..n).map(reach).max().unwrap_or(0));
         let mut tasks = Vec::new();
         let mut place = 0;
@@ -71,7 +71,7 @@ impl<const N: usize> Division<N> {
 }
 
 impl<const N: usize> BlockMatrix<'_, N> {
-    /// Visits all blocks by columns: row, column, and place among the blocks.
+    /// Visits all blocks by columns: row, column, and index of the block.
     pub fn for_each(&self, mut visit: impl FnMut(usize, usize, usize)) {
         for column in 0..self.column_start.len() - 1 {
             for place in self.column_start[column]..self.column_start[column + 1] {
@@ -150,7 +150,7 @@ impl<const N: usize> BlockMatrix<'_, N> {
     }
 }
 
-/// Adds up the working spaces of all tasks, in their order, on the rows of `out`, which start at row `first`.
+/// Sums the working spaces of all tasks, in task order, on the rows of `out`, which start at row `first`.
 fn collect<const N: usize>(tasks: &[Task], room: &[[f64; N]], first: usize, out: &mut [[f64; N]]) {
     if out.len() > ROWS {
         let middle = out.len() / 2;

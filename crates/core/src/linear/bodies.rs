@@ -44,7 +44,7 @@ pub fn scattered<const D: usize>(cell: [u32; D], cells: [u32; D], n: usize) -> u
     (number.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 33) as usize % n
 }
 
-/// The solution at the nodes of all ranks, which must agree with each other.
+/// The solution at the nodes of all ranks, which must agree with one another.
 pub fn whole<'a, const D: usize>(
     found: impl IntoIterator<Item = &'a BTreeMap<u32, [f64; D]>>,
 ) -> BTreeMap<u32, [f64; D]> {
@@ -63,9 +63,9 @@ pub fn whole<'a, const D: usize>(
 pub struct Body<const D: usize> {
     /// Number of cells along each axis.
     pub cells: [u32; D],
-    /// How much of each cell the body fills; `None` where no point touches the cell.
+    /// Fraction of each cell that the body fills; `None` where no point touches the cell.
     pub fill: fn([u32; D]) -> Option<f64>,
-    /// The ratio of successive distances of lines.
+    /// The ratio of successive line spacings.
     pub ratio: f64,
     /// Factor of an unsymmetric part.
     pub skew: f64,
@@ -75,23 +75,23 @@ pub struct Body<const D: usize> {
     pub is_wide: bool,
 }
 
-/// What a rank finds.
+/// The results on one rank.
 pub struct Found<const D: usize> {
     /// Solution by grid node.
     pub x: BTreeMap<u32, [f64; D]>,
     /// The outcome.
     pub solved: Result<Solved, LinearError>,
-    /// Nodes of all ranks of each level.
+    /// Number of nodes of each level, over all ranks.
     pub levels: Vec<usize>,
-    /// Own nodes of this rank and ghosts of each level.
+    /// Number of own nodes of this rank, and of its ghosts, on each level.
     pub here: Vec<[usize; 2]>,
 }
 
-/// The part of the equations that a rank has.
+/// The part of the equations that one rank holds.
 pub struct Part<const D: usize> {
-    /// Grid nodes that its cells touch, ascending.
+    /// Grid nodes that the cells of the rank touch, ascending.
     pub nodes: Vec<u32>,
-    /// Their places on the lattice.
+    /// Lattice positions of these nodes.
     pub places: Vec<[u32; D]>,
     /// The lines of the lattice.
     pub lines: [Option<Vec<f64>>; D],
@@ -104,7 +104,7 @@ pub struct Part<const D: usize> {
 }
 
 impl<const D: usize> Part<D> {
-    /// The contributions of its cells to the matrix.
+    /// The contributions of the cells of the rank to the matrix.
     pub fn matrix(&self) -> BlockMatrix<'_, D> {
         let Part { symmetric, column_start, row, blocks, .. } = self;
         BlockMatrix { symmetric: *symmetric, column_start, row, blocks }
@@ -122,7 +122,7 @@ impl<const D: usize> Part<D> {
         })
     }
 
-    /// Loads at its nodes, whole at those that other ranks touch, too.
+    /// Loads at the nodes of the rank, complete also at nodes that other ranks touch.
     fn loads(&self) -> Vec<[f64; D]> {
         let load = |node: &u32| std::array::from_fn(|d| (f64::from(*node) * 0.37 + d as f64).sin());
         self.nodes.iter().map(load).collect()
@@ -140,7 +140,7 @@ impl<const D: usize> Part<D> {
         })
     }
 
-    /// One cycle of the preconditioner for the loads, by grid node.
+    /// The result of one preconditioner cycle for the loads, by grid node.
     pub fn precondition(&self) -> BTreeMap<u32, [f64; D]> {
         let mut preconditioner = Preconditioner::default();
         let mut z = self.loads();
@@ -170,7 +170,7 @@ impl<const D: usize> Body<D> {
         })
     }
 
-    /// Lines of the lattice, the first ones below the body.
+    /// Lattice lines, of which the first ones lie below the body.
     fn lines(&self) -> [Option<Vec<f64>>; D] {
         std::array::from_fn(|d| {
             let line = |k: u32| (0..k).map(|k| self.ratio.powi(k as i32)).sum::<f64>();
@@ -250,7 +250,7 @@ impl<const D: usize> Body<D> {
         }
     }
 
-    /// The part of a rank, with the cells that `rank_of` gives it.
+    /// The part of a rank, with the cells that `rank_of` assigns to it.
     pub fn part(&self, ranks: &Ranks, rank_of: impl Fn([u32; D]) -> usize) -> Part<D> {
         let mut sums = Blocks::new();
         for cell in self.touched().into_iter().filter(|cell| rank_of(*cell) == ranks.own()) {
@@ -285,7 +285,7 @@ impl<const D: usize> Body<D> {
         Part { places, lines: self.lines(), numbering, halo, symmetric, column_start, row, blocks, nodes }
     }
 
-    /// Solves for loads at all nodes; a rank has the cells that `rank_of` gives it.
+    /// Solves for loads at all nodes; a rank has the cells that `rank_of` assigns to it.
     pub fn solve(&self, ranks: &Ranks, rank_of: impl Fn([u32; D]) -> usize) -> Found<D> {
         let part = self.part(ranks, rank_of);
         let mut krylov = Krylov::default();

@@ -26,7 +26,7 @@ const WORK_OF_SEPARATOR: f64 = 5.0;
 /// iterations included; measured, see `docs/performance.md`.
 const WORK_OF_BLOCK: f64 = 40e3;
 
-/// Unknowns in the plane up to which a factorisation is faster.
+/// Number of unknowns in the plane up to which a factorisation is faster.
 const MOST_IN_PLANE: f64 = 1e6;
 
 /// Time of an iterative solution with an algebraic multigrid, divided by that with a geometric one; measured, see
@@ -38,15 +38,15 @@ pub const ALGEBRAIC: f64 = 5.0;
 pub struct Extent {
     /// Number of nodes.
     pub nodes: f64,
-    /// Largest distance along an axis, in cells, of two nodes that are coupled.
+    /// Largest distance along an axis, in cells, between two coupled nodes.
     pub reach: f64,
     /// Number of coupled pairs of nodes, each counted once.
     pub pairs: f64,
 }
 
 impl Extent {
-    /// The size of a system on a mesh, whose nodes have no coordinates in cells: nodes are coupled as far as on a structured grid
-    /// with as many pairs.
+    /// The size of a system on a mesh, whose nodes have no coordinates in cells: the reach is taken from a structured
+    /// grid with as many pairs.
     pub fn of_mesh<const D: usize>(nodes: f64, pairs: f64) -> Self {
         let coupled = 2.0 * pairs / nodes.max(1.0) - 1.0;
         let reach = (0.5 * (coupled.max(1.0).powf(1.0 / D as f64) - 1.0)).max(1.0);
@@ -54,8 +54,8 @@ impl Extent {
     }
 
     /// True if conjugate gradients solve a positive definite system of this size in `D` dimensions much faster than a
-    /// factorisation. The work of the latter is that of its last separator, whose thickness is the reach of couplings. A
-    /// preconditioner without coarser grids takes longer.
+    /// factorisation. The work of a factorisation is that of its last separator, whose thickness is the reach of the
+    /// couplings. A preconditioner without coarser grids takes longer.
     pub fn is_large<const D: usize>(&self, has_coarser_grids: bool) -> bool {
         let slower = if has_coarser_grids { 1.0 } else { ALGEBRAIC };
         if D < 3 {

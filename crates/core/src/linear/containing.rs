@@ -4,11 +4,11 @@ use serde::{Deserialize, Serialize};
 
 use super::Pattern;
 
-/// A pattern is not reused for one with fewer unknowns by more than this factor, [-].
+/// A pattern is reused only for patterns whose number of unknowns is smaller by at most this factor, [-].
 const MOST: f64 = 1.25;
 
-/// The analysed pattern of a symmetric matrix whose unknowns have names that stay valid from step to step: node of the
-/// grid times the number of axes, plus the axis; ascending.
+/// The analysed pattern of a symmetric matrix. The names of its unknowns stay valid from step to step: grid node times
+/// the number of axes, plus the axis; ascending.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Named {
     /// Name of each unknown.
@@ -20,8 +20,8 @@ pub struct Named {
 }
 
 impl Named {
-    /// True if it can be a pattern of unknowns of a grid with this number of nodes in `D` dimensions; a pattern from a
-    /// file may not be.
+    /// True if this can be a pattern of unknowns of a grid with this number of nodes in `D` dimensions, which a pattern
+    /// from a file need not be.
     pub fn can_be_of<const D: usize>(&self, nodes: usize) -> bool {
         let Pattern { n, column_start, row, symmetric } = &self.pattern;
         let of_column = |j: usize| {
@@ -52,7 +52,7 @@ impl Named {
     }
 }
 
-/// The places of the unknowns and entries of a pattern in one that contains it.
+/// The indices of the unknowns and entries of a pattern in a larger one that contains it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Embedding {
     unknown: Vec<usize>,
@@ -64,7 +64,7 @@ pub struct Embedding {
 }
 
 impl Embedding {
-    /// `None` if the larger pattern does not contain the other, or is too large for reuse to pay off.
+    /// `None` if the larger pattern does not contain the given one, or is too large for reuse to pay off.
     pub fn new(names: &[u64], of: &Pattern, outer: &Named) -> Option<Embedding> {
         let within = &outer.pattern;
         if within.n as f64 > MOST * of.n as f64 {
@@ -84,8 +84,8 @@ impl Embedding {
         Some(Embedding { absent: absent.collect(), unknown, entry, n: within.n, n_entries: within.row.len() })
     }
 
-    /// Values of the larger pattern: those of the other, and an arbitrary diagonal entry for each unknown that the
-    /// other does not have.
+    /// Values of the larger pattern: the values of the contained pattern, and an arbitrary diagonal entry for each
+    /// unknown that the contained pattern does not have.
     pub fn values(&self, inner: &[f64]) -> Vec<f64> {
         let mut values = vec![0.0; self.n_entries];
         let mut largest = 0.0f64;
@@ -97,7 +97,7 @@ impl Embedding {
         values
     }
 
-    /// A right-hand side of the larger pattern.
+    /// A right-hand side for the larger pattern.
     pub fn spread(&self, inner: &[f64]) -> Vec<f64> {
         let mut rhs = vec![0.0; self.n];
         for (&place, &value) in self.unknown.iter().zip(inner) {
@@ -106,20 +106,20 @@ impl Embedding {
         rhs
     }
 
-    /// The part of a solution that belongs to the unknowns.
+    /// The part of a solution for the larger pattern that belongs to the unknowns of the contained one.
     pub fn gather(&self, outer: &[f64], inner: &mut [f64]) {
         for (&place, value) in self.unknown.iter().zip(inner) {
             *value = outer[place];
         }
     }
 
-    /// The number of an unknown of the larger pattern in the other.
+    /// The number, in the contained pattern, of an unknown of the larger one; `None` if it is not there.
     pub fn number(&self, outer: usize) -> Option<usize> {
         self.unknown.binary_search(&outer).ok()
     }
 }
 
-/// The place of each of some ascending numbers among others; `None` where one is missing.
+/// The index of each of some ascending numbers among others, also ascending; `None` if one is missing.
 fn places<T: PartialEq>(of: &[T], among: &[T]) -> Option<Vec<usize>> {
     let mut next = 0;
     of.iter()
@@ -143,7 +143,7 @@ mod tests {
             pattern.row.extend((j..names.len()).filter(|&i| names[i] / 2 - names[j] / 2 <= 1));
             pattern.column_start.push(pattern.row.len());
         }
-        // Not the natural order.
+        // A different order from the natural one.
         let order = (0..names.len()).rev().collect();
         Named { names, pattern, order }
     }

@@ -1,4 +1,5 @@
-//! Sparse direct solver: LLᵀ and LU by fronts, and LDLᵀ and LU with pivoting of the faer library, behind one interface.
+//! Sparse direct solver: multifrontal LLᵀ and LU, and LDLᵀ and LU with pivoting from the faer library, behind one
+//! interface.
 
 use crate::memory::{Bound, Memory};
 
@@ -7,14 +8,14 @@ use super::multifrontal::Multifrontal;
 use super::pivoted_lu::PivotedLu;
 use super::{FactorSize, Factorisation, LinearError, LinearSolver, Pattern};
 
-/// Largest relative residual of a solution that is accepted from a factorisation without pivoting.
+/// Largest relative residual at which a solution from a factorisation without pivoting is accepted.
 pub(super) const UNPIVOTED_RESIDUAL: f64 = 1e-8;
 
 /// A factor of fewer bytes is allocated without checking the available memory.
 const LITTLE: u64 = 64 << 20;
 
-/// Unknowns whose diagonal entry is below this multiple of the largest are weak: they belong to nodes that points hardly
-/// touch.
+/// Unknowns whose diagonal entry is below this multiple of the largest are weak: they belong to nodes that points
+/// hardly touch.
 pub(super) const WEAK: f64 = 1e-2;
 
 /// Weak unknowns are lost if they move farther than the others by this factor.
@@ -27,50 +28,51 @@ const SHIFT: f64 = 1e-9;
 /// curvature of the matrix, which may be negative.
 const SINGULAR_RESIDUAL: f64 = 1e-10;
 
-/// Most steps of iterative refinement that correct for a shift, and the relative residual that they must reach.
+/// Largest number of steps of iterative refinement after a shift, and the relative residual that they must reach.
 pub(super) const REFINEMENTS: usize = 4;
 const REFINED_RESIDUAL: f64 = 1e-12;
 
-/// Relative residual that refinement aims at where pivots are not exchanged, for the accuracy of LU with pivoting.
+/// Relative residual at which refinement aims if pivots are not exchanged, to match the accuracy of LU with pivoting.
 pub(super) const ROUND_OFF: f64 = 1e-14;
 
-/// A direct solver. Symmetric matrices get LLᵀ, LDLᵀ when they are not positive definite, others LU; both get LU with
-/// pivoting when that is not accurate.
+/// A direct solver. It factorises a symmetric matrix by LLᵀ, or by LDLᵀ if the matrix is not positive definite, and any
+/// other matrix by LU. If the result is not accurate, it uses LU with pivoting.
 ///
 /// If weak unknowns leave the matrix singular to working precision, their diagonal entries are shifted and solutions
 /// refined until they solve the original equations. This happens if only a corner of a domain touches two nodes: every
 /// point sees the same basis function for both, so one combination of them causes no strain and no motion, and carries
 /// no load.
 ///
-/// Threads share the fronts of LLᵀ and LU in a way that does not change their bits; everything else runs on one thread.
+/// Threads share the fronts of LLᵀ and LU in a way that does not change the bits of the factor; everything else runs on
+/// one thread.
 #[derive(Default)]
 pub struct Direct {
     pattern: Pattern,
-    /// Place of the diagonal entry of each unknown, where the factorisation by fronts has a layout.
+    /// Index of the diagonal entry of each unknown, if the multifrontal factorisation has a layout.
     diagonal: Vec<usize>,
     /// The unknowns in the order of elimination.
     order: Vec<usize>,
-    /// LLᵀ of a symmetric matrix, LU of another. An unsymmetric pattern has none.
+    /// LLᵀ of a symmetric matrix, LU of any other; `None` for an unsymmetric pattern.
     fronts: Option<Multifrontal>,
     ldlt: Option<Ldlt>,
     pivoted: Option<PivotedLu>,
     values: Vec<f64>,
-    /// The factor by fronts or that of LDLᵀ.
+    /// The multifrontal factor or that of LDLᵀ.
     factor: Vec<f64>,
     work: Vec<f64>,
     kind: Option<Kind>,
     /// True if the factor is that of a shifted matrix.
     shifted: bool,
-    /// Norm of the largest right-hand side of such a matrix since the last call for analysis.
+    /// Largest norm of a right-hand side solved with the shifted matrix since the last call for analysis.
     largest: f64,
     /// The unknown at which a factorisation without pivoting met a zero pivot.
     suspect: Option<usize>,
 }
 
-/// The factorisation at hand.
+/// The kind of the current factorisation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Kind {
-    /// LLᵀ or, of an unsymmetric matrix, LU.
+    /// LLᵀ or, for an unsymmetric matrix, LU.
     Fronts,
     Ldlt,
     PivotedLu,
@@ -81,7 +83,8 @@ fn ask_for(needed: u64) -> Result<(), LinearError> {
     if is_available(needed, needed) { Ok(()) } else { Err(LinearError::OutOfMemory { needed: Some(needed) }) }
 }
 
-/// True if this process may take the bytes that it needs here, and all processes of its machine together those that they need.
+/// True if the memory suffices for the bytes that this process needs, and for the bytes that all processes on its
+/// machine need together.
 pub(super) fn is_available(here: u64, on_this_machine: u64) -> bool {
     let has_room = |memory: Memory| {
         let needed = if memory.bound == Bound::AddressSpace { here } else { on_this_machine };
@@ -157,12 +160,12 @@ impl LinearSolver for Direct {
 }
 
 impl Direct {
-    /// The size of the factors of the analysed pattern by fronts.
+    /// The size of the multifrontal factors of the analysed pattern.
     pub fn factor_size(&self) -> FactorSize {
         self.fronts.as_ref().map(Multifrontal::size).unwrap_or_default()
     }
 
-    /// LLᵀ or LU by fronts; false if the matrix has none.
+    /// Multifrontal LLᵀ or LU; false if the matrix has no such factor.
     fn factorise_fronts(&mut self, values: &[f64]) -> bool {
         self.fronts.as_mut().is_some_and(|fronts| fronts.factorise(values, &mut self.factor))
     }
@@ -171,7 +174,7 @@ impl Direct {
         self.fronts.as_ref().is_none_or(|fronts| fronts.has_positive_pivots(&self.factor))
     }
 
-    /// Replaces the right-hand side, which is also given, by the solution.
+    /// Replaces the right-hand side, of which `given` is a copy, by the solution.
     fn solve_unshifted(&mut self, given: &[f64], rhs: &mut [f64]) -> Result<(), LinearError> {
         if self.shifted {
             // A load acts on a motion with no, little or negative resistance.
@@ -222,13 +225,13 @@ impl Direct {
         weak > LOST * strong
     }
 
-    /// Replaces a lost solution by that with the factor of the shifted matrix, if that solves the equations.
+    /// Replaces a lost solution by the one from the factor of the shifted matrix, if this one solves the equations.
     fn find(&mut self, solution: &mut [f64], given: &[f64]) -> Result<(), LinearError> {
         let kind = self.kind;
         if self.factorise_shifted() {
             self.kind = Some(Kind::Fronts);
             let mut other = given.to_vec();
-            // Near equilibrium a right-hand side is round-off of larger ones.
+            // Near equilibrium, a right-hand side is the round-off of larger ones.
             if self.solve_shifted(&mut other) * norm(given) <= UNPIVOTED_RESIDUAL * self.largest {
                 solution.copy_from_slice(&other);
                 return Ok(());
@@ -249,14 +252,15 @@ impl Direct {
         }
     }
 
-    /// Replaces the right-hand side by the solution with the factor of the shifted matrix; returns its relative residual.
+    /// Replaces the right-hand side by the solution from the factor of the shifted matrix; returns its relative
+    /// residual.
     fn solve_shifted(&mut self, rhs: &mut [f64]) -> f64 {
         self.largest = self.largest.max(norm(rhs));
         self.refine(rhs, REFINED_RESIDUAL)
     }
 
-    /// LLᵀ or LU by fronts with the diagonal entries of weak unknowns shifted; false if there are none, or if this does
-    /// not solve the equations for a right-hand side that has a solution.
+    /// Multifrontal LLᵀ or LU with the diagonal entries of weak unknowns shifted; false if there are no weak unknowns,
+    /// or if this does not solve the equations for a right-hand side that has a solution.
     fn factorise_shifted(&mut self) -> bool {
         let n = self.pattern.n;
         let limit = self.limit_of_weakness();
@@ -283,8 +287,8 @@ impl Direct {
         self.shifted
     }
 
-    /// Replaces the right-hand side by the solution of the equations without the shift, refined until its relative residual
-    /// is `enough`; returns that residual.
+    /// Replaces the right-hand side by the solution of the equations without the shift, refined until its relative
+    /// residual is `enough`; returns this residual.
     fn refine(&mut self, rhs: &mut [f64], enough: f64) -> f64 {
         let given = rhs.to_vec();
         self.back_substitute(rhs);
@@ -396,7 +400,7 @@ fn norm(v: &[f64]) -> f64 {
     v.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
-/// The place of the diagonal entry of each unknown, which a pattern of fronts has.
+/// The index of the diagonal entry of each unknown, which a multifrontal pattern has.
 fn diagonal(pattern: &Pattern) -> Vec<usize> {
     let place = |j: usize| {
         let start = pattern.column_start[j];

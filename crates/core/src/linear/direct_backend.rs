@@ -1,4 +1,4 @@
-//! The direct backend: nested dissection of the nodes, and a factorisation of the entries on the unknowns.
+//! The direct backend: nested dissection of the nodes, and a factorisation of the entries that belong to unknowns.
 
 use std::sync::Arc;
 
@@ -7,17 +7,17 @@ use super::blocks::BlockMatrix;
 use super::containing::{Embedding, Named};
 use super::{Direct, Factorisation, LinearError, LinearSolver, Numbering, Pattern, ordering};
 
-/// The entries of a block matrix on the unknowns.
+/// The entries of a block matrix that belong to unknowns.
 #[derive(Debug, Default)]
 pub struct FreeEntries {
     /// Their pattern.
     pub pattern: Pattern,
-    /// For each entry its place among all values of all blocks.
+    /// The index of each entry among all values of all blocks.
     source: Vec<u32>,
 }
 
 impl FreeEntries {
-    /// The entries by columns; of a symmetric matrix the lower triangle.
+    /// The entries by columns; for a symmetric matrix, the lower triangle only.
     pub fn new<const N: usize>(matrix: &BlockMatrix<N>, numbering: &Numbering<N>) -> Self {
         let symmetric = matrix.symmetric;
         let mut pattern = Pattern { n: numbering.count(), column_start: vec![0], row: Vec::new(), symmetric };
@@ -58,7 +58,7 @@ pub struct DirectBackend {
     values: Vec<f64>,
     /// The analysed pattern, if it may be reused for patterns that it contains.
     kept: Option<Arc<Named>>,
-    /// The embedding of the present pattern in the kept one, unless they are the same.
+    /// The embedding of the current pattern in the kept one, unless the two are the same.
     embedding: Option<Embedding>,
     factorised: Option<Factorisation>,
 }
@@ -74,7 +74,7 @@ impl DirectBackend {
         self.kept.clone()
     }
 
-    /// Analyses a pattern, unless the one analysed last contains it.
+    /// Analyses a pattern, unless the last analysed one contains it.
     fn prepare_contained<const D: usize, const N: usize>(
         &mut self,
         layout: &Layout<D, N>,
@@ -134,7 +134,7 @@ impl DirectBackend {
         Ok(())
     }
 
-    /// Replaces the analysed pattern by that of the present step.
+    /// Replaces the analysed pattern by that of the current step.
     fn prepare_afresh<const D: usize, const N: usize>(
         &mut self,
         layout: &Layout<D, N>,
@@ -144,7 +144,7 @@ impl DirectBackend {
         self.prepare(layout, matrix)
     }
 
-    /// An error with the number of the unknown in the present step.
+    /// The error, with the number that its unknown has in the current step.
     fn renumbered(&self, error: LinearError) -> LinearError {
         match (error, &self.embedding) {
             (LinearError::Singular { unknown: Some(unknown) }, Some(embedding)) => {
@@ -155,12 +155,12 @@ impl DirectBackend {
     }
 }
 
-/// True if a nearly singular matrix may still be solved in its own order of elimination.
+/// True if the error may be due to the order of elimination, so that the pattern's own order may solve the matrix.
 fn may_be_the_order(error: &LinearError) -> bool {
     matches!(error, LinearError::Singular { .. })
 }
 
-/// Order of elimination of the unknowns of some nodes: nested dissection of the nodes by their place in the grid.
+/// Elimination order of the unknowns of some nodes: nested dissection of the nodes by their lattice coordinates.
 pub(super) fn elimination_order<const D: usize, const N: usize>(
     lattice: &dyn Fn(usize) -> [u32; D],
     numbering: &Numbering<N>,

@@ -1,5 +1,6 @@
-//! The direct backend of several ranks: each eliminates the unknowns that no other couples, and pairs of ranks, pairs of these and
-//! so on eliminate those that they share. Rank 0 gathers and factorises small systems, and those which this does not solve.
+//! The direct backend for several ranks: each rank eliminates the unknowns that no other rank couples; pairs of ranks,
+//! pairs of pairs and so on eliminate the unknowns that they share. Rank 0 gathers and factorises the systems that are
+//! small or that this does not solve.
 
 mod stages;
 #[cfg(test)]
@@ -16,7 +17,7 @@ use super::{Factorisation, FreeEntries, Gathered, LinearError, Named, Numbering,
 use crate::ranks::{Halo, Ranks, sharing};
 use stages::{Stages, key};
 
-/// Fewer unknowns than this are factorised by rank 0.
+/// Rank 0 factorises systems with fewer unknowns than this.
 const FEWEST: f64 = 2e4;
 
 /// Solves by a factorisation that is divided between the ranks.
@@ -24,19 +25,19 @@ pub struct Divided<const D: usize, const N: usize = D> {
     gathered: Gathered<D, N>,
     /// `None` while rank 0 factorises.
     parts: Option<Parts<N>>,
-    /// Fewer unknowns than this are factorised by rank 0.
+    /// Rank 0 factorises systems with fewer unknowns than this.
     fewest: f64,
     /// True if the last matrix had no divided factor, and was not positive definite.
     is_indefinite: bool,
 }
 
-/// The factorisation of a rank, and its part in that of what ranks share.
+/// The factorisation of a rank, and its part in the factorisation of the shared unknowns.
 struct Parts<const N: usize> {
-    /// The unknowns of this rank: those that it couples, and those of its nodes.
+    /// The unknowns of this rank: those that its matrix couples, and those of its own nodes.
     numbering: Numbering<N>,
     entries: FreeEntries,
     pattern: Pattern,
-    /// Keys of the unknowns that are left, ascending, with their numbers.
+    /// Keys, ascending, and numbers of the unknowns that are left to the stages.
     left: Vec<(u64, usize)>,
     /// True for unknowns whose right-hand side is taken from this rank.
     is_own: Vec<bool>,
@@ -69,7 +70,7 @@ impl<const D: usize, const N: usize> Divided<D, N> {
         Divided { gathered: Gathered::with(kept), parts: None, fewest: FEWEST, is_indefinite: false }
     }
 
-    /// The same, which divides systems of at least this number of unknowns.
+    /// The same backend, which divides only systems with at least this number of unknowns.
     #[must_use]
     pub fn from(self, fewest: f64) -> Self {
         Divided { fewest, ..self }
@@ -91,11 +92,11 @@ impl<const D: usize, const N: usize> Backend<D, N> for Divided<D, N> {
     fn prepare(&mut self, layout: &Layout<D, N>, matrix: &BlockMatrix<N>) -> Result<(), LinearError> {
         let count = |node| (0..N).filter(|c| layout.numbering.unknown(node, *c).is_some()).count() as f64;
         let n = layout.halo.sum_over_nodes(layout.numbering.n_nodes(), count);
-        // An indefinite matrix is likely to follow another.
+        // An indefinite matrix is likely to be followed by another.
         if layout.halo.ranks().is_alone() || n < self.fewest || self.is_indefinite {
             return self.gather(layout, matrix);
         }
-        // Frees the memory of the last step.
+        // Frees the memory of the previous step.
         self.gathered = Gathered::default();
         self.parts = Parts::new(layout, matrix, self.parts.take())?;
         if self.parts.is_none() { self.gather(layout, matrix) } else { Ok(()) }
@@ -123,7 +124,7 @@ impl<const D: usize, const N: usize> Backend<D, N> for Divided<D, N> {
             if let Some(factorisation) = parts.solve(layout.halo, b, x) {
                 return Ok(Solved { factorisation, iterations: 0 });
             }
-            // The present matrix takes the place of that of the factor, which may be an earlier one.
+            // The current matrix replaces the factorised one, which may be an earlier matrix.
             self.gather(layout, &stiffness.matrix)?;
             self.gathered.factorise(layout, &stiffness.matrix)?;
         }
@@ -143,7 +144,8 @@ impl<const D: usize, const N: usize> Backend<D, N> for Divided<D, N> {
 }
 
 impl<const N: usize> Parts<N> {
-    /// Analyses the pattern of this rank, unless it is that of `last`. `None` if a rank has a pattern without a layout by fronts.
+    /// Analyses the pattern of this rank, unless it is that of `last`. `None` if the pattern of any rank has no
+    /// multifrontal layout.
     fn new<const D: usize>(
         layout: &Layout<D, N>,
         matrix: &BlockMatrix<N>,
@@ -326,12 +328,14 @@ impl<const N: usize> Parts<N> {
     }
 }
 
-/// Peak memory of a factorisation, [byte]. Working space and the matrices of the stages are not needed at the same time.
+/// Peak memory of a factorisation, [byte]. Its working space and the matrices of the stages are not needed at the same
+/// time.
 fn bytes(own: &Multifrontal, stages: &Stages) -> u64 {
     own.bytes() - own.working_bytes() + own.working_bytes().max(stages.bytes(own.left_len()))
 }
 
-/// The fronts of a rank, which leave the unknowns that others couple, too; `None` if its pattern has no layout by fronts.
+/// The multifrontal layout of a rank, which keeps the unknowns that other ranks also couple; `None` if its pattern has
+/// none.
 fn fronts_of<const D: usize, const N: usize>(
     layout: &Layout<D, N>,
     matrix: &BlockMatrix<N>,
@@ -350,7 +354,7 @@ fn fronts_of<const D: usize, const N: usize>(
     if has_diagonal(pattern) { Multifrontal::partial(pattern, &order, left.len()) } else { None }
 }
 
-/// True for each node that has an entry in the matrix of this rank, or belongs to it.
+/// True for each node that has an entry in the matrix of this rank, or belongs to this rank.
 fn nodes_in<const N: usize>(matrix: &BlockMatrix<N>, halo: &Halo) -> Vec<bool> {
     let n = matrix.column_start.len() - 1;
     let mut is_in: Vec<bool> = (0..n).map(|node| halo.is_own(node)).collect();
@@ -361,7 +365,7 @@ fn nodes_in<const N: usize>(matrix: &BlockMatrix<N>, halo: &Halo) -> Vec<bool> {
     is_in
 }
 
-/// The unknowns of nodes that other ranks have in their matrices, too: their keys, ascending, and their numbers.
+/// The unknowns of nodes that other ranks also have in their matrices: their keys, ascending, and their numbers.
 fn left_of<const D: usize, const N: usize>(
     layout: &Layout<D, N>,
     numbering: &Numbering<N>,

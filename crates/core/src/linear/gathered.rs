@@ -1,6 +1,7 @@
-//! The direct backend of several ranks without a distributed solver: rank 0 gathers the equations of all and factorises them.
+//! The direct backend for several ranks without a distributed solver: rank 0 gathers and factorises the equations of
+//! all ranks.
 //!
-//! It needs the memory of all ranks on one of them, and no parallel library.
+//! Rank 0 needs memory for the equations of all ranks; no parallel library is needed.
 
 use std::sync::Arc;
 
@@ -12,7 +13,7 @@ use super::blocks::{Block, BlockMatrix};
 use super::{DirectBackend, LinearError, Named, Numbering};
 use crate::ranks::{Halo, Ranks};
 
-/// Solves by a factorisation on rank 0; alone, by that of the direct backend.
+/// Solves by a factorisation on rank 0; with a single rank, as the direct backend does.
 pub struct Gathered<const D: usize, const N: usize = D> {
     direct: DirectBackend,
     whole: Whole<D, N>,
@@ -37,14 +38,14 @@ struct Whole<const D: usize, const N: usize> {
     of_rank: Vec<OfRank>,
 }
 
-/// The places of the nodes and blocks of a rank among those of all.
+/// The indices of the nodes and blocks of a rank among those of all ranks.
 #[derive(Default)]
 struct OfRank {
     nodes: Vec<u32>,
     blocks: Vec<usize>,
 }
 
-/// The failures of the direct backend, as rank 0 tells them.
+/// The failures of the direct backend, as rank 0 reports them to the others.
 #[derive(Serialize, Deserialize)]
 enum Told {
     /// Grid node and component of the unknown, if known.
@@ -54,7 +55,7 @@ enum Told {
     Other,
 }
 
-/// The nodes and couplings of a rank.
+/// The nodes and couplings of one rank.
 #[derive(Serialize, Deserialize)]
 struct Part {
     nodes: Vec<u32>,
@@ -117,7 +118,7 @@ impl<const D: usize, const N: usize> Whole<D, N> {
         }
     }
 
-    /// Adds up the blocks of all ranks, in their order.
+    /// Sums the blocks of all ranks, in rank order.
     fn take(&mut self, blocks: &[Vec<u8>]) {
         self.blocks.fill([[0.0; N]; N]);
         for (of_rank, bytes) in self.of_rank.iter().zip(blocks) {
@@ -141,7 +142,7 @@ impl<const D: usize, const N: usize> Whole<D, N> {
             numbering: &self.numbering,
             nodes: &self.nodes,
             lattice: &|node| self.lattice[node],
-            // The direct backend asks for no positions.
+            // The direct backend needs no positions.
             position: &|node| self.lattice[node].map(f64::from),
             lines,
             keeps_pattern,
@@ -182,7 +183,7 @@ impl<const D: usize, const N: usize> Gathered<D, N> {
         self.direct.kept()
     }
 
-    /// Gives all ranks the outcome of rank 0; an unknown in an error is one of this rank.
+    /// Passes the outcome on rank 0 to all ranks; an unknown in an error gets its number on the receiving rank.
     fn share<T: Serialize + DeserializeOwned>(
         &self,
         layout: &Layout<D, N>,
@@ -208,7 +209,7 @@ impl<const D: usize, const N: usize> Gathered<D, N> {
         })
     }
 
-    /// Grid node and component of an unknown of all ranks.
+    /// Grid node and component of an unknown of the gathered equations.
     fn place_of(&self, unknown: usize) -> Option<(u32, usize)> {
         let mut place = None;
         self.whole.numbering.for_each(|node, component, number| {

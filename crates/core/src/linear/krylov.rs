@@ -1,5 +1,5 @@
 //! Iterative solver for large systems on the nodes of a structured grid, with a multigrid cycle as preconditioner:
-//! conjugate gradients, and GMRES where the matrix turns out not to be positive definite, or is not symmetric.
+//! conjugate gradients, or GMRES where the matrix is unsymmetric or turns out not to be positive definite.
 
 mod conjugate;
 mod gmres;
@@ -15,10 +15,11 @@ use super::{Factorisation, LinearError};
 use conjugate::ConjugateGradients;
 use gmres::Gmres;
 
-/// The iterative backend on structured grids. It applies the assembled matrix block by block; only the preconditioner keeps
-/// a copy, in single precision. The preconditioner of an unsymmetric matrix is that of its symmetric part.
+/// The iterative backend on structured grids. It applies the assembled matrix block by block; only the preconditioner
+/// keeps a copy, in single precision. The preconditioner of an unsymmetric matrix is that of its symmetric part.
 ///
-/// Ranks do together what one does alone: products are completed, and sums run over the nodes of all ranks.
+/// Several ranks do together what one rank does alone: products are completed, and sums run over the nodes of all
+/// ranks.
 #[derive(Default)]
 pub struct Krylov<const D: usize, const N: usize = D> {
     preconditioner: Preconditioner<D, N>,
@@ -30,7 +31,7 @@ pub struct Krylov<const D: usize, const N: usize = D> {
 }
 
 impl<const D: usize, const N: usize> Krylov<D, N> {
-    /// Number of nodes of each level of the preconditioner, those of all ranks.
+    /// Number of nodes of each level of the preconditioner, over all ranks.
     pub fn levels(&self) -> Vec<usize> {
         self.preconditioner.levels().to_vec()
     }
@@ -95,7 +96,7 @@ impl<const D: usize, const N: usize> Backend<D, N> for Krylov<D, N> {
             }
         }
         let iterations = before + gmres.solve(over, &mut masked, &mut precondition, &rhs, x, tolerance)?;
-        // A symmetric matrix gets here only if it is not positive definite.
+        // A symmetric matrix reaches this line only if it is not positive definite.
         let factorisation =
             if *definite { Factorisation::MultigridUnsymmetric } else { Factorisation::MultigridIndefinite };
         Ok(Solved { factorisation, iterations })

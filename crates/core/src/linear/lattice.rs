@@ -1,30 +1,30 @@
-//! Nodes on a lattice and the coarser lattice above them: the nodes of both, and the transfer of fields between them.
+//! Nodes on a lattice and on the next coarser lattice, and the transfer of fields between them.
 
 use crate::ranks::Ranks;
 
-/// Marks a place of the lattice without a node.
+/// Marks a lattice position without a node.
 const NOTHING: u32 = u32::MAX;
 
 /// Coordinates of the lines of a lattice along one axis, [length], ascending; `None` if they are evenly spaced.
 pub(super) type LatticeLines = Option<Vec<f64>>;
 
-/// Nodes at places of a lattice, and the reach of couplings along each axis.
+/// Nodes at lattice positions, and the reach of couplings along each axis.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Lattice<const D: usize> {
-    /// Place of each node; the lowest along each axis is 0. If there are several ranks, it is that of all of them.
+    /// Position of each node; the lowest along each axis is 0, over all ranks if there are several.
     pub place: Vec<[u32; D]>,
     /// Largest distance along each axis between two nodes that are coupled.
     pub reach: [u32; D],
-    /// Number of places along each axis.
+    /// Number of positions along each axis.
     extent: [u32; D],
-    /// Node at each place, the first axis fastest; empty if there are several ranks.
+    /// Node at each position, the first axis fastest; empty if there are several ranks.
     node: Vec<u32>,
-    /// The lines along each axis, from place 0 on.
+    /// The lines along each axis, from position 0 on.
     lines: [LatticeLines; D],
 }
 
 impl<const D: usize> Lattice<D> {
-    /// The lattice of nodes at different places; `lines` are the lines along each axis, numbered as the places.
+    /// The lattice of nodes at distinct positions; `lines` are the lines along each axis, numbered like the positions.
     pub(super) fn new(mut place: Vec<[u32; D]>, reach: [u32; D], lines: [LatticeLines; D]) -> Self {
         let mut low = [u32::MAX; D];
         for p in &place {
@@ -49,14 +49,14 @@ impl<const D: usize> Lattice<D> {
         lattice
     }
 
-    /// The lattice of the nodes of all ranks, with those of this one.
+    /// The lattice of the nodes of all ranks, with the nodes of this one.
     pub(super) fn shared(
         ranks: &Ranks,
         mut place: Vec<[u32; D]>,
         reach: [u32; D],
         lines: [LatticeLines; D],
     ) -> Self {
-        // Largest values along each axis, that of the lowest place with its sign changed.
+        // Largest values along each axis; the lowest position enters with its sign changed.
         let mut largest = vec![f64::NEG_INFINITY; 3 * D];
         for d in 0..D {
             largest[2 * D + d] = f64::from(reach[d]);
@@ -84,17 +84,17 @@ impl<const D: usize> Lattice<D> {
         (0..D).rev().fold(0, |number, d| number * self.extent[d] as usize + place[d] as usize)
     }
 
-    /// Number of places.
+    /// Number of positions.
     pub(super) fn places(&self) -> u64 {
         self.extent.iter().map(|&n| u64::from(n)).product()
     }
 
-    /// The number of a place, the first axis fastest: the same on all ranks.
+    /// The number of a position, the first axis fastest: the same on all ranks.
     pub(super) fn key(&self, place: [u32; D]) -> u64 {
         (0..D).rev().fold(0, |key, d| key * u64::from(self.extent[d]) + u64::from(place[d]))
     }
 
-    /// The place of this number.
+    /// The position with this number.
     pub(super) fn place_of(&self, mut key: u64) -> [u32; D] {
         std::array::from_fn(|d| {
             let along = key % u64::from(self.extent[d]);
@@ -103,7 +103,7 @@ impl<const D: usize> Lattice<D> {
         })
     }
 
-    /// Calls `visit(node)` for all nodes within the reach of a place, in the order of the lattice.
+    /// Calls `visit(node)` for all nodes within `reach` of a position, in lattice order.
     pub(super) fn for_each_near(&self, place: [u32; D], reach: [u32; D], mut visit: impl FnMut(u32)) {
         let low: [u32; D] = std::array::from_fn(|d| place[d].saturating_sub(reach[d]));
         let high: [u32; D] = std::array::from_fn(|d| (place[d] + reach[d]).min(self.extent[d] - 1));
@@ -127,7 +127,7 @@ impl<const D: usize> Lattice<D> {
         self.reach.iter().map(|&r| r as usize + 1).product()
     }
 
-    /// The colour of a place.
+    /// The colour of a position.
     pub(super) fn colour(&self, place: [u32; D]) -> usize {
         (0..D).rev().fold(0, |c, d| {
             let period = self.reach[d] + 1;
@@ -135,7 +135,7 @@ impl<const D: usize> Lattice<D> {
         })
     }
 
-    /// The first `own` nodes by colours, ascending; a colour may have none.
+    /// The first `own` nodes by colour, ascending; a colour may have none.
     pub(super) fn colours(&self, own: usize) -> Vec<Vec<u32>> {
         let mut colours = vec![Vec::new(); self.n_colours()];
         for (n, place) in self.place[..own].iter().enumerate() {
@@ -147,7 +147,7 @@ impl<const D: usize> Lattice<D> {
     /// The lattice of every other line, without nodes.
     pub(super) fn above(&self) -> Lattice<D> {
         let extent = self.extent.map(|n| n / 2 + 1);
-        // A reach of r along an axis ends at most (r + 2) / 2 farther on the coarse lattice.
+        // A reach of r along an axis becomes a reach of at most (r + 2) / 2 on the coarse lattice.
         let reach = self.reach.map(|r| (r + 2) / 2);
         let lines = std::array::from_fn(|d| {
             let fine = self.lines[d].as_ref()?;
@@ -187,8 +187,8 @@ impl<const D: usize> Lattice<D> {
         (coarse, transfer)
     }
 
-    /// Calls `visit(place, weight)` for the places of the coarser lattice around a place of this one. The weights are those
-    /// of linear interpolation, whatever the distances of the lines.
+    /// Calls `visit(place, weight)` for the positions of the coarser lattice around a position of this one. The weights
+    /// are those of linear interpolation, whatever the line spacings.
     pub(super) fn for_each_parent(&self, place: &[u32; D], mut visit: impl FnMut([u32; D], f32)) {
         let weights: [[f32; 2]; D] = std::array::from_fn(|d| {
             if place[d].is_multiple_of(2) {
@@ -211,7 +211,7 @@ impl<const D: usize> Lattice<D> {
     }
 }
 
-/// The lines from `low` on along each axis; the line beyond the last place may be one from which nodes are interpolated.
+/// The lines from `low` on along each axis; nodes may be interpolated from the line beyond the last position.
 fn lines_of<const D: usize>(
     mut lines: [LatticeLines; D],
     low: [u32; D],
@@ -224,7 +224,7 @@ fn lines_of<const D: usize>(
     lines
 }
 
-/// Coordinate of a line; lines continue beyond the last one with the same distance.
+/// Coordinate of a line; lines continue beyond the last one with the same spacing.
 fn line(lines: &[f64], number: usize) -> f64 {
     let last = lines.len().saturating_sub(1);
     let at = |k: usize| lines.get(k).copied().unwrap_or(0.0);
@@ -235,7 +235,7 @@ fn line(lines: &[f64], number: usize) -> f64 {
 }
 
 /// Bilinear or trilinear interpolation between a lattice and the coarser one. The weights of every node sum to one,
-/// also at the border of the body, so linear fields are transferred exactly.
+/// also at the boundary of the body, so linear fields are transferred exactly.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Transfer {
     parent_start: Vec<u32>,
@@ -245,8 +245,8 @@ pub(super) struct Transfer {
 }
 
 impl Transfer {
-    /// The transfer between the nodes of a lattice, the first `own` of which are listed as children, and `n_coarse` coarse
-    /// nodes, which `node` finds by their places.
+    /// The transfer between the nodes of a lattice, the first `own` of which are listed as children, and `n_coarse`
+    /// coarse nodes, which `node` finds by their positions.
     pub(super) fn new<const D: usize>(
         fine: &Lattice<D>,
         own: usize,
@@ -278,18 +278,18 @@ impl Transfer {
         Transfer { parent_start, parent, child_start, child }
     }
 
-    /// Adds coarse nodes that no fine node here is interpolated from, up to this number.
+    /// Extends the coarse nodes to this number by nodes from which no fine node of this rank is interpolated.
     pub(super) fn extend(&mut self, n_coarse: usize) {
         let end = self.child_start.last().copied().unwrap_or(0);
         self.child_start.resize(n_coarse + 1, end);
     }
 
-    /// The coarse nodes that a fine one is interpolated from, with their weights.
+    /// The coarse nodes from which a fine node is interpolated, with their weights.
     pub(super) fn parents(&self, fine: usize) -> &[(u32, f32)] {
         &self.parent[self.parent_start[fine] as usize..self.parent_start[fine + 1] as usize]
     }
 
-    /// The fine nodes that are interpolated from a coarse one, with its weight in each.
+    /// The fine nodes that are interpolated from a coarse node, with the weight of this node in each.
     pub(super) fn children(&self, coarse: usize) -> &[(u32, f32)] {
         &self.child[self.child_start[coarse] as usize..self.child_start[coarse + 1] as usize]
     }
@@ -332,7 +332,7 @@ mod tests {
 
     #[test]
     fn linear_fields_are_interpolated_exactly_between_graded_lines() {
-        // Lines up to the highest place of the ball, 19, and one axis of even lines.
+        // Lines up to the highest position of the ball, 19, and one axis with evenly spaced lines.
         let graded = |ratio: f64| {
             Some(
                 (0..20)

@@ -1,4 +1,4 @@
-//! LDLᵀ without pivoting, of the faer library, for symmetric matrices that are not positive definite.
+//! LDLᵀ without pivoting, from the faer library, for symmetric matrices that are not positive definite.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::ldlt::factor::LdltError;
@@ -20,13 +20,13 @@ pub(super) struct Ldlt {
 
 /// A pivot is zero.
 pub(super) struct ZeroPivot {
-    /// Its unknown, if known.
+    /// The unknown of this pivot, if known.
     pub unknown: Option<usize>,
 }
 
 impl Ldlt {
-    /// Lays out the factor for this order of elimination. `ask_for` is given the bytes needed for a factor of this many
-    /// numbers, of which `present` exist, and for working space; it may refuse them.
+    /// Lays out the factor for this order of elimination. `ask_for` receives the number of bytes still needed for the
+    /// factor, of which `present` numbers exist already, and for working space; it may refuse them.
     pub fn new(
         pattern: &Pattern,
         order: &[usize],
@@ -53,7 +53,7 @@ impl Ldlt {
         Ok(Ldlt { symbolic, memory })
     }
 
-    /// Numbers in the factor.
+    /// Number of values in the factor.
     pub fn factor_len(&self) -> usize {
         self.symbolic.len_val()
     }

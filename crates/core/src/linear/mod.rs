@@ -1,4 +1,4 @@
-//! Sparse linear systems: backends that solve the equations of a load step, and the solvers that they are made of.
+//! Sparse linear systems: backends that solve the equations of a load step, and the solvers on which they are built.
 
 mod backend;
 mod blocks;
@@ -36,7 +36,7 @@ pub use krylov::Krylov;
 pub use numbering::Numbering;
 pub use preconditioner::Preconditioner;
 
-/// Pattern of a sparse square matrix by columns; of a symmetric one only the lower triangle, diagonal included.
+/// Pattern of a sparse square matrix by columns; for a symmetric matrix, only the lower triangle, diagonal included.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Pattern {
     /// Number of unknowns.
@@ -72,21 +72,22 @@ pub enum Factorisation {
     Ldlt,
     /// LU of an unsymmetric matrix, with positive pivots only.
     Lu,
-    /// LU with a negative pivot, or with pivots exchanged, also of a symmetric matrix that LDLᵀ does not solve.
+    /// LU with a negative pivot or with pivoting, also for a symmetric matrix that LDLᵀ does not solve.
     LuIndefinite,
     /// No factorisation: conjugate gradients with a multigrid preconditioner, which found the matrix positive definite.
     Multigrid,
-    /// No factorisation: generalised minimal residuals with a multigrid preconditioner, which found no sign that the
-    /// symmetric part of an unsymmetric matrix is not positive definite.
+    /// No factorisation: generalised minimal residuals with a multigrid preconditioner, for an unsymmetric matrix whose
+    /// symmetric part has shown no negative curvature.
     MultigridUnsymmetric,
-    /// No factorisation: generalised minimal residuals with a multigrid preconditioner; the matrix, or its symmetric part, is
-    /// not positive definite.
+    /// No factorisation: generalised minimal residuals with a multigrid preconditioner; the matrix, or its symmetric
+    /// part, is not positive definite.
     MultigridIndefinite,
 }
 
 impl Factorisation {
-    /// True if the matrix was positive definite. An unsymmetric one counts as such if all pivots of its LU are positive, as
-    /// they are as long as its symmetric part is positive definite, or if GMRES found no sign that this part is not.
+    /// True if the matrix was positive definite. An unsymmetric matrix counts as such if all pivots of its LU are
+    /// positive, as they are if its symmetric part is positive definite, or if GMRES has found no negative curvature of
+    /// this part.
     pub fn is_definite(self) -> bool {
         use Factorisation::{Cholesky, Lu, Multigrid, MultigridUnsymmetric};
         matches!(self, Cholesky | Lu | Multigrid | MultigridUnsymmetric)
@@ -118,7 +119,7 @@ pub enum LinearError {
         /// An unknown involved in the singular motion, if known.
         unknown: Option<usize>,
     },
-    /// The matrix is regular, and a global unknown stays undetermined.
+    /// The matrix is regular, but a global unknown stays undetermined.
     #[error("a global unknown is undetermined")]
     Undetermined,
     /// The factor does not fit into memory.
@@ -139,7 +140,7 @@ pub enum LinearError {
     /// An iterative solver has not reached its tolerance.
     #[error("a relative residual of {residual:.1e} is left after {iterations} iterations")]
     NotConverged {
-        /// Iterations.
+        /// Number of iterations.
         iterations: usize,
         /// Norm of the residual relative to the right-hand side.
         residual: f64,
@@ -149,7 +150,7 @@ pub enum LinearError {
     Library(Text),
 }
 
-/// What a library says about its failure.
+/// The message of a library about its failure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Text(pub &'static str);
 
@@ -167,7 +168,7 @@ impl Serialize for Text {
 
 impl<'de> Deserialize<'de> for Text {
     fn deserialize<D: serde::Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
-        // Ranks tell each other such an error once, at the end of a run.
+        // Ranks exchange such an error once, at the end of a run.
         Ok(Text(Box::leak(String::deserialize(from)?.into_boxed_str())))
     }
 }
@@ -194,7 +195,7 @@ pub trait LinearSolver {
     fn solve(&mut self, rhs: &mut [f64]) -> Result<(), LinearError>;
 }
 
-/// One checker run over every solver: a new one adds one line to the list.
+/// The same checks for every solver: a new solver adds one line to the list.
 #[cfg(test)]
 mod conformance {
     use super::*;
@@ -204,7 +205,7 @@ mod conformance {
         vec![Box::new(Direct::default())]
     }
 
-    /// Every solver, for the lower triangle of a symmetric matrix and for both.
+    /// Every solver, once for the lower triangle of a symmetric matrix and once for both triangles.
     fn on_triangles() -> Vec<(Box<dyn LinearSolver>, bool)> {
         solvers()
             .into_iter()
@@ -336,8 +337,8 @@ mod conformance {
         }
     }
 
-    /// The stiffness of a chain of springs with a part that nothing holds, first, last or in the middle; no row is
-    /// empty, yet the matrix is singular.
+    /// The stiffness of a chain of springs with a part that nothing holds, at the start, at the end or in the middle;
+    /// no row is empty, yet the matrix is singular.
     #[test]
     fn a_loose_part_is_an_error_whatever_its_place_and_size() {
         for n in [4, 40, 400] {

@@ -1,5 +1,5 @@
-//! Sparse factorisations by fronts (Duff and Reid, 1983): LLᵀ, and LU without pivoting of a matrix with a symmetric
-//! pattern (Duff and Reid, 1984).
+//! Multifrontal factorisations of sparse matrices (Duff and Reid, 1983): LLᵀ, and LU without pivoting of a matrix with
+//! a symmetric pattern (Duff and Reid, 1984).
 //!
 //! Unknowns with the same neighbours are eliminated together, as the pivots of a front: a small dense matrix on their
 //! rows and on the rows of the later unknowns involved, its border. The update of the border is added to the front of
@@ -40,14 +40,15 @@ pub(super) struct Multifrontal {
 }
 
 impl Multifrontal {
-    /// Lays out LLᵀ of a symmetric pattern, or LU of another. Unknowns are eliminated in this order, except that
+    /// Lays out LLᵀ of a symmetric pattern, or LU of any other. Unknowns are eliminated in this order, except that
     /// independent ones may be exchanged. `None` if an index needs more than 32 bits, or if an entry of a pattern that
     /// is not stored as symmetric has no mirror image.
     pub fn new(pattern: &Pattern, order: &[usize]) -> Option<Multifrontal> {
         Multifrontal::partial(pattern, order, 0)
     }
 
-    /// The same for a factorisation that keeps the last unknowns of the order, and forms the matrix that is left for them.
+    /// As [`Multifrontal::new`], for a factorisation that keeps the last unknowns of the order and forms the matrix
+    /// left for them.
     pub fn partial(pattern: &Pattern, order: &[usize], kept: usize) -> Option<Multifrontal> {
         if pattern.n.max(pattern.row.len()) >= NONE as usize {
             return None;
@@ -68,12 +69,12 @@ impl Multifrontal {
         Multifrontal { fronts, task: Task::default(), passed: Vec::new(), solution: Vec::new() }
     }
 
-    /// Numbers in the factor.
+    /// Number of values in the factor.
     pub fn factor_len(&self) -> usize {
         self.fronts.front.last().map_or(0, |last| last.panel + last.panel_len())
     }
 
-    /// Numbers in the matrix that is left for the kept unknowns: [`dense::room`] of them for each factor.
+    /// Number of values in the matrix left for the kept unknowns: [`dense::room`] for each factor.
     pub fn left_len(&self) -> usize {
         if self.fronts.kept > 0 { self.fronts.front.last().map_or(0, Front::update_len) } else { 0 }
     }
@@ -85,7 +86,8 @@ impl Multifrontal {
             let (k, m) = (front.pivots as f64, front.rows as f64);
             let of_l = front.pivots * front.rows - front.pivots * (front.pivots.max(1) - 1) / 2;
             size.entries += front.factors * of_l;
-            // Column j of the pivots: a root, m − j − 1 quotients, a product and a sum for each entry below and to the right.
+            // Column j of the pivots: a root, m − j − 1 quotients, and a product and a sum for each entry below and to
+            // the right.
             size.operations += front.factors as f64 * (k * m * m - k * k * m + k * k * k / 3.0);
         }
         size
@@ -96,7 +98,8 @@ impl Multifrontal {
         8 * (self.factor_len() + self.solution_len()) as u64 + self.working_bytes()
     }
 
-    /// Memory for the working space of the factorisation, which holds, in the end, the matrix that is left, [byte].
+    /// Memory for the working space of the factorisation, which finally holds the matrix left for the kept unknowns,
+    /// [byte].
     pub fn working_bytes(&self) -> u64 {
         8 * self.task.room as u64
     }
@@ -106,8 +109,8 @@ impl Multifrontal {
         self.fronts.unknown.len() + dense::stride(longest.unwrap_or(0))
     }
 
-    /// Writes the factor of the matrix with these values; false if it is not positive definite, for LU if a pivot is
-    /// zero or not finite.
+    /// Writes the factor of the matrix with these values; false if the matrix is not positive definite or, for LU, if a
+    /// pivot is zero or not finite.
     pub fn factorise(&mut self, values: &[f64], factor: &mut [f64]) -> bool {
         if self.passed.len() < self.task.room {
             self.passed = vec![0.0; self.task.room];
@@ -116,8 +119,8 @@ impl Multifrontal {
         self.fronts.front.is_empty() || elimination.run(&self.task, factor, &mut self.passed)
     }
 
-    /// The matrix that the last factorisation has left for the kept unknowns; this frees the working space. After one that failed,
-    /// its numbers have no meaning; a second call returns none.
+    /// The matrix that the last factorisation has left for the kept unknowns; the call frees the working space. After a
+    /// failed factorisation, the values have no meaning; a second call returns no values.
     pub fn take_left(&mut self) -> Vec<f64> {
         let mut left = std::mem::take(&mut self.passed);
         left.truncate(self.left_len());
@@ -140,7 +143,7 @@ impl Multifrontal {
         self.backward(factor, &[], rhs);
     }
 
-    /// Forward substitution; returns the right-hand sides that are left for the kept unknowns, in their order.
+    /// Forward substitution; returns the reduced right-hand side of the kept unknowns, in the order of these unknowns.
     pub fn forward(&mut self, factor: &[f64], rhs: &[f64]) -> &[f64] {
         if self.solution.is_empty() {
             self.solution = vec![0.0; self.solution_len()];
@@ -154,7 +157,8 @@ impl Multifrontal {
         &x[rhs.len() - fronts.kept..]
     }
 
-    /// Backward substitution after the forward one, given the solution for the kept unknowns; writes that for all.
+    /// Backward substitution after the forward one, given the solution for the kept unknowns; writes the solution for
+    /// all.
     pub fn backward(&mut self, factor: &[f64], kept: &[f64], solution: &mut [f64]) {
         let (x, y) = self.solution.split_at_mut(solution.len());
         x[solution.len() - kept.len()..].copy_from_slice(kept);

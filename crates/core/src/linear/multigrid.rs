@@ -1,12 +1,12 @@
 //! Geometric multigrid on the active nodes of a structured grid: one symmetric cycle as an approximate inverse.
 //!
-//! Coarser levels are lattices of every other line, with the nodes from which active ones are interpolated. Their
+//! Coarser levels are lattices of every other line, with the nodes from which the active ones are interpolated. Their
 //! matrices are the Galerkin products of the finer ones, so a cell that a body hardly fills has its true stiffness on
 //! every level. Block Gauss–Seidel sweeps over colours, forwards before and backwards after the coarser levels, smooth
 //! the error; the coarsest level is solved directly.
 //!
-//! Ranks share each level: the nodes of a rank, whose rows it has, come first, and then its ghosts, the nodes of others
-//! that its rows or its finer nodes refer to. The operations are those of one rank.
+//! Ranks share each level. The nodes of a rank, whose rows it holds, come first, followed by its ghosts: the nodes of
+//! other ranks to which its rows or its finer nodes refer. The operations are the same as on one rank.
 
 mod coarse_owners;
 mod coarsest;
@@ -41,16 +41,16 @@ pub(super) struct Multigrid<const D: usize, const N: usize> {
     levels: Vec<Level<D, N>>,
     /// From each level to the next.
     transfers: Vec<Transfer>,
-    /// Number of nodes of each level, those of all ranks.
+    /// Number of nodes of each level, over all ranks.
     counts: Vec<usize>,
     coarsest: Coarsest,
-    /// What the levels are laid out for, if there are several ranks.
+    /// The input for which the levels are laid out, if there are several ranks.
     input: Option<Input<D, N>>,
 }
 
 impl<const D: usize, const N: usize> Multigrid<D, N> {
-    /// Lays out the levels for a matrix on nodes at these places between the lines of a lattice, some of whose degrees of
-    /// freedom are held; returns whether there was anything to do.
+    /// Lays out the levels for a matrix on nodes at these lattice positions, some of whose degrees of freedom are held;
+    /// returns true if there was anything to do.
     pub(super) fn analyse(
         &mut self,
         matrix: &BlockMatrix<N>,
@@ -97,7 +97,7 @@ impl<const D: usize, const N: usize> Multigrid<D, N> {
         Ok(true)
     }
 
-    /// Takes the values of a matrix; returns whether nothing here shows that it is not positive definite.
+    /// Takes the values of a matrix; returns false if the matrix is found not to be positive definite.
     ///
     /// # Errors
     /// [`LinearError::Singular`] where a free degree of freedom, or the coarsest level, has no stiffness.
@@ -141,12 +141,12 @@ impl<const D: usize, const N: usize> Multigrid<D, N> {
         Ok(())
     }
 
-    /// Number of nodes of each level, those of all ranks.
+    /// Number of nodes of each level, over all ranks.
     pub(super) fn sizes(&self) -> &[usize] {
         &self.counts
     }
 
-    /// Number of nodes of each level that this rank keeps: its own and ghosts.
+    /// Number of nodes of each level that this rank keeps: its own nodes and ghosts.
     pub(super) fn sizes_here(&self) -> Vec<[usize; 2]> {
         let of_level = |level: &Level<D, N>| [level.rows.len(), level.lattice.len() - level.rows.len()];
         self.levels.iter().map(of_level).collect()

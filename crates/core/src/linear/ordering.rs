@@ -1,15 +1,15 @@
-//! Fill-reducing order of elimination from the places of the nodes: geometric nested dissection (George, 1973).
+//! Fill-reducing order of elimination from the positions of the nodes: geometric nested dissection (George, 1973).
 //!
 //! The background grid is known, so no graph partitioner is needed: the set of nodes is cut across its longest side,
 //! the two halves are ordered first and the separator between them last.
 
 use std::ops::Range;
 
-/// Below this many nodes a part is not cut further.
+/// A part with at most this many nodes is not cut further.
 const LEAF: usize = 16;
 
-/// Orders nodes given by integer coordinates; `reach[d]` is the largest distance along axis d at which two nodes
-/// are coupled, which is how thick a separator must be. Returns the nodes in the order of elimination.
+/// Orders nodes given by integer coordinates; `reach[d]` is the largest distance along axis d at which two nodes are
+/// coupled, and hence the necessary thickness of a separator. Returns the nodes in the order of elimination.
 pub fn nested_dissection<const D: usize>(coordinates: &[[u32; D]], reach: [u32; D]) -> Vec<usize> {
     let mut nodes: Vec<usize> = (0..coordinates.len()).collect();
     let mut order = Vec::with_capacity(nodes.len());
@@ -22,7 +22,8 @@ struct Dissection<'a, const D: usize> {
     coordinates: &'a [[u32; D]],
     reach: [u32; D],
     order: &'a mut Vec<usize>,
-    /// Room for coordinates of nodes along the axis of a cut, for the nodes of a separator, and for those above it.
+    /// Working space for the coordinates of nodes along the axis of a cut, the nodes of a separator, and the nodes
+    /// above it.
     along: Vec<u32>,
     within: Vec<usize>,
     above: Vec<usize>,
@@ -65,8 +66,8 @@ impl<const D: usize> Dissection<'_, D> {
         (0..D).max_by(|&a, &b| extent(a).total_cmp(&extent(b))).unwrap_or(0)
     }
 
-    /// Puts first the nodes below a separator, then those above it, then it; returns where the second and the third
-    /// begin. Nodes of the same part keep their order.
+    /// Reorders the nodes: those below a separator first, then those above it, then the separator itself; returns the
+    /// starts of the second and the third group. Nodes of the same group keep their order.
     fn part(&mut self, nodes: &mut [usize], axis: usize, separator: Range<u32>) -> (usize, usize) {
         self.within.clear();
         self.above.clear();

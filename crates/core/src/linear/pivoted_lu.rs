@@ -1,4 +1,4 @@
-//! LU with partial pivoting, of the faer library, for matrices that no factorisation without pivoting solves.
+//! LU with partial pivoting, from the faer library, for matrices that no factorisation without pivoting solves.
 
 use faer::linalg::solvers::SolveCore;
 use faer::sparse::SparseColMatRef;
@@ -10,7 +10,7 @@ use super::{LinearError, Pattern};
 /// The factors of a matrix, and the layout of both its triangles.
 pub(super) struct PivotedLu {
     pattern: Pattern,
-    /// For each entry, its place in the values of the given pattern.
+    /// The index of each entry in the values of the given pattern.
     source: Vec<usize>,
     symbolic: SymbolicLu<usize>,
     factors: Option<Lu<usize, f64>>,
@@ -45,7 +45,7 @@ impl PivotedLu {
     }
 }
 
-/// The full pattern of a matrix, and for each of its entries the place in the given one.
+/// The full pattern of a matrix, and the index of each of its entries in the given pattern.
 fn both_triangles(pattern: &Pattern) -> (Pattern, Vec<usize>) {
     let mut columns: Vec<Vec<(usize, usize)>> = vec![Vec::new(); pattern.n];
     for j in 0..pattern.n {

@@ -1,4 +1,4 @@
-//! One cycle of multigrid as a preconditioner, for iterative solvers here and elsewhere.
+//! One multigrid cycle as a preconditioner, for iterative solvers here and elsewhere.
 
 use super::backend::Layout;
 use super::blocks::BlockMatrix;
@@ -7,8 +7,8 @@ use super::reduction::agree;
 use super::symmetric_part::SymmetricPart;
 use super::{LinearError, Numbering};
 
-/// An approximate inverse of the matrix on the nodes of a structured grid, which it keeps in single precision. That of an
-/// unsymmetric matrix is the inverse of its symmetric part.
+/// An approximate inverse of a matrix on the nodes of a structured grid, kept in single precision. For an unsymmetric
+/// matrix, it approximates the inverse of the symmetric part.
 ///
 /// All ranks must call each method. Errors are the same on all of them.
 #[derive(Default)]
@@ -36,7 +36,8 @@ impl<const D: usize, const N: usize> Preconditioner<D, N> {
         self.multigrid.analyse(matrix, (places, lines), held_by(layout.numbering), layout.halo).map(|_| ())
     }
 
-    /// Takes the values of a matrix; returns false if it, or its symmetric part, is found not to be positive definite.
+    /// Takes the values of a matrix; returns false if the matrix, or its symmetric part, is found not to be positive
+    /// definite.
     ///
     /// # Errors
     /// [`LinearError::Singular`] if an unknown has no diagonal stiffness, or the coarsest level has none at all.
@@ -46,8 +47,8 @@ impl<const D: usize, const N: usize> Preconditioner<D, N> {
         self.multigrid.factorise(&part.matrix())
     }
 
-    /// Replaces `z` by an approximation of A⁻¹ r; both are complete fields on the active nodes. `z` is zero where there is
-    /// no unknown.
+    /// Replaces `z` by an approximation of A⁻¹ r; both are complete fields on the active nodes. `z` is zero where there
+    /// is no unknown.
     ///
     /// # Errors
     /// [`LinearError`] if the matrix of the coarsest level is singular.
@@ -60,12 +61,12 @@ impl<const D: usize, const N: usize> Preconditioner<D, N> {
         self.symmetric_part.is_none()
     }
 
-    /// Number of nodes of each level, those of all ranks.
+    /// Number of nodes of each level, over all ranks.
     pub fn levels(&self) -> &[usize] {
         self.multigrid.sizes()
     }
 
-    /// Number of nodes of each level that this rank keeps: its own, and ghosts.
+    /// Number of nodes of each level that this rank keeps: its own nodes and ghosts.
     pub fn levels_here(&self) -> Vec<[usize; 2]> {
         self.multigrid.sizes_here()
     }

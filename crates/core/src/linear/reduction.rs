@@ -1,10 +1,10 @@
-//! Sums over vectors of the nodes. All norms and scalar products of the iterative solvers are formed here.
+//! Sums over nodal vectors. All norms and scalar products of the iterative solvers are formed here.
 
 use crate::ranks::{Halo, Ranks};
 
 use super::LinearError;
 
-/// Numbers that one thread adds up.
+/// Number of terms that one thread sums.
 pub(super) const TERMS: usize = 1024;
 
 /// Scalar products over the nodes of all ranks.
@@ -19,7 +19,7 @@ impl Reduction<'_> {
     }
 }
 
-/// The error of the first rank that has one, on all ranks, so that none goes on alone.
+/// The error of the first rank that has one, returned on all ranks, so that none continues alone.
 pub(super) fn agree<T>(ranks: &Ranks, outcome: Result<T, LinearError>) -> Result<T, LinearError> {
     match ranks.first(outcome.as_ref().err().copied()) {
         Some(error) => Err(error),
@@ -27,7 +27,8 @@ pub(super) fn agree<T>(ranks: &Ranks, outcome: Result<T, LinearError>) -> Result
     }
 }
 
-/// The part of a scalar product from the nodes of this rank, `first` and those that follow, by halves.
+/// The contribution of the nodes of this rank to a scalar product, by recursive halving; the vectors start at node
+/// `first`.
 fn dot_of_own<const N: usize>(halo: &Halo, first: usize, a: &[[f64; N]], b: &[[f64; N]]) -> f64 {
     if a.len() <= TERMS {
         let mut sum = [0.0; N];
@@ -47,7 +48,7 @@ fn dot_of_own<const N: usize>(halo: &Halo, first: usize, a: &[[f64; N]], b: &[[f
     low + high
 }
 
-/// Scalar product, by halves: the order of the sum is fixed, whatever the number of threads.
+/// Scalar product, by recursive halving: the order of the sum is fixed, whatever the number of threads.
 fn dot<const N: usize>(a: &[[f64; N]], b: &[[f64; N]]) -> f64 {
     if a.len() <= TERMS {
         let mut sum = [0.0; N];

@@ -8,12 +8,12 @@ pub(super) struct SymmetricPart<const N: usize> {
     column_start: Vec<usize>,
     row: Vec<u32>,
     blocks: Vec<Block<N>>,
-    /// For each block, its place in the whole matrix and that of its mirror image.
+    /// For each block, its index in the whole matrix and that of its mirror image.
     places: Vec<[usize; 2]>,
 }
 
 impl<const N: usize> SymmetricPart<N> {
-    /// Lays out the part of a matrix with all its blocks.
+    /// Lays out the symmetric part of a matrix that stores all its blocks.
     ///
     /// # Errors
     /// [`LinearError::Unsymmetric`] if a block has no mirror image.

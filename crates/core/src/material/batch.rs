@@ -1,17 +1,17 @@
-//! Laws that are evaluated for all their points at once, such as a law in another language, where a call costs more than
-//! its arithmetic.
+//! Laws that are evaluated for all their points at once, such as a law in another language, where a call costs more
+//! than its arithmetic.
 
 use super::{MaterialError, Response};
 use crate::tensor::{Sym3, Tangent};
 
-/// A law that is evaluated in batches of points. The solver calls it once per evaluation of the internal force, with all
-/// points of its material, on the thread that evaluates.
+/// A law that is evaluated in batches of points. The solver calls it once per evaluation of the internal force, with
+/// all points of its material, on the thread that evaluates.
 pub trait BatchLaw {
     /// Batch form of [`Material::update`](super::Material::update): the return mapping of every point from its trial
-    /// elastic strain, which is finite. `old` holds the converged history variables, point after point; `new`, of the
+    /// elastic strain, which is finite. `old` holds the converged history variables, point after point; `new`, with the
     /// same layout, starts as a copy of it and receives the trial ones. The response to `trial[p]` is written to
-    /// `responses[p]`; a response that is not finite refuses the strain, as does one that is not written. The response of
-    /// a point depends neither on the other points nor on their order.
+    /// `responses[p]`; a response that is not finite, or is not written, refuses the strain. The response of a point
+    /// depends neither on the other points nor on their order.
     ///
     /// # Errors
     /// [`BatchError`] if a point has no response, or the law cannot be evaluated.
@@ -25,8 +25,8 @@ pub trait BatchLaw {
 
     /// Batch form of [`Material::energy`](super::Material::energy) and
     /// [`Material::plastic_work`](super::Material::plastic_work), summed over points of these original volumes: stored
-    /// elastic energy and plastic work, [energy]. `history` is laid out as in [`BatchLaw::respond`]. Not a number if the law
-    /// cannot be evaluated, which ends the run.
+    /// elastic energy and plastic work, [energy]. `history` is laid out as in [`BatchLaw::respond`]. Not a number if
+    /// the law cannot be evaluated, which ends the run.
     fn energies(&self, elastic_strain: &[Sym3], history: &[f64], volume: &[f64]) -> [f64; 2];
 }
 
@@ -37,7 +37,7 @@ pub enum BatchError {
     /// The law has no response to the trial strain of a point. The step is then tried with a smaller increment.
     #[error("point {point} of the batch: {error}")]
     Refused {
-        /// Place of the point in the batch.
+        /// Index of the point in the batch.
         point: usize,
         /// The failure.
         error: MaterialError,
@@ -45,7 +45,7 @@ pub enum BatchError {
     /// The law cannot be evaluated. The run then ends.
     #[error("{message}")]
     Failed {
-        /// Place of the point in the batch, if one is to blame.
+        /// Index of the point in the batch, if one point is to blame.
         point: Option<usize>,
         /// The reason.
         message: String,

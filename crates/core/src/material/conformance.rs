@@ -7,7 +7,7 @@ use crate::tensor::{Lane, Lanes, Mat3, Sym3, exp_derivative};
 #[non_exhaustive]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Property {
-    /// The law responds to strains, also to none.
+    /// The law responds to strains, including zero strain.
     Response,
     /// Equal arguments give equal results.
     Purity,
@@ -47,12 +47,12 @@ pub struct Nonconformity {
     pub tolerance: f64,
 }
 
-/// Errors of less than this are permissible: laws that iterate need not reach round-off.
+/// Smaller errors are permissible: laws that iterate need not reach round-off.
 const TOLERATED: f64 = 1e-10;
 
-/// The properties that a law lacks, each where its error is largest, at a fixed set of pseudo-random strains, in space and in
-/// the plane, with initial history. `largest` bounds the components of the strains, [-]; others are a tenth and a
-/// hundredth of it.
+/// The properties that a law lacks, each where its error is largest, for a fixed set of pseudo-random strains, in space
+/// and in the plane, with initial history. `largest` bounds the components of a third of the strains, [-]; a tenth and
+/// a hundredth of it bound the others.
 pub fn check(law: &dyn Material, largest: f64) -> Vec<Nonconformity> {
     let mut worst: Vec<Nonconformity> = Vec::new();
     for strain in strains(largest) {
@@ -77,13 +77,13 @@ pub fn check_at(law: &dyn Material, logarithmic: &Sym3) -> Vec<Nonconformity> {
         .collect()
 }
 
-/// The property, unless the error is permissible; an error that is no number is not.
+/// The property, unless the error is permissible; a NaN error is not.
 fn lacking(property: Property, strain: &Sym3, error: f64, tolerance: f64) -> Option<Nonconformity> {
     let error = if error.is_nan() { f64::INFINITY } else { error };
     (error > tolerance).then_some(Nonconformity { property, strain: *strain, error, tolerance })
 }
 
-/// The error of a law in a property.
+/// The error of a law in one property.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Deviation {
     pub(super) property: Property,
@@ -169,14 +169,14 @@ fn stress(law: &dyn Material, trial: &Sym3, old: &[f64]) -> Sym3 {
 struct At<'a> {
     law: &'a dyn Material,
     logarithmic: Sym3,
-    /// In the measure of the law.
+    /// The strain in the measure of the law.
     trial: Sym3,
     old: Vec<f64>,
     new: Vec<f64>,
     response: Response,
     /// Norm of the tangent, [stress].
     scale: f64,
-    /// The same at no strain, [stress].
+    /// The same at zero strain, [stress].
     at_rest: f64,
 }
 
@@ -210,7 +210,7 @@ impl<'a> At<'a> {
             m.0[c] -= h;
             let [p, m] = [p, m].map(|trial| stress(self.law, &trial, &self.old));
             let column = Sym3(std::array::from_fn(|r| self.response.tangent[(r, c)]));
-            // Where the tangent jumps within the difference, it belongs to one side.
+            // If the tangent jumps within the interval of the difference, it is the slope on one side.
             let tau = self.response.tau;
             let slopes = [(p - m) * (0.5 / h), (p - tau) * (1.0 / h), (tau - m) * (1.0 / h)];
             slopes.map(|slope| (slope - column).norm()).into_iter().fold(f64::INFINITY, f64::min)
@@ -240,7 +240,7 @@ impl<'a> At<'a> {
         Deviation::new(Property::Isotropy, difference.norm() / self.elastic_stress(), 1e-12)
     }
 
-    /// Also no further flow.
+    /// An update from the returned elastic strain must not flow further.
     fn admissibility(&self) -> Deviation {
         let settled = stress(self.law, &self.response.elastic_strain, &self.new);
         let norm = self.response.tau.norm().max(f64::MIN_POSITIVE);

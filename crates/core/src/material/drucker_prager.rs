@@ -5,7 +5,7 @@ use super::strength::{EQUIVALENT, ON_SURFACE};
 use super::{Elasticity, Friction, MaterialError, PrincipalLaw, PrincipalResponse, StrengthMeasure};
 use crate::tensor::{Lane, Lanes};
 
-/// The states of stress for which the cone has the strength of Mohr and Coulomb.
+/// The states of stress in which the cone matches the Mohr-Coulomb strength.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
@@ -14,9 +14,9 @@ pub enum Match {
     Compression,
     /// Triaxial extension: the cone through the inner corners.
     Extension,
-    /// Collapse in plane strain, with the flow of the dilation angle.
+    /// Collapse in plane strain, with flow at the dilation angle.
     PlaneStrain,
-    /// The cone that the hexagon surrounds, the weakest one; the same as in plane strain with associated flow.
+    /// The cone inscribed in the hexagon, the weakest one; the same as in plane strain with associated flow.
     Inscribed,
 }
 
@@ -52,8 +52,8 @@ impl Match {
     }
 }
 
-/// Drucker-Prager plasticity: f = √J₂ + η p − ξ c with p = tr τ/3, tension positive; flow with η̄ in place of η. The stress
-/// returns to the apex p = ξ c/η where the flow would pass it.
+/// Drucker-Prager plasticity: f = √J₂ + η p − ξ c with p = tr τ/3, tension positive; flow with η̄ in place of η. The
+/// stress returns to the apex p = ξ c/η where the flow would pass it.
 #[derive(Debug, Clone)]
 pub struct DruckerPrager {
     elasticity: Elasticity,
@@ -74,7 +74,8 @@ impl DruckerPrager {
     pub fn new(young: f64, poisson: f64, friction: Friction, matched: Match) -> Self {
         let sine = |degrees: f64| degrees.to_radians().sin();
         let flow = matched.flow(sine(friction.dilation_angle));
-        // With associated flow both are the same cone, here to the last bit, and the tangent is symmetric.
+        // With associated flow, the cone of plane strain is the inscribed one, here to the last bit, and the tangent is
+        // symmetric.
         let is_associated = friction.dilation_angle == friction.friction_angle;
         let cone = if is_associated && matched == Match::PlaneStrain { Match::Inscribed } else { matched };
         let [slope, per_cohesion] = cone.cone(sine(friction.friction_angle), flow);
@@ -96,7 +97,8 @@ impl DruckerPrager {
 }
 
 impl PrincipalLaw for DruckerPrager {
-    /// The trial deviator s is scaled back by the flow γ = f/(G + K η η̄); beyond the apex, only the volume flows.
+    /// The trial deviator s is scaled back by the flow γ = f/(G + K η η̄); beyond the apex, the flow is purely
+    /// volumetric.
     fn without_flow(&self, trial: &[Lanes; 3], old: &[Lanes]) -> Option<Elasticity> {
         let Elasticity { bulk, shear } = self.elasticity;
         let trace = trial[0] + trial[1] + trial[2];
@@ -145,7 +147,7 @@ impl PrincipalLaw for DruckerPrager {
             let ratio = returned / radius;
             let n = s.map(|x| x / rho);
             let pressure = mean - bulk * flow * gamma;
-            // γ grows by √2 G n·dε + (K η − strength_rate) tr dε, over the stiffness.
+            // The rate of γ is √2 G n·dε + (K η − strength_rate) tr dε, divided by the stiffness.
             let rate: [f64; 3] = std::array::from_fn(|j| {
                 (std::f64::consts::SQRT_2 * shear * n[j] + bulk * slope - strength_rate) / stiffness
             });

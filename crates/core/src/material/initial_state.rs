@@ -3,16 +3,16 @@
 use super::{Material, MaterialError};
 use crate::tensor::Sym3;
 
-/// Largest number of returns to the yield surface of the undeformed state; with hardening, each is a fixed fraction of
-/// the one before.
+/// Largest number of returns to the yield surface of the undeformed state; with hardening, each return is a fixed
+/// fraction of the previous one.
 const MOST_RETURNS: usize = 200;
-/// A return that changes the strain by less than this, relative to it, is round-off, [-].
+/// Change of the strain by a return, relative to the strain, that counts as round-off, [-].
 const RETURNED: f64 = 1e-13;
 
 /// The state of a point with an initial stress.
 #[derive(Debug, Clone, PartialEq)]
 pub struct InitialState {
-    /// Kirchhoff stress τ, on the yield surface or within it, [stress].
+    /// Kirchhoff stress τ, on the yield surface or inside it, [stress].
     pub tau: Sym3,
     /// Elastic strain, in the measure of the law, [-].
     pub elastic_strain: Sym3,
@@ -20,12 +20,13 @@ pub struct InitialState {
     pub history: Vec<f64>,
 }
 
-/// The state of a point whose Kirchhoff stress is `tau`, [stress]: b^e from the inverse of the elastic law, and `history`
-/// adapted to it. A stress outside the yield surface is replaced by that to which the law returns it, without plastic
-/// strain.
+/// The state of a point whose Kirchhoff stress is `tau`, [stress]: b^e from the inverse of the elastic law, and
+/// `history` adapted to it. A stress outside the yield surface is replaced by that to which the law returns it, without
+/// plastic strain.
 ///
 /// # Errors
-/// As [`Material::elastic_strain`] and [`Material::update`]; [`MaterialError::NoStrain`] if the returns do not settle.
+/// As [`Material::elastic_strain`] and [`Material::update`]; [`MaterialError::NoStrain`] if the returns do not
+/// converge.
 pub fn initial_state(
     law: &dyn Material,
     tau: &Sym3,

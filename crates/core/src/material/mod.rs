@@ -144,8 +144,8 @@ pub struct CompactResponse<T, const N: usize> {
     pub n: [T; N],
 }
 
-/// A law in the logarithmic strain with a tangent of the form of [`CompactResponse`], evaluated for several points at
-/// once.
+/// A law formulated in logarithmic strain whose tangent has the form of [`CompactResponse`], evaluated for several
+/// points at once.
 pub trait VectorisedLaw {
     /// Plane form of [`Material::update`], in components `xx, yy, zz, √2 xy`; replaces `history` by its new values. A
     /// trial strain that is not finite gives a stress that is not finite.
@@ -176,7 +176,7 @@ pub enum MaterialError {
     /// The response of the law is not finite.
     #[error("the response of the law to the trial elastic strain is not finite")]
     ResponseNotFinite,
-    /// The law refuses the trial strain with a number of its own.
+    /// The law refuses the trial strain with an error number of its own.
     #[error("the law refuses the trial elastic strain with the error number {0}")]
     Refused(i32),
     /// The law cannot be evaluated.
@@ -212,15 +212,16 @@ pub trait Material: Send + Sync + std::fmt::Debug {
         self.initial_history()
     }
 
-    /// Adapts the initial history variables of a point to its initial elastic strain, in the measure of the law, and its
-    /// volume ratio J.
+    /// Adapts the initial history variables of a point to its initial elastic strain, in the measure of the law, and
+    /// its volume ratio J.
     fn start_from(&self, _elastic_strain: &Sym3, _volume_ratio: f64, _history: &mut [f64]) {}
 
-    /// Elastic strain, in the measure of the law, whose Kirchhoff stress is `tau`: the inverse of the elastic law. Yield
-    /// plays no part; a stress outside the yield surface has a strain, too.
+    /// Elastic strain, in the measure of the law, whose Kirchhoff stress is `tau`: the inverse of the elastic law.
+    /// Yielding plays no part: a stress outside the yield surface has a strain too.
     ///
     /// # Errors
-    /// [`MaterialError::NoInverse`] if the law has no inverse, [`MaterialError::NoStrain`] if no strain gives the stress.
+    /// [`MaterialError::NoInverse`] if the law has no inverse, [`MaterialError::NoStrain`] if no strain gives the
+    /// stress.
     fn elastic_strain(&self, _tau: &Sym3, _history: &[f64]) -> Result<Sym3, MaterialError> {
         Err(MaterialError::NoInverse)
     }
@@ -230,7 +231,7 @@ pub trait Material: Send + Sync + std::fmt::Debug {
         None
     }
 
-    /// The law in principal axes, if it is stated so, which allows a cheaper evaluation.
+    /// The law in principal axes, if it is formulated in them, which allows a cheaper evaluation.
     fn principal(&self) -> Option<&dyn PrincipalLaw> {
         None
     }
@@ -240,8 +241,8 @@ pub trait Material: Send + Sync + std::fmt::Debug {
         None
     }
 
-    /// The law for batches of points, if the solver is to evaluate it in this way only. [`Material::update`] is then used
-    /// for single points outside the iterations; [`respond_alone`] implements it.
+    /// The law for batches of points, if the solver is to evaluate it in this way only. [`Material::update`] is then
+    /// used for single points outside the iterations; [`respond_alone`] implements it.
     fn batch(&self) -> Option<&dyn BatchLaw> {
         None
     }
@@ -255,8 +256,8 @@ pub trait Material: Send + Sync + std::fmt::Debug {
         0.0
     }
 
-    /// The law with its shear strength divided by a factor, cohesion and the tangent of the friction angle; `None` if it
-    /// has no such strength.
+    /// The law with its shear strength, that is, cohesion and the tangent of the friction angle, divided by a factor;
+    /// `None` if it has no such strength.
     fn with_strength_divided(&self, _factor: f64) -> Option<Box<dyn Material>> {
         None
     }

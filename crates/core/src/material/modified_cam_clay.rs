@@ -10,12 +10,13 @@ use super::{
 };
 use crate::tensor::{Lanes, Sym3};
 
-/// Modified Cam-clay at finite strain (Borja and Tamagnini 1998, doi 10.1016/S0045-7825(97)00141-2): the ellipse f = q²/M²
-/// + P (P − P_c) of the mean pressure P = −tr τ/3 and q = √(3 J₂), associated flow, and bilogarithmic compression.
+/// Modified Cam-clay at finite strain (Borja and Tamagnini 1998, doi 10.1016/S0045-7825(97)00141-2): the ellipse f =
+/// q²/M² + P (P − P_c) of the mean pressure P = −tr τ/3 and q = √(3 J₂), associated flow, and bilogarithmic
+/// compression.
 ///
-/// On the virgin line ln J = −λ̂ ln(P/P₀); unloaded, the volume follows κ̂. Elasticity has the stored energy W = P₀ κ̂ e^ω +
-/// 3/2 μ ε_s² with ω = −ε_v/κ̂ and μ = μ₀ + α P₀ e^ω (Borja, Tamagnini and Amorosi 1997,
-/// doi 10.1061/(ASCE)1090-0241(1997)123:10(948)), so that the bulk modulus grows in proportion to the pressure.
+/// On the virgin line ln J = −λ̂ ln(P/P₀); on unloading, the slope is κ̂. Elasticity has the stored energy W = P₀ κ̂
+/// e^ω + 3/2 μ ε_s² with ω = −ε_v/κ̂ and μ = μ₀ + α P₀ e^ω (Borja, Tamagnini and Amorosi 1997, doi
+/// 10.1061/(ASCE)1090-0241(1997)123:10(948)), so that the bulk modulus grows in proportion to the pressure.
 #[derive(Debug, Clone)]
 pub struct ModifiedCamClay {
     parameters: CamClay,
@@ -35,14 +36,14 @@ pub struct CamClay {
     pub shear_modulus: f64,
     /// α, growth of μ per pressure, [-]; with 0, μ is constant.
     pub shear_modulus_ratio: f64,
-    /// P_c over the size of the ellipse through the initial stress, at least 1, [-].
+    /// P_c relative to the size of the ellipse through the initial stress, at least 1, [-].
     pub overconsolidation_ratio: f64,
-    /// P₀, the pressure at zero elastic strain, [stress]. It moves the origin of strain; stresses depend on their initial
-    /// values only.
+    /// P₀, the pressure at zero elastic strain, [stress]. It only shifts the origin of strain; stresses depend on their
+    /// initial values only.
     pub reference_pressure: f64,
 }
 
-/// Places of the history variables.
+/// Indices of the history variables.
 const PRECONSOLIDATION: usize = 0;
 const EQUIVALENT_STRAIN: usize = 1;
 const VOLUMETRIC_STRAIN: usize = 2;
@@ -93,8 +94,8 @@ impl CamClay {
         (1.5 * self.shear_modulus_ratio * self.swelling_index).sqrt()
     }
 
-    /// True if the elasticity can carry the critical state to which normally consolidated clay under the isotropic stress P₀
-    /// comes without a change of volume. Other paths may need more.
+    /// True if the elasticity can carry the critical state that normally consolidated clay reaches from the isotropic
+    /// stress P₀ at constant volume. Other paths may need more.
     pub fn carries_critical_state(&self) -> bool {
         let pressure = 0.5 * self.reference_pressure;
         self.strain_of(pressure, self.critical_state_ratio * pressure).is_some()
@@ -107,7 +108,7 @@ impl CamClay {
         let confined =
             |strain: f64| pressure / (1.0 + 1.5 * shear_modulus_ratio * strain * strain / swelling_index);
         let stress = |strain: f64| 3.0 * (shear_modulus + shear_modulus_ratio * confined(strain)) * strain;
-        // q grows with ε_s up to a largest value if α C dominates; the root sought lies before it.
+        // q grows with ε_s up to a maximum if α C dominates; the root sought lies before it.
         let (mut low, mut high) = (0.0, shear / (3.0 * shear_modulus.max(f64::MIN_POSITIVE)));
         if shear_modulus_ratio > 0.0 {
             high = f64::min(high, (2.0 * swelling_index / (3.0 * shear_modulus_ratio)).sqrt());
@@ -179,7 +180,7 @@ impl Material for ModifiedCamClay {
         history[WORK]
     }
 
-    /// Implicit hardening couples the direction of flow to P_c, also where the flow is associated.
+    /// Implicit hardening couples the direction of flow to P_c, even where the flow is associated.
     fn tangent_is_symmetric(&self) -> bool {
         false
     }

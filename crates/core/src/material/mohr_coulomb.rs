@@ -4,7 +4,7 @@ use super::strength::EQUIVALENT;
 use super::wedge::{Strength, WedgeLaw, WedgeSettings};
 use super::{Elasticity, Softening, StrengthMeasure};
 
-/// Shear strength of Mohr and Coulomb, with the flow that belongs to it.
+/// Mohr-Coulomb shear strength, with the flow that belongs to it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Friction {
     /// Cohesion c, [stress].
@@ -42,7 +42,7 @@ impl Slopes {
     }
 }
 
-/// No change.
+/// Rates of properties that do not change.
 const STILL: Slopes = Slopes { cohesion: 0.0, friction: 0.0, dilation: 0.0 };
 const NONE: Strength = Strength { ratio: 0.0, flow_ratio: 0.0, compressive: 0.0, tensile: 0.0 };
 
@@ -52,11 +52,12 @@ fn root_of_ratio(slope: f64) -> [f64; 2] {
     [secant + slope, 1.0 + slope / secant]
 }
 
-/// The strain of [`Softening`] at and below which a point that flows from the peak, with the least compressive principal stress
-/// zero, loses strength faster than its elastic stress can fall; its flow then has no solution, [-]. With n = ∂f/∂τ and m the
-/// direction of flow, C the elastic stiffness and κ' = √(2/3) |dev m|, the loss ∂f/∂κ κ' must stay below n·C m; for equal
-/// angles of zero this is √3 (s_p − s_r)/G. Under compression the loss of friction adds to it, so that a larger strain may
-/// be necessary there. `elasticity` is Young's modulus, [stress], and Poisson's ratio, [-].
+/// The strain of [`Softening`] at or below which a point that flows from the peak, while its least compressive
+/// principal stress is zero, loses strength faster than its elastic stress can fall; its flow then has no solution,
+/// [-]. With n = ∂f/∂τ and m the direction of flow, C the elastic stiffness and κ' = √(2/3) |dev m|, the loss ∂f/∂κ κ'
+/// must stay below n·C m; if both angles are zero, this is √3 (s_p − s_r)/G. Under compression the loss of friction
+/// adds to the loss, so that a larger strain may be necessary there. `elasticity` is Young's modulus, [stress], and
+/// Poisson's ratio, [-].
 pub fn least_softening_strain([young, poisson]: [f64; 2], [peak, residual]: [Friction; 2]) -> f64 {
     let elasticity = Elasticity::from_young_poisson(young, poisson);
     let (shear, lambda) = (elasticity.shear, elasticity.lambda());
@@ -66,22 +67,22 @@ pub fn least_softening_strain([young, poisson]: [f64; 2], [peak, residual]: [Fri
     let [ratio, flow_ratio] = [root * root, flow_root * flow_root];
     let unloading = lambda * (ratio - 1.0) * (flow_ratio - 1.0) + 2.0 * shear * (ratio * flow_ratio + 1.0);
     let deviator = flow_ratio * flow_ratio + 1.0 - (flow_ratio - 1.0).powi(2) / 3.0;
-    // The share of the loss falls at the rate 3/κ₉₅.
+    // At the peak, dX/dκ = −3 (X_p − X_r)/κ₉₅.
     let loss = (peak.cohesion - residual.cohesion) * root
         + peak.cohesion * root_by_slope * (peak.friction - residual.friction);
     3.0 * 2.0 * loss * EQUIVALENT * deviator.sqrt() / unloading
 }
 
 /// Mohr-Coulomb plasticity: f = N τ₁ − τ₃ − 2c√N with N = (1 + sin φ)/(1 − sin φ) and the largest and the smallest
-/// principal stress, tension positive; flow with the dilation angle in place of φ; and, if stated, τ₁ ≤ T with associated
-/// flow.
+/// principal stress, tension positive; flow with the dilation angle in place of φ; and, if stated, τ₁ ≤ T with
+/// associated flow.
 #[derive(Debug, Clone)]
 pub struct MohrCoulomb {
     settings: WedgeSettings,
     peak: Slopes,
     /// Infinite without cut-off, [stress].
     tensile: f64,
-    /// The strength in the end, and the way there.
+    /// The residual strength, and the softening towards it.
     softening: Option<(Slopes, Softening)>,
     /// The strength at the peak.
     at_peak: Strength,
@@ -102,7 +103,7 @@ impl MohrCoulomb {
         .prepared()
     }
 
-    /// The law with the strength at the peak as the properties have it.
+    /// The law with the strength at the peak that follows from its properties.
     fn prepared(self) -> Self {
         let [at_peak, _] = self.strength_of(&self.peak, &STILL);
         MohrCoulomb { at_peak, ..self }
@@ -114,7 +115,7 @@ impl MohrCoulomb {
         MohrCoulomb { tensile, ..self }.prepared()
     }
 
-    /// The strength decays to this residual: cohesion and the tangents of both angles.
+    /// Lets the strength decay to this residual: cohesion and the tangents of both angles.
     pub fn softening(self, residual: Friction, softening: Softening) -> Self {
         let settings = WedgeSettings { softens: true, ..self.settings };
         MohrCoulomb { settings, softening: Some((residual.into(), softening)), ..self }
@@ -125,7 +126,7 @@ impl MohrCoulomb {
         MohrCoulomb { settings: WedgeSettings { measure, ..self.settings }, ..self }
     }
 
-    /// Strength with these properties, and its derivative where these are the derivatives of the properties.
+    /// The strength at the properties `now`, and its derivative, where `rate` is the derivative of the properties.
     fn strength_of(&self, now: &Slopes, rate: &Slopes) -> [Strength; 2] {
         let peak = &self.peak;
         let [root, root_by_slope] = root_of_ratio(now.friction);

@@ -100,12 +100,13 @@ impl Material for NeoHookean {
         let is_positive = |log_j: f64| smallest - self.lambda * log_j > 0.0;
         let mut log_j = match smallest {
             _ if is_positive(0.0) => 0.0,
-            // b is positive definite below (λ > 0) or above (λ < 0) the value at which its smallest eigenvalue vanishes.
+            // b is positive definite below (λ > 0) or above (λ < 0) the value at which its smallest eigenvalue
+            // vanishes.
             smallest if self.lambda > 0.0 => smallest / self.lambda - 1.0,
             smallest if self.lambda < 0.0 => smallest / self.lambda + 1.0,
             _ => return Err(MaterialError::NoStrain),
         };
-        // Beside a stress of many orders of magnitude above the moduli, the 1 above is round-off.
+        // Next to a stress that exceeds the moduli by many orders of magnitude, the 1 above is round-off.
         if !is_positive(log_j) {
             return Err(MaterialError::NoStrain);
         }
@@ -124,7 +125,7 @@ impl Material for NeoHookean {
                 return Ok(strain(log_j));
             }
         }
-        // Round-off may keep the last changes just above the bound.
+        // Round-off may keep the final changes just above the bound.
         let e = strain(log_j);
         let is_settled = (log_volume_ratio(&e) - log_j).abs() <= SETTLED * (e.norm() + log_j.abs());
         if is_settled { Ok(e) } else { Err(MaterialError::NoStrain) }

@@ -15,7 +15,7 @@ pub struct PrincipalResponse<T = f64> {
     pub modulus: [[T; 3]; 3],
 }
 
-/// A law in the logarithmic strain that is stated in principal axes.
+/// A law in the logarithmic strain that is formulated in principal axes.
 pub trait PrincipalLaw: Send + Sync {
     /// Principal form of [`Material::update`](super::Material::update). The trial strains are in descending order; the
     /// stresses belong to the same axes.
@@ -29,15 +29,15 @@ pub trait PrincipalLaw: Send + Sync {
         new: &mut [f64],
     ) -> Result<PrincipalResponse, MaterialError>;
 
-    /// The elasticity of several points if none of them flows, so that their response needs no return mapping: stress and
-    /// modulus are those of this elasticity, and the history does not change. `None` if a point may flow, or if a strain is
-    /// not finite.
+    /// The elasticity of several points if none of them flows, so that their response needs no return mapping: stress
+    /// and modulus are those of this elasticity, and the history does not change. `None` if a point may flow, or if a
+    /// strain is not finite.
     fn without_flow(&self, _trial: &[Lanes; 3], _old: &[Lanes]) -> Option<Elasticity> {
         None
     }
 
-    /// As [`PrincipalLaw::respond`] for several points side by side, with the same bits. `None` if the law has no such form,
-    /// or if a point has no response.
+    /// As [`PrincipalLaw::respond`] for several points side by side, with the same bits. `None` if the law has no such
+    /// form, or if a point has no response.
     fn respond_in_lanes(
         &self,
         _trial: &[Lanes; 3],
@@ -48,11 +48,11 @@ pub trait PrincipalLaw: Send + Sync {
     }
 }
 
-/// [`Material::update`](super::Material::update) of a law in principal axes: D^alg consists of the modulus on the normal
-/// components n_a ⊗ n_a, and of the divided differences (τ_a − τ_b)/(ε_a − ε_b) on the shears.
+/// [`Material::update`](super::Material::update) of a law in principal axes: D^alg consists of the modulus on the
+/// normal components n_a ⊗ n_a, and of the divided differences (τ_a − τ_b)/(ε_a − ε_b) on the shears.
 ///
 /// # Errors
-/// Those of the law.
+/// The errors of the law.
 pub fn update_in_principal_axes(
     law: &impl PrincipalLaw,
     trial: &Sym3,
@@ -76,7 +76,7 @@ pub fn update_in_principal_axes(
     })
 }
 
-/// Strains closer than this to each other, relative to the larger of both, are taken for equal, [-].
+/// Strains closer to each other than this, relative to the larger of the two, count as equal, [-].
 const EQUAL: f64 = 1e-8;
 
 /// (τ_a − τ_b)/(ε_a − ε_b), or its limit where the difference of the strains is round-off.

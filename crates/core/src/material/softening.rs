@@ -1,7 +1,8 @@
 //! Strain softening: strength that decays to a residual value with the equivalent plastic strain.
 
-/// Exponential decay of strength with the equivalent plastic strain κ: X = X_r + (X_p − X_r) e^(−3κ/κ₉₅) between the peak
-/// X_p and the residual X_r (Einav and Randolph 2005, doi 10.1002/nme.1350); 95 % of the difference is lost at κ₉₅.
+/// Exponential decay of strength with the equivalent plastic strain κ: X = X_r + (X_p − X_r) e^(−3κ/κ₉₅) between the
+/// peak X_p and the residual X_r (Einav and Randolph 2005, doi 10.1002/nme.1350); 95 % of the difference is lost at
+/// κ₉₅.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Softening {
     /// κ₉₅, [-].

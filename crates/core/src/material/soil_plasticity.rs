@@ -1,4 +1,4 @@
-//! What the laws of soil share that are linearly elastic and flow in principal axes: history, energy and plastic work.
+//! What the linearly elastic soil laws that flow in principal axes share: history, energy and plastic work.
 
 use super::{
     Elasticity, Material, MaterialError, PrincipalLaw, Response, StateField, update_in_principal_axes,
@@ -12,10 +12,10 @@ const FIELDS: [StateField; 3] = [
     StateField::new("plastic_work", "energy/volume", 0.0),
 ];
 
-/// Place of the plastic work among them.
+/// Index of the plastic work among them.
 pub(super) const PLASTIC_WORK: usize = 2;
 
-/// A law of soil with linear elasticity that is stated in principal axes.
+/// A soil law with linear elasticity that is formulated in principal axes.
 pub(super) trait SoilPlasticity: PrincipalLaw + std::fmt::Debug + Sized + 'static {
     fn elasticity(&self) -> &Elasticity;
 
@@ -39,7 +39,8 @@ impl<L: SoilPlasticity> Material for L {
         Some(self)
     }
 
-    /// The plastic volumetric strain is such that tr ε^e + ε_v^p = ln J holds in every state, so that the law knows J.
+    /// The plastic volumetric strain is defined such that tr ε^e + ε_v^p = ln J holds in every state, so that the law
+    /// knows J.
     fn start_from(&self, elastic_strain: &Sym3, volume_ratio: f64, history: &mut [f64]) {
         history[1] = volume_ratio.ln() - elastic_strain.trace();
     }

@@ -1,4 +1,4 @@
-//! Shear strength: the stress that it limits, and its reduction in analyses of safety.
+//! Shear strength: the stress that it limits, and its reduction in safety analyses.
 
 /// The stress that a strength limits. They differ by the volume ratio J, σ = τ/J.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
@@ -13,7 +13,7 @@ pub enum StrengthMeasure {
     Kirchhoff,
 }
 
-/// Stresses beyond the yield surface by less than this, relative to the strength, are elastic, [-].
+/// Stresses beyond the yield surface by less than this, relative to the strength, count as elastic, [-].
 ///
 /// A point that has yielded starts the next step on the surface up to round-off. Without a tolerance, round-off would
 /// select its elastic or plastic tangent and so change the course of the Newton iterations.

@@ -30,7 +30,7 @@ pub(crate) fn laws() -> Vec<Box<dyn Material>> {
 
 const CLAY: Friction = Friction { cohesion: 10e3, friction_angle: 25.0, dilation_angle: 25.0 };
 
-/// All that the surface of Mohr and Coulomb may have: dilation, a cut-off, softening, and the Cauchy stress.
+/// All options of the Mohr-Coulomb surface: dilation, a cut-off, softening, and the Cauchy stress.
 fn softening_sand() -> MohrCoulomb {
     let peak = Friction { cohesion: 20e3, friction_angle: 35.0, dilation_angle: 12.0 };
     let residual = Friction { cohesion: 2e3, friction_angle: 28.0, dilation_angle: 0.0 };

@@ -3,27 +3,27 @@
 use super::wedge::{Strength, WedgeLaw, WedgeSettings};
 use super::{Elasticity, Softening, StrengthMeasure};
 
-/// Tresca plasticity: f = τ₁ − τ₃ − 2c with the largest and the smallest principal stress and the undrained shear strength
-/// c, with associated flow, which preserves the volume.
+/// Tresca plasticity: f = τ₁ − τ₃ − 2c with the largest and the smallest principal stress and the undrained shear
+/// strength c, with associated flow, which preserves the volume.
 #[derive(Debug, Clone)]
 pub struct Tresca {
     settings: WedgeSettings,
-    /// c at the start, [stress].
+    /// Initial c, [stress].
     cohesion: f64,
-    /// c in the end, [stress], and the way there.
+    /// Residual c, [stress], and the softening towards it.
     softening: Option<(f64, Softening)>,
 }
 
 impl Tresca {
-    /// Perfect plasticity with Young's modulus, [stress], Poisson's ratio, [-], and the undrained shear strength, [stress], of
-    /// the Kirchhoff stress.
+    /// Perfect plasticity with Young's modulus, [stress], Poisson's ratio, [-], and the undrained shear strength,
+    /// [stress], of the Kirchhoff stress.
     pub fn new(young: f64, poisson: f64, cohesion: f64) -> Self {
         let elasticity = Elasticity::from_young_poisson(young, poisson);
         let settings = WedgeSettings { elasticity, measure: StrengthMeasure::Kirchhoff, softens: false };
         Tresca { settings, cohesion, softening: None }
     }
 
-    /// The strength decays to this residual, [stress].
+    /// Lets the strength decay to this residual, [stress].
     pub fn softening(self, residual: f64, softening: Softening) -> Self {
         let settings = WedgeSettings { softens: true, ..self.settings };
         Tresca { settings, softening: Some((residual, softening)), ..self }

@@ -23,8 +23,8 @@ pub type PropertiesAt = dyn Fn(&[f64; 3]) -> Vec<f64> + Send + Sync;
 /// The law with given properties.
 type LawOf<L> = dyn Fn(&[f64]) -> L + Send + Sync;
 
-/// A law of one kind whose properties vary in space: every point has its own, by its original position. They follow the
-/// history variables of the law and never change.
+/// A law of one kind whose properties vary in space: every point has its own properties, which depend on its original
+/// position. They follow the history variables of the law and never change.
 pub struct Varying<L> {
     /// History variables of the law, then properties.
     fields: Vec<StateField>,
@@ -33,18 +33,19 @@ pub struct Varying<L> {
     law: Arc<LawOf<L>>,
     /// The law with the typical properties.
     typical: L,
-    /// The strength is divided by this factor.
+    /// Factor by which the strength is divided.
     divided_by: f64,
     /// True if the tangent is symmetric whatever the properties are.
     is_symmetric: bool,
 }
 
-/// Relative change of a property that shows whether the symmetry of the tangent depends on it, as on equal angles of friction
-/// and dilation, [-].
+/// Relative change of a property that shows whether the symmetry of the tangent depends on it, as it does for equal
+/// angles of friction and dilation, [-].
 const CHANGE: f64 = 1e-3;
 
 impl<L: Material> Varying<L> {
-    /// The law whose properties, in the order of `properties`, are those of `at`; `law` is the law with given properties.
+    /// The law whose properties, in the order of `properties`, are those of `at`; `law` is the law with given
+    /// properties.
     pub fn new(
         properties: &[VaryingProperty],
         at: Arc<PropertiesAt>,
@@ -111,7 +112,7 @@ impl<L: Material + Clone + 'static> PrincipalLaw for Varying<L> {
         let (own, properties) = self.split(old);
         let (new_own, kept) = new.split_at_mut(own.len());
         kept.copy_from_slice(properties);
-        // Laws of one kind are all stated in principal axes, or none is.
+        // Either all laws of one kind are formulated in principal axes, or none is.
         self.with(properties, |law| law.principal().map(|law| law.respond(trial, own, new_own)))
             .unwrap_or(Err(MaterialError::NoResponse))
     }

@@ -1,5 +1,5 @@
-//! Plasticity with the surface of Mohr and Coulomb, of which that of Tresca is a part: softening and the stress that the
-//! strength limits.
+//! Plasticity with the Mohr-Coulomb surface, of which the Tresca surface is a special case: softening and the stress
+//! that the strength limits.
 
 mod return_mapping;
 
@@ -13,7 +13,7 @@ pub(super) use return_mapping::Strength;
 /// Largest number of iterations for the softened strength.
 const MOST_ITERATIONS: usize = 60;
 
-/// What laws with this surface have besides their strength.
+/// What laws with this surface have in addition to their strength.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct WedgeSettings {
     pub(super) elasticity: Elasticity,
@@ -23,7 +23,7 @@ pub(super) struct WedgeSettings {
     pub(super) softens: bool,
 }
 
-/// A law with this surface: what distinguishes it from others.
+/// A law with this surface: what distinguishes it from other such laws.
 pub(super) trait WedgeLaw: std::fmt::Debug + Send + Sync + Sized + 'static {
     fn settings(&self) -> &WedgeSettings;
 
@@ -165,8 +165,8 @@ impl<L: WedgeLaw> Wedge<'_, L> {
         AtTrial { strength, rates: [scaled(rate), by_volume] }
     }
 
-    /// The stress beyond yield. With softening, the strength at the end of the flow determines it, and is found by Newton's
-    /// method between bounds.
+    /// The stress beyond yield. With softening, it follows from the strength at the end of the flow, which Newton's
+    /// method finds between bounds.
     fn flow(
         &self,
         trial: &[f64; 3],
@@ -222,8 +222,8 @@ impl<L: WedgeLaw> Wedge<'_, L> {
 }
 
 impl Flowed {
-    /// Derivative of the equivalent plastic strain with respect to the trial strains. `modulus` is that of the stress at
-    /// constant equivalent plastic strain.
+    /// Derivative of the equivalent plastic strain with respect to the trial strains. `modulus` is that of the stress
+    /// at constant equivalent plastic strain.
     fn growth(&self, elasticity: &Elasticity, modulus: &[[f64; 3]; 3]) -> [f64; 3] {
         std::array::from_fn(|j| {
             let elastic = elasticity.principal_strain([modulus[0][j], modulus[1][j], modulus[2][j]]);

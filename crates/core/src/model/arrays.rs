@@ -33,9 +33,9 @@ impl HistoryVariable {
 }
 
 impl<const D: usize> Model<D> {
-    /// An array of the points in their converged state by its name, with the meaning of the name in VTU files: those of
-    /// [`PointArray`], but with the logarithmic elastic strain and the volume of [`Model::volume`]; history variables
-    /// of laws, zero for points of other laws; declared fields ([`Points::STORED`]); and further ones
+    /// An array of the points in their converged state by its name, with the meaning of the name in VTU files: the
+    /// arrays of [`PointArray`], but with the logarithmic elastic strain and the volume of [`Model::volume`]; history
+    /// variables of laws, zero for points of other laws; declared fields ([`Points::STORED`]); and further fields
     /// ([`Points::declare`]). `None` if nothing has this name.
     ///
     /// One row per point in the order of the permanent numbers; [`PointArray`] defines the order of components and the

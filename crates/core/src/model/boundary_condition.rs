@@ -22,10 +22,10 @@ pub enum NodeSet {
 pub struct OnSurface {
     /// Index of the surface.
     pub surface: usize,
-    /// True if the first displacement of the condition is the component along the original normal of the surface at each
-    /// sample, and the only one.
+    /// True if the condition prescribes only the component along the original normal of the surface at each sample,
+    /// given as its first displacement.
     pub along_normal: bool,
-    /// Penalty stiffness per area, relative to the axial modulus of the body over the size of a cell, [-]. It
+    /// Penalty stiffness per unit area, relative to the axial modulus of the body divided by the cell size, [-]. It
     /// regularises the stiffness; results do not depend on it.
     pub penalty: f64,
 }
@@ -37,9 +37,9 @@ pub struct BoundaryCondition<const D: usize> {
     pub name: String,
     /// Nodes with prescribed displacement.
     pub nodes: NodeSet,
-    /// Prescribed displacement along each axis, or direction of `axes`, [length]; `None` if the axis is free. A formula of
-    /// the coordinates of the node (`D` values), the original position of the material there (`D` values) and the load
-    /// factor. A formula without the load factor is multiplied by it.
+    /// Prescribed displacement along each axis, or each direction of `axes`, [length]; `None` if the axis is free. A
+    /// formula of the coordinates of the node (`D` values), the original position of the material there (`D` values)
+    /// and the load factor. A formula that does not contain the load factor is multiplied by it.
     pub displacement: [Option<Formula>; D],
     /// Directions to which `displacement` refers if they are not the axes: orthonormal vectors, `[direction][axis]`.
     pub axes: Option<[[f64; D]; D]>,
@@ -48,7 +48,7 @@ pub struct BoundaryCondition<const D: usize> {
 }
 
 impl<const D: usize> BoundaryCondition<D> {
-    /// The direction of one of its displacements at a place of a surface with this original unit normal.
+    /// The direction of one of its displacements on a surface with this original unit normal.
     pub fn direction(&self, displacement: usize, normal: [f64; D]) -> [f64; D] {
         match (&self.nodes, &self.axes) {
             (NodeSet::Surface(on), _) if on.along_normal => normal,
@@ -90,7 +90,7 @@ impl<const D: usize> BoundaryCondition<D> {
     }
 }
 
-/// A prescribed displacement at a place, an original place and a load factor, [length].
+/// Value of a prescribed displacement for a current position, an original position and a load factor, [length].
 pub fn displacement_at<const D: usize>(
     formula: &Formula,
     place: &[f64; D],

@@ -200,13 +200,13 @@ impl<const D: usize> Builder<D> {
         self
     }
 
-    /// Fixes the nodes for which `on` holds along some axes.
+    /// Fixes, along some axes, the nodes for which `on` holds.
     pub fn fix(self, name: &str, axes: [bool; D], on: impl Fn(&[f64; D]) -> bool) -> Self {
         self.prescribe(name, axes.map(|axis| axis.then_some(0.0)), on)
     }
 
-    /// Prescribes the final displacement, [length], of the nodes for which `on` holds, along the axes for which it is
-    /// given.
+    /// Prescribes the final displacement, [length], of the nodes for which `on` holds, along the axes for which a value
+    /// is given.
     pub fn prescribe(
         mut self,
         name: &str,

@@ -89,7 +89,7 @@ impl<const D: usize> Action<D> {
     }
 }
 
-/// A pressure on a surface, [stress]. Unless it is dead, it acts on the present area along the present normal.
+/// A pressure on a surface, [stress]. Unless it is a dead load, it acts on the present area along the present normal.
 #[derive(Debug, Clone)]
 pub enum Pressure<const D: usize> {
     /// A formula of the position at the start of the step, of the original position, and of the load factor.
@@ -181,8 +181,8 @@ pub struct Load<const D: usize> {
 }
 
 impl LoadCurve {
-    /// The factor of a tool at a time, [-]. Where the common load factor follows from equilibrium, `unknown` is its value: the
-    /// share that is reached of the change of the curve over the stage.
+    /// The factor of a tool at a time, [-]. Where the common load factor follows from equilibrium, `unknown` is its
+    /// value: the share of the change of the curve over the stage that has been reached.
     pub fn factor_of_tool(&self, stepping: &Stepping, time: f64, unknown: f64) -> f64 {
         if stepping.control.has_unknown_factor() {
             self.factor(stepping.start_time) + unknown * self.factor_per_unknown(stepping)
@@ -191,7 +191,8 @@ impl LoadCurve {
         }
     }
 
-    /// Change of that factor with the common load factor, [-]; 0 where that does not follow from equilibrium.
+    /// Change of the factor of the tool with the common load factor, [-]; 0 where the latter does not follow from
+    /// equilibrium.
     pub fn factor_per_unknown(&self, stepping: &Stepping) -> f64 {
         if stepping.control.has_unknown_factor() {
             self.factor(stepping.end_time) - self.factor(stepping.start_time)
@@ -202,8 +203,8 @@ impl LoadCurve {
 }
 
 impl<const D: usize> Load<D> {
-    /// The load factor where the stage begins, and the one that it has at the end if one common factor grows from 0 to 1.
-    /// At time 0, nothing is loaded.
+    /// The load factor at the start of the stage, and the one at its end if one common factor grows from 0 to 1. At
+    /// time 0, nothing is loaded.
     pub fn factors_of_stage(&self, stepping: &Stepping) -> (f64, f64) {
         let from = stepping.start_time;
         let stands = if from > 0.0 { self.curve.factor(from) } else { 0.0 };

@@ -1,8 +1,8 @@
 //! A background grid whose lines follow prescribed displacements.
 //!
-//! Nothing lives on the grid between load steps, so its lines may be carried along: the grid of a step is a function of the
-//! time at which the step starts. A tool or footing then stays on grid lines (the moving mesh of Phuong et al., Comput.
-//! Geotech. 73 (2016) 58-71). Lines move as a whole, whatever material their cells contain.
+//! Nothing lives on the grid between load steps, so its lines may be carried along: the grid of a step is a function of
+//! the time at which the step starts. A tool or footing then stays on grid lines (the moving mesh of Phuong et al.,
+//! Comput. Geotech. 73 (2016) 58-71). Lines move as a whole, whatever material their cells contain.
 
 use crate::formula::Formula;
 use crate::grid::{Axis, CarriedLines, CarryError, ON_LINE, Structured};
@@ -10,7 +10,8 @@ use crate::grid::{Axis, CarriedLines, CarryError, ON_LINE, Structured};
 use super::boundary_condition::displacement_at;
 use super::{BoundaryCondition, Model, Stepping};
 
-/// Fewest and most times of a stage at which the motion of the grid is checked before a run, besides those of the curves.
+/// Smallest and largest number of times in a stage at which the motion of the grid is checked before a run, in addition
+/// to the times of the curves.
 const TIMES: [usize; 2] = [100, 10_000];
 
 /// Consecutive grid lines that follow the displacement that a boundary condition prescribes along their axis.
@@ -48,7 +49,7 @@ pub enum FollowError {
     /// Two entries share lines.
     #[error("lines along one axis would follow two boundary conditions")]
     Overlap {
-        /// Number of the entry that shares lines with this one.
+        /// Number of the other entry, which shares lines with this one.
         with: usize,
     },
     /// The condition leaves the displacement along the axis free.
@@ -71,7 +72,7 @@ pub enum GridMotionError {
     /// A displacement is not a number.
     #[error("at time {time}, the displacement of the grid lines is {value}")]
     NotFinite {
-        /// Number of the entry.
+        /// Entry number.
         entry: usize,
         /// Time, [time].
         time: f64,
@@ -105,8 +106,8 @@ pub enum GridMotionError {
 }
 
 impl<const D: usize> BoundaryCondition<D> {
-    /// The displacement that it prescribes along an axis: a formula, and the sign with which it counts. `None` if it
-    /// prescribes none there, or prescribes one along another direction.
+    /// The displacement that the condition prescribes along an axis: a formula, and the sign with which it counts.
+    /// `None` if the condition prescribes none there, or prescribes one along another direction.
     fn along(&self, axis: usize) -> Option<(f64, &Formula)> {
         let number = match &self.axes {
             None => axis,
@@ -118,7 +119,8 @@ impl<const D: usize> BoundaryCondition<D> {
 }
 
 impl<const D: usize> MovingGrid<D> {
-    /// The carried lines along each axis at a time, ascending, if the boundary conditions have these load factors then.
+    /// The carried lines along each axis at a time, ascending, for these load factors of the boundary conditions at
+    /// that time.
     fn carried(
         &self,
         model: &Model<D>,
@@ -153,7 +155,7 @@ impl<const D: usize> MovingGrid<D> {
         Ok(carried)
     }
 
-    /// The grid at a time, if the boundary conditions have these load factors then.
+    /// The grid at a time, for these load factors of the boundary conditions at that time.
     fn at(
         &self,
         model: &Model<D>,
@@ -178,7 +180,7 @@ fn squeezed(before: &Axis, axis: usize, time: f64, error: CarryError) -> GridMot
 }
 
 impl<const D: usize> Model<D> {
-    /// Lets lines of its grid, which stands at time 0, follow boundary conditions.
+    /// Makes lines of the model's grid, which must be in its original position, follow boundary conditions.
     ///
     /// # Errors
     /// The numbers of the entries that cannot follow, each with the reason.
@@ -233,7 +235,7 @@ impl<const D: usize> Model<D> {
         moving.at(self, time, &factor).map(Some)
     }
 
-    /// Moves the grid to its place for a step of the present stage that starts at a time.
+    /// Moves the grid to its position for a step of the present stage that starts at a time.
     ///
     /// # Errors
     /// As [`Model::grid_at`].
@@ -250,10 +252,11 @@ impl<const D: usize> Model<D> {
         self.moving_grid.as_ref().is_none_or(|moving| moving.time == time)
     }
 
-    /// Checks the motion of the grid at the requested steps and at the times of the curves, over all stages, before a run.
+    /// Checks the motion of the grid at the requested steps and at the times of the curves, over all stages, before a
+    /// run.
     ///
     /// # Errors
-    /// The first [`GridMotionError`] on the way.
+    /// The first [`GridMotionError`] that occurs.
     pub fn check_grid_motion(&self) -> Result<(), GridMotionError> {
         let Some(moving) = &self.moving_grid else { return Ok(()) };
         let mut curves: Vec<_> = self.boundary_conditions.iter().map(|c| c.curve.clone()).collect();

@@ -47,8 +47,8 @@ pub enum Predictor {
     LastStep,
 }
 
-/// When the stiffness is factorised within a step. A preconditioner is always reused as with `kept`, which does not
-/// change the equations.
+/// When the stiffness is factorised within a step. A preconditioner is always reused as with `kept`, because it does
+/// not change the equations.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
@@ -69,6 +69,6 @@ pub enum PatternReuse {
     /// Reused if the sparsity pattern is the same.
     #[default]
     Same,
-    /// Reused also if the new sparsity pattern is contained in the old one.
+    /// Also reused if the new sparsity pattern is contained in the old one.
     Contained,
 }

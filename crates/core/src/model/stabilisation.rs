@@ -9,11 +9,11 @@ use serde::{Deserialize, Serialize};
 pub enum StabilisationMode {
     /// Nowhere.
     Off,
-    /// On the faces of cells whose filling ratio is below `filling`, or whose points are too few to resist every motion
+    /// On the faces of cells whose filling ratio is below `filling`, or that have too few points to resist every motion
     /// of their nodes.
     #[default]
     Auto,
-    /// On the faces of all cells at the boundary of the material as well.
+    /// On the faces of all cells at the boundary of the material too.
     On,
 }
 

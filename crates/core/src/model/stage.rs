@@ -1,4 +1,4 @@
-//! Stages: an analysis whose bodies, materials, boundary conditions and loads change on the way.
+//! Stages: an analysis whose bodies, materials, boundary conditions and loads change during the analysis.
 
 use serde::{Deserialize, Serialize};
 
@@ -15,21 +15,21 @@ pub struct Stage<const D: usize> {
     pub stepping: Stepping,
     /// Control of its Newton iterations.
     pub newton: Newton,
-    /// Number of requested steps from one set of files to the next, if it differs from that of the run.
+    /// Number of requested steps between two sets of files, if it differs from that of the run.
     pub every: Option<usize>,
     /// The course of the factor of each load of the model.
     pub loads: Vec<Course>,
     /// The course of the factor of each boundary condition.
     pub boundary_conditions: Vec<Course>,
-    /// Boundary conditions that no longer act. What they carried is released over the stage.
+    /// Boundary conditions that no longer act. The forces that they carried are released over the stage.
     pub released: Vec<usize>,
     /// Boundary conditions that act again, or for the first time.
     pub set: Vec<usize>,
-    /// The points of bodies that are added: undeformed, at their original place.
+    /// The points of bodies that are added: undeformed, at their original positions.
     pub added: Points<D>,
-    /// Bodies whose points are removed. What they carried is released over the stage.
+    /// Bodies whose points are removed. The forces that they carried are released over the stage.
     pub removed: Vec<usize>,
-    /// Bodies that get another material, and its number. Their stress stays.
+    /// Bodies that get another material, and its number. Their stress does not change.
     pub materials: Vec<(usize, usize)>,
     /// True if the displacements are set to zero at the end.
     pub resets_displacement: bool,
@@ -38,16 +38,16 @@ pub struct Stage<const D: usize> {
 /// The course of a factor over a stage.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Course {
-    /// It stays where it stands.
+    /// The factor keeps its value.
     Stays,
-    /// It reaches this value at the end, linearly from where it stands.
+    /// The factor reaches this value at the end, linearly from its value at the start.
     Reaches(f64),
-    /// It follows a curve over the time of the whole analysis.
+    /// The factor follows a curve over the time of the whole analysis.
     Own,
 }
 
 impl Course {
-    /// Replaces the curve of a factor that stands at a value as the stage begins.
+    /// Replaces the curve of a factor that has this value at the start of the stage.
     pub(super) fn draw(self, curve: &mut LoadCurve, stepping: &Stepping, stands: f64) {
         let times = [stepping.start_time, stepping.end_time];
         match self {
@@ -61,15 +61,15 @@ impl Course {
 /// The factors of the loads and of the boundary conditions at a time, [-].
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Factors {
-    /// Those of the loads.
+    /// Factors of the loads.
     pub loads: Vec<f64>,
-    /// Those of the boundary conditions.
+    /// Factors of the boundary conditions.
     pub boundary_conditions: Vec<f64>,
 }
 
 impl<const D: usize> Model<D> {
     /// The factors at the end of the present stage. If the load factor of the stage follows from equilibrium, `unknown`
-    /// is its value: the share that is reached of the change of each load between the start and the end of the stage.
+    /// is its value: the share of the change of each load over the stage that has been reached.
     pub fn factors_at_end(&self, unknown: f64) -> Factors {
         let Stepping { start_time, end_time, .. } = self.stepping;
         let reached = |load: &Load<D>| match self.stepping.control {
@@ -85,7 +85,8 @@ impl<const D: usize> Model<D> {
         }
     }
 
-    /// Begins a stage with these factors: takes over its load steps, courses of factors, conditions and materials.
+    /// Begins a stage with these factors: takes over its load steps, the courses of its factors, its conditions and its
+    /// materials.
     pub fn begin_stage(&mut self, number: usize, stands: &Factors) {
         let Some(stage) = self.stages.get(number) else { return };
         let Stage { stepping, newton, loads, boundary_conditions, .. } = stage;
@@ -134,17 +135,17 @@ impl<const D: usize> Model<D> {
 /// The state of a model in its present stage.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Present<const D: usize> {
-    /// Number of the stage, from 0.
+    /// Stage number, from 0.
     pub stage: usize,
     /// For each boundary condition, true if it does not act; empty if all of them act.
     pub is_released: Vec<bool>,
-    /// Grid nodes and the forces on them that keep the equilibrium as the stage begins, [force]. They decrease to zero,
-    /// linearly over the stage.
+    /// Grid nodes and the forces on them that maintain equilibrium at the start of the stage, [force]. The forces
+    /// decrease to zero, linearly over the stage.
     pub released_forces: Vec<(u32, [f64; D])>,
 }
 
 impl<const D: usize> Present<D> {
-    /// Sets and releases the boundary conditions, `n` in all, as the stage states.
+    /// Sets and releases the boundary conditions, `n` in all, as the stage specifies.
     pub fn change_conditions(&mut self, n: usize, stage: &Stage<D>) {
         self.is_released.resize(n, false);
         stage.released.iter().for_each(|&released| self.is_released[released] = true);

@@ -48,9 +48,9 @@ pub enum Control {
         /// the first step is load-controlled and its arc length sets the size of all others.
         length: Option<f64>,
     },
-    /// The strength of the materials is divided by a factor that grows in proportion to time, until no equilibrium is found
-    /// ([`Material::with_strength_divided`](crate::material::Material::with_strength_divided)). Loads and boundary
-    /// displacements follow their curves.
+    /// The strength of the materials is divided by a factor that grows in proportion to time, until no equilibrium is
+    /// found ([`Material::with_strength_divided`](crate::material::Material::with_strength_divided)). Loads and
+    /// boundary displacements follow their curves.
     StrengthReduction {
         /// Factor at the start, [-].
         from: f64,
@@ -130,7 +130,7 @@ impl Stepping {
         let every = if self.largest > 1.0 { self.stops.max(1) } else { 1 };
         let passed = ((time - self.start_time) / self.size() + SAME_TIME) as usize;
         let last = ((passed / every + 1) * every).min(self.count);
-        // The end is met to the last bit, so that the next stage begins there.
+        // The end is met to the last bit, so that the next stage begins exactly there.
         let stop = if last == self.count { self.end_time } else { self.time(last) };
         let after = self.knots.partition_point(|knot| *knot <= time + slack);
         self.knots.get(after).copied().filter(|knot| *knot < stop - slack).unwrap_or(stop)

@@ -11,7 +11,8 @@ use super::tool_part::ToolPart;
 
 /// Number of times that the facets of an outline are doubled in size until there are few enough.
 const COARSER: usize = 20;
-/// Width of the part of an unbounded tool in which its named parts are sought, relative to the diagonal of the grid, [-].
+/// Width of the part of an unbounded tool in which its named parts are sought, relative to the diagonal of the grid,
+/// [-].
 const SOUGHT: f64 = 2.0;
 
 /// A rigid tool: it moves as prescribed, or as its loads and the bodies let it, and no body may enter it.
@@ -23,17 +24,17 @@ pub struct Tool<const D: usize> {
     pub shape: Arc<dyn Shape<D>>,
     /// Pose at the start of the analysis.
     pub pose: Pose<D>,
-    /// Motion of the reference point along each axis of space.
+    /// Motion of the reference point along each global axis.
     pub translation: [Freedom; D],
-    /// Rotation about the axes of space x, y and z. In the plane only the last one counts.
+    /// Rotation about the global axes x, y and z. In the plane, only the rotation about z counts.
     pub rotation: [Freedom; 3],
     /// Load factor of the prescribed motion over time.
     pub curve: LoadCurve,
-    /// Forces on the tool from outside. They move it along its free components.
+    /// External forces on the tool. They move it along its free components.
     pub loads: Vec<ToolLoad<D>>,
     /// Interface with the bodies that `pairs` does not list; `None` if it does not touch them.
     pub interface: Option<Interface>,
-    /// Interfaces with single bodies, by their numbers; `None` if the tool does not touch the body.
+    /// Interfaces with single bodies, by body number; `None` if the tool does not touch the body.
     pub pairs: Vec<(usize, Option<Interface>)>,
     /// Control of the contact.
     pub control: ContactControl,
@@ -45,20 +46,20 @@ pub struct Tool<const D: usize> {
 #[derive(Debug, Clone)]
 pub enum Freedom {
     /// The displacement, [length], or rotation, [rad], since time 0. A formula of the load factor and the time, in this
-    /// order; a formula that depends on neither is multiplied by the load factor. In space, three prescribed rotations are
-    /// the components of a rotation vector.
+    /// order; a formula that depends on neither is multiplied by the load factor. In space, three prescribed rotations
+    /// are the components of a rotation vector.
     Prescribed(Formula),
     /// The component follows from equilibrium.
     Free,
 }
 
-/// A force on a tool from outside, such as its weight, with a fixed direction.
+/// An external force on a tool, such as its weight, with a fixed direction.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ToolLoad<const D: usize> {
     /// Force at load factor 1, [force]; for bodies of revolution on the full circle, otherwise in the plane per unit
     /// thickness.
     pub force: [f64; D],
-    /// Moment about the reference point and the axes of space at load factor 1, [force·length].
+    /// Moment about the reference point, in global axes, at load factor 1, [force·length].
     pub moment: [f64; 3],
     /// Load factor over time.
     pub curve: LoadCurve,
@@ -76,11 +77,11 @@ pub struct Interface {
 /// The resistance of an interface to sliding.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Shear {
-    /// The surfaces stick as long as they touch. Where they are about to part, the shear stress is at most ten times the
-    /// pressure above the tension cut-off, so that forces change continuously.
+    /// The surfaces stick as long as they touch. Where they are about to part, the shear stress is at most ten times
+    /// the pressure above the tension cut-off, so that forces change continuously.
     Rough,
-    /// The shear stress reaches at most `adhesion + friction · p` at the pressure p. Where surfaces are about to part, adhesion
-    /// is at most the pressure above the tension cut-off.
+    /// The shear stress reaches at most `adhesion + friction · p` at the pressure p. Where surfaces are about to part,
+    /// adhesion is at most the pressure above the tension cut-off.
     Coulomb {
         /// Coefficient of friction, [-].
         friction: f64,
@@ -105,14 +106,14 @@ impl Interface {
 /// Control of the contact of a tool.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ContactControl {
-    /// Penalty stiffness per area, relative to four times the shear modulus of the body over the size of a cell, [-]. It
-    /// sets the number of iterations; results do not depend on it.
+    /// Penalty stiffness per unit area, as a multiple of 4G/h, with the shear modulus G of the body and the cell size
+    /// h, [-]. It affects the number of iterations; results do not depend on it.
     pub penalty: f64,
-    /// Largest overlap, and largest slip of places that stick, in a step in equilibrium, in the mean over the places around
-    /// a node and relative to the size of a cell, [-]. Places that hinder each
-    /// other may keep more: up to 10⁻⁴ in the mean, and 10⁻³ each.
+    /// Largest overlap, and largest slip of sticking contact points, in a step in equilibrium, as the mean over the
+    /// contact points around a node and relative to the cell size, [-]. Contact points that hinder one another may keep
+    /// more: up to 10⁻⁴ in the mean, and 10⁻³ each.
     pub tolerance: f64,
-    /// Largest motion of a place in contact relative to the tool in a step, relative to the size of a cell, [-].
+    /// Largest motion of a contact point relative to the tool in a step, relative to the cell size, [-].
     pub largest_slide: f64,
     /// Largest number of updates of the multipliers in a step.
     pub augmentations: usize,
@@ -171,7 +172,7 @@ impl<const D: usize> Tool<D> {
         if k < D { &self.translation[k] } else { &self.rotation[(k - D) % 3] }
     }
 
-    /// The components that count: in the plane only one rotation.
+    /// The components that count: in the plane, only one rotation.
     pub fn components() -> impl Iterator<Item = usize> {
         (0..D + 3).filter(|&k| k < D || D == 3 || k == D + 2)
     }
@@ -198,7 +199,7 @@ impl<const D: usize> Tool<D> {
         self.loads.iter().map(|load| &load.curve).chain([&self.curve])
     }
 
-    /// Force and moment of its loads with a factor for each curve, [force] and [force·length].
+    /// Force and moment of its loads, with a factor for each curve, [force] and [force·length].
     pub fn load_at(&self, factor: impl Fn(&LoadCurve) -> f64) -> ([f64; D], [f64; 3]) {
         let (mut force, mut moment) = ([0.0; D], [0.0; 3]);
         for load in &self.loads {
@@ -211,9 +212,9 @@ impl<const D: usize> Tool<D> {
 }
 
 impl<const D: usize> Tool<D> {
-    /// Its surface in the frame of the tool, in facets as large as the cells of a grid where the tool starts, or larger ones if
-    /// these were too many. Of an unbounded tool, the part within `width` times the diagonal of the grid around its reference
-    /// point. Empty if the shape has no outline.
+    /// Its surface in the frame of the tool, in facets as large as the grid cells where the tool starts, or larger if
+    /// these facets would be too many. For an unbounded tool, the part of the surface within `width` times the diagonal
+    /// of the grid from its reference point. Empty if the shape has no outline.
     pub fn outline(&self, grid: &dyn Grid<D>, width: f64) -> Outline<D> {
         let [low, high] = grid.bounds();
         let width = width * (0..D).map(|d| (high[d] - low[d]).powi(2)).sum::<f64>().sqrt();
@@ -229,14 +230,14 @@ impl<const D: usize> Tool<D> {
         outline.unwrap_or_default()
     }
 
-    /// The named parts to which a position on its surface belongs, by their numbers: the index of its side, and the position in
-    /// the frame of the tool, [length].
+    /// The numbers of the named parts to which a position on its surface belongs, from the index of the side and the
+    /// position in the frame of the tool, [length].
     pub fn parts_at(&self, side: usize, x: &[f64; D]) -> impl Iterator<Item = usize> {
         let at_start = self.pose.to_space(x);
         self.parts.iter().enumerate().filter(move |(_, part)| part.holds(side, &at_start)).map(|(k, _)| k)
     }
 
-    /// True if its surface, in facets of about the size of the cells of a grid, reaches into a part.
+    /// True if its surface, in facets of about the size of the grid cells, reaches into a part.
     pub fn reaches_into(&self, part: &ToolPart<D>, grid: &dyn Grid<D>) -> bool {
         let Outline { vertices, facets, parts, .. } = self.outline(grid, SOUGHT);
         facets.iter().zip(&parts).any(|(facet, side)| {

@@ -5,21 +5,22 @@ use crate::region::Bounds;
 /// Distance outside a box at which a position still counts as inside, relative to coordinates, [-].
 const ON_BORDER: f64 = 1e-9;
 
-/// A named part of the surface of a tool, such as the tip of a pile. Parts may overlap: each has all the forces on it.
+/// A named part of the surface of a tool, such as the tip of a pile. Parts may overlap: each part counts all forces on
+/// it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ToolPart<const D: usize> {
     /// Name, unique within the tool.
     pub name: String,
-    /// Indices of the sides of the shape that belong to it, as [`crate::tool::Closest::part`]; `None` for all.
+    /// Indices of the sides of the shape that belong to the part, as [`crate::tool::Closest::part`]; `None` for all.
     pub sides: Option<Vec<usize>>,
-    /// Box in which it lies, in coordinates of the start of the analysis, [length]; it moves with the tool. `None` if it is
-    /// not bounded.
+    /// Box in which the part lies, in coordinates at the start of the analysis, [length]; it moves with the tool.
+    /// `None` if the part is not bounded.
     pub bounds: Option<Bounds<D>>,
 }
 
 impl<const D: usize> ToolPart<D> {
-    /// True if a position on a side of the surface belongs to the part; the position is the one at the start of the analysis,
-    /// [length]. The border of the box belongs to it.
+    /// True if a position on a side of the surface belongs to the part; the position is the one at the start of the
+    /// analysis, [length]. The boundary of the box belongs to the part.
     pub fn holds(&self, side: usize, at_start: &[f64; D]) -> bool {
         self.has_side(side) && self.reaches(&[*at_start; 2])
     }
@@ -29,7 +30,7 @@ impl<const D: usize> ToolPart<D> {
         self.sides.as_ref().is_none_or(|sides| sides.contains(&side))
     }
 
-    /// True if its box and another one meet.
+    /// True if the box of the part and another box meet.
     pub(super) fn reaches(&self, [low, high]: &Bounds<D>) -> bool {
         let Some([lower, upper]) = &self.bounds else { return true };
         (0..D).all(|d| {

@@ -31,7 +31,7 @@ pub enum PointArray {
     Volume,
     /// Mass, [mass].
     Mass,
-    /// Number of the body, [-].
+    /// Body number, [-].
     Body,
 }
 
@@ -64,7 +64,7 @@ impl PointArray {
         }
     }
 
-    /// The array with a name.
+    /// The quantity with this array name.
     pub fn named(name: &str) -> Option<PointArray> {
         PointArray::ALL.into_iter().find(|array| array.name() == name)
     }
@@ -80,7 +80,8 @@ impl<const D: usize> Points<D> {
         })
     }
 
-    /// The displacements at the last reset, `D` numbers for each point, [length]; none if there is no reset.
+    /// The displacements at the last reset, `D` numbers for each point, [length]; `None` if the points are not
+    /// prepared for resets.
     fn datum(&self) -> Option<&[f64]> {
         if self.further.is_empty() {
             return None;
@@ -104,7 +105,7 @@ impl<const D: usize> Points<D> {
         .map(|_| ())
     }
 
-    /// Sets the displacements to zero; the points must have been prepared for that.
+    /// Sets the displacements to zero; the points must have been prepared for this.
     pub(crate) fn reset_displacement(&mut self) {
         let Some(datum) = self.further.handle(DATUM) else { return };
         let whole =

@@ -1,5 +1,5 @@
-//! Declaration of the fields of the points: [`point_fields`] generates the arrays from a list of fields, and all code
-//! that handles each of them.
+//! Declaration of the fields of the points: from a list of fields, [`point_fields`] generates the arrays and all code
+//! that handles each field.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -42,7 +42,7 @@ pub struct StoredField {
 /// name: Type = shape(|seed| start value), in "unit", called "name in messages";
 /// ```
 ///
-/// The shape is `one`: a value per point; `one_or_none`: the same, but no memory if all start values are zero; or
+/// The shape is `one`: a value per point; `one_or_none`: the same, but no memory if all initial values are zero; or
 /// `up_to[count]`: several values per point, as many as the point with the most values needs. The macro generates both
 /// structures, `Points::new`, reordering, the step from trial to converged values, the check of lengths, and the
 /// visitors of all fields for checkpoints and arrays.
@@ -101,7 +101,7 @@ macro_rules! point_fields {
                 $(std::mem::swap(&mut self.$answer, &mut other.$answer);)*
             }
 
-            /// Takes over a trial state, including the motion of the points if it is present.
+            /// Takes over a trial state, including the motion of the points if the trial state has it.
             pub(super) fn take(&mut self, trial: &mut Self) {
                 self.swap_answers(trial);
                 let has_moved = [$(trial.$motion.len() == self.$motion.len()),*];
@@ -110,7 +110,7 @@ macro_rules! point_fields {
                 }
             }
 
-            /// Makes room for the motion of points with this converged state; the caller must write all of it.
+            /// Makes room for the motion of points with this converged state; the caller must write all of the motion.
             pub(crate) fn make_room_for_motion(&mut self, converged: &Self) {
                 $(self.$motion.resize(converged.$motion.len(), $crate::points::value::Value::ZERO);)*
             }
@@ -120,7 +120,7 @@ macro_rules! point_fields {
                 $(self.$motion = Vec::new();)*
             }
 
-            /// Numbers of entries of all fields.
+            /// Number of entries of each field.
             pub(super) fn lengths(&self) -> Vec<usize> {
                 vec![$(self.$motion.len(),)* $(self.$answer.len(),)*]
             }
@@ -137,14 +137,14 @@ macro_rules! point_fields {
             /// State at the end of the last equilibrated step.
             pub converged: $State<D>,
             /// State of the present step. Fields of the motion exist from the motion of the points at the end of the
-            /// step until the commit, and take no memory before.
+            /// step until the commit; before, they take no memory.
             pub trial: $State<D>,
             $($(#[$count_doc])* pub $count: usize,)*
             /// Fields that only this analysis has.
             pub further: $crate::points::Further,
-            /// The ranks that share the points of the analysis; these are those of this rank.
+            /// The ranks that share the points of the analysis; the points here are those of this rank.
             pub ranks: $crate::ranks::Ranks,
-            /// The parts of the grid that the ranks have.
+            /// The parts of the grid that belong to the ranks.
             pub partition: $crate::points::partition::Partition,
         }
 
@@ -159,8 +159,8 @@ macro_rules! point_fields {
                 $Points::numbered(seeds, numbers, &$crate::ranks::Ranks::default())
             }
 
-            /// The same, with these permanent numbers; other ranks form the rest of the points. All keep as many values for
-            /// each point.
+            /// The same, with these permanent numbers; other ranks form the rest of the points. All ranks keep equally
+            /// many values for each point.
             pub fn numbered(
                 seeds: &[$crate::points::Seed<D>],
                 id: Vec<u32>,
@@ -202,7 +202,7 @@ macro_rules! point_fields {
                 self.further.reorder(order);
             }
 
-            /// Keeps the points at these places, in this order.
+            /// Keeps the points with these indices, in this order.
             #[allow(dead_code, reason = "tests declare points whose number never changes")]
             pub(super) fn select(&mut self, order: &[u32]) {
                 use $crate::points::declare::gather;
@@ -221,7 +221,8 @@ macro_rules! point_fields {
                 self.further.reorder(order);
             }
 
-            /// Appends other points, in their converged state. Both must keep the same numbers of values per point.
+            /// Appends other points, in their converged state. Both sets must keep the same numbers of values per
+            /// point.
             #[allow(dead_code, reason = "tests declare points whose number never changes")]
             pub(super) fn append_fields(&mut self, other: &Self) {
                 let n = self.id.len();
@@ -246,8 +247,8 @@ macro_rules! point_fields {
                 self.further.append(&other.further, [n, other.id.len()]);
             }
 
-            /// The numbers of all fields of the points at these places, in the converged state; none where a field has no
-            /// entries.
+            /// The numbers of all fields of the points with these indices, in the converged state; empty where a field
+            /// has no entries.
             #[allow(dead_code, reason = "tests declare points that stay on one rank")]
             pub(super) fn numbers_of_fields(&self, places: &[u32]) -> Vec<Vec<f64>> {
                 use $crate::points::value::numbers_at;
@@ -267,7 +268,7 @@ macro_rules! point_fields {
                 $(self.converged.$answer = $crate::points::value::from_numbers(&fields.next().unwrap_or_default());)*
             }
 
-            /// No points, with as many values for each as these have, and without further fields.
+            /// No points, with as many values per point as these points have, and without further fields.
             #[allow(dead_code, reason = "tests declare points that stay on one rank")]
             pub(super) fn with_counts(&self) -> Self {
                 let none = $Points::new(&[]);
@@ -357,7 +358,7 @@ macro_rules! point_fields {
 
 pub(super) use point_fields;
 
-/// Start values by the shape of a field.
+/// Initial values by the shape of a field.
 pub(super) mod start {
     use super::{IndexedParallelIterator, IntoParallelRefIterator, PIECE, ParallelIterator, Seed, Value};
 
@@ -382,7 +383,7 @@ pub(super) mod start {
         if seeds.iter().any(|seed| value(seed) != T::ZERO) { one(seeds, value) } else { Vec::new() }
     }
 
-    /// `count` values for each point, zero beyond those that its seed has.
+    /// `count` values for each point, zero beyond the values that its seed has.
     pub fn up_to<const D: usize, T: Value>(
         seeds: &[Seed<D>],
         count: usize,
@@ -408,12 +409,12 @@ pub(super) fn gather<T: Copy + Send + Sync>(values: &[T], order: &[u32], n: usiz
     }
 }
 
-/// Appends values to others, `counts` of both; an array without entries stands for zeros.
+/// Appends values to others, with the `counts` of both; an array without entries stands for zeros.
 pub(super) fn append<T: Value>(values: &mut Vec<T>, others: &[T], counts: [usize; 2]) {
     if values.is_empty() && others.is_empty() {
         return;
     }
-    // Doubling would take twice the memory when few points arrive.
+    // Doubling the capacity would take twice the memory when few points arrive.
     values.reserve_exact((counts[0] + counts[1]).saturating_sub(values.len()));
     values.resize(counts[0], T::ZERO);
     values.extend(others);

@@ -17,7 +17,7 @@ point_fields! {
             corners_per_point = |seed| seed.corners.len();
         }
         fixed {
-            /// Number of the body.
+            /// Body number.
             body: u16 = one(|seed| seed.body), in "-";
             /// Original position X.
             original_position: [f64; D] = one(|seed| seed.position), in "length";
@@ -42,8 +42,8 @@ point_fields! {
         motion {
             /// Position x_p.
             position: [f64; D] = one(|seed| seed.position), in "length", called "position";
-            /// Half lengths l_p of the domain along the axes, and of the box with which a standard point touches tools; zero
-            /// for points without, and empty if no point has any.
+            /// Half lengths l_p of the domain along the axes, or of the box with which a standard point touches tools;
+            /// zero for points without half lengths, and empty if no point has any.
             half_lengths: [f64; D] = one_or_none(|seed| seed.half_lengths), in "length", called "half length";
             /// Corners of the domains given by corners; those of a point are at [`Points::corner_range`].
             corners: [f64; D] = up_to[corners_per_point](|seed| &seed.corners), in "length", called "domain";
@@ -51,7 +51,7 @@ point_fields! {
             deformation_gradient: Mat3 = one(|_| Mat3::identity()), in "-", called "deformation gradient";
         }
         answer {
-            /// Elastic strain in the measure of the law, for most laws the logarithmic one ε^e.
+            /// Elastic strain in the strain measure of the law, for most laws the logarithmic strain ε^e.
             elastic_strain: Sym3 = one(|_| Sym3::ZERO), in "-", called "elastic strain";
             /// Kirchhoff stress τ.
             kirchhoff_stress: Sym3 = one(|_| Sym3::ZERO), in "stress", called "Kirchhoff stress";

@@ -6,10 +6,10 @@ use serde::{Deserialize, Serialize};
 
 use super::declare::{FieldKind, append, gather};
 
-/// Most numbers per point of a further field.
+/// Largest number of components per point of a further field.
 const MOST_COMPONENTS: usize = 1 << 10;
 
-/// A further field with its start values.
+/// A further field with its initial values.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PointFieldSpec {
     /// Name in files, checkpoints and arrays: letters, digits and underscores, starting with a letter.
@@ -21,7 +21,7 @@ pub struct PointFieldSpec {
     pub components: usize,
     /// The time at which it changes.
     pub kind: FieldKind,
-    /// Values at the start: all components of the point with the lowest permanent number, then of the next, and so on.
+    /// Initial values: all components of the point with the lowest permanent number, then of the next, and so on.
     pub start: Vec<f64>,
 }
 
@@ -58,7 +58,7 @@ pub enum FieldError {
         "`{0}` cannot be the name of a point field: use letters, digits and underscores, starting with a letter"
     )]
     Name(String),
-    /// Another field has the name.
+    /// Another field already has the name.
     #[error("there is already a point field `{0}`")]
     Taken(String),
     /// There are no components, or too many.
@@ -69,17 +69,17 @@ pub enum FieldError {
         /// Numbers per point.
         components: usize,
     },
-    /// The start values do not fit the points.
-    #[error("the field `{name}` has {found} start values, not {wanted}")]
+    /// The number of initial values does not fit the points.
+    #[error("the field `{name}` has {found} initial values, but needs {wanted}")]
     Length {
         /// Name of the field.
         name: String,
-        /// Number of start values.
+        /// Number of initial values.
         found: usize,
         /// Number of points times number of components.
         wanted: usize,
     },
-    /// A start value is infinite or NaN.
+    /// An initial value is infinite or NaN.
     #[error("the start value of the field `{name}` at point {point} is {value}")]
     NotFinite {
         /// Name of the field.
@@ -91,7 +91,7 @@ pub enum FieldError {
     },
 }
 
-/// A handle to a further field, valid only for the points it was declared for.
+/// A handle to a further field, valid only for the points for which the field was declared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FieldHandle(usize);
 
@@ -107,7 +107,7 @@ pub struct Further {
 struct Kept {
     field: FurtherField,
     converged: Vec<f64>,
-    /// As many as the converged values for responses of laws, and for fields of the motion once they are written;
+    /// As many as the converged values for responses of laws, and for fields of the motion once they have been written;
     /// otherwise empty.
     trial: Vec<f64>,
 }
@@ -214,7 +214,7 @@ impl Further {
         self.begin();
     }
 
-    /// Appends the values of other points, zeros for fields that those do not have.
+    /// Appends the values of other points, zeros for fields that those points do not have.
     pub(super) fn append(&mut self, other: &Further, counts: [usize; 2]) {
         for Kept { field, converged, .. } in &mut self.fields {
             let others = other.handle(&field.name).map_or(&[][..], |handle| other.converged(handle));
@@ -251,7 +251,7 @@ impl Further {
         }
     }
 
-    /// The converged values, to change between two steps.
+    /// The converged values, to be changed between two steps.
     pub(crate) fn converged_mut(&mut self, handle: FieldHandle) -> &mut [f64] {
         &mut self.fields[handle.0].converged
     }

@@ -1,10 +1,10 @@
-//! Points near a place of the original configuration.
+//! Points near a position in the original configuration.
 
 use serde::{Deserialize, Serialize};
 
 use super::Points;
 
-/// A point near a place.
+/// A point near a position.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Near {
     /// Permanent number of the point.
@@ -16,13 +16,13 @@ pub struct Near {
 }
 
 impl<const D: usize> Points<D> {
-    /// The `count` points of a body nearest to a place in the original configuration, nearest first; and whether the choice was
-    /// clear, i.e. the next one is farther away. All ranks must ask for them together.
+    /// The `count` points of a body nearest to a position in the original configuration, nearest first; and whether the
+    /// choice was clear, i.e. the next point is farther away. All ranks must call this together.
     pub fn nearest(&self, body: u16, place: &[f64; D], count: usize) -> (Vec<Near>, bool) {
         let mut found = self.within(body, place, count.saturating_add(1), 0.0);
         found.truncate(count.saturating_add(1));
         let clear = match (found.get(count.wrapping_sub(1)), found.get(count)) {
-            // The round-off of distances from distant places is that of their coordinates.
+            // The round-off of the distance from a position far from the origin is that of the coordinates.
             (Some(last), Some(next)) => {
                 next.distance - last.distance > 1e-9 * next.distance + round_off(place)
             }
@@ -32,9 +32,9 @@ impl<const D: usize> Points<D> {
         (found, clear)
     }
 
-    /// The points of a body nearest to a place in the original configuration, by distance: the first `count`, and all that are
-    /// farther than the last of these by at most `slack` [length] or the round-off of coordinates. All ranks must ask for them
-    /// together.
+    /// The points of a body nearest to a position in the original configuration, by distance: the first `count`, and
+    /// all that are farther than the last of these by at most `slack` [length] or the round-off of coordinates. All
+    /// ranks must call this together.
     pub fn nearest_with_ties(&self, body: u16, place: &[f64; D], count: usize, slack: f64) -> Vec<Near> {
         self.within(body, place, count, slack + round_off(place))
     }
@@ -46,7 +46,7 @@ impl<const D: usize> Points<D> {
         };
         let of_body = || (0..self.len()).filter(|&p| self.body[p] == body);
         let most = count.max(1) - 1;
-        // A rank may hold too few; then all of them are near enough.
+        // A rank may hold fewer points; then all of them are candidates.
         let mut least: Vec<f64> = of_body().map(distance).collect();
         let limit = match least.len() {
             n if n > most => *least.select_nth_unstable_by(most, f64::total_cmp).1,
@@ -68,7 +68,7 @@ impl<const D: usize> Points<D> {
     }
 }
 
-/// Round-off of the distance from a place, [length].
+/// Round-off of the distance from a position, [length].
 fn round_off<const D: usize>(place: &[f64; D]) -> f64 {
     1e-12 * place.iter().fold(0.0, |far: f64, x| far.max(x.abs()))
 }

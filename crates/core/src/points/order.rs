@@ -6,9 +6,10 @@ use super::{PIECE, Points, State};
 use crate::grid::Grid;
 
 impl<const D: usize> Points<D> {
-    /// Moves points to the ranks in whose parts they lie, and sorts those of this rank by the grid cell that holds them, then by body, keeping the order of equals, and returns the
-    /// first point of every occupied cell and, last, the number of points. The cells of a patch follow one another and
-    /// count as one. Trial values of further fields are reset.
+    /// Moves points to the ranks in whose parts they lie, and sorts those of this rank by the grid cell that holds
+    /// them, then by body, keeping the order of equal ones. Returns the first point of every occupied cell and, last,
+    /// the number of points. The cells of a patch follow one another and count as one. Trial values of further fields
+    /// are reset.
     ///
     /// # Errors
     /// The index of the first point that lies outside the grid; `None` if only other ranks have such points.
@@ -97,7 +98,7 @@ impl<const D: usize> Points<D> {
         }
     }
 
-    /// The place of the point with each of these permanent numbers; `None` for one that is not present.
+    /// The index of the point with each of these permanent numbers; `None` for a number that is not present.
     pub fn places_of(&self, ids: &[u32]) -> Vec<Option<usize>> {
         let mut wanted: Vec<(u32, usize)> = ids.iter().copied().zip(0..).collect();
         wanted.sort_unstable();
@@ -111,7 +112,7 @@ impl<const D: usize> Points<D> {
         places
     }
 
-    /// The places of the points in the order of their permanent numbers.
+    /// The indices of the points in the order of their permanent numbers.
     pub fn by_id(&self) -> Vec<usize> {
         let mut order = Vec::new();
         self.order_by_id(&mut order);
@@ -123,7 +124,7 @@ impl<const D: usize> Points<D> {
         let most = self.id.iter().max().map_or(0, |&id| id as usize + 1);
         order.clear();
         if most > 2 * self.len() {
-            // The numbers of the points of a rank may lie anywhere among those of all.
+            // The permanent numbers of one rank's points may lie anywhere among those of all points.
             order.extend(0..self.len());
             order.sort_unstable_by_key(|p| self.id[*p]);
             return;

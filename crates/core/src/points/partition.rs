@@ -1,9 +1,9 @@
 //! The division of the points between ranks: each keeps the points in its part of the grid.
 //!
-//! The grid is cut in two across the longest side of the points, each part is cut in two, and so on (recursive coordinate
-//! bisection; Berger and Bokhari 1987), so that parts are compact and borders plane. The cells of a patch stay together. Points
-//! that leave their part move to the rank of the part that they enter; the parts are chosen anew when one of them holds too many
-//! points.
+//! The grid is cut in two across the side along which the points extend farthest, each part is cut in two, and so on
+//! (recursive coordinate bisection; Berger and Bokhari 1987), so that parts are compact and have plane boundaries. The
+//! cells of a patch stay together. Points that leave their part move to the rank of the part that they enter; new parts
+//! are chosen when one of them holds too many points.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -15,28 +15,28 @@ use super::Points;
 use crate::grid::Grid;
 use crate::ranks::Ranks;
 
-/// The parts are chosen anew when one holds more points than this multiple of the mean, [-].
+/// New parts are chosen when one part holds more points than this multiple of the mean, [-].
 pub const MOST_IMBALANCE: f64 = 1.1;
-/// Parts that no choice divides better are left alone until they are worse by this factor, [-].
+/// Parts that no choice divides better are kept until they are worse by this factor, [-].
 const WORSE: f64 = 1.05;
-/// Bits of a coordinate of a cell.
+/// Number of bits of a cell coordinate.
 const BITS: u32 = 20;
 
 /// The parts of the grid.
 #[derive(Debug, Clone, Default)]
 pub struct Partition {
-    /// The cut between the parts of each rank but the first and of the ranks before it.
+    /// For each rank but the first, the cut between its part and the parts of the ranks before it.
     cuts: Vec<Cut>,
-    /// For each patch of cells, one of them; empty without patches.
+    /// For each patch of cells, one of its cells; empty without patches.
     of_patch: Arc<Vec<u32>>,
-    /// The imbalance that the last choice left, [-].
+    /// The imbalance that remained after the latest choice, [-].
     least: f64,
 }
 
-/// A cut of the cells of some ranks: those from a place on belong to the upper ranks.
+/// A cut of the cells of some ranks: those from `place` on belong to the upper ranks.
 #[derive(Debug, Clone, Copy, Default)]
 struct Cut {
-    /// The axis that it crosses.
+    /// The axis that the cut crosses.
     axis: usize,
     place: u64,
 }
@@ -46,23 +46,23 @@ struct Cut {
 struct Occupied<const D: usize> {
     at: [u32; D],
     count: f64,
-    /// The part that has them, while parts are chosen.
+    /// The part that has these points, while parts are being chosen.
     part: usize,
 }
 
-/// The place of a cell along an axis; cells with the same coordinate follow one another by the others, so that a cut divides
-/// points equally up to those of a cell.
+/// The place of a cell in the order along an axis; cells with the same coordinate along it are ordered by their other
+/// coordinates, so that a cut divides the points equally up to those of one cell.
 fn along<const D: usize>(at: [u32; D], axis: usize) -> u64 {
     (0..D).fold(0, |place, k| place << BITS | u64::from(at[(axis + k) % D]))
 }
 
-/// The first of the upper ranks when the ranks of a range are divided: the lower ones are a power of two, so that neighbours in a
-/// binary tree of the ranks are neighbours in the grid.
+/// The first of the upper ranks when a range of ranks is divided: the number of lower ranks is a power of two, so that
+/// neighbours in a binary tree of the ranks are neighbours in the grid.
 fn middle(ranks: &Range<usize>) -> usize {
     ranks.start + (ranks.len() as u64).next_power_of_two() as usize / 2
 }
 
-/// The division of points between ranks by their permanent numbers: ranges of numbers of the same length.
+/// The division of points between ranks by their permanent numbers, into ranges of equal length.
 #[derive(Debug, Clone, Copy)]
 pub struct ByNumber {
     /// One more than the highest number.
@@ -71,7 +71,7 @@ pub struct ByNumber {
 }
 
 impl ByNumber {
-    /// The rank to which a number falls.
+    /// The rank to which a number belongs.
     pub fn rank_of(&self, id: u32) -> usize {
         (u64::from(id) * self.ranks / self.end).min(self.ranks - 1) as usize
     }
@@ -90,8 +90,8 @@ impl Partition {
         ranks.start
     }
 
-    /// The coordinates of a cell: on a structured grid in cells, or in several where there are very many, on a mesh in small
-    /// fractions of its widest side.
+    /// The coordinates of a cell: in cells on a structured grid, or in groups of cells if there are very many; on a
+    /// mesh, in small fractions of its widest side.
     fn at<const D: usize>(&self, grid: &dyn Grid<D>, cell: u32) -> [u32; D] {
         let of_patch = grid.patches().and_then(|patches| {
             let patch = *patches.patch_of.get(cell as usize)?;
@@ -113,7 +113,7 @@ impl Partition {
         }
     }
 
-    /// Chooses parts that hold as many points each as cells allow, given the points of this rank.
+    /// Chooses parts with as equal numbers of points as cells allow, given the points of this rank.
     fn choose<const D: usize>(&mut self, ranks: &Ranks, mut occupied: Vec<Occupied<D>>) {
         let n = ranks.count();
         self.cuts = vec![Cut::default(); n - 1];
@@ -142,8 +142,8 @@ impl Partition {
     }
 }
 
-/// For each part the axis along which its points reach farthest, the last of several: bodies are filled along the first axes first,
-/// so that most points are then formed where they stay.
+/// For each part, the axis along which its points extend farthest; of several, the last: bodies are filled along the
+/// first axes first, so that most points are then formed on the rank where they stay.
 fn longest_sides<const D: usize>(ranks: &Ranks, occupied: &[Occupied<D>], parts: usize) -> Vec<usize> {
     let mut ends = vec![f64::NEG_INFINITY; 2 * D * parts];
     for of_cell in occupied {
@@ -160,8 +160,8 @@ fn longest_sides<const D: usize>(ranks: &Ranks, occupied: &[Occupied<D>], parts:
     ends.chunks_exact(2 * D).map(longest).collect()
 }
 
-/// For each part the lowest place below which the points of its lower ranks fit, by bisection. The points are sorted by parts and
-/// places.
+/// For each part, the lowest place below which the points of its lower ranks fit, by bisection. The points are sorted
+/// by part and place.
 fn places_of_cuts<const D: usize>(
     ranks: &Ranks,
     occupied: &[Occupied<D>],
@@ -212,7 +212,7 @@ struct Packed {
 }
 
 impl<const D: usize> Points<D> {
-    /// Divides the points between the ranks by the cells that hold them, whichever ranks have formed them.
+    /// Divides the points between the ranks by the cells that hold them, whichever ranks have formed the points.
     pub fn divide_by_cell(&mut self, grid: &dyn Grid<D>) {
         if self.ranks.is_alone() {
             return;
@@ -235,8 +235,8 @@ impl<const D: usize> Points<D> {
         self.migrate(grid);
     }
 
-    /// Sends points that have left the part of this rank, given the cells that hold them, to the ranks of theirs; chooses the
-    /// parts anew if one holds too many.
+    /// Sends points that have left the part of this rank, given the cells that hold them, to the ranks of those cells;
+    /// chooses new parts if one holds too many points.
     pub(super) fn migrate(&mut self, grid: &dyn Grid<D>) {
         if self.ranks.is_alone() {
             return;
@@ -271,7 +271,7 @@ impl<const D: usize> Points<D> {
         division
     }
 
-    /// Sends each point to the rank that `to` has at its place.
+    /// Sends each point to the rank that `to` gives for its index.
     fn send(&mut self, to: &[usize]) {
         let ranks = self.ranks.clone();
         if !ranks.any(to.iter().any(|rank| *rank != ranks.own())) {
@@ -292,7 +292,7 @@ impl<const D: usize> Points<D> {
         }
     }
 
-    /// The points of this rank by coordinates of their cells; points of a cell mostly follow one another.
+    /// The points of this rank by the coordinates of their cells; points of a cell mostly follow one another.
     fn occupied(&self, grid: &dyn Grid<D>) -> Vec<Occupied<D>> {
         let of_cells = self.cell.chunk_by(|a, b| a == b);
         let of_cell = |cells: &[u32]| {
@@ -302,7 +302,7 @@ impl<const D: usize> Points<D> {
         of_cells.map(of_cell).collect()
     }
 
-    /// What `of` says of the cell of each point; points of a cell mostly follow one another.
+    /// What `of` returns for the cell of each point; points of a cell mostly follow one another.
     fn of_cells<T: Copy>(&self, of: impl Fn(u32) -> T) -> Vec<T> {
         let mut last: Option<(u32, T)> = None;
         let mut of_point = |cell: u32| match last {
@@ -316,7 +316,7 @@ impl<const D: usize> Points<D> {
         self.cell.iter().map(|cell| of_point(*cell)).collect()
     }
 
-    /// The points at these places as bytes.
+    /// The points with these indices as bytes.
     fn packed(&self, places: &[u32]) -> Vec<u8> {
         let numbers = |numbers: &[u32]| places.iter().map(|p| numbers[*p as usize]).collect();
         let further = (self.further.iter())
@@ -344,7 +344,8 @@ impl<const D: usize> Points<D> {
         self.append(&others);
     }
 
-    /// All points of the analysis on rank 0, in the order of the ranks; none on the others, or without other ranks.
+    /// All points of the analysis on rank 0, in the order of the ranks; none on the other ranks, or without other
+    /// ranks.
     pub fn gather(&self) -> Option<Points<D>> {
         let communicator = self.ranks.communicator()?;
         let own: Vec<u32> = (0..self.len() as u32).collect();
@@ -380,7 +381,8 @@ mod tests {
     use crate::points::{FieldKind, PointFieldSpec, Seed};
     use crate::ranks::threads;
 
-    /// A square of points around the origin, with a corner and a history variable each; each rank forms a share of them.
+    /// A square of points around the origin, with a corner and a history variable each; each rank forms a share of the
+    /// points.
     fn square(n: usize, ranks: &Ranks) -> Points<2> {
         let own = ranks.share(n * n);
         let seeds: Vec<Seed<2>> = (own.clone())
@@ -410,7 +412,7 @@ mod tests {
         points
     }
 
-    /// Points of the rank with everything that belongs to them.
+    /// The points of a rank with all their data.
     fn are_whole(points: &Points<2>) {
         let handle = points.further.handle("further").unwrap();
         for (p, &id) in points.id.iter().enumerate() {
@@ -422,8 +424,8 @@ mod tests {
         }
     }
 
-    /// A body turns by a quarter in each step, so that on four ranks all points leave theirs: none is lost, none is there twice.
-    /// `MIGRATING=1000` turns a million points.
+    /// A body turns by a quarter in each step, so that on four ranks all points leave their rank: none is lost or
+    /// duplicated. `MIGRATING=1000` turns a million points.
     #[test]
     fn points_that_turn_migrate_without_loss() {
         let n: usize = std::env::var("MIGRATING").ok().and_then(|n| n.parse().ok()).unwrap_or(60);
@@ -455,7 +457,7 @@ mod tests {
                 gathered.iter().for_each(are_whole);
                 left
             });
-            // A quarter turn takes each quadrant to another one, and half of each half to the other.
+            // A quarter turn takes each quadrant to another, and half of each half to the other half.
             let all: usize = left.iter().sum();
             assert_eq!(all, if count == 4 { 4 * n * n } else { 2 * n * n }, "{left:?}");
         }

@@ -3,12 +3,12 @@
 /// The initial data of one point.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Seed<const D: usize> {
-    /// Number of the body.
+    /// Body number.
     pub body: u16,
     /// Position, [length].
     pub position: [f64; D],
-    /// Half lengths of the domain, [length]; zero for points without domain. A standard point may have them, too: the box
-    /// with which it touches rigid tools.
+    /// Half lengths of the domain, [length]; zero for points without a domain. A standard point may also have half
+    /// lengths: those of the box with which it touches rigid tools.
     pub half_lengths: [f64; D],
     /// Corners of a domain given by corners, [length]; none for other points. 2^D corners are those of a quadrilateral
     /// or hexahedron, where bit d of a corner's number is its side along parametric axis d; D + 1 are those of a

@@ -1,13 +1,14 @@
 //! Splitting of domains that have become long.
 //!
-//! A domain given by its corners carries the basis from its corners only, and touches tools with them only: one that is longer
-//! than a cell steps over nodes, and over tools. Where material flows along a tool or in a shear band, domains become longer
-//! without bound. A long domain is therefore cut in two, through the mid-points of its long edges. Both halves keep the
-//! deformation gradient, the elastic strain and the history of the whole, and share its volume and mass in the ratio of the
-//! halves of the original domain: mass, volume, energy and stress do not change.
+//! A domain given by its corners carries the basis from its corners only, and touches tools with its corners only: a
+//! domain that is longer than a cell steps over nodes, and over tools. Where material flows along a tool or in a shear
+//! band, domains grow without bound. A long domain is therefore cut in two, through the mid-points of its long
+//! edges. Both halves keep the deformation gradient, the elastic strain and the history of the whole, and share its
+//! volume and mass in the ratio of the halves of the original domain: mass, volume, energy and stress do not change.
 //!
-//! The mid-points are corners of the halves only. From then on they move with the grid, and not with the edge of a neighbour
-//! that is still whole, from which they may part by as much as the motion of the grid differs from a linear one over the edge.
+//! The mid-points are corners of the halves only. From then on they move with the grid, not with the edge of an
+//! undivided neighbour, from which they may part by as much as the motion of the grid differs from a linear one over
+//! the edge.
 
 use serde::{Deserialize, Serialize};
 
@@ -16,12 +17,12 @@ use crate::grid::element::ElementShape;
 use crate::grid::{MAX_CORNERS, vtk_corner};
 use crate::region::vector::{minus, norm};
 
-/// Most cuts of one point in one step.
+/// Largest number of cuts of one point in one step.
 const MOST_CUTS: usize = 6;
 
 /// A cut of a domain through the mid-point of an edge.
 ///
-/// Domains with 2^D corners are cut across all edges parallel to it.
+/// Domains with 2^D corners are cut across all edges parallel to this edge.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Split {
     /// Permanent number of the point; its first half keeps it.
@@ -34,16 +35,16 @@ pub struct Split {
 
 /// What splitting must know of the model and its state.
 pub(crate) trait Splitting<const D: usize> {
-    /// Length of an edge of the domain of a point above which the point is split, [length].
+    /// Length of an edge of the domain of a point above which the domain is split, [length].
     fn longest(&self, points: &Points<D>, p: usize) -> f64;
 
-    /// The volume that stands over an area around a position, relative to it: the circumference for bodies of revolution.
+    /// The volume above an area around a position, relative to the area: the circumference for bodies of revolution.
     fn depth(&self, position: &[f64; D]) -> f64;
 
-    /// The place nearest to one in a body, [length], that a new corner may take.
+    /// The position in a body nearest to a given one, [length], that a new corner may take.
     fn nearest_allowed(&self, body: usize, place: [f64; D]) -> [f64; D];
 
-    /// True if corners are those of a domain that a point of the method of this one may have.
+    /// True if these are the corners of a domain that a point with the method of point `p` may have.
     fn is_valid(&self, points: &Points<D>, p: usize, corners: &[[f64; D]]) -> bool;
 }
 
@@ -51,8 +52,9 @@ pub(crate) trait Splitting<const D: usize> {
 type Domain<const D: usize> = ([[f64; D]; MAX_CORNERS], usize);
 
 impl<const D: usize> Points<D> {
-    /// Cuts domains until no edge is longer than allowed; `next` is the number of the next new point. A domain of which a half
-    /// would not be valid stays whole. All ranks cut together, and get the cuts of all in the order of their numbers.
+    /// Cuts domains until no edge is longer than allowed; `next` is the number of the next new point. A domain one half
+    /// of which would not be valid stays whole. All ranks cut together, and receive the cuts of all ranks in the order
+    /// of their numbers.
     pub(crate) fn split_long(&mut self, rules: &impl Splitting<D>, mut next: u32) -> Vec<Split> {
         let mut splits = Vec::new();
         for _ in 0..MOST_CUTS {
@@ -69,7 +71,8 @@ impl<const D: usize> Points<D> {
                     long.push((self.id[p], edge));
                 }
             }
-            // New numbers follow those of the points that are cut, whichever ranks have them.
+            // New numbers follow the order of the numbers of the points that are cut, whichever ranks have these
+            // points.
             let mut of_all = self.ranks.gather_all(long).concat();
             if of_all.is_empty() {
                 break;
@@ -89,8 +92,8 @@ impl<const D: usize> Points<D> {
         splits
     }
 
-    /// Moves the corners of the points with these permanent numbers, ascending, to the nearest places that they may take. A
-    /// domain that would not be valid stays.
+    /// Moves the corners of the points with these permanent numbers, ascending, to the nearest positions that they may
+    /// take. A domain that would become invalid stays.
     pub(crate) fn move_corners(&mut self, of: &[u32], rules: &impl Splitting<D>) {
         for p in (0..self.len()).filter(|&p| of.binary_search(&self.id[p]).is_ok()) {
             let body = usize::from(self.body[p]);
@@ -109,7 +112,7 @@ impl<const D: usize> Points<D> {
         halves(self.corners(p), edge, |x| rules.nearest_allowed(body, x))
     }
 
-    /// Repeats cuts of an earlier run; those of points that are no longer there are left out.
+    /// Repeats cuts of an earlier run; cuts of points that no longer exist are left out.
     ///
     /// # Errors
     /// A reason, if a point cannot have been cut in this way.
@@ -128,7 +131,7 @@ impl<const D: usize> Points<D> {
         Ok(())
     }
 
-    /// Cuts the points at these places, one cut for each.
+    /// Cuts the points with these indices, one cut for each.
     fn cut(&mut self, places: &[usize], cuts: &[Split], rules: &impl Splitting<D>) {
         let n = self.len();
         let order: Vec<u32> = (0..n).chain(places.iter().copied()).map(|p| p as u32).collect();
@@ -160,8 +163,8 @@ impl<const D: usize> Points<D> {
     }
 }
 
-/// The longest edge of a domain and its length; of parallel edges of a box, the first stands for their mean. `None` without
-/// corners.
+/// The longest edge of a domain and its length; for a box, the mean over parallel edges counts, and the first of them
+/// is returned. `None` without corners.
 fn longest_edge<const D: usize>(corners: &[[f64; D]]) -> Option<([u8; 2], f64)> {
     let length = |a: usize, b: usize| norm(&minus(&corners[b], &corners[a]));
     let mut longest: Option<([u8; 2], f64)> = None;
@@ -314,7 +317,7 @@ mod tests {
         for p in 0..points.len() {
             assert!(longest_edge(points.corners(p)).unwrap().1 <= 1.3);
             assert_eq!(points.converged.deformation_gradient[p], whole.converged.deformation_gradient[0]);
-            // Corners and their places at the start still belong together.
+            // Corners and their original positions still belong together.
             let originals = points.original_corners[points.corner_range(p)].iter();
             for (original, now) in originals.zip(points.corners(p)) {
                 assert!(norm(&minus(&moved(original), now)) < 1e-14);
@@ -398,7 +401,7 @@ mod tests {
         for (half, edge) in [(1, [0, 3]), (1, [2, 0]), (1, [0, 4]), (1, [1, 1]), (0, [0, 1])] {
             assert!(is_refused(0, half, edge));
         }
-        // A point that is no longer there.
+        // A point that no longer exists.
         assert!(!is_refused(7, 8, [0, 1]));
     }
 }

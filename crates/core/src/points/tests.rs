@@ -5,7 +5,7 @@ use super::*;
 use crate::grid::Structured;
 use crate::tensor::{Mat3, Sym3};
 
-/// Points in a row of cells from right to left, so that grouping turns their order around.
+/// Points in a row of cells from right to left, so that grouping reverses their order.
 fn row(n: usize) -> Points<2> {
     let seed = |k: usize| Seed {
         body: k as u16,
@@ -114,7 +114,7 @@ fn fields_that_do_not_fit_are_refused() {
     }
     assert!(refused(spec("a", FieldKind::Fixed, 0, 2)).contains("0 components"));
     assert!(refused(spec("a", FieldKind::Fixed, 2000, 2)).contains("2000 components"));
-    assert_eq!(refused(spec("a", FieldKind::Fixed, 2, 1)), "the field `a` has 2 start values, not 4");
+    assert_eq!(refused(spec("a", FieldKind::Fixed, 2, 1)), "the field `a` has 2 initial values, but needs 4");
     let start = vec![0.0, 0.0, f64::NAN, 0.0];
     let infinite = PointFieldSpec { start, ..spec("a", FieldKind::Fixed, 2, 2) };
     assert_eq!(refused(infinite), "the start value of the field `a` at point 1 is NaN");

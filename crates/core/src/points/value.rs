@@ -1,4 +1,4 @@
-//! Values of the fields of material points, and the numbers they are made of.
+//! Values of the fields of material points, and the numbers of which they consist.
 
 use crate::tensor::{Mat3, Sym3};
 
@@ -134,7 +134,7 @@ impl Restored for bool {
     }
 }
 
-/// The numbers of a field at some places, `per_point` values for each; none if the field has no entries.
+/// The numbers of a field for the points with some indices, `per_point` values each; empty if the field has no entries.
 pub(super) fn numbers_at<T: Value>(values: &[T], places: &[u32], per_point: usize) -> Vec<f64> {
     if values.is_empty() {
         return Vec::new();

@@ -1,7 +1,7 @@
 //! Separation: bodies that break into parts, and bodies that were connected and come apart.
 //!
-//! Points are connected if they share a node. Once a gap of about a cell has opened within a body, the grid no longer joins
-//! its sides, and the body is broken although no material law describes fracture.
+//! Points are connected if they share a node. Once a gap of about a cell has opened within a body, the grid no longer
+//! joins the sides of the gap, and the body is broken although no material law describes fracture.
 
 use std::collections::HashMap;
 
@@ -31,7 +31,7 @@ struct Cluster {
     body: u16,
     first: usize,
     end: usize,
-    /// The active nodes; only with several ranks.
+    /// The active nodes that the points touch; empty on a single rank.
     nodes: Vec<u32>,
 }
 
@@ -97,8 +97,8 @@ impl Parts {
         if links.halo().ranks().is_alone() { parts } else { parts.joined(links) }
     }
 
-    /// The same with the parts of all ranks: clusters that share a node with those of the same body on other ranks are in one
-    /// part. The root of a part is then its number among the clusters of all ranks.
+    /// The same with the parts of all ranks: clusters that share a node with those of the same body on other ranks are
+    /// in one part. The root of a part is then its number among the clusters of all ranks.
     fn joined<const D: usize>(mut self, links: &Connectivity<D>) -> Parts {
         let ranks = links.halo().ranks();
         let of_ranks = ranks.gather_all(self.clusters.len() as u32);
@@ -204,7 +204,7 @@ impl Cohesion {
                 let message = |sides: &str| {
                     let name = &model.bodies[body].name;
                     format!(
-                        "body `{name}` has come apart: the grid no longer connects its {is} parts ({was} at the start){sides}"
+                        "body `{name}` has come apart: it now has {is} parts that the grid does not connect ({was} at the start){sides}"
                     )
                 };
                 let sides = now.largest_two(body);
@@ -265,8 +265,8 @@ fn warn<const D: usize>(
     }
 }
 
-/// Distance of two sets of points at the end of the step, and the middle between them, found by alternating between the
-/// sides.
+/// Distance between two sets of points at the end of the step, and the middle between them, found by alternating
+/// between the sides.
 fn gap_between<const D: usize>(points: &Points<D>, sides: &[Vec<usize>; 2]) -> Option<(f64, [f64; D])> {
     let x = |p: usize| points.trial.position[p];
     let squared = |a: &[f64; D], b: &[f64; D]| (0..D).map(|d| (a[d] - b[d]).powi(2)).sum::<f64>();

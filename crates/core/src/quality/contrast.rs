@@ -1,4 +1,5 @@
-//! Soft bodies that a much stiffer body stiffens: a row of cells into which its domains reach moves with it as a whole.
+//! Soft bodies that a much stiffer body stiffens: a row of cells into which the domains of the stiff body reach moves
+//! with that body as a whole.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -19,7 +20,7 @@ const MOST_STIFFENED: f64 = 0.1;
 /// Stiffness Σ |∇S_vp|² V_p M_p of every body at each shared node.
 type Stiffness = Vec<Vec<(u16, f64)>>;
 
-/// The points of a soft body that much stiffer bodies hold, and the stress of the others.
+/// The points of a soft body that are held by much stiffer bodies, and the stress of its other points.
 #[derive(Default)]
 struct Taken {
     /// The points in cells all of whose nodes one stiff body holds, each with this body.

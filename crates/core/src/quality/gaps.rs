@@ -11,7 +11,7 @@ use crate::points::{Points, coordinates};
 
 /// Largest gap between bodies that touch, relative to the spacing of their points, [-].
 const TOUCHING: f64 = 0.5;
-/// Basis functions below this are round-off of domains that end at the node, and join the point to no other, [-].
+/// Basis functions below this are round-off from domains that end at the node, and do not join points, [-].
 const LEAST_SHARE: f64 = 1e-6;
 
 /// The box around the points of a body at a node, and the largest extent of these points.
@@ -43,7 +43,8 @@ impl<const D: usize> Reach<D> {
     }
 }
 
-/// For each body at a node, the index of the representative of those that it touches there, directly or through others.
+/// For each body at a node, the index of the representative of the bodies that it touches there, directly or through
+/// others.
 fn joined<const D: usize>(at_node: &[((u32, u16), Reach<D>)]) -> Vec<usize> {
     let mut group: Vec<usize> = (0..at_node.len()).collect();
     for a in 0..at_node.len() {
@@ -101,7 +102,7 @@ pub fn watch<const D: usize>(
         .collect()
 }
 
-/// The reaches at the nodes of all ranks, which grid nodes number.
+/// The reaches at the nodes of all ranks, by grid node.
 fn of_all_ranks<const D: usize>(
     links: &Connectivity<D>,
     mut own: Vec<((u32, u16), Reach<D>)>,

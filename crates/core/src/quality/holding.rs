@@ -10,24 +10,24 @@ use crate::basis::Connectivity;
 use crate::model::{Model, NodeSet};
 use crate::points::{Points, coordinates};
 
-/// Material at the nodes, relative to the most they ever held, below which a warning is raised, [-].
+/// Material at the nodes, relative to the most that they have ever held, below which a warning is raised, [-].
 const LEAST_HELD: f64 = 0.5;
 
 /// The material at the nodes of one boundary condition.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Held {
-    /// Largest Σ S_vp V_p over the nodes and all points of all steps, [volume].
+    /// Largest Σ S_vp V_p, over the nodes and all points, of any step so far, [volume].
     most: f64,
     /// Present value of this sum, [volume].
     now: f64,
     /// Length of the prescribed motion, averaged over the material at the nodes, [length].
     prescribed: f64,
-    /// Motion of that material along it, [length].
+    /// Motion of that material along the prescribed motion, [length].
     followed: f64,
 }
 
 impl Held {
-    /// Material at the nodes, relative to the most they ever held, [-]; `None` if they have never held any.
+    /// Material at the nodes, relative to the most that they have ever held, [-]; `None` if they have never held any.
     pub fn share(&self) -> Option<f64> {
         (self.most > 0.0).then(|| self.now / self.most)
     }
@@ -104,7 +104,7 @@ struct AtNodes {
     volume: f64,
     /// Mean prescribed motion times the volume, [length·volume].
     prescribed: f64,
-    /// Mean motion of the material along it times the volume, [length·volume].
+    /// Mean motion of the material along the prescribed motion times the volume, [length·volume].
     followed: f64,
 }
 
@@ -160,7 +160,7 @@ impl AtNodes {
         found
     }
 
-    /// The first of the nodes that hold the least material.
+    /// Position of the node that holds the least material; of the first one if several do.
     fn emptiest<const D: usize>(
         &self,
         model: &Model<D>,

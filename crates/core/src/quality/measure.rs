@@ -31,11 +31,11 @@ pub struct BodyMeasures {
     pub shear: Option<PointValue>,
     /// Measure of the motion that the domain update does not suit, [`Objection`]; `None` if it suits every motion.
     pub objection: Option<PointValue>,
-    /// Sum of volume times [`turn`] over the points whose domain is a box that cannot follow it, [volume].
+    /// Sum of volume times [`turn`] over the points whose domain is a box that cannot follow the rotation, [volume].
     pub box_turning: f64,
-    /// Number of points without domain that change cells in the step.
+    /// Number of points without a domain that change cells in the step.
     pub crossings: usize,
-    /// Number of points without domain.
+    /// Number of points without a domain.
     pub points: usize,
     /// Smallest and largest det F, [-].
     pub det_f: [f64; 2],
@@ -87,7 +87,7 @@ impl BodyMeasures {
     }
 }
 
-/// Keeps the larger of two values, the first of equal ones.
+/// Keeps the larger of two values, the first if they are equal.
 #[inline]
 fn keep_largest(kept: &mut Option<PointValue>, found: Option<PointValue>) {
     if let Some(found) = found
@@ -102,8 +102,8 @@ fn keep_largest(kept: &mut Option<PointValue>, found: Option<PointValue>) {
 pub struct Measures {
     /// The measures of each body.
     pub bodies: Vec<BodyMeasures>,
-    /// Smallest ratio of the volume of the points in a cell to that of the cell, at the start of the step, [-], and number of
-    /// the cell. Cells without points do not count.
+    /// Smallest ratio of the volume of the points in a cell to that of the cell, at the start of the step, [-], and the
+    /// number of the cell. Cells without points do not count.
     pub smallest_filling: Option<(f64, u32)>,
 }
 
@@ -232,7 +232,7 @@ impl Measures {
         self.fill_with(model, filled);
     }
 
-    /// Takes note of the material that a cell holds, [volume].
+    /// Records the material that a cell holds, [volume].
     fn fill_with<const D: usize>(&mut self, model: &Model<D>, filled: Option<(f64, u32)>) {
         let share = |(filled, cell): (f64, u32)| (filled / volume_of_cell(model, cell as usize), cell);
         self.fill(filled.map(share));
@@ -283,8 +283,8 @@ fn share_of_corners_outside<const D: usize>(grid: &dyn Grid<D>, corners: &[[f64;
 /// Residuals below this are round-off, [-].
 const ROUND_OFF: f64 = 1e-12;
 
-/// Observed order of the iterations of a step, from its last three residuals above round-off; `None` unless three residuals
-/// fall. That of iteration 0 does not count, since it is not relative to the reactions.
+/// Observed order of the iterations of a step, from its last three residuals above round-off; `None` unless three
+/// residuals fall. The residual of iteration 0 does not count, since it is not relative to the reactions.
 pub fn newton_order(residuals: &[f64]) -> Option<f64> {
     let mut last = residuals.iter().skip(1).copied().filter(|r| *r > ROUND_OFF).rev();
     let (c, b, a) = (last.next()?, last.next()?, last.next()?);

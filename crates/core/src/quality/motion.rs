@@ -1,4 +1,4 @@
-//! The motion of a point, and the objection that Table 2 raises to a domain update in this motion.
+//! The motion of a point, and the objection that Table 2 raises to a domain update under this motion.
 //!
 //! In the plane (`D` = 2) domains have no third axis, whatever F_zz is.
 #![allow(non_snake_case)]
@@ -7,7 +7,7 @@ use crate::domain::DomainUpdate;
 use crate::tensor::spectral::Spectrum;
 use crate::tensor::{Mat3, Sym3};
 
-/// A number from 0 to 2 that grows with the angle of the rotation in F = R U, and is cheaper.
+/// A number from 0 to 2 that grows with the angle of the rotation in F = R U, and is cheaper to compute.
 #[inline]
 pub fn turn<const D: usize>(F: &Mat3) -> f64 {
     let (c, s) = cosine_and_sine::<D>(F);
@@ -27,7 +27,7 @@ fn rotation<const D: usize>(F: &Mat3) -> f64 {
     s.atan2(c).to_degrees()
 }
 
-/// Cosine and sine of the angle of the rotation in F, scaled by the same positive number.
+/// Cosine and sine of the angle of the rotation in F, both scaled by the same positive number.
 #[inline]
 fn cosine_and_sine<const D: usize>(F: &Mat3) -> (f64, f64) {
     if D == 2 {
@@ -41,14 +41,14 @@ fn cosine_and_sine<const D: usize>(F: &Mat3) -> (f64, f64) {
 /// R of F = R U for det F > 0, by Newton's method for Rᵀ R = I: R ← (R + R⁻ᵀ)/2, which halves large stretches and then
 /// converges quadratically (Higham 1986, doi 10.1137/0907079).
 fn rotation_tensor(F: &Mat3) -> Mat3 {
-    /// Enough for principal stretches of any finite number.
+    /// Enough for principal stretches of any finite size.
     const MOST: usize = 2000;
     let mut R = *F;
     for _ in 0..MOST {
         let Some(inverse) = R.try_inverse() else { break };
         let change = 0.5 * (inverse.transpose() - R);
         R += change;
-        // The next change is of the order of the square.
+        // The next change is of the order of the square of this one.
         if change.norm_squared() < 1e-16 || !change.norm_squared().is_finite() {
             break;
         }
@@ -56,8 +56,8 @@ fn rotation_tensor(F: &Mat3) -> Mat3 {
     R
 }
 
-/// Tangent of the change of the right angle between two axes of the original configuration, the largest of all pairs, [-]: γ
-/// in simple shear, zero in stretch along the axes, independent of rotations.
+/// Tangent of the change of the right angle between two axes of the original configuration, the largest of all pairs,
+/// [-]: γ in simple shear, zero in stretch along the axes, independent of rotations.
 #[inline]
 pub fn shear<const D: usize>(F: &Mat3) -> f64 {
     let C = |i, j| right_cauchy_green::<D>(F, i, j);
@@ -70,7 +70,7 @@ fn stretch_ratio<const D: usize>(F: &Mat3) -> f64 {
     if D == 2 {
         let C = |i, j| right_cauchy_green::<2>(F, i, j);
         let (mean, radius) = (0.5 * (C(0, 0) + C(1, 1)), (0.5 * (C(0, 0) - C(1, 1))).hypot(C(0, 1)));
-        // The product of both is (det F)².
+        // The product of the two squared stretches is (det F)².
         return (mean + radius) / ratio_of_volume::<2>(F).abs();
     }
     let squares = Spectrum::new(&Sym3::symmetric_part(&(F.transpose() * F))).values;
@@ -79,13 +79,13 @@ fn stretch_ratio<const D: usize>(F: &Mat3) -> f64 {
     (largest / smallest).sqrt()
 }
 
-/// A component of C = Fᵀ F among the axes of a domain.
+/// A component of C = Fᵀ F over the axes of a domain.
 #[inline]
 fn right_cauchy_green<const D: usize>(F: &Mat3, i: usize, j: usize) -> f64 {
     (0..D).map(|k| F[(k, i)] * F[(k, j)]).sum()
 }
 
-/// Determinant of F among the axes of a domain.
+/// Determinant of F over the axes of a domain.
 fn ratio_of_volume<const D: usize>(F: &Mat3) -> f64 {
     if D == 2 { F[(0, 0)] * F[(1, 1)] - F[(0, 1)] * F[(1, 0)] } else { F.determinant() }
 }
@@ -94,7 +94,7 @@ fn ratio_of_volume<const D: usize>(F: &Mat3) -> f64 {
 const MOST_ROTATION: f64 = 15.0;
 /// Shear beyond which the update with U_ii is unsuitable, [-].
 const MOST_SHEAR: f64 = 0.3;
-/// Change of det F beyond which domains without update are unsuitable, [-].
+/// Change of det F beyond which domains without an update are unsuitable, [-].
 const MOST_VOLUME_CHANGE: f64 = 0.05;
 /// Ratio of principal stretches beyond which the update with det F is unsuitable, [-].
 const MOST_STRETCH_RATIO: f64 = 1.2;
@@ -124,7 +124,8 @@ impl Objection {
                 describe: |value| format!("principal stretches in the ratio {value:.2}"),
             }),
             DomainUpdate::Diagonal => Some(Objection::to_rotation::<D>()),
-            // The correction of the volume undoes the effect of a rotation on two lengths, but not if it spreads over three.
+            // The volume correction undoes the effect of a rotation on two lengths, but not if the effect spreads over
+            // three.
             DomainUpdate::DiagonalCorrected if D == 3 => Some(Objection::to_rotation::<D>()),
             DomainUpdate::Stretch => Some(Objection {
                 measure: shear::<D>,
@@ -151,15 +152,15 @@ impl Objection {
     }
 }
 
-/// True if the lengths along the axes change differently. They do not in simple shear, which the update with det F suits
-/// although the principal stretches differ.
+/// True if the lengths along the axes change differently. They do not in simple shear, which the update with det F
+/// suits although the principal stretches differ.
 fn axes_differ<const D: usize>(F: &Mat3) -> bool {
     let lengths = || (0..D).map(|d| F[(d, d)].abs());
     lengths().fold(0.0, f64::max) > MOST_STRETCH_RATIO * lengths().fold(f64::INFINITY, f64::min)
 }
 
-/// True if the product of the F_ii differs from det F. It does not in simple shear, which the update with F_ii suits although
-/// the polar decomposition contains a rotation.
+/// True if the product of the F_ii differs from det F. It does not in simple shear, which the update with F_ii suits
+/// although the polar decomposition contains a rotation.
 pub fn diagonal_misses_volume<const D: usize>(F: &Mat3) -> bool {
     let product: f64 = (0..D).map(|d| F[(d, d)]).product();
     (product / ratio_of_volume::<D>(F) - 1.0).abs() > MOST_VOLUME_CHANGE
@@ -187,7 +188,7 @@ mod tests {
         *Rotation3::from_axis_angle(&Unit::new_normalize(Vector3::from(axis)), degrees.to_radians()).matrix()
     }
 
-    /// The same motion with the axes renamed.
+    /// The same motion with the axes permuted.
     fn permuted(F: &Mat3, shift: usize) -> Mat3 {
         Mat3::from_fn(|i, j| F[((i + shift) % 3, (j + shift) % 3)])
     }

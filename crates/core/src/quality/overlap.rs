@@ -11,7 +11,7 @@ use crate::ranks::Ranks;
 
 /// Side of the bins that domains are sorted into, relative to the mean extent of a domain, [-].
 const BIN: f64 = 2.0;
-/// Most bins along an axis for one domain; the rest of a larger one is left out.
+/// Largest number of bins along an axis for one domain; the rest of a larger domain is left out.
 const MOST_BINS: i64 = 1000;
 
 /// A domain: its bounding box, and, in the plane, its halves if it is not a box.
@@ -22,9 +22,9 @@ struct Domain<const D: usize> {
     halves: Option<[[[f64; 2]; 3]; 2]>,
 }
 
-/// Volume shared by the domains of the converged state, summed over all pairs of points, relative to the sum of their volumes,
-/// [-]; for bodies of revolution, in the section. `None` without domains, and in space for domains given by corners. All ranks
-/// must ask for it together.
+/// Volume shared by the domains of the converged state, summed over all pairs of points, relative to the total volume
+/// of the domains, [-]; for bodies of revolution, in the meridional section. `None` without domains, and in space for
+/// domains given by corners. All ranks must call this together.
 pub fn domain_overlap<const D: usize>(model: &Model<D>, points: &Points<D>) -> Option<f64> {
     let ranks = &points.ranks;
     let own = domains_of(model, points);
@@ -42,7 +42,7 @@ pub fn domain_overlap<const D: usize>(model: &Model<D>, points: &Points<D>) -> O
     Some(ranks.total(shared_by_pairs(&domains, n_own)) / total)
 }
 
-/// The domains of the points of this rank; `None` if some cannot be cut with others.
+/// The domains of the points of this rank; `None` if some cannot be intersected with others.
 fn domains_of<const D: usize>(model: &Model<D>, points: &Points<D>) -> Option<Vec<Domain<D>>> {
     let mut domains = Vec::new();
     for p in 0..points.len() {
@@ -96,7 +96,7 @@ fn shared_by_pairs<const D: usize>(domains: &[Domain<D>], n_own: usize) -> f64 {
             std::array::from_fn(|d| bin(domain.high[d]).min(first[d].saturating_add(MOST_BINS)));
         for_each_index(first, last, |index| bins.entry(index).or_default().push(number as u32));
     }
-    // The order of the bins makes the sum reproducible.
+    // Sorting the bins makes the sum reproducible.
     let mut bins: Vec<([i64; D], Vec<u32>)> = bins.into_iter().collect();
     bins.sort_unstable();
     let shared: Vec<f64> = bins
@@ -127,7 +127,8 @@ fn of_corners<const D: usize>(corners: &[[f64; D]]) -> Option<Domain<D>> {
         return None;
     }
     let x = |k: usize| [corners[k][0], corners[k][1]];
-    // Corners are numbered by bits; their cyclic order is 0, 1, 3, 2. The diagonal inside the domain cuts it.
+    // Corners are numbered by bits; their cyclic order is 0, 1, 3, 2. The domain is cut along the diagonal that lies
+    // inside it.
     let [a, b, c, d] = [x(0), x(1), x(3), x(2)];
     let inner = |halves: [[[f64; 2]; 3]; 2]| halves.iter().all(|half| area(half) >= 0.0);
     let along = [[a, b, c], [a, c, d]];
@@ -139,7 +140,8 @@ fn of_corners<const D: usize>(corners: &[[f64; D]]) -> Option<Domain<D>> {
 }
 
 impl<const D: usize> Domain<D> {
-    /// The domain as numbers, for other ranks: the ends of the bounding box, and the corners of the halves if it has any.
+    /// The domain as numbers, for other ranks: the ends of the bounding box, and the corners of the halves if it has
+    /// any.
     fn numbers(&self) -> Vec<f64> {
         let halves = self.halves.iter().flatten().flatten().flatten();
         self.low.iter().chain(&self.high).chain(halves).copied().collect()
@@ -187,7 +189,8 @@ fn shared_volume<const D: usize>(a: &Domain<D>, b: &Domain<D>) -> f64 {
     of_a.iter().flat_map(|p| of_b.iter().map(move |q| shared_area(p, q))).sum()
 }
 
-/// Area of the intersection of two convex counterclockwise polygons, by cutting the first along the sides of the second.
+/// Area of the intersection of two convex counterclockwise polygons, by clipping the first against the sides of the
+/// second.
 fn shared_area(polygon: &[[f64; 2]], window: &[[f64; 2]]) -> f64 {
     let mut rest = polygon.to_vec();
     for (k, &a) in window.iter().enumerate() {

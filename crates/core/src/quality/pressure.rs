@@ -9,11 +9,11 @@ use crate::ranks::Ranks;
 use crate::stress::Volumetric;
 use crate::tensor::Sym3;
 
-/// Fewest flowing cells whose oscillation is judged.
+/// Smallest number of flowing cells whose oscillation is judged.
 const LEAST_CELLS: usize = 8;
 
-/// Differences of the mean stresses of the points in a cell, relative to the deviatoric stresses, in the root mean square over
-/// all cells, [-].
+/// Differences of the mean stresses of the points in a cell, relative to the deviatoric stresses, in the root mean
+/// square over all cells, [-].
 pub fn oscillation<const D: usize>(stress: &[Sym3], links: &Connectivity<D>) -> f64 {
     oscillation_of(links.halo().ranks(), stress, (0..links.n_groups()).map(|group| links.points_of(group)))
 }
@@ -22,12 +22,12 @@ pub fn oscillation<const D: usize>(stress: &[Sym3], links: &Connectivity<D>) -> 
 pub(super) struct InFlow {
     /// [`oscillation`] over the flowing cells, [-].
     pub value: f64,
-    /// True if a point in them takes its own volume ratio.
+    /// True if a point in these cells uses its own volume ratio.
     pub is_standard: bool,
 }
 
-/// The oscillation of the trial stresses over the cells with several points, all of which flow in the step that is not yet
-/// committed; `None` if such cells are few.
+/// The oscillation of the trial stresses over the cells with several points, all of which flow in the step, which is
+/// not yet committed; `None` if such cells are few.
 pub(super) fn oscillation_in_flow<const D: usize>(
     model: &Model<D>,
     points: &Points<D>,

@@ -6,7 +6,7 @@ use crate::model::{Body, Newton};
 use crate::points::Seed;
 use crate::tensor::Mat3;
 
-/// Four cells of 1 × 0.5 with bodies of these methods and updates.
+/// Four cells of 1 × 0.5, and bodies with these methods and updates.
 fn model(bodies: &[(Method, DomainUpdate)]) -> Model<2> {
     let body = |(k, (method, domain_update)): (usize, &(Method, DomainUpdate))| Body {
         name: format!("body {k}"),
@@ -23,7 +23,7 @@ fn model(bodies: &[(Method, DomainUpdate)]) -> Model<2> {
     }
 }
 
-/// A point with a rectangular domain that is its volume.
+/// A point whose volume is that of its rectangular domain.
 fn seed(body: u16, position: [f64; 2], half_lengths: [f64; 2], with_corners: bool) -> Seed<2> {
     let volume = 4.0 * half_lengths[0] * half_lengths[1];
     let corner = |c: usize| {
@@ -55,8 +55,8 @@ fn near(found: Option<PointValue>, value: f64, point: u32) {
 #[test]
 fn domains_outside_the_grid_lose_the_partition_of_unity() {
     let model = model(&[GIMP]);
-    // The last domain reaches over the left border by a quarter and over the upper one by a third; the second one
-    // touches the borders up to round-off. The points stand in the order of their cells, so both states agree.
+    // The last domain reaches beyond the left boundary by a quarter and beyond the upper one by a third; the second one
+    // touches the boundary up to round-off. The points are in the order of their cells, so both states agree.
     let seeds = [
         seed(0, [0.6, 0.3], [0.1, 0.1], false),
         seed(0, [1.9, 0.1], [0.1 + 1e-12, 0.1 + 1e-12], false),
@@ -65,7 +65,7 @@ fn domains_outside_the_grid_lose_the_partition_of_unity() {
     let mut points = Points::new(&seeds);
     let body = &measures(&model, &mut points).bodies[0];
     near(body.outside, 1.0 - 0.75 * (2.0 / 3.0), 2);
-    // Outside the grid the hat of the border falls from 1 to 0 over a cell.
+    // Outside the grid, the hat function of the boundary falls from 1 to 0 over a cell.
     let (x, y) = (1.0 - 0.25 * 0.05, 1.0 - (1.0 / 3.0) * 0.1);
     near(body.partition_of_unity_loss, 1.0 - x * y, 2);
     let volume: f64 = points.original_volume.iter().sum();

@@ -1,13 +1,13 @@
-//! The largest values of measures that cause no warning.
+//! The largest values at which measures cause no warning.
 
 /// Regridding work relative to the work of loads and reactions, [-].
 pub const MOST_REGRIDDING: f64 = 0.1;
 
-/// Error of the balance of energy, [-].
+/// Error of the energy balance, [-].
 pub const MOST_ENERGY_ERROR: f64 = 0.1;
 
-/// Mean number of cell borders that a point without domain has crossed, [-]; more are harmless as long as the regridding
-/// work is below [`HARMFUL_REGRIDDING`].
+/// Mean number of cell boundaries that a point without a domain has crossed, [-]; more crossings are harmless as long
+/// as the regridding work is below [`HARMFUL_REGRIDDING`].
 pub const MOST_CROSSINGS: f64 = 0.1;
 
 /// Regridding work relative to the work of loads and reactions at which crossings do harm, [-].

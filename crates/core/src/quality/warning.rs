@@ -1,4 +1,4 @@
-//! Warnings: signs that a result may be poor, by codes that never change their meaning.
+//! Warnings: signs that a result may be poor, identified by codes whose meaning never changes.
 //!
 //! A warning states facts. Advice refers to the keys of the input and is therefore written in the crate that knows
 //! them.
@@ -37,7 +37,7 @@ pub enum Code {
     /// Work and energy do not balance.
     #[serde(rename = "W009")]
     Energy,
-    /// Points without domain cross the borders of cells.
+    /// Points without a domain cross cell boundaries.
     #[serde(rename = "W010")]
     Crossings,
     /// A body turns, but its domains remain boxes along the axes.
@@ -52,7 +52,7 @@ pub enum Code {
     /// Torn domains were replaced.
     #[serde(rename = "W014")]
     ReplacedDomains,
-    /// The imbalance of a body is hidden by larger forces on others.
+    /// The imbalance of a body is hidden by larger forces on other bodies.
     #[serde(rename = "W015")]
     HiddenResidual,
     /// A much stiffer body moves the nodes of a soft one.
@@ -64,10 +64,10 @@ pub enum Code {
     /// Bodies slide while their strength is reduced.
     #[serde(rename = "W018")]
     Slides,
-    /// A reduction of strength ends before bodies begin to run away.
+    /// A strength reduction ends before bodies begin to run away.
     #[serde(rename = "W019")]
     StoppedShort,
-    /// Bodies slumped before their strength is reduced.
+    /// Bodies slumped before their strength was reduced.
     #[serde(rename = "W020")]
     Slumped,
 }
@@ -134,17 +134,17 @@ impl Location {
     }
 }
 
-/// A fact beyond the code of a warning that decides what helps.
+/// A fact, beyond the code of a warning, that decides what may help.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Detail {
-    /// The domain is a box that may reach beyond the body; one updated by its corners does not.
+    /// The domain is a box that may reach beyond the body; a box that is updated by its corners does not.
     ReachingBox,
     /// A tolerance at which the forces on the body would be in balance, [-].
     Tolerance(f64),
     /// Round-off of the forces on other bodies is larger than the forces on this one.
     RoundOff,
-    /// Bodies that flow take the volume ratio of each point, [`crate::stress::Volumetric::Standard`].
+    /// Bodies that flow use the volume ratio of each point, [`crate::stress::Volumetric::Standard`].
     StandardDilatation,
 }
 
@@ -153,18 +153,18 @@ pub enum Detail {
 pub struct Warning {
     /// The subject.
     pub code: Code,
-    /// Number of the load step.
+    /// Load step number.
     pub step: usize,
-    /// The bodies, the point or the boundary condition concerned.
+    /// The bodies, the point or the boundary condition that the warning concerns.
     #[serde(rename = "place")]
     pub location: Location,
     /// The measure; `None` for an event.
     pub value: Option<f64>,
     /// The bound that the measure exceeds; `None` for an event.
     pub threshold: Option<f64>,
-    /// The fact and its place, as a sentence.
+    /// The fact and its location, as a sentence.
     pub message: String,
-    /// A further fact that decides what helps.
+    /// A further fact that decides what may help.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub detail: Option<Detail>,
 }

@@ -19,25 +19,25 @@ use crate::tensor::Sym3;
 
 /// The balances are judged from this step on: in fewer steps their error is large anyway.
 const FIRST_BALANCE: usize = 5;
-/// Work is round-off if it is less than that of this strain, [-].
+/// Work counts as round-off if it is less than the work of this strain, [-].
 const STRAIN_OF_ROUND_OFF: f64 = 1e-6;
-/// Root mean square error of the stresses of points without domain, relative to the square root of the regridding share, as
-/// measured, [-].
+/// Root mean square error of the stresses of points without a domain, relative to the square root of the regridding
+/// share, found by measurement, [-].
 const STRESS_BY_REGRIDDING: f64 = 0.6;
 
-/// Bodies count as elastic while the plastic work is less than this part of the stored energy, [-].
+/// Bodies count as elastic while the plastic work is less than this fraction of the stored energy, [-].
 const ELASTIC: f64 = 1e-3;
 
-/// Part of the forces on a body that may be out of balance, [-].
+/// Fraction of the forces on a body that may be out of balance, [-].
 const MOST_OF_BODY: f64 = 1e-4;
-/// The same part with the tolerance that the warning recommends, [-].
+/// The same fraction with the tolerance that the warning recommends, [-].
 const FINE_RESIDUAL: f64 = 1e-6;
 /// Smallest tolerance that residuals can meet in spite of round-off, [-].
 const LEAST_TOLERANCE: f64 = 1e-13;
 
 impl Quality {
-    /// Checks a step that is in equilibrium but not committed, as for [`super::Measures::new`]; returns the warnings that it
-    /// causes for the first time.
+    /// Checks a step that is in equilibrium but not committed, as for [`super::Measures::new`]; returns the warnings
+    /// that it causes for the first time.
     pub fn watch<const D: usize>(
         &mut self,
         model: &Model<D>,
@@ -57,8 +57,8 @@ impl Quality {
             |of: Option<&Factorisation>| of.is_some_and(|factorisation| factorisation.is_definite());
         self.was_stable |= is_definite(report.factorisations.first());
         let flows = report.energy.plastic_work > ELASTIC * report.energy.strain_energy;
-        // Indefinite stiffnesses are expected beyond a limit point of a path that is followed, and in bodies that flow.
-        // If the stiffness has never been definite, round-off decides its sign.
+        // Indefinite stiffnesses are expected beyond a limit point when a path is followed, and in bodies that flow. If
+        // the stiffness has never been definite, round-off decides its sign.
         if self.was_stable && !model.stepping.control.has_unknown_factor() && !flows {
             found.extend((!is_definite(report.factorisations.last())).then(|| (0, unstable(step))));
         }
@@ -104,14 +104,14 @@ impl Quality {
         found.into_iter().filter(is_new).map(|(_, warning)| warning).collect()
     }
 
-    /// Mean number of cell borders that a point of a body has crossed, [-]; `None` if the points have domains.
+    /// Mean number of cell boundaries that a point of a body has crossed, [-]; `None` if the points have domains.
     pub fn mean_crossings(&self, body: usize) -> Option<f64> {
         let [crossings, points] = *self.crossed.get(body)?;
         (points > 0).then(|| crossings as f64 / points as f64)
     }
 
-    /// Material at the nodes of a boundary condition, relative to the most they ever held, [-]; `None` if it moves no
-    /// given nodes.
+    /// Material at the nodes of a boundary condition, relative to the most that they have ever held, [-]; `None` if the
+    /// condition moves no given nodes.
     pub fn held_by_nodes(&self, condition: usize) -> Option<f64> {
         self.held.get(condition)?.share()
     }
@@ -188,7 +188,7 @@ fn of_all_ranks(ranks: &Ranks, own: Vec<(usize, Warning)>) -> Vec<(usize, Warnin
     if !ranks.any(!own.is_empty()) || ranks.is_alone() {
         return own;
     }
-    // Warnings leave out what they do not have, which only a format with names can read back.
+    // Warnings omit the fields that they lack, so that only a format with field names can read them back.
     let texts = ranks.gather_all(serde_json::to_string(&own).unwrap_or_default());
     let mut all: Vec<(usize, Warning)> = Vec::new();
     for (number, warning) in texts.iter().filter_map(|text| read(text)).flatten() {
@@ -242,7 +242,7 @@ fn damped(step: usize, slumped: bool) -> Warning {
         "the bodies have slumped, through states out of equilibrium, until they came to rest: the load before this step is \
          about the largest that they carried without slumping"
     } else {
-        "it may lie beyond an instability: the states before it are then unknown, and dynamics could lead elsewhere"
+        "it may lie beyond an instability: the states before it are then unknown, and a dynamic analysis could reach a different state"
     };
     Warning {
         code: Code::Damped,
@@ -307,7 +307,7 @@ fn locking(value: f64, step: usize, is_standard: bool) -> Warning {
 /// Work and energy of the steps so far.
 #[derive(Debug, Clone, Copy)]
 pub struct BalanceSoFar {
-    /// Equilibrated steps.
+    /// Number of steps in equilibrium.
     pub steps: usize,
     /// Work of loads and reactions, [energy].
     pub external_work: f64,
@@ -315,13 +315,13 @@ pub struct BalanceSoFar {
     pub regridding_work: f64,
     /// Sum of the magnitudes of the work of all steps, [energy].
     pub gross_work: f64,
-    /// Error of the energy, `solver::Summary::energy_error`, [-].
+    /// Error of the energy balance, `solver::Summary::energy_error`, [-].
     pub energy_error: f64,
 }
 
 impl BalanceSoFar {
-    /// Regridding work relative to the external work, or to the sum of the magnitudes of all work if that is larger, as on a
-    /// path that returns, [-]; 0 without work.
+    /// Regridding work relative to the external work, or to the sum of the magnitudes of all work if that is larger, as
+    /// on a path that turns back, [-]; 0 without work.
     pub fn regridding(&self) -> f64 {
         let all = self.external_work.abs().max(self.gross_work);
         if all > 0.0 { self.regridding_work / all } else { 0.0 }

@@ -1,21 +1,21 @@
-//! The active nodes that several ranks have.
+//! The active nodes that several ranks share.
 
 use super::Ranks;
 
-/// The active nodes that this rank shares with others. Without other ranks, it shares none.
+/// The active nodes that this rank shares with others; none if there are no other ranks.
 ///
-/// A nodal field is *partial* as long as it holds the contributions of the points of this rank only, and *complete* when all
-/// ranks that touch a node hold the same value of it. [`Halo::add`] completes a partial field.
+/// A nodal field is *partial* as long as it holds the contributions of this rank's points only, and *complete* when all
+/// ranks that touch a node hold the same value there. [`Halo::add`] completes a partial field.
 #[derive(Debug, Clone, Default)]
 pub struct Halo {
     ranks: Ranks,
     /// Ranks with which nodes are shared, ascending.
     neighbours: Vec<usize>,
-    /// Active nodes shared with each of them, in the order of the grid.
+    /// Active nodes shared with each neighbour, in grid order.
     shared: Vec<Vec<u32>>,
     /// Active nodes shared with any rank, ascending.
     border: Vec<u32>,
-    /// Active nodes that belong to another rank, with that rank, ascending.
+    /// Active nodes that belong to another rank, each with that rank, ascending.
     foreign: Vec<(u32, u32)>,
     /// True for each active node of this rank; empty without other ranks.
     is_own: Vec<bool>,
@@ -24,17 +24,19 @@ pub struct Halo {
 /// A rank that has a node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Sharer {
-    /// Number of the rank.
+    /// Rank number.
     pub rank: u32,
-    /// True if points of the rank touch the node; false if it only lies in a cell beside those that they touch.
+    /// True if points of the rank touch the node; false if the node only lies in a cell next to cells that they touch.
     pub touches: bool,
 }
 
-/// Grid nodes that this rank has and other ranks, too, ascending; each with the ranks that have it, this one included, ascending.
+/// Grid nodes that this rank shares with others, ascending, each with all ranks that have it, ascending and including
+/// this one.
 pub type Sharing = Vec<(u32, Vec<Sharer>)>;
 
-/// Finds the ranks that have the same nodes, given those of this rank, ascending, and whether its points touch them. Each node has
-/// a home rank, which all ranks tell that they have it, and which tells them the others.
+/// Finds the ranks that share nodes with this one; `nodes` lists the nodes of this rank, ascending, each with true if
+/// its points touch the node. Each node has a home rank: all ranks that have the node report to the home rank, which
+/// tells each of them the others.
 pub fn sharing(ranks: &Ranks, nodes: &[(u32, bool)], n_nodes: usize) -> Sharing {
     let Some(communicator) = ranks.communicator() else { return Vec::new() };
     let count = ranks.count();
@@ -84,8 +86,8 @@ fn numbers(bytes: &[u8]) -> impl Iterator<Item = u32> {
 }
 
 impl Halo {
-    /// The halo of these active nodes, given as ascending numbers of the grid, of which `sharing` lists those that other ranks
-    /// have. A node belongs to the lowest rank whose points touch it.
+    /// The halo of these active nodes, given by their grid numbers, ascending; `sharing` lists the nodes that other
+    /// ranks also have. A node belongs to the lowest rank whose points touch it.
     pub fn new(ranks: &Ranks, nodes: &[u32], sharing: &Sharing) -> Self {
         if ranks.is_alone() {
             return Halo::default();
@@ -120,7 +122,7 @@ impl Halo {
         &self.ranks
     }
 
-    /// True if a node belongs to this rank: reductions over nodes count it here, and only here.
+    /// True if a node belongs to this rank: reductions over nodes count it here and nowhere else.
     #[inline]
     pub fn is_own(&self, node: usize) -> bool {
         self.is_own.is_empty() || self.is_own[node]
@@ -134,33 +136,33 @@ impl Halo {
         }
     }
 
-    /// The ranks with which nodes are shared, ascending, each with these active nodes in the order of the grid.
+    /// The ranks with which this rank shares nodes, ascending, each with the shared active nodes in grid order.
     pub fn neighbours(&self) -> impl Iterator<Item = (usize, &[u32])> {
         self.neighbours.iter().copied().zip(self.shared.iter().map(Vec::as_slice))
     }
 
-    /// Completes a partial field: at shared nodes, adds up the values of all ranks in their order, so that all of them get the
-    /// same bits.
+    /// Completes a partial field: at shared nodes, sums the values of all ranks in rank order, so that all ranks get
+    /// the same bits.
     pub fn add<const N: usize>(&self, values: &mut [[f64; N]]) {
         self.merge(values, |sum, value| *sum += value);
     }
 
-    /// The same for one number per node.
+    /// As [`Halo::add`], for one number per node.
     pub fn add_numbers(&self, values: &mut [f64]) {
         self.add(as_arrays(values));
     }
 
-    /// Replaces the values at shared nodes by the largest of all ranks.
+    /// Replaces the values at shared nodes by the largest over all ranks.
     pub fn maximum(&self, values: &mut [f64]) {
         self.merge(as_arrays(values), |most, value| *most = most.max(value));
     }
 
-    /// Replaces the values at shared nodes by the smallest of all ranks.
+    /// Replaces the values at shared nodes by the smallest over all ranks.
     pub fn minimum(&self, values: &mut [f64]) {
         self.merge(as_arrays(values), |least, value| *least = least.min(value));
     }
 
-    /// Replaces the values at nodes of other ranks by those that their owners hold.
+    /// Replaces the values at nodes of other ranks by the values of their owners.
     pub fn copy<const N: usize>(&self, values: &mut [[f64; N]]) {
         for node in 0..self.is_own.len() {
             if !self.is_own[node] {
@@ -174,7 +176,7 @@ impl Halo {
         });
     }
 
-    /// Gives values at shared nodes that only other ranks know.
+    /// Fills in missing values at shared nodes from the ranks that know them.
     pub fn fill<const N: usize>(&self, values: &mut [Option<[f64; N]>]) {
         if self.ranks.is_alone() {
             return;
@@ -197,7 +199,7 @@ impl Halo {
         let send: Vec<Vec<f64>> = self.shared.iter().map(|nodes| collect(nodes)).collect();
         let mut receive: Vec<Vec<f64>> = send.iter().map(|numbers| vec![0.0; numbers.len()]).collect();
         communicator.swap(&self.neighbours, &send, &mut receive);
-        // The own values come in their place in the order of the ranks.
+        // The own values take their turn in rank order.
         let own = collect(&self.border);
         let below = self.neighbours.partition_point(|rank| *rank < self.ranks.own());
         let of_rank = |k: usize| (&self.shared[k], &receive[k]);
@@ -216,7 +218,7 @@ impl Halo {
         }
     }
 
-    /// The scalar product of two complete fields. Alone, it adds up number by number.
+    /// The scalar product of two complete fields. With a single rank, it is summed number by number.
     pub fn dot<const N: usize>(&self, a: &[[f64; N]], b: &[[f64; N]]) -> f64 {
         if self.ranks.is_alone() {
             return a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| a * b).sum();
@@ -236,7 +238,7 @@ impl Halo {
     }
 }
 
-/// Numbers as a field of one component.
+/// Numbers as a field with one component.
 fn as_arrays(values: &mut [f64]) -> &mut [[f64; 1]] {
     values.as_chunks_mut::<1>().0
 }
@@ -246,7 +248,7 @@ mod tests {
     use super::super::threads;
     use super::*;
 
-    /// Three ranks on a line of nodes: 0-3, 3-5 and 3, 5, 8; rank 0 does not touch 3.
+    /// Three ranks on a line of nodes, with nodes 0-3, 3-5 and 3, 5, 8; rank 0 does not touch node 3.
     #[test]
     fn shared_nodes_are_found_and_completed() {
         let nodes = [vec![0, 1, 2, 3], vec![3, 4, 5], vec![3, 5, 8]];

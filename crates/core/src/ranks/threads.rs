@@ -16,7 +16,7 @@ enum Call {
     Swap,
 }
 
-/// The end of the channels of one rank.
+/// One rank's ends of the channels.
 #[derive(Debug)]
 struct Thread {
     own: usize,
@@ -30,10 +30,10 @@ impl Thread {
         let _ = self.to[rank].send((call, message));
     }
 
-    /// The next message of a rank.
+    /// The next message from a rank.
     ///
     /// # Panics
-    /// If that rank has ended, so that this one would wait for ever, or is in another call than this one.
+    /// If that rank has ended, since this one would then wait for ever, or if the two ranks are in different calls.
     fn receive(&self, call: Call, rank: usize) -> Bytes {
         let from = self.from[rank].lock().unwrap_or_else(PoisonError::into_inner);
         match from.recv() {
@@ -95,7 +95,7 @@ impl Communicator for Thread {
     }
 }
 
-/// Runs `work` on `n` threads, each of which is one rank; returns what they return, in the order of the ranks.
+/// Runs `work` on `n` threads, each acting as one rank; returns their results in rank order.
 pub fn run<T: Send>(n: usize, work: impl Fn(Ranks) -> T + Sync) -> Vec<T> {
     let (mut senders, mut receivers): (Vec<Vec<_>>, Vec<Vec<_>>) =
         ((0..n).map(|_| Vec::new()).collect(), (0..n).map(|_| Vec::new()).collect());
@@ -151,7 +151,7 @@ mod tests {
         run(3, |ranks| {
             let own = ranks.own();
             let communicator = ranks.communicator().unwrap();
-            // Rank 0 writes to itself and to 2, rank 1 to nobody, rank 2 an empty message to 0.
+            // Rank 0 writes to itself and to rank 2, rank 1 to nobody; rank 2 sends an empty message to rank 0.
             let messages = match own {
                 0 => vec![(0, vec![7]), (2, vec![8, 9])],
                 1 => vec![],

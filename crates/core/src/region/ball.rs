@@ -37,7 +37,7 @@ impl<const D: usize> Ball<D> {
 impl<const D: usize> Ball<D> {
     /// The facets of an octahedron, divided evenly and moved outwards onto the sphere.
     fn octants(&self, spacing: f64) -> Vec<Facet<D>> {
-        // The edges of an octant are arcs of a quarter; the first division of them leaves edges of √2 times the radius.
+        // The edges of an octant are quarter circles; the edges of the octahedron are √2 times the radius.
         let fraction = (spacing / (FRAC_PI_2 * self.radius)).min(0.25);
         let mut facets = Vec::new();
         for signs in (0..8).map(|k| [k & 1, k >> 1 & 1, k >> 2].map(|bit| 1.0 - 2.0 * bit as f64)) {

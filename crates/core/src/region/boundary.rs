@@ -5,8 +5,8 @@ use std::collections::HashMap;
 use super::vector::{along, cross, minus, norm, unit};
 use super::{Motion, Node, Primitive, Region};
 
-/// Largest distance of the midpoint of a facet from the place where its sides are examined, relative to its size, [-].
-/// It exceeds the height of an arc over its chord, which is at most 0.04 of the chord.
+/// Distance from the midpoint of a facet at which its two sides are examined, relative to its size, [-]. It exceeds the
+/// height of an arc above its chord, which is at most 0.04 of the chord.
 const ASIDE: f64 = 0.1;
 
 /// A flat piece of a boundary: a segment in the plane, a triangle in space.
@@ -14,7 +14,7 @@ const ASIDE: f64 = 0.1;
 pub struct Facet<const D: usize> {
     /// Corners, [length]. The normal of [`area_vector`] points out of the region.
     pub corners: [[f64; D]; D],
-    /// Number of the side of the primitive to which it belongs, from 0.
+    /// Side of the primitive to which the facet belongs, numbered from 0.
     pub side: usize,
 }
 
@@ -41,8 +41,8 @@ impl<const D: usize> Facet<D> {
     }
 }
 
-/// Normal of a facet times its area (length in the plane), [length^(D−1)]: to the right of the way from the first corner
-/// to the second in the plane, by the right-hand rule in space.
+/// Normal of a facet times its area (length in the plane), [length^(D−1)]. In the plane, the normal points to the right
+/// of the path from the first corner to the second; in space, it follows the right-hand rule.
 pub fn area_vector<const D: usize>(corners: &[[f64; D]; D]) -> [f64; D] {
     let mut area = [0.0; D];
     if D == 2 {
@@ -77,10 +77,10 @@ pub fn area_derivative<const D: usize>(corners: &[[f64; D]; D], k: usize) -> [[f
 /// Reason why the boundary of a region cannot be divided into facets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum NoBoundary {
-    /// It combines a group of cells with other shapes.
+    /// The region combines a group of cells with other shapes.
     #[error("the boundary of a group of cells in a union, intersection or difference is not available")]
     Cells,
-    /// The number of a side refers to a union, intersection or difference, or exceeds the number of sides.
+    /// The side number refers to a union, intersection or difference, or exceeds the number of sides.
     #[error("it has no side {0}")]
     NoSide(usize),
     /// There would be too many facets.
@@ -88,14 +88,14 @@ pub enum NoBoundary {
     TooMany,
 }
 
-/// Most facets of a boundary.
+/// Largest number of facets of a boundary.
 pub const MOST_FACETS: usize = 10_000_000;
 
 impl<const D: usize> Region<D> {
     /// The boundary in facets whose edges are at most `spacing` long, [length]. Arcs become chords.
     ///
     /// In unions, intersections and differences, a facet of a primitive belongs to the boundary if the region lies on
-    /// one side of its centre only: where primitives cross, the boundary is exact up to the size of a facet.
+    /// exactly one side of its centre: where primitives cross, the boundary is exact up to the size of a facet.
     ///
     /// # Errors
     /// [`NoBoundary`].
@@ -118,7 +118,7 @@ impl<const D: usize> Region<D> {
         Ok(all.into_iter().filter_map(|facet| self.outward(facet)).collect())
     }
 
-    /// True if it is a single primitive, whose sides have numbers.
+    /// True if the region is a single primitive, whose sides are numbered.
     pub fn has_numbered_sides(&self) -> bool {
         matches!(self.node, Node::Primitive(..))
     }
@@ -149,8 +149,8 @@ impl<const D: usize> Region<D> {
     }
 }
 
-/// Facets with indexed corners: the places of the corners in the order of their first use, and the index of the place of
-/// each corner. Corners with equal coordinates are one corner. For fewer than 2³² corners.
+/// Facets with indexed corners: the corner positions in the order of their first use, and for each corner of each facet
+/// the index of its position. Corners with equal coordinates are one corner. For fewer than 2³² corners.
 pub(crate) fn indexed<const D: usize>(facets: &[[[f64; D]; D]]) -> (Vec<[f64; D]>, Vec<[u32; D]>) {
     let mut numbers: HashMap<[u64; D], u32> = HashMap::new();
     let mut places = Vec::new();
@@ -166,7 +166,7 @@ pub(crate) fn indexed<const D: usize>(facets: &[[[f64; D]; D]]) -> (Vec<[f64; D]
     (places, corners)
 }
 
-/// Number of equal parts, each at most `spacing` long, of a length.
+/// Number of equal parts, each at most `spacing` long, into which a length is divided.
 pub(crate) fn parts(length: f64, spacing: f64) -> usize {
     ((length / spacing - 1e-9).ceil() as usize).max(1)
 }
@@ -177,8 +177,8 @@ pub(crate) fn chords(radius: f64, spacing: f64) -> usize {
     parts(std::f64::consts::TAU * radius, spacing).max(24).next_multiple_of(4)
 }
 
-/// Facets, whose edges are at most `spacing` long, [length], of the side of a cell with these corners in turn: a segment in
-/// the plane, a triangle or a quadrilateral in space. None for other numbers of corners.
+/// Facets of the side of a cell with these corners in turn, with edges at most `spacing` long, [length]. The side is a
+/// segment in the plane, a triangle or a quadrilateral in space; for other numbers of corners, there are no facets.
 pub fn divided<const D: usize>(corners: &[[f64; D]], spacing: f64, side: usize) -> Vec<Facet<D>> {
     match corners {
         [a, b] => divide(a, b, spacing, side),
@@ -228,7 +228,7 @@ pub(super) fn circle<const D: usize>(
     (0..n).filter_map(|k| segment(at(k), at(k + 1), side)).collect()
 }
 
-/// Sine and cosine of a part k/n of the full angle; exact for quarters.
+/// Sine and cosine of k/n of a full turn; exact for quarter turns.
 pub(super) fn sine_and_cosine_of_part(k: usize, n: usize) -> [f64; 2] {
     let quarters = (4 * k).is_multiple_of(n).then(|| 4 * k / n);
     match quarters {
@@ -299,7 +299,7 @@ fn triangle_of<const D: usize>(a: [f64; D], b: [f64; D], c: [f64; D], side: usiz
     (D == 3).then(|| Facet { corners: std::array::from_fn(|k| [a, b, c][k.min(2)]), side })
 }
 
-/// Number of facets of a convex primitive with these extents, up to a factor.
+/// Number of facets of a convex primitive, up to a factor, estimated from its extents.
 fn about<const D: usize>(primitive: &dyn Primitive<D>, spacing: f64) -> f64 {
     let extent = |d: usize| {
         let [low, high] = primitive.extent(&unit(d));

@@ -58,7 +58,7 @@ impl<const D: usize> BoxTree<D> {
         self.split(boxes, first + half, end);
     }
 
-    /// Data of items, reordered to the order of the tree.
+    /// Item data, reordered to tree order.
     pub(crate) fn ordered<T: Copy>(&self, of_items: &[T]) -> Vec<T> {
         self.order.iter().map(|&item| of_items[item as usize]).collect()
     }
@@ -68,7 +68,7 @@ impl<const D: usize> BoxTree<D> {
         self.nodes[0].bounds
     }
 
-    /// Visits the items, by index in the order of the tree, of all leaves whose boxes satisfy `meets`.
+    /// Visits the items, by index in tree order, of all leaves whose boxes satisfy `meets`.
     pub(crate) fn visit(&self, meets: impl Fn(&Bounds<D>) -> bool, mut visit: impl FnMut(usize)) {
         let mut open = [0u32; DEEPEST];
         let mut n = 1;
@@ -89,9 +89,9 @@ impl<const D: usize> BoxTree<D> {
         }
     }
 
-    /// Visits the items, by index in the order of the tree, of the leaves whose boxes lie within a distance of a
-    /// position, near leaves first. The search starts with the square of the distance, `limit`, [length²]; `visit`
-    /// returns the square beyond which items no longer matter.
+    /// Visits the items, by index in tree order, of the leaves whose boxes lie within a distance of a position, near
+    /// leaves first. The search starts with the squared distance `limit`, [length²]; `visit` returns the squared
+    /// distance beyond which items no longer matter.
     pub(crate) fn approach(&self, x: &[f64; D], mut limit: f64, mut visit: impl FnMut(usize) -> f64) {
         let away = |at: u32| (at, squared_distance(&self.nodes[at as usize].bounds, x));
         let mut open = [(0u32, 0.0); DEEPEST];
@@ -115,7 +115,7 @@ impl<const D: usize> BoxTree<D> {
     }
 }
 
-/// Square of the distance of a position from a box, [length²]; zero inside.
+/// Squared distance of a position from a box, [length²]; zero inside.
 pub(crate) fn squared_distance<const D: usize>([low, high]: &Bounds<D>, x: &[f64; D]) -> f64 {
     (0..D).map(|d| (low[d] - x[d]).max(x[d] - high[d]).max(0.0).powi(2)).sum()
 }

@@ -103,7 +103,7 @@ pub fn contains_in_cell<const D: usize>(
     in_group: impl Fn(usize, usize) -> bool,
 ) -> bool {
     region.contains_with(x, &|key, y| {
-        // A position on a border belongs to the given cell; only moved groups need a search.
+        // A position on a cell boundary belongs to the given cell; only moved groups need a search.
         if y == x {
             in_group(key, cell)
         } else {

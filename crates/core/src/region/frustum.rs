@@ -17,7 +17,7 @@ pub struct Frustum {
 }
 
 impl Frustum {
-    /// A frustum with these centres of its ends and these radii there, [length]; one radius may be zero (a cone).
+    /// A frustum with these end centres and end radii, [length]; one radius may be zero (a cone).
     ///
     /// # Errors
     /// [`ShapeError::NotFinite`]; [`ShapeError::NotPositive`] for the height, for a negative radius, or if both radii
@@ -35,7 +35,7 @@ impl Frustum {
         Ok(Frustum { start, axis: axis.map(|x| x / height), height, radii })
     }
 
-    /// A cylinder with these centres of its ends and this radius, [length].
+    /// A cylinder with these end centres and this radius, [length].
     ///
     /// # Errors
     /// As [`Frustum::new`].
@@ -58,7 +58,7 @@ impl Frustum {
         self.axis
     }
 
-    /// The distance of the ends, [length].
+    /// The distance between the ends, [length].
     pub fn height(&self) -> f64 {
         self.height
     }
@@ -129,8 +129,8 @@ impl Primitive<3> for Frustum {
     }
 }
 
-/// Positions around an axis, given by its start and unit vector, by their number among `around` in a turn, their height
-/// along the axis and their radius, [length].
+/// Positions around an axis, which is given by its start and unit vector. A position is given by its number among the
+/// `around` positions of a full turn, its height along the axis and its radius, [length].
 pub(crate) fn around_axis(
     start: [f64; 3],
     axis: [f64; 3],

@@ -2,7 +2,7 @@
 //!
 //! A [`Region`] is a primitive, a group of mesh cells, or a union, difference or intersection of regions. Every region
 //! can be moved by a [`Motion`]. A [`Primitive`] has five methods: containment of a position, extent along a direction,
-//! volume, intersection with a line, and the facets of its border. Everything else is derived from them: bounds of
+//! volume, intersection with a line, and the facets of its boundary. Everything else is derived from them: bounds of
 //! moved regions, booleans on lines, the boundary of a region (`boundary.rs`), and volumes of booleans by quadrature
 //! over lines (`volume.rs`).
 
@@ -89,7 +89,7 @@ pub enum ShapeError {
     NoParts,
 }
 
-/// A primitive shape. Its border counts as inside, up to round-off.
+/// A primitive shape. Its boundary counts as inside, up to round-off.
 pub trait Primitive<const D: usize>: Debug + Send + Sync {
     /// True if a position lies inside.
     fn contains(&self, x: &[f64; D]) -> bool;
@@ -103,7 +103,7 @@ pub trait Primitive<const D: usize>: Debug + Send + Sync {
     /// The intervals of a line that lie inside.
     fn intervals(&self, line: &Line<D>) -> Intervals;
 
-    /// The border in facets, either way round, whose edges are about `spacing` long, [length], and hardly longer.
+    /// The boundary as facets of either orientation, with edges about `spacing` long, [length], or hardly longer.
     fn facets(&self, spacing: f64) -> Vec<Facet<D>>;
 
     /// True if the shape is convex.
@@ -111,7 +111,7 @@ pub trait Primitive<const D: usize>: Debug + Send + Sync {
         false
     }
 
-    /// Corners of the border, where integrals over slices have kinks; empty if there are too many to be useful.
+    /// Corners of the boundary, where integrals over slices have kinks; empty if there are too many to be useful.
     fn corners(&self) -> Vec<[f64; D]> {
         Vec::new()
     }

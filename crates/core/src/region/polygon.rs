@@ -55,7 +55,8 @@ impl Polygon {
         0.5 * self.sides().map(twice).sum::<f64>()
     }
 
-    /// The polygon in triangles: one corner after the other is cut off whose triangle contains no other corner.
+    /// The polygon divided into triangles by cutting off corners whose triangle contains no other corner, one at a
+    /// time.
     pub(super) fn triangles(&self) -> Vec<[[f64; 2]; 3]> {
         let mut rest = self.corners.clone();
         if !self.is_counterclockwise() {
@@ -162,8 +163,8 @@ pub(super) fn turn(a: &[f64; 2], b: &[f64; 2], c: &[f64; 2]) -> f64 {
     orient2d(at(a), at(b), at(c))
 }
 
-/// Finds two sides of a closed polygon that meet beyond the corner that neighbours share; returns the indices of their
-/// first corners. Exact.
+/// Finds two sides of a closed polygon that meet anywhere other than at the corner that neighbours share; returns the
+/// indices of their first corners. Exact.
 pub fn crossing_sides(x: &[[f64; 2]]) -> Option<[usize; 2]> {
     let n = x.len();
     let end = |k: usize| (k + 1) % n;

@@ -257,7 +257,7 @@ mod tests {
                 ratios.push(true_error / error);
             }
             ratios.sort_by(f64::total_cmp);
-            // The estimate must not be much too large either.
+            // Nor must the estimate be much too large.
             assert!(ratios[1500] > 0.05, "case {case}: {}", ratios[1500]);
         }
     }

@@ -55,7 +55,7 @@ pub enum StlError {
         found: String,
     },
     /// A text file ends too early.
-    #[error("the file ends in line {line}, where {expected} is missing")]
+    #[error("the file ends at line {line}; {expected} is missing there")]
     Truncated {
         /// Last line, from 1.
         line: usize,
@@ -328,7 +328,7 @@ mod tests {
         );
         assert_eq!(
             message(TEXT.split("endfacet").next().unwrap().as_bytes()),
-            "the file ends in line 8, where endfacet is missing"
+            "the file ends at line 8; endfacet is missing there"
         );
         assert!(message(format!("{TEXT}rubbish").as_bytes()).contains("line 10: expected solid or the end"));
         assert!(matches!(read_file(Path::new("/")), Err(StlError::NotAFile)));

@@ -31,7 +31,7 @@ const LARGEST: f64 = 1e60;
 /// by side or nested in cavities.
 #[derive(Clone)]
 pub struct Surface {
-    /// Facets in the order of the tree.
+    /// Facets in tree order.
     triangles: Vec<Triangle>,
     tree: BoxTree<3>,
     volume: f64,
@@ -85,7 +85,7 @@ impl Surface {
         self.welded
     }
 
-    /// The facets, in the order of the tree.
+    /// The facets, in tree order.
     pub fn triangles(&self) -> &[Triangle] {
         &self.triangles
     }
@@ -95,8 +95,8 @@ impl Surface {
         &self.tree
     }
 
-    /// The first place where the path from one position straight to another meets a facet, as a fraction of the path.
-    /// Whether it meets a facet is exact.
+    /// The first position at which the straight path from one position to another meets a facet, as a fraction of the
+    /// path. The decision whether they meet is exact.
     pub(crate) fn first_crossing(&self, path: [[f64; 3]; 2]) -> Option<f64> {
         let (box_of_path, mut first) = (around(&path), None::<f64>);
         self.tree.visit(

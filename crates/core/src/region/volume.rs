@@ -139,7 +139,7 @@ impl<'a, const D: usize> Lines<'a, D> {
             return Estimate { value: inside.length(), error: 0.0 };
         }
         let [low, high] = [0, 1].map(|side| self.region.bounds[side][axis]);
-        // Half of the error for the rule, half for the values. Lengths of lines are exact.
+        // Half of the tolerance for the rule, half for the values. Lengths of lines are exact.
         let (of_rule, of_values) =
             if axis == 1 { (tolerance, 0.0) } else { (0.5 * tolerance, 0.5 * tolerance / (high - low)) };
         // No slice may use up the lines of the others.
@@ -214,7 +214,7 @@ fn content<const D: usize>(bounds: &Bounds<D>) -> f64 {
     (0..D).map(|d| bounds[1][d] - bounds[0][d]).product()
 }
 
-/// True if two boxes overlap by more than a common border.
+/// True if two boxes overlap by more than a common boundary.
 fn meet<const D: usize>(a: &Bounds<D>, b: &Bounds<D>) -> bool {
     !is_empty(&overlap(*a, *b))
 }

@@ -48,20 +48,21 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         agree(&points.ranks, observed.map_err(SolveError::Output))
     }
 
-    /// Moves the corners of domains that were replaced out of tools.
+    /// Moves the corners of replaced domains out of tools.
     fn part_from_tools(&mut self, replaced: &[u32]) {
         let Stepper { model, points, terms, .. } = self;
         splitting::part_from_tools(model, points, terms, replaced);
     }
 
-    /// Splits the points whose domains have become too long. The next step begins as a run begins that is resumed here.
+    /// Splits the points whose domains have become too long. The next step then begins in the same way as a run that is
+    /// resumed here.
     fn split_long_domains(&mut self) {
         let Stepper { model, points, reached, terms, .. } = self;
         splitting::split_long(model, points, terms, &mut reached.summary.splits);
     }
 
-    /// True if bodies begin to slide in a step in equilibrium, which is not committed, and a smaller one can show where; the
-    /// next attempt then is that one.
+    /// True if bodies begin to slide in a step that is in equilibrium but not committed, and a smaller step can show
+    /// where they begin; the next attempt is then at the smaller step.
     pub(super) fn hides_a_slide(&mut self, step: Step) -> bool {
         let (model, points) = (self.model, &*self.points);
         if model.stepping.strength_factor(step.end).is_none() {
@@ -73,7 +74,7 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
             && summary.pace.halve(&model.stepping, step.start, step.end)
     }
 
-    /// Reports that a smaller step follows one in equilibrium in which bodies begin to slide.
+    /// Reports that a smaller step replaces a step in equilibrium in which bodies begin to slide.
     pub(super) fn bisect(
         &mut self,
         report: StepReport<D>,

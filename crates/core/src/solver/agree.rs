@@ -22,13 +22,13 @@ fn told_by(rank: usize, error: &SolveError) -> OfRank {
     }
 }
 
-/// Lets an attempt succeed only if it has on all ranks. All ranks get the error of the first that has one, so that all of them
-/// answer it alike; only that rank keeps the error itself.
+/// Lets an attempt succeed only if it has on all ranks. All ranks get the error of the first rank that has one, so that
+/// all respond to it alike; only that rank keeps the error itself.
 pub(super) fn agree<T>(ranks: &Ranks, outcome: Result<T, SolveError>) -> Result<T, SolveError> {
     if ranks.is_alone() {
         return outcome;
     }
-    // An error of which a rank knows only that another one has it is not told to others.
+    // A rank does not pass on an error of which it knows only that another rank has it.
     let is_known = |error: &&SolveError| !matches!(error, SolveError::OnRank(_));
     let own = outcome.as_ref().err().filter(is_known).map(|error| told_by(ranks.own(), error));
     match ranks.first(own) {

@@ -18,7 +18,7 @@ const MANY_ITERATIONS: usize = 50;
 pub(super) enum Attempt<const D: usize> {
     /// The step is in equilibrium.
     Equilibrium(Box<StepReport<D>>, Path),
-    /// Damped iterations have moved the points so far that they need a fresh grid before they reach equilibrium.
+    /// Damped iterations have moved the points so far that a fresh grid is needed on the way to equilibrium.
     OnTheWay(OnTheWay),
 }
 
@@ -48,10 +48,10 @@ impl Slump {
 /// The effort of the iterations of an attempt.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Effort {
-    /// That of the settings.
+    /// The effort that the settings request.
     Usual,
-    /// The stiffness is fresh in every iteration, line searches begin early, and iterations are many, so that the settings
-    /// do not decide whether equilibrium is found.
+    /// The stiffness is formed anew in every iteration, line searches begin early and many iterations are allowed, so
+    /// that the settings do not decide whether equilibrium is found.
     Thorough,
 }
 
@@ -96,7 +96,7 @@ impl OnTheWay {
     }
 }
 
-/// The fields of the grid where the iterations of a failed step ended. They are not in equilibrium.
+/// The grid fields at which the iterations of a failed step ended. They are not in equilibrium.
 #[derive(Debug, Clone)]
 pub struct Iterate<const D: usize> {
     /// The links of the step, which determine the active nodes.
@@ -118,15 +118,16 @@ pub struct FailedAttempt<const D: usize> {
     pub error: SolveError,
     /// True if a smaller step may have an equilibrium.
     pub may_succeed_if_smaller: bool,
-    /// True if the same step is attempted once more, with a fresh stiffness in every iteration and many iterations.
+    /// True if the same step is attempted once more, with a fresh stiffness in every iteration and many iterations
+    /// allowed.
     pub is_repeated: bool,
     /// Residual of every evaluation.
     pub residuals: Vec<f64>,
-    /// Number of updates of multipliers, after each of which the residual is evaluated before the next linear solve.
+    /// Number of multiplier updates; after each, the residual is evaluated before the next linear solve.
     pub augmentations: usize,
     /// Number of iterations of the linear solver in the whole attempt; 0 for a direct solver.
     pub linear_iterations: usize,
-    /// Load factor of the attempt, [-]; `None` without a common factor of all loads and prescribed motions.
+    /// Load factor of the attempt, [-]; `None` unless all loads and prescribed motions share one.
     pub load_factor: Option<f64>,
     /// True if the stiffness of an iteration was not positive definite.
     pub indefinite: bool,
@@ -151,7 +152,7 @@ impl<const D: usize> FailedAttempt<D> {
         })
     }
 
-    /// Exchanges the halo of its links for another one.
+    /// Replaces the halo of the iterate's links and returns the previous one.
     pub(super) fn exchange_halo(&mut self, halo: Halo) -> Halo {
         match &mut self.iterate {
             Some(iterate) => iterate.links.exchange_halo(halo),
@@ -164,12 +165,12 @@ impl<const D: usize> FailedAttempt<D> {
         self.residuals.len().saturating_sub(1 + self.augmentations)
     }
 
-    /// True if its residual meets the tolerance, and only a later stage has failed.
+    /// True if the last residual meets the tolerance, so that the attempt failed only afterwards.
     pub(super) fn is_balanced(&self, tolerance: f64) -> bool {
         self.residuals.last().is_some_and(|residual| *residual <= tolerance)
     }
 
-    /// True if it met the tolerance, but points or their domains could not follow the grid.
+    /// True if the attempt met the tolerance, but points or their domains could not follow the grid.
     pub(super) fn has_lost_points(&self, tolerance: f64) -> bool {
         let of_points = match &self.error {
             SolveError::OnRank(error) => error.has_lost_points,
@@ -186,7 +187,7 @@ impl<const D: usize> FailedAttempt<D> {
 pub(super) enum Ended {
     /// The iterations reached equilibrium, which is stable if damped iterations found it.
     Balanced,
-    /// Damped iterations need a fresh grid: they have not reached equilibrium, or only one that is not stable.
+    /// Damped iterations need a fresh grid: they have found no equilibrium, or only an unstable one.
     Strayed {
         /// True if no node has moved farther than a stride.
         is_at_rest: bool,

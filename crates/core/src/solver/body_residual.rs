@@ -1,4 +1,4 @@
-//! The residual of each body alone, which that of a part of several bodies may hide.
+//! The residual of each body alone, which the residual of a part with several bodies may hide.
 
 use std::collections::BTreeMap;
 
@@ -11,11 +11,11 @@ use super::residual::{Forces, ratio};
 use super::round_off::{ACCUMULATED, IN_MOTION, IN_STRAIN, forces_of_unit_strain};
 
 /// The out-of-balance force beyond round-off at the nodes of each body alone, relative to the forces on these nodes or,
-/// if they are larger, to the forces of its points on shared nodes, [-]; empty for a single body, 0 for a body without
-/// forces.
+/// if those are larger, to the forces that its points exert on shared nodes, [-]; empty for a single body, 0 for a body
+/// without forces.
 ///
-/// The residual of a part of several bodies is relative to all its forces. A body that carries little compared with the
-/// others may then be out of balance unnoticed.
+/// The residual of a part with several bodies is relative to all forces on the part. A body that carries little
+/// compared with the others may then be out of balance unnoticed.
 pub(super) fn of_bodies<const D: usize, const N: usize>(
     forces: &Forces<'_, N>,
     model: &Model<D>,
@@ -54,7 +54,7 @@ pub(super) fn of_bodies<const D: usize, const N: usize>(
             sums[*body as usize][2] += force.iter().map(|f| f * f).sum::<f64>();
         }
     }
-    // A motion of one cell and strains of one are assumed, because the stiffness is no longer available.
+    // A motion by one cell and a strain of one are assumed, because the stiffness is no longer available.
     let round_off = f64::EPSILON * ACCUMULATED * (IN_MOTION + IN_STRAIN);
     let unit = forces_of_unit_strain(model, points, links);
     for (node, touched) in touched.iter().enumerate().filter(|(node, _)| halo.is_own(*node)) {

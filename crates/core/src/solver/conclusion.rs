@@ -30,7 +30,7 @@ pub(super) struct LastIterate<const D: usize, const N: usize> {
 }
 
 impl<const D: usize, const N: usize> LastIterate<D, N> {
-    /// The report of a step in equilibrium, except its links, which the caller holds, and the path after it.
+    /// The report of a step in equilibrium, without its links, which the caller holds, and the path after the step.
     pub(super) fn report(
         &mut self,
         context: &StepContext<D>,
@@ -115,7 +115,7 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
         Energy { damping_work: energy.damping_work + at_end, ..energy }
     }
 
-    /// The failed attempt, with the grid fields where its iterations ended, except the links, which the caller holds.
+    /// The failed attempt, with the grid fields where its iterations ended, without the links, which the caller holds.
     pub(super) fn failed(&mut self, context: &StepContext<D>, error: SolveError) -> Box<FailedAttempt<D>> {
         let course = &mut self.course;
         Box::new(FailedAttempt {
@@ -141,7 +141,7 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
         self.system.sum.into_terms()
     }
 
-    /// Load factor at the end of the step, [-]; `None` without a common factor of all loads and prescribed motions.
+    /// Load factor at the end of the step, [-]; `None` unless all loads and prescribed motions share one.
     fn load_factor(&self, context: &StepContext<D>) -> Option<f64> {
         if !context.model.stages.is_empty() {
             return None;

@@ -1,8 +1,8 @@
-//! An unknown load factor, and the condition that determines it: a prescribed displacement, or the length of the path
+//! An unknown load factor and the condition that determines it: a prescribed displacement or the arc length of the path
 //! (Riks 1979, doi 10.1016/0020-7683(79)90081-7; Crisfield 1981, doi 10.1016/0045-7949(81)90108-5).
 //!
-//! All loads grow together, f_ext = λ f̂. An iteration solves K δd_r = r and K δd_f = f̂ with one factorisation, and δd
-//! = δd_r + δλ δd_f, with δλ such that the sum meets the condition.
+//! All loads grow in proportion, f_ext = λ f̂. An iteration solves K δd_r = r and K δd_f = f̂ with one factorisation
+//! and takes δd = δd_r + δλ δd_f, where δλ is such that δd meets the condition.
 
 use serde::{Deserialize, Serialize};
 
@@ -15,19 +15,19 @@ use crate::terms::Terms;
 use super::motion::Motion;
 use crate::step::Step;
 
-/// The data of the path so far that the next step needs.
+/// Data on the path so far that the next step needs.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Path {
-    /// Load factor at the end of the last step in equilibrium, if it is an unknown, [-].
+    /// Load factor at the end of the last step in equilibrium, if the factor is an unknown, [-].
     pub factor: f64,
-    /// Length of the path per time, [length·volume^½/time]; known from the first step on.
+    /// Arc length of the path per unit of time, [length·volume^½/time]; known from the first step on.
     pub rate: Option<f64>,
-    /// The motion in that step, if the next one uses it.
+    /// Motion in the last step, if the next one uses it.
     pub(super) motion: Motion,
 }
 
 impl Path {
-    /// The path of all ranks, from those of each.
+    /// The path over all ranks, joined from the path of each.
     pub fn joined(of_ranks: &[Path]) -> Path {
         let motions: Vec<Motion> = of_ranks.iter().map(|path| path.motion.clone()).collect();
         Path { motion: Motion::joined(&motions), ..of_ranks.first().cloned().unwrap_or_default() }
@@ -39,7 +39,7 @@ impl Path {
     }
 }
 
-/// A motion of the nodes with the global unknowns.
+/// A motion of the nodes together with that of the global unknowns.
 #[derive(Clone, Copy)]
 pub(super) struct Field<'a, const N: usize> {
     pub(super) nodes: &'a [[f64; N]],
@@ -48,13 +48,13 @@ pub(super) struct Field<'a, const N: usize> {
 
 /// The condition of one step.
 pub(super) enum Condition<const D: usize, const N: usize> {
-    /// Σ c·Δd over the nodes is the increment `by`.
+    /// Σ c·Δd over the nodes equals the increment `by`.
     Displacement { weight: Vec<[f64; N]>, by: f64, halo: Halo },
-    /// The global unknown of this number is the increment `by`; `None` if there is no such unknown.
+    /// The increment of the global unknown with this number equals `by`; `None` if there is no such unknown.
     Global { number: Option<usize>, by: f64 },
-    /// (Δd − c, Δd − c) is the square of `length`, in the product weighted by the volume that each node carries. The
-    /// centre c is the motion due to the out-of-balance forces of a fresh grid, without the part that the loads would
-    /// cause; it would hide the path when steps are small.
+    /// (Δd − c, Δd − c) equals the square of `length`, in the inner product weighted by the volume that each node
+    /// carries. The centre c is the motion due to the out-of-balance forces of a fresh grid, without the part that the
+    /// loads would cause; if it were not subtracted, it would hide the path when steps are small.
     ArcLength {
         volume: Vec<f64>,
         halo: Halo,
@@ -74,10 +74,10 @@ const NO_INFLUENCE: f64 = 1e-10;
 /// The reason why no load factor meets the condition that determines it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum NoPath {
-    /// The loads do not change the prescribed displacement.
+    /// The loads have no influence on the prescribed displacement.
     #[error("the loads do not move the probe or tool along its axis")]
     NoInfluence,
-    /// No load factor gives the length of the step.
+    /// No load factor gives the displacement or path length that the step prescribes.
     #[error("no load factor gives the displacement or path length that the step prescribes")]
     NoIntersection,
     /// The equilibrium that was found lies back along the path.
@@ -85,15 +85,15 @@ pub enum NoPath {
     Reversed,
 }
 
-/// Factor from the length of a path, [length], to the length weighted by volume, [length·volume^½]: the square root of
-/// the original volume of all points.
+/// Factor that converts the length of a path, [length], to a length weighted by volume, [length·volume^½]: the square
+/// root of the original volume of all points.
 fn weight_of_length<const D: usize>(points: &Points<D>) -> f64 {
     points.ranks.total(points.original_volume.iter().sum::<f64>()).sqrt()
 }
 
-/// Length of the path of an analysis whose load factor follows from it, at a time, [length]: the sum over its steps of
-/// √(Σ V |Δu|² / V₀) over the nodes, with V the volume that a node carries and V₀ the original volume of all points;
-/// `None` before the first step has set the rate.
+/// Arc length of the path at a time, [length], in an analysis whose load factor follows from it: the sum over the steps
+/// of √(Σ V |Δu|² / V₀), where Σ is over the nodes, V is the volume that a node carries and V₀ the original volume of
+/// all points; `None` before the first step has set the rate.
 pub fn path_length<const D: usize>(points: &Points<D>, path: &Path, time: f64) -> Option<f64> {
     path.rate.map(|rate| rate * time / weight_of_length(points))
 }
@@ -113,7 +113,7 @@ fn difference<const N: usize>(a: &[[f64; N]], b: &[[f64; N]]) -> Vec<[f64; N]> {
 }
 
 impl<const D: usize, const N: usize> Condition<D, N> {
-    /// The condition of a step; none where the loads are prescribed.
+    /// The condition of a step; `None` if the loads are prescribed.
     pub(super) fn new(
         model: &Model<D>,
         points: &Points<D>,
@@ -230,13 +230,13 @@ impl<const D: usize, const N: usize> Condition<D, N> {
                     .collect();
                 let (a, b, c) = (product(of_load, of_load), product(&base, of_load), product(&base, &base));
                 let Some(length) = *length else {
-                    // The first step of the run takes its share of the load, by the linear response.
+                    // The first step of the run takes its share of the load; the linear response sets the length.
                     let change = *share;
                     *length = Some((c + 2.0 * change * b + change * change * a).sqrt());
                     return finite(change);
                 };
-                // a δλ² + 2 b δλ + c = length²; of the two roots, the one that continues along the path. Without real
-                // roots, the nearest point, from which the next iteration continues.
+                // The root of a δλ² + 2 b δλ + c = length² that continues along the path; without real roots, the δλ
+                // that comes closest, from which the next iteration continues.
                 let root = (b * b - a * (c - length * length)).sqrt();
                 *met = !root.is_nan();
                 if !*met {
@@ -276,7 +276,7 @@ impl<const D: usize, const N: usize> Condition<D, N> {
         }
     }
 
-    /// The path after a step that has reached a load factor.
+    /// The path after a step that has reached this load factor.
     pub(super) fn advance(
         &self,
         links: &Connectivity<D>,

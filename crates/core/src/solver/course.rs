@@ -11,13 +11,13 @@ const FAST: f64 = 0.1;
 /// Iterations that leave more than this fraction of the out-of-balance force stall, [-].
 const STALLS: f64 = 0.5;
 
-/// The data of the iterations of a step other than the unknowns.
+/// The data of the iterations of a step, apart from the unknowns.
 pub(super) struct Course<const N: usize> {
     pub(super) residuals: Vec<f64>,
     /// The role of round-off in the last residual.
     pub(super) round_off: RoundOff,
     pub(super) solved: Vec<Solved>,
-    /// Number of increments with support, and the last failure without.
+    /// Number of increments with support, and the last failure without support.
     pub(super) supported: usize,
     pub(super) singular: Option<LinearError>,
     /// True if the present layout of the system has a factor.
@@ -28,12 +28,12 @@ pub(super) struct Course<const N: usize> {
     pub(super) f_int_start: Nodal<N>,
     /// True if the last iterative displacement had to be shortened.
     pub(super) shortened: bool,
-    /// Number of updates of multipliers, and of linear solves before the last one.
+    /// Number of multiplier updates, and of linear solves before the last update.
     pub(super) augmentations: usize,
     pub(super) solves_before: usize,
-    /// Largest number of linear solves up to an update.
+    /// Largest number of linear solves before an update, counted from the previous one.
     pub(super) most_solves: usize,
-    /// True if no increment has followed the last update of multipliers.
+    /// True if no increment has followed the last multiplier update.
     pub(super) is_augmented: bool,
     /// True if multipliers were updated along the last increment, and along any increment.
     pub(super) is_augmented_along: bool,
@@ -61,7 +61,7 @@ impl<const N: usize> Course<N> {
         }
     }
 
-    /// Records an update of multipliers after this number of linear solves.
+    /// Records a multiplier update after this number of linear solves.
     pub(super) fn augmented(&mut self, solves: usize) {
         self.augmentations += 1;
         self.most_solves = self.most_solves.max(solves - self.solves_before);
@@ -74,7 +74,7 @@ impl<const N: usize> Course<N> {
         self.solved.iter().map(|solved| solved.iterations).sum()
     }
 
-    /// True if the last evaluation is in equilibrium. If round-off prevents the tolerance from being met, the
+    /// True if the last iterate evaluated is in equilibrium. If round-off prevents the tolerance from being met, the
     /// iterations first come as close as they can.
     pub(super) fn is_equilibrium(&self, tolerance: f64) -> bool {
         let [.., before, now] = self.residuals[..] else { return false };

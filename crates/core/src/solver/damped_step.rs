@@ -1,4 +1,4 @@
-//! Damped iterations: the increment of one, and the stability check of the equilibrium that they find.
+//! Damped iterations: their increment, and the stability check of the equilibrium that they find.
 
 use crate::linear::{LinearError, Solved};
 use crate::step::displacement;

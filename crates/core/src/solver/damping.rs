@@ -1,10 +1,10 @@
 //! Damped iterations, the last resort for a step that Newton's method does not solve.
 //!
-//! An iteration solves (K + μ D) δd = f_ext − f_int with the diagonal D of the first stiffness of the step. A large μ
-//! descends the potential in small steps, which leads through regions where K is nearly singular or not positive
-//! definite; μ = 0 is Newton's method (Levenberg 1944; as a pseudo time: Kelley and Keyes 1998, doi
-//! 10.1137/S0036142996304796). Only the way to equilibrium changes, not its definition; an equilibrium whose stiffness
-//! is not positive definite is not accepted.
+//! An iteration solves (K + μ D) δd = f_ext − f_int, where D is the diagonal of the first stiffness of the step. A
+//! large μ descends the potential in small steps, which leads through regions where K is nearly singular or not
+//! positive definite; μ = 0 is Newton's method (Levenberg 1944; as pseudo-transient continuation: Kelley and Keyes
+//! 1998, doi 10.1137/S0036142996304796). Only the way to equilibrium changes, not its definition; an equilibrium whose
+//! stiffness is not positive definite is not accepted.
 
 use crate::assembly::System;
 use crate::model::{Action, BoundaryCondition, Load, Model};
@@ -17,25 +17,25 @@ use super::evidence::points_that_flow;
 
 /// Ratio of the allowed number of damped iterations to that of undamped ones.
 pub(super) const MORE_ITERATIONS: usize = 10;
-/// Most evaluations in the line search of a damped iteration, and most halvings of an increment that turns a point
-/// inside out.
+/// Largest number of evaluations in the line search of a damped iteration, and of halvings of an increment that turns a
+/// point inside out.
 pub(super) const MOST_TRIALS: usize = 10;
-/// Most factorisations until the stiffness is positive definite.
+/// Largest number of factorisations in search of a positive definite stiffness.
 pub(super) const MOST_FACTORISATIONS: usize = 30;
 
-/// Largest undamped displacement, relative to a cell, of bodies at rest; it is larger if nothing resists the motion,
-/// [-].
+/// Largest undamped displacement of bodies at rest, relative to the cell size; a larger one means that nothing resists
+/// the motion, [-].
 pub(super) const AT_REST: f64 = 1e-3;
 
 /// Points that have moved by more than this fraction of a cell are given a fresh grid, [-].
 pub(super) const STRIDE: f64 = 0.5;
-/// Most fresh grids in a step.
+/// Largest number of fresh grids in a step.
 pub(super) const MOST_GRIDS: usize = 300;
 
 /// Bodies count as collapsing if more than this share of their points has yielded, [-].
 const COLLAPSES: f64 = 0.2;
 
-/// Most fresh grids that may fail to leave an unstable equilibrium before the step is given up.
+/// Largest number of successive fresh grids that may fail to leave an unstable equilibrium before the step is given up.
 pub(super) const MOST_RESTS: usize = 3;
 
 /// μ of the first iteration, [-].
@@ -46,9 +46,9 @@ const LEAST: f64 = 1e-6;
 const CHANGE: f64 = 4.0;
 
 /// True if collapsing bodies may slump until they come to rest: they must yield, and weight must be the only load. A
-/// prescribed motion would be applied again on every grid; whether bodies can carry other loads is the result that a
-/// run should find; surfaces are not carried along; and bodies that do not yield do not collapse, but buckle or have an
-/// hourglass mode.
+/// prescribed motion would be applied again on every grid; whether bodies can carry other loads is for the run to find
+/// out; surfaces are not carried along; and bodies that do not yield do not collapse, but buckle or have an hourglass
+/// mode.
 pub(super) fn may_slump<const D: usize>(model: &Model<D>, points: &Points<D>) -> bool {
     let is_weight = |load: &Load<D>| matches!(load.action, Action::Gravity(_));
     model.loads.iter().all(is_weight)
@@ -66,8 +66,8 @@ pub(super) fn farthest<const N: usize>(displacement: &[[f64; N]]) -> f64 {
     displacement.iter().flatten().fold(0.0, |far, u| f64::max(far, u.abs()))
 }
 
-/// Work absorbed by damping over a displacement, [energy]: the share of the out-of-balance force at its end by the
-/// trapezoidal rule.
+/// Work absorbed by damping over a displacement, [energy]: the contribution of the out-of-balance force at its end to
+/// the trapezoidal rule.
 pub(super) fn work<const N: usize>(halo: &Halo, out_of_balance: &[[f64; N]], delta_d: &[[f64; N]]) -> f64 {
     0.5 * halo.dot(out_of_balance, delta_d)
 }
@@ -86,7 +86,7 @@ impl<const N: usize> Damping<N> {
         Damping { factor: FIRST, stiffness: system.diagonal() }
     }
 
-    /// Adapts μ for the next iteration: smaller if the last increment was taken as a whole, larger if it had to be
+    /// Adapts μ for the next iteration: smaller if the last increment was taken in full, larger if it had to be
     /// shortened.
     pub(super) fn adapt(&mut self, shortened: bool) {
         self.factor = if shortened { (CHANGE * self.factor).max(LEAST) } else { self.factor / CHANGE };

@@ -1,4 +1,4 @@
-//! The probable cause of a failed run: its kind, its place, and the facts that decide what may help.
+//! The probable cause of a failed run: its kind, its location, and the facts that decide what may help.
 //!
 //! Advice refers to the keys of the input and is therefore written in the crate that knows them.
 
@@ -22,19 +22,22 @@ const SMALL: f64 = 0.1;
 const FLOWS: f64 = 0.02;
 /// Share of yielded points above which a point that inverts even in a small step is part of a mechanism, [-].
 const MUCH: f64 = 0.2;
-/// Share of yielded points above which pressures alternate in collapse as well, [-].
+/// Share of yielded points above which collapse, too, makes pressures alternate, [-].
 const MOST: f64 = 0.5;
-/// Oscillation of pressures, relative to the deviatoric stress, above which cells lock although most points have yielded, [-].
+/// Oscillation of pressures, relative to the deviatoric stress, above which cells count as locking although most points
+/// have yielded, [-].
 const OSCILLATES_IN_COLLAPSE: f64 = 5.0;
 /// The same if fewer points have yielded, [-].
 const OSCILLATES: f64 = 1.0;
-/// Displacements without strain at the points, relative to those with strain, above which there is an hourglass mode, [-].
+/// Displacements without strain at the points, relative to those with strain, above which there is an hourglass mode,
+/// [-].
 const HOURGLASS: f64 = 10.0;
-/// Displacement of the nodes of a cut cell, relative to that of the points, above which they have run away, [-].
+/// Displacement of the nodes of a cut cell, relative to that of the points, above which the nodes have run away, [-].
 const RUNS_AWAY: f64 = 100.0;
-/// Mean number of points per cell below which bodies may yield before their load.
+/// Mean number of points per cell below which bodies may yield at too small a load.
 const FEW: f64 = 1.5;
-/// Ratio of the stiffest to the softest material above which sums of both retain hardly a digit of the softer, [-].
+/// Stiffness ratio of the stiffest to the softest material above which sums of both retain hardly a digit of the softer
+/// one, [-].
 const TOO_FAR_APART: f64 = 1e12;
 
 /// The kind of a failure.
@@ -53,11 +56,11 @@ pub enum Kind {
     Instability,
     /// The grid cannot represent volume-preserving deformation.
     Locking,
-    /// Nodes alternate without resistance by the points.
+    /// Neighbouring nodes move in opposite directions without resistance from the points.
     Hourglass,
     /// Residuals fall steadily, and more iterations would meet the tolerance.
     Creeping,
-    /// Steps are not small compared with the analysis or with the time reached, so that nothing follows about the load.
+    /// Steps are too large, compared with the analysis or with the time reached, for a conclusion about the load.
     LargeSteps,
     /// The deformation gradient of a point loses its positive determinant.
     ElementInversion,
@@ -65,18 +68,18 @@ pub enum Kind {
     RefusedByLaw,
     /// A point or its domain leaves the grid or loses its shape.
     LostDomain,
-    /// The path of the displacements cannot be followed.
+    /// The equilibrium path cannot be followed.
     LostPath,
     /// Stiffnesses are so far apart, or so far above the loads, that round-off hides the forces.
     BadScaling,
     /// An obstacle that no step size removes.
     Setting,
-    /// None of these; perhaps loads and conditions contradict each other.
+    /// None of these; perhaps loads and boundary conditions contradict each other.
     Unknown,
 }
 
 impl Kind {
-    /// True if it explains iterations that do not converge.
+    /// True if the kind explains why iterations do not converge.
     fn is_about_iterations(self) -> bool {
         matches!(
             self,
@@ -119,10 +122,10 @@ pub enum Loss {
     OffGrid,
     /// The motion tore the domain.
     Torn {
-        /// True if torn domains would be replaced with damping switched on.
+        /// True if torn domains would be replaced if damping were switched on.
         is_replaceable: bool,
     },
-    /// The update of the domain gave no valid one.
+    /// The domain update did not give a valid domain.
     Collapsed,
 }
 
@@ -131,25 +134,25 @@ pub enum Loss {
 pub struct Circumstances {
     /// True if small cut cells are stabilised.
     pub is_stabilised: bool,
-    /// True if boundary conditions move, or displacements or the length of the path are prescribed.
+    /// True if boundary conditions move, or displacements or the arc length of the path are prescribed.
     pub is_driven: bool,
     /// True if there is a single material.
     pub has_one_material: bool,
-    /// True if cells hold so few points on average that bodies may yield before their load.
+    /// True if cells hold so few points on average that bodies may yield at too small a load.
     pub has_few_points: bool,
     /// True if most of the points have yielded.
     pub is_in_collapse: bool,
-    /// True if a body takes the volume ratio of each point, [`Volumetric::Standard`].
+    /// True if a body uses the volume ratio of each point, [`Volumetric::Standard`].
     #[serde(default)]
     pub has_standard_dilatation: bool,
-    /// Size of the step relative to a requested one, if it has been cut, [-].
+    /// Size of the step relative to a requested one, if the step has been cut, [-].
     #[serde(default)]
     pub cut_to: Option<f64>,
     /// True if a later stage reduces the strength.
     #[serde(default)]
     pub precedes_reduction: bool,
-    /// Number of iterations that steps would need at the present rate, rounded up to tens; `None` if residuals do not
-    /// fall steadily.
+    /// Number of iterations that steps would need at the present rate, rounded up to a multiple of ten; `None` if
+    /// residuals do not fall steadily.
     pub enough_iterations: Option<usize>,
     /// The way in which a point or its domain was lost.
     pub loss: Option<Loss>,
@@ -166,7 +169,7 @@ pub struct Diagnosis {
     pub step: usize,
     /// Time of the last step in equilibrium, [time].
     pub time: f64,
-    /// Largest load factor in equilibrium, [-]; `None` without a common factor of all loads and prescribed motions.
+    /// Largest load factor in equilibrium, [-]; `None` unless all loads and prescribed motions share one.
     pub largest_load_factor: Option<f64>,
     /// Name of the body concerned.
     pub body: Option<String>,
@@ -176,7 +179,7 @@ pub struct Diagnosis {
     pub cell: Option<u32>,
     /// Position of the grid node concerned, [length].
     pub node: Option<Vec<f64>>,
-    /// Filling ratio of the emptiest cell around it, [-].
+    /// Filling ratio of the emptiest cell at the location of the failure, [-].
     pub filling: Option<f64>,
     /// Share of the points that have yielded, [-].
     pub flowing: f64,
@@ -222,8 +225,8 @@ impl std::fmt::Display for Diagnosis {
 }
 
 impl Diagnosis {
-    /// Diagnoses the attempt that ended a run. `lost_points` is the error of a larger attempt at the same step that met the
-    /// tolerance, but lost a point or a domain.
+    /// Diagnoses the attempt that ended a run. `lost_points` is the error of an earlier attempt at the same step, with
+    /// a larger step size, that met the tolerance but lost a point or a domain.
     pub(super) fn new<const D: usize>(
         model: &Model<D>,
         points: &Points<D>,
@@ -240,7 +243,7 @@ impl Diagnosis {
             links.map_or(0.0, |_| points_that_flow(model, points) as f64 / points.len().max(1) as f64);
         let found = Found::new(model, points, failed, at.as_deref(), (around, flowing));
         let kind = kind_of(failed, &found);
-        // An attempt has converged, so lack of convergence is not the cause.
+        // An earlier attempt has converged, so lack of convergence is not the cause.
         let (kind, error) = match lost_points {
             Some(error) if kind.is_about_iterations() => (Kind::LostDomain, error),
             _ => (kind, &failed.error),
@@ -287,13 +290,13 @@ impl Diagnosis {
     }
 }
 
-/// Size of a step relative to a requested one, if it is smaller, [-].
+/// Size of a step relative to a requested one, if the step is smaller, [-].
 fn cut_to(stepping: &Stepping, step: Step) -> Option<f64> {
     let size = (step.end - step.start) / stepping.size();
     (size < 1.0 - SAME_TIME).then_some(size)
 }
 
-/// True if a point takes its own volume ratio.
+/// True if a point uses its own volume ratio.
 fn has_standard_dilatation<const D: usize>(model: &Model<D>, points: &Points<D>) -> bool {
     points.body.iter().any(|body| model.bodies[*body as usize].volumetric == Volumetric::Standard)
 }
@@ -311,11 +314,11 @@ fn loss_of(error: &SolveError, stepping: &Stepping) -> Option<Loss> {
     }
 }
 
-/// The evidence at the place of the failure and in the state there.
+/// The evidence at the location of the failure and in the state of the bodies.
 struct Found {
     /// True if a cell there holds hardly any material.
     is_cut: bool,
-    /// Displacement of its nodes relative to that of the points, [-].
+    /// Displacement of the nodes of the cells there relative to that of the points, [-].
     runaway: f64,
     /// Share of the points that have yielded, [-].
     flowing: f64,
@@ -327,7 +330,7 @@ struct Found {
     is_small_step: bool,
     /// True if the residual meets the tolerance, and only the update of points and domains failed.
     is_balanced: bool,
-    /// Number of further iterations to the tolerance, if residuals fall steadily.
+    /// Number of further iterations needed to meet the tolerance, if residuals fall steadily.
     missing: Option<usize>,
     /// True if pressures alternate in isochoric deformation.
     is_locked: bool,
@@ -336,7 +339,8 @@ struct Found {
 }
 
 impl Found {
-    /// True if the nodes of a cut cell have run away. The full cells beside it then seem to have an hourglass mode, too.
+    /// True if the nodes of a cut cell have run away. The full cells beside it then seem to have an hourglass mode,
+    /// too.
     fn runs_away(&self) -> bool {
         self.is_cut && self.runaway > RUNS_AWAY.max(self.hourglass)
     }
@@ -431,8 +435,8 @@ fn kind_of<const D: usize>(failed: &FailedAttempt<D>, found: &Found) -> Kind {
     }
 }
 
-/// The kind of a failure to converge: first the displacements are examined, then the residuals, and then, if steps are small,
-/// the strength of the bodies.
+/// The kind of a failure to converge: first the displacements are examined, then the residuals, and then, if steps are
+/// small, the strength of the bodies.
 fn kind_without_convergence<const D: usize>(failed: &FailedAttempt<D>, found: &Found) -> Kind {
     let flows = found.flowing > FLOWS;
     if found.runs_away() {

@@ -10,14 +10,15 @@ use crate::model::{Model, PatternReuse};
 use crate::step::{Nodal, StepContext};
 use crate::timing::{Phase, Timings};
 
-/// Relative tolerance of the solutions for the columns of the border: C − A K⁻¹ B is a small difference where springs are stiff.
+/// Relative tolerance of the solutions for the columns of the border: C − A K⁻¹ B is a small difference of large
+/// numbers where springs are stiff.
 const OF_BORDER: f64 = 1e-10;
 
 /// The backends of a run.
 pub(super) struct Equations<const D: usize, const N: usize = D> {
     direct: Divided<D, N>,
     iterative: Krylov<D, N>,
-    /// The backends of the library that solves the equations of several ranks.
+    /// The backends of the library that solves equations distributed over several ranks.
     of_engine: OfEngine<D, N>,
     /// A user's backend, which replaces the built-in ones.
     own: Option<Box<dyn Backend<D, N>>>,
@@ -119,7 +120,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         }
     }
 
-    /// Solves by the backends of an engine where it has any.
+    /// Uses the backends of an engine where it has any.
     pub(super) fn use_engine(&mut self, engine: OfEngine<D, N>) {
         self.of_engine = engine;
     }
@@ -159,7 +160,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
             return self.prepare_with(Method::Own, place, system);
         }
         let choice = place.model.newton.linear;
-        // Coarser grids do not support turned and tied nodes.
+        // Coarser grids support neither nodes held along directions other than the axes nor tied nodes.
         let is_plain = place.links.halo().ranks().all(place.dofs.is_plain());
         let is_regular = place.model.grid.structured().is_some() && is_plain;
         let method = match self.of_engine.algebraic {
@@ -168,7 +169,8 @@ impl<const D: usize, const N: usize> Equations<D, N> {
             None => Method::Direct,
         };
         let can_iterate = method != Method::Direct;
-        // In the plane, GMRES needs many iterations where an unsymmetric material flows, and LU is affordable.
+        // In the plane, GMRES needs many iterations where a material with an unsymmetric tangent flows, and LU is
+        // affordable.
         let suits_auto = can_iterate && (system.matrix().symmetric || D == 3);
         let iterative = match choice {
             Choice::Direct => false,
@@ -292,7 +294,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         timings.measure(Phase::Solve, || self.solve_bordered(place, system, rhs, delta, tolerance))
     }
 
-    /// Solves for the unknowns of the nodes and the global ones; `delta` is unchanged if it fails.
+    /// Solves for the nodal and the global unknowns; `delta` is unchanged if the solution fails.
     fn solve_bordered(
         &mut self,
         place: Place<D, N>,
@@ -355,7 +357,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         }
         let halo = place.links.halo();
         let along = |row: &[[f64; N]], field: &[[f64; N]]| halo.dot(row, field);
-        // In the order of the loops of a plain sum, which all ranks follow.
+        // All ranks form the products in the same order, that of the loops of a plain sum.
         let influences: Vec<f64> =
             (0..n * n).map(|place| along(&border.rows[place % n], &influence[place / n])).collect();
         let matrix = nalgebra::DMatrix::from_fn(n, n, |i, j| {

@@ -50,7 +50,7 @@ pub enum SolveError {
          {}", residuals.len() - 1, residuals.last().copied().unwrap_or(f64::NAN), worst_node(worst)
     )]
     NotConverged {
-        /// Number of the step.
+        /// Step number.
         step: usize,
         /// Residual of every evaluation, [-].
         residuals: Vec<f64>,
@@ -64,7 +64,7 @@ pub enum SolveError {
         residuals.last().copied().unwrap_or(f64::NAN), worst_node(worst)
     )]
     RoundOff {
-        /// Number of the step.
+        /// Step number.
         step: usize,
         /// Residual of every evaluation, [-].
         residuals: Vec<f64>,
@@ -82,7 +82,7 @@ pub enum SolveError {
         worst_node(worst)
     )]
     InitialState {
-        /// Eq. (40) at time 0, [-].
+        /// Residual of eq. (40) at time 0, [-].
         residual: f64,
         /// The tolerance, [-].
         tolerance: f64,
@@ -100,9 +100,9 @@ pub enum SolveError {
     /// A point could not follow the displacement increment.
     #[error("step {step}, iteration {iteration}: {place}: {error}")]
     Point {
-        /// Number of the step.
+        /// Step number.
         step: usize,
-        /// Number of the iteration.
+        /// Iteration number.
         iteration: usize,
         /// The point.
         place: PointPlace,
@@ -114,7 +114,7 @@ pub enum SolveError {
     /// A law that is evaluated in batches cannot be evaluated.
     #[error("step {step}: the law of material `{material}` has failed{}: {message}", at_point(place))]
     Law {
-        /// Number of the step.
+        /// Step number.
         step: usize,
         /// Name of the material.
         material: String,
@@ -126,7 +126,7 @@ pub enum SolveError {
     /// A point is outside the grid.
     #[error("step {step}: {place} is outside the grid")]
     OffGrid {
-        /// Number of the step.
+        /// Step number.
         step: usize,
         /// The point.
         place: PointPlace,
@@ -134,7 +134,7 @@ pub enum SolveError {
     /// The domain of a point permits no basis functions.
     #[error("step {step}: {place}: {error}")]
     Domain {
-        /// Number of the step.
+        /// Step number.
         step: usize,
         /// The point.
         place: PointPlace,
@@ -144,7 +144,7 @@ pub enum SolveError {
     /// A domain update has produced an invalid domain.
     #[error("step {step}: {place}: {error}")]
     Collapsed {
-        /// Number of the step.
+        /// Step number.
         step: usize,
         /// The point.
         place: PointPlace,
@@ -154,7 +154,7 @@ pub enum SolveError {
     /// The stiffness is singular.
     #[error("step {step}: the stiffness is singular{}{}", at_node(node), free_tools(tools))]
     Singular {
-        /// Number of the step.
+        /// Step number.
         step: usize,
         /// The tools whose free motion nothing resists; empty if a motion of the bodies is the cause.
         tools: Vec<String>,
@@ -167,7 +167,7 @@ pub enum SolveError {
         coordinates(node), ["x", "y", "z"][axis % 3]
     )]
     Unheld {
-        /// Number of the step.
+        /// Step number.
         step: usize,
         /// Position of a node of the part, [length].
         node: Vec<f64>,
@@ -177,15 +177,15 @@ pub enum SolveError {
     /// The factor of the stiffness does not fit into memory.
     #[error("step {step}: the factor of the stiffness does not fit into memory{}", of_size(needed))]
     OutOfMemory {
-        /// Number of the step.
+        /// Step number.
         step: usize,
         /// Size of the factor, [byte], if known.
         needed: Option<u64>,
     },
-    /// The iterative solver has failed, and the factor for the direct one does not fit into memory.
+    /// The iterative solver has failed, and the factor of the direct one does not fit into memory.
     #[error("step {step}: iterations have failed and the stiffness is too large to factorise: {error}")]
     Iterative {
-        /// Number of the step.
+        /// Step number.
         step: usize,
         /// The failure of the iterations.
         error: LinearError,
@@ -193,7 +193,7 @@ pub enum SolveError {
     /// No load factor meets the condition that determines it.
     #[error("step {step}: {reason}")]
     NoPath {
-        /// Number of the step.
+        /// Step number.
         step: usize,
         /// The reason.
         reason: NoPath,
@@ -201,7 +201,7 @@ pub enum SolveError {
     /// The boundary conditions cannot be applied.
     #[error("step {step}: {error}")]
     Constraint {
-        /// Number of the step.
+        /// Step number.
         step: usize,
         /// The reason.
         error: ConstraintError,
@@ -209,7 +209,7 @@ pub enum SolveError {
     /// A load has no finite value.
     #[error("step {step}: {error}")]
     Load {
-        /// Number of the step.
+        /// Step number.
         step: usize,
         /// The load, the point and the value.
         error: Box<LoadNotFinite>,
@@ -217,7 +217,7 @@ pub enum SolveError {
     /// The grid cannot follow the prescribed displacements.
     #[error("step {step}: {error}")]
     GridMotion {
-        /// Number of the step.
+        /// Step number.
         step: usize,
         /// The reason.
         error: GridMotionError,
@@ -225,15 +225,15 @@ pub enum SolveError {
     /// A surface has left the material that carries it.
     #[error("step {step}: {error}")]
     Surface {
-        /// Number of the step.
+        /// Step number.
         step: usize,
-        /// The surface and the place.
+        /// The surface, the body and the position.
         error: Box<SurfaceLost>,
     },
     /// The contact between tools and bodies cannot be evaluated.
     #[error("step {step}: {error}")]
     Contact {
-        /// Number of the step.
+        /// Step number.
         step: usize,
         /// The reason.
         error: Box<ContactError>,

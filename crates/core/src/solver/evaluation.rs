@@ -22,8 +22,8 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         if is_last { Wanted::Force } else { Wanted::Stiffness }
     }
 
-    /// Evaluates all terms at Δd (trial stresses and strains, f_int, f_ext and, if wanted, K), moves forces on ties, and forms
-    /// the out-of-balance force of eq. (28).
+    /// Evaluates all terms at Δd (trial stresses and strains, f_int, f_ext and, if wanted, K), moves the forces on tied
+    /// components to the components to which these are tied, and forms the out-of-balance force of eq. (28).
     ///
     /// # Errors
     /// [`EvaluateError`] if a point cannot follow Δd, or a law fails.
@@ -45,8 +45,8 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         Ok(())
     }
 
-    /// The residual of eq. (40), by connected parts and global equations. `None` if only forces were evaluated, and do not meet
-    /// the tolerance.
+    /// The residual of eq. (40), the largest over the connected parts and the global equations. `None` if only forces
+    /// were evaluated and they do not meet the tolerance.
     pub(super) fn residual(&self, wanted: Wanted) -> Option<Measured> {
         let StepContext { model, links, .. } = self.context;
         let (system, unknowns, parts) = (self.system.sum.system(), &self.unknowns, &self.system.parts);

@@ -1,5 +1,5 @@
-//! Evidence for the cause of a failed run: the filling of cells, the share of points that flow, displacements without strain at
-//! the points, and the rate of the residuals.
+//! Evidence for the cause of a failed run: the filling of cells, the share of points that flow, displacements without
+//! strain at the points, and the rate of the residuals.
 
 use nalgebra::SMatrix;
 
@@ -12,24 +12,25 @@ use crate::terms::held_material::HeldMaterial;
 use super::attempt::{FailedAttempt, Iterate};
 use crate::step::Step;
 
-/// Filling ratio below which cells are not examined for hourglass modes, since their nodes move far for another reason, [-].
+/// Filling ratio below which cells are not examined for hourglass modes, since their nodes move far for another reason,
+/// [-].
 const FULL: f64 = 0.5;
 /// Largest ratio of the changes of volume to those of shape in isochoric deformation, in the root mean square, [-].
 const ISOCHORIC: f64 = 0.1;
-/// Number of the last residuals that must fall for residuals that fall steadily.
+/// Number of last iterations that must reduce the residual for residuals to count as falling steadily.
 const LAST: usize = 5;
 /// Largest ratio of successive residuals that fall steadily, [-].
 const FALLS: f64 = 0.98;
 /// Largest ratio of successive residuals that converge quadratically, met twice in a row, [-].
 const QUICKLY: f64 = 0.1;
-/// Most iterations that are worth allowing, relative to those that were allowed, [-].
+/// Largest number of further iterations that are worth allowing, relative to the number that was allowed, [-].
 const MOST_MORE: f64 = 10.0;
-/// Largest size of a small step relative to the time of the analysis, [-].
+/// Largest size of a small step relative to the duration of the stage, [-].
 const SMALL_STEP: f64 = 0.02;
-/// Largest size of a small step relative to the time at its end, [-].
+/// Largest size of a small step relative to the time from the start of the stage to the end of the step, [-].
 const SMALL_GAIN: f64 = 0.1;
 
-/// The active cell with the least material among those around a place, and its filling ratio, [-].
+/// The active cell with the least material among those around a position, and its filling ratio, [-].
 pub(super) fn emptiest_cell<const D: usize>(
     model: &Model<D>,
     points: &Points<D>,
@@ -44,7 +45,7 @@ pub(super) fn emptiest_cell<const D: usize>(
     fillings.min_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// The active cells that contain or touch a place.
+/// The active cells that contain or touch a position.
 fn cells_at<const D: usize>(model: &Model<D>, links: &Connectivity<D>, place: &[f64]) -> Vec<u32> {
     let grid = model.grid.as_ref();
     let position: [f64; D] = std::array::from_fn(|d| place.get(d).copied().unwrap_or(0.0));
@@ -60,7 +61,7 @@ fn cells_at<const D: usize>(model: &Model<D>, links: &Connectivity<D>, place: &[
     links.active_cells().iter().copied().filter(|cell| touches(*cell)).collect()
 }
 
-/// Share of the points whose history has changed since the start of the analysis, the failed step included, [-].
+/// Number of points whose history has changed since the start of the analysis, the failed step included.
 pub(super) fn points_that_flow<const D: usize>(model: &Model<D>, points: &Points<D>) -> usize {
     let n = points.history_len;
     let flows = |p: &usize| {
@@ -85,15 +86,16 @@ pub(super) fn is_isochoric<const D: usize>(points: &Points<D>) -> bool {
     shape > 0.0 && volume <= ISOCHORIC.powi(2) * shape
 }
 
-/// True if the failed step is a small part of the stage and of its time so far, so that smaller steps would hardly help.
+/// True if the failed step is a small part of the stage and of its time so far, so that smaller steps would hardly
+/// help.
 pub(super) fn is_small_step<const D: usize>(model: &Model<D>, failed: &FailedAttempt<D>) -> bool {
     let Step { start, end, .. } = failed.step;
     end - start <= SMALL_STEP * model.stepping.duration()
         && end - start <= SMALL_GAIN * (end - model.stepping.start_time)
 }
 
-/// Number of further iterations to the tolerance at the rate of the last residuals; `None` if these do not fall steadily, or if
-/// the number is very large.
+/// Number of further iterations needed to meet the tolerance at the rate of the last residuals; `None` if these do not
+/// fall steadily, or if the number is very large.
 pub(super) fn iterations_missing(residuals: &[f64], tolerance: f64, allowed: usize) -> Option<usize> {
     let residual = *residuals.last()?;
     let slowest_of = |last: usize| {
@@ -112,8 +114,8 @@ pub(super) fn iterations_missing(residuals: &[f64], tolerance: f64, allowed: usi
     (missing <= MOST_MORE * allowed.max(1) as f64).then_some(missing as usize)
 }
 
-/// Largest displacement of the nodes of the cells at a place relative to that of any point, [-]; large if the nodes carry little
-/// material.
+/// Largest displacement of the nodes of the cells at a position, relative to the largest one of any point, [-]; large
+/// if the nodes carry little material.
 pub(super) fn runaway<const D: usize>(model: &Model<D>, iterate: &Iterate<D>, place: &[f64]) -> f64 {
     let Iterate { links, delta_d, .. } = iterate;
     let length = |u: &[f64; D]| u.iter().map(|u| u * u).sum::<f64>().sqrt();
@@ -140,8 +142,8 @@ pub(super) fn runaway<const D: usize>(model: &Model<D>, iterate: &Iterate<D>, pl
     if of_points > 0.0 { farthest / of_points } else { 0.0 }
 }
 
-/// Deviation of the displacement gradient at the corners of full cells from its mean over the points, relative to the strain
-/// increment of the points, both in the root mean square, [-]: about 1 in bending, large in hourglass modes.
+/// Deviation of the displacement gradient at the corners of full cells from its mean over the points, relative to the
+/// strain increment of the points, both in the root mean square, [-]: about 1 in bending, large in hourglass modes.
 pub(super) fn hourglass<const D: usize>(model: &Model<D>, points: &Points<D>, iterate: &Iterate<D>) -> f64 {
     let Iterate { links, delta_d, .. } = iterate;
     let grid = model.grid.as_ref();
@@ -192,7 +194,7 @@ fn add<const D: usize>(to: &mut SMatrix<f64, D, D>, u: &[f64; D], slope: &[f64; 
     }
 }
 
-/// Number of points in the fullest cell at a place.
+/// Number of points in the fullest cell at a position.
 pub(super) fn most_points<const D: usize>(
     model: &Model<D>,
     points: &Points<D>,
@@ -282,7 +284,7 @@ mod tests {
             (seen - 2.0).abs() < 0.5,
             "points at a quarter of a cell see half of the gradient at its corners: {seen}"
         );
-        // A stretch, a turn by 60 degrees, and bending.
+        // A stretch, a rotation by 60 degrees, and bending.
         for points_per_cell in [1, 4] {
             let (stretch, _) = measure(points_per_cell, |[x, y]| [0.1 * x, -0.05 * y]);
             assert!(stretch < 1e-12, "{stretch}");
@@ -298,7 +300,8 @@ mod tests {
     #[test]
     fn nodes_that_move_farther_than_points_run_away() {
         let at_corner = |[x, y]: [f64; 2]| if [x, y] == [4.0, 3.0] { [9.0, 12.0] } else { [0.0, 0.0] };
-        // The nearest of 16 points is at an eighth of the cell: it takes 49/64 of the motion of that node.
+        // The nearest of the 16 points of the cell is an eighth of its side from both sides: it takes 49/64 of the
+        // motion of the corner node.
         let (_, far) = measure(4, at_corner);
         assert!((far - 64.0 / 49.0).abs() < 1e-12, "{far}");
         let (_, together) = measure(4, |_| [0.3, 0.4]);
@@ -318,7 +321,7 @@ mod tests {
         assert_eq!(missing(&[1.0, 0.1, 0.2, 0.05, 0.01, 0.005]), None, "one of them has grown");
         let at_last = [2.0, 1.8e-2, 3.7e-2, 1.8e-3, 5.3e-3, 3.3e-4, 2.3e-5, 1.1e-8];
         assert_eq!(missing(&at_last), Some(1), "they have grown before, and end quadratically");
-        // Residuals of a slope: they grow by 2 % in each iteration.
+        // These residuals are from the analysis of a slope: they grow by 2 % in each iteration.
         assert_eq!(missing(&[7.2e-6, 1.898e-8, 1.935e-8, 1.974e-8, 2.013e-8, 2.053e-8, 2.094e-8]), None);
         let chaotic = [1.0, 0.6, 7.2, 1.4, 8.3, 1.2, 5.6, 4.4, 3.5, 2.7, 2.2, 1.9];
         assert_eq!(missing(&chaotic), None, "they were smaller before");

@@ -34,7 +34,7 @@ impl Fields {
         self.iter().map(|(_, components)| components).collect()
     }
 
-    /// Number of components of all fields.
+    /// Total number of components of all fields.
     pub fn n_components(&self) -> usize {
         self.fields.iter().map(|(_, n)| n).sum()
     }

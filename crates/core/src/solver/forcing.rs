@@ -7,9 +7,9 @@ const LARGEST: f64 = 1e-2;
 /// γ and α of choice 2.
 const GAMMA: f64 = 0.9;
 const ALPHA: i32 = 2;
-/// Safeguard: the tolerance falls gradually while the value that the previous one predicts is above this, [-].
+/// Safeguard: the tolerance falls gradually while the value predicted from the previous tolerance is above this, [-].
 const SAFE: f64 = 0.1;
-/// A solve need not leave less than this fraction of the tolerance of the Newton iterations, [-].
+/// A solve need not reduce the residual below this fraction of the tolerance of the Newton iterations, [-].
 const ENOUGH: f64 = 0.01;
 
 /// The tolerances of the linear solves of a step.
@@ -51,8 +51,8 @@ impl Forcing {
 mod tests {
     use super::*;
 
-    /// If each iteration leaves the residual of the linear solve plus half the square of the previous residual, few
-    /// iterations meet the tolerance, and none overshoots it by much.
+    /// If each iteration leaves the residual of the linear solve plus half the square of the previous residual, a few
+    /// iterations suffice to meet the tolerance, and the last does not fall far below it.
     #[test]
     fn newton_iterations_stay_nearly_quadratic() {
         let (mut forcing, mut residual, mut history) = (Forcing::default(), 0.3f64, Vec::new());

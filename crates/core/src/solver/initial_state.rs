@@ -20,8 +20,8 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
     /// Evaluates the initial state before the first step, if bodies are stressed at time 0.
     ///
     /// # Errors
-    /// [`SolveError::InitialState`] if it is out of balance and the model refuses that, and the errors of a first step
-    /// that cannot begin.
+    /// [`SolveError::InitialState`] if the state is out of balance and the model does not permit this, and the errors
+    /// of a first step that cannot begin.
     pub(super) fn begin_stressed(&mut self, observer: &mut dyn Observer<D>) -> Result<(), SolveError> {
         let Some(treatment) = self.model.initial_imbalance else { return Ok(()) };
         if self.reached.step.index > 0 || self.reached.summary.initial_state.is_some() {
@@ -39,7 +39,7 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         refused.map_or(Ok(()), Err)
     }
 
-    /// Evaluates f_int, f_ext and the reactions of eq. (28) at time 0 and Δd = 0. Writes trial state only.
+    /// Evaluates f_int, f_ext and the reactions of eq. (28) at time 0 and Δd = 0. Writes only the trial state.
     fn initial_state(&mut self) -> Result<InitialState, SolveError> {
         let step = Step { index: 1, start: 0.0, end: 0.0 };
         let (model, old) = (self.model, self.old_links());

@@ -1,5 +1,5 @@
-//! The decision on an evaluated iterate: its residual is recorded, or it is evaluated once more. δd is halved if a point cannot
-//! follow it, and shortened by a line search if it overshoots.
+//! The decision on an evaluated iterate: either its residual is recorded, or the iterate is evaluated again. δd is
+//! halved if a point cannot follow it, and shortened by a line search if it overshoots.
 
 use crate::assembly::Wanted;
 use crate::step::StepContext;
@@ -16,19 +16,19 @@ use super::unknowns::Bracket;
 const MOST_HALVINGS: usize = 5;
 /// Largest number of evaluations of a line search.
 const MOST_SEARCHES: usize = 3;
-/// The same where bodies touch tools: forces have kinks.
+/// The same where bodies touch tools, because forces have kinks there.
 const MOST_SEARCHES_OF_CONTACT: usize = 6;
-/// Fraction of the residual to which an increment must reduce it where bodies touch tools, lest a line search follows.
+/// Where bodies touch tools, a line search follows an increment that does not reduce the residual to this fraction.
 const FAST: f64 = 0.1;
-/// First iteration since the last update of multipliers from which on an increment where bodies touch tools is halved until it
-/// does not increase the residual: friction has no potential whose slope would end a cycle between two states.
+/// Where bodies touch tools, an increment is halved until the residual no longer increases, from this iteration after
+/// the last multiplier update onwards: friction has no potential whose slope would end a cycle between two states.
 const FIRST_BACKTRACK: usize = 8;
 /// Largest number of such halvings.
 const MOST_BACKTRACKS: usize = 5;
 /// First iteration with a line search after a failed attempt.
 const FIRST_SEARCH: usize = 3;
-/// First iteration with a line search otherwise, as a fraction of those allowed, so that iterations that converge are
-/// left alone.
+/// First iteration with a line search otherwise, as a fraction of the iterations allowed, so that iterations that
+/// converge are left alone.
 const LATE: f64 = 0.75;
 
 /// What has been tried at the present iterate.
@@ -50,8 +50,8 @@ impl Search {
 }
 
 impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
-    /// Records the residual of the iterate. `None` if it must be evaluated once more: with its stiffness, or nearer to the last
-    /// one.
+    /// Records the residual of the iterate; `None` if the iterate must be evaluated again, with its stiffness or closer
+    /// to the previous iterate.
     ///
     /// # Errors
     /// [`SolveError`] if the iterate cannot be evaluated.
@@ -82,13 +82,13 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         self.course.round_off = round_off;
         self.observer.iteration(step, iteration, residual);
         if iteration == 0 {
-            // Δd = 0: the stresses are those of the start of the step.
+            // Δd = 0: the stresses are those at the start of the step.
             self.course.f_int_start = self.system.sum.system().internal_force().to_vec();
         }
         Ok(Some(residual))
     }
 
-    /// Shortens δd and returns true if a point could not follow it, in which case nothing was found, if the potential rises
+    /// Shortens δd and returns true if a point could not follow it (`found` is then `None`), if the potential rises
     /// again at its end, or if the residual has grown in a cycle.
     fn shortens(&mut self, iteration: usize, found: Option<&Measured>) -> bool {
         let touches_tools = !self.context.model.tools.is_empty();
@@ -106,7 +106,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             }
             return halves;
         };
-        // Round-off alone tells nothing about the length of an increment.
+        // A residual that may be mere round-off tells nothing about the length of an increment.
         if residual <= self.context.model.newton.tolerance {
             return false;
         }
@@ -135,7 +135,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         backtracks
     }
 
-    /// Returns to Δd = 0, where the iterations have begun, if a predicted iterate is no better.
+    /// Returns to Δd = 0, where the iterations began, if a predicted iterate is no better.
     fn withdraws(&mut self, found: &Result<Measured, EvaluateError>) -> bool {
         let is_better = |found: &Measured| found.residual < self.course.residuals[0];
         let withdraws = self.is_predicted && !found.as_ref().is_ok_and(is_better);
@@ -147,7 +147,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         withdraws
     }
 
-    /// Reduces the last iterative increment to this fraction of what was taken of it.
+    /// Reduces the last iterative increment to this fraction of the part that was taken.
     fn shorten(&mut self, part: f64) {
         if std::mem::take(&mut self.course.is_augmented_along) {
             self.system.sum.withdraw_augmentation();
@@ -155,7 +155,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         self.unknowns.shorten(part);
     }
 
-    /// True if bodies touch tools and an increment of late iterations has led to a larger residual.
+    /// True if bodies touch tools and, in a late iteration, an increment has led to a larger residual.
     fn cycles(&self, iteration: usize, residual: f64) -> bool {
         let before = self.course.residuals.last().copied().unwrap_or(f64::INFINITY);
         !self.context.model.tools.is_empty()
@@ -163,8 +163,8 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             && residual > before.max(self.context.model.newton.tolerance)
     }
 
-    /// True if a line search may shorten the last increment, given the residual it has led to. Where bodies touch tools, any
-    /// increment may overshoot.
+    /// True if a line search may shorten the last increment, given the residual to which it has led. Where bodies touch
+    /// tools, any increment may overshoot.
     fn may_search(&self, iteration: usize, residual: f64) -> bool {
         let newton = &self.context.model.newton;
         let (damped, touches_tools) = (self.is_damped(), !self.context.model.tools.is_empty());

@@ -35,12 +35,12 @@ pub(super) struct LoadStep<'a, const D: usize, const N: usize> {
     pub(super) damping: Option<Damping<N>>,
     pub(super) effort: Effort,
     pub(super) search: Search,
-    /// Largest nodal displacement of damped iterations before the step continues on a fresh grid, [length]; infinite if it may
-    /// not.
+    /// Largest nodal displacement of damped iterations before the step continues on a fresh grid, [length]; infinite if
+    /// the step must stay on its grid.
     pub(super) stride: f64,
     /// True if the last iterative increment was a prediction.
     pub(super) is_predicted: bool,
-    /// True if the system was laid out anew since the equations were prepared for it.
+    /// True if the system has been laid out anew since the equations were prepared for it.
     pub(super) is_laid_out_anew: bool,
     pub(super) equations: &'a mut Equations<D, N>,
     pub(super) summary: &'a mut Summary,
@@ -48,8 +48,8 @@ pub(super) struct LoadStep<'a, const D: usize, const N: usize> {
 }
 
 impl<const D: usize, const N: usize> Stepper<'_, D, N> {
-    /// Attempts one load step (section 6.3). Writes trial state only. Damped iterations stop when a node has moved more than
-    /// [`STRIDE`] cells; a slump then continues on a fresh grid.
+    /// Attempts one load step (section 6.3). Writes only the trial state. Damped iterations stop when a node has moved
+    /// by more than [`STRIDE`] cells; a slump then continues on a fresh grid.
     pub(super) fn attempt(
         &mut self,
         step: Step,
@@ -92,16 +92,16 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         outcome
     }
 
-    /// The links of the last step, whose memory is reused. The last report gives its own.
+    /// The links of the last step, whose memory is reused; the last report, if there is one, gives up its links.
     pub(super) fn old_links(&mut self) -> Connectivity<D> {
         let of_report = self.report.take().map(|report| report.grid.links);
         of_report.unwrap_or_else(|| std::mem::take(&mut self.links))
     }
 
-    /// Lets the links of all ranks have the nodes that terms need.
+    /// Adds the nodes that terms need to the links of all ranks.
     ///
     /// # Errors
-    /// [`SolveError`] if a rank could not link its points, or a body asks for F-bar without a basis at centres.
+    /// [`SolveError`] if a rank could not link its points, or a body asks for F-bar without a basis at cell centres.
     pub(super) fn complete_links(
         &mut self,
         linked: Result<Connectivity<D>, SupportFailure>,

@@ -1,4 +1,4 @@
-//! The motion of the grid in the last step, which the next one may use as the direction of a path or as a prediction.
+//! The motion of the grid in the last step, which the next step may use as the direction of a path or as a prediction.
 
 use std::collections::BTreeMap;
 
@@ -13,7 +13,7 @@ use crate::step::Step;
 pub struct Motion {
     /// Grid nodes that were active, ascending.
     nodes: Vec<u32>,
-    /// Their displacement increment, one number per axis and node, [length].
+    /// Their displacement increments, one number per node and component, [length].
     increment: Vec<f64>,
     /// Duration of the step, [time].
     duration: f64,
@@ -33,7 +33,8 @@ impl Motion {
         }
     }
 
-    /// The motion of all ranks, from those of each on the nodes that it had; shared nodes move alike on all of them.
+    /// The motion over all ranks, joined from the motion of each on its active nodes; shared nodes move alike on all
+    /// ranks.
     pub(super) fn joined(of_ranks: &[Motion]) -> Motion {
         let mut nodes: BTreeMap<u32, &[f64]> = BTreeMap::new();
         for motion in of_ranks.iter().filter(|motion| !motion.nodes.is_empty()) {

@@ -16,14 +16,14 @@ use super::residual::RoundOff;
 use super::step_system::StepSystem;
 use super::unknowns::Unknowns;
 
-/// Largest number of increments with support in an attempt: a body that slides for more of them does not come to rest.
+/// Largest number of increments with support in an attempt: a body that still slides after these does not come to rest.
 const MOST_SUPPORTED: usize = 8;
-/// Largest number of updates of multipliers along an increment.
+/// Largest number of multiplier updates along an increment.
 const MOST_UPDATES: usize = 4;
 
 impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
-    /// Iterates with Newton's method until the residual of eq. (40) meets the tolerance and multipliers are final. Writes only the
-    /// trial state.
+    /// Iterates with Newton's method until the residual of eq. (40) meets the tolerance and multipliers are final.
+    /// Writes only the trial state.
     ///
     /// # Errors
     /// [`SolveError`] if there is no equilibrium.
@@ -50,8 +50,8 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         }
     }
 
-    /// Lets the terms update their multipliers in equilibrium; the iterations then go on with as many linear solves as at the
-    /// start.
+    /// Lets the terms update their multipliers in equilibrium; the iterations then continue, with as many linear solves
+    /// allowed as at the start.
     fn augment(&mut self, iteration: usize) -> Result<Augmentation, SolveError> {
         let LoadStep { context, points, system, unknowns, course, .. } = self;
         let StepContext { model, step, .. } = *context;
@@ -84,8 +84,8 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         self.summary.pace.is_damped()
     }
 
-    /// True if the iterate is in equilibrium: it has the prescribed motion, the load factor meets its condition, and the
-    /// residual meets the tolerance. False in iteration 0, so that every step makes at least one solve.
+    /// True if the iterate is in equilibrium: it has the prescribed motion, the load factor meets its condition, and
+    /// the residual meets the tolerance. False in iteration 0, so that every step makes at least one solve.
     fn is_balanced(&self) -> bool {
         self.has_reached_constraints() && self.course.is_equilibrium(self.context.model.newton.tolerance)
     }
@@ -116,7 +116,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         self.context.links.halo().ranks()
     }
 
-    /// Adds an increment δd to Δd: that of Newton's method, or a damped one.
+    /// Adds an increment δd to Δd, either that of Newton's method or a damped one.
     fn increment(&mut self) -> Result<(), SolveError> {
         if self.is_laid_out_anew {
             self.prepare_equations()?;
@@ -138,7 +138,8 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         Ok(())
     }
 
-    /// An increment of Newton's method; where bodies are held by friction alone and all places slide, with their support.
+    /// An increment of Newton's method; where friction alone holds bodies and all contact points slide, it is found
+    /// with the support of these points.
     fn supported_step(&mut self) -> Result<Option<Solved>, NoIncrement> {
         let may_support = self.course.supported < MOST_SUPPORTED;
         match self.newton_step() {
@@ -154,18 +155,18 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
     }
 
     /// Solves eq. (26), K δd = f_ext − f_int on the free degrees of freedom, adds δd to Δd by eq. (30), and updates the
-    /// reactions. The first δd contains the whole prescribed increment. With a predictor, the first δd is the predicted one and
-    /// nothing is solved.
+    /// reactions. The first δd contains the whole prescribed increment. With a predictor, the first δd is the predicted
+    /// one and nothing is solved.
     ///
-    /// The error of an inexact solution stays in the out-of-balance force of the free degrees of freedom. It never enters the
-    /// reactions.
+    /// The error of an inexact solution stays in the out-of-balance force of the free degrees of freedom. It never
+    /// enters the reactions.
     fn newton_step(&mut self) -> Result<Option<Solved>, NoIncrement> {
         let LoadStep { context, system: StepSystem { dofs, sum, condition, .. }, unknowns, course, .. } =
             self;
         let LoadStep { equations, summary, forcing, effort, .. } = self;
         let (place, newton) = (context.place(dofs), &context.model.newton);
         let (system, timings) = (sum.system_mut(), &mut summary.timings);
-        // The right-hand side; δd becomes the remainder of the prescribed motion.
+        // Forms the right-hand side; δd becomes the remainder of the prescribed motion.
         timings.measure(Phase::Solve, || unknowns.begin_iteration(system, dofs, &course.out_of_balance));
         let residual = course.residuals.last().copied().unwrap_or(1.0);
         let eta = forcing.next(unknowns.halo.norm(&unknowns.rhs), residual, newton.tolerance);
@@ -180,8 +181,8 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             && course.falls_fast()
             && !unknowns.prescribes
             && course.has_factor;
-        // Near the solution, the state of all places may stand. Once is enough: places that hinder each other would change theirs
-        // again and again. After a failed attempt, updates wait for equilibrium.
+        // Near the solution, the states of all contact points may be final. Once is enough: contact points that hinder
+        // each other would change their states again and again. After a failed attempt, updates wait for equilibrium.
         let may_augment = condition.is_none()
             && !equations.is_iterative()
             && !unknowns.prescribes
@@ -202,7 +203,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         if let (Some(unit), Some(condition)) = (system.per_factor().cloned(), condition) {
             let (mut rhs, mut of_load) = (unit, vec![[0.0; N]; unknowns.rhs.len()]);
             dofs.on_unknowns(&mut rhs);
-            // Loads that the solution answers change the global equations, too.
+            // The load factor changes the global equations, too.
             let of_globals = system.border.per_factor.clone();
             let rhs = RightHandSide { forces: &rhs, globals: Some(&of_globals) };
             let (again, globals) =
@@ -215,7 +216,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
                     Field { nodes: &of_load, globals: &globals },
                 )
                 .map_err(|reason| match reason {
-                    // The loads had an influence at the start of the step; a smaller step keeps it.
+                    // The loads had an influence at the start of the step; in a smaller step they retain it.
                     NoPath::NoInfluence if !course.solved.is_empty() => NoPath::NoIntersection,
                     reason => reason,
                 })
@@ -231,7 +232,8 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         Ok(Some(solved))
     }
 
-    /// Updates multipliers along the iterative increment δd while that changes it, so that both solve the linearised equations.
+    /// Updates multipliers along the iterative increment δd until the updates no longer change it, so that both
+    /// together solve the linearised equations.
     fn augment_along(&mut self, eta: f64) -> Result<(), NoIncrement> {
         let LoadStep { context, system: StepSystem { dofs, sum, .. }, unknowns, .. } = self;
         let LoadStep { equations, summary, course, .. } = self;

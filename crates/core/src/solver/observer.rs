@@ -10,10 +10,10 @@ use super::diagnosis::Diagnosis;
 use super::error::SolveError;
 use super::summary::Summary;
 
-/// A follower of a run: a writer of results, a display of the progress, or a recorder in tests.
+/// A follower of a run: a writer of results, a progress display, or a recorder in tests.
 ///
-/// Each of several ranks has one, which gets the points and the part of the grid of that rank. All are called together, so that
-/// they may exchange what they have through the ranks of the points.
+/// Each of several ranks has an observer, which receives the points and the part of the grid of that rank. All
+/// observers are called together, so that they can exchange data through the ranks of the points.
 pub trait Observer<const D: usize> {
     /// Called before the first step, which begins from the converged state of `points`.
     ///
@@ -43,9 +43,9 @@ pub trait Observer<const D: usize> {
         Ok(())
     }
 
-    /// Called when an attempt at a step has failed; the converged state is that before the step. A smaller step or a last
-    /// resort follows, unless the run has ended. Then `ended` holds the attempt that shows the cause, this one or the last before
-    /// any last resort, and its diagnosis.
+    /// Called when an attempt at a step has failed; the converged state is that before the step. A further attempt
+    /// follows, unless this one ends the stage or the run. If it ends the run, `ended` holds the attempt that shows the
+    /// cause, this one or the last before any last resort, and its diagnosis.
     ///
     /// # Errors
     /// Any error stops the run.
@@ -59,8 +59,8 @@ pub trait Observer<const D: usize> {
         Ok(())
     }
 
-    /// Called when bodies begin to slide in a step in equilibrium while their strength is reduced, and half of the step is
-    /// attempted instead, to find the factor at which they begin; the converged state is that before the step.
+    /// Called when bodies begin to slide in a step in equilibrium while their strength is reduced. Half of the step is
+    /// then attempted instead, to find the factor at which sliding begins; the converged state is that before the step.
     ///
     /// # Errors
     /// Any error stops the run.
@@ -73,7 +73,7 @@ pub trait Observer<const D: usize> {
         false
     }
 
-    /// Called when the run has ended, with an error or without; `points.converged` is the last state in equilibrium.
+    /// Called when the run has ended, with or without an error; `points.converged` is the last state in equilibrium.
     ///
     /// # Errors
     /// An error becomes the outcome of a run that had none.
@@ -88,7 +88,7 @@ pub trait Observer<const D: usize> {
     }
 }
 
-/// The observer that does nothing.
+/// An observer that does nothing.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Silent;
 

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 /// The error of another rank, as this one knows it.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct OfRank {
-    /// Number of the rank; `None` as long as nothing is known of the error.
+    /// Number of the rank; `None` while nothing is known about the error.
     pub rank: Option<usize>,
     /// Code of the error.
     pub code: String,

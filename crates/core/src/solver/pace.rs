@@ -8,11 +8,11 @@ use crate::model::{SAME_TIME, Stepping};
 const FEW: usize = 8;
 /// Number of steps that must succeed after a failure before steps may grow.
 const PATIENCE: u32 = 2;
-/// Smallest remainder before a stop that becomes a separate step, relative to the step before it, [-]; if it is
-/// smaller, the last two steps are made equal.
+/// Smallest remainder before a stop that becomes a separate step, relative to the step before it, [-]; if the remainder
+/// is smaller, the last two steps are made equal.
 const REST: f64 = 0.5;
 
-/// The present size of steps.
+/// The present step size.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Pace {
     /// Size relative to a requested step, [-].
@@ -80,7 +80,7 @@ impl Pace {
         self.resort == Some(LastResort::Damping)
     }
 
-    /// Records a step that has converged in this number of iterations, counted anew after each update of multipliers.
+    /// Records a step that has converged in this number of iterations, counted anew after each multiplier update.
     pub fn succeeded(&mut self, stepping: &Stepping, iterations: usize) {
         self.patience = self.patience.saturating_sub(1);
         self.resort = None;
@@ -99,8 +99,8 @@ impl Pace {
         may
     }
 
-    /// Records a failed step, with `is_torn` if the reason is a torn domain. Returns true if another attempt may be made: at a
-    /// smaller step, or at the same step by a last resort.
+    /// Records a failed step; `is_torn` tells whether the reason is a torn domain. Returns true if another attempt may
+    /// be made: at a smaller step, or at the same step with a last resort.
     pub fn failed(&mut self, stepping: &Stepping, start: f64, end: f64, is_torn: bool) -> bool {
         if self.halve(stepping, start, end) {
             return true;

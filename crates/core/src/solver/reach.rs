@@ -1,4 +1,4 @@
-//! The begin of a step with all terms: the nodes of other ranks that they need at hand, and what they start from.
+//! The beginning of a step with all terms: the nodes of other ranks that they need, and the state that they start from.
 
 use crate::basis::Connectivity;
 use crate::model::Model;
@@ -9,7 +9,7 @@ use crate::terms::{Term, Terms};
 use super::agree::agree;
 use super::error::SolveError;
 
-/// Adds the nodes to links that terms need on this rank.
+/// Adds to the links the nodes that terms need on this rank.
 pub(super) fn reach_out<const D: usize, const N: usize>(
     model: &Model<D>,
     points: &Points<D>,
@@ -29,7 +29,7 @@ pub(super) fn reach_out<const D: usize, const N: usize>(
     Ok(links.with_nodes(model.grid.as_ref(), ranks, wanted))
 }
 
-/// Begins a step with all terms. The ranks agree after each term, because a term may need all of them.
+/// Begins a step with all terms. The ranks agree after each term, because a term may need all ranks.
 pub(super) fn begin<const D: usize, const N: usize>(
     terms: &mut Terms<D, N>,
     context: &StepContext<D>,

@@ -13,13 +13,13 @@ use super::stepper::Stepper;
 use super::summary::Reached;
 
 impl<const D: usize, const N: usize> Stepper<'_, D, N> {
-    /// True if a thorough attempt at the same step follows a failed one: where strength is reduced, the settings must not decide
-    /// whether a step has an equilibrium.
+    /// True if a thorough attempt at the same step follows a failed one: where strength is reduced, the settings must
+    /// not decide whether a step has an equilibrium.
     pub(super) fn is_repeated(&self, failed: &FailedAttempt<D>) -> bool {
         failed.may_succeed_if_smaller && self.model.stepping.strength_factor(failed.step.end).is_some()
     }
 
-    /// Counts and reports a failed attempt that a thorough one follows.
+    /// Counts and reports a failed attempt that is followed by a thorough one.
     pub(super) fn announce_repetition(
         &mut self,
         mut failed: FailedAttempt<D>,
@@ -47,9 +47,10 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         let was_last_resort = summary.pace.is_last_resort();
         let goes_on =
             failed.may_succeed_if_smaller && summary.pace.failed(&model.stepping, start, end, is_torn);
-        // The last attempt before the last resorts shows why a step fails.
+        // The last attempt before the last resorts shows why the step fails.
         let diagnosis = (!was_last_resort && (!goes_on || summary.pace.is_last_resort())).then(|| {
-            // Each rank looks at what it has: their errors may differ, and with them what they look for.
+            // Each rank examines only its own data: the errors of the ranks may differ, and with them what each looks
+            // for.
             let halo = failed.exchange_halo(Halo::default());
             let lost_points = self.lost_points.as_ref();
             let diagnosis = Diagnosis::new(model, points, &failed, lost_points, summary.largest_load_factor);
@@ -97,7 +98,7 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
     }
 }
 
-/// The diagnosis of the rank that has the error; the others know it in words only.
+/// The diagnosis of the rank that has the error; the other ranks know the error in words only.
 fn of_failing_rank<const D: usize>(ranks: &Ranks, failed: &FailedAttempt<D>, own: Diagnosis) -> Diagnosis {
     if ranks.is_alone() {
         return own;

@@ -1,4 +1,4 @@
-//! The forces that a stage releases: those that keep the state in which it begins in equilibrium.
+//! The forces that a stage releases: those that keep its initial state in equilibrium.
 
 use std::collections::BTreeMap;
 
@@ -15,8 +15,9 @@ use super::agree::agree;
 use super::error::{SolveError, locate_failure};
 use super::reach::{begin, reach_out};
 
-/// The forces that balance the converged state at a time on the free unknowns: by grid node, [force]. As they decrease, what
-/// the state no longer carries is released, and what it has gained begins to act. `terms` are those of the model, in the state `saved`.
+/// The forces on the free unknowns that balance the converged state at a time, by grid node, [force]. As they decrease,
+/// the effect of what was removed from the state is released, and what was added begins to act. `terms` are those of
+/// the model, in the state `saved`.
 ///
 /// # Errors
 /// [`SolveError`] if a point lies outside the grid, constraints contradict each other, or a load is not finite.

@@ -1,9 +1,10 @@
 //! The measure of equilibrium: eq. (40) for each connected part of the bodies, and its limit by round-off.
 //!
-//! A part is in equilibrium by its own forces: a stiff or heavily loaded body elsewhere says nothing about it. If
-//! round-off prevents a part from meeting the tolerance, the step may still be accepted, and is marked, provided that
-//! the out-of-balance force is round-off of each node's own equations and small relative to the forces on the part.
-//! None of this changes the reported residual.
+//! Each part is judged by its own forces: a stiff or heavily loaded body elsewhere says nothing about it. If round-off
+//! prevents a part from meeting the tolerance, the step may still be accepted, and is marked, provided that the
+//! out-of-balance force is round-off of each node's own equations and small relative to the forces on the part. Only parts that
+//! carry nothing but round-off do not count in the reported residual, and parts without any force are measured relative
+//! to their internal force.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -16,8 +17,8 @@ use crate::step::Nodal;
 use super::fields::norm;
 use super::round_off::{ACCUMULATED, EvaluatedAt};
 
-/// Largest residual of a part, and largest resultant of its out-of-balance force relative to the sum of its forces,
-/// that is accepted if round-off prevents a smaller one, [-].
+/// Largest accepted residual of a part, and largest accepted resultant of its out-of-balance force relative to the sum
+/// of the magnitudes of its forces, if round-off prevents smaller ones, [-].
 pub(super) const MOST_OF_ROUND_OFF: f64 = 1e-6;
 
 /// A part without loads counts as unloaded if its reactions are less than this fraction of the largest force that its
@@ -27,13 +28,13 @@ const UNLOADED: f64 = 1e-4;
 /// The connected parts of the active nodes, and the fields, whose equations are measured by separate norms.
 #[derive(Debug, Clone)]
 pub(super) struct Parts {
-    /// Number of the part of each node.
+    /// Part number of each node.
     of_node: Vec<u32>,
     /// Number of parts.
     n: usize,
     /// Components of each field; the displacement comes first.
     fields: Vec<Range<usize>>,
-    /// The nodes that other ranks count, and the ranks.
+    /// The nodes that other ranks include in sums, and the ranks.
     halo: Halo,
     /// Numbers of the bodies that each part belongs to, ascending.
     bodies: Vec<Vec<usize>>,
@@ -80,7 +81,7 @@ impl Parts {
         self
     }
 
-    /// Lets a statement about each part hold only if it does on all ranks.
+    /// Lets a statement about each part hold only if it holds on all ranks.
     fn agree(&self, holds: &mut [bool]) {
         let mut fails: Vec<f64> = holds.iter().map(|holds| f64::from(u8::from(!holds))).collect();
         self.halo.ranks().maximum(&mut fails);
@@ -116,17 +117,18 @@ impl Parts {
     }
 }
 
-/// The measured equilibrium of an evaluation.
+/// The measure of equilibrium of an evaluation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Measured {
-    /// Eq. (40) for the part that is farthest from equilibrium, [-]; parts that carry nothing but round-off do not count.
+    /// Eq. (40) for the part that is farthest from equilibrium, [-]; parts that carry nothing but round-off do not
+    /// count.
     pub(super) residual: f64,
     /// The role of round-off in the residual.
     pub(super) round_off: RoundOff,
 }
 
 impl Measured {
-    /// A residual of one global equation, which may be round-off.
+    /// The measure of one global equation, whose residual may be round-off.
     pub(super) fn of_global((residual, is_round_off): (f64, bool), tolerance: f64) -> Measured {
         let round_off = match residual {
             _ if !is_round_off || residual <= tolerance => RoundOff::NoMatter,
@@ -136,7 +138,7 @@ impl Measured {
         Measured { residual, round_off }
     }
 
-    /// This and further equations together.
+    /// The measure of these and further equations together.
     pub(super) fn and(self, other: Measured, tolerance: f64) -> Measured {
         let is_open = |measured: &Measured| measured.residual > tolerance || measured.residual.is_nan();
         let round_off = match (is_open(&self), is_open(&other)) {
@@ -194,8 +196,8 @@ impl<const N: usize> Forces<'_, N> {
     }
 
     /// The norms in eq. (40) for some components of each part: of the out-of-balance force, and of the sum of external
-    /// forces and reactions. Forces that hold bodies may cancel the loads at the same nodes and leave nothing but round-off; they
-    /// count alone if they are larger than the sum.
+    /// forces and reactions. Forces that hold bodies may cancel the loads at the same nodes and leave nothing but
+    /// round-off; they count alone if they are larger than the sum.
     fn of_parts(&self, parts: &Parts, components: Range<usize>) -> Vec<[f64; 2]> {
         let out = parts.norms(components.clone(), self.out_of_balance.iter().copied());
         let mut force = parts.norms(components.clone(), (0..self.f_ext.len()).map(|node| self.total(node)));
@@ -206,8 +208,8 @@ impl<const N: usize> Forces<'_, N> {
         out.into_iter().zip(force).map(|(out, force)| [out, force]).collect()
     }
 
-    /// The largest residual of each field other than the displacement, [-]: relative to its external forces and reactions or,
-    /// where they are larger, its internal forces.
+    /// The largest residual of each field other than the displacement, [-]: relative to its external forces and
+    /// reactions or, where they are larger, its internal forces.
     fn of_further_fields(&self, parts: &Parts, internal: &[[f64; N]]) -> impl Iterator<Item = f64> {
         let of_field = move |components: &Range<usize>| {
             let of_parts = self.of_parts(parts, components.clone());
@@ -336,8 +338,8 @@ impl<const N: usize> Forces<'_, N> {
         parts.agree(is_round_off);
     }
 
-    /// Magnitude of the sum of the out-of-balance force over each part, relative to the magnitudes of all its forces;
-    /// only along axes with a balance of forces.
+    /// Magnitude of the sum of the out-of-balance force over each part, relative to the sum of the magnitudes of all
+    /// forces on the part; only along axes with a balance of forces.
     fn resultants(&self, parts: &Parts, revolved: bool) -> Vec<f64> {
         let mut sums = vec![([0.0; N], 0.0); parts.n];
         for (node, part) in parts.of_node.iter().enumerate().filter(|(node, _)| parts.halo.is_own(*node)) {
@@ -359,7 +361,7 @@ impl<const N: usize> Forces<'_, N> {
     }
 }
 
-/// The larger of two residuals; NaN if either is.
+/// The larger of two residuals; NaN if either is NaN.
 fn largest(a: f64, b: f64) -> f64 {
     if a >= b || a.is_nan() { a } else { b }
 }

@@ -1,4 +1,4 @@
-//! Round-off of the out-of-balance force at each node: that of the displacement increment, and that of the stresses.
+//! Round-off of the out-of-balance force at each node: from the displacement increment and from the stresses.
 
 use crate::assembly::System;
 use crate::basis::Connectivity;
@@ -9,16 +9,16 @@ use crate::step::Nodal;
 
 use super::fields::norm;
 
-/// Round-off of a nodal force relative to the terms Σ |K_vw| |Δd_w| of a displacement increment, in units of the machine
-/// precision.
+/// Round-off of a nodal force relative to the terms Σ |K_vw| |Δd_w| of a displacement increment, in units of the
+/// machine precision.
 pub(super) const IN_MOTION: f64 = 16.0;
-/// Round-off of a nodal force relative to Σ |∇S_vp| V_p M_p, the force of a strain of one at all points with the axial
-/// modulus M, in units of the machine precision: deformation gradients are about one.
+/// Round-off of a nodal force relative to Σ |∇S_vp| V_p M_p, the force under a unit strain at all points with axial
+/// modulus M, in units of the machine precision; deformation gradients are of order one.
 pub(super) const IN_STRAIN: f64 = 8.0;
-/// Upper bound of the force of a strain of one, relative to the largest entry of K times the size of a cell, [-].
+/// Upper bound on the force under a unit strain, relative to the largest entry of K times the cell size, [-].
 const NO_SUCH_FORCE: f64 = 1e3;
-/// Reactions of a part that carries nothing are round-off accumulated in the stresses over the steps, up to this
-/// multiple of the round-off of one step.
+/// The reactions of a part that carries nothing are round-off that has accumulated in the stresses over the steps, up
+/// to this multiple of the round-off of one step.
 pub(super) const ACCUMULATED: f64 = 100.0;
 
 /// The state in which an evaluation was made.
@@ -31,7 +31,7 @@ pub(super) struct EvaluatedAt<'a, const D: usize, const N: usize> {
 }
 
 impl<const D: usize, const N: usize> EvaluatedAt<'_, D, N> {
-    /// An inexpensive upper bound of [`EvaluatedAt::round_off`] over all nodes, [force].
+    /// An inexpensive upper bound on [`EvaluatedAt::round_off`] over all nodes, [force].
     pub(super) fn round_off_at_most(&self) -> f64 {
         let EvaluatedAt { model, links, system, delta_d, .. } = self;
         let motion = delta_d.iter().flatten().fold(0.0, |largest, x| f64::max(largest, x.abs()));
@@ -49,9 +49,10 @@ impl<const D: usize, const N: usize> EvaluatedAt<'_, D, N> {
         f64::EPSILON * system.largest_entry() * (IN_MOTION * entries_of_row * motion + strain) + of_terms
     }
 
-    /// Round-off of the force at each node, [force]: that of the products of its row of K with the displacement
-    /// increment, and that of strains at its points. A node that carries little material has little stiffness, K_vv ~
-    /// |∇S|², but its force contains stresses of points that other nodes hold, whose round-off is proportional to |∇S|.
+    /// Round-off of the force at each node, [force]: from the products of its row of K with the displacement increment,
+    /// and from the strains of its points. A node that carries little material has little stiffness, K_vv ~ |∇S|², but
+    /// its force contains the stresses of points that other nodes hold, and their round-off enters in proportion to
+    /// |∇S|.
     pub(super) fn round_off(&self) -> Vec<f64> {
         let largest_of = |x: &[f64]| x.iter().fold(0.0f64, |a, b| a.max(b.abs()));
         let motion = self.system.magnitudes(self.delta_d);

@@ -20,7 +20,8 @@ struct Present<'a, const D: usize, const N: usize> {
     probed: BTreeSet<u32>,
 }
 
-/// Splits the points of bodies whose domains have become longer than these allow, and adds the splits of all ranks to those before.
+/// Splits the points whose domains have become longer than their bodies allow, and adds the splits of all ranks to the
+/// earlier ones.
 pub(super) fn split_long<const D: usize, const N: usize>(
     model: &Model<D>,
     points: &mut Points<D>,
@@ -38,8 +39,8 @@ pub(super) fn split_long<const D: usize, const N: usize>(
     splits.extend(points.split_long(&Present { of_model: OfModel { model }, terms, probed }, next));
 }
 
-/// Moves the corners of domains that were replaced, the points with these permanent numbers, out of tools: the replacement has
-/// not heeded them. A domain that would not be valid stays.
+/// Moves the corners of the replaced domains of the points with these permanent numbers out of tools, which the
+/// replacement has not taken into account. A domain that would become invalid stays as it is.
 pub(super) fn part_from_tools<const D: usize, const N: usize>(
     model: &Model<D>,
     points: &mut Points<D>,

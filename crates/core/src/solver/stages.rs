@@ -1,5 +1,6 @@
-//! From stage to stage: bodies are added and removed, boundary conditions set and released, and all that these carried is
-//! handed over to forces that decrease to zero over the stage, so that every step is in equilibrium.
+//! The transition from one stage to the next: bodies are added and removed, boundary conditions are set and released,
+//! and all that these carried is handed over to forces that decrease to zero over the stage, so that every step is in
+//! equilibrium.
 
 use crate::model::{Control, Model, Present};
 use crate::points::Points;
@@ -18,21 +19,21 @@ use super::splitting::split_again;
 use super::stepper::{Stepper, finish, start};
 use super::summary::{Reached, StageReached, Summary};
 
-/// Out-of-balance force relative to the largest force that bodies have carried, below which it may be round-off, [-].
+/// An out-of-balance force may be round-off below this fraction of the largest force that bodies have carried, [-].
 const LEFT: f64 = 1e-9;
 
-/// Puts the points of a stage in place of those of the stage before.
+/// Removes and adds the points of the bodies that a stage removes and adds.
 fn change_points<const D: usize>(model: &Model<D>, points: &mut Points<D>, number: usize) {
     let Some(stage) = model.stages.get(number) else { return };
     points.retain_bodies(|body| !stage.removed.contains(&body));
     points.append(&stage.added);
 }
 
-/// Gives the points of bodies with another material the elastic strain for which the new law has their stress, and the
-/// initial history of that law.
+/// Gives the points of bodies that change their material the elastic strain for which the new law gives their stress,
+/// and the initial history of that law.
 ///
 /// # Errors
-/// [`SolveError::Term`] if the law cannot have the stress of a point.
+/// [`SolveError::Term`] if the law cannot give the stress of a point.
 fn keep_stress<const D: usize>(
     model: &Model<D>,
     points: &mut Points<D>,
@@ -58,10 +59,10 @@ fn keep_stress<const D: usize>(
     Ok(())
 }
 
-/// Begins the stage after the present one, which has ended.
+/// Begins the next stage; the present one has ended.
 ///
 /// # Errors
-/// [`SolveError`] if the state of the new stage cannot be evaluated, or a material cannot have its stress.
+/// [`SolveError`] if the state of the new stage cannot be evaluated, or a new material cannot give the present stress.
 fn enter<const D: usize>(
     model: &mut Model<D>,
     points: &mut Points<D>,
@@ -95,7 +96,7 @@ where
         let now = Amount::of(model, points);
         reached.summary.exchanged_energy += now.energy - before.energy;
         reached.summary.quality.exchange(now.mass - before.mass, now.volume - before.volume);
-        // The loads still stand where the stage before has left them.
+        // The loads are still as the previous stage has left them.
         let control = std::mem::replace(&mut model.stepping.control, Control::Load);
         let forces =
             balancing_forces(model.kernels().terms(model), model, points, step, &reached.summary.terms);
@@ -114,7 +115,7 @@ where
         began,
         released_forces: model.present.released_forces.iter().map(|(node, f)| (*node, f.to_vec())).collect(),
     });
-    // A reduction of strength ends its stage where equilibrium ceases, before the time of its end.
+    // A strength reduction ends its stage where equilibrium ceases, before the end time of the stage.
     reached.step.end = time;
     reached.summary.pace = Pace::default();
     reached.summary.path = Path::default();
@@ -148,8 +149,8 @@ impl Amount {
     }
 }
 
-/// Brings a newly built model and its points to the stage in which a run was interrupted; the state of the points remains to
-/// be restored.
+/// Brings a newly built model and its points to the stage in which a run was interrupted; the state of the points
+/// remains to be restored.
 ///
 /// # Errors
 /// A reason, if no run of this model can have reached the stage.
@@ -181,7 +182,8 @@ pub fn resume_stage<const D: usize>(
     Ok(())
 }
 
-/// Runs an analysis from a step that has been reached to the end of its last stage, and reports every event to `observer`.
+/// Runs an analysis from the step that it has reached to the end of its last stage, and reports every event to
+/// `observer`.
 ///
 /// # Errors
 /// As [`super::run`].
@@ -197,12 +199,12 @@ where
     run_with_changes(model, points, reached, observer, &mut |_, _, _| Ok(false))
 }
 
-/// A change of a model between two steps, given the points and the last step in equilibrium.
+/// A change to a model between two steps, given the points and the last step in equilibrium.
 pub type Change<'a, const D: usize> =
     &'a mut dyn FnMut(&mut Model<D>, &Points<D>, &Reached) -> Result<bool, SolveError>;
 
-/// As [`run_stages`]; whenever the observer has interrupted the run between two steps, `change` may alter the model, and the
-/// run goes on if it returns true. The points, the grid and the terms of equilibrium stay as they are.
+/// As [`run_stages`]; whenever the observer has interrupted the run between two steps, `change` may alter the model,
+/// and the run goes on if it returns true. The points, the grid and the terms of equilibrium stay as they are.
 ///
 /// # Errors
 /// As [`run_stages`], and those of `change`.
@@ -232,8 +234,8 @@ where
     finish(model, points, reached, outcome, observer)
 }
 
-/// Solves all steps from the present one to the end of the last stage; each stage, and each step on a grid that moves, has its
-/// own stepper.
+/// Solves all steps from the present one to the end of the last stage; each stage, and each step on a grid that moves,
+/// has its own stepper.
 ///
 /// # Errors
 /// As [`Stepper::step`].

@@ -1,4 +1,5 @@
-//! The equations of one attempt at a load step: constraints, the sum of the terms, and the condition on the load factor.
+//! The equations of one attempt at a load step: constraints, the sum of the terms, and the condition on the load
+//! factor.
 
 use crate::dofs::{ConstraintError, Constraints, DofMap};
 use crate::points::Points;
@@ -16,7 +17,7 @@ use super::residual::Parts;
 pub(super) struct StepSystem<const D: usize, const N: usize = D> {
     pub(super) dofs: DofMap<N>,
     pub(super) sum: Sum<D, N>,
-    /// The equation of the load factor, if that is unknown.
+    /// The equation of the load factor, if the factor is unknown.
     pub(super) condition: Option<Condition<D, N>>,
     /// The connected parts of the bodies.
     pub(super) parts: Parts,
@@ -36,7 +37,7 @@ impl<const D: usize, const N: usize> StepSystem<D, N> {
         let ranks = links.halo().ranks();
         let dofs = constraints(context, points, terms);
         let dofs = agree(ranks, dofs.map_err(|error| SolveError::Constraint { step: step.index, error }))?;
-        // A ring resists its own motion outwards.
+        // In a body of revolution, hoop stresses resist radial motion.
         let rigid = usize::from(model.revolved)..D;
         let joined = links.joined_parts();
         let may_be_held = terms.iter().any(|term| term.may_hold());

@@ -36,7 +36,7 @@ use super::summary::{Reached, Summary};
 /// # }
 /// ```
 ///
-/// There are `D` axes and `N` components at each node: the displacement, and those of further fields.
+/// There are `D` axes, and `N` components at each node: those of the displacement and those of further fields.
 pub struct Stepper<'a, const D: usize, const N: usize = D> {
     pub(super) model: &'a Model<D>,
     pub(super) points: &'a mut Points<D>,
@@ -44,13 +44,13 @@ pub struct Stepper<'a, const D: usize, const N: usize = D> {
     pub(super) equations: Equations<D, N>,
     /// Links of the previous step, whose memory is reused.
     pub(super) links: Connectivity<D>,
-    /// The last step in equilibrium; none while a step is attempted.
+    /// Report of the last step in equilibrium; `None` while a step is attempted.
     pub(super) report: Option<StepReport<D>>,
     /// The cause of the failure of the present step, kept while last resorts are tried.
     pub(super) cause: Option<(FailedAttempt<D>, Diagnosis)>,
     /// The error of the last attempt at the present step that failed although it met the tolerance.
     pub(super) lost_points: Option<SolveError>,
-    /// The parts of equilibrium.
+    /// The terms of equilibrium.
     pub(super) terms: Terms<D, N>,
     /// True if terms have been added to those of the model.
     is_extended: bool,
@@ -88,11 +88,11 @@ impl<'a, const D: usize> Stepper<'a, D> {
 }
 
 impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
-    /// An analysis with further fields at the nodes, which terms added later use. The fields must have `N` components
-    /// in total, those of the displacement first.
+    /// An analysis with further fields at the nodes, for terms that are added later. The fields must have `N`
+    /// components in total, those of the displacement first.
     ///
     /// # Errors
-    /// [`SolveError::Term`] if the fields do not have `D` and `N` components.
+    /// [`SolveError::Term`] if the displacement does not have `D` components, or all fields together do not have `N`.
     pub fn with_fields(
         model: &'a Model<D>,
         points: &'a mut Points<D>,
@@ -145,13 +145,14 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         }
     }
 
-    /// Solves linear equations by this backend in place of the built-in ones.
+    /// Solves linear equations with this backend in place of the built-in ones.
     pub fn with_backend(mut self, backend: Box<dyn Backend<D, N>>) -> Self {
         self.equations = Equations::new(Some(backend));
         self
     }
 
-    /// Resumes from a step that has been reached; the points must be in its state. All terms must have been added.
+    /// Resumes from a step that a run has reached; the points must be in the state at its end, and all terms must have
+    /// been added.
     ///
     /// # Errors
     /// [`SolveError::Term`] if a term cannot resume from its saved state.
@@ -166,12 +167,13 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         Ok(self)
     }
 
-    /// Solves the next step and commits it: the step that follows the last one in equilibrium or, if it has no
-    /// equilibrium, smaller ones as far as the model allows. `None` at the end of the analysis. A grid that moves must have
-    /// been moved to its place by [`Model::place_grid`].
+    /// Solves the step that follows the last one in equilibrium and commits it; if the step has no equilibrium, smaller
+    /// ones are tried as far as the model allows. `None` at the end of the analysis. A moving grid must have been
+    /// placed by [`Model::place_grid`].
     ///
     /// # Errors
-    /// [`SolveError`] when there is no equilibrium; the converged state of the points is then the last one in equilibrium.
+    /// [`SolveError`] when there is no equilibrium; the converged state of the points is then the last one in
+    /// equilibrium.
     pub fn step(&mut self, observer: &mut dyn Observer<D>) -> Result<Option<&StepReport<D>>, SolveError> {
         self.begin_stressed(observer)?;
         let (before, mut effort) = (self.reached.step.index, Effort::Usual);
@@ -225,7 +227,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         start(self.model, self.points, &mut self.reached, observer)
     }
 
-    /// Concludes the account of the run, and reports it.
+    /// Concludes the summary of the run, and reports it.
     pub(super) fn finish(
         self,
         outcome: Result<(), SolveError>,
@@ -239,12 +241,12 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         self.points
     }
 
-    /// The last step in equilibrium, and the account of the run so far.
+    /// The last step in equilibrium, and the summary of the run so far.
     pub fn reached(&self) -> &Reached {
         &self.reached
     }
 
-    /// The last step in equilibrium, and the account of the run so far.
+    /// The last step in equilibrium, and the summary of the run so far.
     pub(super) fn into_reached(self) -> Reached {
         self.reached
     }
@@ -264,7 +266,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         if !self.model.has_grid_of(step.start) {
             return Err(SolveError::GridMotion { step: step.index, error: GridMotionError::NotPlaced });
         }
-        // A thorough attempt belongs to the one before it.
+        // A thorough attempt belongs to the failed one before it; a run is not interrupted between them.
         if effort == Effort::Usual && self.points.ranks.any(observer.interrupted()) {
             return Err(SolveError::Interrupted { step: step.index });
         }
@@ -273,7 +275,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
 
     /// The role of slumping in the next attempt.
     fn role_of_slumping(&self) -> Slump {
-        // It is unknown whether other terms only load the bodies, and a failed slump does not restore their state.
+        // Further terms may do more than load the bodies, and a failed slump does not restore the state of terms.
         let may_slump = self.reached.summary.pace.is_damped()
             && damping::may_slump(self.model, self.points)
             && !self.is_extended;
@@ -332,7 +334,7 @@ pub(super) fn start<const D: usize>(
     agree(&points.ranks, started.map_err(SolveError::Output))
 }
 
-/// Concludes the account of a run that has ended, and reports it.
+/// Concludes the summary of a run that has ended, and reports it.
 pub(super) fn finish<const D: usize>(
     model: &Model<D>,
     points: &Points<D>,

@@ -1,4 +1,4 @@
-//! The stiffness of the materials in use, which limits what round-off allows.
+//! The stiffness of the materials in use, which determines the round-off of the forces.
 
 use crate::material::shear_modulus_at_rest;
 use crate::model::Model;

@@ -1,4 +1,4 @@
-//! Reduction of strength: the factors between which equilibrium ceases to be found, and those between which bodies begin
+//! Strength reduction: the factors between which equilibrium ceases to be found, and those between which bodies begin
 //! to slide.
 
 use std::fmt;
@@ -10,10 +10,10 @@ use crate::points::Points;
 use crate::quality::{Code, Location, Warning};
 use crate::step::Step;
 
-/// Displacement since the strength is reduced above which bodies count as sliding, relative to their height, [-].
+/// Displacement since the start of the reduction above which bodies count as sliding, relative to their height, [-].
 const SLIDES: f64 = 0.01;
-/// Displacement per factor in the last step, relative to the mean over the stage, below which bodies have not begun to run
-/// away, [-].
+/// Displacement per change of the factor in the last step, relative to the mean over the stage, below which bodies have
+/// not begun to run away, [-].
 const RUNS_AWAY: f64 = 3.0;
 
 /// A stage that reduces the strength, and its factors.
@@ -26,35 +26,35 @@ pub struct StageStrength {
 }
 
 /// Factors by which the strength of the materials was divided in a stage of
-/// [`Control::StrengthReduction`](crate::model::Control::StrengthReduction). The factor of safety lies between the first
-/// two, unless bodies slid before.
+/// [`Control::StrengthReduction`](crate::model::Control::StrengthReduction). The factor of safety lies between the
+/// first two, unless bodies slid before.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct StrengthBracket {
     /// The largest factor with equilibrium, [-]; `None` if none was found.
     pub stands: Option<f64>,
-    /// The factor without equilibrium that ended the stage, [-]; `None` if it has not ended so.
+    /// The factor without equilibrium that ended the stage, [-]; `None` if the stage has not ended in this way.
     pub fails: Option<f64>,
-    /// The factors before and after the step in which a point had moved by more than 1 % of the height of the bodies, [-], as
-    /// close to each other as those of a bracket; `None` if none has. Bodies in equilibrium at larger factors stand in
-    /// another shape.
+    /// The factors before and after the step at whose end a point had first moved by more than 1 % of the height of the
+    /// bodies, [-], as close to each other as `stands` and `fails`; `None` if no point has. Bodies in equilibrium at
+    /// larger factors stand in another shape.
     #[serde(default)]
     pub slides: Option<[f64; 2]>,
-    /// Sum over the steps of the stage of the largest displacement of a point in each, [length]: the largest displacement of a
-    /// point since the stage began, if the same one moves most in every step and in the same direction, and an upper bound
-    /// of it otherwise.
+    /// Sum over the steps of the stage of the largest displacement of a point in each, [length]: the largest
+    /// displacement of a point since the stage began, if the same point moves most in every step and in the same
+    /// direction, and an upper bound on it otherwise.
     #[serde(default)]
     pub moved: f64,
-    /// Displacement per factor in the last step in equilibrium, relative to the mean over the stage, [-]: near 1 for bodies
-    /// that deform evenly, large for bodies that begin to run away. `None` before the first step.
+    /// Displacement per change of the factor in the last step in equilibrium, relative to the mean over the stage, [-]:
+    /// near 1 for bodies that deform evenly, large for bodies that begin to run away. `None` before the first step.
     #[serde(default)]
     pub growth: Option<f64>,
-    /// Number of steps before the stage whose equilibrium only damped iterations found: the bodies slumped, and the factors are
-    /// those of the shape that was left.
+    /// Number of steps before the stage whose equilibrium was found only by damped iterations: the bodies slumped, and
+    /// the factors refer to the shape that remained.
     #[serde(default)]
     pub slumped: usize,
 }
 
-/// The displacement in a step, and the height of the bodies that it is compared with.
+/// The displacement in a step, and the height of the bodies with which it is compared.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Movement {
     /// Largest displacement of a point in the step, [length].
@@ -64,8 +64,8 @@ pub(super) struct Movement {
 }
 
 impl Movement {
-    /// That of a step in equilibrium which is not committed. Height is measured along gravity or, without gravity, along the
-    /// axis on which it is least.
+    /// The movement in a step that is in equilibrium but not committed. Height is measured along gravity or, without
+    /// gravity, along the axis on which it is least.
     pub(super) fn of<const D: usize>(model: &Model<D>, points: &Points<D>, step: Step) -> Movement {
         let (before, after) = (&points.converged.position, &points.trial.position);
         let square = |v: [f64; D]| v.iter().map(|x| x * x).sum::<f64>();
@@ -104,8 +104,8 @@ impl StrengthBracket {
         self.slides.is_none() && (self.moved + movement.largest) / movement.height > SLIDES
     }
 
-    /// Records equilibrium at a factor after a step; `from` is the factor at the start of the stage. Returns a warning if
-    /// bodies begin to slide in this step.
+    /// Records equilibrium at a factor after a step; `from` is the factor at the start of the stage. Returns a warning
+    /// if bodies begin to slide in this step.
     pub(super) fn stood(
         &mut self,
         factor: f64,
@@ -144,7 +144,7 @@ impl StrengthBracket {
 }
 
 impl StrengthBracket {
-    /// Records at the start of a stage that bodies slumped in some steps before; returns a warning then.
+    /// Records at the start of a stage in how many earlier steps bodies slumped; returns a warning if there are any.
     pub(super) fn begins(&mut self, slumped: usize, step: usize) -> Option<Warning> {
         if self.stands.is_some() || slumped == 0 {
             return None;

@@ -24,7 +24,7 @@ use super::strength::{StageStrength, StrengthBracket};
 pub struct StageReached {
     /// Number of the stage, from 0.
     pub number: usize,
-    /// The factors with which it began.
+    /// The factors with which the stage began.
     pub began: Factors,
     /// Grid nodes, and the forces on them that are released over the stage, [force].
     pub(super) released_forces: Vec<(u32, Vec<f64>)>,
@@ -35,19 +35,19 @@ pub struct StageReached {
 pub struct Summary {
     /// Number of steps in equilibrium.
     pub steps: usize,
-    /// Number of steps among them that were accepted at the limit of round-off rather than at the tolerance.
+    /// Number of these steps that were accepted at the limit of round-off rather than at the tolerance.
     #[serde(default)]
     pub rounding_limited: usize,
-    /// Number of steps among them whose equilibrium only damped iterations found.
+    /// Number of these steps whose equilibrium was found only by damped iterations.
     #[serde(default)]
     pub damped: usize,
-    /// The points that were split, in this order.
+    /// The points that were split, in the order of the splits.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub splits: Vec<Split>,
     /// Number of torn domains that were replaced.
     #[serde(default)]
     pub replaced_domains: usize,
-    /// Largest forces on a part of each body so far, [`StepReport::carried`], [force].
+    /// Largest force on a part of each body so far, [`StepReport::carried`], [force].
     #[serde(default)]
     pub carried: Vec<f64>,
     /// The state before the first step, if bodies are stressed at time 0.
@@ -55,7 +55,7 @@ pub struct Summary {
     pub initial_state: Option<InitialState>,
     /// Number of attempts at a step that did not reach equilibrium.
     pub failed_attempts: usize,
-    /// The present size of steps.
+    /// The present step size.
     pub pace: Pace,
     /// The position on the path, if the load factor is unknown.
     pub path: Path,
@@ -68,11 +68,11 @@ pub struct Summary {
     /// The sparsity pattern that later steps may reuse.
     #[serde(default, serialize_with = "save_kept", deserialize_with = "load_kept")]
     pub kept: Option<Arc<Named>>,
-    /// Load factor of the last step in equilibrium, [-]; `None` without a common factor of all loads and prescribed motions.
+    /// Load factor of the last step in equilibrium, [-]; `None` unless all loads and prescribed motions share one.
     pub load_factor: Option<f64>,
     /// Load factor of the largest magnitude in equilibrium, [-]; `None` as above.
     pub largest_load_factor: Option<f64>,
-    /// The saved states of the terms of equilibrium by their names, [`crate::terms::Term::save`].
+    /// The saved states of the terms of equilibrium, by term name, [`crate::terms::Term::save`].
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub terms: BTreeMap<String, Saved>,
     /// The probable cause of the failure; `None` unless the run has failed.
@@ -85,7 +85,7 @@ pub struct Summary {
     pub linear_solves: usize,
     /// Number of linear solves by conjugate gradients or GMRES.
     pub iterative_solves: usize,
-    /// Number of their iterations.
+    /// Number of iterations of these solves.
     pub linear_iterations: usize,
     /// Number of linear solves whose matrix was not positive definite.
     pub indefinite_solves: usize,
@@ -100,8 +100,8 @@ pub struct Summary {
     pub regridding_work: f64,
     /// Work absorbed so far by the stabilisation of faces, and lost at the end of each step, [energy].
     pub stabilisation_work: f64,
-    /// Stored energy and plastic work of bodies that were added, less those of bodies that were removed, and the change of both
-    /// where bodies got another material, [energy].
+    /// Stored energy and plastic work of bodies that were added, less those of bodies that were removed, and the change
+    /// of both where bodies changed their material, [energy].
     #[serde(default)]
     pub exchanged_energy: f64,
     /// Work absorbed so far by damped iterations between grids, [energy].
@@ -113,8 +113,8 @@ pub struct Summary {
     pub strain_energy: f64,
     /// Plastic work, [energy].
     pub plastic_work: f64,
-    /// Plastic work that the history variables of the laws show, but which was not done because the strength was reduced,
-    /// [energy].
+    /// Plastic work that the history variables of the laws record, but which was not done because the strength was
+    /// reduced, [energy].
     #[serde(default)]
     pub undone_work: f64,
     /// Work so far of friction between tools and bodies, [energy].
@@ -136,7 +136,7 @@ fn load_kept<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Arc<Named>>, D
     Ok(Option::<Named>::deserialize(from)?.map(Arc::new))
 }
 
-/// The last step of a run in equilibrium: with the points, all that the run needs to restart.
+/// The last step in equilibrium of a run: together with the points, all that a restart needs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Reached {
     /// The last step in equilibrium; number and time are 0 before the first one.
@@ -153,10 +153,10 @@ impl Reached {
     }
 }
 
-/// Round-off of a stored energy, relative to it, [-].
+/// Relative round-off of a stored energy, [-].
 const ROUND_OFF: f64 = 1e-13;
 
-/// Bound of all counts of a run.
+/// Upper bound on all counts of a run.
 const MOST_COUNTED: usize = 1 << 48;
 
 impl Reached {
@@ -196,9 +196,9 @@ impl Summary {
         }
     }
 
-    /// Difference between the work so far and the growth of the sum of stored energy and plastic work, relative to the magnitudes
-    /// of all work, [-]: the error of the trapezoidal rule, which falls with the square of the step size. Round-off of the energy
-    /// of an initial stress does not count.
+    /// Difference between the work so far and the growth of the sum of stored energy and plastic work, relative to the
+    /// sum of the magnitudes of all work, [-]: the error of the trapezoidal rule, which falls with the square of the
+    /// step size. Round-off in the energy of an initial stress does not count.
     pub fn energy_error(&self) -> f64 {
         let work = self.external_work + self.regridding_work - self.stabilisation_work - self.damping_work;
         let missing =
@@ -211,7 +211,7 @@ impl Summary {
         if self.gross_work > 0.0 { missing / self.gross_work } else { 0.0 }
     }
 
-    /// The factors of the last stage in which the strength is reduced; `None` before it.
+    /// The factors of the last stage in which the strength is reduced; `None` before that stage.
     pub fn last_strength(&self) -> Option<StrengthBracket> {
         self.strength.last().map(|of_stage| of_stage.bracket)
     }

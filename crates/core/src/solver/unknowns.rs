@@ -15,7 +15,7 @@ use super::residual::Forces;
 pub(super) struct Unknowns<const N: usize> {
     /// Increments of the active nodes; those of the displacement are Δd, [length].
     pub(super) delta_d: Nodal<N>,
-    /// Load factor, if that is unknown, [-].
+    /// Load factor, if it is unknown, [-].
     pub(super) factor: f64,
     /// Increments of the global unknowns.
     pub(super) globals: Vec<f64>,
@@ -30,23 +30,24 @@ pub(super) struct Unknowns<const N: usize> {
     pub(super) k_delta: Nodal<N>,
     /// True if δd contains a prescribed motion, so that a fraction of it would not lead towards equilibrium.
     pub(super) prescribes: bool,
-    /// Right-hand side of the equations of the unknowns, [force].
+    /// Right-hand side of the equations for the unknowns, [force].
     pub(super) rhs: Nodal<N>,
     /// Prediction of the first iterative displacement, used instead of a linear solve, [length].
     pub(super) predicted: Option<Nodal<N>>,
-    /// (δd, f_ext − f_int + f_react) where δd was found: the slope of the potential there, [energy].
+    /// Inner product (δd, f_ext − f_int + f_react) at the iterate where δd was found: the slope of the potential there,
+    /// [energy].
     slope: f64,
     /// The fraction of δd that has been taken, [-].
     taken: f64,
-    /// Number of axes: the components of the displacement.
+    /// Number of axes, and of displacement components.
     axes: usize,
     /// A displacement that no equilibrium in this grid can have, [length].
     far: f64,
-    /// The nodes that other ranks count.
+    /// The nodes that other ranks include in sums.
     pub(super) halo: Halo,
 }
 
-/// An iterative displacement of this many diameters of the grid indicates a singular stiffness.
+/// An iterative displacement of this many grid diameters indicates a singular stiffness.
 const FAR: f64 = 1e6;
 
 /// A line search ends when the slope of the potential has fallen to this fraction, [-].
@@ -103,7 +104,7 @@ impl<const N: usize> Unknowns<N> {
         dofs.on_unknowns(rhs);
     }
 
-    /// Takes the iterative increment, eq. (30), with the linearised change of the reactions.
+    /// Adds the iterative increment to Δd, eq. (30), and updates the reactions by their linearised change.
     pub(super) fn advance(
         &mut self,
         system: &mut System<N>,
@@ -168,7 +169,7 @@ impl<const N: usize> Unknowns<N> {
         self.iterative.fill([0.0; N]);
     }
 
-    /// Reduces the last iterative increment to this fraction of what was taken of it.
+    /// Reduces the last iterative increment to this fraction of the part that was taken.
     pub(super) fn shorten(&mut self, part: f64) {
         let back = 1.0 - part;
         let retreat = |value: &mut f64, change: &mut f64| {
@@ -179,20 +180,21 @@ impl<const N: usize> Unknowns<N> {
             values.iter_mut().zip(changes).for_each(|(value, change)| retreat(value, change));
         };
         both(self.delta_d.as_flattened_mut(), self.iterative.as_flattened_mut());
-        // Zero for components without a constraint.
+        // These are zero for components without a constraint.
         both(self.reaction.as_flattened_mut(), self.k_delta.as_flattened_mut());
         both(&mut self.globals, &mut self.iterative_globals);
         retreat(&mut self.factor, &mut self.iterative_factor);
         self.taken *= part;
     }
 
-    /// The work of the forces out of balance, on the nodes and of the global equations, on the whole last increment, [energy].
+    /// Work of the out-of-balance forces, at the nodes and in the global equations, over the whole of the last
+    /// increment, [energy].
     pub(super) fn slope(&self, force: &[[f64; N]], border: &Border<N>) -> f64 {
         (self.halo.dot(force, &self.iterative) + border.work(&self.iterative_globals)) / self.taken
     }
 
-    /// The factor on the last increment, as far as it was taken, that leads to where a secant of the slope of the potential
-    /// vanishes; `None` if the slope there is small enough or no bracket is known.
+    /// The factor that scales the part of the last increment that was taken, so that it ends at the zero of a secant of
+    /// the slope of the potential; `None` if the slope is small enough already or no bracket is known.
     pub(super) fn secant_fraction(
         &self,
         out_of_balance: &[[f64; N]],
@@ -206,7 +208,8 @@ impl<const N: usize> Unknowns<N> {
         bracket.factor(start, self.taken, slope)
     }
 
-    /// f_ext − f_int + f_react over all components, constrained ones included; eq. (28) with the sign that eq. (26) needs.
+    /// f_ext − f_int + f_react over all components, constrained ones included; eq. (28) with the sign that eq. (26)
+    /// needs.
     pub(super) fn balance(&self, system: &System<N>) -> Nodal<N> {
         let (f_ext, f_int) = (system.external_force(), system.internal_force());
         (0..f_ext.len())
@@ -226,8 +229,9 @@ impl<const N: usize> Unknowns<N> {
     }
 }
 
-/// The bracket of a line search: fractions of an increment with the slopes of the potential there. The search is regula falsi
-/// with halved slopes at an end that stays (Illinois), because contact has kinks that a secant alone underestimates.
+/// The bracket of a line search: fractions of an increment, with the slopes of the potential there. The search is the
+/// regula falsi with the slope halved at an end that is retained (Illinois algorithm), because contact has kinks that a
+/// secant alone underestimates.
 #[derive(Debug, Default)]
 pub(super) struct Bracket {
     low: Option<[f64; 2]>,
@@ -236,8 +240,8 @@ pub(super) struct Bracket {
 }
 
 impl Bracket {
-    /// The factor on a fraction with this slope that leads to the next one; `None` while the potential falls at the end of the
-    /// whole increment.
+    /// The factor that leads from a fraction with this slope to the next fraction; `None` while the potential still
+    /// falls at the end of the whole increment.
     fn factor(&mut self, start: f64, fraction: f64, slope: f64) -> Option<f64> {
         let is_high = slope < 0.0;
         let low = self.low.get_or_insert([0.0, start]);

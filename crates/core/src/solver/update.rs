@@ -17,7 +17,7 @@ use crate::step::{Step, StepContext, displacement};
 use crate::tensor::Mat3;
 use crate::timing::{Phase, Timings};
 
-/// The new place, deformation and domain of one point.
+/// The new position, deformation and domain of one point.
 struct Moved<const D: usize> {
     position: [f64; D],
     deformation_gradient: Mat3,
@@ -27,18 +27,18 @@ struct Moved<const D: usize> {
     is_replaced: bool,
 }
 
-/// Most halvings of a domain that replaces a torn one, until it fits into the grid.
+/// Largest number of halvings of a domain that replaces a torn one, to make it fit into the grid.
 const MOST_HALVINGS: usize = 10;
 
 /// A task of at most this many groups is not divided between threads.
 const GRAIN: usize = 16;
 
 impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
-    /// Moves the points with the grid, eqs. (9), (31), updates F by eq. (16) and the domains by eqs. (32)-(39); all into
-    /// the trial state, whose stress and strain the last evaluation has written.
+    /// Moves the points with the grid, eqs. (9), (31), updates F by eq. (16) and the domains by eqs. (32)-(39); all
+    /// into the trial state, whose stress and strain the last evaluation has written.
     ///
-    /// As a last resort, a domain that is torn, or has corners outside the grid, is replaced; returns the permanent numbers of
-    /// these points on all ranks, ascending.
+    /// As a last resort, and in bodies whose long domains are split, domains that are torn or have corners outside the
+    /// grid are replaced; returns the permanent numbers of their points on all ranks, ascending.
     ///
     /// # Errors
     /// [`SolveError`] when a point or a corner of its domain leaves the grid, or a domain collapses.
@@ -144,7 +144,7 @@ impl<const D: usize> Room<'_, D> {
         a.and(b)
     }
 
-    /// The parts before and from a point.
+    /// The parts before a point and from it onwards.
     fn split(&mut self, point: usize, corners_per_point: usize) -> (Room<'_, D>, Room<'_, D>) {
         let n = point - self.first;
         let (position_l, position_r) = self.position.split_at_mut(n);
@@ -243,7 +243,7 @@ fn move_point<const D: usize>(
                 Method::Cpdi2 => carry_corners(points, p, displacement, &mut moved),
                 _ => deform_corners(points, p, 1.0, &mut moved),
             }
-            // Otherwise only the next step, if there is one, would notice.
+            // Without this check, only the next step, if there is one, would notice an invalid domain.
             let n = points.corner_range(p).len();
             let check = |moved: &Moved<D>| match next_grid.structured() {
                 Some(grid) => check_domain(grid, &moved.corners[..n], points.cell[p]),
@@ -277,8 +277,8 @@ fn move_point<const D: usize>(
     Ok(moved)
 }
 
-/// The updated half lengths of the box of a standard point, which only contact with tools uses; zero for points without box.
-/// Where its corners lie beyond the cell of the point, they move with the basis of that cell, continued: the next cell may
+/// The updated half lengths of the box of a standard point, which only contact with tools uses; zero for points without
+/// a box. Corners beyond the cell of the point move with the basis of that cell, continued outwards: the next cell may
 /// hold no material. A box that would collapse keeps its size.
 fn box_of_standard_point<const D: usize>(
     model: &Model<D>,
@@ -312,8 +312,8 @@ fn box_of_standard_point<const D: usize>(
     update.half_lengths(&motion).unwrap_or(previous)
 }
 
-/// A deformation gradient restricted to the `D` axes: the domain does not depend on the rest, the stretch around the
-/// axis of a body of revolution.
+/// A deformation gradient restricted to the `D` axes: the domain does not depend on the rest, such as the hoop stretch
+/// of a body of revolution.
 fn along_axes<const D: usize>(mut F: Mat3) -> Mat3 {
     for d in D..3 {
         F[(d, d)] = 1.0;
@@ -334,8 +334,8 @@ fn carry_corners<const D: usize>(
     }
 }
 
-/// A quadrilateral (hexahedron) whose departure from a parallelogram (parallelepiped) is scaled. Sides keep their mid-points, and
-/// quadrilaterals their area.
+/// A quadrilateral (hexahedron) whose departure from a parallelogram (parallelepiped) is scaled. Sides (faces) keep
+/// their mid-points, and quadrilaterals their area.
 fn straightened<const D: usize>(corners: &[[f64; D]; 8], n: usize, size: f64) -> [[f64; D]; 8] {
     let sign = |corner: usize, axis: usize| if corner >> axis & 1 == 1 { 1.0 } else { -1.0 };
     let mean = |weight: &dyn Fn(usize) -> f64| -> [f64; D] {

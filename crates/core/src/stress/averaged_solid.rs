@@ -4,7 +4,8 @@
 use super::products::{MANDEL_INDEX, times};
 use super::{Averaged, Averaging, Isotropic, Lane, Lanes, Spatial, WeakForm, transposed};
 
-/// [`Spatial`] under the pressure of its cell: its moduli are those of the deviator of τ, its stress is V⁰ dev τ + V P 1.
+/// [`Spatial`] under the pressure of its cell: its moduli are those of the deviator of τ, its stress is V⁰ dev τ + V P
+/// 1.
 #[derive(Debug, Clone, Copy)]
 pub struct AveragedSpatial {
     point: Spatial,
@@ -120,8 +121,8 @@ impl Averaged<3> for AveragedSpatial {
     }
 }
 
-/// [`Isotropic`] under the pressure of its cell. With s = dev τ, π = tr τ/3 and the stress s + J P 1, its stiffness between
-/// two nodes is V⁰ (λ′ g_a⊗g_b + μ′ g_b⊗g_a − ⅔ (g_a⊗s g_b + s g_a⊗g_b) + (g_a·(s + (J P + μ′) 1)·g_b) 1) with
+/// [`Isotropic`] under the pressure of its cell. With s = dev τ, π = tr τ/3 and the stress s + J P 1, its stiffness
+/// between two nodes is V⁰ (λ′ g_a⊗g_b + μ′ g_b⊗g_a − ⅔ (g_a⊗s g_b + s g_a⊗g_b) + (g_a·(s + (J P + μ′) 1)·g_b) 1) with
 /// μ′ = μ̂ + π − J P and λ′ = J P − ⅔ (μ̂ + π).
 #[derive(Debug, Clone, Copy)]
 pub struct AveragedIsotropic {
@@ -236,7 +237,7 @@ impl Averaged<3> for AveragedIsotropic {
         [gradient[0], gradient[1], gradient[2]]
     }
 
-    /// The part of b, V⁰ dev(1:Dτ)·g/3 = ⅔ V⁰ s g.
+    /// The part of node b, V⁰ dev(1:Dτ)·g/3 = ⅔ V⁰ s g.
     #[inline(always)]
     fn column_of_coupling(&self, gradient: &[f64; 6]) -> [f64; 3] {
         [-gradient[3], -gradient[4], -gradient[5]]

@@ -73,7 +73,7 @@ impl WeakForm<2> for Revolved {
                 }
                 column[k][i][k] -= traction[i];
             }
-            // The hoop stress works with the radial displacement only.
+            // The hoop stress is conjugate to the radial displacement only.
             column[AROUND][0][k] = change(AROUND, k);
         }
         column[AROUND][0][0] -= around;
@@ -96,7 +96,7 @@ impl From<&Revolved> for Current<2, 3> {
     #[inline(always)]
     fn from(point: &Revolved) -> Self {
         let full = Current::from(&point.point);
-        // Component (i, j) in three dimensions. The work of the hoop stress with the axial displacement is zero.
+        // Component (i, j) in three dimensions. The hoop stress does no work on the axial displacement.
         let component = |i: usize, j: usize| match (i, j) {
             (1, 2) => None,
             (_, 2) => Some((2, 2)),
@@ -197,8 +197,8 @@ impl Mechanics<2> for Axisymmetric {
     ) -> Result<PointResponse<Contribution<2, 3>>, PointError> {
         let PointResponse { weak: full, tau, elastic_strain } =
             Solid::respond_updated(start, &solid(increment)?, material, old, new)?;
-        // Component (i, j) of the three-dimensional stress. (1, 2), the work of the hoop stress with the axial
-        // displacement, is zero.
+        // Component (i, j) of the three-dimensional stress. (1, 2) is zero: the hoop stress does no work on the axial
+        // displacement.
         let component = |i: usize, j: usize| match (i, j) {
             (1, AROUND) => None,
             (_, AROUND) => Some((AROUND, AROUND)),

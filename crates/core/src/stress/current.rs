@@ -3,12 +3,12 @@
 
 use super::{Contribution, Lane, Lanes, WeakForm, transposed};
 
-/// Stress and moduli of a point in the current configuration, with indices in the order in which they are contracted. `T` is
-/// one number or one SIMD lane per point.
+/// Stress and moduli of a point in the current configuration, with indices in the order in which they are contracted.
+/// `T` is one number or one SIMD lane per point.
 ///
-/// `E` components of the gradient of a basis function: those along the `D` axes and, for a body of revolution, S/r, which is
-/// conjugate to the first component of the displacement. Volumetric quantities are sums over these components, so that `E`
-/// is also the exponent n of the volumetric split: 2 in plane strain, 3 otherwise.
+/// The gradient of a basis function has `E` components: those along the `D` axes and, for a body of revolution, S/r,
+/// which is conjugate to the first component of the displacement. Volumetric quantities are sums over these components,
+/// so `E` is also the exponent n of the volumetric split: 2 in plane strain, 3 otherwise.
 #[derive(Debug, Clone, Copy)]
 pub struct Current<const D: usize, const E: usize, T = f64> {
     /// V⁰τ with the reference volume V⁰ = V_n/J_n, `[j][i]`, [stress·volume].
@@ -49,8 +49,7 @@ impl<const D: usize, const E: usize> Current<D, E> {
         Current { stress, tangent, inverse, per_radius }
     }
 
-    /// The same response where the deformation increment is `factor` times smaller in the directions of the volumetric
-    /// split.
+    /// The same response, for a deformation increment divided by `factor` in the directions of the volumetric split.
     #[inline(always)]
     pub(super) fn shrunk(mut self, factor: f64) -> Self {
         self.inverse.as_flattened_mut().iter_mut().for_each(|x| *x *= factor);

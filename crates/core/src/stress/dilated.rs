@@ -1,18 +1,18 @@
-//! Points whose volume ratio is that of their cell: its mean there, or its value at the centre.
+//! Points whose volume ratio is that of their cell: the mean over the cell, or the value at its centre.
 //!
-//! **Mean dilatation.** The volume ratio of the points of a cell is θ = Σ v_q ΔJ_q / Σ v_q. Its variation is δθ/θ = h·δu with
-//! the mean gradient h = Σ V_q g_q / Σ V_q over the current volumes V_q = v_q ΔJ_q. The virtual work of a point is then
-//! V⁰ τ̄ : δL̄ with δL̄ = δL + (h·δu − div δu)/n 1: the deviator of τ̄ works with the gradients of the point, its mean π with the
-//! mean gradient. Summed over the cell, the latter is the pressure P = Σ V⁰π / Σ V times the divergence at every point.
-//! This leaves each point a weak form of the common kind, with the stress V⁰ dev τ̄ + V P 1 and, with Dτ̄ = ∂τ̄/∂L, the
-//! derivative V⁰ dev∘Dτ̄∘dev + V P 1⊗1. In addition the cell couples all its nodes through h:
-//! h⊗b + b⊗h + k h⊗h with b = Σ V⁰ dev(1:Dτ̄)·g/n and k = Σ V⁰ (1:Dτ̄:1/n² − π). All derives from the energy at ΔF̄, so
-//! that the stiffness is symmetric if that of the law is (Simo, Taylor and Pister 1985; Moran, Ortiz and Shih 1990).
+//! **Mean dilatation.** The volume ratio of the points of a cell is θ = Σ v_q ΔJ_q / Σ v_q. Its variation is δθ/θ =
+//! h·δu with the mean gradient h = Σ V_q g_q / Σ V_q over the current volumes V_q = v_q ΔJ_q. The virtual work of a
+//! point is then V⁰ τ̄ : δL̄ with δL̄ = δL + (h·δu − div δu)/n 1: the deviator of τ̄ is conjugate to the gradients of
+//! the point, its mean π to the mean gradient. Summed over the cell, the work of the means is that of the pressure P =
+//! Σ V⁰π / Σ V on the divergence at every point. This leaves each point a weak form of the common kind, with the stress
+//! V⁰ dev τ̄ + V P 1 and, with Dτ̄ = ∂τ̄/∂L, the derivative V⁰ dev∘Dτ̄∘dev + V P 1⊗1. In addition the cell couples all
+//! its nodes through h: h⊗b + b⊗h + k h⊗h with b = Σ V⁰ dev(1:Dτ̄)·g/n and k = Σ V⁰ (1:Dτ̄:1/n² − π). All terms derive
+//! from the energy at ΔF̄, so the stiffness is symmetric if that of the law is (Simo, Taylor and Pister 1985; Moran,
+//! Ortiz and Shih 1990).
 //!
-//! **F-bar.** θ = ΔJ₀, the volume ratio at the centre of the cell, at ΔF₀ = 1 + Σ u ⊗ g₀; of a GIMP point, its mean over the
-//! cells of the domain. Forces are V σ̄·g with
-//! σ̄ = τ̄/(ΔJ₀ J_n), and the stiffness gains g·(Dτ̄:1/n − τ̄) ⊗ (g₀ − g) times V/(ΔJ₀ J_n) (de Souza Neto et al. 1996;
-//! Coombs et al. 2018).
+//! **F-bar.** θ = ΔJ₀, the volume ratio at the centre of the cell, at ΔF₀ = 1 + Σ u ⊗ g₀; for a GIMP point, the mean
+//! over the cells of the domain. Forces are V σ̄·g with σ̄ = τ̄/(ΔJ₀ J_n), and the stiffness gains g·(Dτ̄:1/n − τ̄) ⊗
+//! (g₀ − g) times V/(ΔJ₀ J_n) (de Souza Neto et al. 1996; Coombs et al. 2018).
 #![allow(non_snake_case)]
 
 use super::current::along;
@@ -21,52 +21,54 @@ use super::{Contribution, Current, Lane, Lanes, WeakForm};
 /// Tensor conjugate to the gradients of the basis, `[j][i]`.
 type Rows<const D: usize, const E: usize, T = f64> = [[T; D]; E];
 
-/// The response of a point to `factor` ΔF, which deforms by ΔF: a point of a cell whose mean dilatation it takes.
+/// The response, at `factor` ΔF, of a point that deforms by ΔF and takes the mean dilatation of its cell.
 pub trait Averaging<const D: usize>: Copy {
-    /// Its weak form.
+    /// The weak form of such a point.
     type Averaged: Averaged<D>;
 
     /// The weak form under the pressure of the cell; `pressure` is V P.
     fn averaged(&self, factor: f64, pressure: f64) -> Self::Averaged;
 }
 
-/// The weak form of a point of a cell whose mean dilatation it takes, without what it adds to the coupling of all nodes.
+/// The weak form of a point that takes the mean dilatation of its cell, without its contribution to the coupling of all
+/// nodes.
 pub trait Averaged<const D: usize>: WeakForm<D> {
     /// V⁰ 1:Dτ̄:1/n², [stress·volume].
     fn modulus(&self) -> f64;
 
-    /// Divergence of a basis function along each axis, [1/length].
+    /// Divergence of the basis function times the unit vector of each axis, [1/length].
     fn divergence(gradient: &Self::Gradient<f64>) -> [f64; D];
 
-    /// The part of a node in b as a column of the stiffness.
+    /// The contribution of a node to b as a column of the stiffness.
     fn column_of_coupling(&self, gradient: &Self::Gradient<f64>) -> [f64; D];
 
     /// The same as a row, which differs where the tangent of the law is unsymmetric.
     fn row_of_coupling(&self, gradient: &Self::Gradient<f64>) -> [f64; D];
 }
 
-/// The response of a point to `factor` ΔF, which deforms by ΔF: a point that takes the volume ratio at the centre of its cell.
+/// The response, at `factor` ΔF, of a point that deforms by ΔF and takes the volume ratio at the centre of its cell.
 pub trait Centring<const D: usize> {
-    /// Its weak form.
+    /// The weak form of such a point.
     type Centred: Centred<D>;
 
-    /// The weak form; its forces act in the volume `ratio` V⁰, ratio = ΔJ/ΔJ₀.
+    /// The weak form; its forces act in the volume `ratio` V⁰, with `ratio` = ΔJ/ΔJ₀.
     fn centred(self, factor: f64, ratio: f64) -> Self::Centred;
 }
 
 /// The weak form of a point that takes the volume ratio at the centre of its cell.
 pub trait Centred<const D: usize>: WeakForm<D> {
-    /// Divergence of a basis function along each axis at the point, [1/length].
+    /// Divergence of the basis function times the unit vector of each axis, at the point, [1/length].
     fn divergence(gradient: &Self::Gradient<f64>) -> [f64; D];
 
-    /// The column of a node whose divergence at the centre exceeds that at the point by `excess`, [1/length].
+    /// Adds to the column of a node the effect of the `excess` of its divergence at the centre over that at the point,
+    /// [1/length].
     fn add_excess(&self, excess: &[f64; D], column: &mut Self::Column);
 }
 
 /// [`Averaged`] with all its moduli. `T` is one number or one SIMD lane per point.
 #[derive(Debug, Clone, Copy)]
 pub struct MeanDilatation<const D: usize, const E: usize, T = f64> {
-    /// Without the pressure of the cell.
+    /// The point without the pressure of the cell.
     point: Current<D, E, T>,
     /// V⁰ 1:Dτ̄:1/n².
     modulus: T,
@@ -78,11 +80,12 @@ pub struct MeanDilatation<const D: usize, const E: usize, T = f64> {
 #[derive(Debug, Clone, Copy)]
 pub struct FBar<const D: usize, const E: usize> {
     point: Current<D, E>,
-    /// Derivative of the stress with the logarithm of the volume ratio, less that of the volume.
+    /// Derivative of the stress with respect to the logarithm of the volume ratio, less that due to the change of
+    /// volume.
     with_ratio: Rows<D, E>,
 }
 
-/// Divergence of a basis function along each axis.
+/// Divergence of the basis function times the unit vector of each axis.
 #[inline(always)]
 fn divergence<const D: usize, const E: usize>(gradient: &[f64; E]) -> [f64; D] {
     let mut sum = [0.0; D];
@@ -118,7 +121,7 @@ fn trace<const D: usize, const E: usize, T: Lane>(rows: &Rows<D, E, T>) -> T {
 }
 
 impl<const D: usize, const E: usize, T: Lane> MeanDilatation<D, E, T> {
-    /// From the response at ΔF̄.
+    /// The moduli from the response at ΔF̄.
     #[inline(always)]
     pub(super) fn new(mut point: Current<D, E, T>) -> Self {
         let per_n = 1.0 / E as f64;

@@ -101,7 +101,7 @@ pub trait WeakForm<const D: usize>: Copy {
     /// Packs the data of up to [`Lanes::WIDTH`] nodes into lanes; missing nodes are zero.
     fn pack(nodes: &[Self::Gradient<f64>]) -> Self::Gradient<Lanes>;
 
-    /// Returns the column of a node and adds the force at it to `force`.
+    /// Returns the column of a node and adds the force at the node to `force`.
     fn column(&self, gradient: &Self::Gradient<f64>, force: &mut [f64; D]) -> Self::Column;
 
     /// Adds the entries of a row (`gradient`) and a `column` to the block of the pair, `[i][k]`. With several rows in
@@ -144,7 +144,7 @@ pub trait Mechanics<const D: usize>: Copy + Send + Sync + 'static {
     type Updated: WeakForm<D>;
     /// A point in the current configuration, whose volume ratio may be that at the centre of its cell.
     type Current: Centring<D> + for<'a> From<&'a Self::Updated>;
-    /// A point whose volume ratio may be the mean of its cell.
+    /// A point whose volume ratio may be the mean over its cell.
     type Averaging: Averaging<D>;
     /// As [`Mechanics::Averaging`], for laws with isotropic spatial moduli.
     type AveragingIsotropic: Averaging<D>;
@@ -213,7 +213,7 @@ pub trait Mechanics<const D: usize>: Copy + Send + Sync + 'static {
         new: &mut [f64],
     ) -> Result<PointResponse<Self::Current>, PointError>;
 
-    /// Evaluates a point whose volume ratio may be the mean of its cell.
+    /// Evaluates a point whose volume ratio may be the mean over its cell.
     ///
     /// # Errors
     /// As [`Mechanics::respond`].

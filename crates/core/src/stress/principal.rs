@@ -9,11 +9,11 @@ use super::{Lane, Lanes, PointError};
 use crate::material::{MaterialError, PrincipalLaw, PrincipalResponse, divided_difference};
 use crate::tensor::{PrincipalDerivative, Sym3, ln, log_divided_difference, plane};
 
-/// Most history variables of a law that is evaluated for several points at once.
+/// Largest number of history variables of a law that is evaluated for several points at once.
 pub(crate) const MOST_HISTORY: usize = 16;
 
-/// τ and the elastic strain as `xx, yy, zz, √2 xy`, and the derivative of τ with respect to b on the in-plane components
-/// `xx, yy, √2 xy`.
+/// τ and the elastic strain as `xx, yy, zz, √2 xy`, and the derivative of τ with respect to b on the in-plane
+/// components `xx, yy, √2 xy`.
 pub(super) struct InPlaneAnswer<T> {
     pub tau: [T; 4],
     pub elastic_strain: [T; 4],
@@ -26,7 +26,7 @@ struct OnAxes<T> {
     elastic_strain: [T; 3],
     /// The modulus on the axes in the plane.
     modulus: [[T; 2]; 2],
-    /// (τ_1 − τ_2)/(ε_1 − ε_2) of these axes.
+    /// (τ_1 − τ_2)/(ε_1 − ε_2) for these axes.
     on_shear: T,
 }
 
@@ -38,7 +38,7 @@ fn respond(
     old: &[f64],
     new: &mut [f64],
 ) -> Result<OnAxes<f64>, MaterialError> {
-    // In descending order: the larger and the smaller value in the plane, with that of z among them.
+    // In descending order: the larger and the smaller value in the plane, with the value along z sorted in.
     let order = if logarithm[2] > logarithm[0] {
         [2, 0, 1]
     } else if logarithm[2] > logarithm[1] {
@@ -51,7 +51,7 @@ fn respond(
         return Err(MaterialError::NotFinite);
     }
     let PrincipalResponse { tau, elastic_strain, modulus } = law.respond(strain, old, new)?;
-    // The places of the axes in descending order.
+    // The positions of the axes in the descending order.
     let [first, second, z] = match order {
         [2, 0, 1] => [1, 2, 0],
         [0, 2, 1] => [0, 2, 1],
@@ -95,7 +95,7 @@ fn without_flow(law: &dyn PrincipalLaw, logarithm: &[Lanes; 3], history: &[Lanes
     Some(OnAxes { tau, elastic_strain: [first, second, z], modulus, on_shear })
 }
 
-/// The strains of the axes in the plane, in descending order, with that of z among them.
+/// The strains of the axes in the plane, in descending order, with the strain along z sorted in.
 #[inline(always)]
 fn descending([first, second, z]: &[Lanes; 3]) -> [Lanes; 3] {
     let largest = first.where_below(*z, *z, *first);
@@ -104,8 +104,8 @@ fn descending([first, second, z]: &[Lanes; 3]) -> [Lanes; 3] {
     [largest, middle, least]
 }
 
-/// As [`respond`] for several points side by side, with the same bits, if the law has such a form and all points respond.
-/// Replaces `history` by its new values.
+/// As [`respond`] for several points side by side, with the same bits, if the law has such a form and all points
+/// respond. Replaces `history` by its new values.
 #[inline(always)]
 fn side_by_side(
     law: &dyn PrincipalLaw,
@@ -187,8 +187,9 @@ pub(super) fn in_plane(
     Ok(in_components(&axes, &response))
 }
 
-/// As [`in_plane`] for several points of one law: the axes and the tensors of all at once, the returns to the surface one
-/// by one unless the law has a form for several points. Replaces `history` by its new values. `None` if a point fails.
+/// As [`in_plane`] for several points of one law: axes and tensors for all points at once, the returns to the surface
+/// one by one unless the law has a form for several points. Replaces `history` by its new values. `None` if a point
+/// fails.
 #[inline(always)]
 pub(super) fn in_lanes(
     law: &dyn PrincipalLaw,

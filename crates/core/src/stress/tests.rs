@@ -136,7 +136,7 @@ fn transcription(start: &StartOfStep, dF: &Rows, law: &dyn Material, old: &[f64]
 }
 
 proptest! {
-    // Differences across a corner of a yield surface, which a random state meets now and then, are no derivative.
+    // A difference across a corner of a yield surface, which a random state meets now and then, is not a derivative.
     #![proptest_config(ProptestConfig { rng_seed: RngSeed::Fixed(1), ..ProptestConfig::default() })]
 
     #[test]
@@ -246,7 +246,7 @@ proptest! {
         }
     }
 
-    /// Small strains, so that some laws flow at no point, others at some.
+    /// Small strains, so that some laws flow at no point, and others at some points.
     #[test]
     fn points_beside_each_other_do_not_change_each_other(
         states in prop::array::uniform4(plane_states()), size in -5.0..-1.0f64,
@@ -359,7 +359,7 @@ fn a_point_turned_inside_out_is_an_error() {
 }
 
 proptest! {
-    /// Points side by side that flow or do not, with z as any of the three axes in descending order.
+    /// Points side by side that flow or do not, at principal strains in descending order.
     #[test]
     fn laws_that_respond_side_by_side_respond_one_by_one_with_the_same_bits(
         strains in proptest::collection::vec(proptest::array::uniform3(-0.02..0.02f64), 4),
@@ -391,7 +391,7 @@ proptest! {
     }
 }
 
-/// Strains far within the surface and just beyond it, at points beside each other.
+/// Strains far inside the surface and just beyond it, at adjacent points.
 #[test]
 fn laws_know_which_points_do_not_flow() {
     let mut known = 0;

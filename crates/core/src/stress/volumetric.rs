@@ -4,10 +4,11 @@ use serde::{Deserialize, Serialize};
 
 /// How the volume ratio that the law sees follows from the displacement of the grid.
 ///
-/// At every point of a nearly incompressible or isochorically flowing body the standard method asks for the right volume,
-/// which a linear basis cannot give: the body locks. Both cures ask for it once per cell, and leave the other parts of the
-/// deformation gradient as they are: ΔF̄ = (θ/ΔJ)^(1/n) ΔF, with n = 2 in plane strain, where only the in-plane part is
-/// scaled, and n = 3 otherwise. Volumes of points and the gradients of the basis follow from ΔF.
+/// At every point of a nearly incompressible or isochorically flowing body, the standard method requires the correct
+/// volume, which a linear basis cannot provide: the body locks. Both remedies require it only once per cell, and leave
+/// the other parts of the deformation gradient as they are: ΔF̄ = (θ/ΔJ)^(1/n) ΔF, with n = 2 in plane strain, where
+/// only the in-plane part is scaled, and n = 3 otherwise. Volumes of points and the gradients of the basis follow from
+/// ΔF.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
@@ -16,7 +17,7 @@ pub enum Volumetric {
     /// constant volume; gives the results of Coombs et al. (2020).
     #[default]
     Standard,
-    /// The mean over the points of the material in the cell, or in a patch of triangles or tetrahedra, weighted with
+    /// The mean over the points of the material in the cell, or in a patch of triangles or tetrahedra, weighted by
     /// volume; its variation is averaged likewise, so that the stiffness stays symmetric. For every method.
     MeanDilatation,
     /// The volume ratio at the centre of the cell, Coombs, Charlton, Cortis and Augarde (2018), with an unsymmetric

@@ -10,7 +10,7 @@ use crate::grid::Grid;
 use crate::ranks::Ranks;
 use crate::region::area_vector;
 
-/// A surface that the grid carries.
+/// A surface carried by the grid.
 #[derive(Debug, Clone, Default)]
 pub struct Carried<const D: usize> {
     /// Positions of the corners at the end of the last step in equilibrium, [length].
@@ -21,9 +21,9 @@ pub struct Carried<const D: usize> {
     facets: Vec<[u32; D]>,
     /// Basis at each corner in the present step; empty where this rank lacks a node.
     at_corners: Vec<Support<D>>,
-    /// With several ranks, the cell that carries each corner, and the rank that has found it.
+    /// With several ranks, the cell that carries each corner, and the rank that has found this cell.
     found: Vec<(u32, u32)>,
-    /// With several ranks, this one.
+    /// With several ranks, the index of this rank.
     own: Option<u32>,
 }
 
@@ -50,10 +50,10 @@ impl<const D: usize> Carried<D> {
         self.facets.is_empty()
     }
 
-    /// Finds the cells of a step that starts from the converged state, to which `links` belong.
+    /// Finds the cells that carry the corners in a step from the converged state, to which `links` belong.
     ///
     /// # Errors
-    /// The first corner near which no cell has active nodes only, [length].
+    /// The position of the first corner near which no cell has only active nodes, [length].
     pub fn locate(&mut self, grid: &dyn Grid<D>, links: &Connectivity<D>) -> Result<(), [f64; D]> {
         self.trial.clone_from(&self.converged);
         if self.own.is_some() {
@@ -81,7 +81,7 @@ impl<const D: usize> Carried<D> {
         normals
     }
 
-    /// Finds the cells that carry the corners, with all ranks; each holds some of the samples then.
+    /// Finds the cells that carry the corners, together with all ranks; each rank then holds some of the samples.
     ///
     /// # Errors
     /// As [`Carried::locate`], the same on all ranks.
@@ -89,7 +89,8 @@ impl<const D: usize> Carried<D> {
         let ranks = links.halo().ranks();
         let place = |(x, normal)| carrying_cell(grid, links, x, &unit(normal));
         let own: Vec<Option<(u32, u32)>> = self.converged.iter().zip(&self.normals()).map(place).collect();
-        // The first place that any rank has found is the one that a rank with all nodes finds.
+        // The earliest cell that any rank has found, in the order of the search, is the one that a rank with all nodes
+        // would find.
         let mut best: Vec<Option<(u32, u32, u32)>> = vec![None; own.len()];
         for (rank, found) in (0u32..).zip(ranks.gather_all(own)) {
             for (best, found) in best.iter_mut().zip(found) {
@@ -126,7 +127,7 @@ impl<const D: usize> Carried<D> {
         (0..self.len()).filter(|sample| self.is_own(*sample))
     }
 
-    /// Gives all ranks the trial positions of the corners.
+    /// Sends the trial positions of the corners to all ranks.
     pub fn complete(&mut self, ranks: &Ranks) {
         let Some(own) = self.own else { return };
         let mut numbers = vec![0.0; D * self.trial.len()];
@@ -141,7 +142,7 @@ impl<const D: usize> Carried<D> {
         }
     }
 
-    /// Carries nothing in this step.
+    /// Marks the surface as not carried in this step.
     pub fn clear(&mut self) {
         self.trial.clone_from(&self.converged);
         self.at_corners.clear();
@@ -158,7 +159,7 @@ impl<const D: usize> Carried<D> {
         self.facets[sample].map(|corner| &self.at_corners[corner as usize])
     }
 
-    /// Calls `visit` with each node of a sample and its N_v there, the mean over the corners of its facet; a node may
+    /// Calls `visit` with each node of a sample and N_v of the node, averaged over the corners of the facet; a node may
     /// occur at several corners.
     pub fn for_each_value(&self, sample: usize, mut visit: impl FnMut(usize, f64)) {
         for support in self.supports(sample) {
@@ -168,7 +169,7 @@ impl<const D: usize> Carried<D> {
         }
     }
 
-    /// Adds N_v f of a force on a sample to the forces on the nodes, [force].
+    /// Adds N_v f, for a force f on a sample, to the forces on the nodes, [force].
     pub fn spread<const N: usize>(&self, sample: usize, force: &[f64; D], nodal: &mut [[f64; N]]) {
         self.for_each_value(sample, |node, value| {
             (0..D).for_each(|d| nodal[node][d] += value * force[d]);
@@ -211,7 +212,7 @@ impl<const D: usize> Carried<D> {
     /// Restores the state that [`Carried::save`] returned.
     ///
     /// # Errors
-    /// The reason why it is not a state of this surface.
+    /// The reason why the value is not a state of this surface.
     pub fn restore(&mut self, saved: &Value) -> Result<(), String> {
         let numbers: Vec<f64> = serde_json::from_value(saved.clone()).map_err(|error| error.to_string())?;
         let (corners, rest) = numbers.as_chunks::<D>();

@@ -8,12 +8,13 @@ use crate::region::{Facet, Motion, NoBoundary, area_vector, divided};
 
 use super::unit;
 
-/// Sides of cells whose normals differ by less than this angle form one smooth side: its cosine.
+/// Cosine of the angle between normals below which neighbouring sides of cells form one smooth side.
 const SMOOTH: f64 = 0.9;
 
-/// The sides of cells of a list that no other cell of the list shares, moved by `motion`, in facets whose edges are at
-/// most `spacing` long, [length]. `group` lists nodes, ascending: it restricts the result to sides all of whose nodes
-/// belong to it. Smooth pieces count as the sides of the surface, numbered in the order of the cells.
+/// The boundary of a list of cells: the sides that no other cell of the list shares, moved by `motion` and divided into
+/// facets whose edges are no longer than `spacing`, [length]. `group`, an ascending list of nodes, restricts the result
+/// to sides whose nodes all belong to it. Each smooth piece counts as one side of the surface; the pieces are numbered
+/// in the order of the cells.
 ///
 /// # Errors
 /// [`NoBoundary::TooMany`].
@@ -47,7 +48,7 @@ pub fn boundary_of_cells<const D: usize>(
     Ok(facets)
 }
 
-/// The unit normal of a side: that of its first corners.
+/// The unit normal of a side, computed from its first corners.
 fn normal<const D: usize>(corners: &[[f64; D]]) -> [f64; D] {
     unit(&area_vector(&std::array::from_fn(|k| corners[k])))
 }
@@ -62,7 +63,7 @@ fn smooth_pieces<const D: usize>(sides: &[&Side], normal: &dyn Fn(&Side) -> [f64
         }
         k
     };
-    // Neighbours share a node in the plane, an edge in space.
+    // Neighbouring sides share a node in the plane and an edge in space.
     let mut last: BTreeMap<[u32; 2], Vec<usize>> = BTreeMap::new();
     for (k, side) in sides.iter().enumerate() {
         let n = side.nodes.len();
@@ -95,7 +96,7 @@ mod tests {
     use super::*;
     use crate::grid::Structured;
 
-    /// The boundary of a box of cells is closed, has the area of the box, and one smooth piece for each of its sides.
+    /// The boundary of a box of cells is closed, has the area of the box, and consists of one smooth piece per side.
     fn block<const D: usize>(area: f64) {
         let grid = Structured::new([0.0; D], [0.5; D], [4; D]);
         let cells: Vec<u32> = (0..grid.n_cells())
@@ -113,7 +114,7 @@ mod tests {
             let normal = area_vector(&facet.corners);
             (0..D).for_each(|d| sum[d] += normal[d]);
             total += normal.iter().map(|n| n * n).sum::<f64>().sqrt();
-            // Outwards.
+            // The normals point outwards.
             let centre = facet.centre();
             assert!((0..D).map(|d| normal[d] * (centre[d] - 1.5)).sum::<f64>() > 0.0);
         }

@@ -1,22 +1,22 @@
-//! The grid cell that carries a place on a surface, and its basis there.
+//! The grid cell that carries a position on a surface, and its basis there.
 
 use crate::basis::Connectivity;
 use crate::grid::{CellBasis, Grid};
 
-/// Distance by which a place is moved into the body to find its cell, relative to the size of a cell, [-].
+/// Distance by which a position is moved into the body to find its cell, relative to the size of a cell, [-].
 const NUDGE: f64 = 1e-6;
-/// Number of places along the inward normal, over one cell, at which an active cell is sought.
+/// Number of positions along the inward normal, over one cell, at which an active cell is sought.
 const DEPTHS: usize = 8;
 
-/// Linear basis of a place on a surface, N_v and ∂N_v/∂x; its nodes are numbers of active nodes.
+/// Linear basis at a position on a surface, N_v and ∂N_v/∂x, with active-node numbers as its nodes.
 pub type Support<const D: usize> = CellBasis<D>;
 
-/// The basis, at a place x of a surface with the unit normal n, of a cell that has active nodes only.
+/// The basis, at a position x on a surface with the unit normal n, of a cell that has only active nodes.
 ///
-/// A place on the border of cells belongs to the cell along −n. Where a node of its cell is inactive (the material
-/// points lie inside the surface), the nearest cell along −n that has active nodes only is taken, and its basis is
-/// continued to x: a linear displacement is still carried exactly, and forces at x keep their resultant and their
-/// moment. `None` if there is no such cell within the size of a cell.
+/// A position on the boundary between cells belongs to the cell along −n. Where a node of that cell is inactive (the
+/// material points lie inside the surface), the nearest cell along −n that has only active nodes is taken, and its
+/// basis is extrapolated to x: it still reproduces a linear displacement exactly, and forces at x keep their resultant
+/// and their moment. `None` if there is no such cell within the size of a cell.
 pub fn support<const D: usize>(
     grid: &dyn Grid<D>,
     links: &Connectivity<D>,
@@ -27,7 +27,7 @@ pub fn support<const D: usize>(
     active(grid.basis_at(cell, x), links)
 }
 
-/// The cell of [`support`], and its rank among the places where one is sought.
+/// The cell of [`support`], preceded by the number of positions tried until it was found.
 pub(super) fn carrying_cell<const D: usize>(
     grid: &dyn Grid<D>,
     links: &Connectivity<D>,
@@ -38,7 +38,7 @@ pub(super) fn carrying_cell<const D: usize>(
     let size = grid.size(grid.nearest_cell(x) as usize);
     let mut tried = 0;
     // At its rim, a part of a surface meets other sides of the body, about which its normal says nothing: as a last
-    // resort, cells are also sought along all diagonals.
+    // resort, the search also looks for cells along all diagonals.
     [false, true].into_iter().find_map(|is_wide| {
         (0..=DEPTHS).find_map(|depth| {
             let inwards = size * (NUDGE + depth as f64 / DEPTHS as f64);
@@ -53,14 +53,14 @@ pub(super) fn carrying_cell<const D: usize>(
     })
 }
 
-/// A place, then those at a small distance along all diagonals: corners of bodies lie on the border of cells.
+/// A position, then those at a small distance along all diagonals: corners of bodies lie on boundaries between cells.
 fn aside<const D: usize>(place: [f64; D], by: f64) -> impl Iterator<Item = [f64; D]> {
     let diagonal =
         move |number: usize| std::array::from_fn(|d| place[d] + if number >> d & 1 == 1 { by } else { -by });
     std::iter::once(place).chain((0..1usize << D).map(diagonal))
 }
 
-/// The basis with the numbers of active nodes; `None` if a node is inactive.
+/// The basis in terms of active-node numbers; `None` if a node is inactive.
 pub(super) fn active<const D: usize>(basis: CellBasis<D>, links: &Connectivity<D>) -> Option<Support<D>> {
     let mut support = Support::default();
     for ((&node, &value), gradient) in basis.nodes().iter().zip(basis.value()).zip(basis.gradient()) {

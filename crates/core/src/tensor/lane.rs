@@ -1,4 +1,4 @@
-//! SIMD lanes: one expression evaluated for several points, or for several rows of a column, at a time.
+//! SIMD lanes: one expression evaluated for several points, or for several rows of a column, at the same time.
 
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::ops::{Add, AddAssign, Div, Mul, Sub};
@@ -35,7 +35,7 @@ pub trait Lane:
     /// Mantissa m in [√½, √2] and integer exponent e with `self` = m·2^e. NaN unless `self` is positive and normal.
     fn split(self) -> (Self, Self);
 
-    /// The closest integer; of two, the even one. NaN unless |`self`| is below 2⁵¹.
+    /// The nearest integer; of two, the even one. NaN unless |`self`| is below 2⁵¹.
     fn rounded(self) -> Self;
 
     /// 2 to the power of `self`, an integer of magnitude below 1023; NaN otherwise.

@@ -40,14 +40,15 @@ pub struct Axes<T> {
     pub logarithm: [T; 3],
     /// Divided difference of the logarithm on the eigenvalues in the plane.
     pub on_shear: T,
-    /// Cosine of twice the angle from x to the axis of the larger one; 1 if both are equal.
+    /// Cosine of twice the angle from x to the axis of the larger eigenvalue; 1 if both are equal.
     pub cosine: T,
-    /// Its sine.
+    /// Sine of this angle.
     pub sine: T,
 }
 
 impl<T: Lane> Axes<T> {
-    /// Decomposes a tensor with components `xx, yy, zz, √2 xy`. The error is of the order of round-off in its largest entry.
+    /// Decomposes a tensor with components `xx, yy, zz, √2 xy`. The error is of the order of round-off in its largest
+    /// entry.
     #[inline(always)]
     pub fn new(b: &[T; 4]) -> Axes<T> {
         let (m, d, s, r) = mohr(b);

@@ -2,9 +2,10 @@
 //!
 //! # Equations
 //!
-//! A candidate is a corner or the centre x_c of the domain of a point near a tool, carried by the grid with N_v of its cell (see
-//! [`candidates`]). It stands for an area A. With the signed distance g of the tool, its outward normal n = ∇g and the
-//! motion s of the candidate relative to the tool in the step,
+//! A contact point (a candidate until it touches) is a corner or the centre x_c of the domain of a material point near
+//! a tool, carried by the grid with N_v of its cell (see [`candidates`]). It stands for an area A. With the signed
+//! distance g from the tool, the outward normal n = ∇g and the motion s of the contact point relative to the tool in
+//! the step,
 //!
 //! | Quantity | Equation |
 //! |---|---|
@@ -18,35 +19,37 @@
 //! | penalty | ε = p_f 4G A/h, with the shear modulus G of the body at rest |
 //! | update | λ ← p, λ_t ← t |
 //!
-//! Derivatives are exact: with δy = δx − v(x) and δs = δx − v(x − s), where v is the velocity of the tool and φ its rate of
-//! rotation, δg = n·δy, δn = ∂n/∂x δy + φ × n, δλ_t = φ × λ_t, and
-//! δw_t = (I − n⊗n) δw − (n·w) δn − n (w·δn). Where a place slides,
-//! δt = (L/&#124;w_t&#124;)(I − e⊗e) δw_t + ∂L/∂p e δp with e = w_t/&#124;w_t&#124;.
+//! Derivatives are exact: with δy = δx − v(x) and δs = δx − v(x − s), where v is the velocity of the tool and φ its
+//! rate of rotation, δg = n·δy, δn = ∂n/∂x δy + φ × n, δλ_t = φ × λ_t, and δw_t = (I − n⊗n) δw − (n·w) δn − n (w·δn).
+//! Where a contact point slides, δt = (L/&#124;w_t&#124;)(I − e⊗e) δw_t + ∂L/∂p e δp with e = w_t/&#124;w_t&#124;.
 //!
-//! Free components of the motion of a tool are global unknowns; their equations are the balance of the tool.
+//! The free components of the motion of a tool are global unknowns; the equilibrium of the tool gives their equations.
 //!
-//! Places whose domains the last update has put into a tool may stay as deep there at first: g is then the distance from this
-//! depth (see [`allowance`]).
+//! Contact points whose domains the last update has put into a tool may at first stay as deep there: g is then measured
+//! from this depth (see [`allowance`]).
 //!
 //! # Augmentation
 //!
-//! Newton's method solves for displacements and free motions at fixed multipliers. Once it has converged, the forces become
-//! the multipliers, and it goes on, until an update would change gap and slip by less than the tolerance. Each update
-//! divides the error by about p_f, and costs one linear solve. Gap and slip are at most the tolerance in the end, whatever the
-//! penalty, in the mean over the places around each node. More places may touch than the grid has freedom for; they hinder
-//! each other, and updates only hand forces from one to the other. Where an update leaves more than a quarter of the error,
-//! 10⁻⁴ of a cell is therefore enough, or 10⁻³ after six updates, and single places may keep 10⁻³ (see [`multipliers`]). The residual of Newton's method
-//! holds for the final forces, and [`ToolState::overlap`] gives the overlap that is left.
+//! Newton's method solves for displacements and free motions at fixed multipliers. Once it has converged, the forces
+//! become the multipliers and the iterations go on, until an update would change gap and slip by less than the
+//! tolerance. Each update divides the error by about p_f and costs one linear solve. In the end, gap and slip, averaged
+//! over the contact points around each node, are within the tolerance, whatever the penalty. If more contact points
+//! touch than the grid has freedom for, they hinder each other, and updates only shift forces between them. Where an
+//! update leaves more than a quarter of the error, 10⁻⁴ of a cell is therefore enough, or 10⁻³ after six updates, and
+//! single contact points may keep 10⁻³ (see [`multipliers`]). The residual of Newton's method holds for the final
+//! forces, and [`ToolState::overlap`] gives the overlap that is left.
 //!
-//! Near the solution the multipliers are updated along an increment of Newton's method, once in a step and without a change of
-//! state (see [`along`]): most steps then need no update afterwards, and no more solves than a step without contact.
+//! Near the solution, the multipliers are updated along an increment of Newton's method, once per step and without a
+//! change of state (see [`along`]): most steps then need no further update, and no more solves than a step without
+//! contact.
 //!
 //! # Safeguards
 //!
-//! A place that moves too far along a tool in one step, comes out on its other side or passes through a part of it is an
-//! error that a smaller step may avoid. So is a part of a tool between the centre of a domain and its corner. At the start of the iterations, where the tool has moved and the bodies have not,
-//! its surface is continued flat. Places that touch without force, such as those of a block on a slope before its first
-//! step, then have their stiffness, which holds the body.
+//! A contact point that moves too far along a tool in one step, emerges on another side of the tool or passes through a
+//! part of it is an error that a smaller step may avoid; so is a part of a tool between the centre of a domain and its
+//! corner. At the start of the iterations, where the tool has moved and the bodies have not, the surface of the tool is
+//! extrapolated as a plane. Contact points that touch without force, such as those of a block on a slope before its
+//! first step, then have their stiffness, which holds the body.
 
 mod agreement;
 mod all_ranks;
@@ -100,7 +103,7 @@ pub use interface::Mode;
 pub use start::{StartOverlap, boxes_on_the_way, overlaps_at_start};
 pub use state::{ContactPoint, PartState, ToolState};
 
-/// Factor on the penalty of places that many updates have closed slowly.
+/// Factor on the penalty of contact points whose gaps close slowly over many updates.
 const MORE_PENALTY: f64 = 10.0;
 
 /// The rigid tools of a model and their contact with the bodies.
@@ -109,42 +112,42 @@ pub struct Contact<const D: usize> {
     tools: Vec<Moving<D>>,
     /// The nodes that the rank shares with others in the present step.
     halo: Halo,
-    /// What the places that touched at the end of the last step in equilibrium keep.
+    /// The state kept of the contact points that touched at the end of the last step in equilibrium.
     converged: FxHashMap<Key, Kept<D>>,
     /// For each body, true if it has taken part in a step in equilibrium.
     has_begun: Vec<bool>,
     /// For each body, true if it has points in the present step.
     is_there: Vec<bool>,
-    /// The places on this rank that may touch a tool in the present step, their multipliers at its start, whether they have touched
-    /// before, the present multipliers, and the places at the last evaluation.
+    /// The contact points on this rank that may touch a tool in the present step, their multipliers at its start,
+    /// whether they have touched before, their present multipliers, and their state at the last evaluation.
     candidates: Vec<Candidate<D>>,
     start: Vec<Multiplier<D>>,
     has_touched: Vec<bool>,
     multipliers: Vec<Multiplier<D>>,
     trials: Vec<Trial<D>>,
-    /// For each tool, the distance beyond which places under a flat part of its surface sleep, [length]; true if they have woken
-    /// since the system was laid out.
+    /// For each tool, the distance beyond which contact points under a flat part of its surface sleep, [length]; and
+    /// whether they have woken since the system was laid out.
     awake: Vec<f64>,
     has_woken: bool,
-    /// Working space of the search.
+    /// Working space for the search.
     pieces: Vec<Found<D>>,
     /// Size of the smallest cell that holds a point, [length].
     smallest: f64,
-    /// The multipliers before the updates along an increment, and the largest error at the last of these.
+    /// The multipliers before the updates along an increment, and the largest error at the last of these updates.
     before_increment: Vec<Multiplier<D>>,
     worst_along: Option<Worst>,
-    /// The tolerance of each tool, relative to the size of a cell, [-].
+    /// The tolerance for each tool, relative to the size of a cell, [-].
     tolerances: Vec<f64>,
     /// True if the last evaluation was at the start of the iterations.
     at_rest: bool,
-    /// True while no place in the step has slid with friction, or stuck to a curved surface.
+    /// True while no contact point in the step has slid with friction, or stuck to a curved surface.
     is_symmetric: bool,
     /// Number of updates of the multipliers in the present step.
     updates: usize,
-    /// The changes by the last update, and the largest error among them.
+    /// The changes made by the last update, and the largest error among them.
     changes: Vec<Option<Change<D>>>,
     before: Option<Worst>,
-    /// Time at the end of the present step, and the load factor at the last evaluation if it follows from equilibrium.
+    /// Time at the end of the present step, and the load factor at the last evaluation if it is an unknown.
     time: f64,
     factor: f64,
 }
@@ -185,14 +188,14 @@ impl<const D: usize> Contact<D> {
         Contact::new(model).states(model)
     }
 
-    /// The places on this rank that touch a tool at the last evaluation.
+    /// The contact points on this rank that touch a tool at the last evaluation.
     fn touching(&self) -> impl Iterator<Item = (usize, &Candidate<D>, &Trial<D>, &interface::Touch<D>)> {
         let pairs = self.candidates.iter().zip(&self.trials).enumerate();
         pairs.filter_map(|(k, (candidate, trial))| Some((k, candidate, trial, trial.touch.as_deref()?)))
     }
 
-    /// All places at the linearised end of an increment; `None` if one changes its state on the way, or if the equations are not
-    /// those of the state in which the increment begins.
+    /// All contact points at the linearised end of an increment; `None` if one changes its state on the way, or if the
+    /// equations are not those of the state in which the increment begins.
     fn followed<const N: usize>(&self, increment: At<N>) -> Option<Vec<Followed<D>>> {
         if self.at_rest {
             return None;
@@ -406,7 +409,7 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
         Augmentation::Updated
     }
 
-    /// Friction resists no further motion of places that slide.
+    /// Supports contact points that slide, because friction resists no further motion of them.
     fn support(&self, sum: &mut System<N>) -> bool {
         let sliding = || self.touching().filter(|(.., touch)| touch.slides_with_friction());
         sliding().for_each(|(_, candidate, _, touch)| evaluation::support(candidate, &touch.normal(), sum));
@@ -442,14 +445,14 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
     }
 
     fn commit(&mut self) {
-        // Surfaces that have parted transfer no tension any more.
+        // Surfaces that have parted no longer transfer tension.
         let touching = self.touching().filter(|(_, _, _, touch)| touch.mode != Mode::Parting);
         let touching = touching.map(|(_, candidate, trial, _)| {
             let multiplier = forces_of(trial, &self.tools[candidate.key.tool as usize]);
             let in_space = minus(&trial.position, &candidate.start);
             (candidate.key, Kept { multiplier, motion: norm(&trial.slip).max(norm(&in_space)) })
         });
-        // Points may move to other ranks.
+        // Material points may move to other ranks.
         self.converged = of_all_ranks(self.halo.ranks(), touching.collect()).into_iter().collect();
         self.tools.iter_mut().for_each(Moving::commit);
         self.has_begun.iter_mut().zip(&self.is_there).for_each(|(begun, there)| *begun = *there);

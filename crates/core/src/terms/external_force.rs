@@ -9,22 +9,22 @@ use crate::step::{At, Nodal, StepContext};
 use super::failure::{BeginError, EvaluateError, LoadNotFinite};
 use super::term::{NamedForce, Term};
 
-/// Name of the force that a stage releases.
+/// Name under which the force that a stage releases is reported.
 const RELEASED: &str = "released";
 
 /// The external force at a time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ExternalForce<const D: usize> {
-    /// On each active node, eq. (29), [force].
+    /// Force on each active node, eq. (29), [force].
     pub nodal: Vec<[f64; D]>,
-    /// Resultant of each load over the material points, as the deck states it, [force]. It includes the part that does
-    /// not reach the nodes if basis functions do not add up to 1.
+    /// Resultant of each load over the material points, as the deck states it, [force]. It includes any part that does
+    /// not reach the nodes because basis functions do not add up to 1.
     pub resultants: Vec<[f64; D]>,
 }
 
 /// The external force of eq. (29) at a time.
 ///
-/// Weight uses the constant mass of the points: b V_p^n of eq. (24) with b per volume at the start of the step.
+/// Weight uses the constant mass of the points: b V_p^n of eq. (24), with b per volume at the start of the step.
 ///
 /// # Errors
 /// [`LoadNotFinite`] when a formula is not finite at a point.
@@ -38,7 +38,7 @@ pub fn external_force<const D: usize>(
         .map(|(forces, resultants)| on_nodes(links, (&forces, resultants)))
 }
 
-/// The external force of given factors of the loads.
+/// The external force for given factors of the loads.
 ///
 /// # Errors
 /// As [`external_force`].
@@ -51,8 +51,8 @@ pub fn external_force_of_factors<const D: usize>(
     forces_on_points(model, points, factor).map(|(forces, resultants)| on_nodes(links, (&forces, resultants)))
 }
 
-/// The forces released over the present stage that still act on the active nodes at a time, [force]; none if nothing is
-/// released.
+/// The forces that the present stage releases and that still act on the active nodes at a time, [force]; none if
+/// nothing is released.
 fn not_yet_released<const D: usize>(
     model: &Model<D>,
     links: &Connectivity<D>,
@@ -65,7 +65,7 @@ fn not_yet_released<const D: usize>(
     let share = model.share_not_released(time);
     let mut forces = vec![[0.0; D]; links.n_active()];
     for (node, force) in released {
-        // A node without material carries nothing.
+        // A node without material carries no force.
         let active = links.active_number(*node as usize);
         if let Some(active) = active.filter(|active| links.halo().is_own(*active)) {
             forces[active] = force.map(|f| share * f);
@@ -74,7 +74,7 @@ fn not_yet_released<const D: usize>(
     Some(forces)
 }
 
-/// Eq. (29) for the forces on the points, [force], that have these resultants.
+/// Nodal forces of eq. (29) for forces on the points, [force], that have these resultants.
 fn on_nodes<const D: usize>(
     links: &Connectivity<D>,
     (at_points, resultants): (&[[f64; D]], Vec<[f64; D]>),
@@ -84,7 +84,7 @@ fn on_nodes<const D: usize>(
         let nodes = links.nodes_of(group);
         for p in links.points_of(group) {
             if at_points[p] == [0.0; D] {
-                continue; // most points, if forces act on few
+                continue; // most points, if forces act on only a few
             }
             links.for_each_value(p, |local, value| {
                 let node = &mut force[nodes[local] as usize];
@@ -100,7 +100,7 @@ fn on_nodes<const D: usize>(
 /// Forces on the points, or resultants of the loads.
 type Forces<const D: usize> = Vec<[f64; D]>;
 
-/// The error of a load without a finite value at a point.
+/// The error for a load without a finite value at a point.
 fn without_value<const D: usize>(
     model: &Model<D>,
     points: &Points<D>,
@@ -152,7 +152,7 @@ fn forces_on_points<const D: usize>(
                 for p in (0..points.len()).filter(|&p| acts_on(p)) {
                     let density = density_at(p);
                     if !is_finite(density) {
-                        // The error names the point with the lowest number, whatever the order of the points.
+                        // The error names the point with the lowest number, in whatever order the points are stored.
                         let others = (p..points.len()).filter(|&q| acts_on(q) && !is_finite(density_at(q)));
                         let lowest = others.min_by_key(|&q| points.id[q]).unwrap_or(p);
                         return Err(without_value(model, points, lowest, (load, formula, factor)));
@@ -166,22 +166,23 @@ fn forces_on_points<const D: usize>(
                     add(place, force.map(|f| factor * f));
                 }
             }
-            // The term of the surfaces applies them.
+            // The surface term applies these loads.
             Action::Traction { .. } | Action::Pressure { .. } => {}
         }
     }
     Ok((forces, resultants))
 }
 
-/// The external forces of all loads. They are dead loads: their direction does not follow the displacement.
+/// The external forces of all loads on material points. They are dead loads: their direction does not follow the
+/// displacement.
 #[derive(Debug, Default)]
 pub struct ExternalForces<const D: usize> {
     /// At the end of the step, [force].
     end: Nodal<D>,
-    /// In the state that the step starts from, on the nodes of this step, [force].
+    /// In the state from which the step starts, on the nodes of this step, [force].
     start: Nodal<D>,
     resultants: Vec<[f64; D]>,
-    /// The forces whose factor follows from equilibrium.
+    /// The forces whose load factor follows from equilibrium.
     unknown: Option<Unknown<D>>,
     /// The forces at the end of the step that the stage releases, [force]; none if it releases nothing.
     released: Option<Nodal<D>>,
@@ -190,7 +191,7 @@ pub struct ExternalForces<const D: usize> {
 /// Forces fixed + λ unit on the active nodes, and their resultants, [force].
 #[derive(Debug)]
 struct Unknown<const D: usize> {
-    /// The force at load factor 0: that of the state in which the stage begins. None if it is zero.
+    /// The force at load factor 0, which is the force in the state in which the stage begins. None if it is zero.
     fixed: Option<ExternalForce<D>>,
     unit: ExternalForce<D>,
 }
@@ -209,7 +210,7 @@ impl<const D: usize> ExternalForces<D> {
         }
     }
 
-    /// Sets up forces whose common factor follows from equilibrium: those of the loads that change in the stage.
+    /// Sets up the forces whose common factor follows from equilibrium: those of the loads that change in the stage.
     fn begin_unknown(
         &mut self,
         context: &StepContext<D>,
@@ -268,7 +269,7 @@ impl<const D: usize, const N: usize> Term<D, N> for ExternalForces<D> {
         }
         let load = |time| external_force(model, points, links, time); // (24), (25), (29)
         let ExternalForce { nodal, resultants } = load(step.end)?;
-        // Without initial stress, nothing is loaded yet at time 0, whatever the values of the curves.
+        // Without initial stress, no load acts yet at time 0, whatever the values of the curves.
         let is_loaded = step.start > 0.0 || model.initial_imbalance.is_some();
         self.start = if is_loaded { load(step.start)?.nodal } else { vec![[0.0; D]; nodal.len()] };
         (self.end, self.resultants, self.unknown) = (nodal, resultants, None);

@@ -35,7 +35,7 @@ impl From<Box<LoadNotFinite>> for BeginError {
     }
 }
 
-/// No cell near a place on a surface has material at every node.
+/// No cell near a position on a surface has material at every node.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error(
     "surface `{surface}` of body `{body}` has left the material at {}: no cell within one cell of that place has \
@@ -51,7 +51,7 @@ pub struct SurfaceLost {
     pub position: Vec<f64>,
 }
 
-/// A load has no finite value at a place.
+/// A load has no finite value at some position.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error(
     "load `{load}` is not finite at {place} at {}: the formula `{formula}` gives {value} at \
@@ -61,11 +61,11 @@ pub struct SurfaceLost {
 pub struct LoadNotFinite {
     /// Name of the load.
     pub load: String,
-    /// The material point or the surface.
+    /// The material point or the surface on which the load acts.
     pub place: String,
     /// Permanent number of the material point.
     pub point: Option<u32>,
-    /// Its position, [length].
+    /// Position at which the load has no finite value, [length].
     pub position: Vec<f64>,
     /// The load factor.
     pub factor: f64,
@@ -99,7 +99,8 @@ impl EvaluateError {
     }
 }
 
-/// Lets the evaluation of a term succeed only if it has on all ranks. Errors that no smaller increment avoids come first.
+/// Lets the evaluation of a term succeed only if it succeeds on all ranks. Errors that no smaller increment avoids come
+/// first.
 pub(super) fn agree<T>(ranks: &Ranks, outcome: Result<T, EvaluateError>) -> Result<T, EvaluateError> {
     if ranks.is_alone() {
         return outcome;
@@ -132,9 +133,9 @@ impl From<PointFailure> for EvaluateError {
 /// A law that is evaluated in batches cannot be evaluated.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LawFailure {
-    /// Number of its material.
+    /// Number of the material.
     pub material: usize,
-    /// Index of the point, if one is to blame.
+    /// Index of the point, if a single point is to blame.
     pub point: Option<usize>,
     /// The reason.
     pub message: String,

@@ -1,17 +1,17 @@
-//! Ghost stabilisation: a penalty on jumps of the displacement gradient over the faces of cells that hold hardly any
+//! Ghost stabilisation: a penalty on jumps of the displacement gradient across the faces of cells that hold hardly any
 //! material, after Coombs (2023), doi 10.1002/nme.7332, and Burman (2010), doi 10.1016/j.crma.2010.10.006.
 //!
-//! The stiffness of a cut cell goes to zero with the material in it, and so does that of its nodes if no other cell
-//! holds them: the equations become ill-conditioned, round-off moves such nodes, and iterations fail to converge. The
-//! penalty extends the displacement field of the neighbours smoothly into such a cell,
+//! The stiffness of a cut cell tends to zero with the material in it, and so does the stiffness of its nodes if no
+//! other cell supports them: the equations become ill-conditioned, round-off moves such nodes, and the iterations fail
+//! to converge. The penalty extends the displacement field of the neighbouring cells smoothly into such a cell,
 //!
 //! f_G = Σ_faces ∫ γ G h ⟦∂N/∂n⟧ᵀ ⟦∂Δd/∂n⟧ dA,
 //!
-//! with the shear modulus G at rest of the material around, the thickness h of the cells across the face and a number
-//! γ. It acts on the displacement increment of the step, in the configuration where the step starts, as equilibrium
-//! does. A linear increment (uniform strain, any translation, any rotation by the linearised measure) has no jump:
-//! patch tests hold, and the forces have no resultant and no moment. f_G is linear in Δd, so Newton iterations stay
-//! quadratic.
+//! with the shear modulus G at rest of the surrounding material, the thickness h of the cells across the face and a
+//! number γ. Like equilibrium, it acts on the displacement increment of the step, in the configuration at the start of
+//! the step. A linear increment (uniform strain, any translation, any linearised rotation) has no jump: patch tests
+//! hold, and the forces have no resultant and no moment. f_G is linear in Δd, so Newton's method still converges
+//! quadratically.
 #![allow(non_snake_case)]
 
 use std::collections::HashSet;
@@ -28,28 +28,28 @@ use super::failure::{BeginError, EvaluateError};
 use super::held_material::HeldMaterial;
 use super::term::{Ledger, Term};
 
-/// Share of the penalty on the faces of cells that hold few points: enough against hourglass motions, whose stiffness is
-/// zero otherwise, and too little to carry load where the material flows, [-].
+/// Fraction of the penalty that acts on the faces of cells with few points: enough to resist hourglass motions, which
+/// would otherwise have no stiffness, and too little to carry load where the material flows, [-].
 const OF_FEW_POINTS: f64 = 0.01;
 
-/// The stiffness of the penalty, by faces. It couples axes with themselves only, all in the same way.
+/// The stiffness of the penalty, face by face. It couples each axis only with itself, and is the same for all axes.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Ghost {
     /// Start of the nodes of each face in `nodes`.
     node_start: Vec<usize>,
-    /// Active nodes of both cells, ascending.
+    /// Active nodes of the two cells of each face, ascending.
     nodes: Vec<u32>,
-    /// Lower triangle by rows for each face, [force/length].
+    /// Lower triangle of the stiffness of each face by rows, [force/length].
     stiffness: Vec<f64>,
     /// Start of the stiffness of each face in `stiffness`.
     stiffness_start: Vec<usize>,
-    /// For each entry of the stiffness of each face, the places of its block and, if both triangles are stored, of its
-    /// transpose.
+    /// For each entry of the stiffness of each face, the indices of its block and, if both triangles are stored, of the
+    /// transposed block.
     places: Vec<[Option<usize>; 2]>,
 }
 
 impl Ghost {
-    /// The faces to stabilise in a step that starts from the converged state, which `links` belong to.
+    /// The faces to stabilise in a step that starts from the converged state, to which `links` belong.
     pub fn new<const D: usize>(model: &Model<D>, points: &Points<D>, links: &Connectivity<D>) -> Ghost {
         let mut ghost = Ghost { node_start: vec![0], stiffness_start: vec![0], ..Ghost::default() };
         let Stabilisation { mode, parameter, filling } = model.stabilisation;
@@ -74,7 +74,7 @@ impl Ghost {
         }
         let (halo, ranks) = (links.halo(), links.halo().ranks());
         if !ranks.is_alone() {
-            // Only the ranks that a cell belongs to know whether it is weak.
+            // Only the ranks to which a cell belongs know whether it is weak.
             let is_own = |cell: &u32| beside.binary_search(cell).is_err();
             let known = cells.iter().zip(&weak).filter(|(cell, weak)| **weak && is_own(cell));
             let all_weak = ranks.gather_all(known.map(|(cell, _)| *cell).collect::<Vec<u32>>()).concat();
@@ -82,7 +82,7 @@ impl Ghost {
             weak.iter_mut().zip(&cells).for_each(|(weak, cell)| *weak = all_weak.contains(cell));
             few = ranks.gather_all(few).into_iter().flatten().collect();
         }
-        // Of the ranks that have a face, the owner of its lowest node adds it.
+        // Among the ranks that have a face, the owner of its lowest node adds it.
         let is_ours = |nodes: &[u32]| {
             let lowest = nodes.iter().min().and_then(|node| links.active_number(*node as usize));
             lowest.is_some_and(|lowest| halo.is_own(lowest))
@@ -163,12 +163,12 @@ impl Ghost {
         &self.nodes[self.node_start[face]..self.node_start[face + 1]]
     }
 
-    /// Stiffness between them along each axis: the lower triangle by rows, [force/length].
+    /// Stiffness between these nodes along each axis: the lower triangle by rows, [force/length].
     pub fn stiffness_of(&self, face: usize) -> &[f64] {
         &self.stiffness[self.stiffness_start[face]..self.stiffness_start[face + 1]]
     }
 
-    /// The places of the blocks that the stiffness of all faces is added to.
+    /// The indices of the blocks to which the stiffness of all faces is added.
     fn places_in<const N: usize>(&self, sum: &System<N>) -> Vec<[Option<usize>; 2]> {
         let mut places = Vec::with_capacity(self.stiffness.len());
         for face in 0..self.n_faces() {
@@ -185,8 +185,8 @@ impl Ghost {
         places
     }
 
-    /// Adds f_G of the displacement increment of the active nodes along `axes` axes, [length], to the force on them,
-    /// [force].
+    /// Adds f_G, for the displacement increment of the active nodes along the first `axes` axes, [length], to the nodal
+    /// forces, [force].
     pub fn add_force<const N: usize>(&self, axes: usize, delta_d: &[[f64; N]], force: &mut [[f64; N]]) {
         for face in 0..self.n_faces() {
             let (nodes, stiffness) = (self.nodes_of(face), self.stiffness_of(face));
@@ -259,7 +259,7 @@ impl<const D: usize, const N: usize> Term<D, N> for Ghost {
         }
         let mut force = vec![[0.0; N]; at.delta_d.len()];
         self.add_force(D, at.delta_d, &mut force);
-        // The forces of the faces of this rank only.
+        // The force includes only the faces of this rank.
         let work = force.iter().flatten().zip(at.delta_d.iter().flatten()).map(|(f, u)| f * u).sum::<f64>();
         Ledger { lost: 0.5 * work, ..Ledger::default() }
     }
@@ -269,8 +269,8 @@ impl<const D: usize, const N: usize> Term<D, N> for Ghost {
     }
 }
 
-/// Thickness h of two cells normal to the face that they share, [length]: that of the smaller one on a structured grid,
-/// the mean on a mesh.
+/// Thickness h of two cells normal to the face that they share, [length]: on a structured grid that of the smaller
+/// cell, on a mesh the mean.
 fn thickness<const D: usize>(grid: &dyn Grid<D>, cells: [u32; 2], area: f64) -> f64 {
     let [a, b] = cells.map(|cell| grid.volume(cell as usize));
     if grid.structured().is_some() { a.min(b) / area } else { (a + b) / (2.0 * area) }
@@ -291,14 +291,14 @@ fn cells_of_few_points<const D: usize>(
 
 /// A face between two cells.
 struct Face {
-    /// Their places in the list of cells.
+    /// Indices of the cells in the list of cells.
     cells: [usize; 2],
-    /// Its nodes, in turn around it.
+    /// Its nodes, in order around the face.
     nodes: Vec<u32>,
 }
 
-/// The faces between cells of a list, and for each cell whether it lies at the boundary of the list: it has a side that no
-/// other cell of the list shares and that is not at the edge of a structured grid, where there is nothing to cut.
+/// The faces between cells of a list; and for each cell, whether it lies at the boundary of the list: whether it has a
+/// side that no other cell of the list shares and that is not at the edge of a structured grid, where no cell is cut.
 fn faces_of<const D: usize>(grid: &dyn Grid<D>, cells: &[u32]) -> (Vec<Face>, Vec<bool>) {
     let sides = sides_of(grid, cells);
     let mut faces = Vec::new();
@@ -310,7 +310,7 @@ fn faces_of<const D: usize>(grid: &dyn Grid<D>, cells: &[u32]) -> (Vec<Face>, Ve
             _ => {}
         }
     }
-    // The order of the cells, independent of the numbers of the nodes.
+    // Sorted by cells, the order does not depend on the node numbers.
     faces.sort_unstable_by_key(|face| face.cells);
     (faces, at_boundary)
 }
@@ -330,11 +330,12 @@ struct Place<const D: usize> {
     position: [f64; D],
     /// Unit normal.
     normal: [f64; D],
-    /// Part of the length (area) of the face.
+    /// Share of the length (area) of the face.
     weight: f64,
 }
 
-/// Gauss points of an edge, or of a triangular or quadrilateral face; exact for products of two linear jumps.
+/// Gauss points of an edge or a quadrilateral, exact for products of two linear jumps; the centre of a triangle, over
+/// which the jumps of tetrahedra are constant.
 fn quadrature<const D: usize>(corners: &[[f64; D]]) -> Vec<Place<D>> {
     let g = 0.5 / 3f64.sqrt();
     let pair = [0.5 - g, 0.5 + g];
@@ -378,7 +379,7 @@ fn quadrature<const D: usize>(corners: &[[f64; D]]) -> Vec<Place<D>> {
     }
 }
 
-/// Direction and length of a × b in space.
+/// Unit vector along a × b in space, and the length of a × b.
 fn cross<const D: usize>(a: &[f64; D], b: &[f64; D]) -> ([f64; D], f64) {
     let entry = |d: usize| {
         let (i, j) = ((d + 1) % D, (d + 2) % D);

@@ -15,7 +15,7 @@ pub struct HeldMaterial {
 }
 
 impl HeldMaterial {
-    /// The material at the start of the step that the links belong to.
+    /// The material at the start of the step to which the links belong.
     pub fn new<const D: usize>(model: &Model<D>, points: &Points<D>, links: &Connectivity<D>) -> Self {
         let moduli: Vec<f64> =
             model.materials.iter().map(|m| shear_modulus_at_rest(m.law.as_ref())).collect();
@@ -38,7 +38,7 @@ impl HeldMaterial {
         held
     }
 
-    /// The material of the weakest node of a cell relative to its share of the full cell, [-].
+    /// The material held by the weakest node of a cell, relative to the node's share of the full cell, [-].
     pub fn filling<const D: usize>(&self, model: &Model<D>, links: &Connectivity<D>, cell: u32) -> f64 {
         let grid = model.grid.as_ref();
         let corners = grid.corners(cell as usize);
@@ -50,7 +50,7 @@ impl HeldMaterial {
         corners.nodes().iter().map(of_node).fold(f64::INFINITY, f64::min)
     }
 
-    /// Mean shear modulus of the material that some nodes carry, [stress].
+    /// Mean shear modulus of the material that these nodes carry, [stress].
     pub fn shear_modulus(&self, nodes: &[u32]) -> f64 {
         let sum = |of: &[f64]| nodes.iter().map(|n| of[*n as usize]).sum::<f64>();
         let volume = sum(&self.volume);

@@ -1,5 +1,5 @@
-//! The material points: internal force and stiffness of the bodies, eqs. (19)-(23), (27), (28), or (2)-(6) in the updated
-//! Lagrangian formulation.
+//! The material points: internal force and stiffness of the bodies, eqs. (19)-(23), (27), (28), or (2)-(6) in the
+//! updated Lagrangian formulation.
 //!
 //! Each group of points accumulates one dense block on the few nodes it touches; the blocks are then merged in the
 //! order of the groups. Points write only their own trial state and blocks, so threads never write to the same memory,
@@ -33,8 +33,8 @@ use evaluation::{Task, Trial, Work};
 /// Groups are evaluated in batches of about this many node-pair blocks, so that the dense blocks stay in cache.
 const BATCH: usize = 1 << 14;
 
-/// Data of the points that take less than this are kept from step to step, [bytes]. To allocate them anew costs small analyses
-/// more than it saves.
+/// Point data smaller than this are kept from step to step, [bytes]. In small analyses, allocating them anew costs more
+/// than it saves.
 const KEPT: usize = 1 << 22;
 
 /// The material points, with the mechanics of an idealisation.
@@ -49,10 +49,10 @@ pub struct MaterialPoints<const D: usize, M> {
     gradient: Vec<[f64; D]>,
     /// Working space for the gradients of one point of each group in the current configuration, eq. (8).
     mapped: Vec<[f64; D]>,
-    /// For each group, true if it has several points of a body with [`Volumetric::MeanDilatation`]; empty without such a
-    /// body.
+    /// For each group, true if it has several points of a body with [`Volumetric::MeanDilatation`]; empty if there is
+    /// no such body.
     averaged: Vec<bool>,
-    /// The points of laws that are evaluated in batches.
+    /// The points whose laws are evaluated in batches.
     batched: Vec<Batch>,
     /// The laws of the materials with reduced strength; empty at full strength, and `None` for laws without strength.
     reduced: Vec<Option<Box<dyn Material>>>,
@@ -111,7 +111,7 @@ impl<const D: usize, M: Mechanics<D>> MaterialPoints<D, M> {
 
 /// One evaluation of all points.
 struct Pass<'a> {
-    /// The law of each point, if they are not those of the model.
+    /// The law of each point, if the laws differ from those of the model.
     laws: Option<&'a [&'a dyn Material]>,
     /// True if the points add force and stiffness to the system.
     adds: bool,
@@ -180,8 +180,8 @@ impl<const D: usize, M: Mechanics<D>> MaterialPoints<D, M> {
         Ok(())
     }
 
-    /// Evaluates the points of a model with laws that are evaluated in batches, each of which is called once, in the order
-    /// of the materials.
+    /// Evaluates the points of a model that has laws evaluated in batches; each of these laws is called once, in the
+    /// order of the materials.
     fn evaluate_batched<const N: usize>(
         &mut self,
         step: &StepContext<D>,

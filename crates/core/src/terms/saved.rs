@@ -6,8 +6,8 @@ use std::sync::Arc;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::Value;
 
-/// The state of a term at the end of a step in equilibrium. Its value is formed when it is read: most steps store no
-/// checkpoint.
+/// The state of a term at the end of a step in equilibrium. Its value is formed only when it is read, because most
+/// steps store no checkpoint.
 #[derive(Clone)]
 pub struct Saved(Arc<dyn Fn() -> Value + Send + Sync>);
 

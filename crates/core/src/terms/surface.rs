@@ -1,7 +1,7 @@
 //! The surfaces of the bodies: tractions, pressures that follow the surface, and motions prescribed weakly.
 //!
 //! The term carries all surfaces of the model with the grid. The forces of loads and conditions are external forces, so
-//! that work, balances and residuals include them as they include weight and the reactions of nodes.
+//! work, balances and residuals include them in the same way as weight and nodal reactions.
 
 mod condition;
 mod load;
@@ -27,13 +27,13 @@ use load::SurfaceLoad;
 pub struct Surfaces<const D: usize> {
     /// The surfaces, in the order of the model.
     carried: Vec<Carried<D>>,
-    /// For each surface, true if its body is there in the present step.
+    /// For each surface, true if its body is present in the step.
     is_there: Vec<bool>,
     loads: Vec<SurfaceLoad<D>>,
     conditions: Vec<Condition<D>>,
     /// The ranks that share the surfaces.
     ranks: Ranks,
-    /// Forces on the nodes in the state that the step starts from, [force].
+    /// Forces on the nodes in the state from which the step starts, [force].
     start: Nodal<D>,
     fields: Vec<SurfaceFields<D>>,
 }
@@ -68,7 +68,7 @@ impl<const D: usize> Surfaces<D> {
         surfaces.fields
     }
 
-    /// Finds out which surfaces belong to bodies that have points.
+    /// Determines which surfaces belong to bodies that have points.
     fn find_bodies(&mut self, model: &Model<D>, points: &Points<D>) {
         let mut has_points = vec![false; model.bodies.len()];
         points.body.iter().for_each(|&body| has_points[body as usize] = true);
@@ -78,7 +78,7 @@ impl<const D: usize> Surfaces<D> {
         self.is_there = model.surfaces.iter().map(|surface| has_points[surface.body]).collect();
     }
 
-    /// The geometry of all surfaces at the trial places, without forces; empty for surfaces whose body is absent.
+    /// The geometry of all surfaces at the trial positions, without forces; empty for surfaces whose body is absent.
     fn renew_fields(&mut self, model: &Model<D>) {
         self.fields.clear();
         for ((surface, carried), is_there) in model.surfaces.iter().zip(&self.carried).zip(&self.is_there) {
@@ -105,7 +105,7 @@ impl<const D: usize> Surfaces<D> {
     }
 }
 
-/// A surface that no cell with material carries at a place.
+/// The error for a surface that no cell with material carries at a position.
 fn lost<const D: usize>(model: &Model<D>, surface: &Surface<D>, position: &[f64; D]) -> BeginError {
     BeginError::Surface(Box::new(SurfaceLost {
         surface: surface.name.clone(),

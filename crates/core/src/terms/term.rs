@@ -12,7 +12,7 @@ use super::failure::{BeginError, EvaluateError};
 use super::saved::Saved;
 use crate::dofs::{ConstraintError, Constraints};
 
-/// A force on the bodies with the name under which it is reported.
+/// A force on the bodies, and the name under which it is reported.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NamedForce<const D: usize> {
     /// Name.
@@ -21,7 +21,7 @@ pub struct NamedForce<const D: usize> {
     pub force: [f64; D],
 }
 
-/// The reaction of a boundary condition of the model that holds on a surface, on the body.
+/// The reaction on the body of a boundary condition of the model that acts on a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SurfaceReaction<const D: usize> {
     /// Number of the condition.
@@ -34,36 +34,37 @@ pub struct SurfaceReaction<const D: usize> {
     pub moment: [f64; 3],
 }
 
-/// The first number of a condition that is not one of the model.
+/// The first number for conditions that do not belong to the model.
 pub const FURTHER: usize = 1 << 15;
 
 /// A term of equilibrium.
 ///
 /// A step calls [`constrain`](Term::constrain), then [`begin`](Term::begin) once, then [`couples`](Term::couples), then
 /// [`evaluate`](Term::evaluate) as often as needed, with [`augment`](Term::augment) whenever the iterations have
-/// converged, and [`commit`](Term::commit) once it is in equilibrium. An abandoned step ends without a call: a term must
-/// not change the state that it keeps between steps before [`commit`](Term::commit).
+/// converged, and [`commit`](Term::commit) once the step is in equilibrium. An abandoned step ends without a call: a
+/// term must not change the state that it keeps between steps before [`commit`](Term::commit).
 ///
-/// With several ranks, each has the term and its own points, and adds what these contribute; the sum over ranks follows. All ranks
-/// call the same methods in the same order. Where a term exchanges messages itself, a rank that has found an error must not
-/// return before the others have got theirs.
+/// With several ranks, each rank has the term and its own points, and adds their contributions; the sum over the ranks
+/// follows. All ranks call the same methods in the same order. Where a term itself exchanges messages, a rank that has
+/// found an error must not return before the other ranks have received theirs.
 ///
 /// There are `D` axes and `N` components at each node, of which the first `D` are the displacement.
 pub trait Term<const D: usize, const N: usize = D>: Send {
     /// Name in errors and checkpoints.
     fn name(&self) -> &'static str;
 
-    /// True if its stiffness is symmetric. That may cease to be so at an evaluation: the system of the step is then laid out
-    /// anew.
+    /// True if its stiffness is symmetric. An evaluation may make it unsymmetric: the system of the step is then laid
+    /// out anew.
     fn is_symmetric(&self, step: &StepContext<D>) -> bool;
 
-    /// True if it may hold parts of the bodies that no boundary condition holds. Only the stiffness shows if it does.
+    /// True if the term may hold parts of the bodies that no boundary condition holds. Only the stiffness shows whether
+    /// it does.
     fn may_hold(&self) -> bool {
         false
     }
 
-    /// Grid nodes that it needs on this rank beyond those that `links` have; called before [`begin`](Term::begin), and only with
-    /// several ranks, on all of them.
+    /// Grid nodes that the term needs on this rank beyond those that `links` have; called before
+    /// [`begin`](Term::begin), and only with several ranks, on all of them.
     ///
     /// # Errors
     /// [`BeginError`].
@@ -76,28 +77,29 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
         Ok(Vec::new())
     }
 
-    /// Begins a step, from the converged state of the points.
+    /// Begins a step from the converged state of the points.
     ///
     /// # Errors
     /// [`BeginError`].
     fn begin(&mut self, step: &StepContext<D>, points: &Points<D>) -> Result<(), BeginError>;
 
-    /// True if it couples all nodes of a group of points with each other, and not only those that share a point.
+    /// True if the term couples all nodes of a group of points with each other, not only those that share a point.
     fn couples_group(&self, _group: usize) -> bool {
         false
     }
 
-    /// Calls `couple` with each list of active nodes, ascending, that it couples with each other in this step, in
+    /// Calls `couple` with each list of active nodes, ascending, that the term couples with each other in this step, in
     /// addition to nodes that share a point.
     fn couples(&self, _couple: &mut dyn FnMut(&[u32])) {}
 
-    /// True if it couples further nodes since the system was laid out, as [`couples`](Term::couples) now says.
+    /// True if the term has come to couple further nodes since the system was laid out; [`couples`](Term::couples) then
+    /// gives them, too.
     fn outgrows(&self) -> bool {
         false
     }
 
-    /// Adds constraints on the active nodes of a step: prescribed values of a further field, or ties. The numbers of
-    /// its conditions start at [`FURTHER`]; their reactions are not reported.
+    /// Adds constraints on the active nodes of a step: prescribed values of an additional field, or ties. The numbers
+    /// of its conditions start at [`FURTHER`]; the reactions of these conditions are not reported.
     ///
     /// # Errors
     /// [`ConstraintError`] if they contradict others.
@@ -110,18 +112,19 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
         Ok(())
     }
 
-    /// Number of global unknowns that it has, such as the motions of a rigid body; their increments start each step at 0.
+    /// Number of its global unknowns, such as the motions of a rigid body; their increments start each step at 0.
     fn n_globals(&self) -> usize {
         0
     }
 
-    /// The number, among its global unknowns, of component `component` of the motion of a tool of the model; `None` if that is
-    /// not an unknown of this term.
+    /// The number, among the global unknowns of the term, of component `component` of the motion of a tool of the
+    /// model; `None` if this component is not an unknown of the term.
     fn motion_of_tool(&self, _tool: usize, _component: usize) -> Option<usize> {
         None
     }
 
-    /// Adds its force, and if wanted its stiffness, at these unknowns. It may write only the trial state of the points.
+    /// Adds the force of the term and, if wanted, its stiffness at these unknowns. It may write only the trial state of
+    /// the points.
     ///
     /// # Errors
     /// [`EvaluateError`]: the first point that could not follow the increment, or a law that failed.
@@ -134,8 +137,8 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
         sum: &mut System<N>,
     ) -> Result<(), EvaluateError>;
 
-    /// Updates multipliers that are constant in Newton's iterations, once these have converged at the unknowns of the last
-    /// evaluation. After an update, the iterations go on.
+    /// Updates multipliers that are constant during Newton's iterations, once these have converged at the unknowns of
+    /// the last evaluation. After an update, the iterations continue.
     ///
     /// # Errors
     /// [`EvaluateError`] if the multipliers do not converge, or the state cannot be accepted.
@@ -148,26 +151,27 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
         Ok(Augmentation::Satisfied)
     }
 
-    /// Updates multipliers to those at the end of an increment from the unknowns of the last evaluation, in linearised equations,
-    /// where that is possible without a change of state; adds what this changes in the equations. The increment and the update
-    /// then solve them together. `_update` counts the updates along this increment before.
+    /// Updates multipliers to those at the end of an increment from the unknowns of the last evaluation, in the
+    /// linearised equations, where this is possible without a change of state; adds the resulting change of the
+    /// equations to `_added`. The increment and the update together then solve the equations. `_update` is the number
+    /// of previous updates along this increment.
     fn augment_along(&mut self, _increment: At<N>, _update: usize, _added: &mut Response<N>) -> Augmentation {
         Augmentation::Satisfied
     }
 
-    /// Adds a stiffness, at the last evaluation, to what the state of the term leaves without resistance; true if there is such.
-    /// It changes the way to the solution only.
+    /// Adds stiffness, at the last evaluation, where the state of the term leaves bodies without resistance; true if
+    /// there is such a location. This changes only the path of the iterations, not the solution.
     fn support(&self, _sum: &mut System<N>) -> bool {
         false
     }
 
-    /// Takes back the updates along the last increment, which is going to be shortened.
+    /// Withdraws the updates along the last increment, which is about to be shortened.
     fn withdraw_augmentation(&mut self) {}
 
-    /// Adds the external force of the state that the step starts from to `force` on the active nodes, [force].
+    /// Adds the external force of the state from which the step starts to `force` on the active nodes, [force].
     fn force_at_start(&self, _force: &mut Nodal<N>) {}
 
-    /// Work and energy at the end of the step, which is in equilibrium at these unknowns and not committed.
+    /// Work and energy at the end of the step, which is in equilibrium at these unknowns but not yet committed.
     fn ledger(&self, _step: &StepContext<D>, _points: &Points<D>, _at: At<N>) -> Ledger {
         Ledger::default()
     }
@@ -175,7 +179,8 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
     /// Adds the resultants of the loads of the model that this term applies, in the order of the loads, [force].
     fn add_resultants(&self, _sum: &mut [[f64; D]]) {}
 
-    /// The reactions of the boundary conditions of the model that this term imposes on surfaces; at the last evaluation.
+    /// The reactions of those boundary conditions of the model that this term imposes on surfaces, at the last
+    /// evaluation.
     fn surface_reactions(&self) -> Vec<SurfaceReaction<D>> {
         Vec::new()
     }
@@ -190,12 +195,12 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
         Vec::new()
     }
 
-    /// The place nearest to one in a body, [length], that the body may take at the last commit: outside all obstacles.
+    /// The position nearest to `place`, [length], that the body may take at the last commit: outside all obstacles.
     fn nearest_allowed(&self, _model: &Model<D>, _body: usize, place: [f64; D]) -> [f64; D] {
         place
     }
 
-    /// Further forces on the bodies that reports give by name, [force], such as that of a wall; at the last evaluation.
+    /// Further forces on the bodies that reports list by name, [force], such as that of a wall, at the last evaluation.
     fn named_forces(&self) -> Vec<NamedForce<D>> {
         Vec::new()
     }
@@ -205,13 +210,13 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
         0
     }
 
-    /// The system was laid out anew: places of blocks are void.
+    /// Called when the system has been laid out anew: indices of blocks are void.
     fn forget_layout(&mut self) {}
 
     /// Frees memory that only further evaluations of the step would need.
     fn conclude(&mut self) {}
 
-    /// The step is in equilibrium: its end is where the next one starts.
+    /// Called when the step is in equilibrium: the next step starts at its end.
     fn commit(&mut self) {}
 
     /// The state that a checkpoint must store in addition to the points; `None` if there is none.
@@ -232,21 +237,21 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
 #[derive(Debug, Clone)]
 pub struct Response<const N: usize> {
     n_nodes: usize,
-    /// The external force on the active nodes, [force]; empty until it is asked for.
+    /// The external force on the active nodes, [force]; empty until a term requests it.
     pub(crate) force: Nodal<N>,
     /// The residuals of the global equations of all terms.
     pub(crate) globals: Vec<f64>,
-    /// The first global unknown of the term that is being asked.
+    /// The first global unknown of the term in turn.
     pub(crate) first: usize,
 }
 
 impl<const N: usize> Response<N> {
-    /// Nothing, for this number of active nodes and global unknowns.
+    /// An empty response for this number of active nodes and global unknowns.
     pub(crate) fn new(n_nodes: usize, n_globals: usize) -> Self {
         Response { n_nodes, force: Vec::new(), globals: vec![0.0; n_globals], first: 0 }
     }
 
-    /// The external force on the active nodes, [force], to add to.
+    /// The external force on the active nodes, [force], to be added to.
     pub fn force_mut(&mut self) -> &mut [[f64; N]] {
         self.force.resize(self.n_nodes, [0.0; N]);
         &mut self.force
@@ -261,9 +266,9 @@ impl<const N: usize> Response<N> {
 /// The state of the multipliers of a term when Newton's iterations have converged.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Augmentation {
-    /// They are final.
+    /// The multipliers are final.
     Satisfied,
-    /// They have changed: the state is no longer in equilibrium.
+    /// The multipliers have changed: the state is no longer in equilibrium.
     Updated,
 }
 
@@ -274,11 +279,11 @@ pub struct Ledger {
     pub stored: f64,
     /// Plastic work since the start of the analysis, [energy].
     pub plastic: f64,
-    /// Part of the growth of `plastic` in this step that was not done, because the strength was reduced and the plastic
-    /// work of a law follows from its history variables at full strength, [energy].
+    /// Part of the growth of `plastic` in this step that was not done: the plastic work of a law follows from its
+    /// history variables at full strength, but the strength was reduced, [energy].
     pub undone: f64,
     /// Work during the step that is lost in the next one, [energy].
     pub lost: f64,
-    /// Work during the step of friction, [energy]: what the forces of tools lose on the way to the bodies.
+    /// Work of friction during the step, [energy], which the forces of tools lose on the way to the bodies.
     pub friction: f64,
 }

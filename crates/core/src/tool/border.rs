@@ -1,4 +1,4 @@
-//! The border of a polygon, also as the section (r, h) of a body of revolution.
+//! The boundary of a polygon, which may also be the meridional section (r, h) of a body of revolution.
 
 use super::closest::{Closest, TOUCHING};
 use super::error::ShapeError;
@@ -8,21 +8,22 @@ use super::shape::largest;
 use crate::region::vector::{along, dot, minus, norm};
 use crate::region::{Bounds, Polygon, Primitive};
 
-/// Below this sine, the side of a pseudonormal is left to the exact test: round-off could decide.
+/// Sine below which the exact test decides on which side of a pseudonormal a position lies: round-off could falsify it.
 pub(super) const UNSURE: f64 = 1e-6;
 /// Distance from a corner, relative to the length of an edge, within which two faces may be equally near, [-].
 const NEAR_CORNER: f64 = 1e-2;
-/// Difference of the distances from two faces, relative to that from their corner, within which they are equally near, [-].
+/// Difference between the distances from two faces, relative to the distance from their corner, within which the faces
+/// are equally near, [-].
 const EQUAL: f64 = 1e-9;
 
-/// The edges of a polygon; those on the axis are left out of a section.
+/// The edges of a polygon; a section has none on the axis.
 #[derive(Debug, Clone)]
 pub(super) struct Border {
     polygon: Polygon,
     edges: Segments,
     /// Number of each edge in the polygon.
     numbers: Vec<usize>,
-    /// Sum of the outward unit normals of the two edges at both ends of each edge.
+    /// For each edge, the sum of the outward unit normals of the two edges that meet at either end.
     pseudonormals: Vec<[[f64; 2]; 2]>,
     /// −1 if the corners are given clockwise, otherwise 1.
     orientation: f64,
@@ -39,14 +40,14 @@ pub(super) fn polygon(corners: Vec<[f64; 2]>) -> Result<Polygon, ShapeError> {
     Ok(Polygon::new(corners)?)
 }
 
-/// The direction in the middle of two normals with this sum; `None` if they are opposite.
+/// The direction of the bisector of two unit normals with this sum; `None` if they are opposite.
 fn middle(sum: &[f64; 2]) -> Option<[f64; 2]> {
     let size = norm(sum);
     (size > UNSURE).then(|| sum.map(|n| n / size))
 }
 
-/// The corner between two equally near faces of a polygon, for a position at it or inside: symmetry leaves the way along the
-/// middle of both. `ends` are those of the edge on which the closest point was `found`.
+/// The corner between two equally near faces of a polygon, for a position at or inside the corner: by symmetry, the
+/// normal is along the bisector. `ends` are the ends of the edge on which the closest point was `found`.
 fn between_faces(
     x: &[f64; 2],
     found: &Closest<2>,
@@ -63,7 +64,7 @@ fn between_faces(
         let (distance, other) = (norm(&from_corner), minus(sum, &found.normal));
         let is_tie = (dot(&from_corner, &other) - found.gap).abs() <= EQUAL * distance + touching;
         let normal = middle(sum).filter(|_| is_tie && distance <= near.max(touching))?;
-        // Along the middle; where both faces lie on one line, the gap stays as it is.
+        // The gap along the bisector; where both faces lie on one line, the gap stays as it is.
         Some(Closest::on_plane(x, found.gap / dot(&normal, &found.normal), normal, found.part))
     })
 }
@@ -76,7 +77,7 @@ impl Border {
         let ends: Vec<_> = (0..n).map(|k| [corners[k], corners[(k + 1) % n]]).collect();
         let orientation = if polygon.is_counterclockwise() { 1.0 } else { -1.0 };
         let outward = |k: usize| right_normal(&ends[k % n]).map(|x| orientation * x);
-        // Beyond the axis follows the mirror image.
+        // Beyond the axis lies the mirror image.
         let beside = |k: usize, other: usize| {
             let [r, h] = outward(k);
             if is_axis(&ends[other % n]) { [-r, h] } else { outward(other) }
@@ -96,7 +97,7 @@ impl Border {
         self.edges.bounds()
     }
 
-    /// The closest point; it may be missing if |gap| exceeds `limit`, [length]. Parts are numbers of edges.
+    /// The closest point, which may be missing if |gap| exceeds `limit`, [length]. Parts are edge numbers.
     pub(super) fn search(&self, x: &[f64; 2], limit: f64) -> Option<Closest<2>> {
         let (feature, item, edge) = self.edges.nearest(x, limit).found?;
         let part = self.numbers[edge as usize];
@@ -117,7 +118,7 @@ impl Border {
         Some(Closest::on_corner(x, &feature.offset, outside, None, part))
     }
 
-    /// The smallest fraction that `meeting` finds among the edges whose boxes meet a box.
+    /// The smallest fraction that `meeting` finds among the edges whose bounding boxes meet a given box.
     pub(super) fn first(
         &self,
         bounds: &Bounds<2>,

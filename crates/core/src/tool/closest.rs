@@ -1,11 +1,11 @@
-//! The closest point of a surface.
+//! The closest point on a surface.
 
 use crate::region::vector::{along, dot, norm, unit};
 
-/// Positions closer to a point than this, relative to the size of the shape, have no direction from it: only round-off.
+/// Distance from a point, relative to the size of the shape, below which the direction from it is only round-off.
 pub(super) const TOUCHING: f64 = 1e-14;
 
-/// The point of a surface that is closest to a position x.
+/// The point on a surface that is closest to a position x.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Closest<const D: usize> {
     /// Signed distance of x from the surface, [length]; negative inside.
@@ -21,12 +21,12 @@ pub struct Closest<const D: usize> {
 }
 
 impl<const D: usize> Closest<D> {
-    /// A point of a flat part.
+    /// A point on a flat part.
     pub(super) fn on_plane(x: &[f64; D], gap: f64, normal: [f64; D], part: usize) -> Self {
         Closest { gap, normal, point: along(x, -gap, &normal), part, normal_derivative: [[0.0; D]; D] }
     }
 
-    /// A corner, or a point of an edge along the unit vector `edge`. `offset` = x − point must not be zero.
+    /// A corner, or a point on an edge along the unit vector `edge`. `offset` = x − point must not be zero.
     pub(super) fn on_corner(
         x: &[f64; D],
         offset: &[f64; D],
@@ -45,12 +45,12 @@ impl<const D: usize> Closest<D> {
         found
     }
 
-    /// A corner or an edge with x at it, up to round-off; `normal` is one of the normals there.
+    /// A corner or an edge that x coincides with, up to round-off; `normal` is one of the normals there.
     pub(super) fn at_corner(x: &[f64; D], normal: [f64; D], part: usize) -> Self {
         Closest { point: *x, ..Self::on_plane(x, 0.0, normal, part) }
     }
 
-    /// The closest point of the parallel surface at a distance outside.
+    /// The closest point on the parallel surface at this distance outside.
     pub(super) fn offset(mut self, distance: f64) -> Self {
         self.gap -= distance;
         self.point = along(&self.point, distance, &self.normal);
@@ -78,8 +78,8 @@ impl<const D: usize> Closest<D> {
     }
 }
 
-/// The closest point in the section (r, h) of a body of revolution for a position on its axis. Inside a tip, all of a circle is as
-/// close, and symmetry leaves the way along the axis. `touching` is round-off, [length].
+/// The closest point in the section (r, h) of a body of revolution for a position on its axis. Inside a tip, all points
+/// of a circle are equally close, so by symmetry the normal is along the axis. `touching` is round-off, [length].
 pub(super) fn on_axis(
     x: &[f64; 2],
     touching: f64,
@@ -91,7 +91,7 @@ pub(super) fn on_axis(
         return Some(found);
     }
     let along_axis = Closest::on_plane(x, found.gap / axial.abs(), [0.0, axial.signum()], found.part);
-    // Elsewhere the closest part of the surface does not reach the axis.
+    // If this is not a tip, the closest part of the surface does not reach the axis.
     let is_tip = search(&along_axis.point).is_some_and(|tip| tip.gap.abs() <= 1e3 * touching);
     Some(if is_tip { along_axis } else { found })
 }

@@ -1,4 +1,4 @@
-//! Errors in the shapes of tools and in their outlines.
+//! Errors in tool shapes and in their outlines.
 
 use crate::region::surface::SurfaceError;
 use crate::region::{self, MOST_FACETS};
@@ -18,7 +18,7 @@ pub enum ShapeError {
         /// Index of the edge and of its first corner, from 0.
         edge: usize,
     },
-    /// A section of a body of revolution reaches beyond the axis.
+    /// A section of a body of revolution extends beyond the axis.
     #[error("corner {} of the section has a negative radius, {radius}", .corner + 1)]
     NegativeRadius {
         /// Index of the corner, from 0.

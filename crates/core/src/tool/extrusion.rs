@@ -26,7 +26,7 @@ impl Extrusion {
         Ok(Extrusion { prism: Prism::new(base.polygon().clone(), axis, heights)?, base })
     }
 
-    /// The closest point to the lateral surface, in space, for a position at any height.
+    /// The closest point on the lateral surface, in space, for a position at any height.
     fn lateral(&self, x: &[f64; 3]) -> Option<Closest<3>> {
         let found = self.base.closest(self.prism.across(x))?;
         let axis = self.prism.axis();
@@ -67,7 +67,7 @@ impl Shape<3> for Extrusion {
         if a <= 0.0 || b <= 0.0 || gap <= TOUCHING * largest(&self.bounds()) {
             return Some(nearer);
         }
-        // The border of an end. With g² = a² + b²: g n = a ∇a + b ∇b, and the derivative of this.
+        // At the edge of an end, with g² = a² + b²: g n = a ∇a + b ∇b, and the derivative of this.
         let offset: [f64; 3] = std::array::from_fn(|d| a * lateral.normal[d] + b * end.normal[d]);
         let normal = offset.map(|x| x / gap);
         let mut normal_derivative = [[0.0; 3]; 3];

@@ -1,17 +1,17 @@
-//! The closest place of a segment and of a triangle: on its face, an edge or a corner.
+//! The closest feature of a segment or a triangle: its face, an edge or a corner.
 
 use crate::region::surface::Triangle;
 use crate::region::vector::{along, cross, dot, minus};
 
-/// A position beyond the end of an edge by less than this fraction of its length belongs to the edge: points of a
-/// regular lattice lie exactly above edges and corners, where round-off would choose.
+/// A position beyond the end of an edge by less than this fraction of its length counts as beside the edge: points of a
+/// regular lattice lie exactly above edges and corners, where round-off would otherwise decide.
 const ROUND: f64 = 1e-12;
 
-/// Squared distances that differ relatively by less than this are equal; the place of the highest dimension is chosen,
-/// because its normal does not change along it.
+/// Squared distances with a relative difference below this are equal; the feature of the highest dimension is then
+/// chosen, because its normal does not change along it.
 const TIE: f64 = 1e-13;
 
-/// A place on a segment or a triangle, from the highest dimension to the lowest.
+/// A feature of a segment or a triangle, from the highest dimension to the lowest.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Place {
     /// The interior of the segment or triangle.
@@ -32,13 +32,13 @@ impl Place {
     }
 }
 
-/// The closest place of a segment or triangle.
+/// The closest feature of a segment or a triangle.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Feature<const D: usize> {
     pub(super) place: Place,
-    /// The position minus the place, [length].
+    /// The position minus its closest point on the feature, [length].
     pub(super) offset: [f64; D],
-    /// Square of its length, [length²].
+    /// Square of the length of `offset`, [length²].
     pub(super) squared: f64,
 }
 
@@ -52,12 +52,12 @@ impl<const D: usize> Feature<D> {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Nearest<const D: usize> {
     limit: f64,
-    /// The feature, the index of its segment or triangle in the order of the tree, and its original index.
+    /// The feature, the index of its segment or triangle in the order of the tree, and the original index of this item.
     pub(super) found: Option<(Feature<D>, usize, u32)>,
 }
 
 impl<const D: usize> Nearest<D> {
-    /// A search up to a distance, [length].
+    /// A search limited to a distance, [length].
     pub(super) fn within(limit: f64) -> Self {
         Nearest { limit: limit * limit * (1.0 + TIE), found: None }
     }
@@ -67,7 +67,7 @@ impl<const D: usize> Nearest<D> {
         self.limit
     }
 
-    /// Takes a feature if it is closer, or as close with a place of higher dimension or a lower index.
+    /// Takes a feature if it is closer, or if it is equally close with a higher dimension or a lower index.
     pub(super) fn offer(&mut self, feature: Feature<D>, item: usize, index: u32) {
         if feature.squared > self.limit {
             return;
@@ -85,11 +85,11 @@ impl<const D: usize> Nearest<D> {
     }
 }
 
-/// The closest place of a segment in the plane with this unit normal.
+/// The closest feature of a segment in the plane with this unit normal.
 pub(super) fn on_segment(x: &[f64; 2], ends: &[[f64; 2]; 2], normal: &[f64; 2]) -> Feature<2> {
     let feature = on_edge(x, ends);
     match feature.place {
-        // The distance along the normal has less round-off.
+        // The distance along the normal has less round-off than the length of the offset.
         Place::Face => {
             let distance = dot(&minus(x, &ends[0]), normal);
             Feature::new(Place::Face, normal.map(|n| distance * n))
@@ -98,7 +98,7 @@ pub(super) fn on_segment(x: &[f64; 2], ends: &[[f64; 2]; 2], normal: &[f64; 2]) 
     }
 }
 
-/// The closest place of a segment; its interior is [`Place::Face`].
+/// The closest feature of a segment, whose interior is [`Place::Face`].
 fn on_edge<const D: usize>(x: &[f64; D], [a, b]: &[[f64; D]; 2]) -> Feature<D> {
     let (edge, from) = (minus(b, a), minus(x, a));
     let t = dot(&from, &edge) / dot(&edge, &edge);
@@ -111,7 +111,8 @@ fn on_edge<const D: usize>(x: &[f64; D], [a, b]: &[[f64; D]; 2]) -> Feature<D> {
     }
 }
 
-/// The closest place of a triangle with this unit normal; `None` if it is farther than the root of `limit`, [length²].
+/// The closest feature of a triangle with this unit normal; `None` if it is farther than the square root of `limit`,
+/// [length²].
 pub(super) fn on_triangle(
     x: &[f64; 3],
     corners: &Triangle,
@@ -126,7 +127,7 @@ pub(super) fn on_triangle(
     for k in 0..3 {
         let ends = [corners[k], corners[(k + 1) % 3]];
         let edge = minus(&ends[1], &ends[0]);
-        // Distance from the edge within the plane, times the length of the edge; positive inside.
+        // Distance from the edge within the plane, multiplied by the length of the edge; positive inside.
         let inwards = dot(&cross(normal, &edge), &minus(x, &ends[0]));
         if inwards < -ROUND * dot(&edge, &edge) {
             let mut on_edge = on_edge(x, &ends);

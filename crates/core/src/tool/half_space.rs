@@ -1,4 +1,4 @@
-//! Half planes and half spaces.
+//! Half-planes and half-spaces.
 
 use super::closest::Closest;
 use super::error::{NoOutline, ShapeError};
@@ -7,7 +7,7 @@ use super::shape::Shape;
 use crate::region::vector::{along, dot, frame, minus, norm};
 use crate::region::{Bounds, Facet, MOST_FACETS, divided, finite, positive};
 
-/// The half plane (D = 2) or half space (D = 3) behind a line or plane.
+/// The half-plane (D = 2) or half-space (D = 3) behind a line or plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HalfSpace<const D: usize> {
     point: [f64; D],
@@ -15,13 +15,13 @@ pub struct HalfSpace<const D: usize> {
 }
 
 impl<const D: usize> HalfSpace<D> {
-    /// The half space whose surface passes through a point, [length], with this outward normal of any length.
+    /// The half-space whose surface passes through a point, [length], with this outward normal of any length.
     ///
     /// # Errors
     /// [`ShapeError::Primitive`] if a number is not finite or the normal is zero.
     pub fn new(point: [f64; D], normal: [f64; D]) -> Result<Self, ShapeError> {
         let point = finite("the point of the plane", point)?;
-        // Scale first: the squares of very large or small numbers overflow or underflow.
+        // Scaling comes first: the squares of very large or small numbers overflow or underflow.
         let largest = finite("the normal", normal)?.iter().fold(0.0f64, |m, x| m.max(x.abs()));
         let largest = positive("the length of the normal", largest)?;
         let normal = normal.map(|x| x / largest);

@@ -1,17 +1,17 @@
 //! Shapes of rigid tools for contact: pipes, piles, footings, anchors, ploughs.
 //!
-//! A [`Shape`] finds the point of its surface closest to a position, in the frame of the tool, and the place where the
-//! path of a point meets the surface. A [`Pose`] places the tool in space, an [`Increment`] moves it. This module is
-//! pure geometry: it knows neither bodies nor forces.
+//! A [`Shape`] finds the point on its surface closest to a position, in the frame of the tool, and the position where
+//! the path of a point meets the surface. A [`Pose`] places the tool in space, and an [`Increment`] moves it. This
+//! module is pure geometry: it knows neither bodies nor forces.
 //!
 //! | Shape | Plane | Space | Closest point |
 //! |---|---|---|---|
-//! | [`HalfSpace`] | half plane | half space | closed form |
+//! | [`HalfSpace`] | half-plane | half-space | closed form |
 //! | [`Ball`](crate::region::Ball) | circle | sphere | closed form |
 //! | [`Brick`](crate::region::Brick) | rectangle | box | closed form |
 //! | [`ClosedPolygon`] | simple polygon | – | bounding box tree over the edges |
 //! | [`Wall`] | polyline with a thickness | – | bounding box tree over the segments |
-//! | [`Section`] | section of a body of revolution | – | that of the shape on the side of the axis, or of its mirror image |
+//! | [`Section`] | section of a body of revolution | – | that of the shape on its side of the axis, or of the mirror image |
 //! | [`Frustum`](crate::region::Frustum) | – | cylinder, cone, truncated cone | section (r, h) |
 //! | [`Revolution`] | – | body of revolution: penetrometer, spudcan, open pile | polygon as the section (r, h) |
 //! | [`Extrusion`] | – | extruded polygon | polygon and height |
@@ -27,9 +27,9 @@
 //! | at a corner, around the centre of a ball | ∂n/∂x = (I − n⊗n)/g | the same without e |
 //! | on a parallel surface at a distance h | g − h, the same n and ∂n/∂x | |
 //! | body of revolution | section in (r, h), and ∂n/∂x gains (n_r/r) e_θ⊗e_θ | curvature of the parallels |
-//! | inside a corner of a polygon, in the middle of its faces | g to the corner, ∂n/∂x = 0 | symmetry |
+//! | inside a corner of a polygon, on the bisector of its faces | g to the corner, ∂n/∂x = 0 | symmetry |
 //! | inside a tip, on the axis of revolution | g along the axis, ∂n/∂x = 0 | symmetry |
-//! | beyond the border of an end with gaps a, b | g² = a² + b², g n = a∇a + b∇b | derivative of this for ∂n/∂x |
+//! | beyond the edge of an end with gaps a, b | g² = a² + b², g n = a∇a + b∇b | derivative of this for ∂n/∂x |
 //! | sign at edges and corners of triangles | sign of (x − p) · Σ α_f n_f, with the angles α_f | Bærentzen and Aanæs, *IEEE Trans. Vis. Comput. Graph.* 11 (2005) 243 |
 //! | sign at corners of polygons | sign of (x − p) · (n₁ + n₂) | the same in the plane |
 //! | sign in doubt | winding number with exact predicates | [`Surface`](crate::region::Surface), [`Polygon`](crate::region::Polygon) |
@@ -38,8 +38,8 @@
 //! | closest feature | branch and bound over boxes, near boxes first | |
 //!
 //! Outside a convex edge or corner the gap is that of the rounded parallel surface, so the normal is continuous there;
-//! inside, the normal is that of the closest part and jumps across the medial axis. On it, beside a corner of a polygon, the
-//! closest point is the corner, and the normal that in the middle of both faces.
+//! inside, the normal is that of the closest part and jumps across the medial axis. On the medial axis, beside a corner
+//! of a polygon, the closest point is the corner, and the normal is along the bisector of both faces.
 
 mod border;
 mod closest;

@@ -1,15 +1,15 @@
-//! The surface of a tool in facets, for output.
+//! The surface of a tool divided into facets, for output.
 
 use crate::region::vector::norm;
 use crate::region::{Facet, area_vector, indexed};
 
-/// A surface in flat facets: segments in the plane, triangles in space.
+/// A surface divided into flat facets: segments in the plane, triangles in space.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Outline<const D: usize> {
     /// Positions of the corners, [length].
     pub vertices: Vec<[f64; D]>,
-    /// Indices of the corners of each facet. The outside is to the right of the way from the first corner to the second
-    /// in the plane; in space the corners are counterclockwise as seen from outside.
+    /// Indices of the corners of each facet. In the plane, the outside is to the right of the direction from the first
+    /// corner to the second; in space, the corners are counterclockwise as seen from outside.
     pub facets: Vec<[u32; D]>,
     /// Area (length in the plane) of each facet, [length^(D−1)].
     pub areas: Vec<f64>,

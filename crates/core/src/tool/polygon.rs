@@ -8,7 +8,8 @@ use super::shape::Shape;
 use crate::region::vector::{dot, minus};
 use crate::region::{Bounds, Facet, Polygon, Primitive, around, segments_meet};
 
-/// A closed simple polygon. Part k is the edge from corner k to corner k + 1; edges on an axis of revolution have no surface.
+/// A closed simple polygon. Part k is the edge from corner k to corner k + 1; edges on an axis of revolution have no
+/// surface.
 #[derive(Debug, Clone)]
 pub struct ClosedPolygon {
     border: Border,
@@ -17,17 +18,17 @@ pub struct ClosedPolygon {
 }
 
 impl ClosedPolygon {
-    /// A polygon from its corners in either order around it, [length]; it need not be convex.
+    /// A polygon from its corners, [length], listed clockwise or counterclockwise; it need not be convex.
     ///
     /// # Errors
-    /// [`ShapeError::ZeroEdge`]; [`ShapeError::Primitive`] if it has fewer than three corners, crosses or touches itself,
-    /// or a coordinate is not finite.
+    /// [`ShapeError::ZeroEdge`]; [`ShapeError::Primitive`] if it has fewer than three corners, crosses or touches
+    /// itself, or a coordinate is not finite.
     pub fn new(corners: Vec<[f64; 2]>) -> Result<Self, ShapeError> {
         Ok(Self::of(border::polygon(corners)?))
     }
 
-    /// The section of a body of revolution about the axis x = `axis`, [length]: beyond its edges on the axis follows the mirror
-    /// image.
+    /// The section of a body of revolution about the axis x = `axis`, [length]; beyond its edges on the axis lies the
+    /// mirror image.
     ///
     /// # Errors
     /// As [`ClosedPolygon::new`].
@@ -73,7 +74,7 @@ impl Shape<2> for ClosedPolygon {
     }
 }
 
-/// The place where a path meets an edge, as a fraction of the path; whether they meet is exact.
+/// The position where a path meets an edge, as a fraction of the path; the test of whether they meet is exact.
 fn meeting(path @ [from, to]: &[[f64; 2]; 2], edge @ [a, b]: &[[f64; 2]; 2]) -> Option<f64> {
     if !segments_meet([from, to], [a, b]) {
         return None;

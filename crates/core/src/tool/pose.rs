@@ -7,7 +7,7 @@ use super::shape::Shape;
 use crate::region::finite;
 use crate::region::vector::{along, cross, dot, minus, unit};
 
-/// Where a rigid tool is: a position X of its frame is at c + R X in space.
+/// The position and rotation of a rigid tool: a position X in its frame is at c + R X in space.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose<const D: usize> {
     position: [f64; D],
@@ -16,14 +16,14 @@ pub struct Pose<const D: usize> {
     angle: f64,
 }
 
-/// A rigid motion from one pose to the next: x = c + u + exp(θ̂) (X − c) for a position X of the tool at the start, where
-/// c is the position of the reference point at the start.
+/// A rigid motion from one pose to the next: x = c + u + exp(θ̂) (X − c), for a point of the tool that is at X at the
+/// start, where c is the position of the reference point at the start.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Increment<const D: usize> {
     /// Translation u of the reference point, [length].
     pub translation: [f64; D],
-    /// Rotation vector θ in the axes of space, [rad]. In the plane only the third component counts, the
-    /// counterclockwise angle.
+    /// Rotation vector θ in global axes, [rad]. In the plane only the third component counts, the counterclockwise
+    /// angle.
     pub rotation: [f64; 3],
 }
 
@@ -59,8 +59,8 @@ impl<const D: usize> Pose<D> {
         }
     }
 
-    /// The rotation vector, in the axes of space, of the rotation from another pose to this one, [rad]: in the plane with
-    /// all full turns, in space by at most π.
+    /// The rotation vector, in global axes, of the rotation from another pose to this one, [rad]: in the plane with all
+    /// full turns, in space by at most π.
     pub fn rotation_since(&self, start: &Pose<D>) -> [f64; 3] {
         if D == 3 {
             let turned = product(&self.rotation, &transposed(&start.rotation));
@@ -70,7 +70,7 @@ impl<const D: usize> Pose<D> {
         }
     }
 
-    /// All its numbers, from which [`Pose::from_numbers`] restores it to the last bit.
+    /// All its numbers, from which [`Pose::from_numbers`] restores it exactly, bit for bit.
     pub fn to_numbers(&self) -> Vec<f64> {
         let rotation = self.rotation.as_flattened().iter();
         self.position.iter().chain(rotation).copied().chain([self.angle]).collect()
@@ -92,22 +92,22 @@ impl<const D: usize> Pose<D> {
         })
     }
 
-    /// The position in space of a position in the frame of the tool, [length].
+    /// The position in space of a point given in the frame of the tool, [length].
     pub fn to_space(&self, x: &[f64; D]) -> [f64; D] {
         along(&self.position, 1.0, &apply(&self.rotation, x))
     }
 
-    /// The position in the frame of the tool of a position in space, [length].
+    /// The position in the frame of the tool of a point given in space, [length].
     pub fn to_tool(&self, x: &[f64; D]) -> [f64; D] {
         self.vector_to_tool(&minus(x, &self.position))
     }
 
-    /// The components in space of a vector in the frame of the tool.
+    /// The global components of a vector given in the frame of the tool.
     pub fn vector_to_space(&self, v: &[f64; D]) -> [f64; D] {
         apply(&self.rotation, v)
     }
 
-    /// The components in the frame of the tool of a vector in space.
+    /// The components in the frame of the tool of a vector given in space.
     pub fn vector_to_tool(&self, v: &[f64; D]) -> [f64; D] {
         apply(&transposed(&self.rotation), v)
     }
@@ -117,7 +117,7 @@ impl<const D: usize> Pose<D> {
         let angle = self.angle + increment.rotation[2];
         let rotation = if D == 3 {
             let turned = product(&increment.matrix(), &self.rotation);
-            // A Newton step towards the closest rotation: the error of many increments must not add up.
+            // A Newton step towards the closest rotation keeps the errors of many increments from adding up.
             let square = product(&transposed(&turned), &turned);
             let correction =
                 std::array::from_fn(|i| std::array::from_fn(|j| 1.5 * unit::<D>(i)[j] - 0.5 * square[i][j]));
@@ -128,20 +128,20 @@ impl<const D: usize> Pose<D> {
         Pose { position: along(&self.position, 1.0, &increment.translation), rotation, angle }
     }
 
-    /// The closest point, in space, of the surface of a tool in this pose; `None` if |gap| exceeds `limit`, [length], or
-    /// a coordinate is not finite.
+    /// The closest point, in space, on the surface of a tool in this pose; `None` if |gap| exceeds `limit`, [length],
+    /// or a coordinate is not finite.
     pub fn closest(&self, shape: &dyn Shape<D>, x: [f64; D], limit: f64) -> Option<Closest<D>> {
         Some(self.in_space(&shape.closest_within(self.to_tool(&x), limit)?))
     }
 
-    /// A closest point in the frame of a tool in this pose, in space.
+    /// Transforms a closest point from the frame of a tool in this pose to space.
     pub fn in_space(&self, found: &Closest<D>) -> Closest<D> {
         found.turned(&self.rotation, |x| self.to_space(x))
     }
 }
 
 /// The first time at which a point meets the surface of a moving tool, as a fraction of the motion. Both move from
-/// their first to their second place such that the path is straight in the frame of the tool.
+/// their first to their second position such that the path of the point is straight in the frame of the tool.
 pub fn first_contact<const D: usize>(
     shape: &dyn Shape<D>,
     poses: [&Pose<D>; 2],
@@ -151,7 +151,7 @@ pub fn first_contact<const D: usize>(
 }
 
 impl<const D: usize> Increment<D> {
-    /// The rotation vector; in the plane without the components that do not count.
+    /// The rotation vector; in the plane, the components that do not count are zero.
     fn rotation_vector(&self) -> [f64; 3] {
         if D == 3 { self.rotation } else { [0.0, 0.0, self.rotation[2]] }
     }
@@ -168,8 +168,8 @@ impl<const D: usize> Increment<D> {
         along(&along(&start.position, 1.0, &self.translation), 1.0, &arm)
     }
 
-    /// Displacement over the motion of the point of the tool that is at `x` before it, [length]. Its round-off is relative to
-    /// it, not to the position.
+    /// Displacement, during the motion, of the point of the tool that is at `x` before it, [length]. Its round-off is
+    /// relative to the displacement, not to the position.
     pub fn displacement(&self, start: &Pose<D>, x: &[f64; D]) -> [f64; D] {
         if self.rotation_vector() == [0.0; 3] {
             return self.translation;
@@ -186,9 +186,9 @@ impl<const D: usize> Increment<D> {
         self.rotation_derivative(&apply(&self.matrix(), &minus(x, &start.position)))
     }
 
-    /// Derivative with respect to the rotation, `[k][i]` = ∂x_i/∂θ_k, [length], of the position of the point of the tool
-    /// that is at `arm` from the reference point after the motion: J e_k × arm with the left Jacobian J of exp(θ̂). In
-    /// the plane the first two rows are zero.
+    /// Derivative with respect to the rotation, `[k][i]` = ∂x_i/∂θ_k, [length], of the position of the point of the
+    /// tool that is at `arm` from the reference point after the motion: J e_k × arm with the left Jacobian J of
+    /// exp(θ̂). In the plane the first two rows are zero.
     pub fn rotation_derivative(&self, arm: &[f64; D]) -> [[f64; D]; 3] {
         let jacobian = transposed(&left_jacobian(&self.rotation_vector()));
         let arm = std::array::from_fn(|d| if d < D { arm[d % D] } else { 0.0 });
@@ -198,8 +198,8 @@ impl<const D: usize> Increment<D> {
         })
     }
 
-    /// The rate of rotation of the tool, in the axes of space, as component `k` of the rotation grows, [-]: column k of the
-    /// left Jacobian J of exp(θ̂). In the plane only the third one is not zero.
+    /// The rate of rotation of the tool, in global axes, as component `k` of the rotation grows, [-]: column k of the
+    /// left Jacobian J of exp(θ̂). In the plane only the third column is not zero.
     pub fn rotation_rate(&self, k: usize) -> [f64; 3] {
         match (D, k) {
             (3, _) => transposed(&left_jacobian(&self.rotation_vector()))[k % 3],
@@ -209,8 +209,8 @@ impl<const D: usize> Increment<D> {
     }
 
     /// Derivative of the gap of a fixed position x with respect to the translation and to the rotation, [-] and
-    /// [length], where `found` is its closest point on the tool after the motion and `reference` the position of the
-    /// reference point then: −n · ∂x/∂(u, θ) at the closest point, because the gap is stationary along the surface.
+    /// [length]: −n · ∂x/∂(u, θ) at the closest point, because the gap is stationary along the surface. `found` is the
+    /// closest point on the tool after the motion, and `reference` the position of the reference point then.
     pub fn gap_derivative(&self, found: &Closest<D>, reference: &[f64; D]) -> ([f64; D], [f64; 3]) {
         let turned = self.rotation_derivative(&minus(&found.point, reference));
         (found.normal.map(|n| -n), turned.map(|row| -dot(&row, &found.normal)))

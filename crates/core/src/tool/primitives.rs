@@ -87,7 +87,7 @@ impl Shape<3> for Frustum {
         hull(axis.disc(&[lower, 0.0]), axis.disc(&[upper, self.height()]))
     }
 
-    /// Parts: 0 lateral, 1 and 2 ends.
+    /// Parts: 0 is the lateral surface, 1 and 2 are the ends.
     fn search(&self, x: &[f64; 3], _: f64) -> Option<Closest<3>> {
         let touching = TOUCHING * largest(&Shape::bounds(self));
         axis_of(self).closest(x, touching, |section| self.closest_of_section(*section, touching))
@@ -107,7 +107,7 @@ fn axis_of(frustum: &Frustum) -> Axis {
 }
 
 impl Frustum {
-    /// The closest point of the section (r, h) of the surface.
+    /// The closest point in the section (r, h) of the surface.
     fn closest_of_section(&self, x: [f64; 2], touching: f64) -> Option<Closest<2>> {
         let ([lower, upper], height) = (self.radii(), self.height());
         let corners = [[0.0, 0.0], [lower, 0.0], [upper, height], [0.0, height]];
@@ -126,7 +126,7 @@ impl Frustum {
         Some(match place {
             Place::Face => Closest::on_plane(&x, dot(&offset, &normal), normal, part),
             _ if squared.sqrt() <= touching => Closest::at_corner(&x, normal, part),
-            // The section is convex: corners are closest from outside only.
+            // The section is convex: a corner can be the closest point only from outside.
             _ => Closest::on_corner(&x, &offset, true, None, part),
         })
     }

@@ -10,7 +10,7 @@ use crate::region::{
     Bounds, Facet, Polygon, around, around_axis, chords, finite, hull, parts, positive, quadrilaterals,
 };
 
-/// Tolerance of the ends of an edge, relative to its length: no path slips through between two edges.
+/// Tolerance at the ends of an edge, relative to its length, so that no path slips through between two edges.
 const END: f64 = 1e-9;
 
 /// A body of revolution. Part k is swept by the edge from corner k to corner k + 1 of the section; edges on the axis
@@ -38,21 +38,21 @@ impl Axis {
         (height, along(&from_start, -height, &self.direction))
     }
 
-    /// The position (r, h) of the section.
+    /// The position (r, h) in the section.
     fn in_section(&self, x: &[f64; 3]) -> [f64; 2] {
         let (height, across) = self.split(x);
         [norm(&across), height]
     }
 
-    /// Box around the disc with this radius and height.
+    /// Bounding box of the disc with this radius and height.
     pub(super) fn disc(&self, [r, h]: &[f64; 2]) -> Bounds<3> {
         let centre = along(&self.start, *h, &self.direction);
         let reach = self.direction.map(|a| r * (1.0 - a * a).max(0.0).sqrt());
         [minus(&centre, &reach), along(&centre, 1.0, &reach)]
     }
 
-    /// The closest point of a body of revolution, which lies in the half plane through the axis and x, from that of its
-    /// section. Within `touching` of the axis, [length], x has no direction from it.
+    /// The closest point on a body of revolution, in the half-plane through the axis and x, from that on its section.
+    /// Within `touching` of the axis, [length], x has no radial direction.
     pub(super) fn closest(
         &self,
         x: &[f64; 3],
@@ -66,7 +66,7 @@ impl Axis {
         let found =
             if radius > touching { of_section(&section) } else { on_axis(&section, touching, of_section) }?;
         let in_space = |[r, h]: [f64; 2]| along(&outwards.map(|e| r * e), h, &self.direction);
-        // The circles around the axis have the curvature n_r / r; beside the axis n_r = r ∂n_r/∂r.
+        // The circles around the axis have the curvature n_r / r; near the axis, n_r = r ∂n_r/∂r.
         let [[rr, rh], [_, hh]] = found.normal_derivative;
         let hoop = if radius > touching { found.normal[0] / radius } else { rr };
         let mut normal_derivative = [[0.0; 3]; 3];
@@ -115,10 +115,10 @@ impl Revolution {
         self.section.polygon()
     }
 
-    /// The place where a path meets the surface swept by an edge, as a fraction of the path.
+    /// The position where a path meets the surface swept by an edge, as a fraction of the path.
     ///
-    /// The distance of the path from the line of the edge, in the plane (r, h), is convex or concave along the path,
-    /// because r is convex: between the ends and its extremum it has at most one zero each.
+    /// Along the path, the distance from the line of the edge in the plane (r, h) is convex or concave, because r is
+    /// convex: it has at most one zero between its extremum and either end.
     fn meeting(&self, path: &[[f64; 3]; 2], edge: &[[f64; 2]; 2]) -> Option<f64> {
         let (normal, side) = (right_normal(edge), minus(&edge[1], &edge[0]));
         let way = minus(&path[1], &path[0]);
@@ -144,7 +144,7 @@ impl Revolution {
         let t_c = -dot(&w, &v) / (speed * speed);
         let (r_c, slope) = (norm(&along(&w, t_c, &v)), -normal[1] * rise / normal[0]);
         let t = t_c + slope * r_c / (speed * (speed * speed - slope * slope).sqrt());
-        // NaN, without an extremum, lies in no interval.
+        // Without an extremum, t is NaN and lies in no interval.
         (0.0..=1.0).contains(&t).then_some(t)
     }
 }
@@ -181,7 +181,7 @@ impl Shape<3> for Revolution {
     fn crossing(&self, path: &[[f64; 3]; 2]) -> Option<f64> {
         let ends = path.map(|x| self.axis.in_section(&x));
         let mut bounds = around(&ends);
-        // Between its ends the path may come closer to the axis, where the radius changes by at most its length.
+        // Between its ends the path may come closer to the axis; the radius changes by at most the length of the path.
         let length = norm(&minus(&path[1], &path[0]));
         bounds[0][0] = (0.5 * (ends[0][0] + ends[1][0] - length)).clamp(0.0, bounds[0][0]);
         self.section.first(&bounds, |edge| self.meeting(path, edge))

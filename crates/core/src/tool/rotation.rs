@@ -29,7 +29,7 @@ fn coefficients(t: f64) -> [f64; 2] {
     let sine = if half == 0.0 { 1.0 } else { half.sin() / half };
     let s = t * t;
     let third = if t.abs() < 0.5 {
-        // Series to round-off, where the difference would cancel.
+        // The series is accurate to round-off where the difference would cancel.
         let terms = [1.0 / 6.0, 20.0, 42.0, 72.0, 110.0, 156.0, 210.0];
         terms[1..].iter().rev().fold(1.0, |sum, divisor| 1.0 - s / divisor * sum) * terms[0]
     } else {
@@ -49,7 +49,7 @@ pub(super) fn exponential(v: &[f64; 3]) -> Matrix {
     })
 }
 
-/// exp(v̂) x − x, without the round-off of a difference.
+/// exp(v̂) x − x, without cancellation.
 pub(super) fn turning(v: &[f64; 3], x: &[f64; 3]) -> [f64; 3] {
     let t = norm(v);
     let sine = if t == 0.0 { 1.0 } else { t.sin() / t };
@@ -68,9 +68,10 @@ pub(super) fn left_jacobian(v: &[f64; 3]) -> Matrix {
     })
 }
 
-/// The rotation vector of a rotation, by an angle of at most π, [rad].
+/// The rotation vector of a rotation, [rad]; its length is at most π.
 pub(super) fn logarithm(r: &Matrix) -> [f64; 3] {
-    // The quaternion from its largest component (Shepperd, *J. Guid. Control* 1 (1978) 223), times 4 that component.
+    // The quaternion from its largest component (Shepperd, *J. Guid. Control* 1 (1978) 223), multiplied by 4 times that
+    // component.
     let trace = r[0][0] + r[1][1] + r[2][2];
     let largest = (0..3).max_by(|&a, &b| r[a][a].total_cmp(&r[b][b])).unwrap_or(0);
     let skew: [f64; 3] = std::array::from_fn(|k| r[(k + 2) % 3][(k + 1) % 3] - r[(k + 1) % 3][(k + 2) % 3]);

@@ -1,4 +1,4 @@
-//! Sections of bodies of revolution as tools of axisymmetric analyses.
+//! Sections of bodies of revolution as tools in axisymmetric analyses.
 
 use std::sync::Arc;
 
@@ -8,8 +8,8 @@ use super::outline::Outline;
 use super::shape::{Shape, largest};
 use crate::region::{Bounds, Facet, hull};
 
-/// A shape in the half plane beside an axis of revolution, and its mirror image beyond the axis: corners of domains may lie
-/// there by the round-off of their motion.
+/// A shape in the half-plane beside an axis of revolution, and its mirror image beyond the axis: round-off in their
+/// motion may put corners of domains there.
 #[derive(Debug, Clone)]
 pub struct Section {
     half: Arc<dyn Shape<2>>,
@@ -18,8 +18,8 @@ pub struct Section {
 }
 
 impl Section {
-    /// The section of the body of revolution that a shape sweeps about the axis x = `axis`, [length]. What the shape has beyond the
-    /// axis does not count.
+    /// The section of the body of revolution that a shape sweeps about the axis x = `axis`, [length]. Any part of the
+    /// shape beyond the axis is ignored.
     pub fn new(half: Arc<dyn Shape<2>>, axis: f64) -> Self {
         Section { half, axis }
     }

@@ -1,4 +1,4 @@
-//! Many segments in the plane with a bounding box tree.
+//! Segments in the plane with a bounding box tree.
 
 use super::features::{Nearest, on_segment};
 use crate::region::vector::{minus, norm};
@@ -9,7 +9,7 @@ use crate::region::{Bounds, BoxTree, around, boxes_overlap};
 pub(super) struct Segments {
     /// Ends of the segments, in the order of the tree.
     ends: Vec<[[f64; 2]; 2]>,
-    /// Unit normals to the right of the way from the first end to the second, in the order of the tree.
+    /// Unit normals to the right of the direction from the first end to the second, in the order of the tree.
     normals: Vec<[f64; 2]>,
     tree: BoxTree<2>,
 }
@@ -68,7 +68,7 @@ impl Segments {
     }
 }
 
-/// Unit normal to the right of the way from one position to another.
+/// Unit normal to the right of the direction from one position to another.
 pub(super) fn right_normal([a, b]: &[[f64; 2]; 2]) -> [f64; 2] {
     let edge = minus(b, a);
     let length = norm(&edge);

@@ -1,4 +1,4 @@
-//! What contact asks of the shape of a tool.
+//! The interface between contact and the shape of a tool.
 
 use std::fmt::Debug;
 
@@ -12,29 +12,30 @@ use crate::region::{
 
 /// The shape of a rigid tool, in the frame of the tool. In axisymmetry, the plane shapes are sections (r, y).
 ///
-/// Implementors provide [`Shape::bounds`], [`Shape::search`], [`Shape::crossing`] and [`Shape::pieces`]; callers use the
-/// other methods, which check their arguments.
+/// Implementors provide [`Shape::bounds`], [`Shape::search`], [`Shape::crossing`] and [`Shape::pieces`]; callers use
+/// the other methods, which check their arguments.
 pub trait Shape<const D: usize>: Debug + Send + Sync {
-    /// Box around the shape, [length]; infinite for half spaces.
+    /// Bounding box of the shape, [length]; infinite for half-spaces.
     fn bounds(&self) -> Bounds<D>;
 
-    /// The closest point for a finite position; it may be missing if |gap| exceeds `limit`, [length].
+    /// The closest point for a finite position, which may be missing if |gap| exceeds `limit`, [length].
     fn search(&self, x: &[f64; D], limit: f64) -> Option<Closest<D>>;
 
-    /// The first place where the path between two different finite positions meets the surface, as a fraction of the path.
+    /// The first position where the path between two different finite positions meets the surface, as a fraction of the
+    /// path.
     fn crossing(&self, path: &[[f64; D]; 2]) -> Option<f64>;
 
-    /// The surface in flat facets, either way round, whose edges are about `size` long, [length], and hardly longer;
-    /// `None` if it extends to infinity.
+    /// The surface divided into flat facets, in either orientation, whose edges are about `size` long, [length], and
+    /// hardly longer; `None` if the surface extends to infinity.
     fn pieces(&self, size: f64) -> Option<Vec<Facet<D>>>;
 
-    /// True if the surface has edges, corners or ends, with which it may enter a domain between its corners.
+    /// True if the surface has edges, corners or ends, which may enter a domain between its corners.
     fn has_edges(&self) -> bool {
         true
     }
 
-    /// The closest point of the surface. `None` only if a coordinate is not finite, or so large that round-off hides the
-    /// shape or its square overflows.
+    /// The closest point on the surface. `None` only if a coordinate is not finite, or so large that round-off hides
+    /// the shape or the square of the coordinate overflows.
     ///
     /// Where several points are closest (on the surface, at the centre of a circle, along the medial axis), one of them
     /// is chosen, the same in every call.
@@ -42,7 +43,7 @@ pub trait Shape<const D: usize>: Debug + Send + Sync {
         self.closest_within(x, f64::INFINITY)
     }
 
-    /// The closest point of the surface; `None` if |gap| exceeds `limit`, [length].
+    /// The closest point on the surface; `None` if |gap| exceeds `limit`, [length].
     fn closest_within(&self, x: [f64; D], limit: f64) -> Option<Closest<D>> {
         let bounds = self.bounds();
         let squared = squared_distance(&bounds, &x);
@@ -51,20 +52,20 @@ pub trait Shape<const D: usize>: Debug + Send + Sync {
             return None;
         }
         let found = self.search(&x, limit)?;
-        // Far from a thin shape, the distances of its sides are equal up to round-off.
+        // Far from a thin shape, the distances from its two sides are equal up to round-off.
         let is_hidden = squared > 0.0 && found.gap < -TOUCHING * largest(&bounds);
         (found.gap.abs() <= limit && found.is_finite() && !is_hidden).then_some(found)
     }
 
-    /// The first place where the straight path of a point meets the surface, as a fraction of the path, 0 to 1. A path
-    /// that only touches the surface, or stays in it, may count as meeting it.
+    /// The first position where the straight path of a point meets the surface, as a fraction of the path, 0 to 1. A
+    /// path that only touches the surface, or stays in it, may count as meeting it.
     fn first_contact(&self, from: [f64; D], to: [f64; D]) -> Option<f64> {
         let path = [from, to];
         let is_path = from != to && path.as_flattened().iter().all(|x| x.is_finite());
         if is_path && boxes_overlap(&around(&path), &self.bounds()) { self.crossing(&path) } else { None }
     }
 
-    /// The surface in flat facets with edges of at most `size`, [length], for output.
+    /// The surface divided into flat facets with edges of at most `size`, [length], for output.
     ///
     /// # Errors
     /// [`NoOutline`].
@@ -77,7 +78,7 @@ pub trait Shape<const D: usize>: Debug + Send + Sync {
         if extent == f64::INFINITY {
             return Err(NoOutline::Unbounded);
         }
-        // The area of a convex body is less than that of its box.
+        // The surface area of a convex body is less than that of its bounding box.
         if 4.0 * D as f64 * (extent / size).powi(D as i32 - 1) > MOST_FACETS as f64 {
             return Err(NoOutline::TooMany);
         }
@@ -92,8 +93,8 @@ pub trait Shape<const D: usize>: Debug + Send + Sync {
         Ok(Outline::of(&facets))
     }
 
-    /// The outline of a bounded shape; of an unbounded one, the part within a square (segment) of this half width around the
-    /// foot of a position, [length].
+    /// The outline of a bounded shape. For an unbounded shape, the part within a square (segment) of this half width
+    /// around the foot of a position, [length].
     ///
     /// # Errors
     /// [`NoOutline`], also for a half width that is not positive.
@@ -107,7 +108,7 @@ pub(super) fn first_end(intervals: &Intervals) -> Option<f64> {
     intervals.as_slice().as_flattened().iter().copied().find(|t| (0.0..=1.0).contains(t))
 }
 
-/// Largest coordinate of a box.
+/// Largest absolute coordinate of a box.
 pub(super) fn largest<const D: usize>(bounds: &Bounds<D>) -> f64 {
     bounds.as_flattened().iter().fold(0.0, |m, x| m.max(x.abs()))
 }

@@ -13,8 +13,9 @@ use crate::region::{Bounds, Facet, Primitive, Surface, area_vector, divided};
 
 /// A closed triangulated surface, for example from an STL file. Part k is facet k of the given triangles.
 ///
-/// The sign of the gap follows from angle-weighted pseudonormals (Bærentzen and Aanæs, *IEEE Trans. Vis. Comput. Graph.*
-/// 11 (2005) 243), and from the exact test of [`Surface`] where round-off could decide or sheets touch at a corner.
+/// The sign of the gap follows from angle-weighted pseudonormals (Bærentzen and Aanæs, *IEEE Trans. Vis. Comput.
+/// Graph.* 11 (2005) 243), and from the exact test of [`Surface`] where round-off could falsify it or sheets touch at a
+/// corner.
 #[derive(Debug, Clone)]
 pub struct TriangulatedSurface {
     surface: Arc<Surface>,
@@ -22,7 +23,7 @@ pub struct TriangulatedSurface {
     normals: Vec<[f64; 3]>,
     /// Numbers of the corners of each facet, in the order of the tree.
     corners: Vec<[u32; 3]>,
-    /// The facets beyond the edges of each facet, in the order of the tree.
+    /// The facets on the other side of each edge of each facet, in the order of the tree.
     beyond: Vec<[u32; 3]>,
     /// Sum of the normals at each corner, weighted by the angles of the facets; zero where sheets touch.
     pseudonormals: Vec<[f64; 3]>,

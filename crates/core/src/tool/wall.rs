@@ -13,10 +13,11 @@ use crate::region::{
 };
 
 /// A wall of constant thickness along an open polyline, with round ends and bends: all positions within half the
-/// thickness of the polyline. It may cross itself. Part k is the segment from corner k to corner k + 1, on both sides.
+/// thickness of the polyline. The wall may cross itself. Part k is the segment from corner k to corner k + 1, on both
+/// sides.
 ///
-/// The gap is the distance from the polyline minus half the thickness. Outside this is the distance from the wall;
-/// inside, where the path of a point ended within the wall, the normal points to the side on which it lies.
+/// The gap is the distance from the polyline minus half the thickness. Outside, it is the distance from the wall;
+/// inside, where a path has ended within the wall, the normal points to the side on which the point lies.
 #[derive(Debug, Clone)]
 pub struct Wall {
     corners: Vec<[f64; 2]>,
@@ -28,8 +29,8 @@ impl Wall {
     /// A wall along a polyline with these corners and this thickness, [length].
     ///
     /// # Errors
-    /// [`ShapeError::Corners`] for fewer than two corners, [`ShapeError::ZeroEdge`]; [`ShapeError::Primitive`] if a number
-    /// is not finite or the thickness is not positive.
+    /// [`ShapeError::Corners`] for fewer than two corners, [`ShapeError::ZeroEdge`]; [`ShapeError::Primitive`] if a
+    /// number is not finite or the thickness is not positive.
     pub fn new(corners: Vec<[f64; 2]>, thickness: f64) -> Result<Self, ShapeError> {
         if corners.len() < 2 {
             return Err(ShapeError::Corners { corners: corners.len() });
@@ -45,7 +46,7 @@ impl Wall {
         Ok(Wall { segments: Segments::new(&ends), corners, radius })
     }
 
-    /// The intervals of a line within half the thickness of a segment.
+    /// The intervals of a line that lie within half the thickness of a segment.
     fn intervals(&self, [a, b]: &[[f64; 2]; 2], line: &Line<2>) -> Intervals {
         let disc = |centre: &[f64; 2]| {
             Ball::new(*centre, self.radius).map(|ball| ball.intervals(line)).unwrap_or_default()
@@ -53,7 +54,7 @@ impl Wall {
         let (edge, from, normal) = (minus(b, a), minus(&line.origin, a), right_normal(&[*a, *b]));
         let beside = between(dot(&from, &normal), dot(&line.direction, &normal), -self.radius, self.radius);
         let level = between(dot(&from, &edge), dot(&line.direction, &edge), 0.0, dot(&edge, &edge));
-        // The three parts overlap and their union is convex, so it is one interval; round-off must not divide it.
+        // The three parts overlap and their union is convex, so it is one interval, which round-off must not divide.
         let parts = [disc(a), disc(b), beside.intersection(&level)];
         let ends = parts.iter().flat_map(|part| part.as_slice().as_flattened());
         let [low, high] = ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], x| [a.min(*x), b.max(*x)]);
@@ -70,7 +71,7 @@ impl Wall {
         if corner == self.corners.len() - 1 {
             return [angle(direction(corner - 1)), 0.5 * PI];
         }
-        // The outer side of the bend: to the right of a turn to the left.
+        // The outer side of the bend is to the right of a left turn.
         let (before, after) = (direction(corner - 1), direction(corner));
         let turn = cross_2d(&before, &after).atan2(dot(&before, &after));
         let to_outside = if turn > 0.0 { -0.5 * PI } else { 0.5 * PI };
@@ -149,14 +150,14 @@ impl Shape<2> for Wall {
             for (is_right, side) in [(true, self.radius), (false, -self.radius)] {
                 let [from, to] = [self.cut(k, is_right), length - self.cut(k + 1, is_right)]
                     .map(|t| along(&along(&ends[0], t / length, &edge), side, &right));
-                // Both cuts may exceed a short segment.
+                // Together, the two cuts may be longer than a short segment.
                 if dot(&minus(&to, &from), &edge) > 0.0 {
                     pieces.extend(divided(&[from, to], size, k).into_iter().map(|f| (f.centre(), f)));
                 }
             }
         }
         pieces.extend((0..self.corners.len()).flat_map(|corner| self.chords_around(corner, size)));
-        // What lies within another part of the wall is no surface.
+        // A piece that lies within another part of the wall is not part of the surface.
         let is_surface =
             |x: &[f64; 2]| self.search(x, f64::INFINITY).is_some_and(|found| found.gap > -1e-9 * self.radius);
         Some(pieces.into_iter().filter(|(middle, _)| is_surface(middle)).map(|(_, facet)| facet).collect())

@@ -5,7 +5,7 @@ use mpm_core::terms::ContactError;
 
 use super::SMALLER_STEPS;
 
-/// Advice on an error; `None` if there is nothing to do about it.
+/// Advice on an error; `None` if there is none to give.
 pub fn on_error(error: &SolveError) -> Option<&'static str> {
     match error {
         SolveError::NotConverged { .. } => {
@@ -31,8 +31,8 @@ pub fn on_error(error: &SolveError) -> Option<&'static str> {
             Some("use `domain_update: corners`, or more load steps with `diagonal-incremental`")
         }
         SolveError::Singular { tools, .. } if !tools.is_empty() => Some(
-            "place and load the tool so that bodies resist all of its free components, by friction where it turns or slides, or \
-             prescribe some of them",
+            "place and load the tool so that the bodies resist its motion in every free component (by friction where it turns or \
+             slides); or prescribe some of these components",
         ),
         SolveError::Singular { .. } => Some(
             "check that boundary conditions hold every body; if a cell holds hardly any material, move or refine the grid, \
@@ -59,7 +59,7 @@ pub fn on_error(error: &SolveError) -> Option<&'static str> {
         SolveError::Constraint { .. } | SolveError::Load { .. } | SolveError::OutOfMemory { .. } => {
             error.obstacle().map(against)
         }
-        // Interruptions, output errors and the terms of a program.
+        // Interruptions, output errors, and errors of terms that a program adds.
         _ => None,
     }
 }
@@ -92,7 +92,7 @@ fn on_contact(error: &ContactError) -> Option<&'static str> {
     }
 }
 
-/// Advice against an obstacle that no step size removes.
+/// Advice on an obstacle that no step size removes.
 pub fn against(obstacle: Obstacle) -> &'static str {
     match obstacle {
         Obstacle::Conflict => "prescribe each axis of a node with one boundary condition only",

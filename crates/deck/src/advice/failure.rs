@@ -35,8 +35,8 @@ fn advice(kind: Kind, of: &Circumstances) -> &'static str {
     match kind {
         Kind::RigidBodyMode => "hold every part of the bodies along every axis and against rotation",
         Kind::FreeTool => {
-            "place and load the tool so that bodies resist all of its free components, by friction where it turns or slides, or \
-             prescribe some of them"
+            "place and load the tool so that the bodies resist its motion in every free component (by friction where it turns or \
+             slides); or prescribe some of these components"
         }
         Kind::SmallCutCell if of.is_stabilised => {
             "use a larger `stabilisation: {parameter}`, more points per cell, or another grid"

@@ -66,9 +66,10 @@ pub fn on_warning(warning: &Warning) -> String {
              branches; if cells hold one point each, use more (this may be an hourglass mode)"
         }
         (Code::Slides, _) => {
-            "take the smaller of these factors for the factor of safety, not the last one in equilibrium; look at displacement \
-             against the factor (`mpm report`), and bring both closer together with a smaller `tolerance` of the control. With \
-             smaller cells a slope stands again less readily; with a larger `young` the bodies hardly settle before they slide"
+            "use the smaller of these factors as the factor of safety, not the last one with equilibrium. Plot displacement \
+             against the factor (`mpm report`), and bring the two factors closer together with a smaller `tolerance` of the \
+             control. With smaller cells, a slope that has slid comes to rest again less readily; with a larger `young`, the \
+             bodies settle very little before they slide"
         }
         (Code::Slumped, _) => {
             "the factor of safety of the shape that was drawn is below 1 if the bodies slumped at full strength: multiply \

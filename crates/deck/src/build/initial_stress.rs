@@ -1,4 +1,4 @@
-//! Stresses the points at time 0.
+//! Sets the stress of the points at time 0.
 
 use serde::{Deserialize, Serialize};
 
@@ -14,16 +14,16 @@ use mpm_core::points::{Points, coordinates};
 use mpm_core::region::{Intervals, Line, Region, contains_in_cell};
 use mpm_core::tensor::{Mat3, Sym3};
 
-/// Distance between a body and the surface, relative to the height of the body, that counts as none, [-].
+/// Distance between a body and the surface that counts as zero, relative to the height of the body, [-].
 const AT_SURFACE: f64 = 1e-9;
-/// Distance between the positions at which a vertical line through groups of cells is probed, relative to the size of
-/// the cell there, [-].
+/// Distance between the positions at which a vertical line through groups of cells is probed, relative to the local
+/// cell size, [-].
 const PROBED: f64 = 0.25;
-/// Distance to the level of a node that counts as none, relative to the size of the cell, [-].
+/// Distance to the level of a node that counts as zero, relative to the cell size, [-].
 const ON_NODE: f64 = 1e-8;
-/// Number of bisections that find where such a line enters or leaves a group, to round-off.
+/// Number of bisections that locate, to round-off, where such a line enters or leaves a group.
 const BISECTIONS: usize = 60;
-/// Change of a stress at its return to the yield surface that is round-off, relative to the stress, [-].
+/// Change of a stress on its return to the yield surface that counts as round-off, relative to the stress, [-].
 const ON_SURFACE: f64 = 1e-9;
 
 /// The initial stress of a body.
@@ -37,20 +37,20 @@ enum Stress {
     Components(Vec<((usize, usize), Formula)>),
 }
 
-/// The bodies and what is known of the ground that they form.
+/// The ground that the bodies form.
 struct Ground<'a, const D: usize> {
     grid: &'a dyn Grid<D>,
     groups: &'a Groups,
-    /// Regions of the bodies with geostatic stress, and their weights per volume, [force/volume].
+    /// Regions of the bodies with geostatic stress, and the unit weights of these, [force/volume].
     layers: Vec<(&'a Region<D>, f64)>,
 }
 
-/// Stresses that the law of a body has brought back to its yield surface.
+/// Stresses that the law of a body has returned to the yield surface.
 #[derive(Default, Serialize, Deserialize)]
 struct Returned {
     points: usize,
     of: usize,
-    /// The largest change of a stress, and the stress before it, as norms, [stress].
+    /// Norms of the largest change of a stress, and of the stress before this change, [stress].
     largest: (f64, f64),
 }
 
@@ -58,7 +58,7 @@ impl<const D: usize> Builder<'_, D>
 where
     Region<D>: OfDeck<D>,
 {
-    /// Stresses the points of all bodies that have an initial stress.
+    /// Sets the stress of the points of all bodies that have an initial stress.
     pub(super) fn initial_stresses(
         &mut self,
         model: &Model<D>,
@@ -122,7 +122,7 @@ where
         }
     }
 
-    /// Checks that a body lies below the surface of its ground, and that the ground reaches it.
+    /// Checks that a body lies below the surface of its ground, and that the ground reaches up to this surface.
     fn level_of_surface(
         &mut self,
         body: usize,
@@ -156,7 +156,7 @@ where
         self.error(code, &format!("/bodies/{body}/initial_stress"), message, help);
     }
 
-    /// Warns of stresses that the law has brought back to the yield surface.
+    /// Warns of stresses that the law has returned to the yield surface.
     fn brought_back(&mut self, body: usize, returned: &Returned) {
         let Returned { points, of, largest: (change, before) } = returned;
         let message = format!(
@@ -203,7 +203,7 @@ impl Stress {
 }
 
 impl<const D: usize> Ground<'_, D> {
-    /// Weight per area of the ground above a position, up to the surface, [stress].
+    /// Weight per area of the ground between a position and the surface above it, [stress].
     fn weight_above(&self, x: &[f64; D], surface: f64) -> f64 {
         let height = surface - x[D - 1];
         let line = Line::along_axis(*x, D - 1);
@@ -218,9 +218,9 @@ impl<const D: usize> Ground<'_, D> {
         self.layers.iter().map(of_layer).sum()
     }
 
-    /// Length of a line, from its origin up to a height, in a region that contains groups of cells. Horizontal
-    /// borders are exact, others within the tolerance of the grid at the border of a cell; gaps and parts that are
-    /// thinner than a quarter of a cell may be missed.
+    /// Length of the part of a line, from its origin up to a height, that lies in a region containing groups of cells.
+    /// Horizontal boundaries are located exactly, others within the tolerance of the grid at cell boundaries; gaps and
+    /// parts thinner than a quarter of a cell may be missed.
     fn length_in_cells(&self, region: &Region<D>, line: &Line<D>, height: f64) -> f64 {
         let mut hint = None;
         let mut is_inside = |t: f64| {
@@ -256,8 +256,8 @@ impl<const D: usize> Ground<'_, D> {
 }
 
 impl<const D: usize> Ground<'_, D> {
-    /// The position t on a vertical line, or the level of a node of the cell there that t almost equals: at the border
-    /// of a cell, the search for the cell of a position tolerates more than round-off.
+    /// The position t on a vertical line, or the level of a node of the cell there if t almost equals it: at a cell
+    /// boundary, the search for the cell of a position tolerates more than round-off.
     fn at_node(&self, line: &Line<D>, t: f64) -> f64 {
         let cell = self.grid.nearest_cell(&line.at(t)) as usize;
         let corners = self.grid.corners(cell);
@@ -268,13 +268,13 @@ impl<const D: usize> Ground<'_, D> {
 }
 
 impl Returned {
-    /// Those of two ranks together.
+    /// Combines the results of two ranks.
     fn and(self, other: Returned) -> Returned {
         let largest = if other.largest.0 > self.largest.0 { other.largest } else { self.largest };
         Returned { points: self.points + other.points, of: self.of + other.of, largest }
     }
 
-    /// Counts a point by the stress asked for and the stress that its law allows.
+    /// Counts a point, given the requested stress and the stress that its law admits.
     fn count(&mut self, asked: &Sym3, taken: &Sym3) {
         self.of += 1;
         let change = (*taken - *asked).norm();

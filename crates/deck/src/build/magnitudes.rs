@@ -9,15 +9,15 @@ use mpm_core::grid::Grid;
 use mpm_core::material::axial_modulus_at_rest;
 use mpm_core::region::Region;
 
-/// Range in which forces and energies, and their product with a tolerance, can be squared.
+/// Range in which forces and energies, and their products with a tolerance, can be squared.
 const POSSIBLE: std::ops::RangeInclusive<f64> = 1e-120..=1e140;
 
 impl<const D: usize> Builder<'_, D>
 where
     Region<D>: OfDeck<D>,
 {
-    /// Refuses materials whose forces on a cell or on the whole grid leave that range. Within it, results do not depend
-    /// on the units: they are the same to the last bit in units that differ by powers of four.
+    /// Refuses materials whose forces on a cell or on the whole grid leave that range. Within the range, results do not
+    /// depend on the units: in units that differ by powers of four, they are identical to the last bit.
     pub(super) fn magnitudes(&mut self, grid: &dyn Grid<D>, materials: &[MaterialOfPoints]) {
         let [low, high] = grid.bounds();
         let whole = low.iter().chain(&high).fold(0.0, |most: f64, x| most.max(x.abs()));

@@ -68,7 +68,7 @@ where
             self.factor_of_safety(&name);
             match material.law(&surroundings) {
                 Ok(BuiltLaw { law, varying, consistency }) => {
-                    // With the size of the cells known, softening may be too fast.
+                    // Now that the cell size is known, softening may prove too fast.
                     let found = if varying.is_empty() { consistency(&[]) } else { None };
                     if let Some(found) = found {
                         let message = format!("material {}: {}", quote(&name), found.message);
@@ -93,7 +93,7 @@ where
         laws
     }
 
-    /// Says that softening depends on the cells, or how it is adapted to them.
+    /// Reports that softening depends on the cell size, or how it is adapted to the cell size.
     fn softening(&mut self, name: &str, material: &MaterialDeck, cells: &CellSize) {
         let Some(band) = material.softening() else { return };
         let name_in_quotes = quote(name);
@@ -135,7 +135,7 @@ where
         self.found.push(found.help(help));
     }
 
-    /// Says that a material yields, but that its strength is not reduced with that of others.
+    /// Reports that a material yields, but is exempt from the strength reduction.
     fn strength_that_stays(&mut self, name: &str, material: &MaterialDeck) {
         let has_one = matches!(material, MaterialDeck::Library { .. } | MaterialDeck::ModifiedCamClay { .. });
         if !(has_one && self.deck.reduces_strength() && self.deck.used_materials().contains(name)) {
@@ -149,7 +149,7 @@ where
         self.found.push(found.help(help));
     }
 
-    /// Says that a factor of safety depends on the cells, where flow is not associated.
+    /// Reports that a factor of safety depends on the cell size where flow is non-associated.
     fn factor_of_safety(&mut self, name: &str) {
         if !self.deck.nonassociated_with_reduced_strength().contains(&name) {
             return;
@@ -166,8 +166,8 @@ where
         self.found.push(found.help(help));
     }
 
-    /// Gives points the properties of their places, and checks them. `room` is the number of history variables that each
-    /// point keeps.
+    /// Gives points the properties at their positions, and checks these. `room` is the number of history variables
+    /// stored for each point.
     pub(super) fn furnish(
         &mut self,
         body: &str,
@@ -252,7 +252,7 @@ fn centre<const D: usize>(region: &Region<D>) -> [f64; 3] {
     padded(&std::array::from_fn::<f64, D, _>(|d| 0.5 * (bounds[0][d] + bounds[1][d])))
 }
 
-/// Size of the cells: of a mesh, their mean.
+/// Cell size; for a mesh, the mean.
 fn size_of_cells<const D: usize>(grid: &dyn Grid<D>) -> CellSize {
     match grid.structured() {
         Some(grid) => CellSize::of_axes(grid.axes()),

@@ -12,10 +12,10 @@ impl<const D: usize> Builder<'_, D>
 where
     Region<D>: OfDeck<D>,
 {
-    /// Lets the lines under `follow` follow their conditions, and checks their motion over all stages.
+    /// Makes the lines under `follow` follow their conditions, and checks the motion of the lines over all stages.
     pub(super) fn follow(&mut self, model: &mut Model<D>) {
         let GridDeck::Structured { follow, .. } = &self.deck.grid else { return };
-        // Without all conditions, their numbers mean nothing.
+        // If a condition is missing, the indices of the others mean nothing.
         if follow.is_empty() || model.boundary_conditions.len() < self.deck.boundary_conditions.len() {
             return;
         }
@@ -35,7 +35,7 @@ where
         }
     }
 
-    /// The numbers of the lines of an entry; reports coordinates at which there is none.
+    /// The indices of the grid lines of an entry; reports coordinates at which there is no line.
     fn lines(&mut self, grid: &Structured<D>, number: usize, lines: &FollowDeck) -> Option<FollowingLines> {
         let (axis, pointer) = (lines.axis as usize, format!("/grid/follow/{number}"));
         if axis >= D {

@@ -89,7 +89,7 @@ where
         NodeSet::Fixed(nodes)
     }
 
-    /// The number of the grid line at a coordinate along an axis; reports an error if there is none.
+    /// The index of the grid line at a coordinate along an axis; reports an error if there is none.
     pub(super) fn line(
         &mut self,
         code: &'static str,
@@ -107,8 +107,8 @@ where
     }
 }
 
-/// The grid lines along an axis in words: the series of an even axis; of a graded one, those next to the middle of a
-/// selection.
+/// Describes the grid lines along an axis: the series of an even axis, or the lines of a graded axis next to the middle
+/// of a selection.
 fn lines_in_words<const D: usize>(grid: &Structured<D>, axis: usize, selected: &[[f64; D]; 2]) -> String {
     let (lines, name) = (&grid.axes()[axis], AXES[axis]);
     if lines.is_even() {

@@ -12,7 +12,7 @@ impl<const D: usize> Builder<'_, D>
 where
     Region<D>: OfDeck<D>,
 {
-    /// Load steps that begin at a time, with files after every `every` steps.
+    /// Load steps that begin at a given time, with result files after every `every` steps.
     pub(super) fn stepping(
         &self,
         steps: &StepsDeck,
@@ -62,7 +62,7 @@ where
             stepping.stops = stepping.count;
         }
         let between = |t: &f64| *t > start_time && *t < end_time;
-        // Times at the end of a requested step equal it to the last bit.
+        // A time at the end of a requested step must equal the time of this step to the last bit.
         let of_step = |t: f64| stepping.requested(t).map_or(t, |step| stepping.time(step));
         let mut knots: Vec<f64> =
             curves.iter().flat_map(|c| c.knots()).filter(between).map(of_step).collect();
@@ -71,7 +71,8 @@ where
         Stepping { knots, ..stepping }
     }
 
-    /// Adds the stages of the deck to a model, and takes the points of bodies that are not there at the start out of `points`.
+    /// Adds the stages of the deck to a model, and removes from `points` the points of bodies that are absent at the
+    /// start.
     pub(super) fn divide(&mut self, model: &mut Model<D>, points: &mut Points<D>) {
         let deck = self.deck;
         let resets = |stage: &StageDeck| {
@@ -139,7 +140,7 @@ where
         model.begin_stage(0, &stands);
     }
 
-    /// The courses of the factors of all loads and boundary conditions in a stage.
+    /// How the factors of all loads, and of all boundary conditions, vary over a stage.
     fn courses_of(&self, stage: &StageDeck) -> (Vec<Course>, Vec<Course>) {
         let course = |name: &str, has_curve: bool| match stage.factors.get(name) {
             Some(factor) => Course::Reaches(*factor),

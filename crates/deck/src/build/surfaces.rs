@@ -103,10 +103,10 @@ where
         surfaces
     }
 
-    /// The nodes, ascending, of the group that selects a part of a surface, if one does.
+    /// The nodes, in ascending order, of the group that selects a part of a surface; `None` if no group does.
     ///
     /// # Errors
-    /// If there is no such group, which is reported.
+    /// If there is no such group; the error is reported.
     fn nodes_of_part(
         &mut self,
         grid: &dyn Grid<D>,

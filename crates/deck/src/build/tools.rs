@@ -129,7 +129,7 @@ where
         }
     }
 
-    /// Reports named parts that hold none of the surface of a tool.
+    /// Reports named parts that contain none of the surface of a tool.
     fn parts_of_tool(&mut self, grid: &dyn Grid<D>, tool: &Tool<D>, at: &str) {
         let empty = tool.parts.iter().filter(|part| !tool.reaches_into(part, grid));
         for part in empty {
@@ -184,7 +184,7 @@ fn formula(
         Expression::Formula(text) if is_rotation => Expression::Formula(format!("({text}) * (pi / 180)")),
         other => other.clone(),
     };
-    // Its faults have been reported.
+    // Faults of the formula have already been reported.
     of_time(&in_radians, parameters).unwrap_or_else(|_| Formula::constant(0.0))
 }
 
@@ -196,7 +196,7 @@ fn vector(turn: &Turn) -> [f64; 3] {
     }
 }
 
-/// The interface of a tool with a body that has its own entry.
+/// The interface of a tool with a body for which there is a separate entry.
 fn interface_of_pair(deck: &ToolDeck, own: &ContactDeck) -> Interface {
     interface(
         own.friction.or(deck.friction),

@@ -38,8 +38,8 @@ impl Sent {
     }
 }
 
-/// The messages of all ranks, on each of them. Of several that are as serious about the same place, for the same reason, those of
-/// the lowest rank stand for all.
+/// The messages of all ranks, on every rank. Where several ranks report the same code with the same severity at the
+/// same location, only the messages of the lowest rank are kept.
 pub(crate) fn of_all_ranks(ranks: &Ranks, own: Vec<Diagnostic>) -> Vec<Diagnostic> {
     if ranks.is_alone() {
         return own;

@@ -10,7 +10,7 @@ pub struct BuiltLaw {
     pub law: Box<dyn Material>,
     /// Its properties that vary in space; they are its last history variables, in this order.
     pub varying: Vec<Varying>,
-    /// Finds contradictions of properties at a point with these varying ones.
+    /// Finds contradictions between the properties at a point, given the values of the varying ones.
     pub consistency: Consistency,
 }
 

@@ -11,14 +11,14 @@ pub enum CellSize {
     Unknown,
     /// The same everywhere.
     Even(f64),
-    /// The mean of a mesh, used everywhere.
+    /// The mean cell size of a mesh, used everywhere.
     Mean(f64),
-    /// That of a structured grid with these axes.
+    /// The size varies as in a structured grid with these axes.
     Graded(Vec<Axis>),
 }
 
 impl CellSize {
-    /// That of the structured grid of a deck; unknown for a mesh, which must be read first.
+    /// The cell size of the structured grid of a deck; unknown for a mesh, which must be read first.
     pub(crate) fn of_deck(deck: &Deck) -> CellSize {
         let GridDeck::Structured { origin, size, spacing, .. } = &deck.grid else { return CellSize::Unknown };
         let entries = spacing.entries(deck.dimensions());
@@ -28,7 +28,7 @@ impl CellSize {
         axes.map_or(CellSize::Unknown, |axes| CellSize::of_axes(&axes))
     }
 
-    /// That of a structured grid.
+    /// The cell size of a structured grid.
     pub(crate) fn of_axes(axes: &[Axis]) -> CellSize {
         let graded = CellSize::Graded(axes.to_vec());
         let origin = axes.iter().map(|axis| axis.line(0)).chain([0.0; 3]);
@@ -37,7 +37,8 @@ impl CellSize {
         if axes.iter().all(Axis::is_even) { CellSize::Even(graded.at(&corner)) } else { graded }
     }
 
-    /// The size of the cell at a position: the mean of its sides, such that the volume is that of an even cell.
+    /// The size of the cell at a position: the geometric mean of its sides, which gives a cube (square) of the same
+    /// volume.
     pub(super) fn at(&self, position: &[f64; 3]) -> f64 {
         match self {
             CellSize::Unknown => f64::NAN,

@@ -1,4 +1,4 @@
-//! Properties of a material that do not fit together.
+//! Properties of a material that contradict each other.
 
 use super::property::Setting;
 
@@ -19,7 +19,7 @@ impl Inconsistency {
     }
 }
 
-/// Finds a contradiction of properties whose varying ones have these values.
+/// Finds a contradiction between properties, given the values of the varying ones.
 pub type Consistency = Box<dyn Fn(&[f64]) -> Option<Inconsistency> + Send + Sync>;
 
 /// Two properties of which the first must not exceed the second.

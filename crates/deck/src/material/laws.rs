@@ -1,4 +1,4 @@
-//! The laws of the program, each from its properties.
+//! The built-in laws, each from its properties.
 
 use super::built_law::BuiltLaw;
 use super::consistency::Inconsistency;
@@ -11,7 +11,7 @@ use mpm_core::material::{
     StrengthMeasure, Tresca, VonMises, least_softening_strain,
 };
 
-/// What is consistent whatever the properties are.
+/// The check of a law whose properties never contradict each other.
 fn consistent(_: &[f64]) -> Option<Inconsistency> {
     None
 }
@@ -26,8 +26,8 @@ pub(super) fn neo_hookean(mut read: Reading, elasticity: [&Expression; 2]) -> Re
     read.finish(move |p| NeoHookean::new(young.at(p), poisson.at(p)), consistent)
 }
 
-/// `strengths` are the deviatoric yield stress, the yield stress in tension and the undrained strength, of which one must be
-/// stated.
+/// `strengths` are the deviatoric yield stress, the yield stress in tension and the undrained strength, of which one
+/// must be stated.
 pub(super) fn von_mises(
     mut read: Reading,
     elasticity: [&Expression; 2],
@@ -35,7 +35,7 @@ pub(super) fn von_mises(
     hardening_modulus: &Expression,
 ) -> Result<BuiltLaw, Faults> {
     let [young, poisson] = read.elasticity(elasticity);
-    // The radius of the yield surface over the stress that the key states.
+    // Each key, with the ratio of the radius of the yield surface to the stress that the key states.
     let keys = [
         ("deviatoric_yield_stress", 1.0),
         ("yield_stress", (2.0f64 / 3.0).sqrt()),
@@ -177,7 +177,7 @@ pub(super) fn modified_cam_clay(mut read: Reading, given: [&Expression; 7]) -> R
     read.finish(law, soft)
 }
 
-/// The strength of von Mises must be stated by one key.
+/// Exactly one key must state the von Mises strength.
 fn one_strength(stated: &[&str]) -> Option<Inconsistency> {
     let help = "give exactly one of `deviatoric_yield_stress`, `yield_stress` and `undrained_strength`";
     match stated {
@@ -194,8 +194,8 @@ fn one_strength(stated: &[&str]) -> Option<Inconsistency> {
     }
 }
 
-/// A strain of softening below that at which a point without confinement loses strength faster than its elastic stress can
-/// fall. `elasticity` is Young's modulus and Poisson's ratio, `strength` that at the peak and in the end.
+/// Finds a softening strain so small that an unconfined point loses strength faster than its elastic stress can fall.
+/// `elasticity` is Young's modulus and Poisson's ratio, `strength` the peak and the residual strength.
 fn too_steep(
     decay: &Decay,
     properties: &[f64],

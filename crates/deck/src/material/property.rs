@@ -14,12 +14,12 @@ use crate::{Expression, Parameter};
 use mpm_core::formula::Formula;
 use mpm_core::material::{PropertiesAt, VaryingProperty};
 
-/// A property of a law: a number, or the place of its value among the varying properties of a point.
+/// A property of a law: a number, or the index of its value among the varying properties of a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Setting {
     /// The same everywhere.
     Constant(f64),
-    /// The value at this place.
+    /// The value at this index.
     Varies(usize),
 }
 
@@ -41,7 +41,7 @@ pub(super) struct Settings<'a> {
     typical: [f64; 3],
     formulas: Vec<Formula>,
     varying: Vec<Varying>,
-    /// Varying size of the cells, after the formulas.
+    /// Cell size, if it varies; its value follows those of the formulas.
     cells: Option<CellSize>,
     pub(super) faults: Vec<Fault>,
 }
@@ -93,7 +93,7 @@ impl<'a> Settings<'a> {
         }
     }
 
-    /// The size of the cells; every formula must have been read.
+    /// The cell size; all formulas must already have been read.
     pub(super) fn cell_size(&mut self, cells: &CellSize) -> Option<Setting> {
         match cells {
             CellSize::Unknown => None,
@@ -157,7 +157,7 @@ impl MaterialDeck {
     }
 }
 
-/// Adds the numbers and texts of a mapping, except words of a fixed choice.
+/// Adds the numbers and strings of a mapping, except words of a fixed choice.
 fn collect(prefix: &str, value: &Value, found: &mut Vec<(String, Expression)>) {
     for (key, value) in value.as_object().into_iter().flatten() {
         let path = if prefix.is_empty() { key.clone() } else { format!("{prefix}/{key}") };

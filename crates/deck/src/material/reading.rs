@@ -35,7 +35,7 @@ impl<'a> Reading<'a> {
         [self.get("young", "stress", young), self.get("poisson", "-", poisson)]
     }
 
-    /// The first property must be below the second; each stands after its key.
+    /// Requires the first property to be below the second; each is given after its key.
     pub(super) fn below(
         &mut self,
         (key, value): (&'static str, Setting),
@@ -60,7 +60,7 @@ impl<'a> Reading<'a> {
         friction
     }
 
-    /// Residual strength, with κ₉₅ and the size of the cells if it is adapted to them.
+    /// Residual strength and κ₉₅, with the cell size if κ₉₅ is adapted to it.
     pub(super) fn friction_softening(
         &mut self,
         given: &FrictionSofteningDeck,
@@ -112,7 +112,7 @@ impl<'a> Reading<'a> {
         Decay { strain, band, cells }
     }
 
-    /// The law of the settings that have been read: all of them, so that all faults are found.
+    /// The law with the settings that have been read; all must have been read before, so that all faults are found.
     ///
     /// # Errors
     /// The faults of the formulas.
@@ -165,7 +165,7 @@ impl FrictionSettings {
     }
 }
 
-/// κ₉₅, and how it is adapted to the cells.
+/// κ₉₅, and how it is adapted to the cell size.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Decay {
     strain: Setting,
@@ -176,7 +176,7 @@ pub(super) struct Decay {
 }
 
 impl Decay {
-    /// κ₉₅ in the cells of a point, [-]; that of the band where the cells are not known.
+    /// κ₉₅ at a point, adapted to its cell, [-]; κ₉₅ as stated where the cell size is not known.
     fn strain(&self, properties: &[f64]) -> f64 {
         let scale = match (self.band, self.cells) {
             (Some(band), Some(size)) => band / size.at(properties),
@@ -185,7 +185,7 @@ impl Decay {
         self.strain.at(properties) * scale
     }
 
-    /// κ₉₅ in the cells of a point, [-]; `None` if it depends on cells that are not known.
+    /// κ₉₅ at a point, adapted to its cell, [-]; `None` if it depends on a cell size that is not known.
     pub(super) fn known_strain(&self, properties: &[f64]) -> Option<f64> {
         (self.band.is_none() || self.cells.is_some()).then(|| self.strain(properties))
     }

@@ -23,7 +23,7 @@ pub(super) fn remedy(error: &ValidationError<'_>, kind: &str) -> String {
     }
 }
 
-/// Help for a value of the wrong type; `schema` is that of the value, if known.
+/// Help for a value of the wrong type; `schema` is the schema of the value, if it is known.
 pub(super) fn of_type(pointer: &str, value: &Value, kind: &str, schema: Option<&Value>) -> String {
     let sample = schema.and_then(|schema| sample(pointer, schema));
     let such_as = sample.map(|sample| format!(", such as {sample}")).unwrap_or_default();
@@ -68,7 +68,7 @@ fn of_count(error: &ValidationError<'_>) -> String {
     }
 }
 
-/// Help for a missing key; `schema` is that of the mapping.
+/// Help for a missing key; `schema` is the schema of the mapping.
 pub(super) fn of_missing_key(key: &str, schema: Option<&Value>) -> String {
     let Some(property) = schema.and_then(|schema| schema.get("properties")?.get(key)) else {
         return format!("add the key {}", quote(key));

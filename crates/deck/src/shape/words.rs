@@ -26,7 +26,7 @@ pub(super) fn count_in_words(error: &ValidationError<'_>) -> String {
     }
 }
 
-/// The whole range, if a value lies beyond one end of it.
+/// The whole range, if a value lies outside it.
 pub(super) fn range_help(error: &ValidationError<'_>) -> Option<String> {
     if !matches!(
         error.kind(),
@@ -50,12 +50,12 @@ pub(super) fn range_help(error: &ValidationError<'_>) -> Option<String> {
     Some(format!("must be {range} ({meaning})"))
 }
 
-/// Help for a text that was probably meant as a number.
+/// Help for a string that was probably meant as a number.
 pub(super) fn number_help(value: &Value, code: &str) -> Option<String> {
     written_number(value.as_str().filter(|_| code == "D008")?)
 }
 
-/// Help for a text that is a number with separators.
+/// Help for a string that is a number with separators.
 pub(crate) fn written_number(text: &str) -> Option<String> {
     let bare = text.replace(['_', ' ', '\''], "").replace(',', ".");
     bare.parse::<f64>().ok().filter(|value| value.is_finite()).map(|_| format!("write the number as {bare}"))

@@ -7,9 +7,9 @@ use crate::quoting::quote;
 use crate::seeding::placed_in_cells;
 use crate::{AXES, BodyDeck, GridDeck, Method, PerAxis};
 
-/// Most cells of a grid, and most points of a body: far more than can be computed.
+/// Largest number of cells of a grid, and of points of a body: far more than can be computed.
 pub(super) const MOST: f64 = 1e8;
-/// Most points along an axis of a cell.
+/// Largest number of points along an axis of a cell.
 const MOST_PER_CELL: u32 = 1000;
 /// Error up to which the ratio of two lengths counts as a whole number; decimal fractions such as 0.1 are not exact.
 const WHOLE: f64 = 1e-6;
@@ -43,7 +43,7 @@ impl Check<'_> {
         self.found.push(found.help(help));
     }
 
-    /// Reports an entry that needs another number of dimensions than the deck has.
+    /// Reports an entry that needs a number of dimensions other than that of the deck.
     pub(super) fn of_other_dimension(&mut self, pointer: &str, what: &str, needed: usize) {
         let idealisation = self.deck.analysis.idealisation.name();
         let (place, help) = match needed {
@@ -325,7 +325,7 @@ impl Check<'_> {
                 let message = format!("the body {} overlaps the body {}", name(*later), name(*earlier));
                 let help = "move one of them, or subtract it from the other with a `difference`";
                 self.error("D025", &format!("/bodies/{later}/shape"), message, help);
-                // One message per body; if all bodies overlap, there would be a quadratic number.
+                // One message per body is enough; if all bodies overlapped, the number of messages would be quadratic.
                 break;
             }
         }

@@ -6,7 +6,7 @@ use super::geometry::{MOST, is_whole};
 use crate::{AXES, AxisSpacing, GridDeck, IntervalDeck, PerAxis, SpacingDeck};
 use mpm_core::grid::{Axis, ON_LINE};
 
-/// Most cells along a graded axis, whose lines are stored.
+/// Largest number of cells along a graded axis; the lines of such an axis are stored.
 const MOST_GRADED: f64 = 1e6;
 /// Relative difference of two coordinates up to which they count as equal.
 const SAME: f64 = 1e-12;
@@ -40,7 +40,7 @@ impl Check<'_> {
         Some(GridBox { extent: Extent { min: origin, max }, axes })
     }
 
-    /// Checks the number of entries and the numbers among them.
+    /// Checks the number of entries, and those entries that are numbers.
     fn spacing(&mut self, pointer: &str, spacing: &SpacingDeck) -> Option<Vec<AxisSpacing>> {
         if let SpacingDeck::Same(spacing) = spacing {
             self.lengths(pointer, &PerAxis::Same(*spacing))?;

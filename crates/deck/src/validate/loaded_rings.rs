@@ -5,9 +5,10 @@ use crate::quoting::quote;
 use crate::{Idealisation, Method};
 
 impl Check<'_> {
-    /// Warns of GIMP bodies of revolution with loads on a surface. GIMP takes the circumferential strain by the mean of the basis
-    /// function over the domain; in a uniform state, internal forces balance a pressure on a side within a cell only with the
-    /// mean of its values at both ends of the domain, which CPDI takes.
+    /// Warns of GIMP bodies of revolution with loads on a surface. GIMP computes the circumferential strain from the
+    /// mean of the basis function over the domain. In a uniform state, however, internal forces balance a pressure on a
+    /// side within a cell only if the strain is computed from the mean of the values at both ends of the domain, as in
+    /// CPDI.
     pub(super) fn loaded_rings(&mut self) {
         let deck = self.deck;
         if deck.analysis.idealisation != Idealisation::Axisymmetric {

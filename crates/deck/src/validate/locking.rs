@@ -1,5 +1,5 @@
-//! Bodies that probably lock: nearly incompressible, or in plastic flow at constant volume, with the standard treatment of
-//! volumetric deformation.
+//! Bodies that probably lock: nearly incompressible, or in plastic flow at constant volume, with the standard treatment
+//! of volumetric deformation.
 
 use super::Check;
 use crate::diagnostic::{Diagnostic, Severity};
@@ -35,8 +35,8 @@ impl Check<'_> {
         }
     }
 
-    /// Notes that bodies of a material that flows at constant volume probably lock, unless their deck asks for the standard
-    /// treatment or one point per cell leaves the cells free.
+    /// Notes that bodies of a material that flows at constant volume probably lock, unless the deck asks for the
+    /// standard treatment, or a single point per cell leaves the cells free to deform.
     fn isochoric_flow(&mut self, material: &str) {
         let mut bodies = standard_bodies(self.deck, material);
         bodies.retain(|(number, body)| {
@@ -82,8 +82,8 @@ impl Check<'_> {
     }
 }
 
-/// The bodies that have a material from the start or from a stage on, with the standard treatment of volumetric deformation,
-/// each with its number.
+/// The bodies that have a material from the start or from a stage on, with the standard treatment of volumetric
+/// deformation, each with its number.
 fn standard_bodies<'a>(deck: &'a Deck, material: &str) -> Vec<(usize, &'a BodyDeck)> {
     let is_standard = |(_, body): &(usize, &BodyDeck)| {
         let in_a_stage = || deck.stages.iter().filter_map(|stage| stage.material.get(&body.name));

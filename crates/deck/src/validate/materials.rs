@@ -9,8 +9,9 @@ use crate::quoting::quote;
 use crate::span::escape;
 
 impl Check<'_> {
-    /// Checks the formulas of a material that have one value everywhere; numbers have been checked with the shape of the deck,
-    /// and formulas that vary are checked at the points. Returns true if no number and no such formula is out of its range.
+    /// Checks the formulas of a material that have one value everywhere; numbers have been checked with the shape of
+    /// the deck, and formulas that vary are checked at the points. Returns true if no number and no such formula is out
+    /// of its range.
     fn ranges(&mut self, pointer: &str, material: &MaterialDeck) -> bool {
         let mut are_in_range = true;
         for (key, given) in material.properties() {
@@ -34,7 +35,7 @@ impl Check<'_> {
         are_in_range
     }
 
-    /// Checks the properties of all materials, as far as they do not vary from point to point.
+    /// Checks the properties of all materials, except those that vary from point to point.
     pub(super) fn materials(&mut self) {
         let deck = self.deck;
         for (name, material) in &deck.materials {

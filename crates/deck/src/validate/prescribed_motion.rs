@@ -16,7 +16,7 @@ use mpm_core::tensor::Mat3;
 
 /// Samples of a prescribed displacement along each axis of a side of a box.
 const SAMPLES: usize = 8;
-/// Most steps in which a motion is followed.
+/// Largest number of steps in which a motion is followed.
 const MOST_STEPS: u32 = 100;
 
 impl Check<'_> {
@@ -50,7 +50,7 @@ impl Check<'_> {
                     quote(name),
                     (objection.describe)(measure)
                 );
-                // If it is not stated in the deck, it is a default of the body.
+                // If the deck does not state the update, the body has the default.
                 let help = "use `domain_update: corners`, which supports every motion";
                 self.warn("D044", &format!("/bodies/{index}/domain_update"), message, help);
             }

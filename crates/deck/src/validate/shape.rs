@@ -24,7 +24,7 @@ impl Check<'_> {
         }
         let before = self.found.len();
         self.numbers(pointer, shape);
-        // A part beyond the grid may be subtracted, or moved into it.
+        // A part beyond the grid may be subtracted, or moved into the grid.
         let of_parts = grid.filter(|_| matches!(shape, Shape::Union { .. }));
         for (key, part) in shape.parts() {
             self.part(&format!("{pointer}/{key}"), part, of_parts);
@@ -51,7 +51,7 @@ impl Check<'_> {
         }
     }
 
-    /// Bounds of a region at a JSON pointer of the deck, as far as they are known without any file.
+    /// Bounds of a region at a JSON pointer of the deck, as far as they are known without reading any file.
     pub(super) fn bounds(&self, pointer: &str, shape: &Shape) -> Result<Extent, Refusal> {
         match self.dimensions() {
             3 => self.bounds_in::<3>(pointer, shape),

@@ -13,7 +13,7 @@ const SHORTEST: f64 = 1e-9;
 type Names = fn(&StageDeck) -> &Vec<String>;
 
 impl Check<'_> {
-    /// Checks the names in the stages, and that each change is possible where it stands.
+    /// Checks the names in the stages, and that each change is possible in its stage.
     pub(super) fn stages(&mut self) {
         let deck = self.deck;
         match (&deck.steps, deck.stages.is_empty()) {
@@ -95,7 +95,7 @@ impl Check<'_> {
             let probe = deck.output.probes.iter().find(|other| other.name == *probe);
             if let Some(probe) = probe.filter(|probe| is_absent(&probe.body)) {
                 let message = format!(
-                    "the probe {} follows the body {}, which is not there in this stage",
+                    "the probe {} follows the body {}, which is absent in this stage",
                     quote(&probe.name),
                     quote(&probe.body)
                 );
@@ -110,7 +110,7 @@ impl Check<'_> {
             let Some(bodies) = of_surface.or_else(|| load.bodies()) else { continue };
             if !bodies.is_empty() && bodies.iter().all(|body| is_absent(body)) {
                 let message =
-                    format!("the load {} acts on bodies that are not there in this stage", quote(name));
+                    format!("the load {} acts on bodies that are absent in this stage", quote(name));
                 let at = format!("/stages/{number}/factors/{name}");
                 self.warn("D037", &at, message, "remove its factor, or add the body");
             }
@@ -128,7 +128,7 @@ impl Check<'_> {
         let mut is_there: BTreeMap<&str, bool> =
             names.iter().map(|&name| (name, deck.is_there_at_start(name, begins, ends))).collect();
         for (number, stage) in deck.stages.iter().enumerate() {
-            // What ends makes room before something begins.
+            // Whatever ends does so before anything begins.
             for (key, list, begins) in [(end, ends(stage), false), (begin, begins(stage), true)] {
                 for (index, name) in list.iter().enumerate() {
                     let at = format!("/stages/{number}/{key}/{index}");
@@ -156,7 +156,7 @@ impl Check<'_> {
         }
     }
 
-    /// The factors of a stage belong to loads, or to boundary conditions that move nodes, without curves.
+    /// Checks that the factors of a stage belong to loads, or to boundary conditions that move nodes, without curves.
     fn factors(&mut self, number: usize, stage: &StageDeck) {
         let deck = self.deck;
         for name in stage.factors.keys() {

@@ -12,7 +12,7 @@ use mpm_files::shortest;
 /// A displacement below this share of the grid size is round-off, [-].
 const LEAST: f64 = 1e-12;
 
-/// True if a curve has one factor between two times, [time].
+/// True if the factor of a curve is constant between two times, [time].
 fn stands_still(LoadCurve(pairs): &LoadCurve, [start, end]: [f64; 2]) -> bool {
     let curve = mpm_core::model::LoadCurve::table(pairs.clone());
     let within = curve.times().filter(|time| (start..=end).contains(time));
@@ -124,8 +124,8 @@ impl Check<'_> {
         }
     }
 
-    /// Checks that loads and motions stay constant in an analysis, or in a stage between two times, while the strength is
-    /// reduced.
+    /// Checks that loads and motions stay constant in an analysis, or in a stage between two times, while the strength
+    /// is reduced.
     fn constant_loads(&mut self, control: &str, stage: Option<(&StageDeck, [f64; 2])>) {
         let deck = self.deck;
         let stays = |name: &str, curve: Option<&LoadCurve>| match (stage, curve) {
@@ -180,9 +180,9 @@ impl Check<'_> {
         }
     }
 
-    /// Checks that the bodies carry something while the stage of this number reduces the strength: a load, a prescribed motion
-    /// or an initial stress. Weight that a geostatic stress carries may have been taken away since; a motion that has been taken
-    /// back may have left stresses.
+    /// Checks that the bodies carry something while the stage of this number reduces the strength: a load, a prescribed
+    /// motion or an initial stress. Weight that a geostatic stress carries may have been removed since; a motion that
+    /// has been reversed may have left stresses.
     fn something_to_carry(&mut self, control: &str, number: usize) {
         let deck = self.deck;
         let so_far = deck.stages.get(..=number).unwrap_or_default();
@@ -222,7 +222,7 @@ impl Check<'_> {
         self.error("D065", control, message, help);
     }
 
-    /// Notes that a reduction of strength follows another one.
+    /// Notes that one strength reduction follows another.
     pub(super) fn repeated_reductions(&mut self) {
         let reduces =
             |stage: &&StageDeck| matches!(stage.steps.control, ControlDeck::StrengthReduction { .. });
@@ -242,7 +242,8 @@ impl Check<'_> {
         }
     }
 
-    /// Checks that the motions of tools can share an unknown factor, which is that of the last stage.
+    /// Checks that the motions of tools can share an unknown factor; only the last stage may have one if there are
+    /// tools.
     fn tools_of_common_factor(&mut self, stage: Option<(&StageDeck, [f64; 2])>) {
         let deck = self.deck;
         let times = stage.map_or([0.0, deck.end_time()], |(_, times)| times);
@@ -296,7 +297,7 @@ impl Check<'_> {
     fn common_factor(&mut self, control: &str, stage: Option<(&StageDeck, [f64; 2])>) {
         let deck = self.deck;
         let changes = |name: &str| stage.is_none_or(|(stage, _)| stage.factors.contains_key(name));
-        // A load that stands still in a stage takes no part in its unknown factor.
+        // A load that stays constant in a stage takes no part in the unknown factor of this stage.
         let stands = |curve: &LoadCurve| stage.is_some_and(|(_, times)| stands_still(curve, times));
         let is_idle = |load: &LoadDeck| load.magnitude().1;
         let mut loads = deck.loads.iter().filter(|load| changes(load.name()));

@@ -119,7 +119,7 @@ impl Check<'_> {
     fn stays_zero(&self, curve: Option<&LoadCurve>) -> bool {
         curve.is_some_and(|LoadCurve(pairs)| {
             let end = self.deck.end_time();
-            // The pair after the end matters unless one lies at the end itself.
+            // The pair after the end matters unless a pair lies at the end itself.
             let after = pairs.iter().position(|pair| pair[0] >= end).map_or(pairs.len(), |last| last + 1);
             pairs[..after].iter().all(|pair| pair[1] == 0.0)
         })

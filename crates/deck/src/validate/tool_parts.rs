@@ -11,7 +11,7 @@ struct Columns {
     name: String,
     /// The letters after the name.
     letters: &'static str,
-    /// What has these columns, as a message names it.
+    /// The owner of these columns, as messages name it.
     owner: String,
 }
 
@@ -20,7 +20,7 @@ impl Columns {
         Columns { name: name.into(), letters, owner }
     }
 
-    /// A letter that both have after the same name.
+    /// A letter that both sets of columns have after the same name.
     fn shared_with(&self, other: &Columns) -> Option<char> {
         let is_shared = |letter: &char| other.letters.contains(*letter);
         self.letters.chars().find(is_shared).filter(|_| self.name == other.name)

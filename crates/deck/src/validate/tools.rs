@@ -109,10 +109,15 @@ impl Check<'_> {
                 let needed = if *component == FreeDeck::Rotation { 2 } else { 3 };
                 self.of_other_dimension(&at, &format!("the component `{word}`"), needed);
             } else if tool.free[..index].contains(component) {
-                self.error("D068", &at, format!("`{word}` is free twice"), "remove one of the two");
+                self.error(
+                    "D068",
+                    &at,
+                    format!("`{word}` is listed twice in `free`"),
+                    "remove one of the two",
+                );
             } else if let Some((key, _, _)) = prescribed {
                 let message = format!(
-                    "the component `{word}` of the tool {} is free and prescribed",
+                    "the component `{word}` of the tool {} is both free and prescribed",
                     quote(&tool.name)
                 );
                 self.error("D068", &at, message, format!("remove it from `free`, or remove `{key}`"));

@@ -14,11 +14,11 @@ const GRAVITY_IN_METRES: std::ops::RangeInclusive<f64> = 9.5..=10.5;
 const FASTEST: f64 = 20e3;
 /// Largest density of a solid in tonnes per cubic metre; values in kilograms are far larger.
 const DENSEST_IN_TONNES: f64 = 12.0;
-/// Strain under its own weight below which the stiffness seems to be in other units than the density.
+/// Strain of a body under its own weight below which stiffness and density seem to be in different units.
 const HARDLY_STRAINED: f64 = 1e-3;
 /// Strain under its own weight that no body can sustain.
 const CRUSHED: f64 = 100.0;
-/// Ratio of the densities of two solids that only mixed units explain.
+/// Ratio of the densities of two solids that only mixed units can explain.
 const DENSITIES_APART: f64 = 200.0;
 
 impl Check<'_> {

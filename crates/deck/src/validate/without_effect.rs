@@ -68,7 +68,7 @@ impl Check<'_> {
         };
         if self.is_written(at) && bodies.clone().all(has_no_domain) {
             let message = "`point_volume` has no effect: points of method `mpm` have no domain".to_owned();
-            let help = "remove it, or use another method for a body";
+            let help = "remove it, or use another method for at least one body";
             self.warn_at_key("D037", at, message, help);
         }
     }
@@ -106,7 +106,7 @@ impl Check<'_> {
         }
     }
 
-    /// Warns of `smallest` where the tolerance of a reduction of strength decides how far steps are cut.
+    /// Warns of `smallest` where the tolerance of a strength reduction decides how far steps are cut.
     fn smallest_without_effect(&mut self) {
         for (pointer, steps) in self.deck.courses() {
             let at = format!("{pointer}/smallest");

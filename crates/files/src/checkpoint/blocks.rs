@@ -1,7 +1,7 @@
-//! Bytes in compressed blocks, between a line with the version of the format and a checksum.
+//! Bytes in compressed blocks, between a line with the format version and a checksum.
 //!
-//! A block consists of its length and the length of its compressed form, each as four bytes, little-endian, and that
-//! form, a zlib stream. An empty block ends the list. It is followed by the CRC-32 of all bytes before.
+//! A block consists of its length and its compressed length, each as four little-endian bytes, and its compressed form,
+//! a zlib stream. An empty block ends the list. The CRC-32 of all preceding bytes follows it.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read, Write};
@@ -12,7 +12,7 @@ use flate2::read::ZlibDecoder;
 use flate2::write::ZlibEncoder;
 use rayon::prelude::*;
 
-/// The first line of a file, without its end: the name of the format, and its version.
+/// The first line of a file, without its newline: the name of the format, and its version.
 pub(super) const NAME: &str = "mpm checkpoint";
 const VERSION: u32 = 3;
 
@@ -81,7 +81,7 @@ fn compressed(bytes: &[u8]) -> io::Result<Vec<u8>> {
 /// Reads a file written by [`write`].
 ///
 /// # Errors
-/// The fault of the file.
+/// What is wrong with the file.
 pub(super) fn read(path: &Path) -> Result<Vec<u8>, String> {
     check_sum(path)?;
     let mut file = open(path)?;

@@ -1,19 +1,19 @@
-//! Names of the files of checkpoints.
+//! Names of checkpoint files.
 
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// The file of a checkpoint.
+/// File name of a checkpoint.
 pub(super) fn file_name(step: usize) -> String {
     format!("checkpoint_{step:04}.mpm")
 }
 
-/// The piece of a checkpoint that a rank writes.
+/// File name of the piece of a checkpoint that a rank writes.
 pub(super) fn piece_name(step: usize, rank: usize) -> String {
     format!("checkpoint_{step:04}_r{rank}.mpm")
 }
 
-/// The step of a checkpoint, from the name of its file or of a piece; `None` for other files.
+/// The step of a checkpoint, from the name of its file or of one of its pieces; `None` for other files.
 pub fn step_of(name: &str) -> Option<usize> {
     step_and_rank(name).map(|(step, _)| step)
 }
@@ -32,7 +32,7 @@ fn step_and_rank(name: &str) -> Option<(usize, Option<usize>)> {
     Some((number.parse().ok()?, rank.map(str::parse).transpose().ok()?))
 }
 
-/// The files of checkpoints and of their pieces in a directory, by their names: step, rank of a piece, and path.
+/// The files of checkpoints and of their pieces in a directory, found by name: step, rank of a piece, and path.
 pub(super) fn all(directory: &Path) -> io::Result<Vec<(usize, Option<usize>, PathBuf)>> {
     let mut found = Vec::new();
     for entry in std::fs::read_dir(directory)? {

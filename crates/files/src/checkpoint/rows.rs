@@ -13,14 +13,14 @@ pub(super) struct Rows {
     cell: Vec<u32>,
     /// The declared fields of the state, and the further fields that change.
     fields: Vec<Vec<f64>>,
-    /// Numbers per point of each field.
+    /// Number of components of each field.
     components: Vec<usize>,
     #[serde(skip)]
     further: Vec<FieldHandle>,
 }
 
 impl Rows {
-    /// No points, with the fields of these points.
+    /// No points, but with the fields of these points.
     pub fn new<const D: usize>(points: &Points<D>, further: &[FieldHandle]) -> Rows {
         let mut components = Vec::new();
         let visited: Result<(), std::convert::Infallible> = points.for_each_field(|field, _| {
@@ -37,7 +37,7 @@ impl Rows {
         }
     }
 
-    /// Adds the points in the arrays of a file.
+    /// Adds the points whose arrays these bytes hold.
     pub fn read(&mut self, n: usize, bytes: &[u8]) -> Result<(), String> {
         let mut rest = Arrays { bytes };
         self.id.extend(rest.words(n)?);
@@ -52,7 +52,7 @@ impl Rows {
         }
     }
 
-    /// Exchanges points, so that each rank has those whose numbers fall to it.
+    /// Exchanges points so that each rank has the points whose numbers are assigned to it.
     pub fn by_number(self, ranks: &Ranks, division: ByNumber) -> Rows {
         let mut places = vec![Vec::new(); ranks.count()];
         for (place, id) in self.id.iter().enumerate() {
@@ -85,10 +85,10 @@ impl Rows {
         own
     }
 
-    /// Puts the points into this state and this order.
+    /// Restores this state and this order to the points.
     ///
     /// # Errors
-    /// If they are other points, or no run can have left them so.
+    /// If they are different points, or if no run can have left them in this state.
     pub fn restore<const D: usize>(self, model: &Model<D>, points: &mut Points<D>) -> Result<(), String> {
         if self.id.len() != points.len() {
             return Err("it belongs to other points".to_owned());

@@ -10,7 +10,7 @@ fn analysis() -> (Value, Model<2>, Points<2>) {
     analysis_on(&Ranks::default())
 }
 
-/// The same, divided between ranks.
+/// The same analysis, divided between ranks.
 fn analysis_on(ranks: &Ranks) -> (Value, Model<2>, Points<2>) {
     let set = [("h", "1"), ("n", "2"), ("method", "cpdi2")].map(|(k, v)| (k.to_owned(), v.to_owned()));
     let loaded = load(Path::new("../../inputs/collapse.yaml"), &set).unwrap();
@@ -58,7 +58,8 @@ fn the_last_two_are_kept_and_read_back_exactly() {
     assert_eq!(others.original_corners, points.original_corners);
 }
 
-/// Number, mass and a stress of each point that some ranks restore from the last checkpoint, with its step and the files refused.
+/// Number, mass and a stress of each point that `n` ranks restore from the last checkpoint, with its step and the
+/// refused files.
 fn restored(directory: &Path, n: usize) -> (Vec<(u32, f64, f64)>, usize, Vec<String>) {
     let of_ranks = threads::run(n, |ranks| {
         let (_, model, mut points) = analysis_on(&ranks);
@@ -108,7 +109,7 @@ fn any_number_of_ranks_reads_the_pieces_of_others() {
     for n in [1, 2, 3, 4] {
         assert_eq!(restored(directory.path(), n), (expected(11.0), 11, Vec::new()), "{n} ranks");
     }
-    // Any number of ranks notices a piece that is damaged, of another checkpoint or missing.
+    // Any number of ranks notices a piece that is damaged, missing or from another checkpoint.
     let piece = directory.path().join("checkpoint_0011_r2.mpm");
     let good = fs::read(&piece).unwrap();
     let other = fs::read(directory.path().join("checkpoint_0010_r2.mpm")).unwrap();
@@ -266,7 +267,7 @@ fn further_fields_are_kept_and_others_are_refused() {
         spec("pore_pressure", FieldKind::Answer, 1, n),
         spec("age", FieldKind::Motion, 2, n),
     ];
-    // In whatever order they are declared.
+    // The order in which they are declared does not matter.
     for declared in [[a.clone(), b.clone(), c.clone()], [c.clone(), b.clone(), a.clone()]] {
         let restored = restored(&declared).unwrap();
         let values = |name: &str| restored.further.converged(restored.further.handle(name).unwrap()).to_vec();
@@ -299,7 +300,7 @@ fn further_fields_are_kept_and_others_are_refused() {
     assert!(error.to_string().contains(&format!("field `pore_pressure` of point {} is NaN", points.id[4])));
 }
 
-/// Accounts that name fields that no run has written, with arrays of any length.
+/// Heads that name further fields no run has written, with arrays of any length.
 #[test]
 fn damaged_lists_of_further_fields_are_refused() {
     let directory = tempfile::tempdir().unwrap();
@@ -332,7 +333,7 @@ fn damaged_lists_of_further_fields_are_refused() {
     assert!(refused(&|c| c.arrays[0].1.extend([0; 8])).contains("longer"));
 }
 
-/// The bytes of an account without further fields are those of earlier versions.
+/// A head without further fields has the same bytes as in earlier versions.
 #[test]
 fn an_account_without_further_fields_does_not_name_them() {
     let directory = tempfile::tempdir().unwrap();

@@ -10,10 +10,10 @@ use flate2::{Compress, CompressError, Compression, FlushCompress, Status};
 use rayon::prelude::*;
 
 /// Bytes of a full block before compression: at most what a zlib stream stores in one piece, and a multiple of every
-/// size of number times 1, 3, 6 and 9 components.
+/// number size times 1, 3, 6 and 9 components.
 pub(super) const BLOCK: usize = 65_520;
 
-/// Numbers of a block that are examined for a pattern; a power of two.
+/// How many numbers of a block are examined for a pattern; a power of two.
 const SAMPLE: usize = 1024;
 
 /// 2⁶⁴ divided by the golden ratio, a hash multiplier.
@@ -22,8 +22,8 @@ const SPREAD: u64 = 0x9e37_79b9_7f4a_7c15;
 /// Largest block that is read, [byte].
 const LARGEST: usize = 1 << 20;
 
-/// Bytes before and after the content of an uncompressed block: the header of a zlib stream with one stored block, its
-/// length twice (RFC 1950 and 1951); then the checksum.
+/// Bytes before and after the content of an uncompressed block. Before: the header of a zlib stream with one stored
+/// block, and the length of that block twice (RFC 1950 and 1951). After: the checksum.
 const BEFORE: usize = 2 + 1 + 2 + 2;
 const AFTER: usize = 4;
 
@@ -64,7 +64,7 @@ number!(
     u8 => "UInt8", false
 );
 
-/// Memory of written blocks, reused for the next file.
+/// Memory of written blocks, to be reused for the next file.
 #[derive(Debug, Clone, Default)]
 pub struct Room(Arc<Mutex<Vec<Vec<u8>>>>);
 
@@ -81,7 +81,7 @@ impl Room {
 
 /// The blocks of an array.
 pub(super) struct Blocks {
-    /// Bytes of all numbers, and of a block.
+    /// Bytes of all numbers, and bytes of a block.
     bytes: usize,
     of_block: usize,
     streams: Vec<Vec<u8>>,
@@ -90,15 +90,15 @@ pub(super) struct Blocks {
 
 impl Drop for Blocks {
     fn drop(&mut self) {
-        // Compressed blocks have memory of just their size.
+        // A compressed block owns only as much memory as it needs.
         let large = take(&mut self.streams).into_iter().filter(|stream| stream.capacity() >= BLOCK);
         self.room.give(large);
     }
 }
 
 impl Blocks {
-    /// Encodes an array of tuples with `components` numbers each; `numbers` replaces the content of a vector by a range
-    /// of them. The result is the same for any number of threads.
+    /// Encodes an array of tuples with `components` numbers each; `numbers` fills a vector with a range of them. The
+    /// result is the same for any number of threads.
     ///
     /// # Errors
     /// The first error of `numbers` or of the compression.
@@ -117,7 +117,7 @@ impl Blocks {
                 compressor.stream(values, room)
             },
         );
-        // The first failure in order, for any number of threads.
+        // The first failure in the order of the array, for any number of threads.
         let streams = streams.collect::<Vec<Result<_, String>>>().into_iter().collect::<Result<_, _>>()?;
         Ok(Blocks { bytes: tuples * size, of_block: in_block * size, streams, room: room.clone() })
     }
@@ -128,11 +128,11 @@ impl Blocks {
         length + self.zeros(place + length)
     }
 
-    /// Number of zeros after the last stream, as part of its block, if it ends at an offset.
+    /// Number of zeros that follow the last stream, as part of its block, if the stream ends at this offset.
     ///
     /// The next array begins where this one ends, and meshio 5.3 confuses offsets that are multiples of four: it
-    /// assigns a new offset, always a multiple of four, to every array it has read, and searches for the next one among
-    /// all. Readers ignore bytes after a stream.
+    /// assigns to every array that it has read a new offset, always a multiple of four, and searches all offsets for
+    /// the next array. Readers ignore bytes after a stream.
     fn zeros(&self, end: usize) -> usize {
         if self.streams.is_empty() { 0 } else { (4 + 1 - end % 4) % 4 }
     }
@@ -157,7 +157,7 @@ impl Blocks {
 /// Working memory of one thread for compression.
 #[derive(Default)]
 struct Compressor {
-    /// Made for the first block that is compressed.
+    /// Created for the first block that is compressed.
     compress: Option<Compress>,
     /// The block that was compressed last, and its compressed form.
     bytes: Vec<u8>,
@@ -198,7 +198,7 @@ impl Compressor {
 /// True if one in four numbers of a sample from the middle repeats an earlier one.
 fn is_regular<T: Number>(values: &[T]) -> bool {
     let middle = values.len().saturating_sub(SAMPLE) / 2..values.len().min((values.len() + SAMPLE) / 2);
-    // Among numbers with the same hash only the last is remembered, which is enough for patterns.
+    // Of the numbers with the same hash, only the last is remembered, which is enough to find patterns.
     let mut seen = [0; 2 * SAMPLE];
     let mut repeats = 0;
     for number in &values[middle.clone()] {
@@ -218,7 +218,7 @@ fn put<T: Number>(values: &[T], bytes: &mut [u8]) {
 /// Numbers of at most [`BLOCK`] bytes as a zlib stream that stores them.
 fn store<T: Number>(values: &[T], stream: &mut Vec<u8>) {
     let length = size_of_val(values);
-    // Most blocks are as long as the one whose memory this was.
+    // Most blocks are as long as the block that used this memory before.
     stream.resize(BEFORE + length + AFTER, 0);
     let (before, rest) = stream.split_at_mut(BEFORE);
     let (bytes, after) = rest.split_at_mut(length);
@@ -228,7 +228,7 @@ fn store<T: Number>(values: &[T], stream: &mut Vec<u8>) {
     after.copy_from_slice(&simd_adler32::adler32(&&*bytes).to_be_bytes());
 }
 
-/// Replaces `stream` by the bytes as a zlib stream; `how` begins.
+/// Replaces `stream` by the bytes as a zlib stream; `how` must be new or reset.
 fn deflate(how: &mut Compress, bytes: &[u8], stream: &mut Vec<u8>) -> Result<(), CompressError> {
     stream.clear();
     stream.reserve(bytes.len() + bytes.len() / 64 + 64);
@@ -313,7 +313,7 @@ mod tests {
             assert_eq!(decode(&stored[..stored.len() - 4]), None);
             assert_eq!(decode(&[&stored[..], &[0]].concat()), None);
         }
-        // Corners that neighbours share, in whatever order.
+        // Corners that neighbours share, in any order.
         let shared: Vec<f64> = (0..noise.len()).map(|k| noise[k * 37 % 500]).collect();
         assert!(encoded(&shared, &room).len() < shared.len());
         // Each block by itself.

@@ -25,7 +25,7 @@ pub enum Values<'a> {
     Computed(&'a dyn Compute),
 }
 
-/// Numbers that are computed piece by piece, by several threads at once.
+/// Numbers that are computed in chunks, by several threads at once.
 pub trait Compute: Sync {
     /// Number of points or cells.
     fn tuples(&self) -> usize;
@@ -82,7 +82,7 @@ impl Field<'_> {
 
     fn attributes(&self) -> String {
         let mut attributes = format!(r#"Name="{}""#, escape_xml(self.name));
-        // One component is the default; meshio returns a flat array only if it is not stated.
+        // One component is the default; meshio returns a flat array only if the number is not stated.
         if self.components > 1 {
             attributes.push_str(&format!(r#" NumberOfComponents="{}""#, self.components));
         }
@@ -196,7 +196,7 @@ fn floating(
     }
 }
 
-/// The nearest number of single precision; the largest for those beyond.
+/// The nearest single-precision number; the largest one for values beyond its range.
 fn nearest_single(x: f64) -> f32 {
     x.clamp(f64::from(f32::MIN), f64::from(f32::MAX)) as f32
 }

@@ -1,5 +1,5 @@
-//! One file of a mesh: its bytes and an index of its arrays, which are decoded on demand. Files of other programs, which may store
-//! arrays differently, are refused.
+//! One file of a mesh: its bytes and an index of its arrays, which are decoded on demand. Files from other programs,
+//! which may store arrays differently, are refused.
 
 use std::borrow::Cow;
 use std::io;
@@ -19,7 +19,7 @@ pub enum Section {
     FieldData,
     /// Coordinates.
     Points,
-    /// Corners, their ends and types.
+    /// Connectivity of the cells, the offsets in it, and their types.
     Cells,
     /// Fields of points.
     PointData,
@@ -119,7 +119,7 @@ impl Piece {
     /// Indexes the bytes of a file.
     ///
     /// # Errors
-    /// `InvalidData` with the name of the file if it is cut off, or not written by this program.
+    /// `InvalidData` with the name of the file if it is cut off, or was not written by this program.
     pub fn from_bytes(path: &Path, bytes: Vec<u8>) -> io::Result<Piece> {
         let mut file = Piece {
             path: path.to_owned(),

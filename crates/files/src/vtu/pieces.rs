@@ -26,7 +26,7 @@ pub const HEAD: &str = concat!(
 pub struct Pieces(String);
 
 impl Pieces {
-    /// Pieces with the arrays of `file`, in files of these names beside that of the list.
+    /// Pieces with the arrays of `file`, in files with these names beside the list.
     pub fn new(file: &File, names: &[String]) -> Pieces {
         let mut text = String::from(HEAD);
         text += "<PUnstructuredGrid GhostLevel=\"0\">\n";
@@ -48,7 +48,7 @@ impl Pieces {
     /// Writes the list, which appears under its name only when it is complete.
     ///
     /// # Errors
-    /// An error of the file system.
+    /// A file-system error.
     pub fn write(&self, path: &Path) -> io::Result<()> {
         replace_file(path, |out| out.write_all(self.0.as_bytes()))
     }
@@ -62,7 +62,7 @@ impl File {
     }
 }
 
-/// The files that a list in this text names, beside it in a directory.
+/// Paths of the files that a list with this text names; they lie beside it, in `directory`.
 ///
 /// # Errors
 /// A message if the text is cut off or not such a list.

@@ -11,20 +11,22 @@ pub use super::piece::{Array, Section};
 /// Name of the permanent numbers of the points.
 const NUMBER: &str = "point_id";
 
-/// A mesh, whose arrays are decoded on demand. It consists of one piece, or of those that the ranks of a run have written.
+/// A mesh, whose arrays are decoded on demand. It consists of one piece, or of the pieces that the ranks of a run have
+/// written.
 #[derive(Debug, Clone)]
 pub struct MeshFile {
     path: PathBuf,
     pieces: Vec<Piece>,
-    /// The points and the cells of several pieces by ascending permanent numbers, if they have such.
+    /// The points and the cells of several pieces in ascending order of permanent numbers, if they have such numbers.
     order: Option<[Vec<usize>; 2]>,
 }
 
 impl MeshFile {
-    /// Reads a file, or all pieces of a mesh in pieces. Points of pieces that have permanent numbers are put in their order.
+    /// Reads a file, or all pieces of a mesh in pieces. Points of pieces are put in the order of their permanent
+    /// numbers, if they have such numbers.
     ///
     /// # Errors
-    /// An error of the file system; `InvalidData` with the name of the file if it is cut off, or not written by this
+    /// A file-system error; `InvalidData` with the name of the file if it is cut off, or was not written by this
     /// program.
     pub fn read(path: &Path) -> io::Result<MeshFile> {
         let bytes = std::fs::read(path)?;
@@ -52,7 +54,7 @@ impl MeshFile {
         Ok(file)
     }
 
-    /// The order of the points and of the cells by permanent numbers, if the points or the cells have such.
+    /// The order of the points and of the cells by permanent numbers, if the points or the cells have such numbers.
     fn order_of_pieces(&self) -> io::Result<Option<[Vec<usize>; 2]>> {
         let sorted = |section: Section| {
             let numbers = self.values(section, NUMBER)?;
@@ -93,7 +95,7 @@ impl MeshFile {
         self.pieces.iter().map(|piece| piece.cells).sum()
     }
 
-    /// The arrays in a section; those of several pieces are alike.
+    /// The arrays in a section; all pieces have the same arrays.
     pub fn arrays(&self, section: Section) -> impl Iterator<Item = &Array> {
         let arrays = self.pieces.first().map_or(&[][..], |piece| &piece.arrays);
         arrays.iter().filter(move |array| array.section == section)
@@ -163,7 +165,7 @@ impl MeshFile {
         if rest.is_empty() { Ok(triples.to_vec()) } else { Err(self.invalid("coordinates are not triples")) }
     }
 
-    /// Numbers of the points of every cell.
+    /// Indices of the points of every cell.
     ///
     /// # Errors
     /// `InvalidData` if they are damaged, or refer to points that do not exist.
@@ -187,7 +189,7 @@ impl MeshFile {
     }
 }
 
-/// The ends of cells in another order, from those in theirs.
+/// The ends of the corner lists of cells put in another order, from their ends in the present order.
 fn ends_in_order(ends: &[f64], order: &[usize]) -> Vec<f64> {
     let size = |cell: usize| ends[cell] - if cell > 0 { ends[cell - 1] } else { 0.0 };
     let next = |end: &mut f64, cell: &usize| {
@@ -223,7 +225,7 @@ mod tests {
     #[test]
     fn files_are_read_back_exactly() {
         let directory = tempfile::tempdir().unwrap();
-        // Numbers of points for which the coordinates fill blocks partly and exactly.
+        // Numbers of points whose coordinates fill blocks partly and exactly.
         for points in [5, BLOCK / 8, BLOCK / 4 + 1] {
             let read = MeshFile::read(&file(directory.path(), points)).unwrap();
             assert_eq!((read.points(), read.cells()), (points, 2));
@@ -241,7 +243,7 @@ mod tests {
         }
     }
 
-    /// A piece with a quadrilateral around each of these places on the x axis, numbered.
+    /// A piece with a numbered quadrilateral around each of these positions on the x axis.
     fn piece(ids: &[i32], in_points: bool) -> super::super::File {
         let at = |id: &i32| {
             [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(|[x, y]| [x + 10.0 * f64::from(*id), y, 0.0])

@@ -9,17 +9,17 @@ use crate::error::{Error, check, text_at};
 use crate::ffi::{self, PetscInt};
 use crate::objects::{Matrix, Solver, Vector};
 
-/// Extra room of MUMPS for pivoting, [%]; after each failure for want of it, it is doubled.
+/// Extra working space of MUMPS for pivoting, [%]; it is doubled after each failure for lack of it.
 const ROOM: PetscInt = 20;
 const MOST_ROOM: PetscInt = 1280;
 
-/// Errors of MUMPS for want of room, which depends on the pivots.
+/// MUMPS errors for lack of working space, the need for which depends on the pivots.
 const TOO_LITTLE_ROOM: [PetscInt; 7] = [-8, -9, -11, -14, -15, -17, -20];
 
-/// Errors of MUMPS for want of memory.
+/// MUMPS errors for lack of memory.
 const OUT_OF_MEMORY: [PetscInt; 3] = [-7, -13, -19];
 
-/// An error of MUMPS for a zero pivot, or for an empty row.
+/// MUMPS errors for a zero pivot and for an empty row.
 const SINGULAR: [PetscInt; 2] = [-6, -10];
 
 /// The signs of the pivots of a factor.
@@ -27,19 +27,19 @@ const SINGULAR: [PetscInt; 2] = [-6, -10];
 pub(super) struct Pivots {
     /// Number of zero pivots.
     pub zero: usize,
-    /// True if there are negative ones; of an unsymmetric matrix, true if their number is odd.
+    /// True if there are negative pivots; for an unsymmetric matrix, true if their number is odd.
     pub negative: bool,
 }
 
 /// True if PETSc can use MUMPS.
 pub(super) fn has_mumps() -> Result<bool, Error> {
-    // SAFETY: PETSc runs. It registers its solvers when the first matrix is created, or here.
+    // SAFETY: PETSc is running. It registers its solvers when the first matrix is created, or here.
     check(unsafe { ffi::MatInitializePackage() })?;
     let mut has = true;
     for kind in [ffi::MAT_FACTOR_LU, ffi::MAT_FACTOR_CHOLESKY] {
         let (mut found, mut for_matrix, mut function) = (0, 0, None);
         let (mumps, matrix) = (c"mumps".as_ptr(), c"mpiaij".as_ptr());
-        // SAFETY: PETSc runs, and the results are local variables.
+        // SAFETY: PETSc is running, and the results are local variables.
         check(unsafe {
             ffi::MatSolverTypeGet(mumps, matrix, kind, &mut found, &mut for_matrix, &mut function)
         })?;
@@ -56,11 +56,11 @@ pub(super) struct Factor {
     mumps: Option<ffi::Mat>,
 }
 
-// SAFETY: As for the objects that it is made of.
+// SAFETY: As for the objects of which it consists.
 unsafe impl Send for Factor {}
 
 impl Factor {
-    /// Factorises a matrix with these values. The layout of a factor is kept for matrices of the same pattern.
+    /// Factorises a matrix with these values. The layout of the factor is kept for matrices of the same pattern.
     pub fn renew(
         kept: &mut Option<Factor>,
         matrix: &mut Matrix,
@@ -104,7 +104,7 @@ impl Factor {
         solver.set_matrices(matrix, matrix)?;
         let pc = solver.pc()?;
         let kind: &CStr = if symmetric { c"cholesky" } else { c"lu" };
-        // SAFETY: All objects exist; PETSc copies the texts.
+        // SAFETY: All objects exist; PETSc copies the strings.
         unsafe {
             check(ffi::PCSetType(pc, kind.as_ptr()))?;
             check(ffi::PCFactorSetMatSolverType(pc, c"mumps".as_ptr()))?;
@@ -112,17 +112,17 @@ impl Factor {
         }
         let mumps = factor_of_mumps(pc);
         if let Some(factor) = mumps {
-            // A root on one rank (13) for the number of negative pivots; more room (14); zero pivots are counted (24); sign of
-            // the determinant (33).
+            // Options of MUMPS: the root on one rank, to count negative pivots (13); working space (14); counting of
+            // zero pivots (24); the determinant, for its sign (33).
             for (number, value) in [(13, 1), (14, room), (24, 1), (33, PetscInt::from(!symmetric))] {
-                // SAFETY: The factor is one of MUMPS.
+                // SAFETY: The factor is a MUMPS factor.
                 check(unsafe { ffi::MatMumpsSetIcntl(factor, number, value) })?;
             }
         }
         Ok(Factor { solver, mumps })
     }
 
-    /// The error code of MUMPS.
+    /// The MUMPS error code.
     fn status(&self) -> Result<PetscInt, Error> {
         self.mumps.map_or(Ok(0), |factor| information(factor, 1)).map(|status| status.min(0))
     }
@@ -134,12 +134,12 @@ impl Factor {
         Ok(reason != 0)
     }
 
-    /// The signs of the pivots. Another solver than MUMPS does not tell them, and they count as positive.
+    /// The signs of the pivots. A solver other than MUMPS does not report them; they then count as positive.
     fn pivots(&self, symmetric: bool, ranks: &Ranks) -> Result<Pivots, LinearError> {
         let Some(factor) = self.mumps else { return Ok(Pivots { zero: 0, negative: false }) };
         let zero = information(factor, 28)?.max(0) as usize;
         let negative = if symmetric { information(factor, 12)? > 0 } else { determinant(factor)? < 0.0 };
-        // Rank 0 knows everything.
+        // Rank 0 knows both values.
         let known = ranks.gather_all((zero as u64, negative)).into_iter().next();
         let (zero, negative) = known.unwrap_or((zero as u64, negative));
         Ok(Pivots { zero: zero as usize, negative })
@@ -154,11 +154,11 @@ impl Factor {
     }
 }
 
-/// The factor that a preconditioner will compute, if it is one of MUMPS.
+/// The factor that a preconditioner will compute, if it is a MUMPS factor.
 fn factor_of_mumps(pc: ffi::PC) -> Option<ffi::Mat> {
     let mut factor = ffi::Mat::NULL;
     let mut name = std::ptr::null();
-    // SAFETY: The preconditioner exists, and the factor if no call has failed; the name is a text or null.
+    // SAFETY: The preconditioner exists, and the factor if no call has failed; the name is a string or null.
     unsafe {
         check(ffi::PCFactorSetUpMatSolverType(pc)).ok()?;
         check(ffi::PCFactorGetMatrix(pc, &mut factor)).ok()?;
@@ -167,18 +167,18 @@ fn factor_of_mumps(pc: ffi::PC) -> Option<ffi::Mat> {
     }
 }
 
-/// A number of INFOG.
+/// An entry of INFOG.
 fn information(factor: ffi::Mat, number: PetscInt) -> Result<PetscInt, Error> {
     let mut value = 0;
-    // SAFETY: The factor is one of MUMPS.
+    // SAFETY: The factor is a MUMPS factor.
     check(unsafe { ffi::MatMumpsGetInfog(factor, number, &mut value) })?;
     Ok(value)
 }
 
-/// A number with the sign of the determinant, on rank 0.
+/// A number with the sign of the determinant; known on rank 0.
 fn determinant(factor: ffi::Mat) -> Result<f64, Error> {
     let mut value = 0.0;
-    // SAFETY: The factor is one of MUMPS.
+    // SAFETY: The factor is a MUMPS factor.
     check(unsafe { ffi::MatMumpsGetRinfog(factor, 12, &mut value) })?;
     Ok(value)
 }

@@ -1,4 +1,4 @@
-//! The functions that the solvers of PETSc call: the product with the matrix, and the preconditioner of the caller.
+//! The functions that the PETSc solvers call: the product with the matrix, and the preconditioner of the caller.
 
 use std::any::Any;
 use std::ffi::c_void;
@@ -14,7 +14,7 @@ use crate::objects::{read_numbers, with_numbers};
 
 use super::Preconditioner;
 
-/// What the functions work on during a solution.
+/// The data on which the functions work during a solution.
 pub(super) struct Context<'a, 'b, const D: usize, const N: usize> {
     pub halo: &'a Halo,
     numbers: &'a GlobalNumbers<N>,
@@ -56,7 +56,7 @@ impl<'a, 'b, const D: usize, const N: usize> Context<'a, 'b, D, N> {
         }
     }
 
-    /// The numbers of a complete field at own nodes, zero at components that are not unknowns.
+    /// The values of a complete field at own nodes, zero at components that are not unknowns.
     pub fn unknowns_of(&self, field: &[[f64; N]]) -> Vec<f64> {
         let mut free = field.to_vec();
         clear_held(&mut free, self.held);
@@ -65,7 +65,7 @@ impl<'a, 'b, const D: usize, const N: usize> Context<'a, 'b, D, N> {
         own
     }
 
-    /// Makes a complete field of a solution. All ranks must call this.
+    /// Makes a complete field from a solution. All ranks must call this.
     pub fn finish(&self, own: &[f64], field: &mut [[f64; N]]) {
         self.numbers.spread(self.halo, own, field);
         clear_held(field, self.held);
@@ -79,7 +79,7 @@ impl<'a, 'b, const D: usize, const N: usize> Context<'a, 'b, D, N> {
         self.error.take().map_or(Ok(()), Err)
     }
 
-    /// The product with the matrix: that with the stiffness on the unknowns, with a diagonal matrix on the rest.
+    /// The product with the matrix: with the stiffness at the unknowns, with a diagonal matrix elsewhere.
     fn multiply(&mut self) -> Result<(), LinearError> {
         let Context { halo, numbers, held, stiffness, given, found, own, .. } = self;
         numbers.spread(halo, own, given);
@@ -103,7 +103,8 @@ impl<'a, 'b, const D: usize, const N: usize> Context<'a, 'b, D, N> {
         Ok(())
     }
 
-    /// Turns the result into numbers at own nodes, with those of the argument at components that are not unknowns.
+    /// Copies the result to the numbers at this rank's own nodes; components that are not unknowns get `at_held` of the
+    /// argument instead.
     fn finish_held(&mut self, at_held: impl Fn(f64, f64) -> f64) {
         let (found, held) = (self.found.as_flattened(), self.held.as_flattened());
         for (number, place) in self.own.iter_mut().zip(self.numbers.places()) {
@@ -155,7 +156,8 @@ pub(super) unsafe extern "C" fn product<const D: usize, const N: usize>(
     y: ffi::Vec_,
 ) -> ffi::PetscErrorCode {
     let mut context: *mut c_void = std::ptr::null_mut();
-    // SAFETY: PETSc passes its objects; the context is null or that of the present solution, which nobody else uses meanwhile.
+    // SAFETY: PETSc passes its objects; the context is null or that of the current solution, which nothing else uses
+    // meanwhile.
     unsafe {
         let code = ffi::MatShellGetContext(matrix, (&raw mut context).cast());
         match context.cast::<Context<D, N>>().as_mut() {

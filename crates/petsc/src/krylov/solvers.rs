@@ -11,13 +11,13 @@ use crate::objects::{Matrix, Solver, Vector};
 
 use super::shell::Context;
 
-/// Most iterations of either method, unless an option sets another number.
+/// Largest number of iterations of either method, unless an option sets another limit.
 const MOST: PetscInt = 300;
 
 /// Number of directions after which GMRES restarts, which bounds the memory.
 const RESTART: PetscInt = 40;
 
-/// Larger residuals relative to the right-hand side end the iterations.
+/// Residuals above this multiple of the right-hand side end the iterations.
 const DIVERGED: f64 = 1e30;
 
 /// How the iterations have ended.
@@ -45,7 +45,7 @@ pub(super) struct Solvers {
 }
 
 impl Solvers {
-    /// The methods with the multigrid of PETSc for an assembled matrix, or with a preconditioner of the caller.
+    /// The methods with the multigrid of PETSc for an assembled matrix, or with the preconditioner of the caller.
     pub fn new(
         operator: &Matrix,
         assembled: Option<&Matrix>,
@@ -92,7 +92,7 @@ impl Solvers {
         if reason == 0 { Ok(()) } else { Err(LinearError::Singular { unknown: None }) }
     }
 
-    /// Solves by one of the methods. The right-hand side and the solution are given.
+    /// Solves by one of the methods, with the right-hand side `b` and the solution `x`.
     pub fn solve<const D: usize, const N: usize>(
         &mut self,
         use_conjugate: bool,

@@ -8,7 +8,7 @@ use super::page::escape;
 use super::scale::Scale;
 use super::units::{Naming, Quantity};
 
-/// Width of a chart; lengths are in pixels of the screen.
+/// Width of a chart; lengths are in screen pixels.
 const WIDTH: f64 = 720.0;
 /// Space left of the axes.
 const LEFT: f64 = 66.0;
@@ -20,9 +20,9 @@ const BOTTOM: f64 = 48.0;
 const LINE: f64 = 15.0;
 /// Mean width of a letter.
 const LETTER: f64 = 6.6;
-/// Most letters of a name that are shown.
+/// Largest number of letters of a name that are shown.
 const LONGEST_NAME: usize = 26;
-/// Most points of a curve that are drawn.
+/// Largest number of points drawn of a curve.
 const MOST_POINTS: usize = 1600;
 
 /// Style of a curve.
@@ -122,7 +122,7 @@ pub(super) struct Chart {
 }
 
 impl Chart {
-    /// The chart as an SVG element; the names of units come from `naming`.
+    /// The chart as an SVG element; unit names come from `naming`.
     pub fn svg(&self, naming: &Naming) -> String {
         let names = self.curves.iter().map(|curve| shown(&curve.name).chars().count()).max().unwrap_or(0);
         let right = WIDTH - if names == 0 { 18.0 } else { 26.0 + LETTER * names as f64 };
@@ -165,7 +165,7 @@ impl Chart {
         svg
     }
 
-    /// Draws the bands, every second one in a colour, with a line at the start of each but the first.
+    /// Draws the bands, every second one shaded, with a line at the start of each but the first.
     fn draw_bands(&self, svg: &mut String, x: &Scale, sides: [f64; 2], bottom: f64) {
         for (number, Band { ends, name }) in self.bands.iter().enumerate() {
             let [left, right] = within(x, *ends, sides);
@@ -182,8 +182,8 @@ impl Chart {
         }
     }
 
-    /// Writes the name of each band: along the upper side of the chart if there is room, otherwise downwards, otherwise only
-    /// the pointer shows it.
+    /// Writes the name of each band: along the upper side of the chart if there is room, otherwise downwards if there
+    /// is room, otherwise not at all; it then appears only under the pointer.
     fn name_bands(&self, svg: &mut String, x: &Scale, sides: [f64; 2], bottom: f64) {
         for Band { ends, name } in &self.bands {
             let [left, right] = within(x, *ends, sides);
@@ -236,7 +236,7 @@ impl Chart {
     }
 }
 
-/// The places of the ends of a band within the sides of a chart.
+/// The positions of the ends of a band, limited to the sides of a chart.
 fn within(x: &Scale, ends: [f64; 2], sides: [f64; 2]) -> [f64; 2] {
     ends.map(|end| x.place(end).clamp(sides[0], sides[1]))
 }
@@ -276,7 +276,7 @@ fn draw_curve(svg: &mut String, curve: &Curve, points: &[[f64; 2]], places: &[[f
         value(0),
         value(1)
     );
-    // A few points are marked one by one.
+    // Each point is marked if there are only a few.
     if points.len() <= 60 && matches!(curve.look, Look::Number(_)) {
         let dots: String = places.iter().map(|[x, y]| format!("M{x:.1} {y:.1}h0")).collect();
         let _ = writeln!(svg, "<path class=\"dots {class}\" d=\"{dots}\"/>");
@@ -288,7 +288,7 @@ fn compact(value: f64) -> String {
     shortest(format!("{value:.5e}").parse().unwrap_or(value))
 }
 
-/// Writes the names of curves right of their ends, apart from each other.
+/// Writes the names of curves to the right of their ends, apart from each other.
 fn draw_names(svg: &mut String, mut ends: Vec<([f64; 2], &Curve)>, right: f64, [top, bottom]: [f64; 2]) {
     ends.sort_by(|a, b| a.0[1].total_cmp(&b.0[1]));
     let wanted: Vec<f64> = ends.iter().map(|(end, _)| end[1]).collect();
@@ -313,8 +313,8 @@ fn draw_names(svg: &mut String, mut ends: Vec<([f64; 2], &Curve)>, right: f64, [
     }
 }
 
-/// Positions close to the wanted ones, which ascend, but at least `distance` apart and, if there is room, between two
-/// bounds.
+/// Positions close to the wanted ones, which are in ascending order, but at least `distance` apart and, if there is
+/// room, between two bounds.
 fn apart(wanted: &[f64], distance: f64, [low, high]: [f64; 2]) -> Vec<f64> {
     let mut places = wanted.to_vec();
     let mut least = low;

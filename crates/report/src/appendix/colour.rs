@@ -33,7 +33,7 @@ impl ColourMap {
         [self.low, self.high]
     }
 
-    /// The colour of a value; values beyond the ends have those of the ends.
+    /// The colour of a value; values beyond the ends have the colours of the ends.
     pub fn colour(&self, value: f64) -> Rgb {
         let span = self.high - self.low;
         let share = if span > 0.0 { ((value - self.low) / span).clamp(0.0, 1.0) } else { 0.5 };
@@ -57,7 +57,7 @@ fn blue_to_red(side: f64) -> Rgb {
     let strength = side.abs();
     let (hue, chroma) = if side < 0.0 { (255f64, 0.135) } else { (32.0, 0.165) };
     let hue = hue.to_radians();
-    // The colours between must stay inside sRGB, which is narrow near white.
+    // The colours in between must stay inside sRGB, which is narrow near white.
     let chroma = chroma * (1.6 * strength - 0.6 * strength * strength);
     from_oklab([0.93 - 0.48 * strength, chroma * hue.cos(), chroma * hue.sin()])
 }
@@ -133,7 +133,7 @@ mod tests {
         assert_eq!(positive.bounds(), [-0.01, 1.0]);
         assert_eq!(hex(positive.colour(1.0)), "#fde725");
         assert_eq!(hex(positive.colour(-0.01)), "#440154");
-        // Nothing but one value.
+        // A range of a single value.
         assert_eq!(ColourMap::over(3.0, 3.0).colour(3.0), viridis(0.5));
     }
 }

@@ -22,7 +22,7 @@ use super::sections::{
 use super::strength;
 use super::units::{Naming, Quantity};
 
-/// Lines around a difference that are shown with it.
+/// Number of lines shown on either side of a difference.
 const CONTEXT: usize = 2;
 
 /// Writes the page.
@@ -49,7 +49,7 @@ pub(super) fn page(runs: &[Run], options: &Options) -> Result<String, ReportErro
     Ok(page.finish(&format!("Comparison: {title}"), &head, &foot(runs, &naming)))
 }
 
-/// A table with one row per run; `cells` are those after its name.
+/// A table with one row per run; `cells` are the cells after the run name.
 fn table_of_runs(
     runs: &[Run],
     head: impl IntoIterator<Item = String>,
@@ -142,7 +142,7 @@ fn factors_of_safety(page: &mut Page, runs: &[Run]) {
         stages.iter().map(|stage| factors.remove(stage).map_or(Cell::Empty, Cell::Html)).collect()
     });
     page.table(
-        "Factors of safety: the largest factor in equilibrium in about the original shape, and one beyond.",
+        "Factors of safety: the largest factor with equilibrium in about the original shape, and one beyond it.",
         &table,
     );
 }

@@ -8,9 +8,9 @@ use super::run::{Run, State};
 use super::stages::{bands_over_steps, bands_over_time};
 use super::units::Quantity;
 
-/// Most curves in one chart.
+/// Largest number of curves in one chart.
 const MOST_CURVES: usize = 12;
-/// Most steps whose residuals are drawn.
+/// Largest number of steps whose residuals are drawn.
 const MOST_STEPS: usize = 40;
 /// Forces and displacements below this share of the largest are round-off.
 const ROUND_OFF: f64 = 1e-9;
@@ -52,9 +52,9 @@ impl Progress {
         }
     }
 
-    /// Its values at the ends of the steps and the values of a column. They start at the undeformed state: at time 0
-    /// nothing acts, whatever the load curves are, unless the bodies are stressed then; in that case they start at the
-    /// end of the first step.
+    /// Its values at the ends of the steps, each with the value of a column. The first point is the undeformed state,
+    /// since nothing acts at time 0, whatever the load curves are; if the bodies are stressed at time 0, the first
+    /// point is the end of the first step.
     pub fn points(&self, run: &Run, column: &str) -> Vec<[f64; 2]> {
         let times = run.column("time").iter().map(|time| self.at(run, *time));
         let values = times.zip(run.column(column)).map(|(x, y)| [x, *y]);
@@ -136,7 +136,7 @@ pub(super) fn against_load(
     components.chunks(MOST_CURVES).map(chart_of).collect()
 }
 
-/// A component of all runs against their load.
+/// A component in all runs, each against its load.
 pub(super) fn of_runs(runs: &[Run], column: &str, name: &str, quantity: Quantity) -> Chart {
     let progress = Progress::of(runs);
     let curve = |(number, run): (usize, &Run)| Curve {
@@ -150,8 +150,8 @@ pub(super) fn of_runs(runs: &[Run], column: &str, name: &str, quantity: Quantity
     chart(description, progress.axis(), Axis::new(name, quantity), curves)
 }
 
-/// The load-displacement chart and its caption, against the largest displacement: the resultant of each load if several
-/// act, otherwise the largest reaction, preferably of a condition that moves.
+/// The load-displacement chart and its caption. Shown against the largest displacement: the largest reaction of the
+/// conditions that move, if any; otherwise the resultant of each load if several act, and the largest reaction if not.
 pub(super) fn load_displacement(runs: &[Run]) -> Option<(String, Chart)> {
     let size =
         |component: &Component| runs.iter().map(|run| largest(run, &component.column)).fold(0.0, f64::max);
@@ -217,7 +217,7 @@ pub(super) fn energies(run: &Run) -> Chart {
     Chart { bands: bands_over_time(run), height: 240.0, ..chart }
 }
 
-/// The residuals of the steps of a run, one curve per step; the number of steps drawn, and the number of all steps.
+/// The residuals of the steps of a run, one curve per step, with the number of steps drawn and the number of all steps.
 pub(super) fn residuals(run: &Run) -> Option<(Chart, usize, usize)> {
     let steps = run.residuals();
     let failed = match run.state {

@@ -34,7 +34,7 @@ pub struct ElementReport<'a> {
     pub path_name: &'a str,
     /// The path; `None` for a history from a file.
     pub path: Option<Path>,
-    /// The initial state and that at the end of each step.
+    /// The initial state, and the state at the end of each step.
     pub states: &'a [ElementState],
     /// Why the test ended early.
     pub failure: Option<&'a str>,
@@ -142,7 +142,7 @@ fn material(page: &mut Page, test: &ElementReport) {
     page.table("The law and its parameters, in the words of the deck.", &table);
 }
 
-/// A name of a deck or a file without underscores.
+/// A name from a deck or of a file, with its underscores replaced.
 fn in_plain_words(name: &str) -> String {
     name.replace('_', " ")
 }
@@ -274,7 +274,7 @@ fn chart(test: &ElementReport, x: &Measure, curves: &[Measure]) -> (String, Char
     (format!("{}.", escape(&capitalised(&description))), chart)
 }
 
-/// An axis with 0, without which the size of a change would not be visible.
+/// An axis that contains 0, without which the size of a change could not be judged.
 fn axis(name: &str, quantity: Quantity) -> Axis {
     Axis { contains: vec![0.0], ..Axis::new(name, quantity) }
 }

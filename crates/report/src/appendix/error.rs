@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use mpm_deck::quoting::{list, quote};
 use strsim::jaro_winkler;
 
-/// Reason why a directory contains no results.
+/// Why a directory contains no results.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum NoResults {
     /// It is a file.
@@ -87,7 +87,7 @@ pub enum ReportError {
 }
 
 impl ReportError {
-    /// An error of the file system, or of a reader that names the file.
+    /// A file-system error, or an error of a reader, which names the file.
     pub(super) fn unreadable(path: &Path, error: io::Error) -> ReportError {
         match error.kind() {
             io::ErrorKind::InvalidData if error.get_ref().is_some() => {
@@ -99,7 +99,7 @@ impl ReportError {
         }
     }
 
-    /// An error of a reader that names the file.
+    /// An error of a reader, which names the file.
     pub(super) fn from_reader(error: io::Error) -> ReportError {
         ReportError::DamagedFile(error)
     }

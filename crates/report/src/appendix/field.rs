@@ -1,4 +1,4 @@
-//! The choice of a field that colours a picture, and of the steps that are shown.
+//! The choice of the field that colours a picture, and of the steps that are shown.
 
 use std::fmt;
 use std::str::FromStr;
@@ -53,7 +53,7 @@ impl FieldChoice {
         Ok(FieldChoice { name: names.first().copied().unwrap_or("volume").to_owned(), component: None })
     }
 
-    /// The fields that show a mechanism, as far as a state has them: displacement and equivalent plastic strain.
+    /// The fields that show a mechanism, displacement and equivalent plastic strain, if a state has them.
     pub(super) fn of_mechanism(snapshot: &Snapshot) -> Result<Vec<FieldChoice>, ReportError> {
         let mesh = read_mesh(&snapshot.path)?;
         let is_there = |name: &&str| mesh.arrays(Section::PointData).any(|array| array.name == *name);
@@ -140,7 +140,7 @@ impl FromStr for StepChoice {
 }
 
 impl StepChoice {
-    /// Index of the step among those that were written, which ascend.
+    /// Index of the step among the steps that were written, which are in ascending order.
     fn find(self, written: &[Snapshot]) -> Option<usize> {
         let (first, last) = (written.first()?.step, written.last()?.step);
         match self {

@@ -4,8 +4,8 @@
 //! files, so a report can be written long after the run, or during it.
 //!
 //! `run` reads a directory. `chart` (with `scale`) draws curves, `picture` (with `scene`, `view`, `raster` and
-//! `colour`) the points; `page` numbers sections, figures and tables. `single` (with `stages` and `tools`) and `comparison` define
-//! the content of the pages about runs, and `element_test` that of the page about an element test.
+//! `colour`) draws the points; `page` numbers sections, figures and tables. `single` (with `stages` and `tools`) and
+//! `comparison` define the content of the pages about runs, and `element_test` that of the page about an element test.
 
 mod chart;
 mod colour;

@@ -9,7 +9,7 @@ use super::units::Units;
 #[derive(Debug, Clone)]
 pub struct Options {
     /// The fields that colour the points, each in its own figure; if empty, the von Mises stress, or another field if
-    /// that was not written.
+    /// the von Mises stress was not written.
     pub fields: Vec<FieldChoice>,
     /// The steps at which the points are shown; a comparison shows the last of them.
     pub steps: Vec<StepChoice>,

@@ -78,7 +78,7 @@ impl Page {
             // Writing to a string cannot fail.
             let _ = writeln!(contents, "<li><a href=\"#s{number}\">{}</a></li>", escape(section));
         }
-        // The policy makes the browser guarantee that nothing is fetched from elsewhere.
+        // With this policy, the browser guarantees that nothing is fetched from elsewhere.
         format!(
             "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
              <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
@@ -159,7 +159,7 @@ pub(super) struct Table {
 }
 
 impl Table {
-    /// A table with these headings (HTML); those of columns of numbers begin with `#`.
+    /// A table with these headings (HTML); the headings of columns of numbers begin with `#`.
     pub fn new<S: AsRef<str>>(head: impl IntoIterator<Item = S>) -> Table {
         let heading = |text: S| match text.as_ref().strip_prefix('#') {
             Some(rest) => (rest.to_owned(), true),
@@ -173,7 +173,7 @@ impl Table {
         self.rows.push((cells.into_iter().collect(), false));
     }
 
-    /// Adds a row with the sum of those above.
+    /// Adds a row with the sums of the rows above.
     pub fn total(&mut self, cells: impl IntoIterator<Item = Cell>) {
         self.rows.push((cells.into_iter().collect(), true));
     }

@@ -317,7 +317,7 @@ fn axes_in_space(svg: &mut String, frame: &Frame) {
     }
 }
 
-/// Twice signed area by the shoelace formula, halved.
+/// Signed area by the shoelace formula.
 fn area_of(corners: &[[f64; 2]]) -> f64 {
     let cross = |k: usize| {
         let (a, b) = (corners[k], corners[(k + 1) % corners.len()]);
@@ -326,7 +326,7 @@ fn area_of(corners: &[[f64; 2]]) -> f64 {
     0.5 * (0..corners.len()).map(cross).sum::<f64>()
 }
 
-/// The values below and above which half a percent of all values lies.
+/// The values below and above which half a percent of all values lie.
 fn middle(values: &mut [f64]) -> [f64; 2] {
     let last = values.len() - 1;
     let at = |share: f64| (share * last as f64).round() as usize;

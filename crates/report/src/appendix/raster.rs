@@ -2,7 +2,7 @@
 
 use std::io;
 
-/// Samples per pixel along each axis: smooth edges, without seams between polygons that share one.
+/// Samples per pixel along each axis: smooth edges, without seams between polygons that share a side.
 const SAMPLES: usize = 3;
 
 /// A colour in sRGB with its opacity.
@@ -24,8 +24,8 @@ impl Raster {
         Raster { width, height, samples: vec![[0; 4]; width * height * SAMPLES * SAMPLES] }
     }
 
-    /// Fills a polygon, in either sense. A side belongs to it or to its neighbour, never to both. A polygon too small
-    /// to cover a sample marks the nearest one.
+    /// Fills a polygon, given in either sense. A side shared with a neighbour belongs to one of the two, never to both.
+    /// A polygon too small to cover a sample marks the nearest one.
     pub fn fill(&mut self, corners: &[[f64; 2]], colour: Rgba) {
         if corners.len() < 3 || corners.iter().flatten().any(|c| !c.is_finite()) {
             return;

@@ -1,4 +1,4 @@
-// Shows the values of the point of a curve nearest to the pointer. The page is complete without it.
+// Shows the values at the point of a curve that is nearest to the pointer. The page is complete without this script.
 for (const svg of document.querySelectorAll("svg.chart")) {
   const readout = svg.querySelector(".readout"), [circle, text] = readout.children;
   const points = [...svg.querySelectorAll(".curve")].flatMap((curve) => {

@@ -35,7 +35,7 @@ pub(super) enum State {
 /// A file of a series that belongs to a load step.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Snapshot {
-    /// Number of the load step.
+    /// Load step number.
     pub step: usize,
     /// Time, [time].
     pub time: f64,
@@ -64,7 +64,7 @@ pub(super) struct Run {
     pub points: Vec<Snapshot>,
     /// The deck with the values of its parameters, if this version of the program understands it.
     pub deck: Option<Deck>,
-    /// The values that the parameters have in the text of the deck.
+    /// The values of the parameters in the text of the deck.
     pub defaults: Vec<(String, Parameter)>,
 }
 
@@ -149,7 +149,7 @@ impl Run {
         found.map_or_else(Vec::new, |map| map.iter().map(|(k, v)| (k.clone(), v.clone())).collect())
     }
 
-    /// A fact that both files may contain; the summary takes precedence.
+    /// A fact that both files may state; the summary takes precedence.
     pub fn fact(&self, pointer: &str) -> Option<&Value> {
         let known = |file: &'_ Value| file.pointer(pointer).is_some_and(|value| !value.is_null());
         [&self.summary, &self.start].into_iter().find(|file| known(file))?.pointer(pointer)
@@ -160,7 +160,7 @@ impl Run {
         self.fact(pointer)?.as_f64()
     }
 
-    /// A text about the run.
+    /// A string about the run.
     pub fn text(&self, pointer: &str) -> Option<&str> {
         self.fact(pointer)?.as_str()
     }
@@ -180,14 +180,14 @@ impl Run {
         self.history.column(name).unwrap_or_default()
     }
 
-    /// The names before an ending in the columns of `history.csv`, such as the boundary conditions before `_rx`; without those of
-    /// tools.
+    /// The names before an ending in the columns of `history.csv`, such as the boundary conditions before `_rx`, but
+    /// not the names of tools.
     pub fn names_before(&self, ending: &str) -> Vec<&str> {
         let names = self.history.names().iter().filter_map(|name| name.strip_suffix(ending));
         names.filter(|name| !self.is_of_tool(name)).collect()
     }
 
-    /// True if a name before an ending is that of a tool, or of one of its parts.
+    /// True if a name before an ending belongs to a tool, or to one of its parts.
     fn is_of_tool(&self, name: &str) -> bool {
         self.deck.iter().flat_map(|deck| &deck.tools).any(|tool| {
             let rest = name.strip_prefix(&tool.name);
@@ -230,7 +230,8 @@ impl Run {
         self.deck.as_ref().map(Deck::end_time)
     }
 
-    /// The residuals of the last attempt at every step that was begun, the first being that before the first solve.
+    /// The residuals of the last attempt at every step that was begun; the first is the residual before the first
+    /// solve.
     pub fn residuals(&self) -> Vec<(usize, Vec<f64>)> {
         let column = |name| self.convergence.column(name).unwrap_or_default();
         let mut steps: Vec<(usize, Vec<f64>)> = Vec::new();
@@ -331,7 +332,7 @@ pub(super) fn values(mesh: &MeshFile, section: Section, name: &str) -> Result<Ve
     mesh.values(section, name).map_err(ReportError::from_reader)
 }
 
-/// Names every run by the shortest end of its path that no other run shares.
+/// Names every run by the shortest final part of its path that no other run shares.
 pub(super) fn name_apart(runs: &mut [Run]) {
     let parts: Vec<Vec<String>> = runs
         .iter()

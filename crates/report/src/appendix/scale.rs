@@ -28,7 +28,7 @@ pub(super) struct Scale {
     high: f64,
     from: f64,
     to: f64,
-    /// Ticks in order.
+    /// Ticks in ascending order.
     pub ticks: Vec<Tick>,
     /// Power of ten by which the labels of the ticks are multiplied.
     pub power: i32,
@@ -46,7 +46,7 @@ impl Scale {
             (-step.at_or_below(-low), step.at_or_below(high))
         };
         let (low, high) = if whole { (step.value(first), step.value(last)) } else { (low, high) };
-        // Powers of ten are multiples of three, as usual in engineering.
+        // The powers of ten are multiples of three, as usual in engineering.
         let largest = low.abs().max(high.abs());
         let power =
             if (1e-3..1e4).contains(&largest) { 0 } else { 3 * (largest.log10() / 3.0).floor() as i32 };
@@ -108,7 +108,7 @@ struct Step {
 }
 
 impl Step {
-    /// The smallest round distance that is not below another.
+    /// The smallest round distance that is at least `distance`.
     fn near(distance: f64) -> Step {
         let exponent = distance.log10().floor() as i32;
         let mantissa = distance / 10f64.powi(exponent);

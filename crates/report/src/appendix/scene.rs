@@ -18,7 +18,7 @@ pub(super) struct Scene {
     pub values: Vec<f64>,
     /// Position of each point.
     pub positions: Vec<[f64; 2]>,
-    /// Radius of each point without domain, 0 for those with one.
+    /// Radius of each point without a domain, 0 for points with one.
     pub radii: Vec<f64>,
     /// Polygons to fill, in this order.
     pub domains: Vec<Polygon>,
@@ -33,7 +33,7 @@ pub(super) struct Scene {
 pub(super) struct Polygon {
     /// Its corners.
     pub corners: Vec<[f64; 2]>,
-    /// Number of the point.
+    /// Point number.
     pub point: usize,
     /// Brightness.
     pub shade: f64,
@@ -51,7 +51,7 @@ fn polygons(positions: &[[f64; 3]], corners: Vec<Vec<usize>>) -> Vec<Vec<[f64; 2
         .collect()
 }
 
-/// The sides of some cells; neighbours share theirs.
+/// The sides of some cells; a side that neighbours share appears once.
 fn sides(cells: &[Vec<usize>]) -> impl Iterator<Item = [usize; 2]> {
     let of_cell = |corners: &Vec<usize>| {
         let side = |k: usize| [corners[k], corners[(k + 1) % corners.len()]];
@@ -83,7 +83,7 @@ impl Scene {
             title,
             values: field.values(&points)?,
             positions: positions.iter().copied().map(plane).collect(),
-            // Squares of the volume of the points, slightly shrunk.
+            // Half sides of squares with the volume of the points, slightly shrunk.
             radii: areas.map(|area| 0.45 * area.sqrt()).collect(),
             domains: Vec::new(),
             sides: Vec::new(),
@@ -109,8 +109,8 @@ impl Scene {
         Ok(scene)
     }
 
-    /// Reads a state of bodies in space: the sides of domains, or of cubes of the volume of points without domain, that
-    /// are visible, from the farthest to the nearest.
+    /// Reads a state of bodies in space: the visible sides of domains, or of cubes with the volume of the points that
+    /// have no domain, from the farthest to the nearest.
     fn read_in_space(
         run: &Run,
         snapshot: &Snapshot,

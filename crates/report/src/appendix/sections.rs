@@ -10,7 +10,7 @@ use super::page::{Page, escape};
 use super::run::{Run, State};
 use super::units::{Naming, Quantity};
 
-/// The names of units for some runs.
+/// The unit names for some runs.
 pub(super) fn naming(runs: &[Run], options: &Options) -> Naming {
     let per_thickness = runs.iter().all(|run| run.is_plane() && !run.is_revolved());
     Naming { units: options.units.clone(), per_thickness }
@@ -72,7 +72,7 @@ pub(super) fn banner(page: &mut Page, run: &Run, name: Option<&str>) {
     page.push(&format!("<p class=\"outcome {class}\" role=\"status\">{text}</p>\n"));
 }
 
-/// The warnings of a run as a list: each with its event and remedy on one line.
+/// The warnings of a run as a list, with the event and the remedy of each on one line.
 pub(super) fn warnings(page: &mut Page, run: &Run) {
     let warnings: Vec<&Value> = run.summary["warnings"].as_array().into_iter().flatten().collect();
     if !warnings.is_empty() {
@@ -135,7 +135,7 @@ pub(super) fn now() -> String {
     date(&jiff::Timestamp::now().to_string())
 }
 
-/// A sentence about the units of a page, after a space; empty if the user gave them.
+/// A sentence about the units of a page, after a space; empty if the user gave the units.
 pub(super) fn units_in_words(naming: &Naming) -> &'static str {
     match &naming.units {
         Some(_) => "",

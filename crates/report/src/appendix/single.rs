@@ -104,7 +104,7 @@ const EXTREMES: [(&str, &str, Quantity); 4] = [
     ("highest_pressure", "Highest pressure", Quantity::Stress),
 ];
 
-/// One of these values, and its location.
+/// One of these values and its location.
 fn extreme(run: &Run, key: &str, quantity: Quantity, naming: &Naming) -> Option<(String, String)> {
     let found = &run.summary["largest"][key];
     let place: Vec<String> =
@@ -117,7 +117,7 @@ fn extreme(run: &Run, key: &str, quantity: Quantity, naming: &Naming) -> Option<
 /// Names in a table, with a number for each axis, which may be missing.
 type Rows = Vec<(Cell, Vec<Option<f64>>)>;
 
-/// The last values of columns of the history, `r` of reactions, `f` of loads or `u` of probes.
+/// The last values of columns of the history: `r` for reactions, `f` for loads, `u` for probes.
 fn last_values(run: &Run, letter: char, axes: &[&str]) -> Rows {
     let last = |name: &str, axis: &&str| run.column(&format!("{name}_{letter}{axis}")).last().copied();
     let names = run.names_before(&format!("_{letter}x")).into_iter();
@@ -174,7 +174,7 @@ fn end_of_run(page: &mut Page, run: &Run, naming: &Naming) {
     }
     let sum = along("difference").map(|sum| (Cell::text("Sum"), sum));
     let of_loads = last_values(run, 'f', &axes);
-    // Several loads by their names, a single one as `Loads`.
+    // Several loads have rows under their names, a single one under `Loads`.
     if of_loads.len() > 1 {
         rows.splice(0..0, of_loads);
     } else {

@@ -16,7 +16,7 @@ pub(super) struct Stage<'a> {
     pub deck: &'a StageDeck,
     /// Times at its start and end, [time].
     times: [f64; 2],
-    /// Rows of `history.csv`; none if the run has not reached it.
+    /// Rows of `history.csv`; none if the run has not reached the stage.
     pub rows: std::ops::Range<usize>,
 }
 
@@ -102,8 +102,8 @@ pub(super) fn bands_over_steps(run: &Run) -> Vec<Band> {
     stages(run).into_iter().filter_map(band).collect()
 }
 
-/// The name of the stage to which a load step belongs, in plain text after a comma; empty without stages. Step 0 belongs to
-/// none.
+/// The name of the stage to which a load step belongs, in plain text after a comma; empty without stages. Step 0
+/// belongs to no stage.
 pub(super) fn after_comma(run: &Run, step: usize) -> String {
     let row = run.column("step").iter().position(|number| *number == step as f64);
     let of_step = row.and_then(|row| stages(run).into_iter().find(|stage| stage.rows.contains(&row)));

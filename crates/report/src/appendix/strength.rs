@@ -15,7 +15,7 @@ use super::scene::Scene;
 use super::stages::stages;
 use super::units::{Naming, Quantity};
 
-/// Most curves in one chart.
+/// Largest number of curves in one chart.
 const MOST_CURVES: usize = 12;
 
 /// The factors between which equilibrium ceases; `None` if the run has not reduced the strength.
@@ -23,7 +23,7 @@ fn bracket(run: &Run) -> Option<StrengthBracket> {
     serde_json::from_value(run.summary.get("strength_reduction")?.clone()).ok()
 }
 
-/// The factors of the stages before the last that reduced the strength, one sentence each.
+/// The factors of all stages that reduced the strength except the last, one sentence each.
 fn earlier(run: &Run) -> Vec<String> {
     let all = run.summary.get("strength_reductions").and_then(|all| all.as_array());
     let before_last = all.map(|all| &all[..all.len().saturating_sub(1)]).unwrap_or_default();
@@ -34,8 +34,8 @@ fn earlier(run: &Run) -> Vec<String> {
     before_last.iter().filter_map(sentence).collect()
 }
 
-/// Every stage of a run that reduced the strength, by name, with its factor of safety in HTML; the name is empty without
-/// stages.
+/// Every stage of a run that reduced the strength, by name, with its factor of safety in HTML; the name is empty
+/// without stages.
 pub(super) fn factors(run: &Run) -> Vec<(String, String)> {
     let all = run.summary.get("strength_reductions").and_then(|all| all.as_array());
     let stages = match all {
@@ -55,22 +55,22 @@ pub(super) fn key_number(run: &Run) -> Option<(String, String)> {
     Some((value, format!("{remark}{}", dependence(run).map_or_else(String::new, |text| format!("; {text}")))))
 }
 
-/// The factor of safety of a stage in HTML, and what its numbers are; `None` if no step of the stage has ended.
+/// The factor of safety of a stage in HTML, and what its numbers mean; `None` if no step of the stage has ended.
 fn in_html(found: &StrengthBracket) -> Option<(String, &'static str)> {
     Some(match (found.stands, found.fails) {
         _ if found.slides.is_some() => {
             let [stood, slid] = found.slides?;
-            let remark = "the largest factor in equilibrium in about the original shape, and one beyond";
+            let remark = "the largest factor with equilibrium in about the original shape, and one beyond it";
             (format!("{} to\u{a0}{}", html(stood, 5), html(slid, 5)), remark)
         }
         (Some(stands), Some(fails)) => (
             format!("{} to\u{a0}{}", html(stands, 5), html(fails, 5)),
-            "the largest factor in equilibrium, and one without",
+            "the largest factor for which equilibrium was found, and one for which it was not",
         ),
         (Some(stands), None) => {
             (format!("at least {}", html(stands, 5)), "the largest factor that was tried")
         }
-        (None, Some(fails)) => (format!("below {}", html(fails, 5)), "no factor was in equilibrium"),
+        (None, Some(fails)) => (format!("below {}", html(fails, 5)), "no factor had an equilibrium"),
         (None, None) => return None,
     })
 }
@@ -148,7 +148,8 @@ fn charts(run: &Run, reduction: &Reduction) -> Vec<Chart> {
     components(std::slice::from_ref(run), 'u').chunks(MOST_CURVES).map(chart).collect()
 }
 
-/// What holds between the factors of a reduction that begins at `from`; nothing if the bodies stand throughout.
+/// Bands that name the state of the bodies between the factors of a reduction that begins at `from`; none if the bodies
+/// stand throughout.
 fn bands(found: &StrengthBracket, from: f64) -> Vec<Band> {
     let Some(stands) = found.stands.filter(|_| found.fails.is_some() || found.slides.is_some()) else {
         return Vec::new();

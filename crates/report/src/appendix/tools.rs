@@ -12,7 +12,7 @@ use super::sections::{in_words, with_unit};
 use super::stages::bands_over_time;
 use super::units::{Naming, Quantity};
 
-/// Most curves in one chart.
+/// Largest number of curves in one chart.
 const MOST_CURVES: usize = 12;
 /// Values below this share of the largest are round-off.
 const ROUND_OFF: f64 = 1e-9;
@@ -26,7 +26,7 @@ struct Quantified {
     quantity: Quantity,
 }
 
-/// Adds the tools of a deck as they are given, if it has any.
+/// Adds a table of the tools as the deck gives them, if it has any.
 pub(super) fn given(page: &mut Page, deck: &Value) {
     let mut table = Table::new(["Tool", "Shape", "Values"]);
     for tool in deck["tools"].as_array().into_iter().flatten() {
@@ -96,7 +96,7 @@ fn table(run: &Run, tool: &ToolDeck, naming: &Naming) -> Table {
         let values = run.column(column);
         let of_kind = columns.iter().filter(|other| other.quantity == *quantity);
         let most = of_kind.map(|other| largest(run, &other.column)).fold(0.0, f64::max);
-        // What round-off leaves of a component that does not act.
+        // A component that does not act is 0 but for round-off.
         let shown = |value: f64| Cell::rounded(if value.abs() > ROUND_OFF * most { value } else { 0.0 }, 5);
         let at = |row: usize| Cell::maybe(steps.get(row).copied(), 9);
         let rows = 0..values.len();
@@ -140,7 +140,7 @@ fn figures(page: &mut Page, run: &Run, tool: &ToolDeck, naming: &Naming) {
     }
 }
 
-/// The component of the motion of a tool that becomes largest; `None` if it does not move so.
+/// The largest component of the motion of a tool, measured in this quantity; `None` if it has no such motion.
 fn largest_motion<'a>(run: &Run, columns: &'a [Quantified], quantity: Quantity) -> Option<&'a Quantified> {
     let is_motion = |column: &&Quantified| {
         column.quantity == quantity
@@ -151,7 +151,7 @@ fn largest_motion<'a>(run: &Run, columns: &'a [Quantified], quantity: Quantity) 
     columns.iter().filter(is_motion).max_by(|a, b| size(a).total_cmp(&size(b)))
 }
 
-/// Columns against a motion, or against the load where the tool does not move; and the words for the abscissa.
+/// Columns against a motion, or against the load if the tool does not move, and the words for the abscissa.
 fn chart(
     run: &Run,
     group: &[&Quantified],

@@ -1,5 +1,6 @@
-//! The view of bodies in space: a parallel projection, from above, with z upwards. Faces that look away are left out,
-//! and the others are drawn from the farthest to the nearest, darker the more they face away from the light.
+//! The view of bodies in space: a parallel projection, from above, with z upwards. Faces turned away from the viewer
+//! are left out, and the others are drawn from the farthest to the nearest, darker the more they face away from the
+//! light.
 
 /// Direction of the viewer: angle from x towards y in the horizontal plane, and elevation above it, [degrees]. Walls at
 /// the smallest y and at the largest x are visible.
@@ -10,8 +11,8 @@ const LIGHT: [f64; 3] = [0.25, -0.55, 0.8];
 /// Brightness of a face that faces away from the light.
 const DARKEST: f64 = 0.62;
 
-/// Faces of the cells that a file may hold, by the number of their corners, in the order of VTK and counterclockwise seen
-/// from outside.
+/// Faces of the cells that a file may hold, for each number of cell corners; the corners are numbered as in VTK and
+/// listed counterclockwise as seen from outside.
 const FACES_OF_TETRAHEDRON: [&[usize]; 4] = [&[0, 2, 1], &[0, 1, 3], &[1, 2, 3], &[2, 0, 3]];
 const FACES_OF_HEXAHEDRON: [&[usize]; 6] =
     [&[0, 3, 2, 1], &[4, 5, 6, 7], &[0, 1, 5, 4], &[1, 2, 6, 5], &[2, 3, 7, 6], &[3, 0, 4, 7]];
@@ -51,7 +52,8 @@ impl View {
         [dot(self.right, place), dot(self.up, place)]
     }
 
-    /// The faces of a cell that look towards the viewer; empty for a cell that has neither four nor eight corners.
+    /// The faces of a cell that are turned towards the viewer; empty for a cell that has neither four nor eight
+    /// corners.
     pub fn faces(&self, corners: &[[f64; 3]]) -> Vec<Face> {
         let faces: &[&[usize]] = match corners.len() {
             4 => &FACES_OF_TETRAHEDRON,

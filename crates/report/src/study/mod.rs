@@ -1,6 +1,7 @@
 //! Parameter studies: one deck, run for every combination of lists of values.
 //!
-//! This module has the members of a study, their results, and the table of all; running them is left to the caller.
+//! This module has the members of a study, their results, and the table of all results; running them is left to the
+//! caller.
 
 mod record;
 mod strength;
@@ -20,7 +21,7 @@ pub use table::{Outcome, Row, may_be_replaced, write_table};
 /// An invalid study.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum StudyError {
-    /// A text that is not a list of values.
+    /// Input that is not a list of values.
     #[error("expected NAME=VALUE,VALUE,..., for example h=1,0.5,0.25")]
     NoList,
     /// No parameter varies.
@@ -103,10 +104,10 @@ impl Study {
         Ok(Study { axes, fixed, size: size.ok_or(StudyError::TooLarge)? })
     }
 
-    /// Checks that a deck with these parameters has all those the study changes.
+    /// Checks that a deck with these parameters has all parameters that the study changes.
     ///
     /// # Errors
-    /// The first parameter that it does not have.
+    /// The first parameter that the deck does not have.
     pub fn check_names(&self, known: &[String]) -> Result<(), StudyError> {
         let changed = self.axes.iter().map(|axis| &axis.name).chain(self.fixed.iter().map(|(name, _)| name));
         for name in changed {

@@ -23,19 +23,19 @@ pub(super) const MEASURES: [(&str, &str); 7] = [
     ("peak_memory_bytes", "/peak_memory_bytes"),
 ];
 
-/// Columns of the factors of a reduction of strength.
+/// Columns of the factors of a strength reduction.
 pub(super) const FACTORS: [&str; 3] =
     ["strength_factor_stands", "strength_factor_fails", "strength_factor_slides"];
 
 /// Columns of `history.csv` that describe the step rather than the state it reached.
 const STEP_COLUMNS: [&str; 6] = ["step", "time", "iterations", "residual", "linear_iterations", "converged"];
 
-/// The results of a run, read from its directory. The table of a study is made from these alone, so it does not matter
-/// when a member was run.
+/// The results of a run, read from its directory. The table of a study is made from these results alone, so it does not
+/// matter when a member was run.
 #[derive(Debug, Clone)]
 pub struct Record {
     summary: Value,
-    /// The columns of the last row of `history.csv`, without those of the step; empty before the first step.
+    /// The columns of the last row of `history.csv`, except those that describe the step; empty before the first step.
     history: Vec<(String, String)>,
 }
 
@@ -63,7 +63,7 @@ impl Record {
         MEASURES.iter().map(|(_, place)| self.summary.pointer(place).map_or_else(String::new, text_of))
     }
 
-    /// Columns and values of the extents of all bodies: those of the points and those of their domains.
+    /// Column names and values of the extents of all bodies, both of their points and of the points' domains.
     pub(super) fn extents(&self) -> Vec<(String, String)> {
         let mut found = Vec::new();
         let Some(bodies) = self.summary["bodies"].as_object() else { return found };
@@ -80,7 +80,7 @@ impl Record {
         found
     }
 
-    /// The factors of every stage that has reduced the strength, with its name.
+    /// The factors of every stage that has reduced the strength, each with the name of the stage.
     pub(super) fn strengths(&self) -> Vec<(Option<String>, StrengthBracket)> {
         let of_stage = |value: &Value| {
             let bracket = serde_json::from_value(value.clone()).ok()?;
@@ -92,7 +92,7 @@ impl Record {
         }
     }
 
-    /// The factors of a reduction of strength with and without equilibrium; `None` if the run has reduced none.
+    /// The factors of a strength reduction with and without equilibrium; `None` if the run has made none.
     pub(super) fn strength(&self) -> Option<StrengthBracket> {
         serde_json::from_value(self.summary.get("strength_reduction")?.clone()).ok()
     }
@@ -118,7 +118,7 @@ fn text_of(value: &Value) -> String {
     }
 }
 
-/// The columns of a table with the entries of its last row; empty ones before the first step.
+/// The columns of a table with the entries of its last row; the entries are empty before the first step.
 fn last_row(table: &Columns) -> Vec<(String, String)> {
     let of_state = table.iter().filter(|(name, _)| !STEP_COLUMNS.contains(name));
     let last = |values: &[f64]| values.last().map_or_else(String::new, |value| shortest(*value));

@@ -1,14 +1,14 @@
-//! Factors of safety of the members of a study, and how they depend on the size of the cells.
+//! Factors of safety of the members of a study, and how they depend on the cell size.
 
 use mpm_core::solver::StrengthBracket;
 
 use super::{Member, Row, Study};
 
-/// Largest relative difference of a ratio from 2 at which cells still count as halved, [-].
+/// Largest relative deviation of a ratio from 2 at which cells still count as halved, [-].
 const SAME: f64 = 1e-6;
 
-/// The factors between which a stage ceases to stand in about its original shape; `None` if it has not ceased to, or has
-/// not stood at all.
+/// The factors between which the bodies of a stage cease to stand in about their original shape; `None` if they have
+/// not ceased to, or have not stood at all.
 fn ends_of(bracket: &StrengthBracket) -> Option<[f64; 2]> {
     let StrengthBracket { stands, fails, slides, .. } = *bracket;
     slides.or(stands.zip(fails).map(|(stands, fails)| [stands, fails]))
@@ -20,9 +20,10 @@ fn are_halved(coarse: &[f64], fine: &[f64]) -> bool {
         && coarse.iter().zip(fine).all(|(coarse, fine)| (coarse / fine / 2.0 - 1.0).abs() <= SAME)
 }
 
-/// One sentence for each stage that reduces the strength, and each pair of members that differ only in a parameter which halves
-/// the cells: how the factor of safety changes from the coarser to the finer of them, and within which bounds, since it is
-/// known only up to its bracket. `sides` are those of the cells of a member along each axis, if it has a structured grid.
+/// One sentence for each stage that reduces the strength and each pair of members that differ only in a parameter that
+/// halves the cells: how the factor of safety changes from the coarser to the finer member, and within which bounds,
+/// since each factor is known only up to its bracket. `sides` gives the cell sides of a member along each axis, if it
+/// has a structured grid.
 pub fn dependence_on_cells<'a>(
     study: &Study,
     rows: impl IntoIterator<Item = &'a Row>,

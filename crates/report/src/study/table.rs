@@ -54,11 +54,12 @@ pub struct Row {
 }
 
 /// Writes the table of a study, in the order of `rows`. Its columns are the varied parameters, the outcome, the
-/// measures, the factors of a reduction of strength if a member has made one, the extents of the bodies, the final values of those columns of `history.csv` that all members have,
-/// and the reason of a failure; an entry is empty where a member has no such value.
+/// measures, the factors of a strength reduction if any member has made one, the extents of the bodies, the final
+/// values of the columns of `history.csv` that all members have, and the reason of a failure; an entry is empty where a
+/// member has no such value.
 ///
 /// # Errors
-/// An error of the file system; the file is then as it was before.
+/// A file-system error; the file is then as it was before.
 pub fn write_table<'a>(
     path: &Path,
     study: &Study,

@@ -6,7 +6,7 @@ use super::super::slivers::Touch;
 use super::per_length_if_even;
 use crate::grid::Grid;
 
-/// Links of consecutive groups, with grid node numbers, to be appended to those of the groups before.
+/// Links of consecutive groups, with grid node numbers, to be appended to those of the previous groups.
 #[derive(Default)]
 pub(super) struct Piece<const D: usize> {
     pub(super) group_node_start: Vec<usize>,
@@ -35,13 +35,13 @@ struct Group {
     n_links: usize,
     /// Size of its cell, [length].
     size: f64,
-    /// The nodes that points touch, in the order in which they were met.
+    /// The nodes that points touch, in the order in which points first touched them.
     nodes: Vec<u32>,
-    /// The nodes of each point, unless equal to those of the point before.
+    /// The nodes of each point, unless equal to those of the previous point.
     touched: Vec<u32>,
     /// For each entry of `touched`, how firmly points touch the node.
     touches: Vec<Touch>,
-    /// From here on, all entries of `touched` are known to be firm.
+    /// From this index on, all entries of `touched` are known to be firm.
     firm_from: usize,
 }
 
@@ -50,7 +50,7 @@ impl<const D: usize> Piece<D> {
         Piece { per_length: per_length_if_even(grid), ..Piece::default() }
     }
 
-    /// Begins a group, whose cell has this size, [length].
+    /// Begins a group whose cell has this size, [length].
     pub(super) fn begin_group(&mut self, size: f64) {
         let Group { mut nodes, mut touched, mut touches, .. } = std::mem::take(&mut self.group);
         nodes.clear();
@@ -93,7 +93,7 @@ impl<const D: usize> Piece<D> {
         self.local_start.push(self.local.len() + of_point);
     }
 
-    /// Keeps the basis functions of a point, as factors where it has them.
+    /// Stores the basis functions of a point, as factors if it has them.
     #[inline]
     fn keep(&mut self, grid: &dyn Grid<D>, cell: u32, support: &Support<D>) {
         if let (Some(factors), Some(grid)) = (&support.factors, grid.structured()) {
@@ -112,7 +112,7 @@ impl<const D: usize> Piece<D> {
         }
     }
 
-    /// Ends a group: lists its nodes in ascending order, and where those of its points are in the list.
+    /// Ends a group: lists its nodes in ascending order, and the indices of each point's nodes in this list.
     pub(super) fn end_group(&mut self) {
         let Group { n_points, n_links, nodes, touched, touches, .. } = &mut self.group;
         self.group_node_start.push(self.group_nodes.len());

@@ -2,7 +2,7 @@ use super::*;
 use crate::grid::{Axis, Structured};
 use crate::points::Seed;
 
-/// Checks many points of two methods. Some domains end at cell borders, so that their nodes are a subset of their
+/// Checks many points of two methods. Some domains end at cell boundaries, so that their nodes are a subset of their
 /// neighbours' nodes.
 fn check<const D: usize>(grid: &Structured<D>, n: usize) {
     let methods = [Method::Mpm, Method::Gimp];
@@ -71,8 +71,8 @@ fn with_sliver(reach: f64) -> Connectivity<2> {
 
 #[test]
 fn nodes_that_only_slivers_touch_are_not_active() {
-    // The row above is touched along a whole side; only its corner node is touched by slivers alone. Weakly touched, the
-    // row goes with the corner.
+    // The domain touches the row of nodes above along a whole side, and only the corner node by slivers alone. If the
+    // row is touched weakly, it becomes inactive together with the corner.
     for (reach, active) in [(1e-9, 4), (1e-4, 4), (0.1, 9)] {
         let links = with_sliver(reach);
         assert_eq!(links.n_active(), active, "{reach}");

@@ -237,7 +237,7 @@ proptest! {
         the_centroid_balances::<3>(&m, angle, size);
     }
 
-    /// No hexahedron with a negative determinant anywhere passes as valid; none that is clearly valid is refused.
+    /// Every hexahedron with a negative determinant anywhere is refused; every clearly valid one passes.
     #[test]
     fn folds_agree_with_a_dense_look(m in moves(), by in 0.2..0.9f64) {
         let corners = distorted::<3>(ElementShape::Box, &m, by, 0.0, 1.0);

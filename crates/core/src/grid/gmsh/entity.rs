@@ -7,7 +7,7 @@ use super::kinds::ElementKind;
 /// An element of a mesh file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Element {
-    /// Number of the element in the file; not necessarily unique.
+    /// Element number in the file; not necessarily unique.
     pub tag: u64,
     /// Type of the element.
     pub kind: ElementKind,
@@ -27,7 +27,7 @@ impl Element {
 pub struct PhysicalGroup {
     /// Dimension, from 0 (points) to 3 (volumes).
     pub dimension: u8,
-    /// Number of the group; unique within its dimension.
+    /// Group number; unique within its dimension.
     pub tag: u32,
     /// Name of the group; its tag as text if the file has no name for it.
     pub name: String,
@@ -36,5 +36,5 @@ pub struct PhysicalGroup {
 /// A physical group as (dimension, tag).
 pub(super) type GroupKey = (u8, u32);
 
-/// The physical groups of the entities of format 4.1, by dimension and number of the entity.
+/// The physical groups of the entities in a file of format 4.1, keyed by entity dimension and tag.
 pub(super) type EntityGroups = HashMap<(u8, i32), Vec<GroupKey>>;

@@ -117,15 +117,15 @@ pub enum GmshError {
     UnknownNode {
         /// Location of the end of the reference.
         location: FileLocation,
-        /// Number of the element.
+        /// Element number.
         element: u64,
-        /// Number of the node.
+        /// Node number.
         node: u64,
     },
     /// Two nodes have the same number.
     #[error("node {node} is defined twice")]
     DuplicateNode {
-        /// Number of the node.
+        /// Node number.
         node: u64,
     },
     /// A coordinate is infinite or NaN.
@@ -133,7 +133,7 @@ pub enum GmshError {
     NonFinite {
         /// Location of the end of the node.
         location: FileLocation,
-        /// Number of the node.
+        /// Node number.
         node: u64,
     },
     /// The mesh is partitioned.

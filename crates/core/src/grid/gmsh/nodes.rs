@@ -94,7 +94,7 @@ pub(super) fn read_22(reader: &mut Reader<'_>, parametric: bool) -> Result<Nodes
     Nodes::new(positions, tags)
 }
 
-/// Reads the number of nodes or elements at the start of a section of format 2.2, which is text in binary files, too.
+/// Reads the number of nodes or elements at the start of a section of format 2.2; it is text even in binary files.
 pub(super) fn total_22(
     reader: &mut Reader<'_>,
     what: &'static str,

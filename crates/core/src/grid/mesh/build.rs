@@ -13,8 +13,8 @@ use crate::tensor::padded;
 /// Number of cells listed in error messages.
 const LISTED: usize = 5;
 
-/// Relative volume below which a cell, or a corner of it, counts as having none; the reference is a square (cube) of
-/// its longest side.
+/// Relative volume below which a cell, or a corner of it, counts as having no volume; the reference is a square (cube)
+/// of its longest side.
 const NO_VOLUME: f64 = 1e-10;
 
 /// Marks a node of the file that no cell uses.

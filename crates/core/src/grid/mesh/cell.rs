@@ -1,4 +1,4 @@
-//! Position relative to one cell: inside, on the border, or at a distance.
+//! Position relative to one cell: inside, on the boundary, or at a distance.
 
 use crate::grid::bins::{Bounds, bounds};
 use crate::grid::element::{ElementShape, MAX_NODES, cross, dot, minus, vector_product};
@@ -46,8 +46,8 @@ impl<const D: usize> Cell<D> {
         }
     }
 
-    /// True if a position is inside and farther than `margin` from the border. For a hexahedron the estimate is
-    /// conservative.
+    /// True if a position is inside the cell and farther than `margin` from its boundary. For a hexahedron, the
+    /// distance is estimated conservatively.
     pub(super) fn holds(&self, x: &[f64; D], margin: f64) -> bool {
         if (self.shape, D) != (ElementShape::Box, 3) {
             return self.is_within(x, margin);
@@ -68,8 +68,8 @@ impl<const D: usize> Cell<D> {
         })
     }
 
-    /// True if a position is inside or at most `tolerance` outside. For a hexahedron, exact up to a factor of the order
-    /// of its distortion.
+    /// True if a position is inside or at most `tolerance` outside. For a hexahedron, the test is exact up to a factor
+    /// of the order of its distortion.
     pub(super) fn touches(&self, x: &[f64; D], tolerance: f64) -> bool {
         if (self.shape, D) == (ElementShape::Box, 3) {
             return within(&self.bounds(), x, tolerance)

@@ -5,16 +5,16 @@ use crate::grid::ON_LINE;
 /// A cell named in a message.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CellReport {
-    /// Number of the element in the file.
+    /// Element number in the file.
     pub element: u64,
     /// Mean position of its nodes, [length].
     pub position: Vec<f64>,
 }
 
-/// A node on a side of a cell without being a corner of that side.
+/// A node that lies on a side of a cell without being a corner of that side.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HangingNode {
-    /// Number of the node in the file.
+    /// Node number in the file.
     pub node: u64,
     /// Its position, [length].
     pub position: Vec<f64>,
@@ -109,8 +109,8 @@ pub enum MeshError {
         /// The first pair.
         first: [CellReport; 2],
     },
-    /// Nodes on a side of a connected cell without being one of its corners; the basis functions are discontinuous
-    /// there.
+    /// Nodes that lie on a side of a connected cell without being one of its corners; the basis functions are
+    /// discontinuous there.
     #[error(
         "{} on a side of a cell without being its corner, for example node {} at ({}) on the side between the nodes {} of \
          {}; the basis functions are discontinuous there: cut that cell at the node, or give the cells on both sides the \

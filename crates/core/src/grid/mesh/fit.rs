@@ -13,8 +13,8 @@ use crate::grid::bins::{Bins, Bounds, bounds};
 use crate::grid::element::{ElementShape, dot, minus, vector_product};
 use crate::tensor::padded;
 
-/// Relative distance, in units of the local cell size, up to which cells touch instead of overlap, nodes coincide, and
-/// nodes lie on a side.
+/// Relative distance, in units of the local cell size, within which cells touch rather than overlap, nodes coincide,
+/// and nodes lie on a side.
 const TOUCHES: f64 = 1e-6;
 
 /// Number of positions listed in warnings.
@@ -33,7 +33,7 @@ enum Meeting {
 }
 
 impl<const D: usize> Mesh<D> {
-    /// Finds misfits. An error if the basis would be ambiguous or discontinuous, a warning if parts touch without being
+    /// Finds misfits: an error if the basis would be ambiguous or discontinuous, a warning if parts touch without being
     /// connected. `report` describes a cell; `tag` is the number of a node in the file.
     pub(super) fn check_fit(
         &self,

@@ -1,21 +1,22 @@
-//! The fronts of the unknowns that several ranks couple, along a binary tree of the ranks: at stage s, rank r with r mod 2ˢ⁺¹ = 0
-//! takes what rank r + 2ˢ has left, and eliminates the unknowns that only ranks from r to r + 2ˢ⁺¹ − 1 couple.
+//! The fronts of the unknowns that several ranks couple, along a binary tree of the ranks: at stage s, rank r with r
+//! mod 2ˢ⁺¹ = 0 takes the matrix that rank r + 2ˢ has left, and eliminates the unknowns that only ranks from r to r +
+//! 2ˢ⁺¹ − 1 couple.
 
 use crate::linear::multifrontal::{Columns, Multifrontal, Numbers, forget, messages};
 use crate::ranks::{Communicator, Ranks};
 
-/// The stage at which an unknown is eliminated is kept in the bits of its key from this one on; the others are its name.
+/// The bits of a key from this one on hold the stage at which its unknown is eliminated; the lower bits hold the name.
 const STAGE: u32 = 56;
 
-/// The key of an unknown with this name, by which shared unknowns are ordered, if these ranks couple it.
+/// The key, by which shared unknowns are ordered, of the unknown with this name if these ranks couple it.
 pub(super) fn key(name: u64, ranks: impl Iterator<Item = u32> + Clone) -> u64 {
     let (low, high) = (ranks.clone().min().unwrap_or(0), ranks.max().unwrap_or(0));
-    // Numbers of ranks that differ in bit s, and in no higher one, meet at stage s.
+    // Rank numbers that differ in bit s, and in no higher one, meet at stage s.
     let stage = u64::from(u32::BITS - (low ^ high).leading_zeros());
     stage.saturating_sub(1) << STAGE | name
 }
 
-/// The part of a rank in the tree, from its own factorisation on.
+/// The part of a rank in the tree, after its own factorisation.
 #[derive(Default)]
 pub(super) struct Stages {
     taken: Vec<Stage>,
@@ -28,12 +29,13 @@ pub(super) struct Stages {
 struct Stage {
     /// The rank that gives the other matrix.
     from: usize,
-    /// Rows in the front of the unknowns of the own matrix and of the other one, ascending.
+    /// Rows, in the front, of the unknowns of the own matrix and of the other matrix, ascending.
     rows: [Vec<u32>; 2],
     /// Number of unknowns that are eliminated.
     pivots: usize,
     front: Multifrontal,
-    /// True if the other matrix adds no unknowns, and all are eliminated: the factor takes the place of the own matrix.
+    /// True if the other matrix adds no unknowns and all are eliminated: the factor then replaces the own matrix in
+    /// place.
     is_in_place: bool,
     /// The factor, empty before the first factorisation.
     factor: Vec<f64>,
@@ -46,12 +48,13 @@ struct Given {
     to: usize,
     /// Order of the matrix.
     n: usize,
-    /// Number of its unknowns which that rank eliminates.
+    /// Number of its unknowns that the other rank eliminates.
     pivots: usize,
 }
 
 impl Stages {
-    /// The stages above a rank that leaves unknowns with these keys, ascending. All ranks must call this.
+    /// The stages after the factorisation of a rank that leaves unknowns with these keys, ascending. All ranks must
+    /// call this.
     pub fn new(ranks: &Ranks, mut keys: Vec<u64>, symmetric: bool) -> Self {
         let mut stages = Stages { factors: if symmetric { 1 } else { 2 }, ..Stages::default() };
         let own = ranks.own();
@@ -85,13 +88,13 @@ impl Stages {
         stages
     }
 
-    /// Numbers in the factors.
+    /// Number of values in the factors.
     #[cfg(test)]
     pub fn factor_len(&self) -> usize {
         self.taken.iter().map(|stage| stage.front.factor_len()).sum()
     }
 
-    /// Peak memory of a factorisation that starts with a matrix of this many numbers, [byte].
+    /// Peak memory of a factorisation that starts with a matrix of this many values, [byte].
     pub fn bytes(&self, left: usize) -> u64 {
         let (mut kept, mut left, mut most) = (0, left, left);
         for stage in &self.taken {
@@ -111,8 +114,8 @@ impl Stages {
         self.taken.iter_mut().for_each(|stage| stage.factor = Vec::new());
     }
 
-    /// Factorises the matrix that this rank has left. All ranks must call this. False if this rank has met a pivot that is not
-    /// positive, or is zero.
+    /// Factorises the matrix that this rank has left. All ranks must call this. False if this rank has met a pivot that
+    /// is not positive or, for LU, one that is zero or not finite.
     pub fn factorise(&mut self, communicator: &dyn Communicator, mut left: Vec<f64>) -> bool {
         let mut is_good = true;
         for stage in &mut self.taken {
@@ -152,7 +155,7 @@ impl Stages {
 }
 
 impl Stage {
-    /// Replaces the matrix that the factorisation below has left by that which this one leaves; false as for
+    /// Replaces the matrix left by the previous factorisation by the one that this stage leaves; false as for
     /// [`Multifrontal::factorise`].
     fn factorise(&mut self, communicator: &dyn Communicator, factors: usize, left: &mut Vec<f64>) -> bool {
         if self.is_in_place {
@@ -172,12 +175,13 @@ impl Stage {
         is_good
     }
 
-    /// Number of the columns with these rows that belong to pivots; the others belong to the border.
+    /// Number of columns with these rows that belong to pivots; the others belong to the border.
     fn border_of(&self, rows: &[u32]) -> usize {
         rows.partition_point(|row| (*row as usize) < self.pivots)
     }
 
-    /// Adds the columns of the other rank, and eliminates the pivots before those of the border are added to what is left.
+    /// Adds the columns of the other rank; eliminates the pivots before the columns of the border are added to what is
+    /// left.
     fn take_others(&mut self, communicator: &dyn Communicator, factors: usize, left: &mut [f64]) -> bool {
         let rows = &self.rows[1];
         let border = self.border_of(rows);
@@ -194,7 +198,7 @@ impl Stage {
         is_eliminated.unwrap_or_else(|| self.front.eliminate(&mut self.factor, left))
     }
 
-    /// Forward substitution; returns the right-hand sides that are left.
+    /// Forward substitution; returns the reduced right-hand side of the unknowns that are left.
     fn forward(&mut self, communicator: &dyn Communicator, below: &[f64]) -> Vec<f64> {
         let mut other = [vec![0.0; self.rows[1].len()]];
         communicator.swap(&[self.from], &[Vec::new()], &mut other);
@@ -205,7 +209,8 @@ impl Stage {
         self.front.forward(&self.factor, &self.x).to_vec()
     }
 
-    /// Backward substitution, given the solution for the unknowns that were left; returns that for the own unknowns below.
+    /// Backward substitution, given the solution for the unknowns that were left; returns the solution for the own
+    /// unknowns.
     fn backward(&mut self, communicator: &dyn Communicator, above: &[f64]) -> Vec<f64> {
         self.front.backward(&self.factor, above, &mut self.x);
         let [below, other] =

@@ -1,4 +1,4 @@
-//! Solutions of one rank and of several.
+//! Solutions on one rank and on several.
 
 #![allow(clippy::unwrap_used)]
 
@@ -8,12 +8,12 @@ use super::*;
 use crate::linear::bodies::{Body, Rule, pieces, ragged2, ragged3, scattered, slabs, whole};
 use crate::ranks::threads;
 
-/// What a rank finds.
+/// The results on one rank.
 struct Found<const D: usize> {
     x: BTreeMap<u32, [f64; D]>,
     solved: Result<Solved, LinearError>,
     is_divided: bool,
-    /// Numbers in the factors of the rank.
+    /// Number of values in the factors of the rank.
     numbers: usize,
     /// Peak memory of the factorisation of the rank, [byte].
     bytes: u64,
@@ -54,7 +54,7 @@ fn rules<const D: usize>() -> Vec<(usize, Rule<D>)> {
         .collect()
 }
 
-/// Checks that several ranks find what one finds.
+/// Checks that several ranks find the same solution as one rank.
 fn check<const D: usize>(body: &Body<D>, factorisation: Factorisation, is_divided: bool) {
     let alone = find(body, &Ranks::default(), |_| 0);
     let expected = Solved { factorisation, iterations: 0 };
@@ -74,7 +74,7 @@ fn check<const D: usize>(body: &Body<D>, factorisation: Factorisation, is_divide
     }
 }
 
-/// Cells are missing, and none is nearly empty.
+/// Some cells are missing, and none is nearly empty.
 fn holes2(cell: [u32; 2]) -> Option<f64> {
     ragged2(cell).map(|_| 1.0)
 }
@@ -134,8 +134,8 @@ fn a_rank_without_nodes_takes_part() {
     }
 }
 
-/// An analysis is kept as long as the pattern is the same on all ranks, and each matrix gives what a new backend finds, bit for
-/// bit.
+/// An analysis is kept as long as the pattern is the same on all ranks, and each matrix gives the same result as with a
+/// new backend, bit for bit.
 #[test]
 fn ranks_repeat_an_analysis_together() {
     let fill = |cell: [u32; 3]| holes3(cell).filter(|_| cell[0] < 22);
@@ -170,7 +170,7 @@ fn a_rank_keeps_its_share_of_the_factor() {
     }
 }
 
-/// Working space, what ranks leave for others, and the fronts of what they share take turns.
+/// Working space, the matrices left for other ranks, and the fronts of shared unknowns are needed at different times.
 #[test]
 fn a_rank_takes_its_share_of_the_memory() {
     let body = Body::bar([16, 16, 16]);

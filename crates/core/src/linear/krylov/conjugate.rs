@@ -3,14 +3,14 @@
 use crate::linear::LinearError;
 use crate::linear::reduction::{Reduction, add};
 
-/// Most iterations of either method.
+/// Largest number of iterations of either method.
 pub(super) const MOST: usize = 300;
 
 /// Reasons why conjugate gradients end without a solution.
 pub(super) enum Failure {
     /// A direction, or the preconditioner, has shown that the matrix is not positive definite.
     NotPositiveDefinite {
-        /// Iterations so far.
+        /// Number of iterations so far.
         iterations: usize,
     },
     /// The iterations do not converge, or the preconditioner fails.
@@ -33,8 +33,8 @@ pub(super) struct ConjugateGradients<const N: usize> {
 }
 
 impl<const N: usize> ConjugateGradients<N> {
-    /// Solves A x = b to a residual of `tolerance` relative to b; returns the number of iterations. All fields are complete, and
-    /// `over` adds up over their nodes.
+    /// Solves A x = b to a residual of `tolerance` relative to b; returns the number of iterations. All fields are
+    /// complete, and `over` sums over their nodes.
     pub(super) fn solve(
         &mut self,
         over: Reduction,

@@ -18,8 +18,9 @@ pub(super) struct Gmres<const N: usize> {
 }
 
 impl<const N: usize> Gmres<N> {
-    /// Solves A x = b to a residual of `tolerance` relative to b; returns the number of iterations. Preconditioned from
-    /// the right, so that the residual is that of the equations. All fields are complete, and `over` adds up over their nodes.
+    /// Solves A x = b to a residual of `tolerance` relative to b; returns the number of iterations. Preconditioning
+    /// from the right makes the residual that of the equations. All fields are complete, and `over` sums over their
+    /// nodes.
     ///
     /// # Errors
     /// [`LinearError::NotConverged`]; errors of the preconditioner.
@@ -86,7 +87,7 @@ impl<const N: usize> Gmres<N> {
     }
 }
 
-/// Stores a vector, divided by its norm, at this place of the basis.
+/// Stores a vector, divided by its norm, at index `place` of the basis.
 fn put<const N: usize>(basis: &mut Vec<Vec<[f64; N]>>, place: usize, vector: &[[f64; N]], norm: f64) {
     let unit = vector.iter().map(|v| v.map(|v| v / norm));
     match basis.get_mut(place) {

@@ -1,4 +1,4 @@
-//! Solutions of one rank and of several.
+//! Solutions on one rank and on several.
 
 use crate::linear::bodies::{Body, Found, Rule, pieces, ragged2, ragged3, scattered, slabs, whole};
 use crate::linear::multigrid::Multigrid;
@@ -10,12 +10,12 @@ fn solve<const D: usize>(body: &Body<D>, n: usize, rule: Rule<D>) -> Vec<Found<D
     threads::run(n, |ranks| body.solve(&ranks, |cell| rule(cell, body.cells, n)))
 }
 
-/// Checks that several ranks find what one finds.
+/// Checks that several ranks find the same solution as one rank.
 fn check<const D: usize>(body: &Body<D>, factorisation: Factorisation) {
     let alone = body.solve(&Ranks::default(), |_| 0);
     let expected = alone.solved.unwrap();
     assert_eq!(expected.factorisation, factorisation);
-    // Nearly empty cells move much farther than others.
+    // Nodes of nearly empty cells move much farther than others.
     let mut sizes: Vec<f64> = alone.x.values().flatten().map(|x| x.abs()).collect();
     sizes.sort_by(f64::total_cmp);
     let size = sizes[sizes.len() / 2];
@@ -118,7 +118,7 @@ fn a_cycle_is_that_of_one_rank() {
     }
 }
 
-/// An analysis is kept as long as no rank has another pattern.
+/// An analysis is kept as long as no rank has a different pattern.
 #[test]
 fn ranks_repeat_an_analysis_together() {
     let body = Body { fill: ragged2, ..Body::bar([60, 25]) };

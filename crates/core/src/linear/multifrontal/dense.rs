@@ -1,9 +1,9 @@
 //! Dense operations on one front: the columns of its pivots in the factors, and their update of the rest of the matrix.
 //!
-//! There is one factor L of LLᵀ, or the factors L and Uᵀ of LU, where L has the pivots and U a diagonal of ones. Both are
-//! lower triangular, and each takes the other (or L itself) from the right: the columns of L are those of the matrix
-//! minus products of rows of L and rows of Uᵀ, those of Uᵀ the rows of the matrix minus products of rows of Uᵀ and rows
-//! of L. So the same operations serve for both factorisations.
+//! There is one factor L of LLᵀ, or the factors L and Uᵀ of LU, where L has the pivots and U a diagonal of ones. Both
+//! are lower triangular, and each is updated from the right by the other (or L by itself): the columns of L are those
+//! of the matrix minus products of rows of L and rows of Uᵀ, the columns of Uᵀ are the rows of the matrix minus
+//! products of rows of Uᵀ and rows of L. The same operations therefore serve both factorisations.
 //!
 //! Columns are stored one after the other with a stride that is a multiple of [`PAD`], so that whole vectors of rows
 //! can be read and written; values above the diagonal and in padding rows are arbitrary, but finite, and never change a
@@ -29,8 +29,8 @@ const WIDTH: usize = 4;
 /// Columns of a large front that are eliminated together before the others are updated.
 const BLOCK: usize = 96;
 
-/// A front with more pivots than this, or more numbers in its columns than that, is processed by kernels for large
-/// matrices.
+/// A front with more pivots than the first constant, or more values in its columns than the second, is processed by
+/// kernels for large matrices.
 const MANY: usize = 128;
 const MOST: usize = 1 << 15;
 
@@ -58,7 +58,7 @@ fn is_large(rows: usize, pivots: usize) -> bool {
 }
 
 /// Replaces the columns of the pivots of a front, with one factor or two, by those of its factors, with the reciprocals
-/// of the pivots on the diagonal of L; and writes their update of the rest of the matrix, −L Lᵀ or −L U, to the lower
+/// of the pivots on the diagonal of L. Writes their update of the rest of the matrix, −L Lᵀ or −L U, to the lower
 /// triangle of `update`, for LU followed by its upper triangle, transposed. False if a pivot of LLᵀ is not positive, or
 /// one of LU is zero or not finite.
 pub(super) fn eliminate(
@@ -75,7 +75,7 @@ pub(super) fn eliminate(
     Dense { panels: [lower, upper], rows, pivots, updates: [below, right] }.eliminate()
 }
 
-/// The factor which the factor with this number takes from the right.
+/// The factor that updates the factor with this number from the right.
 const fn other<const F: usize>(factor: usize) -> usize {
     F - 1 - factor
 }
@@ -225,7 +225,7 @@ struct Product<'a> {
 }
 
 impl Product<'_> {
-    /// Writes the sums with their sign changed to the lower triangle of `update`, column by column.
+    /// Writes the sums, with their sign changed, to the lower triangle of `update`, column by column.
     #[inline(always)]
     fn take<S: Simd>(self, simd: S, update: &mut [f64], border: usize) {
         let height = stride(border);
@@ -270,7 +270,7 @@ impl Product<'_> {
         sum
     }
 
-    /// Writes the sums with their sign changed to `N` columns of `height` rows, from row `first` on.
+    /// Writes the sums, with their sign changed, to `N` columns of `height` rows, from row `first` on.
     #[inline(always)]
     fn write<S: Simd, const N: usize>(self, simd: S, out: &mut [f64], height: usize, first: usize) {
         let mut row = first;
@@ -307,7 +307,7 @@ impl Product<'_> {
     }
 }
 
-/// Columns of a front whose topmost square is its diagonal block.
+/// Columns of a front; the square at their top is the diagonal block.
 struct Columns<'a, const F: usize> {
     panels: [&'a mut [f64]; F],
     stride: usize,
@@ -358,8 +358,8 @@ impl<const F: usize> Columns<'_, F> {
         true
     }
 
-    /// Updates the vectors of rows from `start` on that hold the diagonal block, and others below that cost no more;
-    /// returns the row after them.
+    /// Updates the vectors of rows from `start` on that hold the diagonal block, and those below that come at no extra
+    /// cost; returns the row after them.
     #[inline(always)]
     fn update_first<S: Simd, const N: usize>(
         &mut self,
@@ -384,7 +384,7 @@ impl<const F: usize> Columns<'_, F> {
         row
     }
 
-    /// Completes all rows of a factor, of which these are updated, given the diagonal blocks.
+    /// Completes all rows of a factor, given the diagonal blocks; the rows in `updated` need no further update.
     #[inline(always)]
     fn finish_all<S: Simd, const N: usize>(
         &mut self,
@@ -396,7 +396,7 @@ impl<const F: usize> Columns<'_, F> {
     ) {
         let lanes = S::F64_LANES;
         let right = &diagonal[other::<F>(factor)];
-        // LLᵀ and Uᵀ are divided by the pivots, which L keeps.
+        // L of LLᵀ and Uᵀ of LU are divided by the pivots; L of LU keeps them.
         let is_divided = factor + 1 == F;
         let mut row = updated.start;
         while row < updated.end {

@@ -1,6 +1,6 @@
 //! Numerical factorisation: the fronts of each task assemble entries of the matrix and the updates of their children,
-//! eliminate their unknowns, and pass their own update on. With LU, each has the columns and the update of L, and behind
-//! them those of Uᵀ.
+//! eliminate their unknowns, and pass their own update on. With LU, each front has the columns and the update of L,
+//! followed by those of Uᵀ.
 
 use std::ops::Range;
 
@@ -22,8 +22,8 @@ pub(super) struct Elimination<'a> {
 }
 
 impl Elimination<'_> {
-    /// Computes the columns of the fronts of a task, given their place; the update of the last front is then at the
-    /// start of the working space. False if a pivot is not positive.
+    /// Computes the columns of the fronts of a task, given the memory for them; the update of the last front is then at
+    /// the start of the working space. False if a pivot is not positive or, for LU, is zero or not finite.
     pub fn run(self, task: &Task, factor: &mut [f64], room: &mut [f64]) -> bool {
         let front = &self.fronts.front;
         let origin = front[task.fronts.start].panel;
@@ -91,7 +91,8 @@ impl Elimination<'_> {
         true
     }
 
-    /// Assembles the matrix that is left: entries of the matrix and updates, where that of an only child is already there.
+    /// Assembles the matrix left for the kept unknowns: entries of the matrix and updates; that of an only child is
+    /// already there.
     fn assemble_left(self, front: &Front, left: &mut [f64], passed: Passed) {
         let holds_update = self.fronts.before_kept().is_some();
         for_each_factor(front, left, |factor, left| {

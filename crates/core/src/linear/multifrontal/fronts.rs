@@ -1,5 +1,5 @@
 //! The layout of the factorisation: the rows of each front, its entries of the matrix, the rows to which it adds the
-//! updates of its children, and its place in memory.
+//! updates of its children, and its location in memory.
 
 use std::ops::Range;
 
@@ -12,7 +12,7 @@ use crate::linear::Pattern;
 /// A front: unknowns that are eliminated together, and its border, the later unknowns involved.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Front {
-    /// Place of its first unknown.
+    /// Position of its first unknown in the order of elimination.
     pub first: usize,
     /// Number of unknowns that are eliminated.
     pub pivots: usize,
@@ -34,22 +34,22 @@ pub(super) struct Front {
     pub children: Range<usize>,
     /// Estimated time for it and all its descendants, [ns].
     pub cost: f64,
-    /// First of its descendants; all others lie between it and this front.
+    /// First of its descendants; the others lie between the first and this front.
     pub descendants: usize,
 }
 
 impl Front {
-    /// Number of values in its columns, those of all factors.
+    /// Number of values in its columns, summed over all factors.
     pub fn panel_len(&self) -> usize {
         self.factors * dense::room(self.rows, self.pivots)
     }
 
-    /// Rows of its border.
+    /// Number of rows of its border.
     pub fn border_len(&self) -> usize {
         self.rows - self.pivots
     }
 
-    /// Number of values in its update, that of all factors.
+    /// Number of values in its update, summed over all factors.
     pub fn update_len(&self) -> usize {
         self.factors * dense::room(self.border_len(), self.border_len())
     }
@@ -60,7 +60,7 @@ impl Front {
 pub(super) struct Entry {
     /// Row in the front.
     pub row: u32,
-    /// Place in the values of the matrix.
+    /// Index in the values of the matrix.
     pub source: u32,
 }
 
@@ -71,7 +71,7 @@ pub(super) struct Fronts {
     pub children: Vec<u32>,
     /// Unknowns in the order of elimination.
     pub unknown: Vec<u32>,
-    /// The borders of all fronts: places of the unknowns, ascending.
+    /// The borders of all fronts: positions of the unknowns in the order of elimination, ascending.
     pub border: Vec<u32>,
     /// The borders of all fronts: rows in the parent.
     pub relative: Vec<u32>,
@@ -79,14 +79,14 @@ pub(super) struct Fronts {
     pub column_start: Vec<usize>,
     /// For each factor, the entries of the matrix by columns: those of L, then those of Uᵀ.
     pub entry: Vec<Vec<Entry>>,
-    /// Number of unknowns at the end that are kept: the last front has no pivots, and all of them form its border; its update is
-    /// the matrix that is left for them.
+    /// Number of unknowns at the end of the order that are kept: the last front has no pivots and these unknowns as its
+    /// border; its update is the matrix left for them.
     pub kept: usize,
 }
 
 impl Fronts {
-    /// The fronts of the lower triangle of a pattern, of whose order the last unknowns are kept; of LU if the mirror images of
-    /// its entries are given.
+    /// The fronts of the lower triangle of a pattern, with the last `kept` unknowns of the order kept; for LU if the
+    /// mirror images of the entries are given.
     pub fn new(pattern: &Pattern, order: &[usize], kept: usize, mirror: Option<&Mirror>) -> Fronts {
         let nodes = Nodes::new(pattern, order, order.len() - kept);
         let tree = Tree::new(&nodes);
@@ -188,8 +188,8 @@ impl Fronts {
         self.kept > 0 && front.first + self.kept == self.unknown.len()
     }
 
-    /// The only child of the front of the kept unknowns, if its border is all of them: its update then becomes that of the front of
-    /// the kept unknowns, in the same place.
+    /// The only child of the front of the kept unknowns, if its border is all of them: its update then becomes, in
+    /// place, the update of the front of the kept unknowns.
     pub fn before_kept(&self) -> Option<&Front> {
         let kept = self.front.last().filter(|front| self.is_kept(front))?;
         let [child] = self.children[kept.children.clone()] else { return None };
@@ -207,7 +207,7 @@ impl Fronts {
     ) {
         // Row of each node in the front.
         let mut row_of = vec![0u32; nodes.len()];
-        // First unknown of each node, by place.
+        // Position of the first unknown of each node in the order of elimination.
         let mut place_of = vec![0u32; nodes.len()];
         let mut place = 0;
         for &node in &tree.node {
@@ -296,7 +296,7 @@ impl Fronts {
     }
 }
 
-/// The borders of all fronts by nodes, given by their places in the order of elimination.
+/// The borders of all fronts in terms of nodes, given by their positions in the order of elimination.
 struct Borders {
     start: Vec<usize>,
     number: Vec<u32>,

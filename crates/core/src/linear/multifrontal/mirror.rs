@@ -2,7 +2,7 @@
 
 use crate::linear::Pattern;
 
-/// The lower triangle of such a pattern, and for each of its entries (i, j) the places of a_ij and of its mirror image
+/// The lower triangle of such a pattern, and for each of its entries (i, j) the indices of a_ij and of its mirror image
 /// a_ji in the values of the matrix.
 pub(super) struct Mirror {
     pub lower: Pattern,

@@ -24,12 +24,13 @@ pub(super) struct Nodes {
 pub(super) struct Coupling {
     /// The later node.
     pub later: u32,
-    /// Place in the values of the matrix of the entry with the first unknowns of both.
+    /// Index, in the values of the matrix, of the entry that couples the first unknowns of both nodes.
     pub entry: u32,
 }
 
 impl Nodes {
-    /// Finds the nodes of a symmetric pattern, of which the unknowns from place `kept_from` in the order on are kept.
+    /// Finds the nodes of a symmetric pattern, of which the unknowns from position `kept_from` of the order on are
+    /// kept.
     pub fn new(pattern: &Pattern, order: &[usize], kept_from: usize) -> Nodes {
         let mut follows = followers(pattern, order);
         if let Some(&unknown) = order.get(kept_from) {
@@ -132,7 +133,7 @@ impl Nodes {
             }
         }
         let mut ancestor: Vec<u32> = (0..n as u32).collect();
-        // One more than the place of the last leaf's first descendant, and that leaf.
+        // One more than the index of the last leaf's first descendant, and that leaf.
         let mut seen = vec![0u32; n];
         let mut leaf = vec![NONE; n];
         for &node in &post {
@@ -174,7 +175,7 @@ impl Nodes {
     }
 }
 
-/// Calls `visit(a, b, entry)` for all pairs of different nodes, a the one whose unknowns come first.
+/// Calls `visit(a, b, entry)` for all pairs of different nodes, where the unknowns of a come first.
 fn for_each_coupling(pattern: &Pattern, number: &[u32], mut visit: impl FnMut(u32, u32, usize)) {
     for column in 0..pattern.n {
         let a = number[column];
@@ -213,8 +214,8 @@ fn followers(pattern: &Pattern, order: &[usize]) -> Vec<bool> {
     follows
 }
 
-/// The numbers below `n` that are nodes of a forest, in postorder: the descendants of each come directly before it,
-/// without others in between.
+/// The numbers below `n` that are nodes of a forest, in postorder: the descendants of each node come directly before
+/// it, with no others in between.
 pub(super) fn postorder(
     n: usize,
     is_node: impl Fn(usize) -> bool,

@@ -5,10 +5,11 @@ use std::ops::Range;
 use super::elimination::add_rows;
 use super::{Multifrontal, dense};
 
-/// Most numbers of a message, unless a single column has more.
+/// Largest number of values in a message, unless a single column has more.
 const MESSAGE: usize = 1 << 19;
 
-/// Columns of a matrix that is left, without what lies above the diagonal: for each factor, column by column.
+/// Columns of a matrix left for kept unknowns, without the entries above the diagonal: for each factor, column by
+/// column.
 pub(in crate::linear) struct Columns<'a> {
     /// Order of the matrix.
     pub n: usize,
@@ -16,7 +17,7 @@ pub(in crate::linear) struct Columns<'a> {
     pub numbers: Numbers<'a>,
 }
 
-/// Where the numbers of columns are.
+/// The location of the values of columns.
 #[derive(Clone, Copy)]
 pub(in crate::linear) enum Numbers<'a> {
     /// In a matrix that begins with the column of this number.
@@ -48,7 +49,7 @@ impl Columns<'_> {
         }
     }
 
-    /// The numbers one after the other.
+    /// The values one after the other.
     pub fn packed(&self, factors: usize) -> Vec<f64> {
         let mut packed = Vec::with_capacity(factors * self.len());
         (0..factors).for_each(|factor| {
@@ -58,8 +59,8 @@ impl Columns<'_> {
     }
 }
 
-/// Divides the columns of a matrix into messages, none of which has columns on both sides of `border`. Returns columns, and the
-/// number of values.
+/// Divides the columns of a matrix into messages, none of which has columns on both sides of `border`. Returns for each
+/// message its columns and its number of values.
 pub(in crate::linear) fn messages(
     n: usize,
     border: usize,
@@ -91,8 +92,8 @@ pub(in crate::linear) fn forget(matrix: &mut Vec<f64>, n: usize, first: usize, f
 }
 
 impl Multifrontal {
-    /// Adds columns to a dense front, whose rows in it are given, ascending: before the elimination those of pivots to `panel`,
-    /// after it those of the border to `left`.
+    /// Adds columns to a dense front; `rows` are their rows in it, ascending. Before the elimination, the columns of
+    /// pivots are added to `panel`; after it, the columns of the border to `left`.
     pub fn add_columns(&self, panel: &mut [f64], left: &mut [f64], columns: &Columns, rows: &[u32]) {
         let Some(front) = self.fronts.front.first() else { return };
         let factors = front.factors;

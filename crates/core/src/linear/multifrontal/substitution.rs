@@ -8,13 +8,14 @@ use super::fronts::{Front, Fronts};
 /// A direction of substitution.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Pass {
-    /// With L; the right-hand sides of kept unknowns become those of the equations that are left for them.
+    /// With L; the right-hand sides of kept unknowns become those of the equations left for them.
     Forward,
     /// With Lᵀ or U, given the solution for the kept unknowns.
     Backward,
 }
 
-/// Replaces the right-hand side, in the order of elimination, by the solution of one pass; `y` is room for the rows of a front.
+/// Replaces the right-hand side, in the order of elimination, by the solution of one pass; `y` is working space for the
+/// rows of a front.
 pub(super) fn substitute(pass: Pass, fronts: &Fronts, factor: &[f64], x: &mut [f64], y: &mut [f64]) {
     Arch::new().dispatch(Substitution { pass, fronts, factor, x, y });
 }
@@ -25,7 +26,7 @@ struct Substitution<'a> {
     factor: &'a [f64],
     /// The solution, in the order of elimination.
     x: &'a mut [f64],
-    /// Room for the rows of a front.
+    /// Working space for the rows of a front.
     y: &'a mut [f64],
 }
 
@@ -99,7 +100,7 @@ impl Substitution<'_> {
     }
 }
 
-/// Finishes `N` values and takes what they contribute from those below.
+/// Finishes `N` values and subtracts their contributions from the values below.
 #[inline(always)]
 fn eliminate<S: Simd, const N: usize>(simd: S, columns: &[f64], stride: usize, first: usize, y: &mut [f64]) {
     let column: [&[f64]; N] = std::array::from_fn(|c| &columns[c * stride..(c + 1) * stride]);
@@ -114,7 +115,7 @@ fn eliminate<S: Simd, const N: usize>(simd: S, columns: &[f64], stride: usize, f
     }
     let below = first + N;
     let factor: [S::f64s; N] = std::array::from_fn(|c| simd.splat_f64s(-x[c]));
-    // Whole vectors at the end; `stride` is a multiple of their width.
+    // Whole vectors at the end; `stride` is a multiple of the vector width.
     let (head, y) = S::as_mut_rsimd_f64s(&mut y[below..stride]);
     let parts: [(&[f64], &[S::f64s]); N] = std::array::from_fn(|c| S::as_rsimd_f64s(&column[c][below..]));
     for (r, y) in head.iter_mut().enumerate() {
@@ -132,7 +133,7 @@ fn eliminate<S: Simd, const N: usize>(simd: S, columns: &[f64], stride: usize, f
     }
 }
 
-/// Finishes `N` values, given those below.
+/// Finishes `N` values, given the values below.
 #[inline(always)]
 fn insert<S: Simd, const N: usize>(simd: S, columns: &[f64], stride: usize, first: usize, y: &mut [f64]) {
     let column: [&[f64]; N] = std::array::from_fn(|c| &columns[c * stride..(c + 1) * stride]);

@@ -1,5 +1,5 @@
 //! The division of the work between threads, and its working space: the tree of the fronts is cut into tasks that
-//! threads can share, and every front gets a place in the working space of its task.
+//! threads can share, and every front gets a part of the working space of its task.
 
 use std::ops::Range;
 
@@ -21,7 +21,7 @@ const DEEPEST: usize = 12;
 /// Part of the tree: some tasks that are independent of each other, then some fronts one after the other.
 #[derive(Debug, Default)]
 pub(super) struct Task {
-    /// All its fronts, those of the tasks within included.
+    /// All its fronts, including those of the tasks within.
     pub fronts: Range<usize>,
     /// The tasks that are done first.
     pub within: Vec<Task>,
@@ -31,12 +31,12 @@ pub(super) struct Task {
     pub apart: bool,
     /// Start of its working space in that of the enclosing task.
     pub base: usize,
-    /// Length of its working space, in numbers, that of the tasks within included.
+    /// Number of values in its working space, including that of the tasks within.
     pub room: usize,
 }
 
 impl Task {
-    /// Divides all fronts and gives each a place.
+    /// Divides all fronts into tasks and gives each front its part of the working space.
     pub fn new(fronts: &mut Fronts) -> Task {
         let n = fronts.front.len();
         let mut roots: Vec<usize> = (0..n).filter(|&f| fronts.front[f].parent == NONE).collect();
@@ -77,8 +77,8 @@ fn divide(fronts: &Fronts, range: Range<usize>, mut tops: Vec<usize>, depth: usi
     Task { fronts: range, within, own, ..Task::default() }
 }
 
-/// Gives the fronts of a task places in its working space. Every task leaves the data that it passes on at the start of
-/// its own space.
+/// Gives the fronts of a task their parts of its working space. Every task leaves the data that it passes on at the
+/// start of its own space.
 fn plan(task: &mut Task, fronts: &mut Fronts) {
     for within in &mut task.within {
         plan(within, fronts);
@@ -86,7 +86,7 @@ fn plan(task: &mut Task, fronts: &mut Fronts) {
     let apart: usize = task.within.iter().map(|within| within.room).sum();
     let panels: usize = fronts.front[task.fronts.clone()].iter().map(Front::panel_len).sum();
     task.apart = apart <= LITTLE.max((panels as f64 * SPARE) as usize);
-    // Ranges in use: place and length, sorted by place.
+    // Ranges in use: start and length, sorted by start.
     let mut used = Vec::new();
     let mut base = 0;
     for within in &mut task.within {

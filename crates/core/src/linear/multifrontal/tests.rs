@@ -37,7 +37,7 @@ fn sparse(a: &DMatrix<f64>) -> (Pattern, Vec<f64>) {
     (pattern, values)
 }
 
-/// A symmetric matrix with these pairs of nodes coupled, each of `width` unknowns, and a dominant diagonal.
+/// A symmetric, diagonally dominant matrix that couples these pairs of nodes; each node has `width` unknowns.
 fn coupled(nodes: usize, width: usize, pairs: &[(usize, usize)], numbers: &mut Numbers) -> DMatrix<f64> {
     let n = nodes * width;
     let mut a = DMatrix::zeros(n, n);
@@ -114,7 +114,7 @@ fn check_lu(a: &DMatrix<f64>, order: &[usize]) {
         lu.solve(&factor, x.as_mut_slice());
         assert!((&x - &exact).amax() < 1e-11, "{:e}", (&x - &exact).amax());
     }
-    // L with the pivots, U with a diagonal of ones; none of the pivots is exchanged.
+    // L with the pivots, U with a diagonal of ones; no pivots are exchanged.
     let (mut l, mut u) = (in_order(&lu, a), DMatrix::identity(pattern.n, pattern.n));
     for k in 0..pattern.n {
         for j in k + 1..pattern.n {
@@ -212,7 +212,7 @@ fn an_empty_matrix_has_an_empty_factor() {
     llt.solve(&[], &mut []);
 }
 
-/// A lattice in space whose nodes are coupled to all around them, three unknowns to a node.
+/// A lattice in space whose nodes are coupled to all around them, with three unknowns per node.
 fn lattice(m: usize, numbers: &mut Numbers) -> (Pattern, Vec<f64>, Vec<usize>) {
     let place = |p: usize| [(p % m) as u32, (p / m % m) as u32, (p / m / m) as u32];
     let places: Vec<[u32; 3]> = (0..m * m * m).map(place).collect();
@@ -289,7 +289,7 @@ fn check_threads(pattern: &Pattern, values: &[f64], order: &[usize]) {
     for threads in [1, 2, 3] {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let mut llt = Multifrontal::new(pattern, order).unwrap();
-        // The cases under test: tasks at the same time and one after the other, and shared fronts.
+        // The cases under test: tasks that run at the same time and one after the other, and shared fronts.
         assert!(!llt.task.apart && llt.task.within.len() > 1);
         assert!(is_shared(&llt.task));
         assert!(llt.fronts.front.iter().any(|front| front.pivots > 400));

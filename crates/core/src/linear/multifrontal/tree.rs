@@ -3,8 +3,8 @@
 use super::nodes::{NONE, Nodes, postorder};
 
 /// Time of a front in addition to its operations, [ns]: constant, per entry of its columns, and per entry of its
-/// update; and the number of operations (sums and products) per nanosecond. Measured; the results depend little on
-/// them.
+/// update; and the number of operations (sums and products) per nanosecond. The values are measured; the results depend
+/// little on them.
 const FRONT: f64 = 200.0;
 const ENTRY: f64 = 0.1;
 const PASSED: f64 = 0.5;
@@ -117,7 +117,7 @@ impl Groups {
         }
     }
 
-    /// Merges a group with those children, in the list from `child` on, for which this saves time.
+    /// Merges a group with each of its children, in the list from `child` on, for which this saves time.
     fn join_children(&mut self, group: usize, child: u32, sibling: &[u32]) {
         let mut next = child;
         while next != NONE {

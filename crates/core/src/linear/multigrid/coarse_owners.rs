@@ -1,32 +1,32 @@
-//! The rank that each node of a coarser level belongs to.
+//! The rank to which each node of a coarser level belongs.
 
 use rustc_hash::FxHashMap;
 
 use crate::ranks::Ranks;
 
-/// What a rank has to do with a coarse node, least first.
+/// The relation of a rank to a coarse node, the weakest first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Claim {
-    /// It has a ghost that is interpolated from the coarse node.
+    /// The rank has a ghost that is interpolated from the coarse node.
     Ghost,
-    /// It has such a node of its own.
+    /// The rank has a node of its own that is interpolated from the coarse node.
     Child,
-    /// It has the fine node at the same place of its own.
+    /// The fine node at the same position belongs to the rank.
     Same,
 }
 
-/// The ranks of coarse nodes, given the numbers of their places, ascending, with the claims of this rank. A node belongs to the
-/// rank of the fine node at its place or, without one, to the lowest rank that has one of its children. Each node has a home
-/// rank, which all ranks that know it ask.
+/// The ranks of coarse nodes, given their position numbers, ascending, with the claims of this rank. A node belongs to
+/// the rank of the fine node at its position or, without one, to the lowest rank that has one of its children. Each
+/// node has a home rank, which all ranks that know the node ask.
 pub(super) fn coarse_owners(ranks: &Ranks, claims: &[(u64, Claim)], places: u64) -> Vec<u32> {
     let per_home = places.div_ceil(ranks.count() as u64).max(1);
     let home = |key: u64| (key / per_home) as usize;
-    // Each number comes with that of its claim as last digit to base 3.
+    // Each number has its claim appended as the last digit in base 3.
     let named = |&(key, claim): &(u64, Claim)| 3 * key + claim as u64;
     let of_homes = claims.chunk_by(|a, b| home(a.0) == home(b.0));
     let messages = of_homes.map(|of_home| (home(of_home[0].0), of_home.iter().map(named).collect()));
     let asked: Vec<(usize, Vec<u64>)> = ranks.exchange(messages.collect());
-    // The best claim on each node, and its rank.
+    // The strongest claim on each node, and its rank.
     let mut owner: FxHashMap<u64, (u64, u32)> = FxHashMap::default();
     for (rank, nodes) in &asked {
         for node in nodes {

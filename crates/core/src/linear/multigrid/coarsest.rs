@@ -4,7 +4,7 @@ use super::super::reduction::agree;
 use super::super::{Direct, LinearError, LinearSolver, Pattern, ordering};
 use super::level::Level;
 
-/// The factor of the matrix of the coarsest level, and the nodes of all ranks.
+/// The factor of the matrix of the coarsest level, and the nodes of all ranks on this level.
 #[derive(Default)]
 pub(super) struct Coarsest {
     direct: Direct,
@@ -64,7 +64,8 @@ impl Coarsest {
         }
     }
 
-    /// The columns of the row of an own node from the diagonal on: the number of each, ascending, and its place in the row.
+    /// The columns of the row of an own node from the diagonal on: the number of each, ascending, and its index in the
+    /// row.
     fn entries<const D: usize, const N: usize>(&self, level: &Level<D, N>, node: usize) -> Vec<(u32, usize)> {
         let columns = level.rows.columns(node).iter().enumerate();
         let mut entries: Vec<(u32, usize)> = columns
@@ -145,8 +146,8 @@ impl Coarsest {
     }
 }
 
-/// The lower triangle by columns, given the columns of each row from the diagonal on; as the matrix is symmetric, row and
-/// column have changed places.
+/// The lower triangle by columns, given the columns of each row from the diagonal on; as the matrix is symmetric, rows
+/// and columns are interchanged.
 fn lower_triangle<const N: usize>(rows: &[Vec<u32>]) -> Pattern {
     let n = N * rows.len();
     let mut pattern = Pattern { n, column_start: vec![0], row: Vec::new(), symmetric: true };

@@ -1,4 +1,5 @@
-//! Rows of a level to which several ranks contribute: each sends its part of the rows of others to their ranks.
+//! Rows of a level to which several ranks contribute: each rank sends its part of the rows of another rank to that
+//! rank.
 
 use rayon::prelude::*;
 
@@ -7,32 +8,32 @@ use crate::ranks::Ranks;
 
 use super::ghosts::{Find, Known, Messages};
 
-/// The columns of a part of a row, by the numbers of their places and with their ranks.
+/// The columns of a part of a row, by their position numbers and with their ranks.
 type Columns = Vec<(u64, u32)>;
 
 /// The part of a row that comes from another rank.
 #[derive(Debug, Clone)]
 struct Part {
     row: u32,
-    /// The place of its rank among those that messages come from, and that of its first block in the message.
+    /// Index of its rank among the senders, and index of its first block in the message.
     from: usize,
     first: usize,
-    /// The place of each of its columns in the row.
+    /// The index in the row of each of its columns.
     places: Vec<u32>,
 }
 
 /// The parts of rows that pass between ranks.
 #[derive(Debug, Clone)]
 pub(super) struct Contributions {
-    /// The rows that go and come: messages with one value for each.
+    /// The rows that are sent and received: messages with one value for each.
     pub rows: Messages,
-    /// Columns of the rows that go to each rank.
+    /// Columns of the rows that are sent to each rank.
     columns: Vec<Vec<Vec<u32>>>,
-    /// Parts that come, by rows and then by ranks.
+    /// Parts that are received, by row and then by rank.
     parts: Vec<Part>,
     /// The first of the parts of each own row.
     part_start: Vec<u32>,
-    /// Number of blocks that come from each rank.
+    /// Number of blocks that are received from each rank.
     blocks: Vec<usize>,
 }
 
@@ -40,8 +41,8 @@ pub(super) struct Contributions {
 pub(super) type RowColumns = (Vec<usize>, Vec<u32>);
 
 impl Contributions {
-    /// Tells the other ranks which entries this one contributes to rows of known nodes. Returns the columns of the own rows,
-    /// ascending, diagonal included; columns that come from others become ghosts.
+    /// Tells the other ranks which entries this one contributes to rows of known nodes. Returns the columns of the own
+    /// rows, ascending, diagonal included; columns received from others become ghosts.
     pub(super) fn new(
         ranks: &Ranks,
         (known, find): (&mut Known, &mut Find),
@@ -107,7 +108,8 @@ impl Contributions {
         (Contributions { rows, columns: of_rank, parts, part_start, blocks }, whole)
     }
 
-    /// Sends the parts of rows of other ranks, where `part(row, columns, blocks)` writes blocks of zeros; returns what comes.
+    /// Sends this rank's contributions to rows of other ranks; `part(row, columns, blocks)` writes them into blocks
+    /// initialised to zero. Returns the contributions received.
     pub(super) fn pass<const N: usize>(
         &self,
         ranks: &Ranks,
@@ -130,7 +132,7 @@ impl Contributions {
         receive
     }
 
-    /// Adds what has come for a row to its blocks, in the order of the ranks.
+    /// Adds the contributions received for a row to its blocks, in rank order.
     #[inline(always)]
     pub(super) fn add<const N: usize>(&self, received: &[Vec<f64>], row: usize, blocks: &mut [Block<N>]) {
         for part in &self.parts[self.part_start[row] as usize..self.part_start[row + 1] as usize] {

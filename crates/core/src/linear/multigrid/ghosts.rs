@@ -1,4 +1,4 @@
-//! The nodes of a level that several ranks know: each node belongs to one rank, and others keep copies of it, its ghosts.
+//! The nodes of a level that several ranks know: each node belongs to one rank; others keep copies of it, its ghosts.
 
 use rustc_hash::FxHashMap;
 
@@ -9,13 +9,13 @@ use crate::ranks::Ranks;
 pub(super) struct Known {
     /// Number of nodes of this rank.
     pub own: usize,
-    /// The number of the place of each node, which is the same on all ranks.
+    /// The position number of each node, which is the same on all ranks.
     pub key: Vec<u64>,
     /// The rank of each node.
     pub owner: Vec<u32>,
 }
 
-/// Finds known nodes by the numbers of their places.
+/// Finds known nodes by their position numbers.
 pub(super) type Find = FxHashMap<u64, u32>;
 
 impl Known {
@@ -37,7 +37,7 @@ impl Known {
         self.key.len()
     }
 
-    /// The node of this place, which becomes a ghost if it was not known.
+    /// The node at this position, which becomes a ghost if it was not known.
     pub(super) fn find_or_add(&mut self, find: &mut Find, key: u64, owner: u32) -> u32 {
         *find.entry(key).or_insert_with(|| {
             self.key.push(key);
@@ -46,7 +46,8 @@ impl Known {
         })
     }
 
-    /// The ranks that ghosts belong to, ascending, each with its ghosts for which `has` holds, in the order of their places.
+    /// The ranks to which ghosts belong, ascending, each with its ghosts for which `has` is true, in the order of their
+    /// positions.
     pub(super) fn by_owner(&self, has: impl Fn(usize) -> bool) -> Vec<(usize, Vec<u32>)> {
         let mut ghosts: Vec<usize> = (self.own..self.len()).filter(|node| has(*node)).collect();
         ghosts.sort_unstable_by_key(|&node| (self.owner[node], self.key[node]));
@@ -57,19 +58,19 @@ impl Known {
     }
 }
 
-/// Values at nodes that pass between ranks.
+/// Values at nodes that are exchanged between ranks.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Messages {
     /// The other ranks, ascending.
     pub with: Vec<usize>,
-    /// Nodes whose values go to each of them.
+    /// Nodes whose values are sent to each of them.
     pub send: Vec<Vec<u32>>,
-    /// Nodes for whose values those come that each of them sends.
+    /// Nodes whose values are received from each of them.
     pub receive: Vec<Vec<u32>>,
 }
 
 impl Messages {
-    /// Messages to some ranks and from some, both ascending; none if there is nothing for either side.
+    /// Messages to and from some ranks, both ascending; ranks with which nothing is exchanged do not appear.
     pub(super) fn new(send: Vec<(usize, Vec<u32>)>, receive: Vec<(usize, Vec<u32>)>) -> Self {
         let mut with: Vec<usize> = send.iter().chain(&receive).map(|(rank, _)| *rank).collect();
         with.sort_unstable();
@@ -86,7 +87,7 @@ impl Messages {
         Messages { send: of_ranks(send), receive: of_ranks(receive), with }
     }
 
-    /// Sends the values of nodes, and calls `take(node, value)` for those that come, in the order of the ranks.
+    /// Sends the values of nodes, and calls `take(node, value)` for those received, in rank order.
     fn pass<const N: usize>(
         &self,
         ranks: &Ranks,
@@ -106,12 +107,12 @@ impl Messages {
         }
     }
 
-    /// Replaces values by those that come.
+    /// Replaces values by those received.
     fn copy<const N: usize>(&self, ranks: &Ranks, values: &mut [[f64; N]]) {
         self.pass(ranks, values, |value, new| value.copy_from_slice(new));
     }
 
-    /// Adds the values that come, in the order of the ranks.
+    /// Adds the values received, in rank order.
     pub(super) fn add<const N: usize>(&self, ranks: &Ranks, values: &mut [[f64; N]]) {
         self.pass(ranks, values, |value, new| value.iter_mut().zip(new).for_each(|(sum, new)| *sum += new));
     }
@@ -126,7 +127,7 @@ pub(super) struct Ghosts {
 }
 
 impl Ghosts {
-    /// The ghosts of known nodes, where `colour` is the colour of a node, of `n_colours`.
+    /// The ghosts among the known nodes; `colour` gives the colour of a node, one of `n_colours`.
     pub(super) fn new(
         ranks: &Ranks,
         (known, find): (&Known, &Find),

@@ -11,8 +11,8 @@ use super::rows::{Rows, in_parts};
 use super::stencil::{Stencil, inverse_of};
 
 /// A level: Â = S A S with the matrix A of the level and a diagonal S that makes the entries about one, however little
-/// of a cell a body fills. Held degrees of freedom have only a one on the diagonal. If there are several ranks, each has
-/// the rows of its own nodes, which come first, and fields also have values at the ghosts that follow.
+/// of a cell a body fills. Held degrees of freedom have only a one on the diagonal. If there are several ranks, each
+/// has the rows of its own nodes, which come first, and fields also have values at the ghosts that follow.
 #[derive(Debug, Clone)]
 pub(super) struct Level<const D: usize, const N: usize> {
     pub lattice: Lattice<D>,
@@ -21,7 +21,7 @@ pub(super) struct Level<const D: usize, const N: usize> {
     pub scale: Vec<[f64; N]>,
     /// Its inverse, zero where held.
     pub unscale: Vec<[f64; N]>,
-    /// Degrees of freedom that are prescribed, of own nodes.
+    /// Prescribed degrees of freedom of own nodes.
     pub held: Vec<[bool; N]>,
     /// Inverses of the diagonal blocks of Â.
     pub inverse: Vec<Block<N>>,
@@ -31,7 +31,7 @@ pub(super) struct Level<const D: usize, const N: usize> {
     pub b: Vec<[f64; N]>,
     /// Residual, or the new values of one colour.
     pub work: Vec<[f64; N]>,
-    /// What it takes if there are several ranks.
+    /// Additional data if there are several ranks.
     pub shared: Option<Shared>,
 }
 
@@ -78,7 +78,7 @@ impl<const D: usize, const N: usize> Level<D, N> {
         let mut held = vec![[false; N]; lattice.len()];
         let (mut start, mut column) = (vec![0], Vec::new());
         for (n, place) in lattice.place.iter().enumerate() {
-            // A node at the place of a held fine node is held in the same way.
+            // A node at the position of a held fine node is held in the same way.
             for &(child, weight) in transfer.children(n) {
                 if weight == 1.0 {
                     held[n] = self.held[child as usize];
@@ -90,7 +90,7 @@ impl<const D: usize, const N: usize> Level<D, N> {
         (Level::new(lattice, Rows::new(start, column), held, None), transfer)
     }
 
-    /// True if this is the finest level of such a system.
+    /// True if this is the finest level for this lattice, matrix and held degrees of freedom.
     pub(super) fn is_of(&self, lattice: &Lattice<D>, matrix: &BlockMatrix<N>, held: &[[bool; N]]) -> bool {
         let same_columns = || {
             (0..self.rows.len()).all(|c| {
@@ -231,7 +231,7 @@ pub(super) fn whole_rows<const N: usize>(matrix: &BlockMatrix<N>) -> RowColumns 
     let mut next = start.clone();
     let mut column = vec![0; start[n]];
     for c in 0..n {
-        // The rows above the diagonal have come with the columns before.
+        // Earlier columns have already given row c its entries left of the diagonal.
         for &row in &matrix.row[matrix.column_start[c]..matrix.column_start[c + 1]] {
             column[next[row as usize]] = c as u32;
             next[row as usize] += 1;

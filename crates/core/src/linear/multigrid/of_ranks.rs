@@ -1,16 +1,16 @@
-//! What a level has because several ranks share it.
+//! Additional data of a level that several ranks share.
 
 use super::contributions::Contributions;
 use super::ghosts::{Ghosts, Known};
 
-/// What a level of several ranks has besides the rows of own nodes.
+/// The data of a level of several ranks besides the rows of own nodes.
 #[derive(Debug, Clone)]
 pub(super) struct Shared {
     pub known: Known,
     pub ghosts: Ghosts,
-    /// Entries of rows that come from the points, or from the finer nodes, of other ranks.
+    /// Entries of rows that the points or the finer nodes of other ranks contribute.
     pub contributions: Contributions,
-    /// The active nodes, in the order of the nodes of the finest level; nodes that this rank does not touch follow them. Empty
-    /// on coarser levels.
+    /// The active nodes, in the order of the nodes of the finest level; the nodes that this rank does not touch follow
+    /// them. Empty on coarser levels.
     pub active: Vec<u32>,
 }

@@ -6,8 +6,8 @@ const LANES: usize = 4;
 /// Rows of a task that is not divided further.
 const GRAIN: usize = 128;
 
-/// A square matrix of N×N blocks by rows. Of a row, the entries of its first component stand side by side, those of
-/// the second follow; each is filled up with zeros to a multiple of [`LANES`].
+/// A square matrix of N×N blocks by rows. In a row, the entries of its first component stand side by side, followed by
+/// those of the second and so on; each component is padded with zeros to a multiple of [`LANES`].
 #[derive(Debug, Clone, Default)]
 pub(super) struct Rows<const N: usize> {
     start: Vec<usize>,

@@ -1,4 +1,4 @@
-//! Levels of several ranks: each has the rows of its own nodes, and copies of what it needs of others.
+//! Levels of several ranks: each rank has the rows of its own nodes, and copies of what it needs of other ranks.
 
 use pulp::Arch;
 use rayon::prelude::*;
@@ -17,7 +17,7 @@ use super::of_ranks::Shared;
 use super::rows::Rows;
 use super::stencil::Stencil;
 
-/// The input of an analysis, which need not be repeated for the same.
+/// The input of an analysis, which need not be repeated for the same input.
 #[derive(PartialEq)]
 pub(super) struct Input<const D: usize, const N: usize> {
     places: Vec<[u32; D]>,
@@ -47,7 +47,7 @@ impl<const D: usize, const N: usize> Input<D, N> {
 }
 
 impl<const D: usize, const N: usize> Level<D, N> {
-    /// The finest level, whose matrix is the sum of those of all ranks on their active nodes.
+    /// The finest level, whose matrix is the sum of the matrices of all ranks on their active nodes.
     pub(super) fn finest_shared(ranks: &Ranks, matrix: &BlockMatrix<N>, input: &Input<D, N>) -> Self {
         let places = input.places.clone();
         let reach = matrix.reach(|node| places[node]);
@@ -110,7 +110,7 @@ impl<const D: usize, const N: usize> Level<D, N> {
                 claims.push((lattice.key(parent), claim));
             });
         }
-        // The best claim on each node.
+        // The strongest claim on each node.
         claims.sort_unstable_by_key(|(key, claim)| (*key, std::cmp::Reverse(*claim)));
         claims.dedup_by_key(|(key, _)| *key);
         let owners = coarse_owners(ranks, &claims, lattice.places());
@@ -120,7 +120,7 @@ impl<const D: usize, const N: usize> Level<D, N> {
         let mut transfer = Transfer::new(&self.lattice, own, known.len(), |place| find[&lattice.key(place)]);
         let mut held = vec![[false; N]; known.own];
         for (n, held) in held.iter_mut().enumerate() {
-            // A node at the place of a held fine node is held in the same way.
+            // A node at the position of a held fine node is held in the same way.
             for &(child, _) in transfer.children(n).iter().filter(|(_, weight)| *weight == 1.0) {
                 *held = self.held[child as usize];
             }
@@ -155,10 +155,10 @@ impl<const D: usize, const N: usize> Level<D, N> {
         (start, of_rows.into_iter().flatten().collect())
     }
 
-    /// Takes the values of the matrix of which each rank has its part.
+    /// Takes the values of the matrix of which each rank has a part.
     ///
     /// # Errors
-    /// [`LinearError::Singular`] on all ranks if a free degree of freedom of any has no stiffness.
+    /// [`LinearError::Singular`] on all ranks if a free degree of freedom on any rank has no stiffness.
     pub(super) fn take_shared(
         &mut self,
         shared: &Shared,
@@ -197,8 +197,8 @@ impl<const D: usize, const N: usize> Level<D, N> {
         });
     }
 
-    /// Fills the rows with the sum of the parts of all ranks, scaled; `part(row, columns, blocks)` writes that of this rank to
-    /// blocks of zeros.
+    /// Fills the rows with the sum of the parts of all ranks, scaled; `part(row, columns, blocks)` writes the part of
+    /// this rank into blocks initialised to zero.
     fn fill_shared(&mut self, shared: &Shared, part: &(impl Fn(usize, &[u32], &mut [Block<N>]) + Sync)) {
         let Shared { ghosts, contributions, .. } = shared;
         ghosts.renew(&mut self.scale);
@@ -227,7 +227,7 @@ impl<const D: usize, const N: usize> Level<D, N> {
         self.invert();
     }
 
-    /// Number of nodes of all ranks.
+    /// Number of nodes over all ranks.
     pub(super) fn count(&self) -> usize {
         match &self.shared {
             None => self.lattice.len(),

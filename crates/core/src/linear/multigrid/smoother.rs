@@ -89,7 +89,7 @@ impl<const D: usize, const N: usize> Level<D, N> {
         }
     }
 
-    /// Adds the correction found on the coarser level, at ghosts, too.
+    /// Adds the correction found on the coarser level, also at ghosts.
     pub(super) fn prolong(&mut self, transfer: &Transfer, coarse: &Level<D, N>) {
         let unscale = &self.unscale;
         in_parts(0, &mut self.x, &|first, part: &mut [[f64; N]]| {

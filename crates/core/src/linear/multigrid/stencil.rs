@@ -1,4 +1,4 @@
-//! Sums of the Galerkin product Tᵀ A T, and inverses of its blocks on the diagonal.
+//! Sums of the Galerkin product Tᵀ A T, and inverses of its diagonal blocks.
 
 use super::super::blocks::Block;
 use super::super::lattice::{Lattice, Transfer};
@@ -8,12 +8,12 @@ use super::rows::Rows;
 /// such weak motions.
 const WEAKEST: f64 = 1e-4;
 
-/// Numbers the places around a node of a level.
+/// Numbers the positions around a node of a level.
 pub(super) struct Stencil {
     /// A key of each node; the difference of two keys gives their relative position.
     key: Vec<usize>,
     centre: usize,
-    /// Number of places.
+    /// Number of positions.
     pub len: usize,
 }
 
@@ -26,7 +26,7 @@ impl Stencil {
         Stencil { key: lattice.place.iter().map(number).collect(), centre: number(&lattice.reach), len }
     }
 
-    /// The place of a column in the row of a node.
+    /// The number of the position of a column around the node of a row.
     #[inline(always)]
     pub(super) fn place(&self, row: usize, column: usize) -> usize {
         self.key[column] + self.centre - self.key[row]

@@ -1,7 +1,7 @@
 //! The response of modified Cam-clay to principal trial strains, at one point or at several side by side.
 //!
-//! Where the trial stress lies beyond the ellipse, Newton's method finds the elastic strain invariants ε_v^e, ε_s^e and the
-//! multiplier Γ = Δγ P_cn that satisfy
+//! Where the trial stress lies beyond the ellipse, Newton's method finds the elastic strain invariants ε_v^e, ε_s^e and
+//! the multiplier Γ = Δγ P_cn that satisfy
 //! ε_v^e − ε_v^tr = Γ (2P − P_c)/P_cn, ε_s^e − ε_s^tr = −2Γ q/(M² P_cn) and f = 0,
 //! Borja and Tamagnini (1998). The direction of the deviator is that of the trial strain.
 
@@ -12,14 +12,14 @@ use crate::tensor::{Lane, exp, ln};
 
 /// Largest number of Newton iterations.
 const MOST_ITERATIONS: usize = 50;
-/// The equations hold to this, [-].
+/// Tolerance of the equations, [-].
 const TOLERANCE: f64 = 1e-13;
-/// From a smaller norm of the residual, one iteration leads to round-off, [-].
+/// Norm of the residual below which one iteration reaches round-off, [-].
 const NEARLY: f64 = 1e-9;
-/// Largest number of trials of the line search.
+/// Largest number of halvings of a step in the line search.
 const MOST_TRIALS: usize = 30;
 
-/// The elastic stress at invariants of the strain.
+/// The elastic stress at given invariants of the strain.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Elastic<T = f64> {
     /// P, [stress].
@@ -36,7 +36,7 @@ pub(super) struct Elastic<T = f64> {
 
 /// The equations of the return mapping at a trial solution.
 struct Equations<T> {
-    /// Those of the volumetric strain, of the shear strain, and of the yield surface, all relative.
+    /// Residuals of the volumetric strain, of the shear strain, and of the yield surface, all relative.
     residual: [T; 3],
     /// Their derivatives with respect to ε_v^e, ε_s^e and Γ.
     jacobian: [[T; 3]; 3],
@@ -51,11 +51,11 @@ struct Start<T> {
     shear: T,
     /// P_c of the converged state, [stress].
     size: T,
-    /// A first ε_v^e.
+    /// Initial guess of ε_v^e.
     first: T,
-    /// One over P_c there, by which the yield function is scaled, [1/stress].
+    /// 1/P_c at this guess, by which the yield function is scaled, [1/stress].
     per_size: T,
-    /// Norm of the residual at a solution, [-]; infinite where a point does not flow.
+    /// Norm of the residual up to which a solution is accepted, [-]; infinite where a point does not flow.
     tolerance: T,
 }
 
@@ -83,8 +83,8 @@ impl<T: Lane> Elastic<T> {
         [pressure, coupling * volumetric + modulus * shear * 3.0]
     }
 
-    /// True if the elastic stiffness is positive definite at all points. Where μ grows with the pressure it is not beyond some
-    /// ε_s, and the stress falls without flow.
+    /// True if the elastic stiffness is positive definite at all points. Where μ grows with the pressure, this no
+    /// longer holds beyond some ε_s, and the stress falls without flow.
     #[inline(always)]
     fn is_stable(&self) -> bool {
         (self.coupling * self.coupling - self.bulk * self.modulus * 3.0).is_below(0.0)
@@ -124,7 +124,7 @@ impl CamClay {
         ratio * ratio + elastic.pressure * (elastic.pressure - size)
     }
 
-    /// P_c after a change of the elastic ε_v at the same total one.
+    /// P_c after a change of the elastic ε_v at constant total ε_v.
     #[inline(always)]
     fn size<T: Lane>(&self, size: T, change: T) -> T {
         size * exp(change * self.hardening())
@@ -163,8 +163,8 @@ impl CamClay {
         Equations { residual, jacobian, elastic, size }
     }
 
-    /// Solves the equations by Newton's method with a line search, at each point down to round-off; `None` if it fails
-    /// at a point.
+    /// Solves the equations at every point to round-off by Newton's method with a line search; `None` if this fails at
+    /// any point.
     #[inline(always)]
     fn solve<T: Lane>(&self, start: &Start<T>) -> Option<([T; 3], Equations<T>)> {
         let (zero, one) = (T::splat(0.0), T::splat(1.0));
@@ -196,7 +196,7 @@ impl CamClay {
                     return None;
                 }
                 trials += 1;
-                // Only round-off can be in the way of the last iteration.
+                // Only round-off can prevent a decrease in the last iteration.
                 open = zero.where_below(worse, one - is_last, open);
                 share = zero.where_below(worse, share * 0.5, share);
             };
@@ -206,7 +206,7 @@ impl CamClay {
         is_solution.then_some((x, now))
     }
 
-    /// A first elastic volumetric strain: that of the trial state or, if its pressure lies far beyond the ellipse, that of
+    /// Initial guess of the elastic volumetric strain: that of the trial state or, if its pressure exceeds P_c, that of
     /// isotropic compression along the virgin line.
     #[inline(always)]
     fn first<T: Lane>(&self, volumetric: T, size: T) -> T {
@@ -217,13 +217,13 @@ impl CamClay {
         beyond.where_below(T::splat(0.0), along, volumetric)
     }
 
-    /// The state at the end of the flow; `None` if a point has none.
+    /// The state at the end of the flow; `None` if a point has no such state.
     #[inline(always)]
     fn flow<T: Lane>(&self, start: &Start<T>) -> Option<Returned<T>> {
         let ([volumetric, shear, gamma], equations) = self.solve(start)?;
         let Equations { jacobian, elastic, size, .. } = equations;
         let (one, zero) = (T::splat(1.0), T::splat(0.0));
-        // The trial strains enter the first two equations, and P_c, which depends on ε_v^e − ε_v^tr.
+        // The trial strains enter the first two equations as well as P_c, which depends on ε_v^e − ε_v^tr.
         let per = one / start.size;
         let solved = inverse(&jacobian);
         let size_rate = size * self.hardening();

@@ -1,5 +1,5 @@
-//! The return mapping of laws in principal axes: consistency of the modulus in every region and near its borders, stresses
-//! on the yield surface, dissipation.
+//! The return mapping of laws in principal axes: consistency of the modulus in every region and near the boundaries
+//! between regions, stresses on the yield surface, dissipation.
 
 use super::*;
 
@@ -44,7 +44,7 @@ fn case<L: PrincipalLaw + Material + 'static>(
     Case { law: Box::new(law), old, size, yields: Box::new(yields) }
 }
 
-/// The largest of what shear and tension exceed, relative to the compressive strength.
+/// The larger of the excesses over shear and tensile strength, relative to the compressive strength.
 fn mohr_coulomb(tau: [f64; 3], friction: Friction, tensile: f64, factor: f64) -> f64 {
     let [high, low] = [tau[0].max(tau[1]).max(tau[2]), tau[0].min(tau[1]).min(tau[2])];
     let sine = friction.friction_angle.to_radians().sin();
@@ -121,7 +121,7 @@ impl Case {
         self.law.respond(trial, old, &mut new).ok().map(|response| (response, new))
     }
 
-    /// Error of the modulus at these strains against central differences, relative to the stiffness at no strain.
+    /// Error of the modulus at these strains against central differences, relative to the stiffness at zero strain.
     fn error_of_modulus(&self, trial: [f64; 3], old: &[f64], h: f64) -> f64 {
         let (response, _) = self.respond(trial, old).expect("a response");
         let (at_rest, _) = self.respond([0.0; 3], &self.old).expect("a response");
@@ -190,7 +190,7 @@ fn the_modulus_is_consistent_in_all_regions_and_near_their_borders() {
                 continue;
             }
             if case.jump(a, b, &old) > JUMP {
-                // The border between both, to within a hundred thousandth.
+                // The boundary between the two regions, by bisection.
                 while (a[0] - b[0]).abs() + (a[1] - b[1]).abs() + (a[2] - b[2]).abs() > 1e-6 * size {
                     let middle = between(a, b, 0.5);
                     let is_first = case.jump(a, middle, &old) > case.jump(middle, b, &old);
@@ -228,12 +228,12 @@ fn equal_strains_have_the_limit_of_the_modulus() {
     }
 }
 
-/// Plastic work τ : Δε^p is never negative, also where flow is not associated, since no dilation angle exceeds the friction
-/// angle: on the surface of Mohr and Coulomb τ · m = 2c√N − (N − N_ψ) τ₁, and on the cone ξ c − (η − η̄) p; τ₁ and p are at
-/// most those of the apex, 2c√N/(N − 1) and ξ c/η, where both would still be positive for N_ψ = 1 and η̄ = 0. Strength of the
-/// Cauchy stress multiplies c by J, and softening takes the strength at the end of the step, which changes nothing in this.
-/// On the ellipse of Cam-clay τ · m = P P_c. Part of this work is stored in the hardening of Cam-clay, so only the sum is
-/// tested, not what turns into heat.
+/// Plastic work τ : Δε^p is never negative, even where flow is not associated, since no dilation angle exceeds the
+/// friction angle: on the Mohr-Coulomb surface τ · m = 2c√N − (N − N_ψ) τ₁, and on the cone ξ c − (η − η̄) p; τ₁ and p
+/// are at most those of the apex, 2c√N/(N − 1) and ξ c/η, where both expressions would still be positive for N_ψ = 1
+/// and η̄ = 0. If the strength limits the Cauchy stress, c is multiplied by J, and softening takes the strength at the
+/// end of the step; neither changes this result. On the ellipse of Cam-clay τ · m = P P_c. Part of this work is stored
+/// in the hardening of Cam-clay, so only the sum is tested, not what turns into heat.
 #[test]
 fn stresses_return_to_the_surface_and_plastic_work_is_never_negative() {
     let mut random = Random(2);
@@ -266,8 +266,8 @@ fn stresses_return_to_the_surface_and_plastic_work_is_never_negative() {
     }
 }
 
-/// An unconfined point that flows from its peak: the stress falls gradually just above the least strain of softening, and
-/// jumps, or has no solution, just below it.
+/// An unconfined point that flows from its peak: the stress falls gradually just above the least strain of softening,
+/// and jumps, or has no solution, just below it.
 #[test]
 fn softening_has_a_solution_down_to_the_least_strain() {
     let angles =

@@ -1,14 +1,14 @@
-//! Return mapping to the planes of Mohr and Coulomb and of a tension cut-off, in the space of principal stresses.
+//! Return mapping to the Mohr-Coulomb planes and the planes of a tension cut-off, in principal stress space.
 //!
-//! In a sector of ordered stresses τ₁ ≥ τ₂ ≥ τ₃ (tension positive) the surface consists of the shear plane N τ₁ − τ₃ = s
-//! and the tension plane τ₁ = T. Their mirror images in the neighbouring sectors, N τ₂ − τ₃ = s, N τ₁ − τ₂ = s and τ₂ = T,
-//! meet them in edges and vertices. Stresses and moduli of all faces and edges follow from one formula with one or two
-//! planes (Koiter 1953; de Souza Neto, Perić and Owen 2008, chapter 8; Clausen, Damkilde and Andersen 2007,
-//! doi 10.1016/j.compstruc.2006.10.010): nothing iterates.
+//! In a sector of ordered stresses τ₁ ≥ τ₂ ≥ τ₃ (tension positive) the surface consists of the shear plane N τ₁ − τ₃ =
+//! s and the tension plane τ₁ = T. Their mirror images in the neighbouring sectors, N τ₂ − τ₃ = s, N τ₁ − τ₂ = s and τ₂
+//! = T, meet them in edges and vertices. Stresses and moduli of all faces and edges follow from one formula with one or
+//! two planes (Koiter 1953; de Souza Neto, Perić and Owen 2008, chapter 8; Clausen, Damkilde and Andersen 2007, doi
+//! 10.1016/j.compstruc.2006.10.010): nothing iterates.
 
 use crate::material::Elasticity;
 
-/// Strength of Mohr and Coulomb with a tension cut-off; also a derivative of it.
+/// Mohr-Coulomb strength with a tension cut-off; also a derivative of such a strength.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Strength {
     /// N = (1 + sin φ)/(1 − sin φ), [-].
@@ -82,7 +82,7 @@ impl Plane {
 }
 
 impl Strength {
-    /// Without friction there is no limit to the tension on all sides.
+    /// Tensile strength under isotropic stress; infinite without friction.
     #[inline(always)]
     fn apex(&self) -> f64 {
         if self.ratio > 1.0 { self.compressive / (self.ratio - 1.0) } else { f64::INFINITY }
@@ -109,8 +109,8 @@ impl Strength {
         self.excess(&[largest, 0.0, smallest])
     }
 
-    /// Returns ordered trial stresses beyond the surface to it. `rates` are the derivatives of the strength with respect to
-    /// the parameters, if those of the stresses are wanted.
+    /// Returns ordered trial stresses from beyond the surface to the surface. `rates` are the derivatives of the
+    /// strength with respect to the parameters, if the derivatives of the stresses are wanted.
     pub fn returned<const R: usize>(
         &self,
         elasticity: &Elasticity,
@@ -120,7 +120,7 @@ impl Strength {
         use Plane::{Shear, Tension};
         let scale = trial[0].abs().max(trial[2].abs()).max(self.compressive);
         let (mut least, mut best) = (f64::INFINITY, 0);
-        // Each face and edge is compiled on its own. The last round returns the one with the least error.
+        // Each face and edge is compiled separately. The last round returns the one with the smallest error.
         macro_rules! attempt {
             ($number:literal, $planes:expr, $is_last:expr) => {
                 let face = Face::new(self, elasticity, trial, $planes);
@@ -181,7 +181,7 @@ impl<const M: usize> Face<M> {
         let mut tau: Vector =
             std::array::from_fn(|i| (0..M).fold(trial[i], |tau, k| tau - flow_stress[k][i] * flow[k]));
         if let [Plane::Shear(_, j), Plane::Shear(_, l)] = planes.as_slice() {
-            // The two stresses that are equal on this edge are so to the last bit.
+            // The two stresses that are equal on this edge become equal to the last bit.
             let (a, b) = if j == l { (0, 1) } else { (1, 2) };
             let mean = 0.5 * (tau[a] + tau[b]);
             (tau[a], tau[b]) = (mean, mean);
@@ -194,8 +194,8 @@ impl<const M: usize> Face<M> {
         Face { planes, tau, flow, normal_stress, flow_stress, inverse }
     }
 
-    /// The largest of the stress beyond other planes and of flow against its direction, [stress]; infinite if it is no
-    /// number.
+    /// The larger of the stress beyond other planes and the flow against its direction, [stress]; infinite if it is
+    /// NaN.
     #[inline(always)]
     fn violation(&self, strength: &Strength, elasticity: &Elasticity) -> f64 {
         let back = self.flow.iter().fold(f64::NEG_INFINITY, |most, flow| most.max(-elasticity.shear * flow));
@@ -297,7 +297,7 @@ impl Vertex {
         Vertex { place, tau, violation }
     }
 
-    /// The vertex whose flow is least in error.
+    /// The vertex whose flow has the smallest error.
     fn nearest(strength: &Strength, elasticity: &Elasticity, trial: &Vector) -> Vertex {
         let at = |place| Vertex::new(place, strength, elasticity, trial);
         if !strength.is_cut() {

@@ -14,7 +14,7 @@ pub(super) struct Shells {
 /// higher.
 pub(super) type FacetEdge = ([u32; 2], u32, bool);
 
-/// The edges of all facets, sorted so that those with the same ends follow one another.
+/// The edges of all facets, sorted so that edges with the same ends follow one another.
 pub(super) fn facet_edges(corners: &[[u32; 3]]) -> Vec<FacetEdge> {
     let mut facet_edges = Vec::with_capacity(3 * corners.len());
     for (facet, nodes) in corners.iter().enumerate() {
@@ -46,7 +46,7 @@ pub(super) fn corners_of_open_edges(corners: &[[u32; 3]]) -> Vec<u32> {
     ends
 }
 
-/// Finds the shells. An error unless every edge has two facets, which run along it in opposite directions.
+/// Finds the shells. Returns an error unless every edge has two facets, which run along it in opposite directions.
 pub(super) fn shells(facets: &Facets) -> Result<Shells, SurfaceError> {
     let facet_edges = facet_edges(&facets.corners);
     let report = |edge: &[FacetEdge]| EdgeReport {

@@ -50,7 +50,7 @@ fn meet([a, b]: [[u32; 3]; 2], [s, t]: [&Triangle; 2]) -> bool {
             (0..3).any(|k| segment_meets(&edge(s, k), t) || segment_meets(&edge(t, k), s))
         }
         (2, 2) => {
-            // A facet lies between the rays from the shared corner to its opposite edge.
+            // A facet lies between the rays from the shared corner through the ends of its opposite edge.
             let edge = |t: &Triangle, k: [Option<usize>; 2]| k.map(|k| t[k.unwrap_or(0)]);
             let far_a = edge(s, [own_a.next(), own_a.next()]);
             let far_b = edge(t, [own_b.next(), own_b.next()]);
@@ -65,7 +65,7 @@ fn meet([a, b]: [[u32; 3]; 2], [s, t]: [&Triangle; 2]) -> bool {
     }
 }
 
-/// True if a facet that shares the edge opposite to corner `k`, with its third corner at x, is folded onto this facet.
+/// True if a facet that shares the edge opposite to corner `k` and has its third corner at x is folded onto this facet.
 fn folded(s: &Triangle, k: usize, x: &[f64; 3]) -> bool {
     if depth(s, x) != 0.0 {
         return false;

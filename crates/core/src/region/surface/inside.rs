@@ -9,9 +9,9 @@ use crate::region::polygon::{passes_right_of, turn};
 use crate::region::vector::{dot, frame, minus};
 use crate::region::{Intervals, Line};
 
-/// Visits the facets above a position. `visit` receives the index in the order of the tree, and +1 if the upward ray
-/// leaves through the facet, −1 if it enters. A ray through an edge meets exactly one of its facets. A facet through
-/// the position counts as above.
+/// Visits the facets above a position. `visit` receives the index in tree order, and +1 if the upward ray leaves
+/// through the facet, −1 if it enters. A ray through an edge meets exactly one of its facets. A facet through the
+/// position counts as above.
 fn each_above(triangles: &[Triangle], tree: &BoxTree<3>, x: &[f64; 3], mut visit: impl FnMut(usize, i32)) {
     let flat = |x: &[f64; 3]| [x[0], x[1]];
     tree.visit(
@@ -40,7 +40,7 @@ pub(super) fn winding(triangles: &[Triangle], tree: &BoxTree<3>, x: &[f64; 3]) -
 }
 
 /// Refuses inside-out shells: a shell inside an even number of others must enclose a positive volume, one inside an odd
-/// number a cavity. `shell_of` is in the order of the tree.
+/// number a cavity. `shell_of` is in tree order.
 pub(super) fn check_orientation(
     facets: &Facets,
     shells: &Shells,

@@ -6,10 +6,10 @@ use super::Surface;
 use super::closed::{edges, facet_edges};
 use super::weld;
 
-/// Which facets of a surface share edges and corners; facets are in the order of the tree.
+/// Which facets of a surface share edges and corners; facets are in tree order.
 pub(crate) struct Neighbours {
-    /// Number of each corner of each facet. A place where several sheets of the surface touch at a corner has one
-    /// number for each sheet.
+    /// Number of each corner of each facet. A corner at which several sheets of the surface touch has one number for
+    /// each sheet.
     pub(crate) corners: Vec<[u32; 3]>,
     /// Number of corners.
     pub(crate) number: usize,

@@ -50,7 +50,7 @@ pub(crate) fn sphere(center: [f64; 3], radius: f64, nu: usize, nv: usize) -> Vec
     })
 }
 
-/// A cube with this lowest corner and side.
+/// A cube with this lowest corner and side length.
 pub(crate) fn cube([x, y, z]: [f64; 3], side: f64) -> Vec<Triangle> {
     let at =
         |k: usize| [x + side * (k & 1) as f64, y + side * (k >> 1 & 1) as f64, z + side * (k >> 2) as f64];

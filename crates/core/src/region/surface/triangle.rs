@@ -1,4 +1,4 @@
-//! A triangle of a surface: volume under it, and side of a position.
+//! A triangle of a surface: the volume that it contributes, and the side on which a position lies.
 
 use robust::{Coord3D, orient3d};
 

@@ -14,7 +14,8 @@ fn reference() -> impl Iterator<Item = (Sym3, Vec<f64>)> {
     })
 }
 
-/// Largest difference of a tensor and its derivative to reference numbers, relative to the largest of each.
+/// Largest difference of a tensor, and of its derivative, from the reference numbers, relative to the largest entry of
+/// each.
 fn error(value: &Sym3, derivative: &Tangent, expected: &[f64]) -> f64 {
     let entries: Vec<f64> = (0..6).flat_map(|c| (c..6).map(move |r| derivative[(r, c)])).collect();
     let of = |numbers: &[f64], exact: &[f64]| {

@@ -28,14 +28,14 @@ impl From<Failure> for EvaluateError {
     }
 }
 
-/// Lets something succeed only if it has on all ranks.
+/// Turns success into failure unless all ranks have succeeded.
 pub(super) fn agreed<T>(ranks: &Ranks, outcome: Result<T, ContactError>) -> Result<T, Failure> {
     let fails = ranks.any(outcome.is_err());
     let outcome = outcome.map_err(Failure::Own);
     if fails { outcome.and(Err(Failure::OnRank)) } else { outcome }
 }
 
-/// Makes each value true that is on any rank.
+/// Sets each value to true if it is true on any rank.
 pub(super) fn any_of_each(ranks: &Ranks, values: &mut [bool]) {
     if ranks.is_alone() {
         return;

@@ -1,9 +1,9 @@
 //! Contact of bodies whose points are divided between ranks.
 //!
-//! Each rank treats the places of its own points. A corner that domains on several ranks share belongs to the rank of the domain
-//! that comes first in the order of the grid: the ranks tell each other the corners near nodes that they share, and join them
-//! alike. What places keep from step to step is known to all ranks, because points migrate. All ranks decide together about
-//! errors and multipliers.
+//! Each rank treats the contact points of its own material points. A corner shared by domains on several ranks belongs
+//! to the rank whose domain comes first in the order of the grid: the ranks tell each other the corners near shared
+//! nodes, and join them in the same way. All ranks know what contact points keep from step to step, because material
+//! points migrate. All ranks decide together about errors and multipliers.
 
 use super::candidates::{CENTRE, Key, Near, Search};
 use super::plain::{Plain, exchange};
@@ -11,15 +11,15 @@ use super::search::Found;
 use crate::ranks::{Halo, Ranks};
 use crate::tool::Closest;
 
-/// The place of an active node among those that this rank shares with another one; the same on both ranks.
+/// The index of an active node among those that this rank shares with another one; the same on both ranks.
 pub(super) fn place_of(shared: &[u32], node: usize) -> Option<usize> {
     shared.binary_search(&(node as u32)).ok()
 }
 
-/// The corner of a domain near a tool, as one rank tells it others.
+/// The corner of a domain near a tool, as one rank sends it to others.
 #[derive(Debug, Clone, Copy)]
 struct Corner<const D: usize> {
-    /// The place of its cell in the order of the grid.
+    /// Position of its cell in the order of the grid.
     order: u32,
     key: Key,
     body: usize,
@@ -50,14 +50,14 @@ impl<const D: usize> Search<'_, D> {
         self.links.halo().ranks()
     }
 
-    /// The place of the cell of a point in the order of the grid.
+    /// Position of the cell of a material point in the order of the grid.
     fn order(&self, p: usize) -> u32 {
         let cell = self.points.cell[p];
         self.model.grid.patches().map_or(cell, |patches| patches.rank_of[cell as usize])
     }
 
-    /// Adds the corners on other ranks that domains of this one may share, and puts all places into the first piece, in the order
-    /// of the grid. `is_shared` tells of which bodies domains share corners.
+    /// Adds the corners on other ranks that domains of this rank may share, and moves all contact points into the first
+    /// piece, in the order of the grid. `is_shared` tells whether the domains of a body share corners.
     pub(super) fn add_others(&self, pieces: &mut Vec<Found<D>>, is_shared: impl Fn(usize) -> bool) {
         let mut places: Vec<(u32, Near<D>)> = Vec::new();
         for place in pieces.iter_mut().flat_map(|found| found.places.drain(..)) {
@@ -83,8 +83,8 @@ impl<const D: usize> Search<'_, D> {
         pieces[0].places.extend(places.into_iter().map(|(_, place)| place));
     }
 
-    /// True if the cell that holds a place has one of these active nodes, which ascend. Domains that share a corner touch the same
-    /// nodes of its cell.
+    /// True if the cell that holds a contact point has one of these active nodes, which ascend. Domains that share a
+    /// corner touch the same nodes of its cell.
     fn touches_one_of(&self, place: &Near<D>, shared: &[u32]) -> bool {
         let grid = self.model.grid.as_ref();
         let hint = place.p.map(|p| self.points.cell[p]);
@@ -95,23 +95,23 @@ impl<const D: usize> Search<'_, D> {
     }
 }
 
-/// A corner as other ranks are told it.
+/// A corner as it is sent to other ranks.
 fn told<const D: usize>((order, place): &(u32, Near<D>)) -> Corner<D> {
     let Near { body, key, start, size, closest, is_flat, area, area_of_corner, .. } = *place;
     Corner { order: *order, key, body, start, size, closest, is_flat, area, area_of_corner }
 }
 
-/// A corner that another rank has told.
+/// A corner received from another rank.
 fn of_other<const D: usize>(corner: Corner<D>) -> Near<D> {
     let Corner { order: _, key, body, start, size, closest, is_flat, area, area_of_corner } = corner;
     Near { p: None, body, key, start, size, closest, is_flat, area, area_of_corner, shared_by: Vec::new() }
 }
 
-/// A tool and a node, with the sum of vectors and of weights there.
+/// A tool and a node, with a sum of vectors and a sum of weights there.
 type AtNode<const D: usize> = ((u32, usize), ([f64; D], f64));
 
-/// Adds to sums at nodes of this rank what other ranks have there. A sum belongs to a tool and an active node; `place` gives its
-/// place for both, if this rank has it.
+/// Adds the contributions of other ranks to sums at nodes of this rank. A sum belongs to a tool and an active node, for
+/// which `place` gives its index if this rank has it.
 pub(super) fn add_others<const D: usize>(
     halo: &Halo,
     sums: &mut [([f64; D], f64)],

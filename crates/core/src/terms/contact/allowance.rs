@@ -1,18 +1,20 @@
-//! Overlap that places may keep in a step.
+//! Overlap that contact points may keep in a step.
 //!
-//! The boxes of GIMP and of standard points keep their sides along the axes, whatever the corners do, and CPDI1 domains stay
-//! parallelograms: the corner of the new domain may lie inside a tool although the old one has touched it. A step that took all of
-//! this overlap back would begin far from equilibrium, and forces would depend on the size of steps. A place therefore starts
-//! with what overlap it has, and loses it along its way.
+//! The boxes of GIMP and of standard points keep their sides along the axes, whatever their corners do, and CPDI1
+//! domains stay parallelograms: the corner of the new domain may lie inside a tool although that of the old one only
+//! touched it. A step that removed all of this overlap would begin far from equilibrium, and forces would depend on the
+//! step size. A contact point therefore starts with the overlap it has, and loses it along its path.
 
 use super::multipliers::MOST_OF_PLACE;
 
-/// Way along which the overlap of a place ends, relative to the size of a cell, [-]. With half of it, the force on a pipe in clay
-/// differs by 1.1 % from the mean of the steps before and after in place of 0.7 %, and is 1 % smaller.
+/// Path length over which the overlap of a contact point ends, relative to the size of a cell, [-]. With half of it,
+/// the force on a pipe in clay differs by 1.1 % from the mean of the steps before and after instead of 0.7 %, and is 1
+/// % smaller.
 const WAY: f64 = 2.0;
 
-/// Overlap that a place may keep, [length], beyond what updates of the multipliers may leave. The gap is `gap` at the start of
-/// the step, the size of its cell is `size`, and it has moved by `motion` in the step before, all [length].
+/// Overlap that a contact point may keep, [length], beyond what updates of the multipliers may leave. Its gap is `gap`
+/// at the start of the step, the size of its cell is `size`, and it moved by `motion` in the previous step, all
+/// [length].
 pub(super) fn allowance(gap: f64, size: f64, motion: f64) -> f64 {
     let overlap = (-gap - MOST_OF_PLACE * size).max(0.0);
     overlap * (1.0 - motion / (WAY * size)).max(0.0)
@@ -28,7 +30,7 @@ mod tests {
         assert_eq!(allowance(-1e-3, 1.0, 0.0), 0.0);
         assert_eq!(allowance(-0.201, 2.0, 2.0), 0.5 * (0.201 - 2e-3));
         assert_eq!(allowance(-0.2, 1.0, 2.0), 0.0);
-        // Many small steps end as much as a few larger ones, but for the second order.
+        // Many small steps remove as much overlap as a few larger ones, except for second-order terms.
         let after = |steps: usize| {
             (0..steps).fold(0.1, |overlap, _| allowance(-overlap - MOST_OF_PLACE, 1.0, 1.0 / steps as f64))
         };

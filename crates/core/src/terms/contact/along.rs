@@ -1,10 +1,10 @@
 //! Updates of the multipliers along an increment of Newton's method.
 //!
-//! Where no place opens, begins to slide or stops, the increment and the multipliers that close all gaps at its end follow from
-//! one linear system: K δd = r + Σ N_v δf, where δf is the force that an update λ ← p, λ_t ← t at the linearised end of the
-//! increment adds. Each update costs one substitution with the factor of K and divides the error by about p_f. As long as it
-//! does, Newton's method converges quadratically to the displacements and the multipliers together; where places hinder each
-//! other, further updates would only hand forces from one to the other.
+//! If no contact point opens, begins to slide or stops, the increment and the multipliers that close all gaps at its
+//! end follow from one linear system: K δd = r + Σ N_v δf, where δf is the force added by an update λ ← p, λ_t ← t at
+//! the linearised end of the increment. Each update costs one substitution with the factors of K and divides the error
+//! by about p_f. As long as it does, Newton's method converges quadratically to the displacements and the multipliers
+//! together; where contact points hinder each other, further updates would only shift forces between them.
 
 use super::candidates::Candidate;
 use super::evaluation::Trial;
@@ -13,18 +13,18 @@ use super::motion::Moving;
 use super::multipliers::Change;
 use crate::region::vector::{along, minus};
 
-/// A place at the linearised end of an increment.
+/// A contact point at the linearised end of an increment.
 pub(super) struct Followed<const D: usize> {
     /// Its multipliers after an update.
     pub(super) multiplier: Multiplier<D>,
-    /// The force on the body that the update adds, [force].
+    /// The force that the update adds on the body, [force].
     pub(super) force: [f64; D],
     /// What the update changes.
     pub(super) change: Option<Change<D>>,
 }
 
-/// A place at the linearised end of an increment of the nodes and of the unknown motions of its tool; `None` if the place changes
-/// its state on the way.
+/// A contact point at the linearised end of an increment of the nodes and of the unknown motions of its tool; `None` if
+/// the contact point changes its state on the way.
 pub(super) fn followed<const D: usize, const N: usize>(
     candidate: &Candidate<D>,
     multiplier: &Multiplier<D>,
@@ -40,7 +40,7 @@ pub(super) fn followed<const D: usize, const N: usize>(
         slipping = along(&slipping, -motion, &moving.velocity(k, &carried).0);
     }
     let Some(touch) = &trial.touch else {
-        // It stays open: its multipliers vanish, which adds no force.
+        // The contact point stays open: its multipliers vanish and add no force.
         return (*multiplier == Multiplier::default()).then_some(Followed {
             multiplier: *multiplier,
             force: [0.0; D],

@@ -1,18 +1,19 @@
-//! The places on the bodies that may touch a tool in a step: the corners of the domains of the points near it.
+//! The contact points that may touch a tool in a step: the corners of the domains of nearby material points.
 //!
-//! | Method | Places | Motion in the step |
+//! | Method | Contact points | Motion in the step |
 //! |---|---|---|
 //! | GIMP | corners of the box x_p ± l_p | N_v of the cell that holds the corner |
 //! | CPDI1 | corners of the domain | the same |
-//! | CPDI2 | the same, once where domains share them | the same |
-//! | MPM | corners of the box x_p ± l_p, or x_p where the point has no box | N_v of the cell of the point, continued |
-//! | all | x_p, so that thin tools meet a place between the corners; not below a flat surface without edges | S_vp |
+//! | CPDI2 | corners of the domain, counted once where domains share them | the same |
+//! | MPM | corners of the box x_p ± l_p, or x_p where the point has no box | N_v of the cell of x_p, extrapolated |
+//! | all | x_p, for thin tools between the corners; not below a flat surface without edges | S_vp |
 //!
-//! Corners inside the body are places, too: surfaces of the body that have come together may open again. The area of a place is
-//! its share of the side of the domain that lies along the tool, and of boxes its share of the side of a cube of their volume.
+//! Corners inside the body are contact points, too: surfaces of the body that have come together may open again. The
+//! area of a contact point is its share of the side of the domain that lies along the tool; for boxes, its share of the
+//! side of a cube of their volume.
 //!
-//! A corner on the border of cells belongs to the cell towards its point. Where a node of its cell is inactive, the next
-//! cell towards the point is taken, and its basis is continued to the corner.
+//! A corner on the boundary between cells belongs to the cell towards its material point. Where a node of that cell is
+//! inactive, the next cell towards the material point is taken, and its basis is extrapolated to the corner.
 
 use rayon::prelude::*;
 
@@ -26,63 +27,66 @@ use crate::points::Points;
 use crate::region::vector::{along, dot, minus, norm};
 use crate::tool::{Closest, Shape};
 
-/// Cosine of the angle between the normals of a place at the start of a step and now, inside the tool, beyond which it has
-/// come to another side, [-]. A place may slide around a corner of more than 60 degrees in one step.
+/// Cosine of the angle between the normals at a contact point inside the tool, at the start of a step and now, beyond
+/// which the contact point is on another side, [-]. It may thus slide around a corner of more than 60 degrees in one
+/// step.
 pub(super) const OTHER_SIDE: f64 = -0.5;
 
-/// Overlap or gap at the start of a step within which surfaces count as touching, relative to the size of a cell, [-].
+/// Overlap or gap at the start of a step up to which surfaces count as touching, relative to the size of a cell, [-].
 pub(super) const TOUCHING: f64 = 1e-6;
-/// Least area of a place for its penalty if updates close it slowly, relative to a side of its cell, [-].
+/// Least area of a contact point for its penalty if updates close it slowly, relative to a side of its cell, [-].
 const LEAST_AREA: f64 = 0.1;
-/// Parts of the way from a corner to its point at which a cell for it is sought.
+/// Fractions of the distance from a corner to its material point at which a cell for the corner is sought.
 const INWARDS: [f64; 5] = [1e-6, 0.25, 0.5, 0.75, 1.0];
 
-/// Number of the place at the position of a point that has corners, too.
+/// Corner number of the contact point at the position of a material point whose domain has corners, too.
 pub(super) const CENTRE: u32 = MAX_CORNERS as u32;
 
-/// A place that keeps its multipliers from step to step: a tool and a corner of the domain of a point, or [`CENTRE`].
+/// Identifies a contact point that keeps its multipliers from step to step: a tool, and a corner of the domain of a
+/// material point or [`CENTRE`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(super) struct Key {
     pub(super) tool: u32,
-    /// Permanent number of the point.
+    /// Permanent number of the material point.
     pub(super) point: u32,
     pub(super) corner: u32,
 }
 
-/// A place on a body that may touch a tool in the present step.
+/// A contact point on a body that may touch a tool in the present step.
 #[derive(Debug, Clone)]
 pub(super) struct Candidate<const D: usize> {
     pub(super) key: Key,
     pub(super) body: usize,
     /// Position at the start of the step, [length].
     pub(super) start: [f64; D],
-    /// Active nodes and their basis functions there.
+    /// Active nodes and their basis functions at this position.
     pub(super) basis: Carriers,
-    /// True if the surface of the tool is flat over all its domains.
+    /// True if the surface of the tool is flat over all domains that share the contact point.
     pub(super) is_flat: bool,
-    /// Its largest motion if no node moves farther than 1, [-].
+    /// Largest motion of the contact point if no node moves farther than 1, [-].
     pub(super) reach: f64,
-    /// Area that the place stands for, [length²]: per unit thickness in the plane, on the full circle for bodies of
-    /// revolution.
+    /// Area that the contact point stands for, [length²]: per unit thickness in the plane, over the full circle for
+    /// bodies of revolution.
     pub(super) area: f64,
     /// Size of its cell, [length].
     pub(super) size: f64,
-    /// Stiffness of the cell below it, ε/p_f, [force/length].
+    /// Stiffness of the cell below the contact point, ε/p_f, [force/length].
     pub(super) stiffness: f64,
     /// ε, [force/length].
     pub(super) penalty: f64,
-    /// ε once updates have closed the place slowly: places that stand for next to nothing have too little otherwise,
-    /// [force/length].
+    /// ε once updates have closed the gap slowly: contact points with hardly any area would otherwise have too small a
+    /// penalty, [force/length].
     pub(super) penalty_if_slow: f64,
-    /// The closest point at the start of the step, in space.
+    /// The closest point on the tool at the start of the step, in global coordinates.
     pub(super) near: Closest<D>,
-    /// Overlap that it may keep in the step, [length]; see [`super::allowance`].
+    /// Overlap that the contact point may keep in the step, [length]; see [`super::allowance`].
     pub(super) allowance: f64,
-    /// Permanent numbers of the further points whose domains share this corner.
+    /// Permanent numbers of the other material points whose domains share this corner.
     pub(super) shared_by: Vec<u32>,
 }
 
-/// The active nodes that carry a place, with their basis functions there: N_v, and S_vp at the position of a point.
+/// The active nodes that carry a contact point, with their basis functions there: N_v, or S_vp at the position of a
+/// material point.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Carriers(Vec<(u32, f64)>);
 
@@ -101,7 +105,7 @@ impl Carriers {
         self.0.len() == other.0.len() && self.0.iter().zip(&other.0).all(|(a, b)| a.0 == b.0)
     }
 
-    /// The largest motion of the place if no node moves farther than 1.
+    /// The largest motion of the contact point if no node moves farther than 1.
     fn reach(&self) -> f64 {
         self.0.iter().map(|(_, value)| value.abs()).sum()
     }
@@ -117,30 +121,31 @@ impl<const D: usize> Candidate<D> {
         u
     }
 
-    /// True if the surface of the tool is flat over its domains, and farther than this motion relative to the tool, [length].
+    /// True if the surface of the tool is flat over the domains, and farther away than this motion relative to the
+    /// tool, [length].
     pub(super) fn is_beyond(&self, motion: f64) -> bool {
         self.is_flat && self.near.gap > motion.max(TOUCHING * self.size)
     }
 
-    /// True if the surface of the tool is a plane: it is flat, and nowhere bent.
+    /// True if the surface of the tool is a plane: flat over the domains, and without curvature.
     pub(super) fn is_at_plane(&self) -> bool {
         self.is_flat && self.near.normal_derivative == [[0.0; D]; D]
     }
 
-    /// True if it is on another side of the tool than at the start of the step.
+    /// True if the contact point is on another side of the tool than at the start of the step.
     pub(super) fn has_turned(&self, shape: &dyn Shape<D>, moving: &Moving<D>, position: &[f64; D]) -> bool {
         let at_start = moving.end.vector_to_space(&moving.start.vector_to_tool(&self.near.normal));
         let found = moving.end.closest(shape, *position, f64::INFINITY);
         found.is_some_and(|found| dot(&found.normal, &at_start) < OTHER_SIDE)
     }
 
-    /// The place as an error names it.
+    /// The contact point as an error names it.
     pub(super) fn place(&self, model: &Model<D>) -> ContactPlace {
         named(model, &model.tools[self.key.tool as usize], self.body, self.key.point, &self.start)
     }
 }
 
-/// A place as an error names it.
+/// A contact point as an error names it.
 pub(super) fn named<const D: usize>(
     model: &Model<D>,
     tool: &Tool<D>,
@@ -158,19 +163,20 @@ pub(super) struct Search<'a, const D: usize> {
     pub(super) points: &'a Points<D>,
     pub(super) links: &'a Connectivity<D>,
     pub(super) tools: &'a [Moving<D>],
-    /// For each body, true if it has taken part in a step before: it may then overlap tools by what the motion of its
+    /// For each body, true if it has taken part in a previous step: it may then overlap tools by what the motion of its
     /// domains has left.
     pub(super) has_begun: &'a [bool],
-    /// For each tool, the distance from its surface beyond which places under a flat part sleep in the step, [length].
+    /// For each tool, the distance from its surface beyond which contact points under a flat part sleep in the step,
+    /// [length].
     pub(super) awake: &'a [f64],
     /// Size of the smallest cell that holds a point, [length].
     pub(super) smallest: f64,
 }
 
-/// A place near a tool.
+/// A contact point near a tool.
 #[derive(Debug, Clone)]
 pub(super) struct Near<const D: usize> {
-    /// The point to whose domain it belongs; `None` if another rank has it.
+    /// The material point to whose domain it belongs; `None` if another rank has this material point.
     pub(super) p: Option<usize>,
     pub(super) body: usize,
     pub(super) key: Key,
@@ -186,14 +192,14 @@ pub(super) struct Near<const D: usize> {
 }
 
 impl<const D: usize> Near<D> {
-    /// The place, which bears nothing afterwards.
+    /// Takes the contact point, leaving one without area.
     pub(super) fn take(&mut self) -> Near<D> {
         let place = self.clone();
         (self.area, self.area_of_corner) = (0.0, 0.0);
         place
     }
 
-    /// Joins the same corner of a further domain.
+    /// Joins the same corner of another domain.
     pub(super) fn join(&mut self, other: Self) {
         self.shared_by.push(self.key.point.max(other.key.point));
         self.key = self.key.min(other.key);
@@ -204,17 +210,17 @@ impl<const D: usize> Near<D> {
 }
 
 impl<const D: usize> Search<'_, D> {
-    /// Shear moduli of the materials at rest times 4, [stress]: the stiffness of a half space under a strip is between this and
-    /// half of it, also for nearly incompressible bodies.
+    /// Shear moduli of the materials at rest times 4, [stress]: the stiffness of a half-space under a strip is between
+    /// this value and half of it, even for nearly incompressible bodies.
     pub(super) fn moduli(&self) -> Vec<f64> {
         self.model.materials.iter().map(|m| 4.0 * shear_modulus_at_rest(m.law.as_ref())).collect()
     }
 
-    /// The candidate of a place, unless it bears nothing or belongs to another rank. Its penalty follows from the stiffness of a
-    /// cell below its area.
+    /// The candidate for a contact point, unless it has no area or belongs to another rank. Its penalty follows from
+    /// the stiffness of a cell below its area.
     pub(super) fn candidate(&self, place: Near<D>, moduli: &[f64]) -> Option<Candidate<D>> {
         let Search { model, points, .. } = *self;
-        // Corners of domains that are flat along the tool bear nothing.
+        // Corners of domains without extent along the tool transfer no force.
         let bears = place.area.max(place.area_of_corner) > 0.0;
         let Near {
             p,
@@ -236,7 +242,7 @@ impl<const D: usize> Search<'_, D> {
         } else {
             self.basis(&start, &points.converged.position[p], points.cell[p], body.method)
         };
-        // Beside the axis of a body of revolution, a place stands for next to no area, but moves a whole cell.
+        // Beside the axis of a body of revolution, a contact point stands for hardly any area, but moves a whole cell.
         let mut in_cell = start;
         in_cell[0] = in_cell[0].max(0.5 * size);
         let of_cell = size.powi(D as i32 - 1) * model.depth(&in_cell);
@@ -260,7 +266,7 @@ impl<const D: usize> Search<'_, D> {
         })
     }
 
-    /// The active nodes that move a point, and S_vp.
+    /// The active nodes that move a material point, and S_vp.
     fn basis_of_point(&self, p: usize) -> Carriers {
         let links = self.links;
         // The last group that begins at or before the point.
@@ -274,8 +280,8 @@ impl<const D: usize> Search<'_, D> {
         carriers
     }
 
-    /// The active nodes that move a corner, and N_v there. A domain touches the cells that are tried, so that each rank has the
-    /// nodes of its own points.
+    /// The active nodes that move a corner, and N_v there. The domain touches all cells that are tried, so each rank
+    /// has the nodes for its own material points.
     fn basis(&self, corner: &[f64; D], x: &[f64; D], cell: u32, method: Method) -> Carriers {
         let grid = self.model.grid.as_ref();
         let towards = minus(x, corner);
@@ -286,18 +292,19 @@ impl<const D: usize> Search<'_, D> {
             self.active(&grid.basis_at(at, corner), false)
         };
         let found = inwards.iter().find_map(of_cell);
-        // The nodes of the cell of a point are active, or carried by others.
+        // The nodes of the cell of a material point are active, or move with active nodes.
         found.or_else(|| self.active(&grid.basis_at(cell, corner), true)).unwrap_or_default()
     }
 
-    /// A basis with the numbers of active nodes; `None` if a node is inactive. Nodes with carriers count if `is_last`.
+    /// A basis in terms of active-node numbers; `None` if a node is inactive. If `is_last`, nodes that move with active
+    /// ones count.
     fn active(&self, basis: &CellBasis<D>, is_last: bool) -> Option<Carriers> {
         let mut active = Carriers(Vec::with_capacity(basis.nodes().len()));
         for (&node, &value) in basis.nodes().iter().zip(basis.value()) {
             let node = node as usize;
             match self.links.active_number(node) {
                 Some(number) => active.push(number as u32, value),
-                // A place on the border of the body: nodes beyond have no part in it.
+                // The contact point is on the boundary of the body: nodes beyond have no influence.
                 None if value == 0.0 => {}
                 None if is_last => {
                     if let Some(number) = self.links.moves_with(node) {
@@ -311,7 +318,7 @@ impl<const D: usize> Search<'_, D> {
     }
 }
 
-/// The corners of the domain of a point in the converged state.
+/// The corners of the domain of a material point in the converged state.
 pub(super) fn corners_of<'a, const D: usize>(
     points: &'a Points<D>,
     p: usize,
@@ -332,7 +339,8 @@ pub(super) fn corners_of<'a, const D: usize>(
     &buffer[..1 << D]
 }
 
-/// Distance of the farthest corner of the domain of a point from its position, in the converged state, [length].
+/// Distance of the farthest corner of the domain of a material point from its position, in the converged state,
+/// [length].
 pub(super) fn radius_of<const D: usize>(points: &Points<D>, p: usize) -> f64 {
     let from_centre = |corner| norm(&minus(corner, &points.converged.position[p]));
     match points.corners(p) {
@@ -341,8 +349,9 @@ pub(super) fn radius_of<const D: usize>(points: &Points<D>, p: usize) -> f64 {
     }
 }
 
-/// A point far from a tool at the start of the step that has come so near to it, or through a part of it, that corners of its
-/// domain without a candidate may be inside: the number of the tool and of the point.
+/// A material point that was far from a tool at the start of the step and has come so near, or has passed through a
+/// part of the tool, that corners of its domain without a candidate may be inside: the number of the tool and the index
+/// of the point.
 pub(super) fn missed<const D: usize, const N: usize>(
     search: &Search<D>,
     delta_d: &[[f64; N]],

@@ -2,14 +2,14 @@
 
 use crate::points::coordinates;
 
-/// A place on a body that touches a tool, as an error names it.
+/// A contact point on a body, as an error names it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ContactPlace {
     /// Name of the tool.
     pub tool: String,
     /// Name of the body.
     pub body: String,
-    /// Permanent number of the material point to whose domain the place belongs.
+    /// Permanent number of the material point to whose domain the contact point belongs.
     pub point: u32,
     /// Position, [length].
     pub position: Vec<f64>,
@@ -29,30 +29,31 @@ pub enum ContactError {
     /// A tool overlaps a body before the first step of the body.
     #[error("{place} overlap by {overlap:.3e} at the start")]
     Overlap {
-        /// The place.
+        /// The contact point.
         place: ContactPlace,
         /// The overlap, [length].
         overlap: f64,
     },
-    /// A place in contact moves too far along a tool in one step.
+    /// A contact point slides too far along a tool in one step.
     #[error(
         "{place} move by {motion:.3e} relative to each other in one step, and at most {most:.3e} is allowed"
     )]
     Slide {
-        /// The place.
+        /// The contact point.
         place: ContactPlace,
         /// The relative motion, [length].
         motion: f64,
-        /// The largest one allowed, [length].
+        /// The largest relative motion allowed, [length].
         most: f64,
     },
-    /// A place passes through a part of a tool in one step.
+    /// A contact point passes through a part of a tool in one step.
     #[error("{place}: the place passes through the tool in one step")]
     Through {
-        /// The place.
+        /// The contact point.
         place: ContactPlace,
     },
-    /// A part of a tool lies between the centre and a corner of the domain of a point, where no place touches it.
+    /// A part of a tool lies between the centre and a corner of the domain of a material point, where no contact point
+    /// touches it.
     #[error(
         "{place}: a part of the tool lies between this corner of the domain and its centre, where nothing touches it"
     )]
@@ -60,13 +61,13 @@ pub enum ContactError {
         /// The corner.
         place: ContactPlace,
     },
-    /// The updates of the multipliers have not reached the tolerance.
+    /// The updates of the multipliers have not reduced the error to the tolerance.
     #[error(
         "{place}: after {augmentations} updates, the overlap is {overlap:.3e} and the slip of places that stick {slip:.3e}; \
          {most:.3e} is tolerated"
     )]
     NotSettled {
-        /// The place where the error is largest.
+        /// The contact point with the largest error.
         place: ContactPlace,
         /// Number of updates.
         augmentations: usize,
@@ -74,7 +75,7 @@ pub enum ContactError {
         overlap: f64,
         /// Slip there, [length].
         slip: f64,
-        /// Largest of both that is tolerated, [length].
+        /// Largest overlap and slip tolerated, [length].
         most: f64,
     },
     /// Nothing resists a free motion of a tool.
@@ -113,7 +114,7 @@ pub enum ContactError {
         /// Name of the tool.
         tool: String,
     },
-    /// A tool of bodies of revolution moves off the axis.
+    /// A tool in contact with bodies of revolution moves off the axis.
     #[error("tool `{tool}` can only move along the axis of revolution, not along {component}")]
     OffAxis {
         /// Name of the tool.
@@ -124,7 +125,7 @@ pub enum ContactError {
 }
 
 impl ContactError {
-    /// True if a smaller step may avoid it.
+    /// True if a smaller step may avoid the error.
     pub fn may_succeed_if_smaller(&self) -> bool {
         matches!(
             self,

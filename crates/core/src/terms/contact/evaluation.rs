@@ -1,4 +1,4 @@
-//! The forces of tools on the places that touch them, at trial unknowns, with their derivatives.
+//! The forces between tools and the contact points that touch them, at trial unknowns, with their derivatives.
 
 use rayon::prelude::*;
 
@@ -11,20 +11,20 @@ use crate::model::Model;
 use crate::points::PIECE;
 use crate::region::vector::{along, cross, dot, minus, norm, unit};
 
-/// Difference of normals, [-], and of gaps, relative to coordinates, that is round-off.
+/// Differences up to this are round-off: of normals, [-], and of gaps relative to coordinates.
 const SAME_NORMAL: f64 = 1e-12;
 
-/// A place at trial unknowns.
+/// A contact point at trial unknowns.
 #[derive(Debug, Clone)]
 pub(super) struct Trial<const D: usize> {
-    /// Position, [length]; where it cannot have come to the tool and no part of the tool can lie within its domain, that at the
-    /// start of the step.
+    /// Position, [length]; the position at the start of the step if the contact point cannot have reached the tool and
+    /// no part of the tool can lie within its domain.
     pub(super) position: [f64; D],
-    /// Motion relative to the tool since the start of the step, [length]; in the same case 0.
+    /// Motion relative to the tool since the start of the step, [length]; 0 in the same case.
     pub(super) slip: [f64; D],
-    /// The force, if it touches the tool. Most places are open.
+    /// The force, if the contact point touches the tool. Most contact points are open.
     pub(super) touch: Option<Box<Touch<D>>>,
-    /// True if it has come out on another side of the tool.
+    /// True if the contact point has emerged on another side of the tool.
     passes_through: bool,
 }
 
@@ -46,10 +46,10 @@ pub(super) struct Trials<'a, const D: usize, const N: usize> {
 }
 
 impl<const D: usize, const N: usize> Trials<'_, D, N> {
-    /// Writes all candidates at these unknowns.
+    /// Evaluates all candidates at these unknowns.
     ///
     /// # Errors
-    /// The first place that has come out on another side of a tool.
+    /// The first contact point that has emerged on another side of a tool.
     pub(super) fn all(
         &self,
         candidates: &[Candidate<D>],
@@ -101,15 +101,16 @@ impl<const D: usize, const N: usize> Trials<'_, D, N> {
             at_rest: self.at_rest,
             is_fresh: self.at_rest && !loaded && gap <= TOUCHING * size,
         };
-        // At the start of the iterations the tool has moved and the bodies have not: the surface is continued flat,
-        // because the place may lie beyond the middle of a thin tool. A plane is flat everywhere.
+        // At the start of the iterations the tool has moved and the bodies have not: the surface is extrapolated as a
+        // plane, because the contact point may lie beyond the middle of a thin tool. A plane is flat everywhere.
         if !self.at_rest && !candidate.is_at_plane() {
             let Some(found) = moving.closest(tool.shape.as_ref(), start, &slip) else { return apart };
             if found.gap < -TOUCHING * size && dot(&found.normal, &normal) < OTHER_SIDE {
                 return Trial { passes_through: true, ..apart };
             }
             let gap = found.gap + allowance;
-            // On a flat part, the gap is as precise as the increments: the penalty multiplies its round-off.
+            // On a flat part, the gap from the increments is kept for its precision: the penalty multiplies its
+            // round-off.
             let is_flat = found.normal_derivative == [[0.0; D]; D]
                 && norm(&minus(&found.normal, &normal)) < SAME_NORMAL
                 && (gap - approach.gap).abs() <= SAME_NORMAL * (size + gap.abs() + norm(start));
@@ -124,7 +125,7 @@ impl<const D: usize, const N: usize> Trials<'_, D, N> {
     }
 }
 
-/// The first unknown motion of each tool among those of all.
+/// The index of the first unknown motion of each tool among all of them.
 pub(super) fn first_unknowns<const D: usize>(tools: &[Moving<D>]) -> Vec<usize> {
     let first = |next: &mut usize, tool: &Moving<D>| {
         let first = *next;
@@ -134,8 +135,8 @@ pub(super) fn first_unknowns<const D: usize>(tools: &[Moving<D>]) -> Vec<usize> 
     tools.iter().scan(0, first).collect()
 }
 
-/// Adds the forces of places on the nodes and on the tools, with their derivatives if wanted. `holds` tells which tools a place
-/// holds that does not slide.
+/// Adds the forces at contact points to the nodes and to the tools, with their derivatives if wanted. `holds` tells
+/// which tools have a contact point that does not slide.
 pub(super) fn add<const D: usize, const N: usize>(
     tools: &[Moving<D>],
     pairs: &[(&Candidate<D>, &Trial<D>)],
@@ -147,7 +148,7 @@ pub(super) fn add<const D: usize, const N: usize>(
     if wanted == Wanted::Stiffness {
         support_sliding(tools, pairs, (&first, holds), sum);
     }
-    // Neighbours have the same nodes: their blocks are sought once.
+    // Neighbouring contact points have the same nodes, so their blocks are sought only once.
     let mut last: Option<(&Candidate<D>, Vec<Option<usize>>)> = None;
     for (candidate, trial) in pairs {
         let Some(touch) = &trial.touch else { continue };
@@ -174,8 +175,8 @@ pub(super) fn add<const D: usize, const N: usize>(
     }
 }
 
-/// Supports the unknown motions of tools all of whose places slide, by the stiffness of the cells below: friction then resists no
-/// further motion along the surface, until one of them sticks.
+/// Supports the unknown motions of tools whose contact points all slide, by the stiffness of the cells below: friction
+/// then resists no further motion along the surface, until one of them sticks.
 fn support_sliding<const D: usize, const N: usize>(
     tools: &[Moving<D>],
     pairs: &[(&Candidate<D>, &Trial<D>)],
@@ -194,7 +195,7 @@ fn support_sliding<const D: usize, const N: usize>(
     }
 }
 
-/// Supports a place along the surface with this normal, by the stiffness of the cell below.
+/// Supports a contact point along the surface with this normal, by the stiffness of the cell below.
 pub(super) fn support<const D: usize, const N: usize>(
     candidate: &Candidate<D>,
     normal: &[f64; D],
@@ -207,7 +208,8 @@ pub(super) fn support<const D: usize, const N: usize>(
     add_stiffness(candidate, &by_position, &places_of(candidate, sum), sum);
 }
 
-/// The places in the system of the pairs of nodes of a candidate, row by row; a symmetric system stores the lower triangle only.
+/// The indices, in the system, of the blocks for the node pairs of a candidate, row by row; a symmetric system stores
+/// the lower triangle only.
 fn places_of<const D: usize, const N: usize>(
     candidate: &Candidate<D>,
     sum: &System<N>,
@@ -234,7 +236,7 @@ fn add_stiffness<const D: usize, const N: usize>(
     }
 }
 
-/// The force of one place in the balance of its tool.
+/// The contribution of one contact point to the equilibrium of its tool.
 struct Balance<'a, const D: usize> {
     moving: &'a Moving<D>,
     /// The first free component among the global unknowns.
@@ -280,7 +282,7 @@ impl<const D: usize> Balance<'_, D> {
             if moving.follows[j] {
                 continue;
             }
-            // Row: the place moves.
+            // Row: the contact point moves.
             for d in 0..D {
                 let mut change = self.component(k, &by_position[d]);
                 if k >= D {
@@ -294,8 +296,8 @@ impl<const D: usize> Balance<'_, D> {
     }
 }
 
-/// Adds the loads of free tools to their balance, and the equations of tools that follow the load factor. `globals` are the
-/// increments of the global unknowns. Of several ranks, the first adds them.
+/// Adds the loads on free tools to their equilibrium, and the equations of tools that follow the load factor. `globals`
+/// are the increments of the global unknowns. With several ranks, only the first adds them.
 pub(super) fn add_loads<const D: usize, const N: usize>(
     model: &Model<D>,
     moving: &[Moving<D>],

@@ -1,4 +1,4 @@
-//! The places of a step: those that are awake at its start, and all of them once the grid has moved far.
+//! The contact points of a step: those that are awake at its start, and all of them once the grid has moved far.
 
 use rustc_hash::FxHashMap;
 
@@ -15,22 +15,23 @@ use crate::model::Model;
 use crate::points::Points;
 use crate::step::StepContext;
 
-/// The multipliers of a place that was awake, now and before the last increment, and its penalty, [force/length].
+/// The multipliers of a contact point that was awake, now and before the last increment, and its penalty,
+/// [force/length].
 type Awake<const D: usize> = ([Multiplier<D>; 2], f64);
 
-/// Distance from a flat surface beyond which places sleep, in cells, and in motions of the tool in the step.
+/// Distance from a flat surface beyond which contact points sleep: in cells, and in motions of the tool in the step.
 const AWAKE: f64 = 0.1;
 const AWAKE_AFTER: f64 = 10.0;
 
 impl<const D: usize> Contact<D> {
-    /// The search for the places of a step.
+    /// The search for the contact points of a step.
     pub(super) fn search<'a>(&'a self, step: &StepContext<'a, D>, points: &'a Points<D>) -> Search<'a, D> {
         let StepContext { model, links, .. } = *step;
         let Contact { tools, has_begun, awake, smallest, .. } = self;
         Search { model, points, links, tools, has_begun, awake, smallest: *smallest }
     }
 
-    /// Finds the places of a step and their multipliers.
+    /// Finds the contact points of a step and their multipliers.
     pub(super) fn find(&mut self, step: &StepContext<D>, points: &Points<D>) -> Result<(), Failure> {
         self.halo = step.links.halo().clone();
         for (moving, tool) in self.tools.iter_mut().zip(&step.model.tools) {
@@ -55,7 +56,7 @@ impl<const D: usize> Contact<D> {
         Ok(())
     }
 
-    /// Finds the places that are awake, with what they have kept.
+    /// Finds the contact points that are awake, with the state they have kept.
     fn find_places(&mut self, step: &StepContext<D>, points: &Points<D>) -> Result<(), Failure> {
         let (mut pieces, mut candidates) =
             (std::mem::take(&mut self.pieces), std::mem::take(&mut self.candidates));
@@ -71,7 +72,7 @@ impl<const D: usize> Contact<D> {
             .map(|(candidate, kept)| kept.is_some() || touches(candidate))
             .collect();
         for (candidate, kept) in self.candidates.iter_mut().zip(&kept) {
-            // Corners of CPDI2 domains stay where contact has put them.
+            // Corners of CPDI2 domains stay where contact has put them, so they need no allowance.
             if step.model.bodies[candidate.body].method != Method::Cpdi2 {
                 let motion = kept.map_or(0.0, |kept| kept.motion);
                 candidate.allowance = allowance(candidate.near.gap, candidate.size, motion);
@@ -80,14 +81,16 @@ impl<const D: usize> Contact<D> {
         Ok(())
     }
 
-    /// Wakes the sleeping places if nodes, none of which has moved farther than `farthest`, [length], may have let one touch.
+    /// Wakes the sleeping contact points if the motion of the nodes, at most `farthest`, [length], may have let one of
+    /// them touch.
     pub(super) fn wake(
         &mut self,
         step: &StepContext<D>,
         points: &Points<D>,
         farthest: f64,
     ) -> Result<(), Failure> {
-        // A basis that is continued beyond its cell by half of its width at most multiplies the motion by this factor.
+        // A basis extrapolated beyond its cell by up to half of the cell width magnifies the motion by at most this
+        // factor.
         let most = (1 << D) as f64 * farthest;
         let sleeps_on = |(moving, awake): (&Moving<D>, &f64)| {
             *awake == f64::INFINITY || moving.translation().is_some_and(|of_tool| most + of_tool <= *awake)
@@ -101,7 +104,7 @@ impl<const D: usize> Contact<D> {
             (candidate.key, [of(&self.multipliers), of(&self.before_increment)], candidate.penalty)
         };
         let awake = self.candidates.iter().enumerate().map(awake).collect();
-        // A place that a sleeping domain joins may become one of another rank.
+        // A contact point joined by the corner of a sleeping domain may pass to another rank.
         let known: FxHashMap<Key, Awake<D>> = (of_all_ranks(self.halo.ranks(), awake).into_iter())
             .map(|(key, multipliers, penalty)| (key, (multipliers, penalty)))
             .collect();
@@ -119,7 +122,7 @@ impl<const D: usize> Contact<D> {
         Ok(())
     }
 
-    /// True if, at the start of a step, places with friction only stick to flat surfaces.
+    /// True if, at the start of a step, contact points with friction only stick to flat surfaces.
     fn begins_symmetric(&self, model: &Model<D>) -> bool {
         let of_place = |k: usize| {
             let candidate = &self.candidates[k];

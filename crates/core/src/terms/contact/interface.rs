@@ -1,31 +1,31 @@
-//! The law of an interface: the force at one place from its gap and slip, with the consistent derivative.
+//! The law of an interface: the force at one contact point from its gap and slip, with the consistent derivative.
 //!
-//! All functions are pure. Forces act on the body; a place with the area A transfers
+//! All functions are pure. Forces act on the body; a contact point with the area A transfers
 //!
 //! f = p n + t,  p = max(λ − ε g, −T),  t = w_t min(1, L/|w_t|),  w_t = (I − n⊗n)(λ_t − ε s),
 //!
 //! L = min(max(c + μ p, 0), m (p + T)),
 //!
-//! with the gap g, the outward normal n of the tool, the motion s relative to the tool in the step, the multipliers λ and
-//! λ_t, the penalty ε, the largest tension T = A σ_t, and adhesion c = A a. Without tension the place is open where
-//! λ − ε g ≤ 0. Rough surfaces have L = m (p + T) with m = 10; m = 1 + μ for others: adhesion acts fully from the pressure on
-//! that equals it. This bound makes forces continuous where surfaces open: a shear that ceased at once would leave some
-//! states without equilibrium, and the iterations without a limit.
+//! with the gap g, the outward normal n of the tool, the motion s relative to the tool in the step, the multipliers λ
+//! and λ_t, the penalty ε, the largest tension T = A σ_t, and the adhesion c = A a. Without tension, the contact point
+//! is open where λ − ε g ≤ 0. Rough surfaces have L = m (p + T) with m = 10. For others m = 1 + μ: adhesion acts fully
+//! as soon as the pressure equals it. The bound m (p + T) keeps forces continuous where surfaces open: a shear that
+//! vanished abruptly would leave some states without equilibrium, and the iterations without a limit.
 
 use crate::model::{Interface, Shear};
 use crate::region::vector::{along, dot, minus, norm};
 
 use super::motion::turn;
 
-/// Round-off of the distance from a curved surface, in units of that of a coordinate, [-].
+/// Round-off of the distance from a curved surface, in units of the round-off of a coordinate, [-].
 const OF_CLOSEST: f64 = 4.0;
 
 /// m of rough surfaces, [-].
 const OF_ROUGH: f64 = 10.0;
-/// Relative difference from the largest shear within which a place slides, [-].
+/// Relative difference from the largest shear within which a contact point slides, [-].
 const SLIDES: f64 = 1e-6;
 
-/// The multipliers of a place.
+/// The multipliers of a contact point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Multiplier<const D: usize> {
     /// λ, [force].
@@ -40,7 +40,7 @@ impl<const D: usize> Default for Multiplier<D> {
     }
 }
 
-/// State of a place that touches a tool.
+/// State of a contact point that touches a tool.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mode {
     /// The surfaces stick.
@@ -54,16 +54,16 @@ pub enum Mode {
 /// What an update of the multipliers adds.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Added<const D: usize> {
-    /// The multipliers after the update; the shear is in the axes of space.
+    /// The multipliers after the update; the shear is given in global axes, not in the frame of the tool.
     pub(super) multiplier: Multiplier<D>,
     /// The force on the body, [force].
     pub(super) force: [f64; D],
-    /// The changes of the multipliers over the penalty, [length].
+    /// The changes of the multipliers divided by the penalty, [length].
     pub(super) overlap: f64,
     pub(super) slip: [f64; D],
 }
 
-/// The law of an interface, in forces at one place.
+/// The law of an interface, in terms of forces at one contact point.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Law {
     /// μ, [-]; infinite if the surfaces always stick.
@@ -77,7 +77,7 @@ pub(super) struct Law {
 }
 
 impl Law {
-    /// The law at a place with this area, [length²]. Tension acts only if the surfaces have touched before.
+    /// The law at a contact point with this area, [length²]. Tension acts only if the surfaces have touched before.
     pub(super) fn new(interface: &Interface, area: f64, penalty: f64, has_touched: bool) -> Law {
         let (friction, adhesion) = match interface.shear {
             Shear::Rough => (f64::INFINITY, 0.0),
@@ -91,7 +91,7 @@ impl Law {
         self.friction == 0.0 && self.adhesion == 0.0
     }
 
-    /// True if these are the multipliers of a place that transfers pressure and sticks.
+    /// True if these are the multipliers of a contact point that transfers pressure and sticks.
     pub(super) fn has_stuck<const D: usize>(&self, multiplier: &Multiplier<D>) -> bool {
         let most = self.most_shear(multiplier.normal).0;
         multiplier.normal > 0.0 && norm(&multiplier.shear) < (1.0 - SLIDES) * most
@@ -114,7 +114,7 @@ impl Law {
     }
 }
 
-/// What a place and its tool have done in the step.
+/// The motion of a contact point relative to its tool in the step.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Approach<const D: usize> {
     /// g, [length].
@@ -127,13 +127,13 @@ pub(super) struct Approach<const D: usize> {
     pub(super) slip: [f64; D],
     /// λ, [force].
     pub(super) pressure: f64,
-    /// λ_t, in the axes of space, [force].
+    /// λ_t, in global axes, [force].
     pub(super) shear: [f64; D],
-    /// True if the surfaces touch at the start of the step and transfer nothing yet: their stiffness must act although
-    /// there is no force.
+    /// True if the surfaces touch at the start of the step and transfer no force yet: their stiffness must act all the
+    /// same.
     pub(super) is_fresh: bool,
-    /// True at the start of the iterations: places that have not slid in the step before then stick, whatever the shear, so
-    /// that they hold the body.
+    /// True at the start of the iterations: contact points that did not slide in the previous step then stick, whatever
+    /// the shear, so that they hold the body.
     pub(super) at_rest: bool,
 }
 
@@ -143,7 +143,7 @@ impl<const D: usize> Approach<D> {
     }
 }
 
-/// The force at a place that touches a tool.
+/// The force at a contact point that touches a tool.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Touch<const D: usize> {
     approach: Approach<D>,
@@ -160,7 +160,7 @@ pub(super) struct Touch<const D: usize> {
 }
 
 impl<const D: usize> Touch<D> {
-    /// The force at a place; `None` if it is open.
+    /// The force at a contact point; `None` if it is open.
     pub(super) fn new(approach: Approach<D>, law: Law) -> Option<Self> {
         let trial = approach.pressure - law.penalty * approach.gap;
         let is_parting = trial <= -law.tension;
@@ -206,13 +206,15 @@ impl<const D: usize> Touch<D> {
         along(&self.shear, self.pressure, &self.approach.normal)
     }
 
-    /// Round-off of the force if that of the gap of a curved surface is that of coordinates of this magnitude, [force].
+    /// Round-off of the force if the gap from a curved surface has the round-off of coordinates of this magnitude,
+    /// [force].
     pub(super) fn round_off(&self, coordinates: f64) -> f64 {
         let is_flat = self.approach.normal_derivative == [[0.0; D]; D];
         if is_flat { 0.0 } else { OF_CLOSEST * f64::EPSILON * self.law.penalty * coordinates }
     }
 
-    /// True if the derivative of the force with the position is symmetric: without friction, and where a flat surface sticks.
+    /// True if the derivative of the force with respect to position is symmetric: without friction, or where a flat
+    /// surface sticks.
     pub(super) fn is_symmetric(&self) -> bool {
         let is_flat = self.approach.normal_derivative == [[0.0; D]; D];
         self.law.is_smooth() || is_flat && self.sliding.is_none() && self.mode == Mode::Stick
@@ -237,8 +239,9 @@ impl<const D: usize> Touch<D> {
         along(s, -dot(n, s), n)
     }
 
-    /// The change of the force, [force], with the velocity of the place relative to the tool at the place, that relative
-    /// to the point of the tool where the place was at the start of the step, and the rate of rotation of the tool.
+    /// The change of the force, [force], for given velocities of the contact point, relative to the tool at the contact
+    /// point and relative to the point of the tool where it was at the start of the step, and for a rate of rotation of
+    /// the tool.
     pub(super) fn change(&self, relative: &[f64; D], slipping: &[f64; D], rate: &[f64; 3]) -> [f64; D] {
         let Touch { approach, law, .. } = self;
         let n = &approach.normal;
@@ -266,8 +269,9 @@ impl<const D: usize> Touch<D> {
         df
     }
 
-    /// An update of these multipliers, λ ← p and λ_t ← t, at the linearised end of an increment with these motions of the place
-    /// relative to the tool, as [`Touch::change`] takes them; `None` if the place opens, begins to slide, stops or turns back.
+    /// An update of these multipliers, λ ← p and λ_t ← t, at the linearised end of an increment with these motions of
+    /// the contact point relative to the tool, as [`Touch::change`] takes them; `None` if the contact point opens,
+    /// begins to slide, stops or turns back.
     pub(super) fn update_along(
         &self,
         now: &Multiplier<D>,

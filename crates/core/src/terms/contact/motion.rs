@@ -6,10 +6,10 @@ use crate::region::vector::{along, cross, minus, norm};
 use crate::step::{Step, displacement};
 use crate::tool::{Closest, Increment, Pose, Shape};
 
-/// Change of the load factor, relative to 1 plus its value, over which the derivative of a prescribed motion is formed, [-].
+/// Change of the load factor, relative to 1 plus its value, over which a prescribed motion is differentiated, [-].
 const NEARBY: f64 = 1e-6;
 
-/// A tool in a step: where it starts, and where the unknowns have moved it.
+/// A tool in a step: its pose at the start, and where the unknowns have moved it.
 #[derive(Debug, Clone)]
 pub(super) struct Moving<const D: usize> {
     /// Pose at the start of the analysis.
@@ -20,12 +20,13 @@ pub(super) struct Moving<const D: usize> {
     pub(super) end: Pose<D>,
     /// Motion at the last evaluation.
     pub(super) increment: Increment<D>,
-    /// The prescribed part of the motion; free components are zero.
+    /// The prescribed part of the motion; its free components are zero.
     prescribed: Increment<D>,
-    /// Numbers of the components that are global unknowns: translations, then rotations. These are the free ones, and where the
-    /// load factor follows from equilibrium the driven ones.
+    /// Numbers of the components that are global unknowns: translations, then rotations. These are the free components
+    /// and, if the load factor follows from equilibrium, the driven ones.
     pub(super) free: Vec<usize>,
-    /// For each of them, true if it is driven: its equation is the prescribed motion, and not the balance of the tool.
+    /// For each of these components, true if it is driven: its equation is then the prescribed motion, not the
+    /// equilibrium of the tool.
     pub(super) follows: Vec<bool>,
     /// The prescribed motion at the start of the step, [length] and [rad].
     before: [f64; 6],
@@ -46,7 +47,7 @@ impl<const D: usize> Moving<D> {
         }
     }
 
-    /// Begins a step from the converged pose; `factor` is the load factor there if it follows from equilibrium.
+    /// Begins a step from the converged pose; `factor` is the load factor at this pose if it follows from equilibrium.
     pub(super) fn begin(
         &mut self,
         tool: &Tool<D>,
@@ -83,7 +84,7 @@ impl<const D: usize> Moving<D> {
         Ok(())
     }
 
-    /// Moves the tool to where these increments of its free components put it; those that are missing are 0.
+    /// Moves the tool according to these increments of its free components; missing ones are 0.
     pub(super) fn place(&mut self, free: &[f64]) {
         self.increment = self.prescribed;
         for (&k, value) in self.free.iter().zip(free) {
@@ -94,8 +95,8 @@ impl<const D: usize> Moving<D> {
         self.end = self.start.moved(&self.increment);
     }
 
-    /// The closest point, in space, of a place that started at `start` and has moved by `slip` relative to the tool, both
-    /// [length]. The coordinates are formed in the frame of the tool, where they are small.
+    /// The closest point, in space, for a contact point that started at `start` and has moved by `slip` relative to the
+    /// tool, both [length]. The coordinates are formed in the frame of the tool, where they are small.
     pub(super) fn closest(
         &self,
         shape: &dyn Shape<D>,
@@ -107,7 +108,8 @@ impl<const D: usize> Moving<D> {
         Some(self.end.in_space(&found))
     }
 
-    /// A bound of the prescribed motion in the step of the tool within a distance of a position, [length].
+    /// An upper bound of the prescribed motion in the step of the part of the tool within a distance of a position,
+    /// [length].
     pub(super) fn prescribed_reach(&self, x: &[f64; D], distance: f64) -> f64 {
         if self.prescribed.rotation == [0.0; 3] {
             return norm(&self.prescribed.translation);
@@ -126,7 +128,7 @@ impl<const D: usize> Moving<D> {
         norm(&minus(x, &self.start.position()))
     }
 
-    /// The velocity at a position, [length], of the tool when free component number `k` of its motion grows: the
+    /// The velocity at a position, [length], of the tool as free component number `k` of its motion grows: the
     /// derivative of the position of a point of the tool, and the rate of rotation.
     pub(super) fn velocity(&self, k: usize, x: &[f64; D]) -> ([f64; D], [f64; 3]) {
         if k < D {
@@ -147,8 +149,8 @@ impl<const D: usize> Moving<D> {
         cross(&in_space(&minus(x, &self.end.position())), &in_space(force))
     }
 
-    /// The prescribed increment of component `k` at a load factor that follows from equilibrium, [length] or [rad], its change
-    /// with the factor, and the magnitude of the numbers it is formed from.
+    /// The prescribed increment of component `k` at a load factor that follows from equilibrium, [length] or [rad], its
+    /// derivative with respect to the factor, and the magnitude of the numbers from which it is formed.
     pub(super) fn driven(
         &self,
         tool: &Tool<D>,
@@ -167,8 +169,8 @@ impl<const D: usize> Moving<D> {
     }
 }
 
-/// True if a tool can be driven and loaded by a load factor that follows from equilibrium: its motion is not a formula of time,
-/// it turns about one axis at most, and no later stage would find its curves elsewhere.
+/// True if a load factor that follows from equilibrium can drive and load a tool: its motion is not a formula of time,
+/// it turns about one axis at most, and no later stage follows, whose curves would begin elsewhere.
 fn may_follow<const D: usize>(tool: &Tool<D>, model: &Model<D>) -> bool {
     let depends_on_time = |k: &usize| {
         let freedom = tool.freedom(*k);

@@ -14,19 +14,20 @@ use crate::region::vector::{along, norm};
 of_parts!([] Worst, { tool, named, rank, size, place, mean, overlap, slip });
 of_parts!([const D: usize] Kept<D>, { multiplier, motion });
 
-/// Largest error of a single place, relative to the size of a cell, [-]. Places may touch that hinder each other: a cell has
-/// freedom for two on an edge, and the domains of GIMP points leave gaps of this order at the start of a step. Only the mean
-/// error that the nodes see meets the tolerance then.
+/// Largest error of a single contact point, relative to the size of a cell, [-]. Contact points that touch may hinder
+/// each other: a cell has freedom for two on an edge, and the domains of GIMP points leave gaps of this order at the
+/// start of a step. In this case only the mean error that the nodes see meets the tolerance.
 pub(super) const MOST_OF_PLACE: f64 = 1e-3;
-/// Places hinder each other if an update leaves more than this fraction of the error, [-]: it leaves about 1/p_f otherwise.
+/// Contact points hinder each other if an update leaves more than this fraction of the error, [-]: normally it leaves
+/// about 1/p_f.
 const SLOW: f64 = 0.25;
-/// Largest error that the nodes see, relative to the size of a cell, that is accepted where places hinder each other, [-];
-/// after `MANY` updates, [`MOST_OF_PLACE`].
+/// Largest error seen by the nodes that is accepted where contact points hinder each other, relative to the size of a
+/// cell, [-]; after `MANY` updates, [`MOST_OF_PLACE`].
 const MOST_WHERE_SLOW: f64 = 1e-4;
-/// Number of updates after which further ones hardly help where places hinder each other.
+/// Number of updates after which further ones hardly help where contact points hinder each other.
 pub(super) const MANY: usize = 6;
 
-/// The multipliers that a place has when its forces become multipliers.
+/// The multipliers of a contact point once its forces become multipliers.
 pub(super) fn forces_of<const D: usize>(trial: &Trial<D>, moving: &Moving<D>) -> Multiplier<D> {
     trial.touch.as_ref().map_or_else(Multiplier::default, |touch| Multiplier {
         normal: touch.pressure,
@@ -34,47 +35,50 @@ pub(super) fn forces_of<const D: usize>(trial: &Trial<D>, moving: &Moving<D>) ->
     })
 }
 
-/// What a place that touches keeps for the next step.
+/// What a contact point that touches keeps for the next step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Kept<const D: usize> {
     pub(super) multiplier: Multiplier<D>,
-    /// How far it has moved in the step, in space or along the tool, whichever is farther, [length].
+    /// How far the contact point has moved in the step, in space or along the tool, whichever is farther, [length].
     pub(super) motion: f64,
 }
 
-/// Where forces and multipliers differ most.
+/// The largest differences between forces and multipliers, and where they occur.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Worst {
-    /// The tool of the place with the largest mean error relative to its tolerance.
+    /// The tool of the contact point with the largest mean error relative to its tolerance.
     pub(super) tool: usize,
-    /// The place that an error names: its index among the candidates of a rank, that rank, and the size of its cell, [length].
+    /// The contact point that an error names: its index among the candidates of a rank, this rank, and the size of its
+    /// cell, [length].
     pub(super) named: usize,
     pub(super) rank: usize,
     pub(super) size: f64,
-    /// Largest error of a place, and largest of the mean errors around nodes at a place, relative to the size of a cell, [-].
+    /// Largest error of a contact point, and largest mean error seen by the nodes around one, relative to the size of a
+    /// cell, [-].
     pub(super) place: f64,
     pub(super) mean: f64,
-    /// The changes at the named place by an update, over the penalty, [length]: overlap, and slip of places that stick.
+    /// The changes that an update makes at the named contact point, divided by the penalty, [length]: overlap, and slip
+    /// if it sticks.
     pub(super) overlap: f64,
     pub(super) slip: f64,
 }
 
-/// What an update would change at a place, over the penalty, [length].
+/// What an update would change at a contact point, divided by the penalty, [length].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Change<const D: usize> {
     overlap: f64,
     slip: f64,
-    /// e = (overlap, slip), in space.
+    /// e = (overlap, slip), in global axes.
     vector: [f64; D],
 }
 
 impl<const D: usize> Change<D> {
-    /// The changes by the pressure and the shear, both over the penalty, [length].
+    /// The changes of the pressure and the shear, both divided by the penalty, [length].
     pub(super) fn new(overlap: f64, shear: &[f64; D], normal: &[f64; D]) -> Self {
         Change { overlap, slip: norm(shear), vector: along(shear, overlap, normal) }
     }
 
-    /// The changes by an update of all multipliers; `None` for places that are open and stay so.
+    /// The changes made by an update of all multipliers; `None` for contact points that are open and stay so.
     pub(super) fn of_update(
         candidates: &[Candidate<D>],
         multipliers: &[Multiplier<D>],
@@ -89,7 +93,8 @@ impl<const D: usize> Change<D> {
             let now = forces_of(trial, moving);
             let overlap = (now.normal - multiplier.normal) / candidate.penalty;
             let shear = along(&now.shear, -1.0, &multiplier.shear).map(|t| t / candidate.penalty);
-            // A place that has opened has no normal any more; that at the start serves as well.
+            // A contact point that has opened no longer has a normal; the normal at the start of the step serves as
+            // well.
             let normal = trial.touch.as_ref().map_or(candidate.near.normal, |touch| touch.normal());
             Some(Change::new(overlap, &moving.end.vector_to_space(&shear), &normal))
         };
@@ -100,15 +105,15 @@ impl<const D: usize> Change<D> {
         self.overlap.abs().max(self.slip)
     }
 
-    /// True if the update before has left much of the error of a place.
+    /// True if the previous update has left much of the error of a contact point.
     pub(super) fn is_slow(&self, before: &Self) -> bool {
         self.size() > SLOW * before.size()
     }
 }
 
-/// Numbers of the pairs of a tool and a node that carries places at it.
+/// Numbers of the pairs of a tool and a node that carries contact points of this tool.
 struct NodeNumbers {
-    /// For each place, where its numbers begin in `numbers`; neighbours with the same nodes share them.
+    /// For each contact point, where its numbers begin in `numbers`; neighbours with the same nodes share them.
     first: Vec<usize>,
     numbers: Vec<usize>,
     known: FxHashMap<(u32, usize), usize>,
@@ -145,7 +150,7 @@ impl NodeNumbers {
         pairs
     }
 
-    /// The numbers of the nodes of a place, in their order, and of those of later places.
+    /// The numbers of the nodes of a contact point, in their order, followed by those of later contact points.
     fn of_place(&self, place: usize) -> &[usize] {
         &self.numbers[self.first[place]..]
     }
@@ -153,8 +158,8 @@ impl NodeNumbers {
 
 /// The largest errors on all ranks; `None` if no multiplier would change.
 ///
-/// An update changes the force of a place by ε e. The nodes see ē = Σ N_v ē_v at the place, with their means
-/// ē_v = Σ N_v ε e/Σ N_v ε over the places around them. Both |e| and |ē| must be small.
+/// An update changes the force at a contact point by ε e. The nodes see ē = Σ |N_v| ē_v at the contact point, with
+/// their means ē_v = Σ |N_v| ε e/Σ |N_v| ε over the contact points around them. Both |e| and |ē| must be small.
 pub(super) fn worst<const D: usize>(
     candidates: &[Candidate<D>],
     changes: &[Option<Change<D>>],
@@ -209,7 +214,8 @@ pub(super) fn worst<const D: usize>(
     Some(Worst { tool: of_means.tool, place: of_places.place, mean: of_means.mean, ..named })
 }
 
-/// The place with the largest mean error relative to its tolerance, and that with the largest error of its own.
+/// The contact point with the largest mean error relative to its tolerance, and the one with the largest error of its
+/// own.
 struct Largest<'a> {
     tolerances: &'a [f64],
     of_means: Option<Worst>,
@@ -217,7 +223,7 @@ struct Largest<'a> {
 }
 
 impl Largest<'_> {
-    /// Includes further places: one for the mean error, and one for its own.
+    /// Includes two further contact points: one for the mean error, and one for the error of its own.
     fn include(&mut self, [of_means, of_places]: [Worst; 2]) {
         let relative = |worst: &Worst| worst.mean / self.tolerances[worst.tool];
         if self.of_means.is_none_or(|other| relative(&of_means) > relative(&other)) {
@@ -234,19 +240,19 @@ impl Largest<'_> {
 }
 
 impl Worst {
-    /// True if an update that follows one with the error `before` helps.
+    /// True if an update helps that follows one with the error `before`.
     pub(super) fn is_worth_it(&self, tolerance: f64, before: Option<&Worst>) -> bool {
         let falls = |before: &Worst| self.place <= SLOW * before.place;
         self.mean > tolerance && before.is_none_or(falls)
     }
 
-    /// Error relative to what is tolerated, [-].
+    /// Error relative to the tolerated error, [-].
     fn error(&self, tolerance: f64) -> f64 {
         (self.place / MOST_OF_PLACE).max(self.mean / tolerance)
     }
 
-    /// True if no further update is needed after a number of `updates`. `before` is the error before the last one; `is_last` is
-    /// true if no further update is allowed.
+    /// True if no further update is needed after a number of `updates`. `before` is the error before the last update;
+    /// `is_last` is true if no further update is allowed.
     pub(super) fn is_settled(
         &self,
         tolerance: f64,

@@ -1,16 +1,16 @@
-//! Values as plain numbers, in which ranks tell them each other.
+//! Values as plain numbers, the form in which ranks exchange them.
 
 use super::candidates::Key;
 use super::interface::{Mode, Multiplier};
 use crate::ranks::Ranks;
 use crate::tool::Closest;
 
-/// A value that some numbers tell. Whole numbers must be below 2⁵³.
+/// A value that can be written as a few numbers. Whole numbers must be below 2⁵³.
 pub(super) trait Plain: Sized {
     /// Appends its numbers.
     fn tell(&self, numbers: &mut Vec<f64>);
 
-    /// The value that the next numbers tell; `None` without numbers.
+    /// The value that the next numbers represent; `None` if there are none left.
     fn told(numbers: &mut impl Iterator<Item = f64>) -> Option<Self>;
 }
 
@@ -50,7 +50,7 @@ impl Plain for f64 {
     }
 }
 
-/// A type that one number tells.
+/// A type represented by one number.
 macro_rules! of_number {
     ($type:ty, $tell:expr, $told:expr) => {
         impl Plain for $type {
@@ -100,7 +100,7 @@ impl<T: Plain> Plain for Vec<T> {
     }
 }
 
-/// A type whose parts tell it one after the other.
+/// A type represented by its parts, one after the other.
 macro_rules! of_parts {
     ([$($generics:tt)*] $type:ty, { $($field:ident),* }) => {
         impl<$($generics)*> Plain for $type {

@@ -1,4 +1,4 @@
-//! Checks of a step: how far places have moved, and whether a tool has come between them.
+//! Checks of a step: how far contact points have moved, and whether a tool has come between them.
 
 use rustc_hash::FxHashMap;
 
@@ -14,14 +14,15 @@ use crate::region::vector::{along, dot, minus, norm};
 use crate::step::{At, StepContext};
 use crate::tool::{Closest, Shape};
 
-/// Gap at the start of a step, relative to the size of a cell, above which the straight path of a place tells whether it
-/// has passed through a tool, [-]: nearer places may cut its rounded surface.
+/// Gap at the start of a step, relative to the size of a cell, above which the straight path of a contact point tells
+/// whether it has passed through a tool, [-]: the paths of nearer ones may cut a rounded surface of the tool.
 const APART: f64 = 1e-3;
-/// Depth below the surface, relative to the size of a cell, to which a straight path may cut a corner of a tool, [-]; what is
-/// thinner than twice this is no obstacle.
+/// Depth below the surface, relative to the size of a cell, down to which a straight path may cut a corner of a tool,
+/// [-]; anything thinner than twice this depth is no obstacle.
 const GRAZING: f64 = 5e-3;
 
-/// For each tool and permanent number of a point near it, the place at the position of the point, [length].
+/// The contact points at the positions of material points, [length], by tool and permanent number of the material
+/// point.
 type Centres<const D: usize> = FxHashMap<(u32, u32), [f64; D]>;
 
 fn is_centre<const D: usize>(candidate: &Candidate<D>) -> bool {
@@ -29,7 +30,7 @@ fn is_centre<const D: usize>(candidate: &Candidate<D>) -> bool {
 }
 
 impl<const D: usize> Contact<D> {
-    /// Checks how far places have moved relative to the tools in a step whose iterations have converged.
+    /// Checks how far contact points have moved relative to the tools in a step whose iterations have converged.
     pub(super) fn check_motion<const N: usize>(
         &self,
         step: &StepContext<D>,
@@ -40,7 +41,7 @@ impl<const D: usize> Contact<D> {
         agreed(self.halo.ranks(), self.check_own_motion(step, points, at, &centres))
     }
 
-    /// The same for the places of this rank.
+    /// The same for the contact points of this rank.
     fn check_own_motion<const N: usize>(
         &self,
         step: &StepContext<D>,
@@ -61,12 +62,13 @@ impl<const D: usize> Contact<D> {
                 if gap > APART * candidate.size {
                     motion > gap
                 } else {
-                    // A place that has touched may cut a rounded surface when it leaves.
+                    // A contact point that has touched may cut a rounded surface when it leaves.
                     candidate.has_turned(tool.shape.as_ref(), moving, position)
                 }
             };
             if touch.is_none() && may_have_passed() {
-                // From outside: round-off may put a place that touches on either side of the surface.
+                // The path starts outside, because round-off may put a contact point that touches on either side of the
+                // surface.
                 let start = along(&candidate.start, APART * candidate.size, &candidate.near.normal);
                 let path = [moving.start.to_tool(&start), moving.end.to_tool(position)];
                 if depth_of_passage(tool.shape.as_ref(), path) > GRAZING * candidate.size {
@@ -85,7 +87,7 @@ impl<const D: usize> Contact<D> {
         Ok(())
     }
 
-    /// The places at the positions of points that this rank needs, at the last evaluation.
+    /// The contact points at the positions of material points that this rank needs, at the last evaluation.
     fn centres(&self) -> Centres<D> {
         let centres = (self.candidates.iter().zip(&self.trials))
             .filter(|(candidate, _)| is_centre(candidate))
@@ -95,7 +97,7 @@ impl<const D: usize> Contact<D> {
         if ranks.is_alone() {
             return centres;
         }
-        // Corners that domains of other ranks share.
+        // Corners shared with domains of other ranks need the centres of those domains.
         let shared = self.candidates.iter().filter(|candidate| !candidate.shared_by.is_empty());
         let mut wanted: Vec<(u32, u32)> = shared
             .flat_map(|candidate| {
@@ -112,7 +114,7 @@ impl<const D: usize> Contact<D> {
         centres
     }
 
-    /// A corner of a domain from whose centre a part of a tool parts it at the last evaluation.
+    /// A corner of a domain that a part of a tool separates from the centre of the domain at the last evaluation.
     fn between(&self, model: &Model<D>, centres: &Centres<D>) -> Option<ContactPlace> {
         let mut places = self.candidates.iter().zip(&self.trials);
         let parts = |candidate: &Candidate<D>, corner: &[f64; D], point: u32| {
@@ -150,8 +152,8 @@ impl<const D: usize> Contact<D> {
     }
 }
 
-/// Distance from the surface, [length], half way between the ends of the part of a straight path that lies inside a tool, in
-/// the frame of the tool; 0 if the path does not meet it.
+/// Distance from the surface, [length], halfway along the part of a straight path that lies inside a tool, in the frame
+/// of the tool; 0 if the path does not meet it.
 fn depth_of_passage<const D: usize>(shape: &dyn Shape<D>, [from, to]: [[f64; D]; 2]) -> f64 {
     let (Some(first), Some(last)) = (shape.first_contact(from, to), shape.first_contact(to, from)) else {
         return 0.0;

@@ -1,4 +1,4 @@
-//! The search for the places that may touch a tool in a step.
+//! The search for the contact points that may touch a tool in a step.
 
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
@@ -13,35 +13,35 @@ use crate::points::PIECE;
 use crate::region::vector::{along, cross, dot, minus, norm};
 use crate::tool::Closest;
 
-/// Distance within which corners of domains are shared, relative to the size of a cell, [-].
+/// Distance within which domains share a corner, relative to the size of a cell, [-].
 const SHARED: f64 = 1e-8;
-/// Largest sine of the angle between the surface of a tool and the edges of a side of a domain that lies along it, [-]: of the
-/// domains around a corner, those that touch the tool with the corner only bear no part of its area.
+/// Largest sine of the angle between the surface of a tool and the edges of a side of a domain that lies along it, [-]:
+/// of the domains around a corner, those that touch the tool only with the corner bear no part of its area.
 const ALONG: f64 = 0.5;
-/// Cosine of the angle between normals within which the surface of a tool without edges is flat over a domain, [-]: its radius
-/// is then many times the size of the domain.
+/// Cosine of the angle between normals within which the surface of a tool without edges counts as flat over a domain,
+/// [-]: its radius is then many times the size of the domain.
 const FLAT: f64 = 0.99;
-/// Distance for which the search looks farther, so that it can pass over the next points, in cells.
+/// Additional search distance, in cells, which lets the search skip the next material points.
 const AHEAD: f64 = 4.0;
 
-/// A point near a tool.
+/// A material point near a tool.
 struct OfPoint<'a, const D: usize> {
     p: usize,
     tool: usize,
     corners: &'a [[f64; D]],
-    /// Size of its cell, and how far a place may come in the step, [length].
+    /// Size of its cell, and how far a contact point may move in the step, [length].
     size: f64,
     reach: f64,
 }
 
-/// A position outside a tool, with a lower bound of its distance, [length]; negative if it is inside.
+/// A position outside a tool, with a lower bound of its distance, [length]; negative if the position is inside.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Far<const D: usize> {
     from: [f64; D],
     distance: f64,
 }
 
-/// What the search has found in a piece of the points.
+/// What the search has found among a piece of the material points.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Found<const D: usize> {
     pub(super) places: Vec<Near<D>>,
@@ -52,10 +52,10 @@ pub(super) struct Found<const D: usize> {
 }
 
 impl<const D: usize> Search<'_, D> {
-    /// Finds the candidates, in the order of the points.
+    /// Finds the candidates, in the order of the material points.
     ///
     /// # Errors
-    /// [`ContactError::Overlap`] for a body that begins inside a tool; on all ranks if one has such a body.
+    /// [`ContactError::Overlap`] for a body that begins inside a tool; on all ranks if one rank has such a body.
     pub(super) fn run(
         &self,
         pieces: &mut Vec<Found<D>>,
@@ -86,7 +86,7 @@ impl<const D: usize> Search<'_, D> {
         Ok(())
     }
 
-    /// Adds the places of a point; `far` bounds the distance of each tool from a position nearby.
+    /// Adds the contact points of a material point; `far` bounds the distance of each tool from a position nearby.
     fn near_point(
         &self,
         p: usize,
@@ -106,7 +106,7 @@ impl<const D: usize> Search<'_, D> {
             if far[k].is_some_and(|far| far.distance - norm(&minus(x, &far.from)) > reach + radius) {
                 continue;
             }
-            // A point deep inside a tool is far from its surface, too.
+            // A material point deep inside a tool is far from the surface of the tool, too.
             let limit = if self.has_begun[number] { reach + radius + AHEAD * size } else { f64::INFINITY };
             let of_point = moving.start.closest(tool.shape.as_ref(), *x, limit);
             let distance = of_point.as_ref().map_or(limit, |found| found.gap);
@@ -122,7 +122,7 @@ impl<const D: usize> Search<'_, D> {
         Ok(())
     }
 
-    /// Adds the places of a point that a tool may reach, given the closest point of its centre.
+    /// Adds the contact points of a material point that a tool may reach, given the closest point for its centre.
     fn near_tool(
         &self,
         of: &OfPoint<D>,
@@ -152,7 +152,7 @@ impl<const D: usize> Search<'_, D> {
         Ok(())
     }
 
-    /// Adds a place if the tool may reach it.
+    /// Adds a contact point if the tool may reach it.
     fn add_place(
         &self,
         &OfPoint { p, tool, corners: _, size, reach }: &OfPoint<D>,
@@ -196,13 +196,13 @@ impl<const D: usize> Search<'_, D> {
         Ok(())
     }
 
-    /// Joins the corners that domains share; the first of them keeps what the others bear.
+    /// Joins the corners that domains share; the first of them keeps the area of the others.
     fn join_shared(&self, pieces: &mut Vec<Found<D>>) {
         let is_shared = |body: usize| self.model.bodies[body].method == Method::Cpdi2;
         if !self.model.bodies.iter().any(|body| body.method == Method::Cpdi2) {
             return;
         }
-        // Cells of different size share corners, too.
+        // Cells of different sizes share corners, too.
         let places = pieces.iter().flat_map(|found| &found.places);
         let size = self.ranks().smallest(places.map(|place| place.size).fold(f64::INFINITY, f64::min));
         if !self.ranks().is_alone() {
@@ -210,7 +210,8 @@ impl<const D: usize> Search<'_, D> {
         }
         let width = 1e3 * SHARED * size;
         let lattice = |x: &[f64; D]| x.map(|x| (x / width).floor() as i64);
-        // The last entry in each cell of a lattice, and for each entry the place and the entry before it in the same cell.
+        // The last entry in each cell of a lattice; and for each entry, its contact point and the previous entry in the
+        // same cell.
         let mut last: FxHashMap<(u32, usize, [i64; D]), usize> = FxHashMap::default();
         let mut entries: Vec<([usize; 2], Option<usize>)> = Vec::new();
         for piece in 0..pieces.len() {
@@ -233,7 +234,7 @@ impl<const D: usize> Search<'_, D> {
                     pieces[i].places[j].join(joined);
                     continue;
                 }
-                // A place near the border of a cell of the lattice is entered in all cells around it.
+                // A contact point near the boundary of a lattice cell is entered in all cells around it.
                 let mut cell_before = None;
                 for corner in 0..1usize << D {
                     let sign = |d: usize| if corner >> d & 1 == 1 { 1.0 } else { -1.0 };
@@ -248,9 +249,9 @@ impl<const D: usize> Search<'_, D> {
     }
 }
 
-/// A corner of a domain given by corners, and the edges that meet there.
+/// A corner of a domain that is given by its corners, with the edges that meet there.
 struct Vertex<const D: usize> {
-    /// From the corner to those at the other ends of its edges, [length].
+    /// From the corner to the other ends of its edges, [length].
     edges: [[f64; D]; D],
     /// Number of corners of each side of the domain.
     of_side: usize,
@@ -266,8 +267,8 @@ impl<const D: usize> Vertex<D> {
         Some(Vertex { edges, of_side: if is_box { 1 << (D - 1) } else { D } })
     }
 
-    /// Its share of the side that is most parallel to the surface with this normal, seen along the normal, [length^(D−1)], and
-    /// the largest sine of the angle between an edge of that side and the surface.
+    /// Its share of the side that is most parallel to the surface with this normal, projected along the normal,
+    /// [length^(D−1)], and the largest sine of the angle between an edge of that side and the surface.
     fn area(&self, normal: &[f64; D]) -> (f64, f64) {
         let slope = |e: &[f64; D]| dot(e, normal).abs() / norm(e);
         let steepest = (0..D).max_by(|&a, &b| slope(&self.edges[a]).total_cmp(&slope(&self.edges[b])));

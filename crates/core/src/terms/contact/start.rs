@@ -1,4 +1,4 @@
-//! Tools and bodies at the start of an analysis: where they overlap, and where prescribed motions take the tools.
+//! Tools and bodies at the start of an analysis: where they overlap, and where prescribed motions move the tools.
 
 use rayon::prelude::*;
 
@@ -20,23 +20,23 @@ pub struct StartOverlap<const D: usize> {
     pub tool: usize,
     /// Number of the body.
     pub body: usize,
-    /// The place where the overlap is largest.
+    /// The contact point with the largest overlap.
     pub place: ContactPlace,
     /// The largest overlap, [length].
     pub overlap: f64,
-    /// Number of points whose domains reach into the tool.
+    /// Number of material points whose domains reach into the tool.
     pub points: usize,
-    /// The shortest way along an axis, as a vector, on which the tool leaves all bodies, [length]; `None` if no way along an axis
-    /// does.
+    /// The shortest translation along an axis by which the tool leaves all bodies, [length]; `None` if no translation
+    /// along an axis achieves this.
     pub way: Option<[f64; D]>,
 }
 
-/// The deepest corner of a body in a tool: permanent number of its point, the corner, its overlap, and the number of points whose
-/// domains reach into the tool.
+/// The deepest corner of a body in a tool: permanent number of its material point, the corner, its overlap, and the
+/// number of material points whose domains reach into the tool.
 type Deepest = (u32, Vec<f64>, f64, usize);
 
-/// The tools and bodies that overlap at the start, in the order of their numbers: the corners of the domains of points that
-/// lie inside a tool by more than round-off. All ranks must ask for them together.
+/// The tools and bodies that overlap at the start, in the order of their numbers: overlap means that corners of domains
+/// of material points lie inside a tool by more than round-off. All ranks must call this together.
 pub fn overlaps_at_start<const D: usize>(model: &Model<D>, points: &Points<D>) -> Vec<StartOverlap<D>> {
     let mut found = Vec::new();
     for (number, tool) in model.tools.iter().enumerate() {
@@ -65,7 +65,7 @@ pub fn overlaps_at_start<const D: usize>(model: &Model<D>, points: &Points<D>) -
     found
 }
 
-/// A point whose domain reaches into a tool.
+/// A material point whose domain reaches into a tool.
 struct Inside<const D: usize> {
     p: usize,
     /// Its deepest corner, [length].
@@ -81,7 +81,7 @@ struct Placed<'a, const D: usize> {
 }
 
 impl<const D: usize> Placed<'_, D> {
-    /// The points whose domains reach into the tool, in their order.
+    /// The material points whose domains reach into the tool, in their order.
     fn inside(&self) -> Vec<Inside<D>> {
         let Placed { points, tool, .. } = self;
         let gap_at = |x: &[f64; D]| {
@@ -102,14 +102,14 @@ impl<const D: usize> Placed<'_, D> {
         self.touchable().filter_map(of_point).collect()
     }
 
-    /// The points of the bodies that the tool may touch.
+    /// The material points of the bodies that the tool may touch.
     fn touchable(&self) -> impl ParallelIterator<Item = usize> + use<'_, D> {
         let may_touch = |p: &usize| self.tool.interface_with(self.points.body[*p] as usize).is_some();
         (0..self.points.len()).into_par_iter().with_min_len(PIECE).filter(may_touch)
     }
 
-    /// The shortest way along an axis on which the tool can go until all corners of domains are outside. Bodies of revolution
-    /// keep their tools on the axis.
+    /// The shortest translation along an axis after which all corners of domains are outside the tool. In axisymmetry,
+    /// tools stay on the axis.
     fn shortest_way(&self) -> Option<[f64; D]> {
         let axes = if self.model.revolved { 1..2 } else { 0..D };
         let ways = axes.flat_map(|axis| [1.0, -1.0].map(|sign| unit::<D>(axis).map(|e| sign * e)));
@@ -118,7 +118,8 @@ impl<const D: usize> Placed<'_, D> {
         shortest.map(|(length, way)| way.map(|e| e * length))
     }
 
-    /// The length of the way in a direction; `None` if it does not end in the space around the grid.
+    /// The length of the translation in a direction; `None` if the tool would not leave within the space around the
+    /// grid.
     fn length(&self, direction: &[f64; D]) -> Option<f64> {
         let Placed { model, points, tool } = self;
         let reach = self.reach(model.grid.bounds());
@@ -138,20 +139,20 @@ impl<const D: usize> Placed<'_, D> {
         Some(points.ranks.largest(length.unwrap_or(f64::INFINITY))).filter(|length| length.is_finite())
     }
 
-    /// A length longer than the grid and the tool together, [length]; twice the grid beside unbounded tools.
+    /// A length greater than the grid and the tool together, [length]; twice the grid for unbounded tools.
     fn reach(&self, grid: Bounds<D>) -> f64 {
         let around = at_pose(self.tool, &self.tool.pose).map_or(grid, |bounds| hull(grid, bounds));
         2.0 * norm(&minus(&around[1], &around[0]))
     }
 }
 
-/// The corners of the domain of a point; its position where it has no domain.
+/// The corners of the domain of a material point; its position if it has no domain.
 fn domain<const D: usize>(points: &Points<D>, p: usize) -> Vec<[f64; D]> {
     let mut buffer = [[0.0; D]; MAX_CORNERS];
     corners_of(points, p, &mut buffer).to_vec()
 }
 
-/// The box around a tool in a pose; `None` if it is unbounded.
+/// The bounding box of a tool in a pose; `None` if the tool is unbounded.
 fn at_pose<const D: usize>(tool: &Tool<D>, pose: &Pose<D>) -> Option<Bounds<D>> {
     let bounds = tool.shape.bounds();
     if !bounds.as_flattened().iter().all(|x| x.is_finite()) {
@@ -161,8 +162,8 @@ fn at_pose<const D: usize>(tool: &Tool<D>, pose: &Pose<D>) -> Option<Bounds<D>> 
     placed.reduce(hull)
 }
 
-/// The boxes around a tool at some times of its prescribed motion, [length]; `None` if a component of its motion is free or is
-/// not known, or the tool is unbounded.
+/// The bounding boxes of a tool at some times of its prescribed motion, [length]; `None` if a component of its motion
+/// is free or not known in advance, or if the tool is unbounded.
 pub fn boxes_on_the_way<const D: usize>(
     model: &Model<D>,
     tool: usize,

@@ -1,4 +1,4 @@
-//! The state of tools and of the places that touch them, for results.
+//! The state of tools and of the contact points that touch them, for results.
 
 use super::interface::Mode;
 use super::plain::{Plain, of_parts};
@@ -26,16 +26,16 @@ pub struct ToolState<const D: usize> {
     pub load: [f64; D],
     /// Moment of its loads about the reference point, [force·length].
     pub load_moment: [f64; 3],
-    /// Largest overlap with a body that contact forces have left, [length]; 0 without.
+    /// Largest overlap with a body that contact forces have left, [length]; 0 if there is none.
     pub overlap: f64,
-    /// Largest further overlap of a place that touches, [length]: the update of boxes has left it, and it ends along the way of
-    /// the place.
+    /// Largest further overlap of a contact point that touches, [length]: the update of boxes has left it, and it ends
+    /// along the path of the contact point.
     pub allowed_overlap: f64,
-    /// Largest slip in the step of a place that sticks, [length].
+    /// Largest slip in the step of a contact point that sticks, [length].
     pub slip: f64,
     /// Number of updates of the multipliers in the step, of all tools together.
     pub augmentations: usize,
-    /// The places that touch it.
+    /// The contact points that touch it.
     pub contacts: Vec<ContactPoint<D>>,
     /// The forces on its named parts, in the order of the model.
     pub parts: Vec<PartState<D>>,
@@ -48,24 +48,25 @@ pub struct PartState<const D: usize> {
     pub force: [f64; D],
     /// Moment of these forces about the reference point of the tool and the axes x, y and z, [force·length].
     pub moment: [f64; 3],
-    /// Number of places that touch it.
+    /// Number of contact points that touch it.
     pub contacts: usize,
 }
 
-/// A place on a body that touches a tool.
+/// A contact point on a body that touches a tool.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ContactPoint<const D: usize> {
     /// Number of the body.
     pub body: usize,
-    /// Permanent number of the material point to whose domain the place belongs.
+    /// Permanent number of the material point to whose domain the contact point belongs.
     pub point: u32,
-    /// Number of the part of the surface of the tool, as [`crate::tool::Closest::part`].
+    /// Number of the part of the tool surface, as [`crate::tool::Closest::part`].
     pub part: usize,
     /// Position, [length].
     pub position: [f64; D],
-    /// Unit normal out of the tool.
+    /// Unit normal pointing out of the tool.
     pub normal: [f64; D],
-    /// Area that it stands for, [length²]: per unit thickness in the plane, on the full circle for bodies of revolution.
+    /// Area that the contact point stands for, [length²]: per unit thickness in the plane, over the full circle for
+    /// bodies of revolution.
     pub area: f64,
     /// Force of the tool on the body, [force].
     pub force: [f64; D],
@@ -73,11 +74,11 @@ pub struct ContactPoint<const D: usize> {
     pub pressure: f64,
     /// Shear stress on the body, [stress].
     pub shear: [f64; D],
-    /// Whether it sticks, slides or parts.
+    /// Whether the contact point sticks, slides or parts.
     pub mode: Mode,
 }
 
-/// A place that touches a tool.
+/// A contact point that touches a tool.
 pub(super) struct Touching<const D: usize> {
     pub(super) tool: usize,
     pub(super) contact: ContactPoint<D>,
@@ -85,14 +86,14 @@ pub(super) struct Touching<const D: usize> {
     pub(super) moment: [f64; 3],
     /// The named parts that it touches.
     pub(super) parts: Vec<usize>,
-    /// Overlap, the part of it that the place may keep, and slip if it sticks, [length].
+    /// Overlap, the further overlap that the contact point may keep, and slip if it sticks, [length].
     pub(super) overlap: f64,
     pub(super) allowed_overlap: f64,
     pub(super) slip: f64,
 }
 
 impl<const D: usize> ToolState<D> {
-    /// Adds a place that touches it.
+    /// Adds a contact point that touches the tool.
     pub(super) fn add(&mut self, place: Touching<D>) {
         let Touching { tool: _, contact, moment, parts, overlap, allowed_overlap, slip } = place;
         self.overlap = self.overlap.max(overlap);
@@ -110,7 +111,7 @@ impl<const D: usize> ToolState<D> {
         self.contacts.push(contact);
     }
 
-    /// Force of one part of the surface of the tool on the bodies, [force].
+    /// Force of one part of the tool surface on the bodies, [force].
     pub fn force_of_part(&self, part: usize) -> [f64; D] {
         let of_part = self.contacts.iter().filter(|contact| contact.part == part);
         of_part.fold([0.0; D], |sum, contact| std::array::from_fn(|d| sum[d] + contact.force[d]))

@@ -1,4 +1,4 @@
-//! The state of all tools at the last evaluation, with the places of all ranks.
+//! The state of all tools at the last evaluation, with the contact points of all ranks.
 
 use super::Contact;
 use super::candidates::Candidate;

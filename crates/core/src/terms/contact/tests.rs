@@ -1,4 +1,4 @@
-//! Contact of bodies with tools in whole models.
+//! Contact between bodies and tools in whole models.
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
 mod blocks;
@@ -11,7 +11,7 @@ use crate::model::{Builder, Model};
 use crate::points::Points;
 use crate::solver::{Observer, Solvable, SolveError, Stepper, Summary};
 
-/// An analysis that has ended.
+/// A completed analysis.
 struct Run<const D: usize> {
     points: Points<D>,
     reports: Vec<StepReport<D>>,

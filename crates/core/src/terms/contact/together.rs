@@ -1,4 +1,4 @@
-//! What the ranks of a run find out together about all places of contact.
+//! What the ranks of a run find out together about all contact points.
 
 use super::Contact;
 use super::agreement::any_of_each;
@@ -6,7 +6,7 @@ use super::motion::farthest;
 use crate::step::At;
 
 impl<const D: usize> Contact<D> {
-    /// The largest displacement of a node, [length], and true at the start of the iterations.
+    /// The largest displacement of a node, [length], and whether this is the start of the iterations.
     pub(super) fn motion<const N: usize>(&self, at: At<N>) -> (f64, bool) {
         let moves = at.delta_d.iter().flatten().chain(at.globals).any(|u| *u != 0.0);
         let mut numbers = [farthest::<D, N>(at.delta_d), f64::from(u8::from(moves))];
@@ -14,7 +14,7 @@ impl<const D: usize> Contact<D> {
         (numbers[0], numbers[1] == 0.0)
     }
 
-    /// For each tool, true if places touch it, and true if one of these does not slide.
+    /// For each tool, true if contact points touch it, and true if one of them does not slide.
     pub(super) fn touched(&self) -> [Vec<bool>; 2] {
         let n = self.tools.len();
         let mut of_tools = vec![false; 2 * n];

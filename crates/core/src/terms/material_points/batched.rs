@@ -1,8 +1,8 @@
-//! Points of laws that are evaluated in batches.
+//! Points whose laws are evaluated in batches.
 //!
-//! Such a law is not asked point by point. The points are evaluated twice, with stand-ins in its place: the first take note
-//! of the trial strain about which a point asks, then the law is evaluated once for all of them, and the second answer
-//! with its responses. So the strains come from the same kinematics as those of any law.
+//! Such a law is not called point by point. The points are evaluated twice, with stand-ins for the law: the first
+//! stand-ins note the trial strain of each point, then the law is evaluated once for all points, and the second
+//! stand-ins answer with its responses. The strains therefore come from the same kinematics as for any other law.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -43,15 +43,15 @@ pub(super) fn batches<const D: usize>(model: &Model<D>, points: &Points<D>) -> V
     batches.filter(|batch| !batch.points.is_empty()).collect()
 }
 
-/// A law that takes note of the strain about which a point asks.
+/// A law that notes the strain for which a point calls it.
 #[derive(Debug)]
 pub(super) struct Noting<'a> {
     law: &'a dyn Material,
-    /// The bits of the trial strain; each point has one thread at a time.
+    /// The bits of the trial strain; only one thread at a time evaluates a point.
     trial: [AtomicU64; 6],
 }
 
-/// A law that answers a point with a response that is known.
+/// A law that answers a point with a known response.
 #[derive(Debug)]
 pub(super) struct Answering<'a> {
     law: &'a dyn Material,
@@ -59,22 +59,22 @@ pub(super) struct Answering<'a> {
     new: &'a [f64],
 }
 
-/// A law whose answer is of no interest.
+/// A law whose answer does not matter.
 #[derive(Debug)]
 struct Mute;
 
 impl Batch {
-    /// A stand-in that takes note of the strain of each point.
+    /// Stand-ins that note the strain of each point.
     pub(super) fn noting<'a, const D: usize>(&self, model: &'a Model<D>) -> Vec<Noting<'a>> {
         let law = model.materials[self.material].law.as_ref();
         let unknown = || std::array::from_fn(|_| AtomicU64::new(f64::NAN.to_bits()));
         self.points.iter().map(|_| Noting { law, trial: unknown() }).collect()
     }
 
-    /// Evaluates the law at the strains of which these stand-ins have taken note.
+    /// Evaluates the law at the strains that these stand-ins have noted.
     ///
     /// # Errors
-    /// [`EvaluateError`] if the law refuses a strain, or cannot be evaluated.
+    /// [`EvaluateError`] if the law rejects a strain or cannot be evaluated.
     pub(super) fn evaluate<const D: usize>(
         &mut self,
         model: &Model<D>,
@@ -110,7 +110,7 @@ impl Batch {
         law.energies(&strain, &history, &volume)
     }
 
-    /// A stand-in that answers each point with its response.
+    /// Stand-ins that answer each point with its response.
     pub(super) fn answering<'a, const D: usize>(&'a self, model: &'a Model<D>) -> Vec<Answering<'a>> {
         let law = model.materials[self.material].law.as_ref();
         let kept = law.state_fields().len();
@@ -119,7 +119,7 @@ impl Batch {
     }
 }
 
-/// The laws of all points, of which those in batches have stand-ins and the others are mute.
+/// The laws of all points: stand-ins for laws evaluated in batches, and mute laws for the other points.
 pub(super) fn laws_that_note<'a>(
     batches: &[Batch],
     stand_ins: &'a [Vec<Noting>],
@@ -130,7 +130,8 @@ pub(super) fn laws_that_note<'a>(
     laws
 }
 
-/// The laws of all points, of which those in batches have stand-ins and others may have a reduced strength.
+/// The laws of all points: stand-ins for laws evaluated in batches, and possibly laws with reduced strength for the
+/// other points.
 pub(super) fn laws_that_answer<'a, const D: usize>(
     model: &'a Model<D>,
     points: &Points<D>,
@@ -161,7 +162,7 @@ impl Noting<'_> {
     }
 }
 
-/// The response without stress.
+/// A response without stress.
 fn no_stress(trial: &Sym3) -> Response {
     Response { tau: Sym3::ZERO, elastic_strain: *trial, tangent: Tangent::zeros() }
 }
@@ -211,7 +212,7 @@ impl Material for Mute {
         &[]
     }
 
-    /// The measure that takes the least work.
+    /// The measure that takes the least work to compute.
     fn strain_measure(&self) -> StrainMeasure {
         StrainMeasure::LeftCauchyGreen
     }

@@ -5,7 +5,7 @@ use crate::kinematics::Increment;
 use crate::stress::{Mechanics, PointError};
 use crate::terms::failure::PointFailure;
 
-/// The weak form of a point at a multiple of its increment, and the factor.
+/// The weak form of a point at a multiple of its increment, and this multiple.
 pub(super) type Responded<R> = (R, f64);
 
 /// Working space for the points of a material in a cell.

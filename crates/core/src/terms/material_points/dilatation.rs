@@ -1,7 +1,8 @@
-//! The evaluation of points that take the volume ratio of their cell: its mean there, or its value at the centre.
+//! The evaluation of points that take the volume ratio of their cell: its mean over the cell, or its value at the
+//! centre.
 //!
 //! The points of a material in a group are those of one cell, or of one patch of triangles or tetrahedra. First the
-//! increments of all of them give the ratio, then each point responds, and then all add their parts.
+//! increments of all these points give the ratio, then each point responds, and finally all add their contributions.
 #![allow(non_snake_case)]
 
 use std::ops::Range;
@@ -20,7 +21,7 @@ use crate::terms::failure::PointFailure;
 use super::cell_room::{CellRoom, CouplingRoom, Motion, Responded};
 use super::evaluation::{Task, Vectorised, map_gradients};
 
-/// Factor of ΔF that changes the volume by `ratio`.
+/// Factor on ΔF that changes the volume by `ratio`.
 #[inline(always)]
 fn stretch<const D: usize, M: Mechanics<D>>(ratio: f64) -> f64 {
     if M::DILATED == 2 { ratio.sqrt() } else { ratio.cbrt() }
@@ -29,7 +30,8 @@ fn stretch<const D: usize, M: Mechanics<D>>(ratio: f64) -> f64 {
 impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
     Vectorised<'_, '_, '_, '_, D, M, K, UPDATED>
 {
-    /// Adds the points of a group, as their bodies ask. Points of one material are averaged together, also of several bodies.
+    /// Adds the points of a group by the method of their bodies. Points of one material are averaged together, even
+    /// across bodies.
     #[inline(always)]
     pub(super) fn add_dilated(&mut self, points: Range<usize>) -> Result<(), PointFailure> {
         let task = self.task;
@@ -86,9 +88,9 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         }
         let CellRoom { moved, isotropic, averaging, updated, coupling } = room;
         if let [(p, _)] = moved[..] {
-            return self.add_alone(p); // its own mean
+            return self.add_alone(p); // a single point is its own mean
         }
-        // Growth in steps would copy the responses again and again.
+        // Growing the vector in steps would copy the responses again and again.
         let n = moved.len();
         let theta = after / before;
         let mut sum = 0.0;
@@ -152,7 +154,7 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         Ok(true)
     }
 
-    /// Keeps stress and strain of a point, and returns its part of Σ V⁰π n over its cell.
+    /// Keeps stress and strain of a point, and returns its contribution to Σ V⁰π n over its cell.
     #[inline(always)]
     fn keep<W>(&mut self, p: usize, response: &PointResponse<W>) -> f64 {
         self.trial.keep(p, response);
@@ -195,7 +197,7 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         else {
             return false;
         };
-        // By reference: responses are large, and each move is a copy.
+        // By reference: responses are large, and every move copies them.
         for (l, (p, _)) in moved.iter().enumerate() {
             let here = p - self.trial.first;
             for (h, lanes) in history[..kept].iter().enumerate() {
@@ -311,8 +313,9 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         Ok(())
     }
 
-    /// The volume ratio at the centre of the cell of a point, and the derivative of its logarithm with the displacements of
-    /// the nodes of the point, [1/length]; over several cells, the mean of the ratios by shares of the domain.
+    /// The volume ratio at the centre of the cell of a point, and the derivative of its logarithm with respect to the
+    /// displacements of the nodes of the point, [1/length]; if the domain spans several cells, the mean of the ratios,
+    /// weighted by its shares.
     fn at_centres(&mut self, p: usize) -> Result<(f64, Vec<[f64; D]>), PointFailure> {
         let (task, grid) = (self.task, self.task.model.grid.as_ref());
         let nodes = task.links.nodes_of(self.group);
@@ -344,8 +347,8 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
     }
 }
 
-/// Values and gradients of the basis of a cell on the nodes that a point touches, `nodes` being those of its group. Other
-/// nodes, which the point would touch by slivers, move with its displacement field.
+/// Values and gradients of the basis of a cell at the nodes that a point touches; `nodes` are the nodes of its group.
+/// Other nodes, which the point would touch only by slivers, move with its displacement field.
 fn on_nodes_of_point<const D: usize, M>(
     task: &Task<D, M>,
     nodes: &[u32],
@@ -378,7 +381,7 @@ fn on_nodes_of_point<const D: usize, M>(
     (values, gradients)
 }
 
-/// The increment with the volume ratio `theta`, and its factor.
+/// The increment with the volume ratio `theta`, and the factor applied to it.
 #[inline(always)]
 fn barred<const D: usize, M: Mechanics<D>>(motion: &Motion<D>, theta: f64) -> (Increment<D>, f64) {
     let factor = stretch::<D, M>(theta / motion.dJ);

@@ -29,7 +29,7 @@ pub(super) struct Task<'a, const D: usize, M> {
     pub(super) body: &'a [u16],
     pub(super) cell: &'a [u32],
     pub(super) position: &'a [[f64; D]],
-    /// Half lengths of the domains; empty without.
+    /// Half lengths of the domains; empty if there are none.
     pub(super) half_lengths: &'a [[f64; D]],
     pub(super) history_len: usize,
     pub(super) old_history: &'a [f64],
@@ -37,7 +37,7 @@ pub(super) struct Task<'a, const D: usize, M> {
     pub(super) links: &'a Connectivity<D>,
     pub(super) pairs: &'a NodePairs,
     pub(super) delta_d: &'a [[f64; D]],
-    /// True if a body does not have [`Volumetric::Standard`](crate::stress::Volumetric::Standard).
+    /// True if at least one body does not have [`Volumetric::Standard`](crate::stress::Volumetric::Standard).
     pub(super) dilated: bool,
     pub(super) wanted: Wanted,
     /// The law of each point, if some are stand-ins for laws that are evaluated in batches.
@@ -49,7 +49,7 @@ pub(super) struct Task<'a, const D: usize, M> {
 
 /// The output of the points of consecutive groups.
 pub(super) struct Trial<'a, const D: usize> {
-    /// The first of the points.
+    /// The first of these points.
     pub(super) first: usize,
     pub(super) elastic_strain: &'a mut [Sym3],
     pub(super) kirchhoff_stress: &'a mut [Sym3],
@@ -58,7 +58,8 @@ pub(super) struct Trial<'a, const D: usize> {
 }
 
 impl<'a, const D: usize> Trial<'a, D> {
-    /// The parts before and from a point, whose groups touch `n_nodes` nodes before.
+    /// The output before a point, and the output from that point on; the groups before it touch `n_nodes` nodes in
+    /// total.
     fn split(self, point: usize, n_nodes: usize, history_len: usize) -> (Trial<'a, D>, Trial<'a, D>) {
         let n = point - self.first;
         let (strain_l, strain_r) = self.elastic_strain.split_at_mut(n);
@@ -92,7 +93,7 @@ pub(super) struct Work<'a, const D: usize> {
 }
 
 impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
-    /// Divides the groups between threads; the division has no influence on the result.
+    /// Divides the groups between threads; the division does not affect the result.
     pub(super) fn run(&self, groups: Range<usize>, work: Work<D>) -> Result<(), PointFailure> {
         if groups.len() <= GRAIN {
             return match self.model.formulation {
@@ -182,7 +183,7 @@ impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
         Ok(())
     }
 
-    /// Evaluates the points of a group with the vector instructions of the machine.
+    /// Evaluates the points of a group with the vector instructions of the processor.
     fn run_group<const UPDATED: bool>(
         &self,
         group: usize,
@@ -217,8 +218,8 @@ impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
     }
 }
 
-/// The points of one group, to be compiled for several sets of instructions. None of them changes the result: products
-/// and sums are rounded one by one.
+/// The points of one group, to be compiled for several instruction sets. The choice does not change the result:
+/// products and sums are rounded one by one.
 pub(super) struct Vectorised<'t, 'a, 's, 'r, const D: usize, M: Mechanics<D>, K, const UPDATED: bool> {
     pub(super) task: &'t Task<'a, D, M>,
     pub(super) group: usize,
@@ -245,7 +246,7 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool> WithSimd
 impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
     Vectorised<'_, '_, '_, '_, D, M, K, UPDATED>
 {
-    /// Adds points one after the other, or side by side.
+    /// Adds points one after the other, or several at once.
     #[inline(always)]
     pub(super) fn add(&mut self, points: Range<usize>) -> Result<(), PointFailure> {
         let mut p = points.start;
@@ -268,7 +269,8 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         Increment::new(M::REVOLVED, nodes, &task.links.links(p, self.room), task.delta_d, &task.position[p])
     }
 
-    /// Adds the first points of a range side by side, if they share a law that supports this; returns their number.
+    /// Adds the first points of a range at once, if they share a law that supports this; returns the number of points
+    /// added.
     #[inline(always)]
     fn add_side_by_side(&mut self, points: Range<usize>) -> Result<Option<usize>, PointFailure> {
         let task = self.task;
@@ -285,7 +287,7 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         let of_lane = [p, last.min(p + 1), last.min(p + 2), last.min(p + 3)];
         let [a, b, c, d] = of_lane;
         let starts = [&task.start[a], &task.start[b], &task.start[c], &task.start[d]];
-        // No closure: it might not be inlined and compiled for vector instructions.
+        // A closure might not be inlined and compiled for vector instructions.
         let increments = [self.increment(a), self.increment(b), self.increment(c), self.increment(d)];
         let n = task.history_len;
         let mut history = [Lanes::ZERO; MOST_HISTORY];
@@ -344,7 +346,7 @@ impl<const D: usize> Trial<'_, D> {
     }
 }
 
-/// Keeps the response of a point and adds its part.
+/// Keeps the response of a point and adds its contribution.
 #[inline(always)]
 fn keep<const D: usize, W: WeakForm<D>>(
     p: usize,

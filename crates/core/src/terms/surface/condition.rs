@@ -1,15 +1,16 @@
 //! Motions prescribed weakly on a surface, by an augmented Lagrangian.
 //!
-//! A condition holds the component along a direction d (an axis, a given direction, or the original normal N of the
-//! surface) of the displacement u of the surface since the start at ū. The surface is divided into patches, about three
-//! cells wide, each with constant and linear functions q_k, orthonormal over its original area:
+//! A condition prescribes the component along a direction d (an axis, a given direction, or the original normal N of
+//! the surface) of the displacement u of the surface since the start, as ū. The surface is divided into patches, about
+//! three cells wide, each with constant and linear functions q_k, orthonormal over its original area:
 //!
 //! m_k = Σ q_k d · (u − ū) A = 0,   f_v = −Σ_k B_kv (λ_k + β m_k),   B_kv = Σ q_k N_v d A.
 //!
-//! The multipliers λ_k are global unknowns of the step, so Newton's method solves for them exactly, in place of updates
-//! λ ← λ + β m between its iterations. The penalty β only makes the stiffness regular: at the solution m = 0, and the
-//! results do not depend on it. With multipliers on patches wider than a cell, the displacement of cut cells keeps enough
-//! freedom: one multiplier per sample or per cell would lock the boundary. The multipliers are the reactions.
+//! The multipliers λ_k are global unknowns of the step, so Newton's method solves for them exactly, instead of by
+//! updates λ ← λ + β m between its iterations. The penalty β only makes the stiffness regular: m = 0 at the solution,
+//! so the results do not depend on β. With multipliers on patches wider than a cell, the displacement of cut cells
+//! keeps enough freedom; one multiplier per sample or per cell would cause locking at the boundary. The multipliers are
+//! the reactions.
 
 use std::collections::BTreeMap;
 
@@ -30,12 +31,12 @@ use super::super::term::SurfaceReaction;
 
 /// Width of a patch in cells, [-].
 const WIDTH: f64 = 3.0;
-/// A function is left out if its part orthogonal to those before it is smaller than this fraction of the largest
-/// possible one, [-].
+/// A function is omitted if its part orthogonal to the functions before it is smaller than this fraction of the largest
+/// possible part, [-].
 const INDEPENDENT: f64 = 1e-3;
-/// Softening of each equation m = 0 relative to the penalty, [-]: it settles multipliers that the displacements leave
-/// undetermined where conditions repeat each other, and changes a displacement by this fraction of the one that the
-/// penalty alone would leave.
+/// Softening of each equation m = 0 relative to the penalty, [-]: it determines multipliers that the displacements
+/// leave undetermined where conditions repeat each other, and leaves this fraction of the error in displacement that
+/// the penalty alone would leave.
 const SOFTENING: f64 = 1e-10;
 
 /// A patch of a surface: its samples, and the functions q_k A at each of them, `[k][sample]`.
@@ -57,11 +58,11 @@ impl Patch {
 struct Equation<const D: usize> {
     /// Active nodes, ascending, with B, [length].
     row: Vec<(u32, [f64; D])>,
-    /// m at zero increment.
+    /// m for a zero increment.
     gap: f64,
-    /// The magnitude that m is compared with.
+    /// The magnitude with which m is compared.
     scale: f64,
-    /// True if this rank adds it.
+    /// True if this rank adds the equation.
     is_own: bool,
 }
 
@@ -76,8 +77,8 @@ pub(super) struct Condition<const D: usize> {
     components: Vec<usize>,
     patches: Vec<Patch>,
     equations: Vec<Equation<D>>,
-    /// m of each equation at the place where the condition began to act, from which on it holds the surface: for the
-    /// last step in equilibrium and for the present one. None while the condition does not act.
+    /// m of each equation when the condition began to act, the value at which it then holds the surface: for the last
+    /// step in equilibrium and for the present step. None while the condition does not act.
     origins: Option<Vec<f64>>,
     trial_origins: Option<Vec<f64>>,
     /// λ of the last step in equilibrium and of the last evaluation; zero while the condition does not act.
@@ -134,7 +135,7 @@ impl<const D: usize> Condition<D> {
         self.on.surface
     }
 
-    /// The grid nodes that carry the patches of this rank, with several ranks.
+    /// The grid nodes that carry the patches of this rank, if there are several ranks.
     pub(super) fn nodes(&self, grid: &dyn Grid<D>, carried: &[Carried<D>]) -> Vec<u32> {
         let carried = &carried[self.on.surface];
         let own = self.patches.iter().filter(|patch| patch.is_own(carried));
@@ -143,7 +144,8 @@ impl<const D: usize> Condition<D> {
             .collect()
     }
 
-    /// Begins a step in which the condition acts if `acts`, and adds the reactions at its start to `start`.
+    /// Begins a step, in which the condition acts if `acts`, and adds the reactions at the start of the step to
+    /// `start`.
     pub(super) fn begin(
         &mut self,
         step: &StepContext<D>,
@@ -160,11 +162,11 @@ impl<const D: usize> Condition<D> {
         }
         let carried = &carried[self.on.surface];
         let surface = &step.model.surfaces[self.on.surface];
-        // The trial places are the converged ones here.
+        // At this stage, the trial positions are the converged ones.
         let mut gaps = self.sums(&self.gaps(step, carried, step.step.end)?);
         let origins = match &self.origins {
             Some(origins) => origins.clone(),
-            // What it prescribes from time 0 on is the displacement since then.
+            // A condition that acts from time 0 on prescribes the displacement since then.
             None if step.step.index == 1 => vec![0.0; gaps.len()],
             None => self.sums(&self.gaps(step, carried, step.step.start)?),
         };
@@ -196,7 +198,7 @@ impl<const D: usize> Condition<D> {
         Ok(())
     }
 
-    /// Σ q_k A of values at the samples of each component, in the order of the equations.
+    /// Σ q_k A v of values v at the samples of each component, in the order of the equations.
     fn sums(&self, values: &[Vec<f64>]) -> Vec<f64> {
         let mut sums = Vec::new();
         for values in values {
@@ -210,7 +212,7 @@ impl<const D: usize> Condition<D> {
         sums
     }
 
-    /// d · (u − ū) at the start of the step, with ū at a time, for each component and sample, [length].
+    /// d · (u − ū) at the start of the step, with ū at the given time, for each component and sample, [length].
     fn gaps(
         &self,
         step: &StepContext<D>,
@@ -298,7 +300,7 @@ impl<const D: usize> Condition<D> {
         }
     }
 
-    /// The reactions at the samples from λ_k + β m_k.
+    /// Sets the reactions at the samples from λ_k + β m_k.
     fn spread_reactions(&mut self, amounts: &[f64]) {
         self.reaction.fill([0.0; D]);
         let mut amounts = amounts.iter();
@@ -320,7 +322,7 @@ impl<const D: usize> Condition<D> {
         let carried = &carried[self.on.surface];
         let places: Vec<[f64; D]> = (0..carried.len()).map(|sample| centre(&carried.facet(sample))).collect();
         let n = places.len().max(1) as f64;
-        // Samples of other ranks have not moved here, and their reactions are zero.
+        // Samples of other ranks have not moved on this rank, and their reactions are zero.
         let own: Vec<usize> = carried.own_samples().collect();
         let mut about: [f64; D] = std::array::from_fn(|d| own.iter().map(|s| places[*s][d]).sum());
         ranks.sum(&mut about);
@@ -355,7 +357,7 @@ impl<const D: usize> Condition<D> {
     /// Restores the state that [`Condition::save`] returned.
     ///
     /// # Errors
-    /// If it is not that of this condition.
+    /// The reason why the value is not a state of this condition.
     pub(super) fn restore(&mut self, saved: &Value) -> Result<(), String> {
         let numbers = |key: &str| -> Result<Option<Vec<f64>>, String> {
             serde_json::from_value(saved[key].clone()).map_err(|error| error.to_string())
@@ -387,12 +389,12 @@ impl<const D: usize> Equation<D> {
     }
 }
 
-/// A prescribed displacement at a place; one that does not depend on the load factor is multiplied by it.
+/// A prescribed displacement at a position; a displacement that does not depend on the load factor is multiplied by it.
 fn at_place<const D: usize>(formula: &Formula, x: &[f64; D], original: &[f64; D], factor: f64) -> f64 {
     crate::dofs::displacement_increment(formula, x, original, [None, Some(factor)])
 }
 
-/// The patches of a surface: its samples by sides of the shape and by boxes of [`WIDTH`] cells.
+/// The patches of a surface: its samples, grouped by sides of the shape and by boxes of [`WIDTH`] cells.
 fn patches<const D: usize>(model: &Model<D>, surface: &Surface<D>) -> Vec<Patch> {
     let width = WIDTH * surface.cell;
     let mut by_place: BTreeMap<(usize, [i64; D]), Vec<u32>> = BTreeMap::new();
@@ -411,7 +413,7 @@ fn patches<const D: usize>(model: &Model<D>, surface: &Surface<D>) -> Vec<Patch>
 }
 
 /// The functions 1, x, y(, z) on a patch, orthonormalised in this order with respect to area and then multiplied by the
-/// areas of the samples; those that depend on earlier ones are left out.
+/// areas of the samples; functions that depend on earlier ones are omitted.
 fn orthonormal<const D: usize>(
     surface: &Surface<D>,
     samples: &[u32],
@@ -430,7 +432,7 @@ fn orthonormal<const D: usize>(
             }
         };
         let mut function: Vec<f64> = samples.iter().map(at).collect();
-        // Twice, against round-off.
+        // Orthogonalises twice, to suppress round-off.
         for other in found.iter().chain(&found) {
             let share = product(&function, other);
             function.iter_mut().zip(other).for_each(|(f, o)| *f -= share * o);

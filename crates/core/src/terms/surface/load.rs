@@ -1,16 +1,16 @@
 //! Tractions and pressures on a surface.
 //!
-//! A traction t keeps its direction and refers to the original area: f_v = Σ N_v t A. So does a dead pressure,
-//! f_v = −Σ N_v p n₀ A. Any other pressure p follows the surface,
+//! A traction t keeps its direction and refers to the original area: f_v = Σ N_v t A. The same holds for a dead
+//! pressure, f_v = −Σ N_v p n₀ A. Any other pressure p follows the surface,
 //!
 //! f_v = −Σ N_v p n a,
 //!
-//! where n a is the area vector of the carried corners x_k of a facet, a function of the displacement increments Δd_w of
-//! the nodes that carry them. Its tangent is
+//! where n a is the area vector of a facet with the carried corners x_k, a function of the displacement increments Δd_w
+//! of the nodes that carry them. The tangent of this force is
 //!
 //! ∂f_v/∂Δd_w = −Σ N_v Σ_k N_w(x_k) (p ∂(n a)/∂x_k + n a ⊗ ∂p/∂x_k),
 //!
-//! symmetric only for a constant pressure on a closed surface.
+//! which is symmetric only for a constant pressure on a closed surface.
 
 use crate::assembly::{System, Wanted};
 use crate::model::{Action, Load, Model, Pressure};
@@ -26,11 +26,11 @@ pub(super) struct SurfaceLoad<const D: usize> {
     number: usize,
     /// Index of the surface.
     surface: usize,
-    /// Its values at the end of the step or, if the load factor follows from equilibrium, where the load stands.
+    /// Values at the end of the step or, if the load factor follows from equilibrium, at the beginning of the stage.
     values: Values<D>,
-    /// The further values per load factor, if that follows from equilibrium.
+    /// Further values per unit load factor, if the load factor follows from equilibrium.
     per_factor: Option<Values<D>>,
-    /// True if it is a pressure that grows with depth, which may hold a floating body.
+    /// True if the load is a pressure that grows with depth, which may hold a floating body.
     pub(super) is_hydrostatic: bool,
     resultant: [f64; D],
 }
@@ -54,7 +54,7 @@ struct OnSample<const D: usize> {
 }
 
 impl<const D: usize> OnSample<D> {
-    /// The sum of this and `factor` times another.
+    /// The sum of this force and `factor` times another.
     fn plus(&self, factor: f64, other: &Self) -> Self {
         OnSample {
             force: std::array::from_fn(|d| self.force[d] + factor * other.force[d]),
@@ -153,7 +153,7 @@ impl<const D: usize> SurfaceLoad<D> {
         follows(&model.loads[self.number].action)
     }
 
-    /// Begins a step, and adds the force at its start to `start`; without force unless the body `is_there`.
+    /// Begins a step, and adds the force at its start to `start`; the load exerts no force unless the body `is_there`.
     pub(super) fn begin(
         &mut self,
         step: &StepContext<D>,
@@ -177,7 +177,7 @@ impl<const D: usize> SurfaceLoad<D> {
         };
         if !model.stepping.control.has_unknown_factor() {
             self.values = at(load.curve.factor(step.step.end))?;
-            // Without initial stress, nothing is loaded yet at time 0, whatever the values of the curves.
+            // Without initial stress, no load acts yet at time 0, whatever the values of the curves.
             if step.step.start > 0.0 || model.initial_imbalance.is_some() {
                 add(&at(load.curve.factor(step.step.start))?, 1.0);
             }
@@ -251,7 +251,7 @@ fn follows<const D: usize>(action: &Action<D>) -> bool {
     matches!(action, Action::Pressure { pressure: Pressure::Given(_) | Pressure::Hydrostatic { .. }, .. })
 }
 
-/// Adds −∂f_v/∂Δd_w of a pressure on a sample to the stiffness.
+/// Adds −∂f_v/∂Δd_w, for a pressure on a sample, to the stiffness.
 fn add_stiffness<const D: usize, const N: usize>(
     model: &Model<D>,
     (carried, sample): (&Carried<D>, usize),
@@ -264,7 +264,7 @@ fn add_stiffness<const D: usize, const N: usize>(
         let mut derivative = area_derivative(corners, k).map(|row| row.map(|x| on.pressure * depth * x));
         for i in 0..D {
             if model.revolved {
-                // The depth is the mean of 2πr over the corners.
+                // The depth of the model is the mean of 2πr over the corners.
                 derivative[i][0] += on.pressure * std::f64::consts::TAU / D as f64 * area[i];
             }
             derivative[i][D - 1] += on.slope / D as f64 * depth * area[i];
@@ -280,7 +280,7 @@ fn add_stiffness<const D: usize, const N: usize>(
     }
 }
 
-/// Refuses values that are not finite.
+/// Rejects values that are not finite.
 fn check<'a, const D: usize>(
     load: &str,
     surface: &Surface<D>,

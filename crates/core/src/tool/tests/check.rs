@@ -1,15 +1,15 @@
-//! What must hold for every shape.
+//! Properties that must hold for every shape.
 
 use crate::region::tests::Random;
 use crate::region::vector::{along, dot, minus, norm, unit};
 use crate::region::{Bounds, area_vector};
 use crate::tool::{Closest, Pose, Shape, first_contact};
 
-/// What is checked.
+/// The checks to be made.
 pub(super) struct Check<const D: usize> {
-    /// Where positions lie.
+    /// Box in which the positions lie.
     pub(super) within: Bounds<D>,
-    /// True if the depth is the distance from the surface also inside.
+    /// True if the depth is the distance from the surface inside, too.
     pub(super) depth_is_distance: bool,
     pub(super) positions: usize,
 }
@@ -21,7 +21,7 @@ impl<const D: usize> Default for Check<D> {
 }
 
 impl<const D: usize> Check<D> {
-    /// Positions in the bounds of a shape, widened on all sides.
+    /// Positions in the bounds of a shape, extended on all sides.
     pub(super) fn around(shape: &dyn Shape<D>) -> Self {
         let [low, high] = shape.bounds();
         let wider = |x: f64, d: usize| x + 0.4 * (high[d] - low[d]);
@@ -81,7 +81,7 @@ pub(super) fn check<const D: usize>(
     }
 }
 
-/// The closest point lies on the surface, at the distance |gap| along the normal.
+/// Checks that the closest point lies on the surface, at the distance |gap| along the normal.
 fn check_point<const D: usize>(
     shape: &dyn Shape<D>,
     inside: &dyn Fn(&[f64; D]) -> bool,
@@ -102,7 +102,8 @@ fn check_point<const D: usize>(
         assert!(inside(&within), "{x:?} {found:?}");
     }
     if found.gap > 0.0 || *depth_is_distance {
-        // The surface passes within round-off of the point: the other side occurs near it, at sharp tips in few directions.
+        // The surface passes within round-off of the point: positions on the other side occur near it, in few
+        // directions at sharp tips.
         let mut near =
             (0..5000).map(|_| along(&found.point, 1e-9 * size, &random.inside(&[[-1.0; D], [1.0; D]])));
         assert!(near.any(|near| inside(&near) != inside(x)), "{x:?} {found:?}");
@@ -110,7 +111,7 @@ fn check_point<const D: usize>(
     }
 }
 
-/// No position closer than |gap| lies on the other side of the surface.
+/// Checks that no position closer than |gap| lies on the other side of the surface.
 fn check_that_nothing_is_closer<const D: usize>(
     inside: &dyn Fn(&[f64; D]) -> bool,
     x: &[f64; D],
@@ -131,7 +132,7 @@ fn check_limits<const D: usize>(shape: &dyn Shape<D>, x: [f64; D], found: &Close
     assert_eq!(shape.closest_within(x, 0.9999 * gap), None);
 }
 
-/// Compares the normal and its derivative with differences; false where a kink is near.
+/// Compares the normal and its derivative with finite differences; false if a kink is near.
 fn check_derivatives<const D: usize>(
     shape: &dyn Shape<D>,
     x: &[f64; D],
@@ -178,7 +179,7 @@ fn check_pose<const D: usize>(shape: &dyn Shape<D>, x: &[f64; D], found: &Closes
         Pose::new(random.inside(&[[-5.0; D], [5.0; D]]), random.inside(&[[-2.0; 3], [2.0; 3]])).unwrap();
     let in_space = pose.closest(shape, pose.to_space(x), f64::INFINITY).unwrap();
     assert!((in_space.gap - found.gap).abs() < 1e-12 * 20.0);
-    // On the medial axis the closest part may change by round-off.
+    // On the medial axis, round-off may change the closest part.
     if in_space.part == found.part {
         let normal = minus(&in_space.normal, &pose.vector_to_space(&found.normal));
         assert!(norm(&normal) < 1e-9 * (1.0 + 1.0 / found.gap.abs()), "{found:?} {in_space:?}");
@@ -193,7 +194,7 @@ fn check_pose<const D: usize>(shape: &dyn Shape<D>, x: &[f64; D], found: &Closes
     }
 }
 
-/// Compares the first contact with samples of containment along a path, also for a moving tool.
+/// Compares the first contact with samples of containment along a path, and also for a moving tool.
 fn check_path<const D: usize>(
     shape: &dyn Shape<D>,
     inside: &dyn Fn(&[f64; D]) -> bool,

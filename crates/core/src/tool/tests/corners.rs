@@ -1,4 +1,4 @@
-//! Positions on surfaces, edges, corners and medial axes, extreme positions, and malformed shapes.
+//! Positions on surfaces, edges, corners and medial axes, extreme positions, and invalid shapes.
 
 use super::*;
 use crate::region::ShapeError as PrimitiveError;
@@ -42,7 +42,7 @@ fn check_total<const D: usize>(shape: &dyn Shape<D>) {
         let found = shape.closest(x).unwrap();
         assert!(found.is_finite() && (norm(&found.normal) - 1.0).abs() < 1e-9, "{shape:?} {x:?} {found:?}");
         assert_eq!(shape.closest(x), Some(found));
-        // The closest point is on the surface, and closest to itself.
+        // The closest point is on the surface, and is its own closest point.
         let again = shape.closest(found.point).unwrap();
         assert!(again.gap.abs() < 1e-14, "{shape:?} {x:?} {found:?} {again:?}");
     }
@@ -86,7 +86,7 @@ fn at_centres_the_choice_is_fixed() {
 
 #[test]
 fn corners_and_edges_have_the_curvature_of_rounded_surfaces() {
-    // Beyond the corner (1, 1) by (0.3, 0.4): a circle of radius 0.5. Beside the edge: a cylinder.
+    // The position is beyond the corner (1, 1) by (0.3, 0.4): a circle of radius 0.5. Beside the edge: a cylinder.
     let square = ClosedPolygon::new(vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]).unwrap();
     let corner = square.closest([1.3, 1.4]).unwrap();
     let close = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-14);
@@ -125,7 +125,7 @@ fn a_box_is_an_extrusion_and_a_triangulated_surface() {
         for shape in &others {
             let found = shape.closest(x).unwrap();
             assert!((found.gap - expected.gap).abs() < 1e-14, "{x:?} {found:?} {expected:?}");
-            // Inside the lattice lies on the medial axis; on an edge any of its normals is right.
+            // Inside, the lattice lies on the medial axis; on an edge, any of its normals is right.
             if expected.gap > 1e-9 {
                 assert!(
                     norm(&minus(&found.normal, &expected.normal)) < 1e-12,

@@ -1,4 +1,4 @@
-//! Shapes against independent tests of containment, differences, and each other.
+//! Tests of shapes against independent tests of containment, finite differences, and each other.
 
 mod check;
 mod corners;
@@ -29,12 +29,12 @@ fn with_cavity() -> Vec<[f64; 2]> {
     vec![[0.0, -1.0], [1.0, -1.0], [1.0, 1.0], [0.0, 1.0], [0.0, 0.5], [0.4, 0.0], [0.0, -0.6]]
 }
 
-/// A polygon with notches and a reentrant corner, clockwise.
+/// A polygon with a notch, that is, a reentrant corner, clockwise.
 pub(super) fn notched() -> Vec<[f64; 2]> {
     vec![[0.0, 0.0], [-0.5, 1.5], [0.4, 2.0], [1.0, 0.5], [1.3, 1.9], [2.0, 2.0], [2.2, 0.1]]
 }
 
-/// A closed curve of many edges, counterclockwise.
+/// A closed curve with many edges, counterclockwise.
 pub(super) fn flower(n: usize) -> Vec<[f64; 2]> {
     let at = |k: usize| {
         let angle = TAU * k as f64 / n as f64;
@@ -44,7 +44,7 @@ pub(super) fn flower(n: usize) -> Vec<[f64; 2]> {
     (0..n).map(at).collect()
 }
 
-/// Within half the thickness of a polyline: in a disc at a corner or in a rectangle along a segment.
+/// True within half the thickness of a polyline: in a disc at a corner or in a rectangle along a segment.
 fn in_wall(corners: &[[f64; 2]], radius: f64, x: &[f64; 2]) -> bool {
     let along_segment = |ends: &[[f64; 2]]| {
         let [[a, b], [c, d]] = [ends[0], ends[1]];
@@ -164,7 +164,7 @@ fn extrusions_along_every_axis() {
     }
 }
 
-/// A section gives what the same body of revolution gives in space, on both sides of the axis and on it.
+/// A section gives the same results as the same body of revolution in space, on both sides of the axis and on it.
 #[test]
 fn a_section_is_a_body_of_revolution() {
     for corners in [penetrometer(), hollow_foot(), with_cavity()] {
@@ -219,7 +219,7 @@ fn tips_push_along_their_axis() {
     );
 }
 
-/// Between its faces, a wedge pushes along their middle, at its edge and inside; beside it, the closest face pushes.
+/// On its bisector, a wedge pushes along the bisector, at its edge and inside; beside it, the closest face pushes.
 #[test]
 fn wedges_push_along_their_middle() {
     for (rise, turned) in [(0.5, false), (1.0, true), (2.0, false)] {
@@ -248,7 +248,7 @@ fn wedges_push_along_their_middle() {
     }
 }
 
-/// A corner on a straight side is none: the gap beside it is that of the side.
+/// A corner on a straight side has no effect: the gap beside it is that of the side.
 #[test]
 fn corners_on_straight_sides_change_nothing() {
     let square = ClosedPolygon::new(vec![[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]]).unwrap();

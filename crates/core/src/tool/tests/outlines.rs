@@ -1,4 +1,4 @@
-//! Outlines: areas, closed borders, sizes, refusals.
+//! Outlines: areas, closed boundaries, sizes, errors.
 
 use std::f64::consts::PI;
 
@@ -7,7 +7,8 @@ use crate::region::area_vector;
 use crate::region::surface::tests::torus;
 use crate::region::vector::{along, minus, norm};
 
-/// Area of an outline whose facets close (their area vectors add to zero) and are no larger than `size`.
+/// Area of an outline whose facets form a closed surface (their area vectors add to zero) and are no larger than
+/// `size`.
 fn closed_area<const D: usize>(shape: &dyn Shape<D>, size: f64) -> f64 {
     let outline = shape.outline(size).unwrap();
     let mut sum = [0.0; D];
@@ -29,7 +30,7 @@ fn flat_shapes_have_their_area() {
     let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-12 * b, "{a} {b}");
     near(closed_area(&Brick::new([0.0; 2], [1.0, 2.0]).unwrap(), 0.3), 6.0);
     near(closed_area(&Brick::new([0.0; 3], [1.0, 2.0, 3.0]).unwrap(), 0.3), 22.0);
-    // Thinner than a facet.
+    // The brick is thinner than a facet.
     near(closed_area(&Brick::new([0.0; 3], [1.0, 2.0, 1e-3]).unwrap(), 0.3), 4.0 + 6e-3);
     let square = vec![[0.0, 0.0], [0.0, 2.0], [2.0, 2.0], [2.0, 0.0]];
     near(closed_area(&ClosedPolygon::new(square.clone()).unwrap(), 0.3), 8.0);

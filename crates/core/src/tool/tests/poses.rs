@@ -43,7 +43,7 @@ fn positions_and_vectors_are_mapped_both_ways() {
 
 #[test]
 fn many_increments_add_up() {
-    // A thousand turns by 1/100 turn about an axis in space, by increments in different directions of the same axis.
+    // A thousand turns in increments of 1/100 turn, about an axis in space and in the plane.
     let axis = [2.0, -1.0, 2.0].map(|x| x / 3.0);
     let step = Increment { translation: [0.01, 0.0, 0.0], rotation: axis.map(|x| 0.02 * PI * x) };
     let flat = Increment { translation: [0.01, 0.0], rotation: [0.0, 0.0, 0.02 * PI] };
@@ -76,7 +76,7 @@ fn a_motion_carries_positions_as_the_pose_does() {
     }
 }
 
-/// Compares the derivative of the motion, and of the gap, with differences.
+/// Compares the derivatives of the motion and of the gap with finite differences.
 fn check_derivatives<const D: usize>(shape: &dyn Shape<D>, size_of_turn: f64, random: &mut Random) -> bool {
     let start = random_pose::<D>(random);
     let turn = size_of_turn;

@@ -1,4 +1,4 @@
-//! Triangulated surfaces: the tree against all triangles, signs against the exact winding number.
+//! Triangulated surfaces: the tree compared with all triangles, signs with the exact winding number.
 
 use super::*;
 use crate::region::surface::Triangle;
@@ -60,7 +60,7 @@ fn a_sphere_of_2880_triangles() {
 #[test]
 fn surfaces_with_sharp_edges() {
     check_surface(&cube([0.0; 3], 1.0), 1000);
-    // Coarse, with obtuse and acute edges and with reentrant ones.
+    // Coarse tori have obtuse, acute and reentrant edges.
     check_surface(&torus(1.0, 0.6, 3, 3), 1000);
     check_surface(&sphere([0.0; 3], 1.0, 3, 2), 1000);
 }
@@ -82,7 +82,7 @@ fn cavities_and_sheets_that_touch_at_a_corner() {
     }
 }
 
-/// A sheet alone has a pseudonormal at its corner; at a corner of two sheets, the exact test decides.
+/// A single sheet has a pseudonormal at its corner; at a corner of two sheets, the exact test decides.
 #[test]
 fn beyond_a_corner_of_two_sheets_is_outside() {
     let spike = |mirrored: bool| {
@@ -106,7 +106,7 @@ fn beyond_a_corner_of_two_sheets_is_outside() {
 
 #[test]
 fn no_path_slips_through_an_edge() {
-    // Paths through the corners, edges and diagonals of a cube, where each facet alone could miss them.
+    // The paths run through the corners, edges and diagonals of a cube, where each facet alone could miss them.
     let shape = TriangulatedSurface::new(&cube([0.0; 3], 1.0)).unwrap();
     for k in 0..5i32.pow(3) {
         let target = [k % 5, k / 5 % 5, k / 25].map(|i| f64::from(i) * 0.25);

@@ -10,7 +10,7 @@ use crate::solver::{Solvable, SolveError};
 use crate::terms::Mode;
 use crate::tool::{HalfSpace, Pose};
 
-/// A tool that fills the half space above (normal pointing down) or below a height.
+/// A tool that fills the half-space above (normal pointing down) or below a height.
 pub(super) fn plate<const D: usize>(name: &str, height: f64, up: f64) -> Tool<D> {
     let mut normal = [0.0; D];
     normal[D - 1] = up;
@@ -48,7 +48,8 @@ where
     run(builder.steps(steps)).unwrap()
 }
 
-/// Under uniform stress, parts bear the forces of the places in their boxes, which move with the tool: 9 and 7 of 16 corners.
+/// Under uniform stress, parts bear the forces of the contact points in their boxes, which move with the tool: 9 and 7
+/// of 16 corners.
 #[test]
 fn parts_bear_their_share() {
     let part = |name: &str, from: f64, to: f64| ToolPart {
@@ -91,7 +92,7 @@ fn check_platen<const D: usize>(run: &Run<D>, tolerance: f64) {
     }
     let force = last.tools[0].force[D - 1];
     assert!((force / (expected * area) - 1.0).abs() < tolerance, "{force}");
-    // Body: tool and floor.
+    // The body is in equilibrium between tool and floor.
     let floor = last.reactions[D - 1][D - 1];
     assert!((force + floor).abs() < 1e-9 * floor.abs(), "{force} {floor}");
     let energy = run.summary.energy_error();
@@ -103,14 +104,14 @@ fn a_platen_compresses_a_cube_uniformly() {
     for method in [Method::Gimp, Method::Cpdi1, Method::Cpdi2] {
         check_platen(&platen::<2>(method, 20, 0.1), 1e-6);
     }
-    // Standard points leave the equilibrium of uniform stress when they cross cells.
+    // Standard points leave the equilibrium under uniform stress when they cross cells.
     check_platen(&platen::<2>(Method::Mpm, 1, 0.1), 1e-6);
     for method in [Method::Gimp, Method::Cpdi2] {
         check_platen(&platen::<3>(method, 20, 0.2), 1e-6);
     }
 }
 
-/// A block on a floor that is tilted by gravity: the ratio of its components along the floor and normal to it.
+/// A block on a floor under inclined gravity: `tangent` is the ratio of its components along and normal to the floor.
 fn tilted(friction: f64, tangent: f64, method: Method) -> Result<Run<2>, SolveError> {
     let mut floor = plate::<2>("floor", 0.0, 1.0);
     floor.interface = Some(Interface::with_friction(friction));
@@ -160,7 +161,7 @@ fn pulled(interface: Interface, method: Method) -> Run<2> {
     let (mut model, points) = builder.build().unwrap();
     // The block begins to slide in the fifth step.
     model.newton.max_iterations = 40;
-    // A rough block lifts at its ends, where iterations may need smaller steps.
+    // A rough block lifts at its ends, where the iterations may need smaller steps.
     model.stepping.smallest = 0.05;
     run_model(&model, points).unwrap()
 }
@@ -172,7 +173,7 @@ fn a_sliding_block_is_held_back_by_exactly_the_friction() {
         let last = sliding.reports.last().unwrap();
         let [top, floor] = &last.tools[..] else { panic!("two tools") };
         let area: f64 = floor.contacts.iter().map(|contact| contact.area).sum();
-        // An end of the block may lift; the corners of all other domains carry their parts of the unit length.
+        // An end of the block may lift; the corners of all other domains contribute their shares of the unit length.
         assert!(area > 0.7 && (area < 1.03 || method != Method::Cpdi2), "{area}");
         assert!(floor.contacts.iter().all(|contact| contact.mode == Mode::Slip));
         assert!((floor.force[0] / floor.force[1] + 0.2).abs() < 1e-9, "{:?}", floor.force);
@@ -190,7 +191,7 @@ fn a_sliding_block_is_held_back_by_exactly_the_friction() {
     }
 }
 
-/// Once the places that touch no longer change, each residual is about the square of the one before.
+/// Once the contact points that touch no longer change, each residual is about the square of the one before.
 #[test]
 fn iterations_converge_quadratically_in_stick_and_in_slip() {
     for (interface, mode) in [(Interface::ROUGH, Mode::Stick), (Interface::with_friction(0.2), Mode::Slip)] {

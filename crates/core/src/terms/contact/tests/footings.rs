@@ -11,7 +11,7 @@ use crate::model::{Builder, Control, Controlled, Fill, Freedom, Interface, LoadC
 use crate::region::{Ball, Brick};
 use crate::tool::Pose;
 
-/// A rough footing on a block, sinking as prescribed or under a load.
+/// A rough footing on a block, pushed in by a prescribed motion or a load.
 fn footing(motion: Freedom, load: f64) -> Run<2> {
     controlled(motion, load, Control::Load, 1)
 }
@@ -79,7 +79,7 @@ fn a_loaded_and_a_driven_footing_follow_an_arc_length() {
         assert!((factor * -1e5 / tool.force[1] - 1.0).abs() < 1e-8, "{factor} {}", tool.force[1]);
     }
     let [a, b] = [&loaded, &driven].map(|run| &run.reports.last().unwrap().tools[0]);
-    // Steps that are cut differently end at slightly different places of the same path.
+    // Steps that are cut differently end at slightly different points of the same path.
     let stiffness = [a, b].map(|tool| tool.force[1] / tool.displacement[1]);
     assert!((stiffness[0] / stiffness[1] - 1.0).abs() < 5e-3, "{stiffness:?}");
     assert!((a.displacement[1] / b.displacement[1] - 1.0).abs() < 0.02, "{:?}", a.displacement);
@@ -87,7 +87,8 @@ fn a_loaded_and_a_driven_footing_follow_an_arc_length() {
     assert!(lengths.is_sorted_by(|a, b| a > b), "{lengths:?}");
 }
 
-/// Errors of the half width and of the share of the load near the middle of a cylinder on a block against Hertz.
+/// Errors, relative to Hertz, of the half width and of the share of the load near the middle, for a cylinder on a
+/// block.
 fn hertz(cells: usize, method: Method) -> [f64; 2] {
     let h = 1.0 / cells as f64;
     let (modulus, poisson, radius) = (1e6, 0.3, 1.0);
@@ -109,7 +110,8 @@ fn hertz(cells: usize, method: Method) -> [f64; 2] {
     // ∫ p x² dx = P a²/4.
     let second: f64 = state.contacts.iter().map(|c| -2.0 * c.force[1] * c.position[0].powi(2)).sum();
     let measured = 2.0 * (second / load).sqrt();
-    // The share of the load within half of the half width: 2/π (asin ½ + ½ √¾), from a line through the sums at the places.
+    // The share of the load within half of the half width: 2/π (asin ½ + ½ √¾), interpolated in the sums at the contact
+    // points.
     let mut places: Vec<[f64; 2]> =
         state.contacts.iter().map(|c| [c.position[0], -2.0 * c.force[1]]).collect();
     places.sort_by(|a, b| a[0].total_cmp(&b[0]));
@@ -118,7 +120,8 @@ fn hertz(cells: usize, method: Method) -> [f64; 2] {
     for pair in places.chunk_by(|a, b| (a[0] - b[0]).abs() < 0.25 * h) {
         let force: f64 = pair.iter().map(|[_, f]| f).sum();
         let x = pair.iter().map(|[x, _]| x).sum::<f64>() / pair.len() as f64;
-        // At the plane of symmetry, the whole force stands for the first half interval; elsewhere half lies before x.
+        // At the plane of symmetry, the whole force belongs to the first half interval; elsewhere half of it lies
+        // before x.
         let before = if x < 0.25 * h { 0.0 } else { 0.5 * force };
         sums.push([x, sum + before]);
         sum += force;

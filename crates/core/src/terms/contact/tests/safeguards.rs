@@ -1,4 +1,4 @@
-//! What contact refuses, and how a run goes on from its saved state.
+//! Errors that contact reports, and the continuation of a run from its saved state.
 
 use super::blocks::plate;
 use super::{Reports, run};
@@ -38,7 +38,7 @@ fn a_tool_inside_a_body_at_the_start_is_refused() {
         let ContactError::Overlap { place, overlap } = error else { panic!("{error}") };
         assert_eq!((place.tool.as_str(), place.body.as_str()), ("plate", "block"));
         assert!(overlap > 0.0 && overlap < 0.1 + 1e-12, "{overlap}");
-        // Deep inside, too.
+        // Deep inside the tool, the overlap is found, too.
         let error = contact_error(block(method, plate("plate", -9.0, -1.0), 1));
         assert!(matches!(error, ContactError::Overlap { .. }), "{error}");
         let slight = run(block(method, plate("plate", 1.0 - 1e-9, -1.0), 1));

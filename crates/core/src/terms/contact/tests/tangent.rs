@@ -1,4 +1,4 @@
-//! The derivatives of contact against differences.
+//! The derivatives of contact compared with finite differences.
 
 use crate::assembly::{System, Wanted};
 use crate::basis::{Connectivity, Method};
@@ -14,7 +14,7 @@ use crate::step::{At, StepContext};
 use crate::terms::{Contact, Sum, Terms};
 use crate::tool::{Pose, Shape};
 
-/// Largest difference from a derivative relative to the largest entry.
+/// Largest difference from a finite-difference derivative, relative to the largest entry.
 const TOLERANCE: f64 = 1e-6;
 const SMALL: f64 = 1e-6;
 
@@ -38,7 +38,7 @@ fn block<const D: usize>(tool: Tool<D>, method: Method, revolved: bool) -> (Mode
     builder.build().unwrap()
 }
 
-/// Force on the nodes, and the residuals of the tools.
+/// Forces on the nodes, and the residuals of the tools.
 fn forces<const D: usize>(sum: &System<D>) -> (Vec<f64>, Vec<f64>) {
     (sum.external_force().as_flattened().to_vec(), sum.border.residual.clone())
 }
@@ -75,7 +75,7 @@ fn check<const D: usize>(case: Case<D>) -> usize {
         let rate = |(a, b): (&f64, &f64)| (a - b) / (2.0 * SMALL);
         (a.0.iter().zip(&b.0).map(rate).collect(), a.1.iter().zip(&b.1).map(rate).collect())
     };
-    // Some columns vanish: turning a tool about the edge that touches changes nothing.
+    // Some columns vanish: rotating a tool about the edge that touches changes nothing.
     let least = 0.01 * product.as_flattened().iter().fold(0.0f64, |m, x| m.max(x.abs()));
     let agree = |found: &[f64], expected: &[f64], what: &str| {
         let scale = expected.iter().chain(found).fold(least, |m, x| m.max(x.abs()));
@@ -144,7 +144,7 @@ fn derivatives_agree_with_differences_in_the_plane() {
                 let (model, points) = block(moving(ball(), interface, motion), method, false);
                 assert!(check(Case { model, points, free }) > 1, "{method:?} {interface:?}");
             }
-            // An edge that comes off the place that it touches.
+            // An edge separates from the contact point that it touches.
             if interface.tension_cut_off > 0.0 {
                 let edge = at(Brick::new([0.0; 2], [0.5; 2]).unwrap(), [0.5, 1.0], [0.0, 0.0, 0.8]);
                 let tool = moving(edge, interface, &[(0, None), (1, None), (4, None)]);
