@@ -176,14 +176,15 @@ fn plastic_strain(f: &Mat3, b: &Sym3) -> Sym3 {
     let squares = Sym3::symmetric_part(&(inverse * b.to_matrix() * inverse.transpose())).spectrum();
     let [least, largest] =
         [f64::min, f64::max].map(|of| squares.values.into_iter().fold(squares.values[0], of));
-    if least > WELL_CONDITIONED * largest {
-        return squares.compose(squares.values.map(f64::ln)) * -0.5;
-    }
-    let svd = (inverse * b.map_eigenvalues(f64::sqrt).to_matrix()).svd(true, false);
-    let Some(u) = svd.u else { return Sym3::ZERO };
-    let least = f64::EPSILON * svd.singular_values.max();
-    let logarithms = svd.singular_values.map(|s| -s.max(least).ln());
-    let mut strain = Sym3::symmetric_part(&(u * Mat3::from_diagonal(&logarithms) * u.transpose()));
+    let mut strain = if least > WELL_CONDITIONED * largest {
+        squares.compose(squares.values.map(f64::ln)) * -0.5
+    } else {
+        let svd = (inverse * b.map_eigenvalues(f64::sqrt).to_matrix()).svd(true, false);
+        let Some(u) = svd.u else { return Sym3::ZERO };
+        let least = f64::EPSILON * svd.singular_values.max();
+        let logarithms = svd.singular_values.map(|s| -s.max(least).ln());
+        Sym3::symmetric_part(&(u * Mat3::from_diagonal(&logarithms) * u.transpose()))
+    };
     if [(0, 2), (1, 2), (2, 0), (2, 1)].iter().all(|&place| f[place] == 0.0) && b.0[3..5] == [0.0; 2] {
         strain.0[3..5].fill(0.0); // plane: z is a principal direction, without the round-off of the decomposition
     }

@@ -71,6 +71,8 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             }
         };
         if !is_final && (self.shortens(iteration, found.as_ref().ok()) || self.withdraws(&found)) {
+            // Forces alone were not enough at the whole increment, and the forecast was for that one.
+            self.search.needs_stiffness = true;
             return Ok(None);
         }
         self.is_predicted = false;
@@ -142,7 +144,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         if withdraws {
             self.unknowns.start_again();
             self.is_predicted = false;
-            self.search = Search { needs_stiffness: true, ..Search::default() };
+            self.search = Search::default();
         }
         withdraws
     }

@@ -58,17 +58,21 @@ pub struct Stepper<'a, const D: usize, const N: usize = D> {
 }
 
 /// The terms of a model, with kernels compiled for the mechanics of its idealisation.
-pub struct Kernels<const D: usize, const N: usize = D>(fn(&Model<D>) -> Terms<D, N>);
+pub struct Kernels<const D: usize, const N: usize = D> {
+    terms: fn(&Model<D>) -> Terms<D, N>,
+    /// True for bodies of revolution.
+    revolved: bool,
+}
 
 impl<const D: usize, const N: usize> Kernels<D, N> {
     /// The kernels for a kind of mechanics.
     pub fn of<M: Mechanics<D>>() -> Self {
-        Kernels(of_model::<D, N, M>)
+        Kernels { terms: of_model::<D, N, M>, revolved: M::REVOLVED }
     }
 
     /// The terms of a model.
     pub(super) fn terms(&self, model: &Model<D>) -> Terms<D, N> {
-        (self.0)(model)
+        (self.terms)(model)
     }
 }
 
@@ -92,7 +96,8 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
     /// components in total, those of the displacement first.
     ///
     /// # Errors
-    /// [`SolveError::Term`] if the displacement does not have `D` components, or all fields together do not have `N`.
+    /// [`SolveError::Term`] if the displacement does not have `D` components, if all fields together do not have `N`, or if the
+    /// kernels are those of another idealisation.
     pub fn with_fields(
         model: &'a Model<D>,
         points: &'a mut Points<D>,
@@ -104,6 +109,12 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
             return Err(refused(
                 "fields",
                 "the fields must have one component for each unknown at a node, those of the displacement first",
+            ));
+        }
+        if kernels.revolved != model.revolved {
+            return Err(refused(
+                "kernels",
+                "the kernels are those of another idealisation than that of the model",
             ));
         }
         Ok(Stepper::of_fields(model, points, &kernels, fields))
