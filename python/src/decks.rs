@@ -36,7 +36,7 @@ pub fn loaded(name: &str, text: &[u8], overrides: &[(String, String)]) -> Result
     load_text(name, text, overrides).map_err(Raised::Deck)
 }
 
-/// Everything up to the first load step: the messages about a deck as JSON and as text.
+/// Does everything that precedes the first load step, and returns the messages about the deck, as JSON and as text.
 #[pyfunction]
 pub fn check(
     py: Python<'_>,

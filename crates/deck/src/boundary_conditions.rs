@@ -346,8 +346,8 @@ pub struct NodeSelector {
     /// Name of a physical group of a gmsh grid.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub group: Option<String>,
-    /// Name of a body: selects all nodes of the grid cells that contain (or, if they have a domain, overlap) the points
-    /// that form the outer layer of the body at the start; updated at each load step.
+    /// Name of a body: selects all nodes of the grid cells that contain a point of its outer layer or, if the point has a
+    /// domain, overlap that domain. The layer is that at the start; the nodes are selected anew at each load step.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub outer_layer: Option<String>,
 }

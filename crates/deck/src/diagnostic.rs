@@ -109,7 +109,7 @@ pub const CODES: &[(&str, &str)] = &[
     ("D020", "a boundary condition that prescribes nothing, or an axis twice"),
     ("D021", "a formula that cannot be understood"),
     ("D022", "a load curve that does not cover the analysis"),
-    ("D023", "points of a body not placed in exactly one way"),
+    ("D023", "a missing, ambiguous or unsuitable placement of points"),
     ("D024", "gravity on a body without density"),
     ("D025", "bodies that overlap"),
     ("D026", "a name that cannot head a column"),

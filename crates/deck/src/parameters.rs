@@ -412,7 +412,7 @@ impl Table<'_> {
         let help = if known.is_empty() {
             "write an expression with a finite value".to_owned()
         } else {
-            format!("change the expression, or the parameters; here {}", known.join(", "))
+            format!("change the expression or its parameters, which are {} here", known.join(", "))
         };
         Err(Fault::Here { message, offset: start, length: inner.len(), help: Some(help) })
     }

@@ -41,7 +41,7 @@ pub struct PartDeck {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = [2]))]
     pub edge: Option<u32>,
-    /// Name of a physical group of a gmsh grid: selects the cell sides at the boundary of a body of shape `cells` whose
+    /// Name of a physical group of a gmsh grid: selects, on the boundary of a body of shape `cells`, the cell sides whose
     /// nodes all belong to the group.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = ["crest"]))]

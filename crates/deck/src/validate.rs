@@ -213,7 +213,7 @@ impl Check<'_> {
         let method = body.method.name();
         let at = format!("{pointer}/{key}");
         let diagnostic = if self.source.is_from_parameter(&at) {
-            let message = format!("the {what} is ignored: points of method `{method}` {lacks}");
+            let message = format!("the {what} is ignored: points with `method: {method}` {lacks}");
             let help = format!("keep it if a parameter selects other methods, or remove `{key}`");
             Diagnostic::at(self.source, "D014", &at, message).severity(Severity::Note).help(help)
         } else {

@@ -37,8 +37,8 @@ impl Prescribed {
 /// components without a column are zero.
 ///
 /// # Errors
-/// A file-system error; `InvalidData` with file and line if the table is damaged, has no rows or has other columns, if
-/// an entry is missing, or if a stress history has a shear stress.
+/// A file-system error; `InvalidData`, naming the file and the line, if the table is damaged or has no rows, if it has a
+/// column not listed above, if an entry is missing, or if a shear stress in a stress history is not zero.
 pub fn read_history(path: &Path, prescribed: Prescribed) -> io::Result<Vec<Target>> {
     let table = Columns::read_foreign(path)?;
     targets(&table, prescribed)

@@ -176,11 +176,11 @@ impl Extremes {
 /// Largest error of each balance and its step; `None` if no step has one.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Errors {
-    /// Error of the energy, [`Summary::energy_error`], in magnitude, [-].
+    /// Error in the energy balance, [`Summary::energy_error`], in magnitude, [-].
     pub energy: Option<(f64, usize)>,
-    /// Error of the forces, [`ForceBalance::relative_difference`], [-].
+    /// Error in the force balance, [`ForceBalance::relative_difference`], [-].
     pub force: Option<(f64, usize)>,
-    /// Error of the moments, [`StepReport::moment_error`], [-].
+    /// Error in the moment balance, [`StepReport::moment_error`], [-].
     pub moment: Option<(f64, usize)>,
 }
 

@@ -301,7 +301,9 @@ fn route(args: &ElementArgs) -> anyhow::Result<Route> {
         PathName::SimpleShear => Way::SimpleShear { constant_normal_stress },
     };
     if args.file.is_some() {
-        bail!("`--file` needs `--path strain` or `--path stress`; {word} goes to the strain `--to`");
+        bail!(
+            "`--file` needs `--path strain` or `--path stress`; the path {word} ends at the strain given by `--to`"
+        );
     }
     let Some(to) = args.to else {
         bail!("{word} needs `--to`, the final strain, for example `--to 0.1`");
@@ -419,7 +421,7 @@ impl Outputs {
         }
         if let Some(path) = table.as_ref().filter(|path| !may_be_replaced(path, FIRST_COLUMNS)) {
             bail!(
-                "`{}` exists and is not a table of an element test; choose another name with `--output`",
+                "`{}` exists, but is not the table of an element test; choose another name with `--output`",
                 path.display()
             );
         }

@@ -70,8 +70,10 @@ pub fn sweep(args: SweepArgs) -> anyhow::Result<u8> {
     std::fs::create_dir_all(&directory).map_err(|error| not_writable(&directory, error))?;
     let table = directory.join(TABLE);
     if !may_be_replaced(&table) {
-        let what =
-            format!("`{}` exists and is not a table of a study; choose another directory", table.display());
+        let what = format!(
+            "`{}` exists, but is not the table of a study; choose another directory",
+            table.display()
+        );
         return Err(Coded::new("R001", what).into());
     }
     let begin = if args.resume { Begin::AtCheckpointIfAny } else { Begin::Anew };

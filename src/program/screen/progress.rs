@@ -290,7 +290,7 @@ impl<const D: usize> Observer<D> for Watch {
         self.log(&format!("attempt failed [{code}]: {}", attempt.error));
         match ended {
             None if attempt.is_repeated => self
-                .log("the step is repeated with a fresh stiffness in every iteration, and more iterations"),
+                .log("the step is repeated: the stiffness is renewed in every iteration, and more iterations are allowed"),
             None => {
                 self.log(&format!("a step of {} times the requested size is too large", significant(part, 3)))
             }

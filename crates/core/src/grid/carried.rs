@@ -38,7 +38,7 @@ fn squeezed(ratio: f64) -> String {
         format!("the cells shrink to {ratio:.3} of their size; the least possible is {LEAST_SIZE}")
     } else {
         format!(
-            "their displacements turn the cells over; the least possible size of a cell is {LEAST_SIZE} of the original"
+            "their displacements would invert cells; a cell must keep at least {LEAST_SIZE} of its original size"
         )
     }
 }

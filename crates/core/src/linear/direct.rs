@@ -225,7 +225,8 @@ impl Direct {
         weak > LOST * strong
     }
 
-    /// Replaces a lost solution by the one from the factor of the shifted matrix, if this one solves the equations.
+    /// Replaces a lost solution by that found with the factor of the shifted matrix, provided that it satisfies the original
+    /// equations.
     fn find(&mut self, solution: &mut [f64], given: &[f64]) -> Result<(), LinearError> {
         let kind = self.kind;
         if self.factorise_shifted() {

@@ -92,7 +92,7 @@ pub const CODES: &[(&str, &str)] = &[
     ("W016", "a soft body that a stiff one stiffens"),
     ("W017", "an equilibrium that is not stable"),
     ("W018", "bodies that slide while their strength is reduced"),
-    ("W019", "a reduction of strength that ends before bodies run away"),
+    ("W019", "a strength reduction that ends before displacements run away"),
     ("W020", "a reduction of strength of bodies that have slumped"),
 ];
 

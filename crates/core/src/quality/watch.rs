@@ -30,7 +30,7 @@ const ELASTIC: f64 = 1e-3;
 
 /// Fraction of the forces on a body that may be out of balance, [-].
 const MOST_OF_BODY: f64 = 1e-4;
-/// The same fraction with the tolerance that the warning recommends, [-].
+/// Fraction of the forces on a body that should remain out of balance at the tolerance that the warning recommends, [-].
 const FINE_RESIDUAL: f64 = 1e-6;
 /// Smallest tolerance that residuals can meet in spite of round-off, [-].
 const LEAST_TOLERANCE: f64 = 1e-13;

@@ -102,7 +102,7 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
         (report, path)
     }
 
-    /// The energy when damped iterations leave the grid before equilibrium.
+    /// The energy when damped iterations stop because they need a fresh grid.
     pub(super) fn energy_on_the_way(
         &self,
         context: &StepContext<D>,

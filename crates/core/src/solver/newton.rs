@@ -101,7 +101,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         residual.is_finite() && self.farthest() > self.stride
     }
 
-    /// True if no node has moved farther than a stride.
+    /// True if no node has moved farther than damped iterations may move it on one grid.
     fn is_at_rest(&self) -> bool {
         self.farthest() <= self.stride
     }

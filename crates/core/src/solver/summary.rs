@@ -117,7 +117,7 @@ pub struct Summary {
     /// reduced, [energy].
     #[serde(default)]
     pub undone_work: f64,
-    /// Work so far of friction between tools and bodies, [energy].
+    /// Work done so far by friction between tools and bodies, [energy].
     #[serde(default)]
     pub friction_work: f64,
     /// The quality of the run.

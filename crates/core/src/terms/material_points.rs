@@ -54,7 +54,8 @@ pub struct MaterialPoints<const D: usize, M> {
     averaged: Vec<bool>,
     /// The points whose laws are evaluated in batches.
     batched: Vec<Batch>,
-    /// The laws of the materials with reduced strength; empty at full strength, and `None` for laws without strength.
+    /// The law of each material with its strength reduced, `None` if the law has no strength to reduce; the list is empty at
+    /// full strength.
     reduced: Vec<Option<Box<dyn Material>>>,
     mechanics: PhantomData<M>,
 }

@@ -46,7 +46,7 @@ impl Wall {
         Ok(Wall { segments: Segments::new(&ends), corners, radius })
     }
 
-    /// The intervals of a line that lie within half the thickness of a segment.
+    /// The intervals of a line that are no farther from a segment than half the thickness of the wall.
     fn intervals(&self, [a, b]: &[[f64; 2]; 2], line: &Line<2>) -> Intervals {
         let disc = |centre: &[f64; 2]| {
             Ball::new(*centre, self.radius).map(|ball| ball.intervals(line)).unwrap_or_default()

@@ -103,7 +103,7 @@ impl Check<'_> {
                 self.ends(pointer, start, end);
                 if radii.len() == 2 && (radii.iter().any(|r| *r < 0.0) || radii.iter().all(|r| *r == 0.0)) {
                     let message = "the radii of a cone must not be negative, and one must be above 0";
-                    let help = "give a radius for each end, `radii: [1, 0]` for a tip";
+                    let help = "give a radius for each end, for example `radii: [1, 0]` for a cone that ends in a tip";
                     self.error("D016", &at("radii"), message, help);
                 }
             }

@@ -68,7 +68,7 @@ impl Check<'_> {
         }
     }
 
-    /// Reports tools and parts whose columns of `history.csv` would have the names of others.
+    /// Reports tools and parts whose columns in `history.csv` would have the same names as other columns.
     pub(super) fn columns_of_tools(&mut self) {
         let deck = self.deck;
         let mut known: Vec<Columns> = Vec::new();

@@ -67,7 +67,7 @@ impl Check<'_> {
                 && !self.source.is_from_parameter(&format!("/bodies/{index}/method"))
         };
         if self.is_written(at) && bodies.clone().all(has_no_domain) {
-            let message = "`point_volume` has no effect: points of method `mpm` have no domain".to_owned();
+            let message = "`point_volume` has no effect: points with `method: mpm` have no domain".to_owned();
             let help = "remove it, or use another method for at least one body";
             self.warn_at_key("D037", at, message, help);
         }
@@ -95,8 +95,8 @@ impl Check<'_> {
                 ControlDeck::Load {} => {
                     ("with `smallest: 1`, which ends a run at the first failure", "smallest")
                 }
-                ControlDeck::StrengthReduction { .. } => ("where the strength is reduced", "control/type"),
-                _ => ("where the load factor is unknown", "control/type"),
+                ControlDeck::StrengthReduction { .. } => ("during a strength reduction", "control/type"),
+                _ => ("when the load factor is unknown", "control/type"),
             };
             let at = format!("{pointer}/damping");
             if self.is_written(&at) && !self.source.is_from_parameter(&format!("{pointer}/{other}")) {
@@ -115,7 +115,7 @@ impl Check<'_> {
                 && self.is_written(&at)
                 && !self.source.is_from_parameter(&format!("{pointer}/control/type"))
             {
-                let message = "`smallest` has no effect where the strength is reduced: steps are cut down to the `tolerance` \
+                let message = "`smallest` has no effect during a strength reduction: steps are cut down to the `tolerance` \
                                of the control"
                     .to_owned();
                 self.warn_at_key("D037", &at, message, "remove it, or set `tolerance`");

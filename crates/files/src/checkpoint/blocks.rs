@@ -142,7 +142,7 @@ fn check_sum(path: &Path) -> Result<(), String> {
     }
     match <[u8; 4]>::try_from(&tail[..]) {
         Ok(stored) if !first && u32::from_le_bytes(stored) == sum.finalize() => Ok(()),
-        _ => Err("it is cut off or damaged: its checksum is wrong".to_owned()),
+        _ => Err("it is incomplete or damaged: its checksum is wrong".to_owned()),
     }
 }
 

@@ -181,7 +181,7 @@ fn decks(page: &mut Page, runs: &[Run]) {
                     <code>{first}</code>."));
             }
             (Some(a), Some(b)) => {
-                page.paragraph(&format!("Changes of the text from <code>{first}</code> to <code>{name}</code>:"));
+                page.paragraph(&format!("Changes in the text of the deck from <code>{first}</code> to <code>{name}</code>:"));
                 page.push(&difference(a, b));
             }
             _ => page.paragraph(&format!(

@@ -348,7 +348,7 @@ impl<T: Lane> Returned<T> {
     }
 }
 
-/// The inverse of a matrix, `[i][j]`; not finite if it is singular.
+/// The inverse of a matrix, `[i][j]`; not finite if the matrix is singular.
 #[inline(always)]
 fn inverse<T: Lane>(a: &[[T; 3]; 3]) -> [[T; 3]; 3] {
     let mut adjugate = *a;

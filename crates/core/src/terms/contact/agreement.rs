@@ -7,7 +7,7 @@ use crate::terms::EvaluateError;
 /// The reason why contact cannot be evaluated on this rank.
 #[derive(Debug)]
 pub(super) enum Failure {
-    /// An error of this rank.
+    /// An error on this rank.
     Own(ContactError),
     /// Another rank has an error.
     OnRank,

@@ -57,8 +57,8 @@ pub(super) struct Worst {
     /// cell, [-].
     pub(super) place: f64,
     pub(super) mean: f64,
-    /// The changes that an update makes at the named contact point, divided by the penalty, [length]: overlap, and slip
-    /// if it sticks.
+    /// What an update changes at the contact point that an error names, divided by the penalty, [length]: the pressure
+    /// as an overlap, and the shear as a slip, which is the actual slip if the contact point sticks.
     pub(super) overlap: f64,
     pub(super) slip: f64,
 }
