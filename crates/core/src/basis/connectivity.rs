@@ -142,8 +142,9 @@ impl<const D: usize> Connectivity<D> {
             .group_by_cell(grid)
             .map_err(|point| point.map_or(SupportFailure::ON_RANK, SupportFailure::off_grid))?;
         let points = &*points;
+        let per_length = per_length_if_even(grid);
         let link = |groups: &[usize], slivers: &Slivers| -> Result<Piece<D>, SupportFailure> {
-            let (mut piece, mut support) = (Piece::new(grid), Support::default());
+            let (mut piece, mut support) = (Piece::new(per_length), Support::default());
             for group in groups.windows(2).map(|ends| ends[0]..ends[1]) {
                 piece.begin_group(group.clone().next().map_or(0.0, |p| grid.size(points.cell[p] as usize)));
                 for p in group {
@@ -161,7 +162,7 @@ impl<const D: usize> Connectivity<D> {
         // The first pass finds the slivers, if any; a second one folds them into other nodes.
         for pass in 0..2 {
             self.clear();
-            self.per_length = per_length_if_even(grid);
+            self.per_length = per_length;
             let n_groups = groups.len() - 1;
             // Rounds limit the number of pieces that exist besides the result.
             let linked = (0..n_groups).step_by(ROUND * PIECE).try_for_each(|round| {

@@ -4,6 +4,7 @@ use crate::linear::{LinearError, Solved};
 
 use super::forcing::Forcing;
 use super::residual::RoundOff;
+use super::unknowns::Bracket;
 use crate::step::Nodal;
 
 /// A tangent may be kept after an iteration that leaves at most this fraction of the out-of-balance force, [-].
@@ -38,6 +39,24 @@ pub(super) struct Course<const N: usize> {
     /// True if multipliers were updated along the last increment, and along any increment.
     pub(super) is_augmented_along: bool,
     pub(super) was_augmented_along: bool,
+}
+
+/// What has been tried at the present iterate.
+#[derive(Debug, Default)]
+pub(super) struct Search {
+    /// True if forces alone do not suffice.
+    pub(super) needs_stiffness: bool,
+    pub(super) halvings: usize,
+    pub(super) searches: usize,
+    pub(super) backtracks: usize,
+    pub(super) bracket: Bracket,
+}
+
+impl Search {
+    /// True if the last iterative increment has been shortened.
+    pub(super) fn has_shortened(&self) -> bool {
+        self.halvings + self.searches + self.backtracks > 0
+    }
 }
 
 impl<const N: usize> Course<N> {

@@ -6,6 +6,7 @@ use crate::step::StepContext;
 use crate::terms::EvaluateError;
 
 use super::attempt::Effort;
+use super::course::Search;
 use super::damping::MOST_TRIALS;
 use super::error::{SolveError, locate_failure};
 use super::load_step::LoadStep;
@@ -30,24 +31,6 @@ const FIRST_SEARCH: usize = 3;
 /// First iteration with a line search otherwise, as a fraction of the iterations allowed, so that iterations that
 /// converge are left alone.
 const LATE: f64 = 0.75;
-
-/// What has been tried at the present iterate.
-#[derive(Debug, Default)]
-pub(super) struct Search {
-    /// True if forces alone do not suffice.
-    pub(super) needs_stiffness: bool,
-    halvings: usize,
-    searches: usize,
-    backtracks: usize,
-    bracket: Bracket,
-}
-
-impl Search {
-    /// True if the last iterative increment has been shortened.
-    pub(super) fn has_shortened(&self) -> bool {
-        self.halvings + self.searches + self.backtracks > 0
-    }
-}
 
 impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
     /// Records the residual of the iterate; `None` if the iterate must be evaluated again, with its stiffness or closer

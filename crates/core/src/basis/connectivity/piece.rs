@@ -3,7 +3,6 @@
 use super::super::Support;
 use super::super::factors::Form;
 use super::super::slivers::Touch;
-use super::per_length_if_even;
 use crate::grid::Grid;
 
 /// Links of consecutive groups, with grid node numbers, to be appended to those of the previous groups.
@@ -46,8 +45,9 @@ struct Group {
 }
 
 impl<const D: usize> Piece<D> {
-    pub(super) fn new(grid: &dyn Grid<D>) -> Self {
-        Piece { per_length: per_length_if_even(grid), ..Piece::default() }
+    /// No links yet; `per_length` is 1/h of an even grid along each axis.
+    pub(super) fn new(per_length: Option<[f64; D]>) -> Self {
+        Piece { per_length, ..Piece::default() }
     }
 
     /// Begins a group whose cell has this size, [length].
