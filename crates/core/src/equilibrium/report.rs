@@ -33,8 +33,8 @@ pub struct StepReport<const D: usize> {
     pub step: Step,
     /// Relative residuals, eq. (40), one per evaluation; the first precedes any solve.
     pub residuals: Vec<f64>,
-    /// True if round-off, and not the tolerance, has ended the iterations: the residual is at most 10⁻⁶, or only parts that
-    /// carry nothing exceed the tolerance.
+    /// True if round-off, and not the tolerance, has ended the iterations: the residual is at most 10⁻⁶, or only parts
+    /// that carry nothing exceed the tolerance.
     pub rounding_limited: bool,
     /// Out-of-balance force at the nodes of each body alone, relative to the forces on that body, [-]; empty for a
     /// single body.

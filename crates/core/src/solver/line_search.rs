@@ -54,7 +54,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             }
         };
         if !is_final && (self.shortens(iteration, found.as_ref().ok()) || self.withdraws(&found)) {
-            // Forces alone were not enough at the whole increment, and the forecast was for that one.
+            // A forecast holds for the whole increment only.
             self.search.needs_stiffness = true;
             return Ok(None);
         }

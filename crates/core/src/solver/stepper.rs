@@ -96,8 +96,8 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
     /// components in total, those of the displacement first.
     ///
     /// # Errors
-    /// [`SolveError::Term`] if the displacement does not have `D` components, if all fields together do not have `N`, or if the
-    /// kernels are those of another idealisation.
+    /// [`SolveError::Term`] if the displacement does not have `D` components, if all fields together do not have `N`, or
+    /// if the kernels are those of another idealisation.
     pub fn with_fields(
         model: &'a Model<D>,
         points: &'a mut Points<D>,
@@ -223,8 +223,10 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         self.finish(outcome, observer)
     }
 
+    /// Refuses a grid that moves between steps, which one stepper cannot follow.
+    ///
     /// # Errors
-    /// [`SolveError::GridMotion`] if the grid moves between steps.
+    /// [`SolveError::GridMotion`].
     pub(super) fn expect_fixed_grid(&self) -> Result<(), SolveError> {
         let (step, error) = (self.reached.step.index + 1, GridMotionError::NotPlaced);
         if self.model.moving_grid.is_some() { Err(SolveError::GridMotion { step, error }) } else { Ok(()) }

@@ -198,7 +198,7 @@ impl Compressor {
 /// True if one in four numbers of a sample from the middle repeats an earlier one.
 fn is_regular<T: Number>(values: &[T]) -> bool {
     let middle = values.len().saturating_sub(SAMPLE) / 2..values.len().min((values.len() + SAMPLE) / 2);
-    // Of the numbers with the same hash, only the last is remembered, which is enough to find patterns.
+    // Only the last number with a given hash is remembered, which is enough to find patterns.
     let mut seen = [0; 2 * SAMPLE];
     let mut repeats = 0;
     for number in &values[middle.clone()] {
