@@ -71,17 +71,17 @@ impl<const N: usize> Rows<N> {
     #[inline(always)]
     pub(super) fn times(&self, row: usize, x: &[[f64; N]], entries: &mut [f64]) -> [f64; N] {
         let columns = self.columns(row);
-        for (place, &column) in entries.chunks_exact_mut(N).zip(columns) {
-            place.copy_from_slice(&x[column as usize]);
+        for (place, &column) in entries.as_chunks_mut::<N>().0.iter_mut().zip(columns) {
+            *place = x[column as usize];
         }
         let width = (columns.len() * N).next_multiple_of(LANES);
         entries[columns.len() * N..width].fill(0.0);
-        let entries = &entries[..width];
+        let entries = entries[..width].as_chunks::<LANES>().0;
         let mut product = [0.0; N];
         // Plain loops are compiled for the same vector instructions as the enclosing function.
         for i in 0..N {
             let mut lanes = [0.0; LANES];
-            for (a, x) in self.component(row, i).chunks_exact(LANES).zip(entries.chunks_exact(LANES)) {
+            for (a, x) in self.component(row, i).as_chunks::<LANES>().0.iter().zip(entries) {
                 for l in 0..LANES {
                     lanes[l] += f64::from(a[l]) * x[l];
                 }
