@@ -117,8 +117,9 @@ where
     let mut stepper = Stepper::new(model, points);
     stepper.expect_fixed_grid()?;
     let started = stepper.start(observer);
+    let step = stepper.kernels.step;
     let outcome = started.and_then(|()| {
-        while stepper.step(observer)?.is_some() {}
+        while step(&mut stepper, observer)? {}
         Ok(())
     });
     stepper.finish(outcome, observer)

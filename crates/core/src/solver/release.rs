@@ -9,25 +9,26 @@ use crate::model::Model;
 use crate::points::Points;
 use crate::ranks::Ranks;
 use crate::step::{At, Step, StepContext};
-use crate::terms::{Saved, Sum, Terms, restore};
+use crate::stress::Mechanics;
+use crate::terms::{Saved, Sum, of_model, restore};
 
 use super::agree::agree;
 use super::error::{SolveError, locate_failure};
 use super::reach::{begin, reach_out};
 
 /// The forces on the free unknowns that balance the converged state at a time, by grid node, [force]. As they decrease,
-/// the effect of what was removed from the state is released, and what was added begins to act. `terms` are those of
-/// the model, in the state `saved`.
+/// the effect of what was removed from the state is released, and what was added begins to act. The
+/// terms of the model are in the state `saved`.
 ///
 /// # Errors
 /// [`SolveError`] if a point lies outside the grid, constraints contradict each other, or a load is not finite.
-pub(super) fn balancing_forces<const D: usize>(
-    mut terms: Terms<D>,
+pub(super) fn balancing_forces<const D: usize, M: Mechanics<D>>(
     model: &Model<D>,
     points: &mut Points<D>,
     step: Step,
     saved: &BTreeMap<String, Saved>,
 ) -> Result<Vec<(u32, [f64; D])>, SolveError> {
+    let mut terms = of_model::<D, D, M>(model);
     let methods = model.methods();
     let ranks = points.ranks.clone();
     let linked = Connectivity::default().renew(model.grid.as_ref(), points, &methods);

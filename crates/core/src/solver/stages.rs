@@ -13,7 +13,6 @@ use super::control::Path;
 use super::error::SolveError;
 use super::observer::Observer;
 use super::pace::Pace;
-use super::release::balancing_forces;
 use super::residual::MOST_OF_ROUND_OFF;
 use super::splitting::split_again;
 use super::stepper::{Stepper, finish, start};
@@ -98,8 +97,7 @@ where
         reached.summary.quality.exchange(now.mass - before.mass, now.volume - before.volume);
         // The loads are still as the previous stage has left them.
         let control = std::mem::replace(&mut model.stepping.control, Control::Load);
-        let forces =
-            balancing_forces(model.kernels().terms(model), model, points, step, &reached.summary.terms);
+        let forces = (model.kernels().balancing_forces)(model, points, step, &reached.summary.terms);
         model.stepping.control = control;
         model.present.released_forces = forces?;
         // A remainder that the tolerance or round-off has left out of balance is not a force to release.

@@ -1,6 +1,6 @@
 //! Stepping: the choice of each load step, the response to a failed one, and the commit of a converged one.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use crate::basis::Connectivity;
 use crate::equilibrium::StepReport;
@@ -9,7 +9,7 @@ use crate::model::{GridMotionError, Model};
 use crate::points::Points;
 use crate::step::Step;
 use crate::stress::Mechanics;
-use crate::terms::{Terms, of_model, restore};
+use crate::terms::{Saved, Terms, of_model, restore};
 use crate::timing::Phase;
 
 use super::Solvable;
@@ -21,6 +21,7 @@ use super::equations::{Equations, OfEngine};
 use super::error::SolveError;
 use super::fields::Fields;
 use super::observer::Observer;
+use super::release::balancing_forces;
 use super::summary::{Reached, Summary};
 
 /// An analysis, load step by load step.
@@ -40,6 +41,7 @@ use super::summary::{Reached, Summary};
 pub struct Stepper<'a, const D: usize, const N: usize = D> {
     pub(super) model: &'a Model<D>,
     pub(super) points: &'a mut Points<D>,
+    pub(super) kernels: Kernels<D, N>,
     pub(super) fields: Fields,
     pub(super) equations: Equations<D, N>,
     /// Links of the previous step, whose memory is reused.
@@ -57,22 +59,35 @@ pub struct Stepper<'a, const D: usize, const N: usize = D> {
     pub(super) reached: Reached,
 }
 
-/// The terms of a model, with kernels compiled for the mechanics of its idealisation.
+/// The code of an analysis, compiled once for each number of axes; its terms are compiled for the mechanics of the
+/// idealisation.
+///
+/// Because steps are solved through a function of this struct, [`super::Solvable`] compiles the solver in this crate,
+/// with full optimisation, rather than in each program that runs an analysis.
+#[derive(Clone, Copy)]
 pub struct Kernels<const D: usize, const N: usize = D> {
     terms: fn(&Model<D>) -> Terms<D, N>,
+    /// Solves the next step; false at the end of the analysis.
+    pub(super) step: StepFunction<D, N>,
+    pub(super) balancing_forces: BalancingFunction<D>,
     /// True for bodies of revolution.
     revolved: bool,
 }
 
+type StepFunction<const D: usize, const N: usize> =
+    fn(&mut Stepper<'_, D, N>, &mut dyn Observer<D>) -> Result<bool, SolveError>;
+type BalancingFunction<const D: usize> =
+    fn(&Model<D>, &mut Points<D>, Step, &BTreeMap<String, Saved>) -> Result<Vec<(u32, [f64; D])>, SolveError>;
+
 impl<const D: usize, const N: usize> Kernels<D, N> {
     /// The kernels for a kind of mechanics.
     pub fn of<M: Mechanics<D>>() -> Self {
-        Kernels { terms: of_model::<D, N, M>, revolved: M::REVOLVED }
-    }
-
-    /// The terms of a model.
-    pub(super) fn terms(&self, model: &Model<D>) -> Terms<D, N> {
-        (self.terms)(model)
+        Kernels {
+            terms: of_model::<D, N, M>,
+            step: |stepper, observer| stepper.solve_step(observer),
+            balancing_forces: balancing_forces::<D, M>,
+            revolved: M::REVOLVED,
+        }
     }
 }
 
@@ -82,7 +97,7 @@ impl<'a, const D: usize> Stepper<'a, D> {
     where
         Model<D>: Solvable<D>,
     {
-        let mut stepper = Stepper::of_fields(model, points, &model.kernels(), Fields::displacement(D));
+        let mut stepper = Stepper::of_fields(model, points, model.kernels(), Fields::displacement(D));
         if let Some(engine) = &model.engines.0 {
             let (direct, iterative) = (engine.direct(), engine.iterative());
             stepper.equations.use_engine(OfEngine { direct, iterative, algebraic: engine.algebraic() });
@@ -117,20 +132,21 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
                 "the kernels are those of another idealisation than that of the model",
             ));
         }
-        Ok(Stepper::of_fields(model, points, &kernels, fields))
+        Ok(Stepper::of_fields(model, points, kernels, fields))
     }
 
     fn of_fields(
         model: &'a Model<D>,
         points: &'a mut Points<D>,
-        kernels: &Kernels<D, N>,
+        kernels: Kernels<D, N>,
         fields: Fields,
     ) -> Self {
         let reached = Reached::nothing(points);
         Stepper {
             model,
             points,
-            terms: kernels.terms(model),
+            terms: (kernels.terms)(model),
+            kernels,
             fields,
             equations: Equations::new(None),
             links: Connectivity::default(),
@@ -186,10 +202,16 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
     /// [`SolveError`] when there is no equilibrium; the converged state of the points is then the last one in
     /// equilibrium.
     pub fn step(&mut self, observer: &mut dyn Observer<D>) -> Result<Option<&StepReport<D>>, SolveError> {
+        let is_solved = (self.kernels.step)(self, observer)?;
+        Ok(self.report.as_ref().filter(|_| is_solved))
+    }
+
+    /// Solves the next step as [`Stepper::step`] does; false at the end of the analysis.
+    fn solve_step(&mut self, observer: &mut dyn Observer<D>) -> Result<bool, SolveError> {
         self.begin_stressed(observer)?;
         let (before, mut effort) = (self.reached.step.index, Effort::Usual);
         while self.reached.step.index == before {
-            let Some(step) = self.next_step(effort, observer)? else { return Ok(None) };
+            let Some(step) = self.next_step(effort, observer)? else { return Ok(false) };
             let attempted = self.attempt(step, self.role_of_slumping(), effort, observer);
             let was = std::mem::replace(&mut effort, Effort::Usual);
             match attempted {
@@ -205,7 +227,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
                 Err(failed) => self.refuse(*failed, observer)?,
             }
         }
-        Ok(self.report.as_ref())
+        Ok(true)
     }
 
     /// Runs to the end of the analysis and reports every event to `observer`. The grid must not move between steps;
@@ -216,8 +238,9 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
     pub fn run(mut self, observer: &mut dyn Observer<D>) -> Result<Summary, SolveError> {
         self.expect_fixed_grid()?;
         let started = self.start(observer);
+        let step = self.kernels.step;
         let outcome = started.and_then(|()| {
-            while self.step(observer)?.is_some() {}
+            while step(&mut self, observer)? {}
             Ok(())
         });
         self.finish(outcome, observer)
