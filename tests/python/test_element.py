@@ -162,7 +162,7 @@ def test_names_of_the_files_and_what_is_overwritten(element):
     for option in ("--output", "--report"):
         (element.folder / "other").write_text("precious")
         process = element("--material", "elastic", "--path", "oedometer", "--to", 0.1, option, "other")
-        assert process.returncode == 2 and "`other` exists and is not a" in process.stderr
+        assert process.returncode == 2 and "`other` exists, but is not " in process.stderr
         assert (element.folder / "other").read_text() == "precious"
     assert files(element) == ["laws-rubber_1-oedometer.csv", "laws-rubber_1-oedometer.html", "other"]
 

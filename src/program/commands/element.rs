@@ -427,7 +427,7 @@ impl Outputs {
         }
         if let Some(path) = report.as_ref().filter(|path| !may_be_replaced(path, REPORT)) {
             bail!(
-                "`{}` exists and is not a report of mpm; choose another name with `--report`",
+                "`{}` exists, but is not a report of mpm; choose another name with `--report`",
                 path.display()
             );
         }

@@ -52,14 +52,14 @@ impl LogFile {
     /// Creates a log or, if `append` is true, continues an existing one.
     ///
     /// # Errors
-    /// If the file cannot be written, or exists and is not a log.
+    /// If the file cannot be written, or exists but is not a log.
     pub fn create(path: &Path, began: Instant, append: bool) -> anyhow::Result<LogFile> {
         let mut first = Vec::new();
         // An unreadable file is reported when it is opened for writing.
         let _ = File::open(path).and_then(|file| file.take(FIRST).read_to_end(&mut first));
         let is_log = String::from_utf8_lossy(&first).contains("  mpm ");
         if !first.is_empty() && !is_log {
-            bail!("`{}` exists and is not a log of mpm; choose another name with `--log`", path.display());
+            bail!("`{}` exists, but is not a log of mpm; choose another name with `--log`", path.display());
         }
         let file = OpenOptions::new()
             .create(true)
