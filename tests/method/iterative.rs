@@ -408,7 +408,7 @@ analysis: {idealisation: solid}
 grid: {type: structured, origin: [0, 0, 0], size: [5, 5, 5], spacing: 0.5}
 materials: {rubber: {model: neo-hookean, young: 1e6, poisson: 0.3}}
 bodies:
-  - {name: block, material: rubber, shape: {type: box, min: [0, 0, 0], max: [4, 4, 4]}, points_per_cell: 2}
+  - {name: block, material: rubber, shape: {type: box, min: [0, 0, 0], max: [4, 4, 4]}, method: mpm, points_per_cell: 2}
 boundary_conditions:
   - {name: floor, nodes: {z: 0}, fix: [x, y, z]}
   - {name: plate, nodes: {z: 4}, fix: [x, y], uz: -0.2}
