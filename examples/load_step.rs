@@ -1,7 +1,7 @@
 //! One load step of the implicit material point method as sections 5 and 6 of Coombs et al. (2020) state it: a slow,
-//! readable twin of the solver in plane strain, for laws of the logarithmic strain. It shares the points, basis
-//! functions, tensors and laws of the library, but no assembly, kernel or linear solver. This example solves each step
-//! of a run of the program again and compares the results.
+//! readable twin of the solver in plane strain, for laws in logarithmic strain. It shares the points, basis functions,
+//! tensors and laws of the library, but no assembly, kernel or linear solver. This example solves each step of a run of
+//! the program again and compares the results.
 //!
 //! ```sh
 //! cargo run --example load_step
@@ -28,8 +28,8 @@ type Matrix = DMatrix<f64>;
 type Nodes = Vec<(usize, f64, Vector3<f64>)>;
 
 /// Section 6.3: finds equilibrium from the converged state of the points and writes their trial state. Returns Δd,
-/// f^react and the residuals; `None` without equilibrium, or for loads and conditions other than gravity and constant
-/// displacements.
+/// f^react and the residuals; `None` if there is no equilibrium, or if loads or conditions other than gravity and
+/// constant displacements act.
 fn load_step(model: &Model<2>, points: &mut Points<2>, step: Step) -> Option<(Vector, Vector, Vec<f64>)> {
     let methods = model.methods();
     let links = Connectivity::new(model.grid.as_ref(), points, &methods).ok()?;
@@ -168,7 +168,7 @@ boundary_conditions: [{name: clamp, nodes: {x: 0}, ux: 0, uy: 1}]
 loads: [{name: weight, type: gravity, acceleration: [0, -6]}]
 steps: {count: 3}";
 
-/// Repeats each step from the state in which the program began it, and panics where the two differ.
+/// Repeats each step from the state in which the program began it, and panics if the results differ.
 struct Twin(Points<2>);
 
 impl Observer<2> for Twin {
@@ -190,7 +190,7 @@ impl Observer<2> for Twin {
         agree(nodal(&program.position), nodal(&twin.position));
         agree(entries(&program.kirchhoff_stress), entries(&twin.kirchhoff_stress));
         assert_eq!(residuals.len(), report.residuals.len());
-        println!("step {}: residual, and that of the program", report.step.index);
+        println!("step {}: residual here, and in the program", report.step.index);
         for (a, b) in residuals.iter().zip(&report.residuals) {
             println!("    {a:.3e}  {b:.3e}");
             assert!((a - b).abs() <= 1e-8 * b + 1e-13);

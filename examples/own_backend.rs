@@ -5,7 +5,7 @@
 //! ```
 //!
 //! It cannot compete with the built-in solvers, but shows everything that a backend must do. A run with it takes the
-//! same steps.
+//! same steps as a run with a built-in solver.
 #![allow(clippy::print_stdout, reason = "a program")]
 
 use mpm::deck::{build::build, load::load_text};

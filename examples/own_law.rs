@@ -97,8 +97,8 @@ fn settlement(h: f64) -> Result<f64, SolveError> {
     Ok(moved.fold(0.0, f64::max))
 }
 
-/// The same from the balance of forces, by bisection for the strain at each depth: with rigid sides, the axial force is
-/// the weight above, and the Cauchy stress is e^(−ε) τ.
+/// The exact settlement from the balance of forces, by bisection for the strain at each depth: with rigid sides, the
+/// axial force is the weight above, and the Cauchy stress is e^(−ε) τ.
 fn exact_settlement(to: f64) -> f64 {
     let slices = 20_000;
     let strain_under = |weight: f64| {
@@ -137,7 +137,7 @@ mod tests {
             (settlement(h).unwrap() / exact - 1.0).abs()
         };
         let errors = [2.0, 1.0, 0.5].map(error);
-        // GIMP domains and the number of steps leave a few parts in ten thousand.
+        // GIMP domains and the number of steps leave an error of a few parts in ten thousand.
         assert!(errors.iter().all(|error| *error < 1e-3), "{errors:?}");
     }
 

@@ -95,7 +95,7 @@ impl Term<2> for Wall {
                 }
                 for &(row, of_row) in &links {
                     for &(column, of_column) in &links {
-                        // A symmetric system stores the lower triangle only.
+                        // A symmetric system stores only the lower triangle.
                         if let Some(place) = sum.place(row, column) {
                             let factor = k * of_row * of_column;
                             let block = self.normal.map(|a| self.normal.map(|b| factor * a * b));

@@ -1,14 +1,15 @@
-//! Every code of a message, with the page that explains it.
+//! All message codes, each with the page that explains it.
 //!
-//! The pages are files of the documentation, one per code: what the message means, an example, how to fix it. Tests
-//! check that the faulty example of a page produces its code and that the corrected one does not.
+//! The pages are documentation files, one per code: each says what the message means, gives an example and says how to
+//! fix the fault. Tests check that the faulty example on a page produces its code and that the corrected example does
+//! not.
 
 /// A code with its page.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Page {
     /// The code, such as `D014`.
     pub code: &'static str,
-    /// The page, in Markdown; its heading is the code and its title.
+    /// The page, in Markdown; its heading consists of the code and the title.
     pub text: &'static str,
 }
 
@@ -65,7 +66,7 @@ mod tests {
         }
     }
 
-    /// A code missing from its list would also be missing from the pages.
+    /// A code that is missing from the list in its module would also be missing from the pages.
     #[test]
     fn every_code_in_the_sources_has_a_page() {
         let mut folders = ["src", "crates"].map(std::path::PathBuf::from).to_vec();

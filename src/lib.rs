@@ -2,15 +2,15 @@
 //!
 //! This crate is the program; it re-exports the libraries it is built from:
 //!
-//! - the method (`mpm-core`): [`solver`] and its parts; start with the page of that crate;
+//! - the method (`mpm-core`): [`solver`] and its parts; start with the documentation of that crate;
 //! - [`foreign`] (`mpm-foreign`): laws from shared libraries;
-//! - [`deck`] (`mpm-deck`): from YAML to a [`model::Model`] and [`points::Points`], with messages that name the line;
-//! - [`output`] (`mpm-files`): from a run to result files;
-//! - [`appendix`] and [`study`] (`mpm-report`): reports of results, and a deck run for many parameters;
+//! - [`deck`] (`mpm-deck`): turns YAML into a [`model::Model`] and [`points::Points`]; its messages name the line;
+//! - [`output`] (`mpm-files`): writes the result files of a run;
+//! - [`appendix`] and [`study`] (`mpm-report`): reports of results, and studies that run a deck many times;
 //! - [`codes`]: the pages that explain messages;
 //! - [`program`]: the commands.
 //!
-//! Each depends only on those above it in this list. Only the last prints or exits.
+//! Each module depends only on the modules above it in this list. Only the last one prints or exits.
 
 pub use mpm_core::{
     assembly, basis, dofs, domain, element_test, equilibrium, formula, grid, kinematics, linear, material,
@@ -24,7 +24,7 @@ pub use mpm_report::{appendix, study};
 pub mod codes;
 pub mod program;
 
-/// The program on the page about the library runs as a test.
+/// Compiles and runs, as tests, the examples on the documentation page about the library.
 #[cfg(doctest)]
 #[doc = include_str!("../docs/how-to/library.md")]
 struct LibraryPage;

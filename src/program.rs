@@ -1,5 +1,5 @@
-//! The program `mpm`: arguments, messages and exit codes. Only this module prints, sets up threads and signals for the
-//! whole process, and ends the process: after a second Ctrl-C, or when memory runs out.
+//! The program `mpm`: arguments, messages and exit codes. Only this module prints, sets up threads and signal handlers
+//! for the whole process, or ends the process (after a second Ctrl-C, or when memory runs out).
 
 #[macro_use]
 mod screen;
@@ -23,7 +23,7 @@ use screen::failure::as_error;
 use screen::message;
 use screen::print::{print, print_json};
 
-/// Runs the program once in this process and returns its exit code; `arguments` begin with the name of the program.
+/// Runs the program once in this process and returns its exit code; `arguments` begins with the program name.
 pub fn main(arguments: &[OsString]) -> u8 {
     let began = Instant::now();
     let result = system_limits::limits_are_errors().and_then(|()| run_command(arguments, began));

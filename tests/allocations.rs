@@ -17,11 +17,11 @@ use mpm::terms::Sum;
 use states::{FORMULATIONS, Random, State, cases, random_state};
 
 thread_local! {
-    /// Allocations of this thread, without those of the test harness.
+    /// Number of allocations of this thread, without those of the test harness.
     static COUNT: Cell<usize> = const { Cell::new(0) };
 }
 
-/// The allocator of the system, counting.
+/// The system allocator with a counter.
 struct Counting;
 
 // SAFETY: every call is passed on unchanged to the allocator of the system; counting neither allocates nor unwinds.
@@ -39,7 +39,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// Allocations of `work` on this thread.
+/// Number of allocations that `work` makes on this thread.
 fn allocations(work: impl FnOnce()) -> usize {
     let before = COUNT.get();
     work();

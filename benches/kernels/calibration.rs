@@ -1,4 +1,4 @@
-//! Speed of the machine: multiply-adds in registers, and a stream through memory.
+//! Speed of the machine: multiply-adds in registers, and streaming through memory.
 
 use std::hint::black_box;
 
@@ -8,7 +8,7 @@ use crate::clock::least;
 
 /// Speed of one thread of the machine, with the vector instructions for which the kernels are compiled.
 pub struct Machine {
-    /// Products and sums rounded one by one, as the kernels do, [GFLOP/s].
+    /// Products and sums rounded separately, as in the kernels, [GFLOP/s].
     pub separate: f64,
     /// Fused products and sums, [GFLOP/s].
     pub fused: f64,
@@ -42,9 +42,10 @@ impl Machine {
     }
 }
 
-/// Numbers in each array of the triad: 64 MiB, more than the caches hold.
+/// Number of values in each array of the triad: 64 MiB, more than the capacity of the caches.
 const TRIAD: usize = 1 << 23;
-/// Independent chains of sums of products: enough to hide their latency, few enough for the registers.
+/// Number of independent chains of sums of products: large enough to hide their latency, small enough for the
+/// registers.
 const CHAINS: usize = 12;
 const ROUNDS: usize = 1 << 20;
 

@@ -4,13 +4,13 @@ use std::time::Duration;
 
 use cpu_time::ThreadTime;
 
-/// A measurement ends after this much CPU time in total.
+/// A measurement ends after this CPU time in total.
 const ENOUGH: Duration = Duration::from_millis(400);
 
-/// Least CPU time of one call of `work` over repeated calls, [s]: its cost without interference from other programs.
-/// CPU time does not count other programs, but they share caches and memory.
+/// Smallest CPU time among repeated calls of `work`, [s]: the cost with the least interference from other programs. CPU
+/// time excludes other programs, but they share the caches and the memory.
 ///
-/// Calls take some milliseconds, so no batches are needed.
+/// Each call takes a few milliseconds, so calls need not be timed in batches.
 pub fn least(mut work: impl FnMut()) -> f64 {
     let mut least = f64::INFINITY;
     let begin = ThreadTime::now();
@@ -24,7 +24,7 @@ pub fn least(mut work: impl FnMut()) -> f64 {
     least
 }
 
-/// Exponent of growth: slope of the straight line through (ln size, ln cost) by least squares.
+/// Exponent of growth: slope of the least-squares line through the points (ln size, ln cost).
 pub fn exponent(measured: &[(f64, f64)]) -> f64 {
     let n = measured.len() as f64;
     let logs: Vec<(f64, f64)> = measured.iter().map(|(size, cost)| (size.ln(), cost.ln())).collect();

@@ -1,9 +1,9 @@
-//! Operations and memory traffic of an evaluation, counted in the equations as they are programmed.
+//! Operations and memory traffic of an evaluation, counted from the equations as programmed.
 //!
-//! A sum, difference, product, quotient or root counts as one operation, a logarithm as twenty; for a symmetric
-//! stiffness only one triangle counts, even where vector instructions compute more. Bytes are those that must pass at
-//! least once between memory and processor: the data of points and links, and the blocks of the stiffness where they
-//! are zeroed, summed and read again. Both are estimates.
+//! A sum, difference, product, quotient or root counts as one operation, a logarithm as twenty. For a symmetric
+//! stiffness, only one triangle counts, even if vector instructions compute more. The bytes counted are those that must
+//! be transferred at least once between memory and processor: the data of points and links, and the blocks of the
+//! stiffness when they are zeroed, summed and read again. Both counts are estimates.
 
 use mpm::basis::Connectivity;
 use mpm::stress::StartOfStep;
@@ -31,7 +31,7 @@ pub enum Kernel {
 }
 
 impl Kernel {
-    /// Operations of a point itself, per node it touches, and per pair of nodes; without eq. (7).
+    /// Operations of a point itself, per node that it touches, and per pair of nodes, without eq. (7).
     fn flops(self) -> [f64; 3] {
         match self {
             Kernel::Plane => [370.0, 34.0, 16.0],

@@ -1,4 +1,4 @@
-//! Equations of linear elasticity on whole grids of quadrilaterals or hexahedra, a usual benchmark of direct solvers.
+//! Equations of linear elasticity on whole grids of quadrilaterals or hexahedra, a common benchmark for direct solvers.
 
 use mpm::linear::{Direct, LinearSolver, Pattern, ordering};
 
@@ -38,7 +38,7 @@ fn row<const D: usize>(machine: &Machine, name: &str, n: usize) {
     });
     let size = direct.factor_size();
     let flops = size.operations / factorise * 1e-9;
-    // The substitutions read the factor twice: forward and back again.
+    // The substitutions read the factor twice: once forwards and once backwards.
     let bytes = 2.0 * 8.0 * size.entries as f64 / solve * 1e-9;
     println!(
         "| {name} | {} | {} | {:.1} | {:.1} | {flops:.1} | {:.0} % | {:.2} | {bytes:.1} | {:.0} % |",
@@ -52,8 +52,8 @@ fn row<const D: usize>(machine: &Machine, name: &str, n: usize) {
     );
 }
 
-/// The stiffness for `n` nodes along each axis, with the lowest nodes along the last axis fixed and random cell
-/// stiffnesses; and the positions of its nodes.
+/// Pattern and values of the stiffness of a grid with `n` nodes along each axis, and the positions of the nodes. Cell
+/// stiffnesses are random, and the lowest nodes along the last axis are fixed.
 fn equations<const D: usize>(n: usize) -> (Pattern, Vec<f64>, Vec<[u32; D]>) {
     let place = |node: usize| -> [usize; D] { std::array::from_fn(|d| node / n.pow(d as u32) % n) };
     let number = |place: [usize; D]| (0..D).map(|d| place[d] * n.pow(d as u32)).sum::<usize>();

@@ -14,13 +14,13 @@ use pulp::{Arch, Simd, WithSimd};
 
 use crate::clock::least;
 
-/// Number of points in a measurement: their data stay in the fastest memory, and a call takes some tenths of a
-/// millisecond.
+/// Number of points in a measurement: few enough that their data remain in the fastest cache, and that a call takes a
+/// few tenths of a millisecond.
 const N: usize = 1000;
 /// Number of calls in a measurement.
 const TIMES: usize = 20;
 
-/// A repeatable sequence of numbers in [-1, 1]; steps of the golden ratio, which cover it evenly.
+/// A repeatable sequence of numbers that covers [-1, 1] evenly, because it advances in steps of the golden ratio.
 pub fn numbers() -> impl FnMut() -> f64 {
     let mut last = 0.5;
     move || {
@@ -29,7 +29,7 @@ pub fn numbers() -> impl FnMut() -> f64 {
     }
 }
 
-/// Prints nanoseconds per point of every function and law.
+/// Prints the time of every function and law, in nanoseconds per point.
 pub fn print() {
     println!("\n## Single points\n\n| Kernel | CPU (ns) |\n|---|---|");
     functions();
@@ -47,7 +47,7 @@ fn row<T>(name: &str, mut work: impl FnMut(usize) -> T) {
     println!("| {name} | {:.1} |", seconds * 1e9 / (N * TIMES) as f64);
 }
 
-/// Strains up to 0.2; if `in_plane`, without shear out of the plane.
+/// Strains up to 0.2; if `in_plane`, without out-of-plane shear.
 fn strains(in_plane: bool) -> Vec<Sym3> {
     let mut number = numbers();
     let across = if in_plane { 0.0 } else { 0.2 };
@@ -112,7 +112,7 @@ fn laws() {
     }
 }
 
-/// States and increments of points; the third direction of bodies of revolution is stretched.
+/// States and increments of points; for bodies of revolution, the third direction is stretched.
 fn states<const D: usize>(in_plane: bool) -> (Vec<StartOfStep>, Vec<Increment<D>>) {
     let mut number = numbers();
     let starts = strains(in_plane)

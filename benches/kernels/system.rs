@@ -23,7 +23,7 @@ struct Example {
     name: &'static str,
     deck: &'static str,
     method: &'static str,
-    /// Text of the deck and its replacement, for another law.
+    /// A text in the deck and the text that replaces it, to select a different law.
     law: [&'static str; 2],
     /// Points per cell along each axis.
     per_cell: usize,
@@ -82,7 +82,7 @@ struct Measured {
     points: f64,
     unknowns: f64,
     links: f64,
-    /// [s]
+    /// Time to compute the basis functions, [s]; other times are in the same unit.
     basis: f64,
     assembly: f64,
     factorise: f64,
@@ -92,7 +92,7 @@ struct Measured {
     work: Work,
 }
 
-/// Prints the cost of every example at the finest grid, and its growth.
+/// Prints the cost of every example on the finest grid, and the growth of the cost with the size.
 pub fn print(machine: &Machine, only: Option<&str>) {
     let wanted = |e: &&Example| only.is_none_or(|text| format!("{} {}", e.name, e.method).contains(text));
     let all: Vec<(&Example, Vec<Measured>)> = EXAMPLES
@@ -142,7 +142,7 @@ pub fn print(machine: &Machine, only: Option<&str>) {
             exponent(&sizes.iter().map(|m| (m.unknowns, cost(m))).collect::<Vec<_>>())
         };
         let flops = finest.factor.operations / finest.factorise * 1e-9;
-        // The substitutions read the factor twice: forward and back again.
+        // The substitutions read the factor twice: once forwards and once backwards.
         let bytes = 2.0 * 8.0 * finest.factor.entries as f64 / finest.solve * 1e-9;
         println!(
             "| {} | {} | {} | {} | {:.2} | {:.2} | {flops:.1} | {:.0} % | {:.3} | {:.2} | {bytes:.1} | {:.0} % |",
@@ -248,8 +248,8 @@ fn measure<const D: usize, M: Mechanics<D>>(
     }
 }
 
-/// Shrinks the bodies towards the lowest corner of the grid, so that domains do not end at cell sides, as they do only
-/// in the first step.
+/// Shrinks the bodies towards the lowest corner of the grid, so that the domains of points do not end at cell sides. In
+/// an analysis, they do so only in the first step.
 fn shrink<const D: usize>(grid: &dyn Grid<D>, points: &mut Points<D>) {
     const BY: f64 = 0.96;
     let [low, _] = grid.bounds();
@@ -261,8 +261,8 @@ fn shrink<const D: usize>(grid: &dyn Grid<D>, points: &mut Points<D>) {
     points.converged.half_lengths.iter_mut().flatten().for_each(|l| *l *= BY);
 }
 
-/// Displacement, [length], that strains the bodies by up to three parts in a hundred and takes von Mises points of the
-/// examples beyond yield in places.
+/// Displacement, [length], that strains the bodies by up to three per cent, so that some von Mises points of the
+/// examples yield.
 fn motion<const D: usize>(place: &[f64; D]) -> [f64; D] {
     std::array::from_fn(|d| 0.03 * (place[d] + 0.7 * place[(d + 1) % D]).sin())
 }

@@ -23,7 +23,7 @@ fn main() {
         return;
     }
     if let Err(reason) = configure() {
-        // Cargo prints this alone, and ends.
+        // Cargo prints only this message, and ends.
         println!("cargo::error={MISSING} ({reason})");
     }
 }
@@ -61,7 +61,7 @@ fn configure() -> Result<(), String> {
     Ok(())
 }
 
-/// The directory with the description of the PETSc that the variables choose.
+/// The directory of `PETSc.pc` for the PETSc that the environment variables choose.
 fn chosen() -> Option<PathBuf> {
     let directory = std::env::var_os("PETSC_DIR")?;
     let architecture = std::env::var_os("PETSC_ARCH").unwrap_or_default();
@@ -108,8 +108,8 @@ impl Package {
     }
 }
 
-/// Passes linker flags on. The tests of this crate also search the directories of libraries when they start; other packages get
-/// them as the variable `DEP_MPM_PETSC_DIRECTORIES` of their build scripts.
+/// Passes linker flags on. The tests of this crate also search the library directories when they start; the build
+/// scripts of other packages receive these directories in the variable `DEP_MPM_PETSC_DIRECTORIES`.
 fn link(flags: &str) {
     let mut directories = Vec::new();
     for flag in flags.split_whitespace() {
@@ -124,7 +124,7 @@ fn link(flags: &str) {
     println!("cargo::metadata=directories={}", directories.join(":"));
 }
 
-/// Without a package of MPI, its compiler knows the libraries.
+/// Asks the MPI compiler for the libraries, for a machine on which pkg-config has no package of MPI.
 fn flags_of_mpicc() -> Result<String, String> {
     for option in ["--showme:link", "-link_info"] {
         let output = Command::new("mpicc").arg(option).output();
@@ -133,5 +133,5 @@ fn flags_of_mpicc() -> Result<String, String> {
             return Ok(format!(" {}", String::from_utf8_lossy(&output.stdout)));
         }
     }
-    Err("mpicc does not tell its libraries".into())
+    Err("mpicc does not name its libraries".into())
 }

@@ -25,18 +25,18 @@ Overrides = list[tuple[str, str]]
 
 
 class Deck(MutableMapping[str, Any]):
-    """A deck: the description of an analysis, with the same keys as a file.
+    """A deck: the description of an analysis, with the same keys as a deck file.
 
     A deck is a mapping of nested dictionaries and lists; ``docs/deck.md`` lists the keys. Change it in place, then
-    :meth:`check`, :meth:`save`, :meth:`start` or :meth:`run` it. Values may be numbers of NumPy, and expressions and
-    formulas as text, as in a file. Units are those of the deck: any that are consistent.
+    :meth:`check`, :meth:`save`, :meth:`start` or :meth:`run` it. Numbers may be NumPy numbers; expressions and formulas
+    are text, as in a file. Any consistent set of units can be used.
 
     Args:
         data: The keys and values. They are copied.
-        directory: Directory to which the paths in the deck, such as that of a mesh, are relative.
+        directory: Directory to which the paths in the deck, such as the path of a mesh, are relative.
 
     Raises:
-        UsageError: The data are no mapping, or hold something other than numbers, words, lists and mappings.
+        UsageError: The data are not a mapping, or hold something other than numbers, words, lists and mappings.
 
     Example:
         >>> import mpm
@@ -60,7 +60,7 @@ class Deck(MutableMapping[str, Any]):
 
     def __init__(self, data: Mapping[str, Any], *, directory: StrPath = ".") -> None:
         if not isinstance(data, Mapping):
-            raise UsageError(f"a deck is a mapping, not {type(data).__name__}; Deck.load reads a file")
+            raise UsageError(f"a deck must be a mapping, not {type(data).__name__}; Deck.load reads a file")
         self._data: dict[str, Any] = _plain(data, "")
         self._name = os.path.join(os.fsdecode(directory), "deck")
         self._text: bytes | None = None
@@ -71,16 +71,16 @@ class Deck(MutableMapping[str, Any]):
     def load(cls, path: StrPath, /, **parameters: Value) -> Deck:
         """Reads a deck from a YAML file.
 
-        Messages about the deck name lines of the file, as long as nothing but parameters is changed.
+        Messages about the deck give the lines of the file as long as only parameters are changed.
 
         Args:
             path: The file. Paths in the deck are relative to its directory.
-            parameters: Values of parameters that the deck defines, in place of those in the file, as ``--set`` of
+            parameters: Values of parameters that the deck defines; they replace those in the file, as with ``--set`` of
                 ``mpm run``. Text is a word or an expression, such as ``"${2*h}"``.
 
         Raises:
-            DeckError: The file cannot be read or is not YAML. Other faults are found by :meth:`check`.
-            UsageError: The deck has no parameter of this name, or the value is no number or word.
+            DeckError: The file cannot be read or is not YAML. :meth:`check` finds all other faults.
+            UsageError: The deck has no parameter of this name, or the value is neither a number nor a word.
 
         Example:
             >>> deck = mpm.Deck.load("inputs/beam.yaml", h=0.25)
@@ -93,7 +93,7 @@ class Deck(MutableMapping[str, Any]):
         deck = cls(data if isinstance(data, dict) else {})
         deck._name, deck._text = name, text
         if not isinstance(data, dict):
-            deck._original = _document(deck._data)  # the check reports that it is no mapping
+            deck._original = _document(deck._data)  # the check reports that it is not a mapping
             return deck
         defined = deck._data.get("parameters")
         names = list(defined) if isinstance(defined, dict) else []
@@ -114,7 +114,7 @@ class Deck(MutableMapping[str, Any]):
 
     @property
     def text(self) -> str:
-        """The deck as YAML: the text of its file, comments included, as long as nothing was changed."""
+        """The deck as YAML: the text of its file, comments included, as long as nothing has been changed."""
         text, _ = self._source()
         return text.decode(errors="replace")
 
@@ -137,20 +137,20 @@ class Deck(MutableMapping[str, Any]):
         return f"<Deck {self._data.get('title') or self._name!r}>"
 
     def copy(self) -> Deck:
-        """A deck with the same content. A change of one of them does not change the other."""
+        """A deck with the same content. Changing one does not change the other."""
         return copy.deepcopy(self)
 
     def __copy__(self) -> Deck:
         return self.copy()
 
     def with_parameters(self, **parameters: Value) -> Deck:
-        """A copy with other values of parameters.
+        """A copy with different parameter values.
 
         Args:
-            parameters: Values by the names of parameters, as for :meth:`load`.
+            parameters: Values of parameters, by name, as for :meth:`load`.
 
         Raises:
-            UsageError: The deck has no parameter of this name, or the value is no number or word.
+            UsageError: The deck has no parameter of this name, or the value is neither a number nor a word.
 
         Example:
             >>> deck = mpm.Deck.load("inputs/beam.yaml")
@@ -172,13 +172,13 @@ class Deck(MutableMapping[str, Any]):
         return changed
 
     def save(self, path: StrPath) -> None:
-        """Writes the deck to a YAML file, which ``mpm run`` takes.
+        """Writes the deck to a YAML file that ``mpm run`` accepts.
 
-        The text of the file that was loaded is kept, comments included, if nothing was changed. Paths in the deck stay
-        as they are: save it in the directory to which they are relative.
+        If nothing has been changed, the text of the loaded file is kept, comments included. Paths in the deck stay as
+        they are: save the deck in the directory to which they are relative.
 
         Args:
-            path: The file. An existing one is replaced.
+            path: The file. An existing file is replaced.
         """
         text, overrides = self._source()
         if overrides:
@@ -186,10 +186,10 @@ class Deck(MutableMapping[str, Any]):
         Path(os.fsdecode(path)).write_bytes(text)
 
     def check(self) -> list[Diagnostic]:
-        """Does everything up to the first load step, as ``mpm check``, and returns all messages. Raises none of them.
+        """Does everything up to the first load step, like ``mpm check``, and returns all messages; raises none of them.
 
         Returns:
-            Errors, warnings and notes, in the order of the deck; none if nothing is to be said.
+            Errors, warnings and notes, in the order of the deck; empty if there are none.
 
         Example:
             >>> deck = mpm.Deck.load("inputs/footing.yaml")
@@ -210,26 +210,26 @@ class Deck(MutableMapping[str, Any]):
         laws: Mapping[str, Law] | None = None,
         on_iteration: Callable[[int, int, float], None] | None = None,
     ) -> Run:
-        """Begins a run, to be stepped by iterating over it. Nothing is written unless ``out`` is given.
+        """Begins a run; iterate over it to solve its steps. Nothing is written unless ``out`` is given.
 
         Args:
             threads: Number of threads, from 1 to 1024; by default, one per core. Results are the same for any number.
             out: Directory for the files that ``mpm run`` writes. Earlier results in it are replaced.
-            laws: Laws written in Python, by the names of the materials whose laws they replace; see
-                :class:`mpm.Law`. The density and everything else stays as the deck states it. Runs
-                with them write no checkpoints, as the program could not go on with them.
-            on_iteration: Called after every evaluation of the out-of-balance force with the number of the step, from 1,
-                that of the iteration, from 0, and the relative residual, [-]. It is called in the thread that waits for
-                the step, while the analysis goes on. An exception in it interrupts the waiting, not the run: the next
-                step is this one.
+            laws: Laws written in Python, by the names of the materials whose laws they replace; see :class:`mpm.Law`.
+                The density and everything else stay as the deck states them. Runs with such laws write no checkpoints,
+                because the program could not resume them.
+            on_iteration: Called after every evaluation of the out-of-balance force with the step number, from 1, the
+                iteration number, from 0, and the relative residual, [-]. It is called in the thread that waits for the
+                step, while the analysis continues. An exception in it interrupts the wait, not the run: the next
+                iteration over the run returns the same step.
 
         Returns:
             The run, before its first step. It holds a copy of the deck.
 
         Raises:
             DeckError: The deck cannot be used.
-            ResultsError: The directory cannot be written, or another run writes there.
-            UsageError: The deck has no material with the name of a law, or an argument is of another kind.
+            ResultsError: The directory cannot be written to, or another run writes there.
+            UsageError: The deck has no material with the name of a law, or an argument is of the wrong type.
 
         Example:
             >>> residuals = []
@@ -258,16 +258,16 @@ class Deck(MutableMapping[str, Any]):
                 nothing is written.
             threads: Number of threads; by default, one per core. Results are the same for any number.
             laws: Laws written in Python, as for :meth:`start`.
-            progress: Whether to show a bar; by default, on terminals and in notebooks.
+            progress: Whether to show a progress bar; by default, only on terminals and in notebooks.
 
         Returns:
-            The result. Its points stay in memory as long as it is kept.
+            The result. Its points stay in memory as long as the result is kept.
 
         Raises:
             DeckError: The deck cannot be used.
-            SolveError: The analysis ended early. To keep the steps before, use :meth:`start` and catch the error around
-                the loop.
-            ResultsError: The directory cannot be written, or another run writes there.
+            SolveError: The analysis ended early. To keep the earlier steps, use :meth:`start` and catch the error
+                around the loop.
+            ResultsError: The directory cannot be written to, or another run writes there.
             UsageError: As for :meth:`start`.
 
         Example:
@@ -288,7 +288,7 @@ class Deck(MutableMapping[str, Any]):
         return self._text is not None and self._original == _document(self._data)
 
     def _source(self) -> tuple[bytes, Overrides]:
-        """Text and overrides: those of the file as long as nothing was changed, so that messages name its lines."""
+        """Text and overrides: those of the file if nothing has been changed, so that messages give its lines."""
         if self._text is not None and self._is_original():
             return self._text, self._overrides
         return _mpm.dump(_document(self._data)).encode(), []
@@ -303,7 +303,7 @@ class Deck(MutableMapping[str, Any]):
         text, overrides = self._source()
         directory = None if out is None else os.fsdecode(out)
         if directory == "":
-            raise UsageError("out is the name of a directory, not an empty word")
+            raise UsageError("out must be the name of a directory, not empty text")
         return _mpm.Session(
             self._name,
             text,
@@ -319,7 +319,7 @@ def _document(data: dict[str, Any]) -> str:
     """The deck as JSON.
 
     Raises:
-        UsageError: A value is no number, word, list or mapping.
+        UsageError: A value is not a number, word, list or mapping.
     """
     try:
         return json.dumps(_plain(data, ""), allow_nan=False)
@@ -329,49 +329,49 @@ def _document(data: dict[str, Any]) -> str:
         raise UsageError(f"the deck cannot be written: {error}") from None
 
 
-#: Most levels of lists and mappings; decks have fewer than ten.
+#: Largest nesting depth of lists and mappings; decks have fewer than ten levels.
 _DEEPEST = 100
 
 
 def _plain(value: Any, place: str, depth: int = 0) -> Any:
-    """A copy of a value, as mappings with words as keys, lists, numbers and words; those of NumPy become plain."""
+    """A copy made of mappings with words as keys, lists, numbers and words; NumPy values become plain ones."""
     if value is None or isinstance(value, (str, bool, int, float)):
         plain = value if type(value) in (type(None), str, bool, int, float) else _simple(value)
         if isinstance(plain, float) and not math.isfinite(plain):
-            raise UsageError(f"{place or 'the deck'} is {plain}; numbers in a deck are finite")
+            raise UsageError(f"{place or 'the deck'} is {plain}; numbers in a deck must be finite")
         return plain
     if depth > _DEEPEST:
-        raise UsageError(f"{place[:40]}… has more than {_DEEPEST} levels; does a list or a mapping hold itself?")
+        raise UsageError(f"{place[:40]}… has more than {_DEEPEST} levels; does a list or a mapping contain itself?")
     if isinstance(value, Mapping):
         for key in value:
             if not isinstance(key, str):
-                raise UsageError(f"the key {key!r} of {place or 'the deck'} is no word")
+                raise UsageError(f"the key {key!r} of {place or 'the deck'} is not a word")
         return {_simple(key): _plain(entry, f"{place}/{key}", depth + 1) for key, entry in value.items()}
     if isinstance(value, (list, tuple)):
         return [_plain(entry, f"{place}/{index}", depth + 1) for index, entry in enumerate(value)]
     if isinstance(value, (np.ndarray, np.generic)):
         return _plain(value.tolist(), place, depth + 1)
     raise UsageError(
-        f"{place or 'the deck'} holds a {type(value).__name__}; a deck holds numbers, words, lists and mappings"
+        f"{place or 'the deck'} holds a {type(value).__name__}; a deck may hold only numbers, words, lists and mappings"
     )
 
 
 def _parameter(name: str, value: Any) -> Value:
-    """The value of a parameter; numbers of NumPy become plain."""
+    """The value of a parameter; NumPy numbers become plain ones."""
     found = value.item() if isinstance(value, np.generic) else value
     if not isinstance(found, (str, bool, int, float)):
-        raise UsageError(f"the parameter {name!r} is a number or a word, not {type(value).__name__}")
+        raise UsageError(f"the parameter {name!r} must be a number or a word, not {type(value).__name__}")
     plain: Value = _plain(found, f"the parameter {name!r}")
     return plain
 
 
 def _setting(value: Value) -> str:
-    """A value of a parameter as in ``--set name=value``."""
+    """A parameter value as in ``--set name=value``."""
     return value if isinstance(value, str) else json.dumps(value)
 
 
 def _simple(value: Any) -> Any:
-    """The plain number or word of a subclass."""
+    """The plain number or word that an instance of a subclass holds."""
     if isinstance(value, str):
-        return str.__str__(value)  # not the name of a member of an enumeration
+        return str.__str__(value)  # the value of an enumeration member, not its name
     return int(value) if isinstance(value, int) else float(value)

@@ -1,4 +1,4 @@
-"""Exceptions. All of them carry a code, if there is one, the place, and the remedy."""
+"""Messages about decks, and the exceptions of the package, with their codes and remedies."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Diagnostic:
         line: Line in the text of the deck, from 1, or ``None``.
         column: Column in that line, from 1, or ``None``.
         help: The remedy, or ``None``.
-        notes: Further facts.
+        notes: Further information.
 
     Example:
         >>> deck = mpm.Deck.load("inputs/footing.yaml")
@@ -46,7 +46,7 @@ class Diagnostic:
 
 
 def diagnostics_of(document: str) -> list[Diagnostic]:
-    """The messages of a document such as ``mpm check --format json`` prints."""
+    """The messages in a document like that printed by ``mpm check --format json``."""
     return [_diagnostic(entry) for entry in json.loads(document)["diagnostics"]]
 
 
@@ -64,7 +64,7 @@ def _diagnostic(entry: dict[str, Any]) -> Diagnostic:
 
 
 class MpmError(Exception):
-    """Base of all exceptions of this package.
+    """Base class of all exceptions of this package.
 
     Attributes:
         code: The code of the error, such as ``"S001"``, or ``None``.
@@ -79,7 +79,7 @@ class DeckError(MpmError):
     """A deck that cannot be used.
 
     Attributes:
-        diagnostics: All messages about it; at least one is an error.
+        diagnostics: All messages about the deck; at least one is an error.
 
     Example:
         >>> try:
@@ -104,10 +104,10 @@ class DeckError(MpmError):
 class SolveError(MpmError):
     """An analysis that ended early. The points are in the state of the last step in equilibrium.
 
-    The cause (``__cause__``) is the exception that a law in Python has raised, if one has.
+    If a law written in Python has raised an exception, this exception is the cause (``__cause__``).
 
     Attributes:
-        residuals: Relative out-of-balance force of every evaluation of the step that failed, [-].
+        residuals: Relative out-of-balance force at every evaluation of the step that failed, [-].
 
     Example:
         >>> deck = mpm.Deck.load("inputs/footing.yaml", h=0.5)
@@ -138,7 +138,7 @@ class SolveError(MpmError):
 
 
 class ResultsError(MpmError):
-    """Files of results that cannot be read or written."""
+    """Result files that cannot be read or written."""
 
     def __init__(self, message: str, code: str | None = None) -> None:
         super().__init__(message, code)
@@ -149,4 +149,4 @@ class ResultsError(MpmError):
 
 
 class UsageError(MpmError, ValueError):
-    """A call that is not possible with these arguments, or not now."""
+    """A call that is not possible with these arguments or in the current state."""

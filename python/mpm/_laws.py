@@ -16,7 +16,7 @@ from mpm._errors import UsageError
 
 Array = npt.NDArray[np.float64]
 
-#: What :meth:`Law.update` returns: ``(stress, tangent)`` of an elastic law, or
+#: What :meth:`Law.update` returns: ``(stress, tangent)`` for an elastic law, or
 #: ``(stress, tangent, elastic_strain, history)``.
 Response = tuple[Any, Any] | tuple[Any, Any, Any, Any]
 
@@ -25,30 +25,33 @@ Response = tuple[Any, Any] | tuple[Any, Any, Any, Any]
 class Law(Protocol):
     """A constitutive law: Kirchhoff stress as a function of elastic strain, for a batch of points.
 
-    Any object with a method :meth:`update` is a law; give it to :meth:`Deck.start` or :meth:`Deck.run` in ``laws``. The
-    attributes are optional, and so are three more methods, of which the first two only serve the columns of energy:
+    Any object with a method :meth:`update` is a law; pass it to :meth:`Deck.start` or :meth:`Deck.run` in ``laws``. The
+    attributes are optional, and so are three more methods; the first two only serve to compute the energies in the
+    results:
 
-    - ``energy(strain)``: stored energy per initial volume, shape (n,), of elastic strains, shape (n, 6). The default, half
-      the product of stress and strain, is exact for linear elasticity.
-    - ``plastic_work(history)``: plastic work per initial volume, shape (n,), at these history variables. The default is
-      zero.
-    - ``elastic_strain(stress)``: elastic strain, shape (n, 6), of Kirchhoff stresses, shape (n, 6): the inverse of the
-      elastic law, which bodies with an initial stress need.
+    - ``energy(strain)``: stored energy per initial volume, shape (n,), at elastic strains, shape (n, 6). The default,
+      half the product of stress and strain, is exact for linear elasticity.
+    - ``plastic_work(history)``: plastic work per initial volume, shape (n,), for these history variables. The default
+      is zero.
+    - ``elastic_strain(stress)``: elastic strain, shape (n, 6), at Kirchhoff stresses, shape (n, 6). This inverse of the
+      elastic law is needed for bodies with an initial stress.
 
-    Symmetric tensors are rows ``xx, yy, zz, √2 xy, √2 yz, √2 xz``. In this layout the product of two rows is that of the
-    tensors, the norm of a row is that of the tensor, and tangents are matrices. (Arrays of :class:`Points` have the
-    same order without √2.) Plane strain and bodies of revolution use it, too: there yz and xz are zero.
+    Symmetric tensors are rows ``xx, yy, zz, √2 xy, √2 yz, √2 xz``. In this layout the scalar product of two rows equals
+    that of the tensors, the norm of a row equals that of the tensor, and tangents are matrices. (Arrays of
+    :class:`Points` have the same order without √2.) Plane strain and bodies of revolution use the same layout, with yz
+    and xz zero.
 
-    The law is called once per evaluation with all points of its material. The response of a point depends neither on
-    the other points nor on their order, and nothing is kept between calls: iterations are repeated.
-    :func:`mpm.testing.check_material` checks that and more. An exception in a law ends the run with a
-    :class:`SolveError` whose cause it is.
+    The law is called once per evaluation with all points of its material. The response of a point must depend neither
+    on the other points nor on their order, and a law must keep nothing between calls, because iterations may be
+    repeated. :func:`mpm.testing.check_material` checks this and more. An exception in a law ends the run with a
+    :class:`SolveError`, whose cause is the exception.
 
     Attributes:
         state: Names of the history variables with their initial values, such as ``{"hardening": 0.0}``; none by
-            default. :class:`Points` have them by these names.
+            default. :class:`Points` have arrays with these names.
         measure: Strain measure: ``"logarithmic"``, ½ ln b, which is the default, or ``"left-cauchy-green"``, ½ (b − I).
-        symmetric: Whether tangents are symmetric, which is the default; otherwise equations are solved by LU.
+        symmetric: Whether tangents are symmetric, which is the default; unsymmetric equations are solved by LU or
+            GMRES.
 
     Example:
         Linear elasticity in the logarithmic strain, the law ``hencky`` of decks:
@@ -74,22 +77,23 @@ class Law(Protocol):
         """The response to trial elastic strains.
 
         Args:
-            strain: Trial elastic strain, shape (n, 6), [-]: that of the whole step as if it were elastic. Read only.
-            history: History variables at the start of the step, shape (n, number of variables). Read only.
+            strain: Trial elastic strain, shape (n, 6), [-]: the elastic strain if the whole step were elastic.
+                Read-only.
+            history: History variables at the start of the step, shape (n, number of variables). Read-only.
 
         Returns:
-            The tuple (stress, tangent), or (stress, tangent, elastic strain, history) of laws that flow: the Kirchhoff
-            stress, shape (n, 6), [stress]; the algorithmic tangent, its derivative with respect to the trial strain,
-            shape (n, 6, 6), [stress]; the elastic strain after the return mapping, shape (n, 6), [-]; and the history
-            variables at the end of the step, shape (n, number of variables). A row that is not finite refuses a strain:
-            the step is then cut.
+            The tuple (stress, tangent), or (stress, tangent, elastic strain, history) for laws with plastic flow: the
+            Kirchhoff stress, shape (n, 6), [stress]; the algorithmic tangent, its derivative with respect to the trial
+            strain, shape (n, 6, 6), [stress]; the elastic strain after the return mapping, shape (n, 6), [-]; and the
+            history variables at the end of the step, shape (n, number of variables). A law refuses the strain of a
+            point by returning a row that is not finite; the step is then cut.
         """
         ...
 
 
 _WORD = re.compile(r"[A-Za-z_]\w*\Z")
 
-#: Names of other fields of points.
+#: Names that other fields of points already have.
 _TAKEN = frozenset(
     """position displacement deformation_gradient kirchhoff_stress cauchy_stress elastic_strain volume mass body body_id
     point_id J pressure pressure_smoothed von_mises_stress plastic_strain original_position half_lengths corners history
@@ -106,7 +110,7 @@ class _Adapter:
         state = getattr(law, "state", None)
         state = {} if state is None else state
         if not isinstance(state, Mapping):
-            raise UsageError(f"`state` of the law of {name!r} is a mapping of names to initial values")
+            raise UsageError(f"`state` of the law of {name!r} must be a mapping of names to initial values")
         self._name, self._law = name, law
         self._raised: BaseException | None = None
         for key in state:
@@ -116,11 +120,11 @@ class _Adapter:
         measure = getattr(law, "measure", "logarithmic")
         if not isinstance(measure, str) or measure not in ("logarithmic", "left-cauchy-green"):
             words = "'logarithmic' or 'left-cauchy-green'"
-            raise UsageError(f"`measure` of the law of {name!r} is {words}, not {measure!r}")
+            raise UsageError(f"`measure` of the law of {name!r} must be {words}, not {measure!r}")
         self.is_logarithmic = measure == "logarithmic"
         symmetric = getattr(law, "symmetric", True)
         if not isinstance(symmetric, (bool, np.bool_)):
-            raise UsageError(f"`symmetric` of the law of {self._name!r} is True or False, not {symmetric!r}")
+            raise UsageError(f"`symmetric` of the law of {self._name!r} must be True or False, not {symmetric!r}")
         self.is_symmetric = bool(symmetric)
 
     def _initial(self, key: str, value: Any) -> float:
@@ -129,7 +133,7 @@ class _Adapter:
         except (TypeError, ValueError, OverflowError):
             initial = math.nan
         if not math.isfinite(initial):
-            raise UsageError(f"the initial value of {key!r} of the law of {self._name!r} is no number: {value!r}")
+            raise UsageError(f"the initial value of {key!r} of the law of {self._name!r} is not a number: {value!r}")
         return initial
 
     def try_out(self) -> None:
@@ -146,7 +150,7 @@ class _Adapter:
         try:
             return self._response(strain, history)
         except BaseException as error:
-            # Some calls are for diagnostics alone and survive an exception; the next one that matters does not.
+            # Some calls serve diagnostics only and ignore an exception; the next call therefore raises it again.
             self._raised = error
             raise
 
@@ -154,7 +158,7 @@ class _Adapter:
         found = self._law.update(strain, history)
         if not isinstance(found, tuple) or len(found) not in (2, 4):
             raise UsageError(
-                f"`update` of the law of {self._name!r} returns (stress, tangent) or "
+                f"`update` of the law of {self._name!r} must return (stress, tangent) or "
                 f"(stress, tangent, elastic_strain, history)"
             )
         n = len(strain)
@@ -168,13 +172,13 @@ class _Adapter:
         )
 
     def invert(self, stress: Array) -> Array | None:
-        """The elastic strain that gives a stress; ``None`` if the law does not say."""
+        """The elastic strain that yields a stress; ``None`` if the law has no method for it."""
         inverse = getattr(self._law, "elastic_strain", None)
         return None if inverse is None else self._shaped("elastic_strain", inverse(stress), stress.shape)
 
     def _shaped(self, what: str, value: Any, shape: tuple[int, ...]) -> Array:
         if value is None or np.iscomplexobj(value):
-            raise UsageError(f"{what} of the law of {self._name!r} is no array of real numbers")
+            raise UsageError(f"{what} of the law of {self._name!r} is not an array of real numbers")
         array = np.ascontiguousarray(value, dtype=np.float64)
         if array.shape != shape:
             raise UsageError(f"{what} of the law of {self._name!r} has shape {array.shape}, not {shape}")
@@ -198,10 +202,10 @@ class _Adapter:
 def adapters(laws: Mapping[str, Law]) -> dict[str, _Adapter]:
     """The laws as the library calls them."""
     if not isinstance(laws, Mapping):
-        raise UsageError("laws is a mapping of names of materials to laws")
+        raise UsageError("laws must be a mapping of material names to laws")
     for name in laws:
         if not isinstance(name, str):
-            raise UsageError(f"laws has the key {name!r}, which is no name of a material")
+            raise UsageError(f"laws has the key {name!r}, which is not a material name")
     found = {name: _Adapter(name, law) for name, law in laws.items()}
     for adapter in found.values():
         adapter.try_out()
@@ -209,11 +213,12 @@ def adapters(laws: Mapping[str, Law]) -> dict[str, _Adapter]:
 
 
 class BuiltInLaw:
-    """A law of the library, for points in Python; itself a :class:`Law`.
+    """A law of the library, to be evaluated from Python; itself a :class:`Law`.
 
     Args:
-        model: Its name in decks, such as ``"von-mises"``.
-        parameters: Its parameters in decks, such as ``young=1e6, poisson=0.3``. Stresses are in units of these.
+        model: Name of the law in decks, such as ``"von-mises"``.
+        parameters: Parameters of the law as in decks, such as ``young=1e6, poisson=0.3``. Their unit of stress is
+            also that of the results.
 
     Attributes:
         state: Names of the history variables with their initial values.
@@ -221,7 +226,7 @@ class BuiltInLaw:
         symmetric: Whether tangents are symmetric.
 
     Raises:
-        UsageError: There is no such law, or its parameters have other names. Their ranges are not checked.
+        UsageError: There is no such law, or its parameters have other names. The ranges of parameters are not checked.
 
     Example:
         >>> law = mpm.BuiltInLaw("hencky", young=1e6, poisson=0.25)
@@ -232,7 +237,7 @@ class BuiltInLaw:
 
     def __init__(self, model: str, /, **parameters: float) -> None:
         if not isinstance(model, str):
-            raise UsageError(f"model is the name of a law, not {model!r}")
+            raise UsageError(f"model must be the name of a law, not {model!r}")
         numbers = {name: _number(name, value) for name, value in parameters.items()}
         self._made_of: dict[str, Any] = {"model": model, **numbers}
         self._law = _mpm.BuiltIn(json.dumps(self._made_of))
@@ -248,27 +253,27 @@ class BuiltInLaw:
         return f"BuiltInLaw({model[1]!r}, {', '.join(f'{name}={value!r}' for name, value in rest)})"
 
     def update(self, strain: Array, history: Array) -> tuple[Array, Array, Array, Array]:
-        """Stress, tangent, elastic strain and history; shapes and units as :meth:`Law.update`.
+        """Stress, tangent, elastic strain and history; shapes and units as for :meth:`Law.update`.
 
-        A row is not a number where the law has no response to the strain.
+        A row is not a number (NaN) if the law has no response to the strain.
 
         Raises:
-            UsageError: An array has another shape.
+            UsageError: An array has the wrong shape.
         """
         arrays = self._law.respond(_rows(strain, 6), _rows(history, len(self.state)))
         stress, elastic, tangent, new = cast("Sequence[Array]", arrays)
         return stress, tangent, elastic, new
 
     def elastic_strain(self, stress: Array) -> Array:
-        """Elastic strain, shape (n, 6), of Kirchhoff stresses, shape (n, 6); not a number where no strain gives one."""
+        """Elastic strain, shape (n, 6), at Kirchhoff stresses, shape (n, 6); NaN where no strain yields the stress."""
         return self._law.elastic_strain(_rows(stress, 6))
 
     def energy(self, strain: Array) -> Array:
-        """Stored energy per initial volume, shape (n,), [stress], of elastic strains, shape (n, 6), [-]."""
+        """Stored energy per initial volume, shape (n,), [stress], at elastic strains, shape (n, 6), [-]."""
         return self._law.energy(_rows(strain, 6))
 
     def plastic_work(self, history: Array) -> Array:
-        """Plastic work per initial volume, shape (n,), [stress], at history variables, shape (n, number of them)."""
+        """Plastic work per initial volume, shape (n,), [stress], at history variables, shape (n, variables)."""
         rows = _rows(history, len(self.state))
         return self._law.plastic_work(rows, len(rows))
 
@@ -284,17 +289,17 @@ def _number(name: str, value: Any) -> float:
     except (TypeError, ValueError, OverflowError):
         number = math.nan
     if isinstance(value, (str, bytes)) or not math.isfinite(number):
-        raise UsageError(f"{name} is a finite number, not {value!r}")
+        raise UsageError(f"{name} must be a finite number, not {value!r}")
     return number
 
 
 def _rows(values: Any, width: int) -> Array:
     if np.iscomplexobj(values):
-        raise UsageError("this is no array of real numbers")
+        raise UsageError("the argument is not an array of real numbers")
     try:
         array = np.ascontiguousarray(values, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
-        raise UsageError(f"this is no array of numbers: {error}") from None
+        raise UsageError(f"the argument is not an array of numbers: {error}") from None
     if array.ndim != 2 or array.shape[1] != width:
-        raise UsageError(f"an array has shape {array.shape}, not (n, {width})")
+        raise UsageError(f"the argument has shape {array.shape}, not (n, {width})")
     return array

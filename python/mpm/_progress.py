@@ -1,4 +1,4 @@
-"""A bar that shows how far a run is, on terminals and in notebooks."""
+"""A progress bar for runs, on terminals and in notebooks."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _FRAME = 0.1
 
 
 def _is_notebook() -> bool:
-    """Whether a kernel shows what cells display."""
+    """Whether a notebook kernel is present to display the bar."""
     if "IPython" not in sys.modules:
         return False
     from IPython import get_ipython
@@ -24,7 +24,7 @@ def _is_notebook() -> bool:
 
 
 class Bar:
-    """A bar for a run; nothing if there is neither a terminal nor a notebook."""
+    """A progress bar for a run; by default, not shown if there is neither a terminal nor a notebook."""
 
     def __init__(self, wanted: bool | None, run: Run) -> None:
         self._run = run
@@ -45,7 +45,7 @@ class Bar:
             print(file=sys.stderr)
 
     def show(self, step: Step) -> None:
-        """Draws the bar after a step, if it is due."""
+        """Draws the bar after a step if a redraw is due."""
         now = time.monotonic()
         ends = step.time >= step.end_time
         if not self._is_shown or (now - self._drawn < _FRAME and not ends):

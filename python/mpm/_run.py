@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 
-#: Most hundredths of a second for which a thread is awaited that uses a run which is given up.
+#: Longest wait for a thread that uses an abandoned run, in hundredths of a second.
 _PATIENCE = 1000
 
 
@@ -37,22 +37,22 @@ class Step:
     """A load step in equilibrium.
 
     Attributes:
-        index: Its number, from 1. A step that was cut counts once for each part.
-        start: Time at its start.
-        time: Time at its end.
-        stage: Name of the stage, or ``None`` without stages.
-        residuals: Relative out-of-balance force of every evaluation, [-], shape (iterations + 1,); the first precedes
-            any iteration.
-        load_factor: Load factor at its end, or ``None`` if loads do not share one, [-].
+        index: Step number, from 1. Each part of a step that was cut has its own number.
+        start: Time at the start of the step.
+        time: Time at the end of the step.
+        stage: Name of the stage, or ``None`` if the deck has no stages.
+        residuals: Relative out-of-balance force at every evaluation, [-], shape (iterations + 1,); the first precedes
+            all iterations.
+        load_factor: Load factor at the end of the step, or ``None`` if the loads do not share one, [-].
         strength_factor: Factor by which the strength of the materials is divided, or ``None`` at full strength, [-].
-        reactions: Reaction of each boundary condition by its name: the force on the bodies, shape (axes,), [force].
-        loads: Resultant of each load by its name, shape (axes,), [force].
-        tools: Each rigid tool by its name: position, force, moment, parts, contacts.
+        reactions: Reaction of each boundary condition, by name: the force on the bodies, shape (axes,), [force].
+        loads: Resultant of each load, by name, shape (axes,), [force].
+        tools: Each rigid tool, by name: position, force, moment, parts, contacts.
         unknowns: Number of free degrees of freedom.
         external_work: Work of loads and reactions so far, [energy].
         strain_energy: Stored elastic energy, [energy].
         plastic_work: Plastic work so far, [energy].
-        rounding_limited: Whether round-off kept it from the tolerance.
+        rounding_limited: Whether round-off kept the residual above the tolerance.
         damped: Whether only damped iterations found the equilibrium.
         end_time: Time at the end of the analysis or stage.
         warnings: Warnings that this step has raised.
@@ -92,7 +92,7 @@ class Step:
 
     @property
     def residual(self) -> float:
-        """Relative out-of-balance force at its end, [-]."""
+        """Relative out-of-balance force at the end of the step, [-]."""
         return float(self.residuals[-1])
 
 
@@ -109,12 +109,12 @@ def _step(document: str) -> Step:
 
 
 class Table(Mapping[str, Array]):
-    """A table: a mapping of the names of its columns to arrays, shape (rows,). Missing entries are not a number (NaN).
+    """A table: a mapping of column names to arrays, shape (rows,). Missing entries are NaN.
 
     ``docs/output.md`` lists the columns of ``history``, ``quality`` and ``convergence``.
 
     Args:
-        columns: The columns by their names.
+        columns: The columns by name.
 
     Example:
         >>> history = mpm.Deck.load("inputs/beam.yaml", steps=4).run(progress=False).history
@@ -140,7 +140,7 @@ class Table(Mapping[str, Array]):
         return len(self._columns)
 
     def __eq__(self, other: object) -> bool:
-        """Whether all entries are equal; missing ones are equal to each other."""
+        """Whether all entries are equal; missing entries are equal to each other."""
         if not isinstance(other, Table):
             return NotImplemented
         return self._columns.keys() == other._columns.keys() and all(
@@ -154,19 +154,19 @@ class Table(Mapping[str, Array]):
         return f"<Table of {rows} rows: {', '.join(self._columns)}>"
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """The table as a data frame, one row per row. Needs pandas."""
+        """The table as a data frame with the same rows and columns. Needs pandas."""
         return _package("pandas").DataFrame(self._columns)
 
 
 class Points(Mapping[str, Array]):
     """Arrays of the n material points, in the order of their permanent numbers.
 
-    ``points[name]`` is a copy, which stays as it is when the run goes on, with one row per point. Vectors have one
+    ``points[name]`` is a copy with one row per point, which does not change when the run continues. Vectors have one
     component per axis. Matrices are stored by rows, xx, xy, xz, yx, yy, yz, zx, zy, zz; symmetric tensors as xx, yy,
-    zz, xy, yz, xz, without factors. The properties below name the arrays of a run. History variables of laws have their
-    names, too, such as ``equivalent_plastic_strain`` of von Mises plasticity; they are zero for points of other laws.
-    Points of files have the names of the fields that the deck writes
-    (``output: {fields: ...}``) and no others.
+    zz, xy, yz, xz, without factors. The properties below are the arrays of every run. History variables of laws are
+    further arrays under their own names, such as ``equivalent_plastic_strain`` for von Mises plasticity; they are zero
+    for points with other laws. Points read from files have only ``position``, the arrays that every file contains, such
+    as ``volume``, and the fields that the deck writes (``output: {fields: ...}``).
 
     Example:
         >>> points = mpm.Deck.load("inputs/beam.yaml", steps=10).run(progress=False).points
@@ -207,7 +207,7 @@ class Points(Mapping[str, Array]):
     def __len__(self) -> int:
         return len(self._names)
 
-    # Points are equal to themselves alone: a comparison of arrays has many answers.
+    # Points are equal only to themselves: comparing arrays gives one answer per entry.
     __eq__ = object.__eq__
     __hash__ = object.__hash__
 
@@ -311,16 +311,16 @@ _COMPONENTS = {
 
 
 class Run:
-    """A run between whose steps Python decides: an iterator over :class:`Step`.
+    """A run that Python controls from step to step: an iterator over :class:`Step`.
 
-    :meth:`Deck.start` begins it. The analysis has a thread of its own, which waits between steps: :attr:`points` and
-    the tables then hold the state of the last step in equilibrium, and :meth:`change` changes what follows.
+    :meth:`Deck.start` begins it. The analysis has its own thread, which waits between steps. Meanwhile, :attr:`points`
+    and the tables hold the state of the last step in equilibrium, and :meth:`change` alters the steps that follow.
 
-    - Iterating solves the next step. It ends at the end of the analysis, and raises :class:`SolveError` if a step has
-      no equilibrium; points, tables and :meth:`result` can be read after both.
-    - At the end of a ``with`` block the run ends, as by :meth:`stop`; its points and tables can still be read.
+    - Each iteration solves the next step. The loop ends at the end of the analysis, or with :class:`SolveError` if a
+      step has no equilibrium; in both cases, points, tables and :meth:`result` can be read afterwards.
+    - At the end of a ``with`` block the run ends, as with :meth:`stop`; its points and tables can still be read.
       :meth:`close` releases its threads and its memory.
-    - After Ctrl-C, or an exception in ``on_iteration``, the step under way goes on; the next iteration returns it.
+    - After Ctrl-C, or an exception in ``on_iteration``, the step under way continues; the next iteration returns it.
     - A run belongs to the process that began it, cannot be pickled, and serves one thread at a time.
 
     Example:
@@ -337,7 +337,7 @@ class Run:
     _live: weakref.WeakSet[Run] = weakref.WeakSet()
 
     def __init__(self) -> None:
-        raise UsageError("Deck.start begins a run")
+        raise UsageError("use Deck.start to begin a run")
 
     @classmethod
     def _begin(
@@ -349,18 +349,18 @@ class Run:
         on_iteration: Callable[[int, int, float], None] | None,
     ) -> Run:
         if threads is not None and (not isinstance(threads, int) or isinstance(threads, bool)):
-            raise UsageError(f"threads is a whole number, not {threads!r}")
+            raise UsageError(f"threads must be a whole number, not {threads!r}")
         if threads is not None and not 1 <= threads <= 1024:
-            raise UsageError("threads is a number from 1 to 1024")
+            raise UsageError("threads must be a number from 1 to 1024")
         if on_iteration is not None and not callable(on_iteration):
-            raise UsageError("on_iteration is a function of step, iteration and residual")
+            raise UsageError("on_iteration must be a function of step, iteration and residual")
         run = cls.__new__(cls)
         run._deck = deck
         run._session = deck._begin(threads, out, laws, on_iteration)
         run._process = os.getpid()
         run._has_laws, run._is_under_way = bool(laws), False
         run._step = None
-        # Absolute, since the process may go to another directory.
+        # Absolute, since the process may change its directory.
         run._directory = None if run._session.directory is None else run._session.directory.absolute()
         run._closed = False
         declared = [name for law in (laws or {}).values() for name in getattr(law, "state", None) or ()]
@@ -377,7 +377,7 @@ class Run:
     _closed: bool
     _process: int
     _has_laws: bool
-    #: A step has begun, and nobody has heard of its end.
+    #: A step has begun, and its end has not been reported yet.
     _is_under_way: bool
 
     def __iter__(self) -> Iterator[Step]:
@@ -400,14 +400,14 @@ class Run:
             self.stop()
         except MpmError:
             if kind is None:
-                raise  # otherwise the first exception tells more
+                raise  # otherwise the first exception is more informative
 
     def __del__(self) -> None:
         if getattr(self, "_session", None) is not None:
             self._abandon()
 
     def __reduce__(self) -> Any:
-        raise TypeError("a run cannot be pickled; save the deck, or read its results with mpm.read")
+        raise TypeError("a run cannot be pickled; save the deck, or read the results of the run with mpm.read")
 
     def __repr__(self) -> str:
         step = "before its first step" if self._step is None else f"after step {self._step.index}"
@@ -415,7 +415,7 @@ class Run:
 
     @property
     def deck(self) -> Deck:
-        """The deck of the run, a copy of the one that began it. Change it, then call :meth:`change`."""
+        """The deck of the run, a copy of the deck that began it. Change it, then call :meth:`change`."""
         return self._deck
 
     @property
@@ -430,21 +430,21 @@ class Run:
 
     @property
     def points(self) -> Points:
-        """The material points in the state of the last step in equilibrium; before the first step, as they begin.
+        """The material points in the state of the last step in equilibrium, or at first in their initial state.
 
-        Arrays are copied when they are asked for. The property itself follows the run: keep arrays, not points, of
-        several steps.
+        Arrays are copied when they are read. The points themselves follow the run: to keep the states of several steps,
+        keep arrays.
         """
         return Points(self._session.array, self._names)
 
     @property
     def tools(self) -> dict[str, Tool]:
-        """The rigid tools at the end of the last step in equilibrium, by their names; empty before the first step."""
+        """The rigid tools at the end of the last step in equilibrium, by name; empty before the first step."""
         return {} if self._step is None else dict(self._step.tools)
 
     @property
     def history(self) -> Table:
-        """The rows of ``history.csv`` so far: one per attempt at a step. Those that failed have ``converged`` 0."""
+        """The rows of ``history.csv`` so far: one per attempt at a step. Failed attempts have ``converged`` 0."""
         return Table(self._session.table("history"))
 
     @property
@@ -463,20 +463,20 @@ class Run:
         return self._session.has_ended()
 
     def change(self) -> None:
-        """Goes on with the deck as it is now.
+        """Continues the run with the current content of :attr:`deck`.
 
         Loads, boundary conditions, parameters of materials, the control of steps and iterations, and the output may
         change. Grid, bodies, models and densities of materials, laws in Python, and the names of loads and boundary
         conditions may not.
 
-        The next step begins from the present state of the points. A load is its new value times its new curve at the
-        end of that step: it jumps there if the new course does not meet the old one. A prescribed displacement grows
-        by the new value times the growth of the curve. The model is built again, which takes as long as the beginning
-        of the run. Nothing happens after the last step.
+        The next step begins from the current state of the points. At the end of that step, a load is its new value
+        times its new curve: it jumps within the step if the new curve does not continue the old one. A prescribed
+        displacement grows by its new value times the growth of its curve. The model is built again, which takes as long
+        as the start of the run. After the last step, the call has no effect.
 
         Raises:
             DeckError: The changed deck cannot be used; the run can go on as it was.
-            UsageError: Something has changed that cannot, a step is under way, or the run has ended.
+            UsageError: Something that may not change has been changed, a step is under way, or the run has ended.
 
         Example:
             The footing is pressed in until its reaction reaches 60 kN, then lifted:
@@ -494,11 +494,11 @@ class Run:
         text, overrides = self._deck._source()
         step = self._step
         if step is not None and step.time >= step.end_time * (1 - 1e-12) and not (self._closed or self.ended):
-            return  # the analysis has taken its last step, and goes on only to end
+            return  # the analysis has taken its last step, and only has to end
         self._session.change(self._deck._name, text, overrides)
 
     def stop(self) -> None:
-        """Ends the run in the state of the last step. A step under way is awaited; a run that has ended stays so."""
+        """Ends the run in the state of the last step. Waits for a step under way; does nothing if the run has ended."""
         if self._closed:
             return
         self._is_under_way = True
@@ -508,14 +508,14 @@ class Run:
             self._step = _step(document)
 
     def close(self) -> None:
-        """Ends the run and releases its threads and its memory; its points and tables can be read no more."""
+        """Ends the run and releases its threads and its memory; its points and tables can then no longer be read."""
         self._session.close()
         self._closed = True
 
     def _abandon(self) -> None:
-        """Ends all calls of laws: that of a step which nobody awaits any more must not outlive the interpreter.
+        """Ends all calls to laws: a call in a step that nobody waits for any more must not outlive the interpreter.
 
-        The call that is being made is awaited, then the step under way fails. Without laws, the step goes on alone.
+        Waits for the current call, after which the step under way fails. Without laws, the step continues on its own.
         """
         if self._process != os.getpid():
             return  # the thread of the analysis belongs to another process
@@ -526,10 +526,10 @@ class Run:
                     self._session.close()
                 return
             except UsageError:
-                time.sleep(0.01)  # another thread of Python awaits the step, which is about to fail
+                time.sleep(0.01)  # another Python thread waits for the step, which is about to fail
 
     def result(self) -> Result:
-        """The result of a run that has ended, also by :meth:`stop` or an error; ``summary["outcome"]`` says which.
+        """The result of a run that has ended, even by :meth:`stop` or an error; ``summary["outcome"]`` says how.
 
         Raises:
             UsageError: The run has not ended, or is closed.
@@ -545,14 +545,14 @@ class Run:
 
 @atexit.register
 def _abandon() -> None:
-    """Lets no analysis call Python while it ends."""
+    """Prevents analyses from calling Python while the interpreter exits."""
     for run in list(Run._live):
         run._abandon()
 
 
 @dataclass(frozen=True)
 class Frame:
-    """Files of one time of a run.
+    """The results of a run at one time, from its files.
 
     Attributes:
         time: Time.
@@ -564,7 +564,7 @@ class Frame:
 
     @property
     def points(self) -> Points:
-        """The points in the file, in the order of the permanent numbers; vectors have three components."""
+        """The points in the file, in the order of their permanent numbers; vectors have three components."""
         fields = _fields(self.path)
         if "body_id" in fields:
             fields.setdefault("body", fields["body_id"])
@@ -572,7 +572,7 @@ class Frame:
 
     @property
     def fields(self) -> dict[str, Array]:
-        """All fields of the points in the file by their names, in the order of the permanent numbers.
+        """All fields of the points in the file by name, in the order of their permanent numbers.
 
         ``docs/output.md`` lists their shapes and units. In these files all vectors have three components.
         """
@@ -598,17 +598,18 @@ def _fields(path: Path) -> dict[str, Array]:
 class Result:
     """The result of a run.
 
-    :meth:`Deck.run`, :meth:`Run.result` and :func:`read` return it. A result can be pickled; a copy has points only if
-    files do.
+    :meth:`Deck.run`, :meth:`Run.result` and :func:`read` return it. A result can be pickled; the unpickled copy has
+    points only if they were written to files.
 
     Attributes:
         history: The rows of ``history.csv``, one per attempt at a step: time, reactions, loads, probes, work and
             energy. An attempt that failed, after which the step was cut, has ``converged`` 0 and no forces.
         quality: The rows of ``quality.csv``: measures of the quality of every step.
         convergence: The rows of ``convergence.csv``: the residual of every evaluation.
-        summary: The document of ``summary.json``: outcome, counts, processor time, memory, warnings.
+        summary: The content of ``summary.json``: outcome, counts, processor time, memory, warnings.
         directory: The directory of the files, or ``None`` if nothing was written.
-        points: The points at the end: of the run in memory, or of the last file; ``None`` without files of points.
+        points: The points at the end, from the run in memory or from the last file; ``None`` if no points were
+            written.
 
     Example:
         >>> result = mpm.Deck.load("inputs/beam.yaml", steps=10).run(progress=False)
@@ -626,10 +627,10 @@ class Result:
     summary: dict[str, Any]
     directory: Path | None
     points: Points | None
-    """The points at the end: of the run in memory, or of the last file; ``None`` without files of points."""
+    """The points at the end, from the run in memory or from the last file; ``None`` if no points were written."""
 
     def __reduce__(self) -> Any:
-        # The points belong to the run; a copy has them if files do.
+        # The points belong to the run; a copy has them only if they were written to files.
         tables = (self.history, self.quality, self.convergence)
         return _restored, (tables, self.summary, self.directory)
 
@@ -639,7 +640,7 @@ class Result:
 
     @property
     def frames(self) -> list[Frame]:
-        """The files of the points, one for each time that was written; empty if there are none."""
+        """The files of the points, one for each time at which they were written; empty if there are none."""
         return [] if self.directory is None else _frames(self.directory)
 
 
@@ -687,7 +688,7 @@ def read(directory: StrPath) -> Result:
     except (OSError, ValueError) as error:
         raise ResultsError(f"`{folder / 'summary.json'}` cannot be read: {error}") from None
     if not isinstance(summary, dict) or not {"outcome", "steps"} <= summary.keys():
-        raise ResultsError(f"`{folder / 'summary.json'}` is no summary of a run")
+        raise ResultsError(f"`{folder / 'summary.json'}` is not the summary of a run")
     history, quality, convergence = (_table(folder / f"{name}.csv") for name in ("history", "quality", "convergence"))
     return Result(history, quality, convergence, summary, folder, _last_points(folder))
 
@@ -699,7 +700,7 @@ def _table(path: Path) -> Table:
 
 
 def _package(name: str) -> Any:
-    """A package that need not be installed."""
+    """An optional package."""
     import importlib
 
     try:

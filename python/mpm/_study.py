@@ -1,4 +1,4 @@
-"""Parameter studies in processes."""
+"""Parameter studies in several processes."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Member:
-    """One combination of parameters of a study, and what came of it.
+    """One combination of parameter values in a study, and its outcome.
 
     Attributes:
-        parameters: Its parameters.
+        parameters: Its parameter values.
         result: Its result, or ``None`` if it failed.
-        error: The message of its failure, or ``None``; the run before it is not kept.
+        error: The message of its failure, or ``None``; the steps before the failure are not kept.
     """
 
     parameters: dict[str, Value]
@@ -64,10 +64,10 @@ class Study(Sequence[Member]):
         return f"<Study of {len(self)} members, {failed} failed>"
 
     def column(self, name: str) -> list[float | None]:
-        """The last value of a column of the history of each member; ``None`` for those that failed.
+        """The last value of a column in the history of each member; ``None`` for members that failed.
 
         Args:
-            name: Name of the column, such as that of a probe.
+            name: Name of the column, such as ``tip_uy``.
         """
         return [None if of.result is None else float(of.result.history[name][-1]) for of in self]
 
@@ -96,26 +96,27 @@ def sweep(
     threads: int = 1,
     out: StrPath | None = None,
 ) -> Study:
-    """Runs a deck for every combination of parameters, several at a time in processes of their own.
+    """Runs a deck for every combination of parameter values, several at a time in separate processes.
 
-    Members that fail do not end the study; they carry the message. With one process, members run in this one.
+    A member that fails does not end the study; its ``error`` is the message. With one process, the members run in the
+    calling process.
 
     A script that uses several processes must have its code under ``if __name__ == "__main__":``, since each process
-    imports the script; notebooks need nothing.
+    imports the script; notebooks need no such guard.
 
     Args:
         deck: The deck; it defines the parameters.
-        over: Values by the names of parameters.
+        over: Lists of values, by the names of the parameters.
         processes: Number of processes; by default, one per core, and at most one per member.
-        threads: Number of threads of each.
-        out: Directory with a directory of results for each member, named as by ``mpm sweep``; without it, nothing is
-            written, and results of several processes have no points.
+        threads: Number of threads of each process.
+        out: Directory in which each member has its own result directory, named as in ``mpm sweep``; without ``out``,
+            nothing is written, and results from several processes have no points.
 
     Returns:
         The members, in the order of the combinations; the last parameter varies fastest.
 
     Raises:
-        UsageError: The deck has no parameter of a name, or the values are no list.
+        UsageError: The deck lacks a parameter that ``over`` names, or the values of one are not a list.
 
     Example:
         >>> deck = mpm.Deck.load("inputs/beam.yaml", steps=10)
@@ -128,15 +129,15 @@ def sweep(
     if not isinstance(deck, Deck):
         raise UsageError(f"a study needs a Deck, not {type(deck).__name__}")
     if not isinstance(over, Mapping) or not over:
-        raise UsageError("over is a mapping of names of parameters to lists of values")
+        raise UsageError("over must be a mapping of parameter names to lists of values")
     for name, values in over.items():
         if not isinstance(name, str):
-            raise UsageError(f"over has the key {name!r}, which is no name of a parameter")
+            raise UsageError(f"over has the key {name!r}, which is not a parameter name")
         is_list = isinstance(values, (Sequence, np.ndarray)) and not isinstance(values, (str, bytes))
         if not is_list or getattr(values, "ndim", 1) != 1 or len(values) == 0:
-            raise UsageError(f"the values of {name!r} are a list")
+            raise UsageError(f"the values of {name!r} must be a list that is not empty")
     if processes is not None and (isinstance(processes, bool) or not isinstance(processes, int) or processes < 1):
-        raise UsageError(f"processes is a whole number above 0, not {processes!r}")
+        raise UsageError(f"processes must be a whole number above 0, not {processes!r}")
     lists = [[_parameter(name, value) for value in values] for name, values in over.items()]
     combinations = [dict(zip(over, values)) for values in itertools.product(*lists)]
     for parameters in combinations[:1]:
@@ -158,10 +159,10 @@ def sweep(
             outcomes = list(pool.map(_solve, work))
         except BrokenProcessPool:
             raise UsageError(
-                "the processes of the study have died; a script that calls sweep needs the guard "
-                "`if __name__ == '__main__':`, since each process imports it"
+                "the processes of the study have ended early; a script that calls sweep needs the guard "
+                "`if __name__ == '__main__':`, since each process imports the script"
             ) from None
-        except BaseException:  # Ctrl-C: members that run or wait are given up
+        except BaseException:  # Ctrl-C: members that are running or waiting are abandoned
             for process in (pool._processes or {}).values():
                 process.terminate()
             raise
@@ -171,7 +172,7 @@ def sweep(
 
 
 def _name(parameters: Mapping[str, Value]) -> str:
-    """Name of the directory of a member, as ``mpm sweep`` gives it.
+    """Directory name of a member, as in ``mpm sweep``.
 
     Characters that a file system might not accept are written as ``%`` and the hexadecimal value of the byte.
     """

@@ -13,7 +13,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Contacts:
-    """The n places on bodies that touch a tool: corners of the domains of points.
+    """The n contact points that touch a tool: corners and centres of the domains of material points.
 
     Attributes:
         position: Position, shape (n, axes), [length].
@@ -21,9 +21,9 @@ class Contacts:
         force: Force of the tool on the body, shape (n, axes), [force].
         pressure: Pressure, negative for tension, shape (n,), [stress].
         shear: Shear stress on the body, shape (n, axes), [stress].
-        area: Area that a place stands for, shape (n,), [area].
+        area: Area that the contact point represents, shape (n,), [area].
         state: ``"stick"``, ``"slip"`` or ``"parting"``, shape (n,).
-        point: Permanent number of the point, shape (n,).
+        point: Permanent number of the material point, shape (n,).
         body: Number of the body in the deck, from 0, shape (n,).
         edge: Number of the side of the tool, as in the deck, shape (n,).
     """
@@ -53,7 +53,7 @@ class ToolPart:
     Attributes:
         force: Force of the part on the bodies, shape (axes,), [force].
         moment: Moment of this force about the reference point of the tool, shape (3,), [force·length].
-        n_contacts: Number of places that touch it.
+        n_contacts: Number of contact points that touch the part.
     """
 
     force: Array
@@ -67,14 +67,14 @@ class Tool:
 
     Attributes:
         position: Position of the reference point, shape (axes,), [length].
-        displacement: Its displacement since the start, shape (axes,), [length].
-        rotation: Rotation vector since the start, shape (3,), [rad]; in the plane the angle is the last component.
+        displacement: Displacement of the reference point since the start, shape (axes,), [length].
+        rotation: Rotation vector since the start, shape (3,), [rad]; in the plane, the last component is the angle.
         force: Force of the tool on the bodies, shape (axes,), [force].
         moment: Moment of this force about the reference point, shape (3,), [force·length].
-        overlap: Largest overlap with a body that contact forces have left, [length].
-        allowed_overlap: Largest further overlap that the update of boxes has left, [length].
-        parts: Its named parts.
-        contacts: The places that touch it.
+        overlap: Largest overlap with a body that remains after the contact forces have acted, [length].
+        allowed_overlap: Largest further overlap, allowed because the update of domain boxes caused it, [length].
+        parts: The named parts of the tool.
+        contacts: The contact points that touch the tool.
 
     Example:
         >>> pipe = {"name": "pipe", "shape": {"type": "circle", "center": [3, 3.5], "radius": 0.5}, "uy": -0.1}
@@ -110,7 +110,7 @@ class Tool:
 
 
 def tools_of(document: dict[str, Any]) -> dict[str, Tool]:
-    """The tools of a step from its document."""
+    """The tools in the document of a step."""
     return {name: _tool(of) for name, of in document.items()}
 
 
@@ -126,7 +126,7 @@ def _tool(of: dict[str, Any]) -> Tool:
 
 
 def _column(key: str, values: list[Any], axes: int) -> npt.NDArray[Any]:
-    """An array of the right shape, also where nothing touches."""
+    """An array of the right shape, even if nothing touches the tool."""
     if key in ("position", "normal", "force", "shear"):
         return np.array(values, dtype=float).reshape(len(values), axes)
     kinds: dict[str, npt.DTypeLike] = {"state": np.str_, "point": np.int64, "body": np.int64, "edge": np.int64}

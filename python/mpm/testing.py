@@ -21,8 +21,8 @@ class Finding:
     Attributes:
         property: ``"Response"``, ``"Purity"``, ``"Tangent"``, ``"Symmetry"``, ``"Isotropy"``, ``"Admissibility"``,
             ``"Inverse"``, ``"Potential"``, ``"Batch"`` or ``"NotFinite"``.
-        strain: Logarithmic trial strain where the error is largest, in the layout of :class:`mpm.Law`, shape (6,), [-].
-        error: Relative error there, [-]; infinite where nothing can be compared.
+        strain: Logarithmic trial strain with the largest error, in the layout of :class:`mpm.Law`, shape (6,), [-].
+        error: Relative error at this strain, [-]; infinite if nothing can be compared.
         tolerance: The largest permissible error, [-].
     """
 
@@ -39,14 +39,15 @@ class Finding:
 
 
 def check_material(law: Law, *, largest: float = 0.05) -> list[Finding]:
-    """The properties that a law lacks, by the test that the laws of the library pass; empty if there are none.
+    """The properties that a law lacks, according to the tests that the built-in laws pass; empty if it lacks none.
 
-    - ``Response``: the law responds to the strains, also to none.
+    - ``Response``: the law responds to the strains, including zero strain.
     - ``Purity``: equal arguments give equal results.
     - ``Tangent``: the tangent is the derivative of the stress, by central differences.
-    - ``Symmetry``: the tangent is symmetric, if the law states so.
-    - ``Isotropy``: a rotated strain has the rotated stress.
-    - ``Admissibility``: the returned elastic strain gives the returned stress.
+    - ``Symmetry``: the tangent is symmetric if the law states this.
+    - ``Isotropy``: a rotated strain yields the rotated stress.
+    - ``Admissibility``: an update from the returned elastic strain yields the returned stress.
+    - ``Inverse``: ``elastic_strain``, if the law has this method, returns a strain that yields the stress.
     - ``Potential``: in the elastic range, the energy is the potential of the stress.
     - ``Batch``: a point has the same response in every batch.
     - ``NotFinite``: a strain that is not finite is refused.
@@ -55,10 +56,10 @@ def check_material(law: Law, *, largest: float = 0.05) -> list[Finding]:
 
     Args:
         law: The law.
-        largest: Bound, above 0, of the components of the strains, [-]; a tenth and a hundredth of it are tried, too.
+        largest: Bound on the strain components, above 0, [-]; a tenth and a hundredth of it are tried, too.
 
     Raises:
-        UsageError: The law has no method ``update``, or its arrays have other shapes.
+        UsageError: The law has no method ``update``, or its arrays have the wrong shapes.
 
     Example:
         >>> class Wrong:
@@ -69,6 +70,6 @@ def check_material(law: Law, *, largest: float = 0.05) -> list[Finding]:
         Tangent: relative error 0.50
     """
     if isinstance(largest, bool) or not isinstance(largest, (int, float)) or not 0 < largest < np.inf:
-        raise UsageError(f"largest is a finite number above 0, not {largest!r}")
+        raise UsageError(f"largest must be a finite number above 0, not {largest!r}")
     findings = _mpm.conformance(_Adapter("law", law), largest)
     return [Finding(name, np.array(strain), error, tolerance) for name, strain, error, tolerance in findings]

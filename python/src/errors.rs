@@ -1,10 +1,10 @@
-//! Exceptions: those of the package `mpm`, made from errors of the library.
+//! Exceptions of the package `mpm`, made from errors of the library.
 
 use mpm::deck::diagnostic::as_json;
 use mpm::deck::load::LoadFailure;
 use pyo3::prelude::*;
 
-/// An exception of the package, to be raised where the interpreter lock is held.
+/// An exception of the package, to be raised while the interpreter lock is held.
 #[derive(Debug)]
 pub enum Raised {
     /// A deck that cannot be used.

@@ -1,4 +1,4 @@
-//! Constitutive laws that the interpreter evaluates, and laws of the library for the interpreter.
+//! Constitutive laws that the interpreter evaluates, and laws of the library that the interpreter can call.
 //!
 //! Strains and stresses pass between Rust and Python as rows xx, yy, zz, √2 xy, √2 yz, √2 xz: in this layout the
 //! product of two rows is the product of the tensors, and a tangent is a symmetric matrix.
@@ -35,7 +35,7 @@ fn tensor(row: &[f64]) -> Sym3 {
     tensor
 }
 
-/// What a law of the interpreter states once.
+/// What a law defined in Python states once.
 #[derive(Debug, Clone)]
 struct Facts {
     fields: Vec<StateField>,
@@ -60,14 +60,14 @@ impl Facts {
     }
 }
 
-/// The laws of a run by the names of their materials: adapters of the package around the objects of users.
+/// The laws of a run, keyed by material name: adapters of the package around the objects of users.
 #[derive(Clone)]
 pub struct Laws {
     list: Vec<(String, Facts, Arc<Py<PyAny>>)>,
     calls: Calls,
 }
 
-/// What the calls of laws share.
+/// State that all calls of the laws share.
 #[derive(Clone, Default)]
 struct Calls {
     /// The first exception.
@@ -85,7 +85,7 @@ impl Laws {
         Ok(Laws { list: laws.iter().map(law).collect::<PyResult<_>>()?, calls: Calls::default() })
     }
 
-    /// Puts the laws in place of those of a deck.
+    /// Replaces laws of a deck by these laws.
     pub fn replace(&self, deck: &mut LoadedDeck) -> Result<(), Raised> {
         for (name, facts, adapter) in &self.list {
             if !deck.deck.materials.contains_key(name) {
@@ -117,7 +117,7 @@ impl Laws {
         self.calls.raised.lock().ok()?.take()
     }
 
-    /// Stops all calls of laws, because the interpreter ends.
+    /// Stops all calls of laws, because the interpreter is about to end.
     pub fn end_calls(&self) {
         self.calls.are_over.store(true, Ordering::SeqCst);
     }
@@ -229,7 +229,7 @@ impl BatchLaw for PythonLaw {
         if [stress.len(), elastic_strain.len(), tangent.len(), history.len()]
             != [6 * trial.len(), 6 * trial.len(), 36 * trial.len(), new.len()]
         {
-            return Err(failed("its arrays have other numbers of entries than points".to_owned()));
+            return Err(failed("the lengths of its arrays do not match the number of points".to_owned()));
         }
         new.copy_from_slice(&history);
         for (p, response) in responses.iter_mut().enumerate() {
@@ -253,7 +253,7 @@ impl BatchLaw for PythonLaw {
         let strain: &[f64] = &elastic_strain.iter().flat_map(row).collect::<Vec<_>>();
         match self.with_interpreter(|py| call_energies(py, &self.adapter, strain, history)) {
             Ok(of_points) => of_points.map(|of| of.iter().zip(volume).map(|(e, v)| e * v).sum()),
-            // A run does not go on with energies that are NaN.
+            // NaN energies end the run.
             Err(_) => [f64::NAN; 2],
         }
     }
@@ -324,7 +324,7 @@ impl BuiltIn {
         let kept = self.law.state_fields().len();
         let n = strain.len() / 6;
         if strain.len() != 6 * n || old.len() != kept * n {
-            return Err(Raised::misuse(format!("strain has shape (n, 6), history (n, {kept})")).into());
+            return Err(Raised::misuse(format!("strain must have shape (n, 6), history (n, {kept})")).into());
         }
         let mut new = old.to_vec();
         let (mut stress, mut elastic, mut tangent) = (Vec::new(), Vec::new(), Vec::new());
@@ -332,7 +332,7 @@ impl BuiltIn {
             let history = p * kept..(p + 1) * kept;
             let trial = tensor(&strain[6 * p..6 * (p + 1)]);
             let response = self.law.update(&trial, &old[history.clone()], &mut new[history]);
-            // A strain is refused in the same way as by the laws of users: by a row that is not finite.
+            // A refused strain yields a row that is not finite, as with the laws of users.
             let response = response.unwrap_or(Response {
                 tau: Sym3([f64::NAN; 6]),
                 elastic_strain: Sym3([f64::NAN; 6]),
@@ -347,7 +347,7 @@ impl BuiltIn {
         Ok([matrix(py, stress, 6)?, matrix(py, elastic, 6)?, tangent, new])
     }
 
-    /// Elastic strain of points with this stress; NaN where no elastic strain gives it.
+    /// Elastic strain of points with this stress; NaN for points whose stress no elastic strain yields.
     fn elastic_strain<'py>(
         &self,
         py: Python<'py>,
@@ -382,7 +382,7 @@ impl BuiltIn {
         let kept = self.law.state_fields().len();
         let history = history.as_slice()?;
         if history.len() != kept * points {
-            return Err(Raised::misuse(format!("history has shape (n, {kept})")).into());
+            return Err(Raised::misuse(format!("history must have shape (n, {kept})")).into());
         }
         let work = (0..points).map(|p| self.law.plastic_work(&history[p * kept..(p + 1) * kept]));
         matrix(py, work.collect(), 1)
@@ -392,7 +392,7 @@ impl BuiltIn {
 /// The name of a property, a strain, the relative error at that strain, and the tolerance.
 type Finding = (String, Vec<f64>, f64, f64);
 
-/// The properties that a law lacks. `law` is an adapter.
+/// The properties that a law lacks. `law` is the adapter that wraps it.
 #[pyfunction]
 pub fn conformance(law: &Bound<'_, PyAny>, largest: f64) -> PyResult<Vec<Finding>> {
     let adapter = Arc::new(law.clone().unbind());

@@ -2,7 +2,7 @@
 //!
 //! The package wraps it in classes with documentation; nothing here is meant to be called by users. Structured data
 //! pass between Rust and Python as JSON, arrays as NumPy arrays. The analysis runs on a thread of its own, which holds
-//! the interpreter lock only while it calls a law of the interpreter.
+//! the interpreter lock only while it calls a law defined in Python.
 
 mod arrays;
 mod decks;

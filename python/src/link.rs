@@ -1,4 +1,4 @@
-//! The messages between the thread of the interpreter and that of an analysis.
+//! The messages between the thread of the interpreter and the thread of an analysis.
 
 use std::sync::mpsc::{Receiver, Sender};
 
@@ -79,7 +79,7 @@ pub enum Event {
     Iteration { step: usize, iteration: usize, residual: f64 },
     /// The run has begun, or a step is in equilibrium; the analysis waits for a request.
     Paused(Option<Box<Value>>),
-    /// The run has ended, and so does its thread.
+    /// The run has ended, and its thread ends.
     Ended(Box<Ended>),
 }
 
@@ -103,7 +103,7 @@ pub struct Failure {
     pub is_interruption: bool,
 }
 
-/// The end of the link on the side of the analysis.
+/// The analysis side of the link.
 pub struct Link {
     pub events: Sender<Event>,
     pub requests: Receiver<Request>,

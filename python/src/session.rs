@@ -1,4 +1,4 @@
-//! A run that the interpreter takes from step to step: the end of the link that Python holds.
+//! A run that the interpreter advances step by step: the Python side of the link.
 
 use std::path::PathBuf;
 use std::sync::Mutex;
@@ -35,7 +35,7 @@ const LOOK: Duration = Duration::from_millis(50);
 /// A pool of threads for one run only; by default, one thread per core.
 pub fn pool(threads: Option<usize>) -> Result<ThreadPool, Raised> {
     if threads.is_some_and(|n| !(1..=MOST_THREADS).contains(&n)) {
-        return Err(Raised::misuse(format!("threads is a number from 1 to {MOST_THREADS}")));
+        return Err(Raised::misuse(format!("threads must be a number from 1 to {MOST_THREADS}")));
     }
     let built = ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build();
     built.map_err(|error| Raised::misuse(format!("the threads cannot be started: {error}")))
@@ -51,7 +51,7 @@ pub fn prepared(loaded: LoadedDeck, pool: &ThreadPool) -> Result<Prepared, Raise
 struct Running {
     events: Receiver<Event>,
     requests: Option<Sender<Request>>,
-    /// True if the next event is that of a step that is being solved.
+    /// True if the next event belongs to a step that is still being solved.
     is_under_way: bool,
     ended: Option<Box<Ended>>,
     thread: Option<JoinHandle<()>>,
@@ -132,7 +132,7 @@ impl Session {
         self.wait(py, running)
     }
 
-    /// Ends the run before the next step, in the state of the last one; a step under way is awaited and returned.
+    /// Ends the run before the next step, in the state after the last step; a step under way is awaited and returned.
     fn stop(&self, py: Python<'_>) -> PyResult<Option<String>> {
         let running = &mut *self.lock()?;
         let mut last = None;
@@ -150,7 +150,7 @@ impl Session {
     /// Ends the run and releases its thread and its memory; nothing can be requested afterwards.
     fn close(&self, py: Python<'_>) -> PyResult<()> {
         let mut running = self.lock()?;
-        running.requests = None; // what has ended is released with the run
+        running.requests = None; // what an ended run holds is released with this object
         let thread = running.thread.take();
         drop(running);
         if self.process == std::process::id()
@@ -265,12 +265,12 @@ impl Session {
     fn lock(&self) -> Result<std::sync::MutexGuard<'_, Running>, Raised> {
         if self.process != std::process::id() {
             return Err(Raised::misuse(
-                "this run belongs to another process; begin it in the process that steps it",
+                "this run belongs to another process; begin the run in the process that steps it",
             ));
         }
         self.running.try_lock().map_err(|_| {
             Raised::misuse(
-                "the run is solving a step, for another thread or for the function that called this one",
+                "the run is already solving a step for another thread, or for the function that called this one",
             )
         })
     }
@@ -287,7 +287,7 @@ impl Session {
         Ok(())
     }
 
-    /// What a run that has ended holds; `None` before its end.
+    /// A value from a run that has ended; `None` before its end.
     fn at_end<T>(&self, of: impl FnOnce(&Ended) -> T) -> PyResult<Option<T>> {
         let running = self.lock()?;
         if running.requests.is_none() {
@@ -311,7 +311,7 @@ impl Session {
         self.wait_until(py, running, hears.as_ref())
     }
 
-    /// As `wait`; `hears` is called for every iteration.
+    /// The same as `wait`, but calls `hears` for every iteration.
     fn wait_until(
         &self,
         py: Python<'_>,
@@ -353,7 +353,7 @@ impl Session {
                 Err(error)
             }
             (None, Some(error)) => Err(error),
-            // Some calls serve diagnostics only, and the last step goes on without them.
+            // An exception in a call that serves only diagnostics does not stop the last step.
             (Some(raised), None) => {
                 let message = format!("a law has failed: {raised}");
                 let error = exception(py, "SolveError", (message, "S019"));

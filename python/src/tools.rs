@@ -4,7 +4,7 @@ use mpm::model::{Model, Tool};
 use mpm::terms::{ContactPoint, Mode, ToolState};
 use serde_json::{Map, Value, json};
 
-/// The tools at the end of a step, by their names.
+/// The tools at the end of a step, keyed by name.
 pub fn tools_document<const D: usize>(model: &Model<D>, tools: &[ToolState<D>]) -> Value {
     let entries =
         model.tools.iter().zip(tools).map(|(tool, state)| (tool.name.clone(), document(tool, state)));

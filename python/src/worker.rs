@@ -30,7 +30,7 @@ pub struct Files {
 }
 
 impl Files {
-    /// The status serves only to watch a run, which goes on without it.
+    /// The status serves only to watch a run, so the run continues if it cannot be written.
     fn tell(&mut self) {
         let _ = self.status.update(&self.progress);
     }
@@ -59,7 +59,7 @@ struct Follower<'a> {
     decided: Option<Decision>,
 }
 
-/// Access to the points, whatever the number of axes.
+/// Access to the points, for any number of axes.
 trait State {
     fn array(&self, name: &str) -> Option<Array>;
 }
@@ -76,7 +76,7 @@ impl Worker {
         let _ = self.link.events.send(event);
     }
 
-    /// Answers requests until a decision is made. Without an interpreter the run stops.
+    /// Answers requests until a decision is made. If the interpreter has dropped the run, the run stops.
     fn pause(&self, state: &dyn State) -> Decision {
         loop {
             match self.link.requests.recv() {
@@ -146,7 +146,7 @@ impl Worker {
             }),
             Err(_) => Some(Failure {
                 code: None,
-                message: "the program has a fault: it has panicked; see standard error, and report it"
+                message: "the program has a fault: it has panicked; see standard error, and report the fault"
                     .to_owned(),
                 help: None,
                 residuals: Vec::new(),
@@ -212,7 +212,7 @@ fn exchange<const D: usize>(
     Ok(changed.loaded)
 }
 
-/// The follower, which the change between steps uses too.
+/// The follower as an observer; it is borrowed for each event, because the change of decks between steps uses it, too.
 struct Shared<'a, 'b>(&'a RefCell<Follower<'b>>);
 
 impl<const D: usize> Observer<D> for Shared<'_, '_> {

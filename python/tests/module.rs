@@ -1,10 +1,10 @@
-//! The module is built as Python loads it. The tests of the package itself are in `tests/python`.
+//! The module is built as a file that Python can load. The tests of the package itself are in `tests/python`.
 
 use std::env::consts::{DLL_PREFIX, DLL_SUFFIX};
 
 #[test]
 fn the_module_is_built() {
-    // Both are in target/debug/deps.
+    // The test and the module are in target/debug/deps.
     let test = std::env::current_exe().expect("the path of this test");
     let folder = test.parent().expect("the folder of the build");
     let library = folder.join(format!("{DLL_PREFIX}_mpm{DLL_SUFFIX}"));

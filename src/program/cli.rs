@@ -39,7 +39,7 @@ pub enum Command {
     Check {
         #[command(flatten)]
         deck: DeckArgs,
-        /// Predict memory and time of a run on this number of ranks instead, without filling the bodies.
+        /// Instead, predict memory and time of a run on this number of ranks, without filling the bodies with points.
         #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
         ranks: Option<u32>,
     },
@@ -47,25 +47,25 @@ pub enum Command {
     Run(run::RunArgs),
     /// Show the progress of a run, from another shell.
     ///
-    /// The exit code is that of the run: 0 completed, 1 failed or died, 130 interrupted; 3 if it is still running, and
+    /// The exit code tells the state of the run: 0 completed, 1 failed or died, 130 interrupted, 3 still running; it is
     /// 2 if there is no run.
     Status(status::StatusArgs),
     /// Run a parameter study: a deck for every combination of the listed values.
     Sweep(sweep::SweepArgs),
-    /// Write a report on results as a single HTML page; several results are compared.
+    /// Write a report on the results of a run, or a comparison of several runs, as a single HTML page.
     Report(report::ReportArgs),
-    /// Take one material point along a strain or stress path, as in a laboratory test.
+    /// Drive one material point along a strain or stress path, as in a laboratory test.
     ///
     /// For example: mpm element clay.yaml --material clay --path triaxial-drained --confining 100e3 --to 0.2
     Element(element::ElementArgs),
     /// Explain a message by its code, such as D014, or list all codes.
     Explain {
-        /// The code; without it, all codes are listed.
+        /// The code; if it is omitted, all codes are listed.
         code: Option<String>,
     },
     /// Print the JSON schema of decks.
     Schema,
-    /// Print a script that completes commands and options in a shell.
+    /// Print a script for a shell that completes the commands and options of mpm.
     ///
     /// For bash: mpm completions bash > ~/.local/share/bash-completion/completions/mpm
     Completions {
@@ -76,7 +76,7 @@ pub enum Command {
     ///
     /// For example: mpm man > ~/.local/share/man/man1/mpm.1
     Man {
-        /// A command; without it, the page of the program.
+        /// The command to describe; if it is omitted, the whole program is described.
         command: Option<String>,
     },
 }

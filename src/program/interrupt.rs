@@ -11,8 +11,8 @@ use crate::program::exit::INTERRUPTED;
 #[cfg(unix)]
 const STACK: usize = 128 << 10;
 
-/// Returns a flag that Ctrl-C, SIGTERM or a closed terminal sets; a second signal ends the program at once. Both are
-/// announced if `speaks` is true.
+/// Returns a flag that Ctrl-C, SIGTERM or a closed terminal sets; a second signal ends the program at once. Each prints
+/// a message if `speaks` is true.
 #[cfg(unix)]
 pub fn stop_on_interrupt(speaks: bool) -> anyhow::Result<Arc<AtomicBool>> {
     use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
@@ -44,7 +44,7 @@ pub fn stop_on_interrupt(speaks: bool) -> anyhow::Result<Arc<AtomicBool>> {
         })
         .map_err(|error| {
             anyhow!(
-                "the threads cannot be started: the one that waits for Ctrl-C: {error}; `ulimit -u` and \
+                "the threads cannot be started: {error} (the thread that waits for Ctrl-C); `ulimit -u` and \
                  `ulimit -v` set the limits"
             )
         })?;
@@ -65,7 +65,7 @@ pub fn stop_on_interrupt(_: bool) -> anyhow::Result<Arc<AtomicBool>> {
     Ok(stop)
 }
 
-/// True if the program was started with a signal ignored, as `nohup` does with SIGHUP; known on Linux only.
+/// True if the program was started with a signal ignored, as `nohup` does with SIGHUP; this is known only on Linux.
 #[cfg(unix)]
 fn is_ignored(signal: i32) -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();

@@ -8,12 +8,12 @@ use crate::deck::load::LoadedDeck;
 use crate::deck::ready::Analysis;
 use crate::ranks::Ranks;
 
-/// Environment variables by which MPI launchers tell a process the number of ranks.
+/// Environment variables through which MPI launchers tell a process the number of ranks.
 const LAUNCHERS: [&str; 4] = ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "MV2_COMM_WORLD_SIZE", "MPI_LOCALNRANKS"];
-/// The variable that is set if the launcher gives the number through PMIx only.
+/// The variable that is set if the launcher tells the number of ranks only through PMIx.
 const PMIX: &str = "PMIX_RANK";
 
-/// What this build of the program contains beyond what every build contains.
+/// The optional features of this build of the program.
 pub fn features() -> String {
     #[cfg(feature = "petsc")]
     return format!("petsc ({})", mpm_petsc::version());
@@ -35,7 +35,7 @@ pub struct Machines {
 }
 
 impl Machines {
-    /// This process alone.
+    /// A run of this process alone.
     pub fn alone() -> Self {
         Machines {
             ranks: Ranks::default(),
@@ -47,8 +47,8 @@ impl Machines {
         }
     }
 
-    /// The ranks that a launcher has started; `options` are PETSc options, with which PETSc also solves the equations
-    /// of a single rank.
+    /// The ranks that a launcher has started; `options` are PETSc options; if they are given, PETSc also solves the
+    /// equations of a single rank.
     ///
     /// # Errors
     /// If this build cannot divide a run between ranks, or MPI and PETSc cannot start.
@@ -83,7 +83,7 @@ impl Machines {
         &self.ranks
     }
 
-    /// Chooses the solvers of the equations of an analysis.
+    /// Chooses the equation solvers for an analysis.
     #[cfg_attr(
         not(feature = "petsc"),
         expect(unused_variables, reason = "the solvers of the core are the only ones")
@@ -95,7 +95,7 @@ impl Machines {
         }
     }
 
-    /// Waits until all ranks have come as far as this one; returns the lowest rank that does not go on, if any.
+    /// Waits until all ranks have called this; returns the lowest rank that does not continue, if any.
     pub fn meet(&self, goes_on: bool) -> Option<usize> {
         let ended = self.ranks.gather_all(goes_on).iter().position(|goes_on| !goes_on);
         self.has_begun.set(ended.is_some());
@@ -122,7 +122,7 @@ impl Machines {
         Ok(())
     }
 
-    /// Tells the other ranks that this one does not run, unless the run has begun.
+    /// Unless the run has begun, tells the other ranks that this one does not take part.
     pub fn withdraw(&self) {
         if !self.has_begun.get() {
             self.meet(false);
@@ -130,7 +130,7 @@ impl Machines {
     }
 }
 
-/// True if a launcher of MPI has started this process.
+/// True if an MPI launcher has started this process.
 fn is_launched() -> bool {
     LAUNCHERS.iter().any(|name| std::env::var_os(name).is_some()) || std::env::var_os(PMIX).is_some()
 }

@@ -1,6 +1,6 @@
 //! Orderly exits at the limits of the system: when memory runs out, or a file reaches its largest size.
 //!
-//! A failed allocation ends a Rust program by SIGABRT, and the allocation cannot be resumed. A thread that needs no
+//! A failed allocation ends a Rust program with SIGABRT, and the allocation cannot be retried. A thread that needs no
 //! memory waits for that signal, prints a message and exits with the code of a failed analysis. Meanwhile the thread
 //! that asked for memory must not continue: the signal handler ends with a write to a full pipe, which blocks.
 
@@ -16,7 +16,7 @@ pub fn limits_are_errors() -> anyhow::Result<()> {
     Ok(())
 }
 
-/// On other systems a failed allocation ends the program with the message of Rust.
+/// On other systems, a failed allocation ends the program with Rust's own message.
 ///
 /// # Errors
 /// None.

@@ -1,6 +1,6 @@
-//! Every deck in `tests/decks` is refused on reading, and every deck in `tests/decks/build` on setting up its first
-//! load step, with exactly the messages stored beside it; unless its name contains `good`, or `note` for messages that
-//! are not errors.
+//! Every deck in `tests/decks` is refused when it is read, and every deck in `tests/decks/build` when its first load
+//! step is set up, with exactly the messages stored beside it. There are two exceptions: a deck with `good` in its name
+//! has no messages, and a deck with `note` in its name has messages that are not errors.
 //!
 //! A line `# set: name=value` in a deck is an override. `UPDATE_EXPECTED=1` rewrites the stored messages.
 
@@ -16,7 +16,7 @@ use mpm::deck::ready::{ready, ready_on};
 use mpm::memory::{Bound, Memory};
 use mpm::ranks::{Ranks, threads};
 
-/// Folders of decks, relative to the root of the sources, where tests run; so are the paths in messages.
+/// Folders of decks. Like the paths in messages, they are relative to the root of the sources, where tests run.
 const READ: &str = "tests/decks";
 const BUILT: &str = "tests/decks/build";
 
@@ -87,7 +87,7 @@ fn messages_of_rank(path: &Path, ranks: &Ranks) -> String {
     let mut found = built.unwrap_or_else(|found| found);
     found.extend(loaded.notes);
     sort(&mut found);
-    // How much memory and how many points are possible depends on the ranks; each counts its nodes on the axis.
+    // How much memory and how many points are possible depends on the ranks; each rank counts its nodes on the axis.
     let depends = |found: &Diagnostic| {
         found.code == "D036"
             || ["are possible", "can move off it"].iter().any(|end| found.message.contains(end))

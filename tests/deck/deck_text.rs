@@ -18,7 +18,7 @@ pub struct DeckText {
 }
 
 impl DeckText {
-    /// From a file, relative to the root of the sources.
+    /// Reads a deck from a file, whose path is relative to the root of the sources.
     pub fn read(path: &str) -> DeckText {
         let text = std::fs::read_to_string(root().join(path)).unwrap();
         DeckText::new(path, text)
@@ -74,7 +74,7 @@ impl DeckText {
         let rest = after.trim_start();
         let open = before.trim_end();
         if let Some(rest) = rest.strip_prefix(',') {
-            // The comment or line break before the comma is removed, too.
+            // The comment or line break before the comma is also removed.
             format!("{before}{rest}")
         } else if rest.starts_with(['}', ']']) && open.ends_with(',') || is_entry && open.ends_with('-') {
             format!("{}{after}", &open[..open.len() - 1])

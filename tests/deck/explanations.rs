@@ -1,4 +1,4 @@
-//! The pages that explain messages: their examples produce the code, the corrected ones do not.
+//! The pages that explain messages: the examples produce the code, and the corrected examples do not.
 //!
 //! Blocks of a page contain some keys of a deck; the others come from the deck in `docs/errors/README.md`. A block of
 //! shell commands gives overrides of parameters.
@@ -21,7 +21,7 @@ const WITHOUT_EXAMPLE: [&str; 16] = [
     "R002", "W004", "W020",
 ];
 
-/// The blocks of a language between two headings, or up to the end.
+/// The code blocks in a language from a heading to the next heading, or to the end.
 fn blocks<'a>(text: &'a str, language: &str, heading: &str) -> Vec<&'a str> {
     let Some((_, section)) = text.split_once(heading) else { return Vec::new() };
     let section = section.split("\n## ").next().unwrap();
@@ -43,7 +43,7 @@ fn sections(deck: &str) -> Vec<(&str, String)> {
     sections
 }
 
-/// A deck with the keys of a page in place of those of the common one; a page without keys is the whole deck.
+/// The common deck with the keys of a page in place of its own; a page without top-level keys is a complete deck.
 fn complete(common: &str, page: &str) -> String {
     let given = sections(page);
     if given.is_empty() {
@@ -63,10 +63,10 @@ fn overrides(commands: &str) -> Vec<(String, String)> {
     values.map(|value| value.split_once('=').unwrap()).map(|(n, v)| (n.to_owned(), v.to_owned())).collect()
 }
 
-/// Codes of all messages about a deck: those of errors, and those of warnings and notes.
+/// Codes of all messages about a deck: first of errors, then of warnings and notes.
 type Codes = [BTreeSet<&'static str>; 2];
 
-/// The codes of an analysis up to its end.
+/// The codes of all messages of an analysis, run to its end.
 fn codes(deck: &str, set: &[(String, String)]) -> Codes {
     let mut codes = Codes::default();
     let mut take = |found: &[Diagnostic]| {

@@ -104,7 +104,7 @@ fn nodes_are_selected_on_lines_and_messages_name_the_nearest() {
     );
 }
 
-/// A body that ends inside a cell is told the nearest line, and the size of the cell there decides what is near.
+/// If a body ends inside a cell, the message names the nearest line; the local cell size decides what counts as near.
 #[test]
 fn bodies_must_end_on_graded_lines() {
     let shape = "shape: {type: box, min: [1, 0], max: [3.1, 2]}, points_per_cell: 2";
@@ -113,7 +113,7 @@ fn bodies_must_end_on_graded_lines() {
     let (_, points) =
         deck(&[("SHAPE", "shape: {type: box, min: [1, 0], max: [3.1, 2]}, point_spacing: [0.3, 0.25]")]);
     assert_eq!(points.len(), 7 * 8);
-    // One point per cell in the smallest cells of the body, although others are larger.
+    // One point per cell in the smallest cells of the body, although other cells are larger.
     let coarse = "shape: {type: box, min: [1, 0], max: [10, 2]}, point_spacing: 0.5";
     let loaded = load_text("deck", text(&[("SHAPE", coarse)]).as_bytes(), &[]).unwrap();
     assert!(loaded.notes.iter().any(|note| note.code == "D038"), "{:?}", loaded.notes);

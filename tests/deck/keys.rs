@@ -33,7 +33,7 @@ fn decks() -> [DeckText; 8] {
 struct Key<'a> {
     deck: &'a DeckText,
     pointer: String,
-    /// Its schema, references followed.
+    /// Schema of the key, with references followed.
     schema: &'static Value,
 }
 
@@ -55,7 +55,7 @@ fn of_type(schema: &Value, value: &Value) -> bool {
     }
 }
 
-/// Records for every key of the schema in a value its pointer in the deck.
+/// Records, for every key of the schema that a value contains, its pointer in the deck.
 fn walk(home: &str, value: &Value, at: &str, found: &mut BTreeMap<String, String>) {
     let home = resolve(home);
     let node = strict_schema().pointer(&home).unwrap();
@@ -94,12 +94,12 @@ fn walk(home: &str, value: &Value, at: &str, found: &mut BTreeMap<String, String
     }
 }
 
-/// The tag of a variant is declared elsewhere.
+/// False for the tag of a variant, which is declared elsewhere.
 fn is_declaration(schema: &Value) -> bool {
     schema.as_object().is_some_and(|schema| !schema.is_empty())
 }
 
-/// All keys of the schema, by the pointers where they are declared.
+/// All keys of the schema, given by the pointers at which they are declared.
 fn declared() -> BTreeSet<String> {
     fn collect(schema: &Value, home: &str, found: &mut BTreeSet<String>) {
         for (keyword, inner) in schema.as_object().into_iter().flatten() {
@@ -126,7 +126,7 @@ fn declared() -> BTreeSet<String> {
     found
 }
 
-/// Every key of the schema at its first occurrence in the decks, in their order.
+/// Every key of the schema at its first occurrence in the decks, in the order of the decks.
 fn keys(decks: &[DeckText; 8]) -> Vec<Key<'_>> {
     let mut seen = BTreeSet::new();
     let mut keys = Vec::new();
@@ -187,7 +187,7 @@ fn every_misspelt_key_is_named() {
     compare("misspelt_keys", &all);
 }
 
-/// Values of every type; none of them is valid anywhere.
+/// A value of every type; a key accepts at most a few of them.
 const VALUES: [&str; 6] = ["wrong", "5.5", "true", "", "[7]", "{a: 7}"];
 
 #[test]

@@ -306,11 +306,11 @@ steps: {count: 1}
     let at = |word: &str| words.iter().position(|w| *w == word).unwrap();
     let share: f64 = words[at("%") - 1].parse().unwrap();
     let sign = if note.message.contains("more") { 1.0 } else { -1.0 };
-    // The cut cells are measured by parts of a 32nd of their sides.
+    // Cut cells are measured in parts whose sides are 1/32 of the sides of the cell.
     assert!((sign * share / 100.0 - (area / exact - 1.0)).abs() < 3e-4, "{} {}", note.message, area / exact);
 }
 
-/// A ring touches no node on the axis until it closes: nothing needs to hold them.
+/// A ring touches no node on the axis until it closes, so no condition needs to hold these nodes.
 #[test]
 fn a_hollow_body_of_revolution_needs_nothing_on_the_axis() {
     let text = "version: 1

@@ -41,7 +41,8 @@ boundary_conditions: [{name: all, nodes: {outer_layer: block}, DISPLACEMENT}]
 steps: {count: COUNT}
 ";
 
-/// A displacement as a function of the original position is that of the material, for any number of steps.
+/// A displacement given as a function of the original position is the displacement of the material, for any number of
+/// steps.
 #[test]
 fn a_stretch_of_the_original_position_does_not_depend_on_the_steps() {
     for method in ["method: mpm", "method: gimp", "method: cpdi2"] {
@@ -64,7 +65,7 @@ fn a_stretch_of_the_original_position_does_not_depend_on_the_steps() {
             }
             println!("{method}, {count} steps: F off by {worst:.1e}, places by {moved:.1e}");
             assert!(worst < 1e-9 && moved < 1e-9, "{method}, {count} steps: {worst:e}, {moved:e}");
-            // As a function of the current position, the steps multiply.
+            // With a function of the current position, the stretches of the steps multiply.
             let (points, _) = run(deck(&text("ux: 0, uy: 0.5*y")));
             let steps: f64 = count.parse().unwrap();
             let stretch = points.converged.deformation_gradient[0][(1, 1)];
@@ -86,7 +87,7 @@ loads: [LOAD]
 steps: {count: 2}
 ";
 
-/// A force per mass is that of gravity, to the last bit, where the deformation of the body changes its volume.
+/// A force per mass equals gravity to the last bit, although the deformation of the body changes its volume.
 #[test]
 fn a_force_per_mass_is_a_weight() {
     for idealisation in ["plane-strain", "axisymmetric"] {
@@ -148,7 +149,7 @@ fn the_length_of_the_path_can_be_given() {
     println!("length {length}, given {same}, places off by {:.1e}", apart(&free, &given));
     assert!((same / length - 1.0).abs() < 1e-12 && apart(&free, &given) < 1e-9);
     assert!((of_given.path.factor / of_free.path.factor - 1.0).abs() < 1e-9);
-    // Twice as many steps of half the length end at the same state, the same number of them half-way.
+    // Twice as many steps of half the length end at the same state; the same number of these steps ends half-way.
     let (fine, of_fine, _) = cantilever(16, Some(length));
     let (half, of_half, halved) = cantilever(8, Some(0.5 * length));
     let (far, to_half) = (apart(&fine, &given), apart(&half, &given));
@@ -177,7 +178,7 @@ steps: {count: 1, control: {type: arc-length, length: 0.01}}
     let (points, _) = run(deck(text));
     let moved = |p: usize| (points.converged.position[p][0] - points.original_position[p][0]).abs();
     let of_block = (0..points.len()).filter(|&p| points.body[p] == 1).map(moved).fold(0.0, f64::max);
-    // The block is 3 of 4 parts of the volume; the spring adds the part of its nodes.
+    // The block has three quarters of the volume; the nodes of the spring add their share.
     println!("the block moves by {of_block}");
     assert!((0.01..0.0116).contains(&of_block), "{of_block}");
 }

@@ -75,7 +75,7 @@ fn type_of(value: &Value) -> &'static str {
     }
 }
 
-/// The type of a value once its parameters are inserted.
+/// The type of a value once its parameters are substituted.
 fn final_type(deck: &DeckText, pointer: &str) -> &'static str {
     match deck.at(pointer) {
         Value::String(text) if text.starts_with("${") && text.ends_with('}') => {
@@ -108,7 +108,7 @@ fn is_formula(pointer: &str) -> bool {
     matches!(last(pointer), "ux" | "uy" | "uz") || matches!(last(parent(pointer)), "force" | "where")
 }
 
-/// All changes of a kind to one key: what it becomes, and the text.
+/// All changes of a kind to one key: what the key becomes, and the text of the deck.
 fn changes(deck: &DeckText, pointer: &str, change: Change) -> Vec<(String, String)> {
     match change {
         Change::Removed => vec![("removed".to_owned(), deck.without(pointer))],
@@ -129,8 +129,8 @@ fn changes(deck: &DeckText, pointer: &str, change: Change) -> Vec<(String, Strin
     }
 }
 
-/// Reasons for which a change is accepted: the change, the deck (`*` for any), the pointer with `*` for one part of
-/// it, what the key becomes (`*` for anything), and why it is fine. The first that fits counts; each must be needed.
+/// Reasons for which a change is accepted: the change, the deck (`*` for any), the pointer with `*` for one part of it,
+/// what the key becomes (`*` for anything), and why it is fine. The first that fits counts; each must be needed.
 const REASONS: &[(Change, &str, &str, &str, &str)] = &[
     (Change::Removed, "*", "/title", "*", "optional"),
     (Change::Removed, "*", "/analysis", "*", "optional"),
@@ -526,7 +526,7 @@ fn reason(change: Change, deck: &str, pointer: &str, became: &str) -> Option<usi
     })
 }
 
-/// Codes about something that depends on two keys of the deck; either may be the one to change.
+/// Codes of faults that depend on two keys of the deck; either key may be the one to change.
 const RELATIONS: [&str; 13] =
     ["D015", "D018", "D021", "D024", "D025", "D027", "D028", "D029", "D035", "D049", "D051", "D054", "D065"];
 

@@ -1,4 +1,4 @@
-//! The committed schema and reference are those of the deck types, and the schema accepts what the program accepts.
+//! The committed schema and reference match the deck types, and the schema accepts what the program accepts.
 
 #![allow(clippy::unwrap_used)]
 #![allow(clippy::print_stdout, reason = "what was compared belongs to the test")]
@@ -109,8 +109,8 @@ fn validator() -> Validator {
     jsonschema::options().with_draft(Draft::Draft7).build(&deck_schema()).unwrap()
 }
 
-/// True if the program accepts the shape of a deck; `None` if the deck is not YAML and so has no shape, or if a
-/// parameter is at fault, whose value a schema cannot know.
+/// True if the program accepts the shape of a deck; `None` if the deck is not YAML and so has no shape, or if the fault
+/// is in a parameter, whose value a schema cannot know.
 fn accepted_by_program(path: &Path, text: &[u8]) -> Option<bool> {
     let failure = match load_text(&path.display().to_string(), text, &[]) {
         Ok(_) => return Some(true),

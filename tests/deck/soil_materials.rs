@@ -1,5 +1,5 @@
-//! Checks of soil materials and of the reduction of their strength: ranges of formulas, softening that is too fast, notes only
-//! about materials in use, one error for one fault.
+//! Checks of soil materials and of the reduction of their strength: ranges of formulas, softening that is too fast,
+//! notes only about materials in use, and one error per fault.
 
 use mpm::deck::build::build;
 use mpm::deck::diagnostic::Diagnostic;
@@ -26,7 +26,7 @@ loads:
     )
 }
 
-/// All messages about a deck, those of the build included.
+/// All messages about a deck, including those of the build.
 fn found(text: &str) -> Vec<Diagnostic> {
     let found = match load_text("deck", text.as_bytes(), &[]) {
         Err(failure) => failure.diagnostics,
@@ -82,8 +82,8 @@ fn a_value_out_of_its_range_causes_one_error() {
     assert!(codes(&sand("5")).is_empty());
 }
 
-/// A strain that is too short for a point is harmless where the band stretches it over small cells, which are known only when
-/// the grid is.
+/// A softening strain that is too small for a single point is harmless if cells smaller than the band increase it; the
+/// cell size is known only when the grid is known.
 #[test]
 fn softening_faster_than_the_elastic_stress_can_fall_is_refused() {
     let tresca = |strain: f64, band: &str| {

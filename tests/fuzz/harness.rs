@@ -1,4 +1,4 @@
-//! Runs many cases, one after the other, under a limit of time and of memory for each.
+//! Runs many cases one after another, each under a limit of time and of memory.
 
 use std::alloc::System;
 use std::collections::BTreeMap;
@@ -21,7 +21,7 @@ const MOST_TIME: Duration = Duration::from_secs(10);
 
 /// The inputs under test.
 pub trait Bench: Send + 'static {
-    /// Ending of the names of its files.
+    /// Extension of the file names of its cases.
     const ENDING: &'static str;
 
     /// The content of the case with this number.

@@ -178,7 +178,7 @@ fn a_valid_deck_has_its_size_in_the_json() {
     assert_eq!(found, size);
 }
 
-/// A block under its weight with this many points along an axis of a cell of this size.
+/// A block under its weight, in cells of size `cell` with `points` points along each axis.
 fn block(method: &str, cell: f64, points: u32, every: u32) -> String {
     format!(
         "version: 1
@@ -229,7 +229,7 @@ fn the_predicted_memory_is_what_a_run_takes() {
     }
 }
 
-/// Compares the memory predicted for a deck with that of its run.
+/// Compares the memory predicted for a deck with the memory that its run takes.
 #[cfg(target_os = "linux")]
 fn check_prediction(deck: &Path, out: &Path, set: &[&str]) {
     let deck = deck.to_str().unwrap();

@@ -28,7 +28,7 @@ fn beam(material: &str, volumetric: &str) -> (Model<2>, Points<2>) {
     build(&load_text("beam.yaml", text.as_bytes(), &sets).unwrap()).unwrap()
 }
 
-/// Puts the law of a model in batches.
+/// Makes the law of a model accept batches.
 fn batch(model: &mut Model<2>, with: impl FnOnce(InBatches) -> InBatches) -> Box<dyn Fn() -> usize> {
     let law = std::mem::replace(&mut model.materials[0].law, Box::new(Hencky::new(1.0, 0.0)));
     let batched = with(InBatches::new(law));

@@ -89,8 +89,8 @@ fn farthest(a: &[[f64; 2]], b: &[[f64; 2]]) -> f64 {
     a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
-/// A floor fixed along two directions gives the same result for any choice of these; at some nodes, they meet the axis
-/// of another condition.
+/// A floor fixed along two directions gives the same result for any choice of the directions; some nodes are also held
+/// along an axis by another condition.
 #[test]
 fn a_fixed_floor_may_be_fixed_in_any_two_directions() {
     let fixed = [("{name: floor, nodes: {y: 0}, fix: [y]}", "{name: floor, nodes: {y: 0}, fix: [x, y]}")];
@@ -132,8 +132,8 @@ fn an_inclined_roller_bears_along_its_normal() {
     }
 }
 
-/// A deck puts a block on an inclined roller and moves it along, up and down the slope: whatever the path, the roller carries
-/// W cos θ along its normal, and the mover W sin θ along the slope.
+/// A deck puts a block on an inclined roller and moves the block up and down the slope: for any path, the roller
+/// carries W cos θ along its normal, and the moving condition W sin θ along the slope.
 #[test]
 fn a_deck_moves_a_block_along_an_inclined_roller() {
     let angle = 30f64.to_radians();
@@ -167,7 +167,7 @@ fn a_deck_moves_a_block_along_an_inclined_roller() {
     }
 }
 
-/// In space, a normal completes itself to a frame.
+/// In space, the program completes the normal to a frame.
 #[test]
 fn an_inclined_roller_in_space_bears_along_its_normal() {
     let normal = [0.3, -0.2, 1.1f64];
@@ -215,7 +215,7 @@ struct Lid {
     share: f64,
     /// Motion of the plate, now and at the end of the last step, [m].
     moved: [f64; 2],
-    /// Elongation of the springs at the end of the last step by their places, [m].
+    /// Elongation of each spring at the end of the last step, by its index, [m].
     elongation: Vec<f64>,
     trial: Vec<f64>,
 }
@@ -330,7 +330,7 @@ fn a_lid_of_ties_and_one_of_springs_on_a_plate_press_alike() {
     let terms: Vec<Box<dyn Term<2>>> = vec![Lid::new(force, Some(spring))];
     let summary = Stepper::new(&model, &mut points).with_terms(terms).unwrap().run(&mut last).unwrap();
     let (moved, elongation): ([f64; 2], f64) = serde_json::from_value(summary.terms["lid"].value()).unwrap();
-    // The equation of the plate: the springs carry the force.
+    // By the equation of the plate, the springs carry the force.
     assert!((spring * elongation / force + 1.0).abs() < 1e-9, "{elongation:e}");
     let sprung = last.0.unwrap();
     assert!((sprung.reactions[1][1] / (WEIGHT - force) - 1.0).abs() < 1e-9);
@@ -418,8 +418,8 @@ impl Term<2, 3> for Conduction {
     }
 }
 
-/// A further field has its own norm: in any unit, it is solved as accurately as the displacement, and does not change
-/// the displacement.
+/// A further field has its own norm: whatever its unit, it is solved as accurately as the displacement and does not
+/// change the displacement.
 #[test]
 fn a_further_field_is_solved_beside_the_displacement() {
     let one_step = [("count: 2", "count: 1")];

@@ -26,8 +26,8 @@ fn cantilever() -> (Model<2>, Points<2>) {
 /// Position of a node and the force out of balance there.
 type Imbalance = ([f64; 2], [f64; 2]);
 
-/// The first load step after one linear solve, with dense matrices: out-of-balance force at every active node, and the
-/// residual of eq. (40).
+/// State of the first load step after one linear solve, computed with dense matrices: the out-of-balance force at every
+/// active node, and the residual of eq. (40).
 fn after_one_solve() -> (Vec<Imbalance>, f64) {
     let (model, mut points) = cantilever();
     let methods = model.methods();
@@ -125,7 +125,7 @@ bodies: [{{name: square, material: m, shape: {{type: box, min: [0, 0], max: [{si
     solver::run(&model, &mut points, &mut Silent).unwrap_err()
 }
 
-/// The last step must check its result as well, because no later step would.
+/// The last step must check its result, because no later step would.
 #[test]
 fn a_domain_that_leaves_the_grid_is_an_error() {
     let rest = "boundary_conditions: [{name: all, nodes: {outer_layer: square}, ux: 2.2, uy: 0}]

@@ -1,4 +1,4 @@
-//! Point fields that only one analysis has, in steps, files, checkpoints and resumed runs.
+//! Point fields that a single analysis declares, in steps, files, checkpoints and resumed runs.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -24,7 +24,7 @@ use crate::inline_vtu::read;
 
 const STEPS: usize = 20;
 
-/// A term without force that sums the path of each point and counts its steps.
+/// A term without force that sums the path length of each point and counts its steps.
 struct Way;
 
 impl Term<2> for Way {
@@ -128,7 +128,7 @@ fn further_fields_survive_grouping_commit_checkpoint_and_resumption_and_are_in_f
     stepper.run(&mut files).unwrap();
     assert_ne!(points.id, started, "the points have changed their order");
 
-    // They follow the points and committed steps.
+    // The fields follow the points and the committed steps.
     let n = points.len();
     let field = |points: &Points<2>, name: &str| points.field(name).unwrap().values;
     assert_eq!(field(&points, "initial_stress"), (0..6 * n).map(|k| k as f64 + 0.5).collect::<Vec<_>>());
@@ -142,7 +142,7 @@ fn further_fields_survive_grouping_commit_checkpoint_and_resumption_and_are_in_f
     assert!(displacement.iter().zip(&way).any(|(u, way)| u.abs() > 0.999 * way && *way > 1e-3));
     assert_eq!(model.array(&points, "way").unwrap().values, way);
 
-    // They are in the files under their names, at the start and at the end.
+    // The files contain the fields under their names, at the start and at the end.
     for (file, steps) in [("points_0000.vtu", 0.0), (&format!("points_{:04}.vtu", steps as usize), steps)] {
         let file = directory.join(file);
         assert_eq!(array(&file, "initial_stress"), (6, field(&points, "initial_stress")));
@@ -150,7 +150,7 @@ fn further_fields_survive_grouping_commit_checkpoint_and_resumption_and_are_in_f
         let way = if steps > 0.0 { way.clone() } else { vec![0.0; 2 * n] };
         assert_eq!(array(&file, "way"), (2, way));
     }
-    // Arrays by name have the order and the meaning of the files.
+    // Arrays requested by name have the order and the meaning of those in the files.
     let last = directory.join(format!("points_{:04}.vtu", steps as usize));
     for name in
         ["deformation_gradient", "cauchy_stress", "elastic_strain", "volume", "equivalent_plastic_strain"]

@@ -204,7 +204,7 @@ fn prisms_and_pyramids_are_refused() {
     let error = text(nodes, "1 6 2 1 1 1 2 3 4 5 6\n2 7 2 1 1 1 2 3 4 5\n").unwrap_err().to_string();
     assert_eq!(
         error,
-        "prisms and pyramids are not supported, the file has 1 × `Prism 6`, 1 × `Pyramid 5`; use tetrahedra or \
+        "prisms and pyramids are not supported, but the file has 1 × `Prism 6`, 1 × `Pyramid 5`; use tetrahedra or \
          hexahedra"
     );
 }
@@ -319,10 +319,13 @@ fn unusable_solids_are_found() {
     assert_eq!((both.n_nodes(), both.n_cells(), both.boundary().len()), (12, 2, 10));
     let message = |elements: &str| cubes(elements).unwrap_err().to_string();
 
-    // A surface mesh for an analysis in space, and the reverse.
+    // A surface mesh for an analysis in space, and a volume mesh for an analysis in the plane.
     assert_eq!(cubes("1 1 0 1 2\n").unwrap_err(), MeshError::NoCells { dimension: 3, n_surface: 0 });
     let surface = message("1 2 0 1 2 3\n2 3 0 1 2 3 4\n");
-    assert!(surface.contains("only 2 surface elements; an analysis in space needs the volume"), "{surface}");
+    assert!(
+        surface.contains("only 2 surface elements; a three-dimensional analysis needs the volume"),
+        "{surface}"
+    );
     let solid = Mesh::<2>::from_gmsh(&text(CUBES, &format!("{low}7 3 0 1 2 3 4\n")).unwrap()).unwrap_err();
     assert_eq!(solid, MeshError::Solid { n: 1 });
 
@@ -387,9 +390,9 @@ fn nodes_on_sides_of_connected_cells_are_refused_with_their_position() {
     let hanging = "2 3 0 2 5 6 8\n3 3 0 8 6 7 3\n";
     assert_eq!(
         refusal::<2>(STEP, &format!("1 3 0 1 2 3 4\n{hanging}")),
-        "1 node lies on a side of a cell without being its corner, for example node 8 at (2, 1) on the side between the \
-         nodes 2 and 3 of element 1 at (1, 1); the basis functions are discontinuous there: cut that cell at the node, or \
-         give the cells on both sides the same nodes"
+        "1 node lies on a side of a cell without being one of its corners, for example node 8 at (2, 1) on the side \
+         between the nodes 2 and 3 of element 1 at (1, 1); the basis functions are discontinuous there: cut that cell at \
+         the node, or give the cells on both sides the same nodes"
     );
     let triangles = refusal::<2>(STEP, &format!("1 2 0 1 2 3\n4 2 0 1 3 4\n{hanging}"));
     assert!(
@@ -420,7 +423,7 @@ fn nodes_on_faces_and_edges_of_connected_solids_are_refused() {
     let hexahedra = refusal::<3>(nodes, &format!("{large}{small}"));
     assert!(hexahedra.starts_with("3 nodes lie on a side"), "{hexahedra}");
     assert!(hexahedra.contains("node 11 at (2, 1, 0) on the side between the nodes "), "{hexahedra}");
-    // A tetrahedron in the middle of a face of another one, sharing one of its nodes.
+    // A tetrahedron in the middle of a face of another tetrahedron, with which it shares a node.
     let nodes = "1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n5 .25 .25 0\n6 .25 0 0\n7 0 0 -1\n";
     let tetrahedra = refusal::<3>(nodes, "1 4 0 1 2 3 4\n2 4 0 1 5 6 7\n");
     assert!(tetrahedra.starts_with("2 nodes lie on a side"), "{tetrahedra}");

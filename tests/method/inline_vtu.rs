@@ -11,7 +11,7 @@ use base64::engine::general_purpose::STANDARD;
 use vtkio::Vtk;
 use vtkio::model::{DataSet, Piece, UnstructuredGridPiece};
 
-/// The only piece of a file.
+/// Reads the only piece of a file.
 pub fn read(path: &Path) -> UnstructuredGridPiece {
     let vtk = Vtk::parse_xml(io::Cursor::new(inline(path))).unwrap();
     let DataSet::UnstructuredGrid { mut pieces, .. } = vtk.data else { panic!("not an unstructured grid") };

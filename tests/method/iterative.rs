@@ -198,8 +198,8 @@ fn iterations_hardly_grow_with_refinement() {
     assert!(counts[2] <= counts[0] + 6 && counts[2] <= 20, "{counts:?}");
 }
 
-/// Cells that differ by a factor of 5 along every axis, and so in their proportions, cost a few times as many iterations
-/// as cubes, and no more than with the weights of equal cells in the transfer.
+/// Cells whose sides differ by a factor of 5 along every axis, so that their proportions differ too, need only a few
+/// times as many iterations as cubes, and no more than if the transfer used the weights of equal cells.
 #[test]
 fn graded_cells_cost_few_iterations() {
     let graded = "[{to: 2, cells: 5, ratio: 0.8}, {to: 6, cells: 7, ratio: 1.3}]";
@@ -323,7 +323,7 @@ fn indefinite_systems_are_solved_as_well() {
     }
 }
 
-/// With hardly any motion of positive stiffness, no multigrid cycle converges; the solver must report this.
+/// If hardly any motion has positive stiffness, no multigrid cycle converges; the solver must report this.
 #[test]
 fn failure_of_the_iterations_is_reported() {
     for factor in [0.5, -1.0] {
@@ -399,7 +399,7 @@ fn equilibrium_is_reached_as_with_exact_solves() {
     }
 }
 
-/// The load is a prescribed motion only; its reactions must equal those of exact solves.
+/// A prescribed motion is the only load; its reactions must equal those of exact solves.
 #[test]
 fn prescribed_motion_loads_the_body_through_inexact_solves() {
     let text = "

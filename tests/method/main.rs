@@ -1,4 +1,5 @@
-//! The method and its parts, tested against oracles, closed forms and each other; and the result files.
+//! The method and its parts, tested against independent implementations, closed forms and each other; and the result
+//! files.
 
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 #![allow(clippy::print_stdout, reason = "the measured numbers are part of the verification")]

@@ -1,4 +1,4 @@
-//! Grids whose lines follow prescribed displacements: closed forms, rigid motion, and bits that do not change.
+//! Grids whose lines follow prescribed displacements: closed forms, rigid motion, and bitwise equal results.
 
 use mpm::deck::build::build;
 use mpm::deck::diagnostic::Diagnostic;
@@ -12,11 +12,11 @@ use mpm::solver::{
 
 type Build<const D: usize> = fn(&LoadedDeck) -> Result<(Model<D>, Points<D>), Vec<Diagnostic>>;
 
-/// The state of the points after every step, in permanent order, and what a run may resume from.
+/// The state of the points, by permanent number, after every step, and the states from which a run can resume.
 struct Every<const D: usize> {
     steps: Vec<State>,
     resumable: Vec<(Points<D>, Reached)>,
-    /// Lines of the grid of each step along the last axis.
+    /// Grid lines along the last axis, for each step.
     lines: Vec<Vec<f64>>,
 }
 
@@ -93,8 +93,8 @@ solver: {{tolerance: 1e-12}}
     )
 }
 
-/// Largest error of the axial Kirchhoff stress (λ + 2μ) ln(1 − u/H) in any point after any step, relative to the largest
-/// stress.
+/// Largest error of the axial Kirchhoff stress (λ + 2μ) ln(1 − u/H) in any point after any step, relative to the
+/// largest stress.
 fn error_of_stress<const D: usize>(every: &Every<D>) -> f64 {
     let (young, poisson) = (1e6, 0.3);
     let modulus = young * (1.0 - poisson) / ((1.0 + poisson) * (1.0 - 2.0 * poisson));
@@ -187,7 +187,7 @@ fn a_body_that_moves_with_the_whole_grid_is_not_stressed() {
     }
 }
 
-/// A block that slumps under its weight on a floor, in two stages; `follow` belongs to the grid.
+/// A block that slumps under its weight on a floor, in two stages; `follow` is inserted in the deck's grid.
 fn slump(method: &str, follow: &str) -> String {
     format!(
         "
@@ -264,7 +264,7 @@ fn a_grid_that_has_not_been_moved_is_refused() {
     assert_eq!(points.array(PointArray::Position).values, whole.steps[5].position);
 }
 
-/// In every stage, and between the steps.
+/// The check covers every stage, and the times between the steps.
 #[test]
 fn motions_that_squeeze_cells_are_found_before_the_run() {
     let follow = ", follow: [{axis: y, from: 2, condition: push}]";
@@ -287,7 +287,7 @@ fn motions_that_squeeze_cells_are_found_before_the_run() {
         .replace("release: [push], factors: {weight: 1.1}", "factors: {push: 9}");
     let found = build::<2>(&loaded(&by_factors)).unwrap_err();
     assert!(found[0].message.starts_with("at time 1.58, the grid lines between y = 0 and 2"), "{found:?}");
-    // Between the times of the steps, a formula may go astray, too.
+    // A formula may also go astray between the times of the steps.
     let message = refused("uy: -0.3", "uy: -1.9*sin(4*pi*factor)^2");
     assert!(
         message.contains("the grid lines between y = 0 and 2") && message.contains("shrink to 0.0"),

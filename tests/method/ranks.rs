@@ -1,4 +1,4 @@
-//! Runs divided between ranks, which are threads here, give the results of one rank up to the tolerance of equilibrium.
+//! Runs divided between ranks (threads, in these tests) give the results of one rank within the equilibrium tolerance.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -15,9 +15,9 @@ use mpm::solver::{Observer, SolveError, StepReport, Summary};
 /// What a run reports on rank 0.
 #[derive(Debug, Default, Clone, PartialEq)]
 struct Told {
-    /// Of each step: reactions, loads, energies.
+    /// Reactions, loads and energies of each step.
     numbers: Vec<Vec<f64>>,
-    /// Of each step: moments of reactions and tools.
+    /// Moments of reactions and tools in each step.
     moments: Vec<Vec<f64>>,
     iterations: Vec<usize>,
     warnings: Vec<String>,
@@ -94,8 +94,8 @@ impl<const D: usize> Engine<D> for Dividing {
     }
 }
 
-/// Runs the first steps of a deck on this rank. An even number of ranks divides factorisations; of an odd number, rank 0
-/// factorises small systems for all.
+/// Runs the first steps of a deck on this rank. If the number of ranks is even, they divide factorisations; if it is
+/// odd, rank 0 factorises small systems for all ranks.
 fn run(deck: &str, set: &[(&str, &str)], steps: usize, ranks: &Ranks) -> (Told, Option<String>) {
     let set: Vec<(String, String)> = set.iter().map(|(k, v)| (k.to_string(), v.to_string())).collect();
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("inputs").join(deck);
@@ -118,7 +118,7 @@ fn difference(a: &[f64], b: &[f64], scale: f64) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max) / scale.max(f64::MIN_POSITIVE)
 }
 
-/// Compares runs on some numbers of ranks with that of one.
+/// Compares runs on several numbers of ranks with the run on one rank.
 fn agree(deck: &str, set: &[(&str, &str)], steps: usize, numbers: &[usize]) {
     let (one, error) = run(deck, set, steps, &Ranks::default());
     assert!(!one.numbers.is_empty(), "{deck}: {error:?}");
@@ -129,7 +129,7 @@ fn agree(deck: &str, set: &[(&str, &str)], steps: usize, numbers: &[usize]) {
         assert_eq!(found.numbers.len(), one.numbers.len(), "{deck} on {n}: steps");
         let mut worst: f64 = 0.0;
         for (a, b) in found.numbers.iter().zip(&one.numbers) {
-            // Reactions that cancel are round-off of the stresses.
+            // Reactions that cancel leave only round-off of the stresses.
             let scale = b.iter().take(b.len() - 6).fold(one.scale, |s, x| s.max(x.abs()));
             let k = b.len() - 6;
             worst = worst.max(difference(&a[..k], &b[..k], scale));
@@ -155,7 +155,7 @@ fn agree(deck: &str, set: &[(&str, &str)], steps: usize, numbers: &[usize]) {
     }
 }
 
-/// The fixed data and the state of points in the order of their numbers, as bits; with the outer layer and the bodies.
+/// The fixed data and the state of points in the order of their numbers, as bits, with the outer layer and the bodies.
 fn bits<const D: usize>(points: &Points<D>) -> Vec<u64> {
     let mut all = Vec::new();
     for p in points.by_id() {
@@ -170,7 +170,7 @@ fn bits<const D: usize>(points: &Points<D>) -> Vec<u64> {
     all
 }
 
-/// The points that ranks form together.
+/// The points that all ranks generate together.
 fn formed(deck: &Path, ranks: &Ranks) -> Option<Vec<u64>> {
     let loaded = load(deck, &[]).unwrap_or_else(|e| panic!("{e}"));
     let Prepared { analysis, .. } =
@@ -183,7 +183,7 @@ fn formed(deck: &Path, ranks: &Ranks) -> Option<Vec<u64>> {
     }
 }
 
-/// Ranks fill their shares of the bodies, to the last bit, as one rank fills all.
+/// Ranks that each fill a part of the bodies generate the same points, to the last bit, as one rank that fills all.
 #[test]
 fn points_are_formed_as_on_one_rank() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));

@@ -1,6 +1,6 @@
-//! Results are independent of the units: in units that differ by powers of four they agree to the last bit, from the
-//! smallest to the largest accepted values. (With a factor of two, the square roots in the factorisation would not be
-//! exact.)
+//! Results do not depend on the units: in units that differ by powers of four, the results agree to the last bit, from
+//! the smallest to the largest accepted values. (With a factor of two, the square roots in the factorisation would not
+//! scale exactly.)
 
 #![allow(clippy::unwrap_used)]
 

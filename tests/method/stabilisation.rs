@@ -246,8 +246,8 @@ steps: {{count: 1}}"
     (model, points)
 }
 
-/// Condition number for filling ratios from 1 to 1e-12. Without stabilisation it is unbounded; with it, it stays at the
-/// value of full cells times at most the reciprocal of the parameter.
+/// Condition number for filling ratios from 1 to 1e-12. Without stabilisation it is unbounded; with it, it is at
+/// most the value for full cells times the reciprocal of the parameter.
 #[test]
 fn condition_does_not_depend_on_how_cells_are_cut() {
     println!("filling: condition without and with stabilisation, `auto` and `on`");

@@ -1,4 +1,4 @@
-//! Stages: bodies that come and go, conditions that are set and released, factors that go on where they stand.
+//! Stages: bodies that come and go, conditions that are set and released, factors that continue from their last values.
 
 use mpm::deck::build::build;
 use mpm::deck::load::load_text;
@@ -27,7 +27,7 @@ impl Observer<2> for Every {
     }
 }
 
-/// A run, in its state at the end.
+/// A run in its final state.
 pub struct Run {
     pub model: Model<2>,
     pub points: Points<2>,
@@ -97,7 +97,7 @@ fn two_stages_that_add_up_to_one_give_the_same_answer() {
     }
 }
 
-/// Without weight of its own, an elastic column that was compressed by a body on it comes back when that is removed.
+/// An elastic column without weight of its own, compressed by a body on top, recovers when that body is removed.
 #[test]
 fn an_elastic_column_comes_back_when_its_load_is_dug_away() {
     let light = "{model: hencky, young: 1e6, poisson: 0.3, density: 0}";
@@ -113,7 +113,8 @@ fn an_elastic_column_comes_back_when_its_load_is_dug_away() {
             let share = (7 - step) as f64 / 4.0;
             let error = (floor(step) / weight - share).abs();
             println!("{method}: share {share} of the weight, error {error:e}");
-            // Points that have left the places where they integrate the stress exactly carry another force on a fresh grid.
+            // Points that have left the positions at which they integrate the stress exactly carry a different force on
+            // a fresh grid.
             let most = if method == "mpm" { 0.02 } else { 1e-3 };
             assert!(error < most, "{method}, {step}: {}", floor(step));
         }
@@ -122,17 +123,18 @@ fn an_elastic_column_comes_back_when_its_load_is_dug_away() {
         let stress = points.array(PointArray::CauchyStress).values;
         let largest = |values: &[f64]| values.iter().fold(0.0f64, |most, value| most.max(value.abs()));
         println!("{method}: displacement {:e}, stress {:e}", largest(&moved), largest(&stress));
-        // Domains allow stresses that alternate from point to point without any nodal force: a hundredth of the former stress.
+        // Domains allow stresses that alternate from point to point without any nodal force, here up to a hundredth
+        // of the former stress.
         let most = if method == "mpm" { 1e-8 } else { 0.02 };
         assert!(largest(&stress) < most * weight, "{method}: {:e}", largest(&stress));
-        // A stress-free state can be reached with points that no longer line up: half a percent of the compression.
+        // In a stress-free state, the points may be out of line by up to half a percent of the compression.
         assert!(largest(&moved) < 2e-3, "{method}: {:e}", largest(&moved));
         assert!(summary.energy_error().abs() < 0.1, "{}", summary.energy_error());
     }
 }
 
-/// Digging 4 m of a stiff column of 10 m: the heave of the new surface is γ·4 m·6 m/E_oed, with an error of the order of the
-/// strain, and the stress at the base is that of 6 m.
+/// Excavation of 4 m of a stiff column of 10 m: the new surface heaves by γ·4 m·6 m/E_oed, with an error of the order
+/// of the strain, and the stress at the base is that of a column of 6 m.
 #[test]
 fn the_heave_of_a_stiff_column_is_that_of_small_strains() {
     for young in [1e8, 1e9] {
@@ -156,8 +158,9 @@ fn the_heave_of_a_stiff_column_is_that_of_small_strains() {
     }
 }
 
-/// A column in its geostatic stress of which 4 m are dug off in one step: what is left has, at every point, the stress of the
-/// exact solution, σ = τ(J)/J = −γ (6 − Y) with τ = M ln J + σ₀, and heaves by ∫ (J − 1) dY with an error of order h².
+/// The upper 4 m of a column under geostatic stress are excavated in one step: at every point, the rest has the stress
+/// of the exact solution, σ = τ(J)/J = −γ (6 − Y) with τ = M ln J + σ₀, and heaves by ∫ (J − 1) dY with an error of
+/// order h².
 #[test]
 fn an_excavated_column_has_the_exact_stress_at_finite_strain() {
     let (young, gamma) = (2e6, 18e3);
@@ -184,7 +187,7 @@ fn an_excavated_column_has_the_exact_stress_at_finite_strain() {
   - {name: rest, steps: {count: 1}, then: {reset: [displacement]}}
   - {name: dig, remove: [pit], steps: {count: 1}}";
         let geostatic = "initial_stress: {type: geostatic, surface: 10, k0: 0.5}";
-        // The stabilisation of cells with single points would change the stress by 4·10⁻⁹ of it.
+        // The stabilisation of cells with single points would change the stress by a fraction of 4·10⁻⁹.
         let deck = column(&clay, &clay, "mpm", h, stages)
             .replace("version: 1", "version: 1\nanalysis: {stabilisation: {mode: off}}")
             .replace("points_per_cell: 2", &format!("points_per_cell: 1, {geostatic}"));
@@ -197,7 +200,7 @@ fn an_excavated_column_has_the_exact_stress_at_finite_strain() {
         for (x, stress) in original.chunks(2).zip(stress.chunks(stress.len() / points.len())) {
             worst = worst.max((stress[1] + gamma * (6.0 - x[1])).abs());
         }
-        // The top node carries the surface, half a cell above the uppermost point.
+        // The surface moves with the top node, half a cell above the uppermost point.
         let top = every.reports.last().unwrap().grid.delta_d.iter().fold(0.0f64, |most, u| most.max(u[1]));
         errors.push((top - heave).abs() / heave);
         println!(
@@ -210,7 +213,8 @@ fn an_excavated_column_has_the_exact_stress_at_finite_strain() {
     assert!(errors[3] < 1e-8, "{errors:?}");
 }
 
-/// A prop that is released gives way in proportion to time, and a body that is added gains its weight likewise.
+/// A prop that is released gives way in proportion to time, and a body that is added gains its weight in proportion to
+/// time.
 #[test]
 fn what_a_stage_releases_and_adds_changes_in_proportion_to_time() {
     let stiff = "{model: hencky, young: 1e9, poisson: 0, density: 1800}";
@@ -235,7 +239,7 @@ fn what_a_stage_releases_and_adds_changes_in_proportion_to_time() {
     }
 }
 
-/// A material that is exchanged leaves stress and place as they are; what loads come after meets the new stiffness.
+/// Exchanging a material leaves stresses and positions unchanged; later loads meet the new stiffness.
 #[test]
 fn an_exchanged_material_keeps_the_stress() {
     let clay = "{model: neo-hookean, young: 1e6, poisson: 0.3, density: 1800}";

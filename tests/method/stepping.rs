@@ -27,7 +27,7 @@ struct Record {
     /// Displacement of the first probe.
     probe: [f64; 2],
     unknowns: usize,
-    /// Number of unknowns of the sparsity pattern that the next step may reuse.
+    /// Number of unknowns in the sparsity pattern that the next step can reuse.
     kept: usize,
 }
 
@@ -158,8 +158,8 @@ fn the_collapse_in_five_steps_and_the_beam_in_three_end_by_themselves() {
 
 /// A strip of von Mises material, of half width 1 and length 4, hangs from its upper end in plane strain. Lower bound
 /// of the limit load: a stress field in which every section carries the weight below it gives a stress of √2 ρ_y at the
-/// top. Upper bound: a slip line from the top at 45° gives 4 / 3.5 of that. The run ends in between and reports the
-/// reason.
+/// top. Upper bound: a slip line from the top at 45° gives 4 / 3.5 times as much. The run ends between the bounds and
+/// reports the reason.
 #[test]
 fn a_load_beyond_the_limit_ends_with_the_limit_load() {
     let lower = 2f64.sqrt() * 1e3 / 4.0;
@@ -189,7 +189,7 @@ steps: {{count: 10}}",
     }
 }
 
-/// The same path under arc-length control and under displacement control of the apex: through the limit point, the
+/// Arc-length control and displacement control of the apex follow the same path: through the limit point, the
 /// snap-through and the stiffening.
 #[test]
 fn a_truss_is_followed_through_its_snap() {
@@ -248,7 +248,7 @@ fn a_truss_is_followed_through_its_snap() {
     );
 }
 
-/// A run resumed after any step continues with the same bits, including cut steps and unknown load factors.
+/// A run resumed after any step continues with the same bits, even where steps are cut or the load factor is unknown.
 #[test]
 fn a_run_goes_on_where_it_stopped() {
     let mut cases = vec![("arch", deck("arch.yaml", &[("steps", "20"), ("h", "0.5")]), 7)];
@@ -269,16 +269,17 @@ fn a_run_goes_on_where_it_stopped() {
     }
 }
 
-/// Penetration up to a tenth of the width. The force on a rough footing lies between (2 + π) c and the addition due to
-/// the row of cells that moves with the footing; it converges under grid refinement, with the mean dilatation of cells as
-/// with one point in each. Cells that lock (cannot flow at constant volume) give a force that is far too large.
+/// Penetration up to a tenth of the half width. The force on a rough footing lies above (2 + π) c by at most the
+/// contribution of the row of cells that moves with the footing. It converges under grid refinement, both with the mean
+/// dilatation of cells and with one point per cell. Cells that lock (cannot flow at constant volume) give a force that
+/// is far too large.
 #[test]
 fn a_footing_carries_what_prandtl_says_unless_it_locks() {
     let pressure = |volumetric: &str, h: &str, n: &str, depth: &str, steps: &str| {
         let set = [("volumetric", volumetric), ("h", h), ("n", n), ("depth", depth), ("steps", steps)];
         let (outcome, recorder, _) = run(deck("footing.yaml", &set));
         outcome.unwrap();
-        // The last third is a plateau. Half a footing of width 1, c = 10e3.
+        // The last third is a plateau. The modelled half of the footing has the width 1; c = 10e3.
         let forces: Vec<f64> = recorder.steps.iter().map(|r| -r.reactions[3][1] / 10e3).collect();
         let last = &forces[2 * forces.len() / 3..];
         last.iter().sum::<f64>() / last.len() as f64
@@ -343,7 +344,7 @@ fn a_body_is_unloaded_to_nothing() {
 }
 
 /// The path of a higher arch is the same with coarse and fine steps. With fine steps, the out-of-balance force of a
-/// fresh grid exceeds the load increment; no run may turn back.
+/// fresh grid exceeds the load increment; still, no run may turn back.
 #[test]
 fn the_length_of_the_path_may_be_coarse_or_fine() {
     let limits: Vec<f64> = ["23", "60", "500"]
@@ -446,7 +447,7 @@ fn a_prediction_and_a_kept_tangent_change_the_way_only() {
     }
 }
 
-/// A column settles out of its upper cells and returns. The patterns of its steps are contained in the first one, so
+/// A column settles out of its upper cells and returns. The first pattern contains the patterns of all its steps, so
 /// one symbolic factorisation serves all. A resumed run continues with the same bits.
 #[test]
 fn an_analysis_serves_for_the_patterns_that_it_contains() {

@@ -1,4 +1,4 @@
-//! Strength reduction against closed forms, and what the stages before and after it see.
+//! Strength reduction compared with closed forms, and its effect on the stages before and after it.
 
 use mpm::points::PointArray;
 use mpm::quality::Code;
@@ -42,7 +42,7 @@ const CLAY: &str = "{model: tresca, young: 1e11, poisson: 0.3, cohesion: 70e3}";
 /// The factor of safety of a block of this clay under 101 kPa.
 const OF_CLAY: f64 = 2.0 * 70e3 / 101e3;
 
-/// The factor at which 2 c/F tan(45° + φ_F/2) with tan φ_F = tan φ/F is the pressure, by bisection.
+/// The factor F at which 2 c/F tan(45° + φ_F/2), with tan φ_F = tan φ/F, equals the pressure; found by bisection.
 fn factor_with_friction(cohesion: f64, angle: f64, pressure: f64) -> f64 {
     let strength = |factor: f64| {
         let reduced = (angle.to_radians().tan() / factor).atan();
@@ -56,8 +56,8 @@ fn factor_with_friction(cohesion: f64, angle: f64, pressure: f64) -> f64 {
     low
 }
 
-/// A homogeneous block yields everywhere at once, at the factor for which its strength is the pressure. Its strains are
-/// below 10⁻⁵, and so is the error of the closed form.
+/// A homogeneous block yields everywhere at once, at the factor for which its strength equals the pressure. Its strains
+/// and hence the error of the closed form are below 10⁻⁵.
 #[test]
 fn the_bracket_of_a_homogeneous_block_contains_its_exact_factor() {
     let frictional = |model: &str, dilation: f64| {
@@ -99,7 +99,7 @@ fn a_factor_beyond_the_ends_of_the_search_is_left_open() {
     assert_eq!((below.summary.steps, below.summary.failed_attempts), (4, 0));
 }
 
-/// The load stood at full strength, so the factor of safety is not below 1.
+/// The body carried the load at full strength, so the factor of safety is not below 1.
 #[test]
 fn a_reduction_that_fails_at_once_begins_with_the_factor_of_the_stage_before() {
     let of_clay = 1.001;
@@ -122,7 +122,7 @@ fn every_stage_that_reduces_the_strength_keeps_its_own_factors() {
     assert!(stands <= OF_CLAY && OF_CLAY <= fails, "{stands} {fails}");
 }
 
-/// The slope of the inputs on cells of this size.
+/// The slope of `inputs/` with cells of this size.
 fn slope(h: &str, further: &str) -> Run {
     let text = include_str!("../../inputs/slope.yaml").to_owned() + further;
     run_with(&text, &[("h", h), ("n", "2")])
@@ -131,7 +131,7 @@ fn slope(h: &str, further: &str) -> Run {
 #[test]
 fn settings_of_the_iterations_do_not_decide_the_factor_of_safety() {
     for h in ["2", "1"] {
-        // The shape in which a slope stands again after it has slid depends on the way there.
+        // The shape in which a slope stands again after it has slid depends on the path.
         let slides = |further: &str| slope(h, further).summary.last_strength().unwrap().slides.unwrap();
         let usual = slides("");
         for solver in ["max_iterations: 6", "tangent: kept"] {
@@ -142,7 +142,7 @@ fn settings_of_the_iterations_do_not_decide_the_factor_of_safety() {
     }
 }
 
-/// On coarse cells the slope slides and stands again. Published are factors of 1.38 to 1.40.
+/// With coarse cells, the slope slides and stands again. Published factors are 1.38 to 1.40.
 #[test]
 fn a_slope_that_slides_is_told_from_one_that_stands() {
     let Run { summary, points, .. } = slope("1", "");
@@ -163,7 +163,7 @@ fn a_slope_that_slides_is_told_from_one_that_stands() {
     assert!(stiff.summary.warnings.iter().all(|warning| warning.code != Code::Slides));
 }
 
-/// Between the factor of safety and 1 lies a pressure that only the full strength carries.
+/// Only the full strength carries the pressure of the last stage.
 #[test]
 fn the_stage_after_a_reduction_has_the_full_strength() {
     let after = "  - {name: more, steps: {count: 2}, factors: {push: 1.35}}\n";
@@ -187,7 +187,8 @@ fn a_strength_given_as_a_formula_is_reduced_like_a_number() {
     assert_eq!(varying.summary.strength, constant.summary.strength);
 }
 
-/// The block stays elastic up to its factor of safety, so nothing moves after the displacement of the load is forgotten.
+/// The block stays elastic up to its factor of safety, so nothing moves after the displacement due to the load has been
+/// reset.
 #[test]
 fn displacements_count_from_the_end_of_the_stage_before() {
     let clay = CLAY.replace("1e11", "1e7");
@@ -200,7 +201,7 @@ fn displacements_count_from_the_end_of_the_stage_before() {
     assert!(before > 0.005 && moved < 0.01 * before, "{before:e} {moved:e}");
 }
 
-/// A slope that yields before it fails, so that the course of the steps matters.
+/// A slope that yields before it fails, so that the sequence of steps matters.
 const SLOPE: &str = "
 version: 1
 grid: {type: structured, origin: [0, 0], size: [18, 6], spacing: 1}
@@ -224,7 +225,8 @@ stages:
   - {name: after, steps: {count: 1}, factors: {weight: 0.9}}
 ";
 
-/// Laws whose plastic work follows from the equivalent plastic strain know nothing of the strength at which it grew.
+/// A law that derives the plastic work from the equivalent plastic strain cannot know at which strength that strain
+/// grew.
 #[test]
 fn plastic_work_is_that_of_the_strength_at_which_it_was_done() {
     let shared = "young: 1e8, poisson: 0.3, density: 2000";

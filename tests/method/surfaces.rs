@@ -1,4 +1,5 @@
-//! Surfaces in stages and in space: walls that are set and released, loads that go on where they stand, and resumption.
+//! Surfaces in stages and in space: walls that are set and released, loads that continue from their last values, and
+//! resumption.
 
 use mpm::deck::build::build;
 use mpm::deck::load::load_text;
@@ -9,8 +10,8 @@ use mpm::solver::{Observer, StepReport, Summary, run as solve};
 
 use crate::stages::{Run, resumes, run};
 
-/// A bar along x whose left end slides along the grid, pulled at its right end, which lies inside cells. No point lies on
-/// a grid line, where it would change its cell in the first step.
+/// A bar along x whose left end slides along the grid boundary and whose right end, inside cells, is pulled. No point
+/// lies on a grid line, where it would change its cell in the first step.
 fn bar(method: &str, surfaces: &str, conditions: &str, loads: &str, steps: &str) -> String {
     format!(
         "
@@ -42,8 +43,8 @@ const PULLED: &str = "stages:
   - {name: hold, steps: {count: 3}, set: [wall], factors: {pull: 0}}
   - {name: let_go, steps: {count: 3}, release: [wall]}";
 
-/// A wall that is set holds the surface where it stands: it takes over the load that decreases, and gives it back to the
-/// bar, which shortens, when it is released.
+/// A wall that is set holds the surface at its current position: it takes over the load as the load decreases; when the
+/// wall is released, the bar takes the force back and shortens.
 #[test]
 fn a_wall_set_on_a_surface_takes_over_what_loads_leave() {
     for method in ["mpm", "gimp", "cpdi2"] {
@@ -53,13 +54,13 @@ fn a_wall_set_on_a_surface_takes_over_what_loads_leave() {
         let wall: Vec<f64> = every.reports.iter().map(|report| report.reactions[2][0]).collect();
         let pulled: Vec<f64> = every.reports.iter().map(|report| report.loads[0][0]).collect();
         println!("{method}: wall {wall:?}, pull {pulled:?}");
-        // The wall holds what the points lose when they are linked to a fresh grid, too.
+        // The wall also carries the force that the points lose when they are linked to a fresh grid.
         for step in 0..5 {
             let missing = 100.0 * [0.0, 0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0][step];
             assert!((wall[step] - missing).abs() < 1e-3, "{method}: {wall:?}");
         }
         assert_eq!(wall[5..], [0.0; 3]);
-        // The mean over the surface, which lies in a patch of its own.
+        // Mean position of the samples of the surface.
         let position = |step: usize| {
             let places = &every.reports[step].surfaces[0].position;
             places.iter().map(|x| x[0]).sum::<f64>() / places.len() as f64
@@ -72,8 +73,8 @@ fn a_wall_set_on_a_surface_takes_over_what_loads_leave() {
     }
 }
 
-/// A wall on the surface that is loaded takes the load at once, and a body without any stress is held by a wall that is set:
-/// what cancels on the surface is not out of balance.
+/// A wall on the loaded surface takes the load at once, and a wall that is set also holds a body without any stress:
+/// forces that cancel on the surface are not out of balance.
 #[test]
 fn a_wall_on_a_loaded_surface_takes_the_load() {
     let stages = "stages:
@@ -96,7 +97,8 @@ fn a_wall_on_a_loaded_surface_takes_the_load() {
     }
 }
 
-/// Bodies with surfaces come and go, and so do loads and conditions on them: a run resumed anywhere has the same bits.
+/// Bodies with surfaces come and go, and so do loads and conditions on these surfaces: a run resumed after any step has
+/// the same bits.
 #[test]
 fn surfaces_resume_between_and_within_stages() {
     let stages = "stages:
@@ -142,8 +144,8 @@ impl Observer<3> for Last {
     }
 }
 
-/// A block in space, all of whose sides lie inside cells, between a rough wall below and a pressure all around it: the wall
-/// needs no force, and the block shrinks alike.
+/// A block in space with all sides inside cells, on a rough wall and under the same pressure on every side: the
+/// resultant force on the wall is zero.
 #[test]
 fn a_block_in_space_under_pressure_needs_no_wall() {
     for method in ["mpm", "gimp", "cpdi2"] {
@@ -177,7 +179,8 @@ solver: {{tolerance: 1e-12}}
     }
 }
 
-/// A dead pressure on a flat side is a traction, to the last bit, and one that follows it is none once the side turns.
+/// A dead pressure on a flat side equals a traction to the last bit; a following pressure no longer does when the side
+/// turns.
 #[test]
 fn a_dead_pressure_is_a_traction_against_the_original_normal() {
     let shear = "stages:

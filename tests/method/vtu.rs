@@ -1,4 +1,4 @@
-//! Files of the VTU writer, read back with the independent reader `vtkio`.
+//! Files written by the VTU writer, read back with the independent reader `vtkio`.
 //!
 //! `vtkio` 0.7.0-rc2 cannot read two further forms that VTK itself writes: arrays without a block, and arrays whose
 //! last block is full. These are decoded by hand here; `tests/python/test_vtu.py` reads them with VTK and meshio.
@@ -55,7 +55,7 @@ fn array<'a>(attributes: &'a [Attribute], name: &str) -> (u32, &'a IOBuffer) {
     }
 }
 
-/// Values without a pattern that could hide misplaced block borders.
+/// Values without a pattern that could hide misplaced block boundaries.
 fn irregular(count: usize) -> Vec<f64> {
     let mut state = 0x9e37_79b9_7f4a_7c15_u64;
     (0..count)

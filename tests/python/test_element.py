@@ -205,7 +205,7 @@ def test_a_test_that_ends_early_writes_its_steps(element):
     process = element("--material", "clay", "--path", "stress", "--file", "h.csv", "--steps", 10, "--report")
     assert process.returncode == 1
     for words in ("error: step 18 has no solution beyond 0.", "1/1024 of the step: no strain gives the prescribed stress",
-                  "along y\n", "the table has the 17 steps before it", "help: "):
+                  "along y\n", "the table has the 17 steps before the failure", "help: "):
         assert words in process.stderr
     of = read((element.folder / "laws-clay-stress.csv").read_text())
     assert list(of["step"]) == list(range(18)) and np.isclose(of["stress_yy"][-1], -24e3)
@@ -230,7 +230,7 @@ def test_softening_is_adapted_to_the_cells_of_the_grid(element):
     alone, said = softened("strain: 0.8", even)
     assert said == ""
     adapted, said = softened("strain: 0.4, band: 0.5", even)
-    assert "multiplied by 2.000, the width 0.5 of the band over the size 0.250 of the cells" in said
+    assert "multiplied by 2.000, the ratio of the band width 0.5 to the cell size 0.250" in said
     assert np.array_equal(alone, adapted) and adapted[-1] < 0.75 * adapted.max()
     graded = "grid: {type: structured, origin: [0, 0], size: [2, 2], spacing: [[{to: 1, cells: 4}, {to: 2, cells: 2}], 0.25]}"
     assert np.array_equal(softened("strain: 0.4, band: 0.5", graded, "--at", "0.5,0.5")[0], alone)

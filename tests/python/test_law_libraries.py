@@ -210,7 +210,7 @@ FAULTS = {
     "NO_UPDATE": "it has no function `mpm_law_update`",
     "NO_PARAMETERS": "it has no function `mpm_law_parameter`",
     "WRONG_SIZE": "its structure `mpm_sizes` has 16 bytes; this program needs 24",
-    "WRONG_COUNT": "it states -1 history variables; there can be 0 to 1000",
+    "WRONG_COUNT": "it states -1 history variables; the number must be from 0 to 1000",
     "NO_NAME": "parameter 1 has no name",
     "EMPTY_NAME": "parameter 1 has no name",
     "NOT_UTF8": "the name or the unit of parameter 1 is not UTF-8",
@@ -218,9 +218,9 @@ FAULTS = {
     "TWICE": 'two parameters are named "young"',
     "TAKEN_NAME": "its history variable `pressure` has the name of another field of the points",
     "NAN_INITIAL": 'the initial value of the history variable "largest_strain" is NaN',
-    "MEASURE=5": "`mpm_law_measure` returns 5; strain measures are 0 and 1",
+    "MEASURE=5": "`mpm_law_measure` returns 5; the strain measure must be 0 or 1",
     "UNDEFINED": "not_in_any_library",
-    "NO_SMALL_NUMBERS": "it switches off small numbers for the whole program, which changes results",
+    "NO_SMALL_NUMBERS": "it makes the whole program treat very small numbers as zero, which changes results",
 }
 
 
@@ -276,7 +276,7 @@ def test_parameters_that_do_not_fit_are_refused(mpm, deck, tmp_path, parameters,
 
 WARNINGS = {
     "WRONG_TANGENT": "its tangent is not the derivative of the stress, by a relative error of",
-    "NOT_SYMMETRIC": "its tangent is not symmetric, although it states so",
+    "NOT_SYMMETRIC": "its tangent is not symmetric, although it is declared symmetric",
     "NOT_PURE": "equal arguments give different results",
     "NOT_FOR_THREADS": "its results change when several threads evaluate it at once",
 }

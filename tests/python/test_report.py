@@ -218,7 +218,7 @@ def test_tools_are_told_from_loads_and_probes(page_of, mpm, tmp_path):
     results = Results(tmp_path / "out")
     history, html = results.history, page_of(tmp_path / "out", units="m,N,s").read_text()
     text, found = text_of(html), curves(html)
-    section = text.split("Forces and moments are those of the tools")[1]
+    section = text.split("Forces and moments are those that the tools exert")[1]
     for caption in ("Forces", "Moments"):
         assert f"{caption} of the tool plough and its parts against displacement y." in section
     for label, column in (("y", "plough_fy"), ("left: x", "plough_left_fx"), ("right: z", "plough_right_mz")):
@@ -495,7 +495,7 @@ def test_damaged_results_are_refused_by_name(mpm, beam, tmp_path, damage, compla
         (["--field", "cauchy_stress"], "choose one of `cauchy_stress:XX`"),
         (["--field", "cauchy_stress:RR"], "no component `RR`"),
         (["--field", "pressure:XX"], "`pressure` has no components"),
-        (["--steps", "first,7.5"], "numbers of load steps"),
+        (["--steps", "first,7.5"], "expected step numbers"),
         (["--steps", "21"], "load step 21 was not written"),
         (["--units", "m"], "m,kN,s"),
         (["--out", "/nowhere/at/all/report.html"], "cannot be written"),

@@ -340,4 +340,4 @@ def test_members_of_a_study_go_on_from_their_checkpoints(mpm, program, tmp_path)
     (directory / "n=3" / "summary.json").unlink()
     over = ["--over", "n=2,3", *settings(h=1, steps=30, every=5, method="mpm")]
     third = mpm("sweep", deck, "--out", directory, *over, "--resume")
-    assert third.stderr.count("starts over: the deck differs from that") == 2, third.stderr
+    assert third.stderr.count("starting over: the deck differs from that") == 2, third.stderr

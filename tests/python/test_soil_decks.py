@@ -62,7 +62,7 @@ def test_the_screen_the_log_and_the_report_state_the_factor(mpm, tmp_path):
     words = f"between {before:.3f} (in equilibrium) and {after:.3f} (displacements exceed 1 % of the height)"
     assert "warning[W018]" in process.stderr and "use the smaller of these factors" in process.stderr
     assert f"factor of safety {words}" in closing
-    assert "flow of `soil` is not associated" in closing and "depends on the size of the cells" in closing
+    assert "flow of `soil` is non-associated" in closing and "depends on the cell size" in closing
     assert "strength factor 1.1000" in process.stderr
     assert "note[D064]" in process.stderr and "note[D064]" in log.read_text()
     status = json.loads((out / "status.json").read_text())

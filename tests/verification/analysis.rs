@@ -86,7 +86,7 @@ pub fn run(deck: &str, set: &[(&str, &str)]) -> Analysis {
 }
 
 fn finish(mut model: Model<2>, mut points: Points<2>) -> Analysis {
-    // The steps are those of the paper.
+    // The paper does not cut steps, so the load steps stay as prescribed.
     model.stepping.smallest = 1.0;
     let mut recorder = Recorder::default();
     let reached = Reached::nothing(&points);
@@ -120,7 +120,7 @@ pub fn watch(
 }
 
 impl Analysis {
-    /// Fails the test when the analysis did not reach its end.
+    /// Fails the test if the analysis did not reach its end.
     pub fn completed(self) -> Self {
         if let Err(error) = &self.summary {
             panic!("{error}");
@@ -128,7 +128,7 @@ impl Analysis {
         self
     }
 
-    /// Evaluations of all steps.
+    /// Number of evaluations in all steps.
     pub fn evaluations(&self) -> usize {
         self.steps.iter().map(|s| s.residuals.len()).sum()
     }

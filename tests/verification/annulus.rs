@@ -5,7 +5,7 @@ use crate::analysis::{Analysis, run};
 const INNER: f64 = 0.75;
 const OUTER: f64 = 1.25;
 
-/// Rotation of a radius at α, eq. (44).
+/// Rotation at the radius `r`, eq. (44); its maximum is α.
 fn theta(r: f64, alpha: f64) -> f64 {
     alpha * 16.0 * ((r - INNER) * (r - OUTER)).powi(2) / (INNER - OUTER).powi(4)
 }
@@ -16,7 +16,7 @@ fn exact(place: [f64; 2], alpha: f64) -> [f64; 2] {
     [c * place[0] - s * place[1] - place[0], s * place[0] + c * place[1] - place[1]]
 }
 
-/// Mean distance of the points from where they should be, weighted with their volume, m.
+/// Mean distance of the points from their exact positions, weighted with their volume, m.
 fn error(analysis: &Analysis) -> f64 {
     let points = &analysis.points;
     let (mut sum, mut volume) = (0.0, 0.0);
@@ -34,7 +34,7 @@ fn annulus(segments: usize, n: usize) -> Analysis {
     run("annulus.yaml", &[("segments", &segments.to_string()), ("n", &n.to_string())])
 }
 
-/// Slope of ln(error) over ln(h), h being inverse to the number of segments, by least squares.
+/// Slope of ln(error) over ln(h) by least squares, where h is inversely proportional to the number of segments.
 fn slope(results: &[(usize, f64)]) -> f64 {
     let pairs: Vec<(f64, f64)> = results.iter().map(|(s, e)| (-(*s as f64).ln(), e.ln())).collect();
     let n = pairs.len() as f64;
@@ -43,8 +43,8 @@ fn slope(results: &[(usize, f64)]) -> f64 {
     above / pairs.iter().map(|(x, _)| (x - mx).powi(2)).sum::<f64>()
 }
 
-/// The body force of the deck is the divergence of the Cauchy stress of the motion: checked by differences of the
-/// stress from b = F Fᵀ, on the deformed body, against the deck's own formulas.
+/// The body force of the deck balances the divergence of the Cauchy stress of the motion: the deck's formulas are
+/// compared with finite differences, on the deformed body, of the stress computed from b = F Fᵀ.
 #[test]
 fn the_body_force_balances_the_stress_of_the_motion() {
     let (model, _) = crate::analysis::build_deck("annulus.yaml", &[]);
@@ -93,8 +93,8 @@ fn the_body_force_balances_the_stress_of_the_motion() {
     }
 }
 
-/// Fig. 19 on the coarser grids: with enough points the error falls towards order 2; with one point per triangle it
-/// does not.
+/// Fig. 19 on the coarser grids: with enough points, the order of the error approaches 2; with one point per triangle,
+/// it does not.
 #[test]
 fn the_error_falls_with_refinement_if_there_are_enough_points() {
     let study = |n: usize| -> Vec<(usize, f64)> {

@@ -6,7 +6,7 @@ use mpm::solver::Summary;
 
 use crate::analysis::{Analysis, build_deck, run, watch};
 
-/// The observed order of convergence over runs with twice the number of steps each.
+/// The observed orders of convergence over runs, each with twice as many steps as the one before.
 fn orders(errors: &[f64]) -> Vec<f64> {
     errors.windows(2).map(|pair| (pair[0] / pair[1]).abs().log2()).collect()
 }
@@ -22,7 +22,7 @@ fn the_balance_of_energy_closes_with_the_square_of_the_steps() {
     for (deck, method, n, steps, least) in [
         ("beam.yaml", "cpdi2", "4", ["25", "50", "100"], 1.9),
         // Points that are out of balance on a fresh grid first move elastically, then flow: the stress has a kink
-        // within the step, the sharper, the larger the regridding work.
+        // within the step, which is sharper for larger regridding work.
         ("collapse.yaml", "cpdi2", "4", ["20", "40", "80"], 1.4),
         ("collapse.yaml", "mpm", "4", ["40", "80", "160"], 0.5),
     ] {
@@ -41,7 +41,7 @@ fn the_balance_of_energy_closes_with_the_square_of_the_steps() {
 }
 
 /// Energy lost to the reset of the grid: next to nothing with smooth basis functions, but a share of all work with
-/// standard points, whose stress jumps when they cross a cell border. Without it the balance would not close.
+/// standard points, whose stress jumps when they cross a cell boundary. Without this term the balance would not close.
 #[test]
 fn regridding_takes_energy_from_standard_points_above_all() {
     let share = |method: &str, steps: &str| {
@@ -98,8 +98,8 @@ fn forces_and_moments_balance_in_every_step() {
     }
 }
 
-/// A clamped cantilever with a force on the points of its end. Standard points, whose basis functions represent linear fields
-/// exactly: the lever arm is that of the loaded points in the reached configuration.
+/// A clamped cantilever with a force on the points of its end. Its standard points have basis functions that represent
+/// linear fields exactly, so the lever arm is that of the loaded points in the current configuration.
 const CLAMPED: &str = "version: 1
 grid: {type: structured, origin: [0, -3], size: [5, 6], spacing: 0.5}
 materials: {m: {model: hencky, young: 1e6, poisson: 0.3, density: 10}}
@@ -139,7 +139,8 @@ fn a_clamp_takes_the_moment_of_the_force_at_the_end() {
             assert!((reaction[d] + force[d]).abs() < 1e-9 * 2000.0);
         }
         let about = clamp.about.unwrap();
-        // All active nodes of the clamp: three that hold the beam's height, fixed where they are.
+        // The moment refers to the mean position of the clamp's active nodes: three over the height of the beam, all
+        // fixed.
         assert!(about[0].abs() < 1e-15 && (about[1] - 0.5).abs() < 0.5, "{about:?}");
         let arm = [tip[0] - about[0], tip[1] - about[1]];
         let expected = -(arm[0] * force[1] - arm[1] * force[0]);
@@ -152,7 +153,7 @@ fn a_clamp_takes_the_moment_of_the_force_at_the_end() {
     assert!(sag < 0.45, "the arm of the reached configuration is another one: {sag}");
 }
 
-/// A block on two walls at right angles: the node in the corner belongs to both, and its reaction along x as well.
+/// A block on two walls at right angles: the node in the corner belongs to both, and so does its reaction along x.
 #[test]
 fn conditions_share_the_reaction_of_a_node_they_both_hold() {
     let deck = |sides: &str| {
@@ -193,7 +194,7 @@ steps: {{count: 2}}"
     );
     assert!(first[0][0].abs() < 1e-9 * scale);
     assert!((first[0][1] - scale).abs() < 1e-9 * scale, "the base carries the weight");
-    // Two conditions of the same nodes have half of everything each.
+    // Two conditions on the same nodes each take half of the reaction.
     let twice = reactions(&format!("{base}, {left}, {right}, {{name: again, nodes: {{x: 0}}, ux: 0}}"));
     let of_left = twice[1][0] + twice[3][0];
     assert!(twice[1][0] < left_x && twice[3] == twice[1], "{twice:?}");

@@ -43,14 +43,14 @@ fn assert_balanced(analysis: &Analysis) {
     }
 }
 
-/// Digits of a residual.
+/// Number of correct digits for which a residual stands.
 fn digits(residual: f64) -> f64 {
     -residual.log10()
 }
 
 /// True if the last iteration of a step doubles the number of correct digits, up to a constant: r' ≤ 2·10⁴ r², or
-/// round-off. The constant is the ratio of axial to bending stiffness of the beam, whose residual falls alternately in
-/// the one and in the other. A tangent with an error of a hundredth converges linearly and fails this.
+/// round-off. The constant is the ratio of axial to bending stiffness of the beam; its axial and bending residuals fall
+/// in turn. A tangent with an error of a hundredth converges linearly and fails this.
 fn ends_quadratically(residuals: &[f64]) -> bool {
     match residuals {
         [.., before, last] => digits(*last) >= (2.0 * digits(*before) - 4.3).min(13.4),
@@ -97,8 +97,8 @@ fn gimp_points_follow_ample_except_where_it_did_not_converge() {
     assert!(analysis.evaluations().abs_diff(248) <= 2);
 }
 
-/// Fig. 13: more points per cell smooth the curves, and the displacement converges with their number. Roughness is the
-/// root mean square of the third difference of u_x over the steps, from step 10 on.
+/// Fig. 13: more points per cell smooth the curves, and the displacement converges with the number of points. Roughness
+/// is the root mean square of the third difference of u_x over the steps, from step 10 on.
 #[test]
 fn more_points_smooth_the_response() {
     for h in ["0.5", "0.25"] {
@@ -123,8 +123,9 @@ fn more_points_smooth_the_response() {
     }
 }
 
-/// The shape that eq. (37) gives to the domain at the free corner hangs on nodes of nearly empty cells; two correct
-/// programs drift apart by a few micrometres there, so the update `corners` is held to 5e-6 m on the coarser grids.
+/// The shape that eq. (37) gives to the domain at the free corner depends on nodes of nearly empty cells. Two correct
+/// programs drift apart by a few micrometres there, so the tolerance for the update `corners` is 5e-6 m on the coarser
+/// grids.
 #[test]
 fn refined_grids_follow_the_independent_program() {
     for (h, method, update, name, tolerance) in [
@@ -147,8 +148,8 @@ fn refined_grids_follow_the_independent_program() {
     }
 }
 
-/// Table 3, load step 10 (h = 0.125 m, GIMP): the printed digits, the last two entries to 1 %. The later columns of
-/// the table are not reproduced by any update; see `docs/verification/beam.md`.
+/// Table 3, load step 10 (h = 0.125 m, GIMP): all printed digits agree, except that the last two entries agree to 1 %.
+/// The later columns of the table are not reproduced by any update; see `docs/verification/beam.md`.
 #[test]
 fn table_3_step_10() {
     const PAPER: [f64; 5] = [1.622e1, 1.242e-1, 2.436e-4, 5.524e-5, 1.470e-10];
@@ -185,9 +186,9 @@ fn cpdi2_follows_the_independent_program() {
     }
 }
 
-/// Fig. 15(b): F_ii shrinks the domains of the turning beam, eq. (33). With the volume of a point taken from its domain
-/// the paper loses the beam in step 19; the independent program has a domain of negative length in step 18 and loses
-/// points in step 20. Here the negative length is an error; the step before it agrees.
+/// Fig. 15(b): the update with F_ii, eq. (33), shrinks the domains of the turning beam. With the volume of a point
+/// taken from its domain the paper loses the beam in step 19; the independent program has a domain of negative length
+/// in step 18 and loses points in step 20. Here the negative length is an error; the step before the error agrees.
 #[test]
 fn domains_that_shrink_in_rotation_end_the_analysis() {
     let set = [("h", "0.5"), ("method", "gimp"), ("update", "diagonal")];

@@ -1,5 +1,5 @@
-//! Section 7.3, the methods compared on the cantilever: evaluation counts (Table 4) and the response of CPDI2 against
-//! that of GIMP (Fig. 17).
+//! Section 7.3, the methods compared on the cantilever: evaluation counts (Table 4) and the response with CPDI2
+//! compared with that with GIMP (Fig. 17).
 
 use crate::analysis::{Analysis, run};
 
@@ -40,11 +40,12 @@ fn counts() -> Vec<Counts> {
 
 /// Table 4: evaluations over 50 steps, 6² points, GIMP with update (37).
 ///
-/// The paper states a tolerance of 1e-9. Its counts are those of 1e-6, but for GIMP on the two finer grids, which no
-/// power of ten gives (`docs/verification/beam.md`). So the counts are held to two other programs at both tolerances,
-/// and to the paper at 1e-6 where it can be met: standard points and CPDI2 within 2 of about 210, GIMP at h = 0.5 m
-/// within 3. The remaining two rows are held to the distance found, 10 and 12 fewer, by the independent program, which
-/// has the same distance. That 1e-9 is not the paper's tolerance is asserted as well.
+/// The paper states a tolerance of 1e-9, but its counts belong to 1e-6, except for GIMP on the two finer grids, where
+/// no power of ten gives them (`docs/verification/beam.md`). The counts are therefore compared with two other programs
+/// at both tolerances, and with the paper at 1e-6 where agreement is possible: standard points and CPDI2 within 2 of
+/// about 210, GIMP at h = 0.5 m within 3. In the remaining two rows, this program and the independent one both need 10
+/// and 12 evaluations fewer than the paper, and the test expects that. It also asserts that 1e-9 is not the paper's
+/// tolerance.
 #[test]
 fn table_4() {
     println!("method h: at 1e-9 (AMPLE, independent), at 1e-6 (independent, paper)");
@@ -94,13 +95,13 @@ fn distance(a: &Analysis, b: &Analysis, k: usize) -> f64 {
     (u[0] - v[0]).hypot(u[1] - v[1])
 }
 
-/// Fig. 17: "very similar to that of the generalised interpolation method". With 6² points of both, and with 3² points
-/// of CPDI2 against 6² of GIMP (the figure against Fig. 15), the loaded points are within 0.6 % of the length of the beam
-/// all the way; each halving of h brings the two methods with 6² points closer at the end. The final differences are
-/// those of `docs/verification/beam.md`.
+/// Fig. 17: "very similar to that of the generalised interpolation method". With 6² points for both methods, and with
+/// 3² points for CPDI2 and 6² for GIMP (Fig. 17 compared with Fig. 15), the loaded points stay within 0.6 % of the beam
+/// length of each other; each halving of h brings the two methods with 6² points closer together at the end. The final
+/// differences are those in `docs/verification/beam.md`.
 #[test]
 fn cpdi2_responds_like_gimp() {
-    // CPDI2 less GIMP at the end, with 6² and 3² points of CPDI2, m.
+    // CPDI2 minus GIMP at the end, with 6² and 3² points for CPDI2, m.
     let stated = [
         [[0.05133, 0.00683], [0.02364, 0.01165]],
         [[0.03880, 0.00920], [0.04310, 0.02296]],
@@ -126,11 +127,12 @@ fn cpdi2_responds_like_gimp() {
     }
 }
 
-/// GIMP (37) with 3² points beside CPDI2 with 3² as far as it gets. Nearly empty cells leave steps without equilibrium, and
-/// which ones is round-off: with stress and load times 24 factors between 0.6 and 7, which change nothing but that, the
-/// analysis ends after step 20, 40 or 50 for h = 0.5 m, between 15 and 50 for h = 0.25 m and after 5 or 6 for h = 0.125 m.
-/// So the steps that all of them reach must be reached. As far as it goes the two are up to 2.2 %, 1.9 % and 0.06 % of the
-/// length of the beam apart.
+/// GIMP with update (37) and 3² points, compared with CPDI2 with 3² points up to the step that GIMP reaches. With
+/// nearly empty cells, some steps have no equilibrium, and round-off decides which steps: if stress and load are
+/// multiplied by one of 24 factors between 0.6 and 7, which changes only the round-off, the analysis ends after step
+/// 20, 40 or 50 for h = 0.5 m, between 15 and 50 for h = 0.25 m, and after 5 or 6 for h = 0.125 m. The test therefore
+/// requires the steps that all these analyses reach. Up to there, the two methods differ by up to 2.2 %, 1.9 % and
+/// 0.06 % of the beam length.
 #[test]
 fn gimp_with_few_points_responds_like_cpdi2_as_far_as_it_gets() {
     for (h, reached, bound) in [("0.5", 20, 0.023), ("0.25", 15, 0.02), ("0.125", 5, 0.001)] {

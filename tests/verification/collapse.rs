@@ -25,7 +25,7 @@ fn extent_and_height(analysis: &Analysis) -> [f64; 2] {
     [0, 1].map(|d| (0..points.len()).map(|p| reach(p, d)).fold(0.0, f64::max))
 }
 
-/// The base carries the weight and nothing pulls sideways beyond the symmetry line, at every step.
+/// In every step, the vertical reactions carry the weight.
 fn assert_balanced(analysis: &Analysis) {
     let weight: f64 = analysis.points.mass.iter().sum::<f64>() * 10.0;
     assert!((weight - 8.0 * 8.0 * 1000.0 * 10.0).abs() < 1e-6 * weight);
@@ -71,8 +71,8 @@ fn table_6() {
     }
 }
 
-/// Table 7 for the updates that can be reproduced with V_p = det(F) V_p0, eq. (22): (32), (38), (39), and the extent
-/// for (37), whose printed height belongs to one point that the calculation does not determine.
+/// Table 7 for the updates whose values can be reproduced with V_p = det(F) V_p0, eq. (22): (32), (38), (39), and the
+/// extent for (37); the printed height for (37) belongs to a single point that the calculation does not determine.
 #[test]
 fn table_7() {
     for (update, extent, height) in [
@@ -90,8 +90,8 @@ fn table_7() {
     }
 }
 
-/// Table 7, (34): printed as 13.425, 6.441, with the volume of a point taken from its domain; with det(F) V_p0 this
-/// update gives other values.
+/// Table 7, (34): the printed values 13.425 and 6.441 result if the volume of a point is taken from its domain; with
+/// det(F) V_p0 this update gives other values.
 #[test]
 fn table_7_with_the_volume_of_the_domain() {
     let [extent, height] = [13.4252, 6.4413];
@@ -104,8 +104,8 @@ fn table_7_with_the_volume_of_the_domain() {
     assert!((x - extent).abs().max((y - height).abs()) > 0.01, "{x:.4} {y:.4}");
 }
 
-/// Table 7, (33): the independent program gets the printed 14.415, 5.546, but in the last step a domain has a negative
-/// length there. Here that is an error; the step before it agrees.
+/// Table 7, (33): the independent program obtains the printed 14.415 and 5.546, but one of its domains has a negative
+/// length in the last step. Here the negative length is an error; the step before the error agrees.
 #[test]
 fn table_7_with_a_domain_that_collapses() {
     let set = [("h", "1"), ("n", "6"), ("method", "gimp"), ("update", "diagonal")];
@@ -118,7 +118,7 @@ fn table_7_with_a_domain_that_collapses() {
     assert!((x - 14.1021133).abs() < 1e-6 && (y - 5.7150683).abs() < 1e-6, "{x:.7} {y:.7}");
 }
 
-/// Table 8 with (38), to the printed digits as far as 1e-12. Residuals below that are round-off.
+/// Table 8 with (38), to the printed digits for residuals down to 1e-12. Smaller residuals are round-off.
 #[test]
 fn table_8() {
     const PAPER: [(usize, &[f64]); 4] = [
@@ -137,7 +137,7 @@ fn table_8() {
             assert!(close, "step {step}: {ours:.4e} for {paper:.3e}");
         }
     }
-    // From the fourth residual on the number of digits doubles.
+    // From the fourth residual on, the number of correct digits doubles.
     for step in analysis.steps.iter().filter(|s| s.residuals.len() > 4) {
         for pair in step.residuals.windows(2).filter(|pair| pair[0] < 1e-3) {
             assert!(pair[1] < 100.0 * pair[0] * pair[0] || pair[1] < 1e-13, "{:?}", step.residuals);
@@ -157,8 +157,8 @@ fn table_7_cpdi2() {
     assert_admissible(&analysis);
 }
 
-/// With domains at h = 0.5 m the stiffness of step 31 is indefinite by a billionth of that of weak nodes. A solver that
-/// treats it as singular finds no equilibrium there.
+/// With domains and h = 0.5 m, the stiffness in step 31 is indefinite by a billionth of the stiffness of weak nodes. A
+/// solver that treats it as singular finds no equilibrium there.
 #[test]
 fn weakly_indefinite_steps_converge() {
     let analysis = collapse("0.5", "6", "gimp", "corners");
@@ -185,9 +185,9 @@ fn cpdi1_slides_along_walls() {
     }
 }
 
-/// On a graded grid whose cells have sides of 0.2 to 0.3 m around the block, standard points reach an extent and a height
-/// between those of the even grids with h = 0.25 m; those of CPDI2 are within 1 mm of the even grid, those of GIMP as near
-/// as those of other numbers of points.
+/// On a graded grid whose cells have sides of 0.2 to 0.3 m around the block, the extent and height with standard points
+/// lie between those on even grids with h = 0.25 m. With CPDI2 they are within 1 mm of the even grid, and with GIMP
+/// they differ from the even grid by less than the results with other numbers of points do.
 #[test]
 fn a_graded_grid_gives_the_results_of_even_ones() {
     let spacing =
@@ -197,7 +197,7 @@ fn a_graded_grid_gives_the_results_of_even_ones() {
     let graded = |n: &str, method: &str| {
         let analysis = run_text(&text, &[("n", n), ("method", method)]).completed();
         if method != "gimp" {
-            assert_balanced(&analysis); // domains of GIMP lose the part of their weight beyond the base
+            assert_balanced(&analysis); // GIMP domains lose the part of their weight that lies beyond the base
         }
         assert_admissible(&analysis);
         let [x, y] = extent_and_height(&analysis);

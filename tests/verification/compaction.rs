@@ -32,8 +32,8 @@ fn top(a: &Analysis) -> f64 {
     (0..a.points.len()).map(|p| state.position[p][1] + a.points.half_lengths(p)[1]).fold(f64::MIN, f64::max)
 }
 
-/// Height of the compressed column. With ν = 0 and fixed sides σ = τ/J = E ln(λ)/λ, which eq. (41) gives at every
-/// original height; λ follows by Newton's method, the height by Simpson's rule.
+/// Height of the compressed column. With ν = 0 and fixed sides, σ = τ/J = E ln(λ)/λ equals the stress of eq. (41) at
+/// every original height; λ follows by Newton's method, the height by Simpson's rule.
 fn exact_top(young: f64) -> f64 {
     let stretch = |z: f64| {
         let q = WEIGHT * (HEIGHT - z) / young;
@@ -78,7 +78,7 @@ fn rows() -> Vec<Row> {
     text.lines().skip(1).map(row).collect()
 }
 
-/// Runs the analyses of the rows chosen, one cell and one point wide, and compares the errors.
+/// Runs the analyses of the chosen rows, one cell and one point wide, and compares the errors.
 fn compare(chosen: impl Fn(&Row) -> bool, tolerance: f64) -> usize {
     let rows: Vec<Row> = rows().into_iter().filter(chosen).collect();
     let differences: Vec<f64> = rows
@@ -113,7 +113,7 @@ fn orders(errors: &[f64]) -> Vec<f64> {
     errors.windows(2).map(|e| (e[0] / e[1]).log2()).collect()
 }
 
-/// Whatever the discretisation, the base carries the weight and the sides carry nothing (ν = 0).
+/// For any discretisation, the base carries the weight and the sides carry nothing (ν = 0).
 #[test]
 fn the_base_carries_the_weight() {
     let mut worst = 0.0f64;
@@ -145,7 +145,8 @@ fn the_top_settles_to_the_closed_form() {
 }
 
 /// Fig. 8: E = 10 kPa, h = 1.5625 m; "the height of the column at the end of the analysis should be approximately 24m".
-/// Without update and with (32) the lowest domains leave the column through its base, with the others they do not.
+/// Without update and with (32), the lowest domains leave the column through its base; with the other updates they
+/// stay.
 #[test]
 fn a_soft_column_is_compressed_to_less_than_half() {
     let soft = |update| column(&[("young", "10e3"), ("update", update), ("nx", "2")], 32);
@@ -167,7 +168,7 @@ fn a_soft_column_is_compressed_to_less_than_half() {
     }
 }
 
-/// Fig. 8: original height and wrong part of the vertical stress relative to that at the base, from the base upwards.
+/// Fig. 8: original height, and error of the vertical stress relative to the stress at the base, from the base upwards.
 fn stress_differences(a: &Analysis) -> Vec<(f64, f64)> {
     let points = &a.points;
     let mut differences: Vec<(f64, f64)> = (0..points.len())
@@ -183,7 +184,7 @@ fn stress_differences(a: &Analysis) -> Vec<(f64, f64)> {
 }
 
 /// Fig. 8: domains that reach below the base make the stress oscillate there; the lowest points carry too little, the
-/// next too much. With volumes from the domains, "no update" is the over-stiff response that the paper shows.
+/// next points too much. With volumes from the domains, "no update" gives the over-stiff response of the paper.
 #[test]
 fn stress_oscillates_at_the_base_where_domains_leave_the_column() {
     let set = |update| [("young", "10e3"), ("update", update), ("h", "1.5625"), ("n", "2"), ("nx", "1")];
@@ -222,7 +223,7 @@ fn gimp_errors_equal_the_reference() {
     assert_eq!(compare(|r| r.method == "gimp", 1e-4), 65);
 }
 
-/// Fig. 7: with (33), (34) or (37) the error keeps falling, at an order that grows towards two.
+/// Fig. 7: with (33), (34) or (37), the error keeps falling, with an order that grows towards two.
 #[test]
 fn gimp_converges_when_domains_follow_the_deformation() {
     for update in ["diagonal", "stretch", "corners", "diagonal-corrected", "diagonal-incremental"] {
@@ -233,7 +234,7 @@ fn gimp_converges_when_domains_follow_the_deformation() {
     }
 }
 
-/// Fig. 7: without update, and with (32), it levels off; the last two orders, and the level, are those of the reference.
+/// Fig. 7: without update, and with (32), the error levels off; the last two orders and the level match the reference.
 #[test]
 fn gimp_levels_off_when_domains_do_not() {
     let last = |update| {
@@ -247,8 +248,8 @@ fn gimp_levels_off_when_domains_do_not() {
     assert!(before < 1.2 && at_end < 0.4 && error > 3e-4, "determinant: {error:e} {before} {at_end}");
 }
 
-/// Fig. 7, "no update" as the paper shows it: with the volume of a point taken from its domain, which then never
-/// changes, the error stays near 1.2e-2.
+/// Fig. 7, "no update" as the paper shows it: if the volume of a point is taken from its domain, so that the volume
+/// never changes, the error stays near 1.2e-2.
 #[test]
 fn gimp_without_update_levels_off_as_in_the_paper() {
     let text = include_str!("../data/compaction_error_domain_volume.csv");

@@ -26,11 +26,11 @@ fn equal(a: [f64; 2], b: [f64; 2]) -> bool {
     (a[0] - b[0]).abs().max((a[1] - b[1]).abs()) < 1e-12
 }
 
-/// Parameters of a motion, its deformation gradient, the lengths of a suitable domain, and the unsuitable updates.
+/// Parameters of a motion, its deformation gradient, the correct lengths of a domain, and the updates that fail.
 type Motion = (&'static [(&'static str, &'static str)], Mat3, [f64; 2], &'static [&'static str]);
 
-/// Table 2 through a deck: the updates that give the domain its correct lengths, and the failures of the footnotes,
-/// Fig. 4.
+/// Table 2 through a deck: the updates that give the domain its correct lengths, and the failures in the footnotes and
+/// in Fig. 4.
 #[test]
 fn table_2() {
     let plane = |xx, xy, yx, yy| Mat3::new(xx, xy, 0.0, yx, yy, 0.0, 0.0, 0.0, 1.0);
@@ -61,7 +61,7 @@ fn table_2() {
     }
 }
 
-/// Fig. 5 (a): under (37) the lengths are those between the mid-sides of the quadrilateral of corners that CPDI2
+/// Fig. 5 (a): under (37), the lengths are the distances between mid-sides of the quadrilateral whose corners CPDI2
 /// convects, scaled to the volume of the point.
 #[test]
 fn corners_give_lengths_by_their_mid_sides() {

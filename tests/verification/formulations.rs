@@ -1,5 +1,5 @@
-//! Equilibrium written in the previously converged and in the current configuration: "identical results", Coombs et
-//! al. (2020), section 7.
+//! Equilibrium written in the previously converged and in the current configuration: "identical results", Coombs et al.
+//! (2020), section 7.
 
 use mpm::linear::Factorisation;
 use mpm::stress::Formulation;
@@ -46,8 +46,8 @@ fn distance(a: &[f64; 2], b: &[f64; 2]) -> f64 {
     (a[0] - b[0]).hypot(a[1] - b[1])
 }
 
-/// Largest difference of a position up to the first matrix that was not definite, and of the tip in any step,
-/// relative to how far it has moved; up to that matrix the numbers of evaluations must be equal.
+/// Largest difference of a position up to the first matrix that was not definite, and of the tip displacement in any
+/// step, relative to that displacement; up to that matrix the numbers of evaluations must be equal.
 fn compare(deck: &str, set: &[(&str, &str)]) -> [f64; 2] {
     let a = steps_of(Formulation::PreviouslyConverged, deck, set);
     let b = steps_of(Formulation::UpdatedLagrangian, deck, set);
@@ -67,10 +67,10 @@ fn compare(deck: &str, set: &[(&str, &str)]) -> [f64; 2] {
 }
 
 /// The positions agree to round-off until a cell is held by one point near its edge and K is singular to working
-/// precision (step 8 with standard points, 10 or 13 with GIMP). From then on round-off decides the displacement of
-/// that point: it has no stiffness to speak of, moves by up to 1e-4 m between the two runs with the same residuals,
-/// and the tip follows with 1e-9 m to 1e-8 m. A change of Young's modulus by some 1e-15 then changes the number of
-/// evaluations of step 8 or 11 in one run of ten, whatever factorises K.
+/// precision (step 8 with standard points, 10 or 13 with GIMP). From then on round-off decides the displacement of that
+/// point: the point has hardly any stiffness and differs by up to 1e-4 m between the two runs with the same residuals,
+/// and the tip differs by 1e-9 m to 1e-8 m. A change of Young's modulus by some 1e-15 then changes the number of
+/// evaluations of step 8 or 11 in one run of ten, for any factorisation of K.
 #[test]
 fn both_formulations_bend_the_cantilever_alike() {
     let [all, tip] = compare("beam.yaml", &[("method", "gimp"), ("n", "6")]);

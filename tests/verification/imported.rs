@@ -21,8 +21,8 @@ fn distances(a: &Analysis, b: &Analysis) -> Vec<f64> {
     (0..a.steps.len()).map(apart).collect()
 }
 
-/// Nodes and cells are numbered differently, so sums are rounded differently. With the standard method the matrix is
-/// indefinite from step 8 on (a cell held by one point near its edge), which multiplies that difference.
+/// Nodes and cells are numbered differently, so sums are rounded differently. With the standard method, the matrix is
+/// indefinite from step 8 on (a cell held by one point near its edge), which amplifies the difference.
 #[test]
 fn imported_quadrilaterals_give_the_structured_answer() {
     for (method, alike) in [("mpm", 7), ("cpdi2", 50)] {
@@ -59,7 +59,7 @@ mod cantilever {
     }
 }
 
-/// Largest distance between the points of two analyses that start at the same places, m.
+/// Largest distance between the points of two analyses that start at the same positions, m.
 fn farthest(a: &Points<2>, b: &Points<2>) -> f64 {
     let sorted = |points: &Points<2>| {
         let mut all: Vec<([f64; 2], [f64; 2])> = (0..points.id.len())
@@ -88,7 +88,7 @@ fn every_point_of_a_bar_moves_alike_on_the_imported_squares() {
 }
 
 /// Both sequences converge with order 2, the order of linear and of bilinear elements, to one limit: their difference
-/// falls with the same order, and the limit is that of beam theory.
+/// falls with the same order, and the limit agrees with beam theory.
 #[test]
 fn triangles_converge_to_the_answer_of_squares() {
     let drops =
@@ -110,7 +110,7 @@ fn triangles_converge_to_the_answer_of_squares() {
     println!("difference: orders {orders:.2?}, fitted {fitted:.2}");
     assert!(orders.iter().all(|order| *order > 1.6), "{orders:?}");
     assert!((fitted - 2.0).abs() < 0.2, "{fitted}");
-    // Timoshenko: q L⁴/(20 E I) + q L²/(3 κ G A), κ = 5/6; the deflection itself shortens the lever a little.
+    // Timoshenko: q L⁴/(20 E I) + q L²/(3 κ G A), κ = 5/6; the deflection itself shortens the lever arm a little.
     let load = cantilever::WEIGHT / 4.0 / 1e6;
     let beam_theory = load * (256.0 * 12.0 / 20.0 + 16.0 / 3.0 * 2.0 * 1.2);
     let limits = [squares, triangles].map(|d| d[3] + (d[3] - d[2]) / 3.0);
@@ -119,7 +119,7 @@ fn triangles_converge_to_the_answer_of_squares() {
     assert!((limits[0] / limits[1] - 1.0).abs() < 2e-3, "{limits:?}");
 }
 
-/// Slope of the logarithm of values over that of a size that is halved each time.
+/// Slope of the logarithm of values over the logarithm of a size that is halved each time.
 fn fitted_order(values: &[f64]) -> f64 {
     let n = values.len() as f64;
     let middle = (n - 1.0) / 2.0;
@@ -128,7 +128,7 @@ fn fitted_order(values: &[f64]) -> f64 {
     -slope / (n * (n * n - 1.0) / 12.0)
 }
 
-/// A square of 3 × 3 distorted quadrilaterals inside one of 7 × 7, in gmsh's format 2.2.
+/// A square of 3 × 3 distorted quadrilaterals inside a square of 7 × 7, in gmsh's format 2.2.
 fn distorted_mesh() -> std::path::PathBuf {
     use std::fmt::Write;
     const N: usize = 8;
@@ -154,8 +154,8 @@ fn distorted_mesh() -> std::path::PathBuf {
     path
 }
 
-/// Homogeneous motions of a body of distorted cells: all points, and the corners of their domains, go where the motion
-/// takes them, to round-off, and a rotation leaves no stress.
+/// Homogeneous motions of a body of distorted cells: all points, and the corners of their domains, follow the motion to
+/// round-off, and a rotation leaves no stress.
 #[test]
 fn homogeneous_motions_of_distorted_cells() {
     let mesh = distorted_mesh();

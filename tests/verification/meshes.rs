@@ -11,9 +11,8 @@ pub enum Cells {
     Simplices,
 }
 
-/// A mesh of the unit square, mapped by `place`, as MSH 2.2: the group `body` of all cells, `left` of the sides at s = 0,
-/// `right` of those at s = 1. The diagonals of triangles are
-/// parallel, which locks more than any other pattern.
+/// A mesh of the unit square, mapped by `place`, as MSH 2.2: the group `body` has all cells, `left` the sides at s = 0,
+/// and `right` the sides at s = 1. The diagonals of triangles are parallel, which locks more than any other pattern.
 pub fn plane([n, m]: [usize; 2], cells: Cells, place: impl Fn(f64, f64) -> [f64; 2]) -> String {
     let node = |i: usize, j: usize| i * (m + 1) + j + 1;
     let mut nodes = Vec::new();
@@ -38,8 +37,8 @@ pub fn plane([n, m]: [usize; 2], cells: Cells, place: impl Fn(f64, f64) -> [f64;
     msh(&nodes, &elements, 2)
 }
 
-/// A mesh of the unit cube, mapped by `place`, as MSH 2.2: the group `body` of all cells. Each brick has six tetrahedra
-/// around a diagonal.
+/// A mesh of the unit cube, mapped by `place`, as MSH 2.2: the group `body` has all cells. Each brick has six
+/// tetrahedra around a diagonal.
 pub fn brick(counts: [usize; 3], cells: Cells, place: impl Fn([f64; 3]) -> [f64; 3]) -> String {
     let node = |at: [usize; 3]| (at[2] * (counts[1] + 1) + at[1]) * (counts[0] + 1) + at[0] + 1;
     let each = |most: [usize; 3]| {

@@ -2,7 +2,7 @@
 //!
 //! A shell of radii A ≤ R ≤ B moves to r(R). With m directions around (1 for a cylinder that keeps its length, 2 for a
 //! sphere) F = diag(r', r/R, 1 or r/R) is principal and equilibrium is d/dR(R^m P_r) = m R^(m−1) P_θ − R^m J_n b, with
-//! P_i = τ_i/F_i and b a force per volume at the start of the step. The weak form of it is solved by Newton's method.
+//! P_i = τ_i/F_i and b a force per volume at the start of the step. Newton's method solves its weak form.
 
 use mpm::material::{Material, StrainMeasure};
 use mpm::tensor::Sym3;
@@ -26,13 +26,13 @@ pub enum Inner {
 pub struct Radial<'a> {
     shell: Shell,
     law: &'a dyn Material,
-    /// Original and current radii of the nodes, three per element of which the outer two are shared.
+    /// Original and current radii of the nodes; an element has three nodes and shares the outer two.
     nodes: Vec<f64>,
     radii: Vec<f64>,
     gauss: Vec<Gauss>,
 }
 
-/// A point of integration: where it is, the basis there, and its converged state.
+/// An integration point: its position, the basis there, and its converged state.
 struct Gauss {
     element: usize,
     place: f64,
@@ -44,7 +44,7 @@ struct Gauss {
     history: Vec<f64>,
 }
 
-/// The answer of a point to stretches.
+/// The response of a point to stretches.
 struct Answer {
     stress: [f64; 3],
     elastic: Sym3,
@@ -106,13 +106,14 @@ impl<'a> Radial<'a> {
         (along, place / point.place)
     }
 
-    /// Moves to the next equilibrium under a force per volume at the start of the step, given by the original radius.
+    /// Moves to the next equilibrium under a force per volume at the start of the step, a function of the original
+    /// radius.
     pub fn step(&mut self, inner: Inner, force: impl Fn(f64) -> f64) {
         let around = if self.shell == Shell::Sphere { 2.0 } else { 1.0 };
         let n = self.nodes.len();
         let mut radii = self.radii.clone();
         if let Inner::Moved(to) = inner {
-            // A first guess that no layer of the shell passes through another.
+            // A first guess in which no layer of the shell passes through another.
             let by = to - radii[0];
             let (a, b) = (self.nodes[0], self.nodes[n - 1]);
             for (r, place) in radii.iter_mut().zip(&self.nodes) {
@@ -196,7 +197,7 @@ impl<'a> Radial<'a> {
         first.map(force).sum::<f64>() / self.radii[0].powi(m)
     }
 
-    /// Current radius of what was at the original radius R.
+    /// Current radius of the material at the original radius R.
     pub fn radius(&self, place: f64) -> f64 {
         let n = (self.nodes.len() - 1) / 2;
         let (a, b) = (self.nodes[0], self.nodes[2 * n]);
@@ -207,8 +208,8 @@ impl<'a> Radial<'a> {
         (0..3).map(|k| value[k] * self.radii[2 * element + k]).sum()
     }
 
-    /// Original radius up to which the material has yielded, extrapolated from the elastic side with the radius of the
-    /// deviatoric stress at yield.
+    /// Original radius up to which the material has yielded: extrapolated from the elastic side, the norm of the
+    /// deviatoric stress is `yield_radius` there.
     pub fn front(&self, yield_radius: f64) -> f64 {
         let deviatoric = |point: &Gauss| {
             let answer = self.answer(point, point.stretches);
@@ -224,7 +225,7 @@ impl<'a> Radial<'a> {
         p.place + (q.place - p.place) * (yield_radius - x) / (y - x)
     }
 
-    /// Largest ratio of stretches along the radius and around.
+    /// Largest ratio between the radial and the circumferential stretch, the larger divided by the smaller.
     pub fn largest_distortion(&self) -> f64 {
         self.gauss.iter().map(|p| (p.stretches[1] / p.stretches[0]).ln().abs().exp()).fold(0.0, f64::max)
     }
@@ -235,7 +236,7 @@ mod tests {
     use super::*;
     use mpm::material::{Hencky, NeoHookean, VonMises};
 
-    /// Small displacements have Lamé's solution u = c₁ R + c₂/R^m.
+    /// Small displacements follow Lamé's solution u = c₁ R + c₂/R^m.
     #[test]
     fn small_motions_are_those_of_lame() {
         let (young, poisson) = (3.0, 0.3);
@@ -258,8 +259,8 @@ mod tests {
         }
     }
 
-    /// The solution does not depend on the number of elements, for flow to the order that a front inside an element
-    /// leaves.
+    /// The solution does not depend on the number of elements; with plastic flow this holds to the order that a front
+    /// inside an element allows.
     #[test]
     fn the_reference_has_converged() {
         let elastic = Hencky::new(1.0, 0.3);

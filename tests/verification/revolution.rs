@@ -1,5 +1,5 @@
-//! Bodies of revolution: homogeneous deformation in closed form, thick cylinders and spheres against the ordinary
-//! differential equation of radial motion, and against the same cylinder in plane strain.
+//! Bodies of revolution: homogeneous deformation compared with its closed form, thick cylinders and spheres with the
+//! ordinary differential equation of radial motion, and a cylinder with the same cylinder in plane strain.
 
 use std::fmt::Write;
 
@@ -13,10 +13,10 @@ const HENCKY: &str = "{model: hencky, young: 1, poisson: 0.3}";
 const NEO_HOOKEAN: &str = "{model: neo-hookean, young: 1, poisson: 0.3}";
 const VON_MISES: &str =
     "{model: von-mises, young: 1, poisson: 0.3, deviatoric_yield_stress: 0.2, hardening_modulus: 0.1}";
-/// Deviatoric yield stress of the last.
+/// Deviatoric yield stress of [`VON_MISES`].
 const YIELD: f64 = 0.2;
 
-/// Yields early and hardens so much that no load is too large for it.
+/// A material that yields early and hardens so much that no load is too large for it.
 const HARDENING: &str =
     "{model: von-mises, young: 1, poisson: 0.3, deviatoric_yield_stress: 0.1, hardening_modulus: 0.5}";
 
@@ -29,18 +29,18 @@ fn law(material: &str) -> Box<dyn Material> {
     }
 }
 
-/// Orders of convergence from one error to the next, the spacing being halved.
+/// Orders of convergence from one error to the next, when the spacing is halved.
 fn orders(errors: &[f64]) -> Vec<f64> {
     errors.windows(2).map(|pair| (pair[0] / pair[1]).log2()).collect()
 }
 
-/// Distance of a place from the axis (cylinder) or the centre (sphere and quarter ring).
+/// Distance of a position from the axis (cylinder) or the centre (sphere and quarter ring).
 fn radius(shell: Shell, place: [f64; 2], in_plane: bool) -> f64 {
     if shell == Shell::Cylinder && !in_plane { place[0] } else { place[0].hypot(place[1]) }
 }
 
-/// Root of the mean square of the distance of the points from where the reference moves them, weighted with their
-/// volume, and the largest original radius of a point that flows.
+/// Root mean square distance of the points from their reference positions, weighted with their volume, and the largest
+/// original radius of a point that flows.
 fn compare(analysis: &Analysis, reference: &Radial, shell: Shell, in_plane: bool) -> (f64, f64) {
     let points = &analysis.points;
     let (mut sum, mut volume, mut front) = (0.0, 0.0, 0.0f64);
@@ -63,7 +63,7 @@ fn compare(analysis: &Analysis, reference: &Radial, shell: Shell, in_plane: bool
     ((sum / volume).sqrt(), front)
 }
 
-/// The thick cylinder of `inputs/cylinder.yaml` with n cells over its thickness, of another material.
+/// The thick cylinder of `inputs/cylinder.yaml` with n cells over its thickness and another material.
 fn cylinder(material: &str, n: usize, to: f64) -> Analysis {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/inputs/cylinder.yaml");
     let text = std::fs::read_to_string(path).unwrap();
@@ -73,7 +73,7 @@ fn cylinder(material: &str, n: usize, to: f64) -> Analysis {
         .completed()
 }
 
-/// Thick cylinder, inner radius from 1 to 1.5 in one step: order 2 in the displacement.
+/// Thick cylinder, inner radius from 1 to 1.5 in one step: the displacement converges with order 2.
 #[test]
 fn thick_cylinder_against_its_differential_equation() {
     for material in [HENCKY, NEO_HOOKEAN, VON_MISES] {
@@ -98,8 +98,8 @@ fn thick_cylinder_against_its_differential_equation() {
     }
 }
 
-/// Nodes and cells of a quarter of a ring, 1 ≤ r ≤ 2 as the group `shell` and beyond it room to move into; n cells of equal
-/// extent along the radius, as MSH 2.2.
+/// Nodes and cells of a quarter of a ring as MSH 2.2: the group `shell` is 1 ≤ r ≤ 2, with n cells of equal extent
+/// along the radius; n/2 more cells beyond it leave room for the shell to move.
 fn quarter(n: usize, triangles: bool) -> String {
     let (rings, rays) = (n + n / 2, n);
     let mut nodes = String::new();
@@ -107,7 +107,7 @@ fn quarter(n: usize, triangles: bool) -> String {
         for j in 0..=rays {
             let r = 1.0 + i as f64 / n as f64;
             let angle = std::f64::consts::FRAC_PI_2 * j as f64 / rays as f64;
-            // Exactly on the axes where it belongs there.
+            // Nodes of the axes lie exactly on the axes.
             let x = if j == rays { 0.0 } else { r * angle.cos() };
             let y = if j == 0 { 0.0 } else { r * angle.sin() };
             let _ = writeln!(nodes, "{} {x:.17e} {y:.17e} 0", i * (rays + 1) + j + 1);
@@ -139,8 +139,8 @@ fn quarter(n: usize, triangles: bool) -> String {
     )
 }
 
-/// A shell between the radii 1 and 2 on a quarter of a ring of cells, its inner side moved to the radius `to` in one step:
-/// a sphere under axisymmetry, a cylinder in plane strain.
+/// A shell between the radii 1 and 2 on a quarter of a ring of cells, its inner side moved to the radius `to` in one
+/// step: a sphere under axisymmetry, a cylinder in plane strain.
 fn on_a_quarter(idealisation: &str, material: &str, n: usize, triangles: bool, to: f64) -> Analysis {
     let mut mesh = tempfile::NamedTempFile::with_suffix(".msh").unwrap();
     std::io::Write::write_all(&mut mesh, quarter(n, triangles).as_bytes()).unwrap();
@@ -165,7 +165,8 @@ steps: {{count: 1}}
     run_text(&text, &[("u", &(to - 1.0).to_string())]).completed()
 }
 
-/// Thick sphere, inner radius from 1 to 1.4 in one step, on quadrilaterals and on triangles: order 2.
+/// Thick sphere, inner radius from 1 to 1.4 in one step, on quadrilaterals and on triangles: the displacement converges
+/// with order 2.
 #[test]
 fn thick_sphere_against_its_differential_equation() {
     for (material, triangles) in [(HENCKY, false), (HENCKY, true), (VON_MISES, false), (VON_MISES, true)] {
@@ -190,8 +191,8 @@ fn thick_sphere_against_its_differential_equation() {
     }
 }
 
-/// The cylinder under axisymmetry and a quarter of its ring in plane strain are one problem: the difference of the inner
-/// pressure, by the reactions, vanishes with order 2.
+/// The cylinder under axisymmetry and a quarter of its ring in plane strain are the same problem: the difference of the
+/// inner pressures, computed from the reactions, vanishes with order 2.
 #[test]
 fn a_cylinder_is_the_ring_in_plane_strain() {
     for material in [HENCKY, VON_MISES] {
@@ -204,7 +205,7 @@ fn a_cylinder_is_the_ring_in_plane_strain() {
             errors.push(compare(&ring, &reference, Shell::Cylinder, true).0);
             let revolved = cylinder(material, n, 1.4);
             // The force along x on a quarter of the inner side is the pressure times its height; on the full circle it
-            // is the pressure times the circumference. Both per length of the cylinder.
+            // is the pressure times the circumference. Both are per length of the cylinder.
             let height = 1.0 / n as f64;
             let circle = revolved.steps[0].reactions[0][0] / height / (2.0 * std::f64::consts::PI * 1.4);
             let quarter = ring.steps[0].reactions[2][0] / 1.4;
@@ -220,9 +221,10 @@ fn a_cylinder_is_the_ring_in_plane_strain() {
     }
 }
 
-/// A cylinder that spins, free inside and outside, in many steps: the points wander through the grid, which starts afresh
-/// each time. With GIMP its displacement converges to that of the reference, driven by the same steps, with order 2 in
-/// the end; standard points come near it, but do not converge, because their gradients jump when they change cells.
+/// A cylinder that spins, free inside and outside, in many steps: the points wander through the grid, which starts
+/// afresh each time. With GIMP, its displacement converges to that of the reference under the same steps, with an order
+/// that reaches 2; standard points come near the reference, but do not converge, because their gradients jump when they
+/// change cells.
 #[test]
 fn a_spinning_cylinder_in_many_steps() {
     const STEPS: usize = 10;
@@ -273,9 +275,9 @@ steps: {{count: {STEPS}}}
     }
 }
 
-/// A solid cylinder is stretched uniformly along and across the axis in many steps, all nodes prescribed: the stress is
-/// that of the law, to round-off, down to the axis, and the force along the axis is the stress times the area of the
-/// full circle.
+/// A solid cylinder is stretched uniformly along and across the axis in many steps, with all nodes prescribed: the
+/// stress equals that of the law to round-off, even at the axis, and the force along the axis is the stress times the
+/// area of the full circle.
 #[test]
 fn homogeneous_stretch_down_to_the_axis() {
     const STEPS: i32 = 10;
@@ -319,7 +321,7 @@ steps: {{count: {STEPS}}}
         let area = std::f64::consts::PI * (2.0 * steps * across).exp();
         assert!((volume / (area * 1.5 * (steps * along).exp()) - 1.0).abs() < 1e-13, "{volume}");
         if method == "gimp" {
-            // The domains tile the body, whatever their place in the grid.
+            // The domains tile the body, wherever they lie in the grid.
             let base = analysis.steps.last().unwrap().reactions[1][1];
             let expected = -tau.0[1] / volume_ratio * area;
             println!("force on the base {base}, expected {expected}");

@@ -1,5 +1,6 @@
 //! Simple shear, Coombs et al. (2020), section 7.2: the deformation is homogeneous and prescribed, so every point must
-//! show the stress of the law under F = [[1, γ], [0, 1]], whatever the method and wherever the points stand in the grid.
+//! show the stress of the law under F = [[1, γ], [0, 1]], whatever the method and wherever the points stand in the
+//! grid.
 
 use std::f64::consts::SQRT_2;
 
@@ -18,10 +19,10 @@ const D_GAMMA: f64 = 0.2;
 
 /// Method, points per cell and axis, and the number of steps of 0.2 over which the motion is fully prescribed.
 ///
-/// Neighbouring rows of points start γ/(8n) apart. Once that is more than two cells of 1/8 (γ > 2n), the cells of
-/// their first points can have a free node between them, whose cells are only partly filled: the homogeneous motion
-/// is no longer in equilibrium there. Domains put that off to γ > 2n + 1, because they reach into neighbouring cells.
-/// The paper shows stresses for n = 3 only.
+/// Neighbouring rows of points start γ/(8n) apart. Once that is more than two cells of 1/8 (γ > 2n), the cells of their
+/// first points can have a free node between them, whose cells are only partly filled: the homogeneous motion is no
+/// longer in equilibrium there. Domains delay this to γ > 2n + 1, because they reach into neighbouring cells. The paper
+/// shows stresses for n = 3 only.
 const CASES: [(&str, &str, usize); 5] =
     [("mpm", "2", 20), ("mpm", "3", 30), ("mpm", "4", 30), ("gimp", "2", 24), ("gimp", "3", 30)];
 
@@ -60,8 +61,8 @@ fn spread(stresses: &[Sym3]) -> f64 {
     largest_error(stresses, &stresses[0])
 }
 
-/// τ = 2G ½ ln b with b = F Fᵀ. With sinh a = γ/2 the eigenvalues of b are exp(±2a), and b = cosh(2a) I + sinh(2a) N
-/// in the plane with N = [[γ/2, 1], [1, −γ/2]] / cosh a, hence ½ ln b = a N; it has no trace.
+/// τ = 2G ½ ln b with b = F Fᵀ. With sinh a = γ/2 the eigenvalues of b are exp(±2a), and b = cosh(2a) I + sinh(2a) N in
+/// the plane with N = [[γ/2, 1], [1, −γ/2]] / cosh a, hence ½ ln b = a N; it has no trace.
 fn elastic_stress(gamma: f64) -> Sym3 {
     let shear_modulus = YOUNG / (2.0 * (1.0 + POISSON));
     let tau_12 = 2.0 * shear_modulus * (gamma / 2.0).asinh() / (1.0 + gamma * gamma / 4.0).sqrt();
@@ -138,8 +139,8 @@ fn plastic_stress_is_that_of_the_law_alone_at_every_point_and_step() {
     }
 }
 
-/// Smallest eigenvalue of the acoustic tensor n_j a_ijkl n_l over all directions n in the plane, relative to the
-/// shear modulus, after each of `steps` increments of the law alone.
+/// Smallest eigenvalue of the acoustic tensor n_j a_ijkl n_l over all directions n in the plane, relative to the shear
+/// modulus, after each of `steps` increments of the law alone.
 fn acoustic(law: &VonMises, gamma: f64, steps: usize) -> Vec<f64> {
     let df = [[1.0, gamma / steps as f64], [0.0, 1.0]];
     let mut strain = Sym3::ZERO;
@@ -166,7 +167,7 @@ fn acoustic(law: &VonMises, gamma: f64, steps: usize) -> Vec<f64> {
     smallest
 }
 
-/// Once the law has yielded the shear stress falls with γ, and the homogeneous motion loses its stability: the
+/// Once the material has yielded, the shear stress falls with γ, and the homogeneous motion loses its stability: the
 /// equations are no longer elliptic.
 #[test]
 fn homogeneous_shear_is_stable_until_the_law_yields() {
@@ -181,11 +182,12 @@ fn homogeneous_shear_is_stable_until_the_law_yields() {
     assert!(acoustic[..first].iter().all(|a| *a > 0.3) && acoustic[first..].iter().all(|a| *a < -0.2));
 }
 
-/// The increments are the only error: it falls at first order, with a very fine driver of the law as the truth.
+/// The finite increments are the only source of error: it falls with first order, relative to a run of the law alone
+/// with very fine increments.
 ///
-/// The grid is coarse because homogeneous shear is unstable here (see above), so that round-off in it grows with every
-/// step: at h = 0.125 m from 1e-14 to 1e-10 in 120 steps and to a stress that varies by 40 % in 240, while the 30
-/// steps of the paper leave it at 1e-13. With h = 0.25 m too few nodes are free.
+/// The grid is coarse because homogeneous shear is unstable here (see above), so that its round-off grows with every
+/// step: at h = 0.125 m from 1e-14 to 1e-10 in 120 steps and to a stress that varies by 40 % in 240, while the 30 steps
+/// of the paper leave it at 1e-13. With h = 0.25 m too few nodes are free.
 #[test]
 fn plastic_stress_converges_with_smaller_increments() {
     const FINE: usize = 15 * 4096;
@@ -205,8 +207,8 @@ fn plastic_stress_converges_with_smaller_increments() {
     assert!(orders.iter().all(|&order| order > 0.9), "errors {errors:?}, orders {orders:?}");
 }
 
-/// Paper: the update of eq. (34) is the only exception. It lengthens domains in y although simple shear keeps them,
-/// those of the outer layers leave the physical domain, partition of unity is lost and the stress varies.
+/// Paper: the update of eq. (34) is the only exception. It lengthens domains in y although simple shear keeps their
+/// height; the domains of the outer layers leave the physical domain, partition of unity is lost and the stress varies.
 #[test]
 fn update_by_the_stretch_tensor_loses_uniform_stress_and_the_others_do_not() {
     for update in ["none", "determinant", "diagonal", "corners", "diagonal-corrected", "diagonal-incremental"]

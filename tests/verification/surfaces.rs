@@ -1,4 +1,4 @@
-//! Surfaces of bodies: pressures that follow them against the ordinary differential equation of radial motion, bodies in
+//! Surfaces of bodies: following pressures compared with the ordinary differential equation of radial motion, bodies in
 //! water, and rotations.
 
 use std::fmt::Write;
@@ -39,13 +39,14 @@ fn law(name: &str) -> Box<dyn Material> {
     }
 }
 
-/// A quarter of a ring, or of a sphere as a body of revolution, whose inner radius grows, from 1 to 2 unless noted, in four
-/// steps under a following pressure, on a grid with n cells over 1.6, which does not line up with it. The error of the pressure, relative
-/// to that of the ordinary differential equation at the mean radius that the surface has reached. The pressure of the
-/// Hencky ring has its maximum there, so that only a prescribed displacement can lead to it.
+/// A quarter of a ring, or of a sphere as a body of revolution, whose inner radius grows from 1 to 2 (to 1.5 for the
+/// Hencky sphere) in four steps under a following pressure, on a grid with n cells over 1.6, which does not line up
+/// with the body. Returns the error of the pressure relative to the solution of the ordinary differential equation at
+/// the mean radius that the surface has reached. The pressure of the Hencky ring has its maximum there, so that only a
+/// prescribed displacement can lead to it.
 fn error_of_pressure(shell: Shell, law_name: &str, method: &str, n: usize) -> f64 {
     let idealisation = if shell == Shell::Sphere { "axisymmetric" } else { "plane-strain" };
-    // The Hencky sphere passes the maximum of its pressure long before.
+    // The Hencky sphere passes its maximum pressure long before the radius 2.
     let growth = if (shell, law_name) == (Shell::Sphere, "hencky") { 0.5 } else { 1.0 };
     let mut text = String::new();
     let _ = write!(
@@ -82,7 +83,7 @@ fn error_of_pressure(shell: Shell, law_name: &str, method: &str, n: usize) -> f6
     error.abs()
 }
 
-/// Errors with n = 8, 16, 32, and the slope of the line of least squares through their logarithms: the order in h.
+/// Errors with n = 8, 16, 32, and the order in h: the slope of the least-squares line through their logarithms.
 fn order(shell: Shell, law: &str, method: &str) -> (Vec<f64>, f64) {
     let errors: Vec<f64> = [8, 16, 32].map(|n| error_of_pressure(shell, law, method, n)).to_vec();
     let order = 0.5 * (errors[0] / errors[2]).log2();
@@ -90,8 +91,8 @@ fn order(shell: Shell, law: &str, method: &str) -> (Vec<f64>, f64) {
     (errors, order)
 }
 
-/// Lowest orders and largest errors on the finest grid. What limits them is the force that is lost when the points are
-/// linked to a fresh grid: the points of the standard method do not integrate cells exactly after the first step.
+/// Lowest orders and largest errors on the finest grid. The force that is lost when the points are linked to a fresh
+/// grid limits the accuracy: the points of the standard method do not integrate cells exactly after the first step.
 const EXPECTED: [(&str, f64, f64); 3] = [("mpm", 0.2, 0.03), ("gimp", 1.0, 0.003), ("cpdi2", 1.0, 0.003)];
 
 /// A thick cylinder whose inner radius a following pressure doubles.
@@ -188,8 +189,8 @@ impl mpm::solver::Observer<3> for MeanRadius {
     }
 }
 
-/// A block under pressure on all sides, held at its equilibrium stretch and turned by 90°: the nodes need no forces at any
-/// angle. Exact, because the sides of the domains are the facets of the surface.
+/// A block under pressure on all sides, held at its equilibrium stretch and turned by 90°: the nodes need no forces at
+/// any angle. The result is exact, because the sides of the domains are the facets of the surface.
 #[test]
 fn a_block_under_pressure_has_no_residual_at_any_angle() {
     let (young, poisson, e) = (1.0, 0.3, -0.05);
@@ -223,7 +224,7 @@ fn a_block_under_pressure_has_no_residual_at_any_angle() {
     assert_eq!(steps, 10);
 }
 
-/// A body that nothing but water holds up displaces its weight.
+/// A body that only water holds up displaces its own weight of water.
 #[test]
 fn a_floating_body_displaces_its_weight() {
     let text = "version: 1\n\

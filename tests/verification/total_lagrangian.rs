@@ -1,8 +1,8 @@
-//! Equilibrium at growing loads on one grid, from one converged state: finite elements whose points of integration are the
+//! Equilibrium at growing loads on one grid, from one converged state: finite elements whose integration points are the
 //! material points.
 //!
-//! A load step of the method is this at its end. Newton's method needs intermediate loads where one step is as large as a
-//! whole finite element analysis; these continue the iterations on the same grid, and commit nothing.
+//! This is the same problem as a load step of the method. If one step is as large as a whole finite element analysis,
+//! Newton's method needs intermediate loads; these continue the iterations on the same grid and commit nothing.
 
 use mpm::assembly::Wanted;
 use mpm::basis::Connectivity;
@@ -18,7 +18,7 @@ use mpm::terms::{Sum, of_model};
 /// A body in equilibrium under its whole load.
 pub struct Equilibrium<const D: usize> {
     pub model: Model<D>,
-    /// Their trial state is that under the load.
+    /// The points; their trial state is the state under the load.
     pub points: Points<D>,
     pub links: Connectivity<D>,
     /// Displacements of the active nodes.
@@ -40,7 +40,7 @@ impl<const D: usize> Equilibrium<D> {
     }
 }
 
-/// Equilibrium of a model under its loads and prescribed displacements at time 1, in parts that are halved where Newton's
+/// Equilibrium of a model under its loads and prescribed displacements at time 1, in parts that are halved if Newton's
 /// method fails.
 pub fn equilibrium<const D: usize, M: Mechanics<D>>(
     model: Model<D>,
@@ -119,7 +119,7 @@ fn balance<const D: usize, M: Mechanics<D>>(
         dofs.on_unknowns(&mut lacking);
         let size = |force: &[[f64; D]]| force.as_flattened().iter().fold(0.0f64, |m, f| m.max(f.abs()));
         residuals.push(size(&lacking) / size(&held).max(size(system.external_force())));
-        // Where stresses are ten thousand times smaller than the bulk modulus, round-off ends the iterations earlier.
+        // If stresses are ten thousand times smaller than the bulk modulus, round-off ends the iterations earlier.
         let is_small = match *residuals {
             [.., before, last] => last < 1e-9 || (last < 1e-6 && last > 0.1 * before),
             _ => false,

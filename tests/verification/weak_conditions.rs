@@ -70,8 +70,8 @@ fn compressed(penalty: f64, poisson: f64, by: f64) -> (Model<2>, Points<2>) {
     (model, Points::new(&seeds))
 }
 
-/// The stress is uniform, and without lateral strain that of a bar: exact, because a linear displacement meets all
-/// conditions and the sides of the domains are the facets of the surfaces.
+/// The stress is uniform and equals that of a bar without lateral strain. This is exact, because a linear displacement
+/// satisfies all conditions and the sides of the domains are the facets of the surfaces.
 #[test]
 fn a_block_between_inclined_walls_is_uniformly_stressed() {
     for (poisson, by) in [(0.0, -0.4), (0.3, -0.2), (0.3, 0.1)] {
@@ -135,7 +135,7 @@ fn on_slope(method: &str, penalty: f64) -> ([[f64; 2]; 2], Vec<[f64; 2]>, f64) {
     (reactions, places, weight)
 }
 
-/// A block on an inclined plane: W cos and W sin, whatever the method and the penalty.
+/// A block on an inclined plane: the reactions are W cos θ and W sin θ, for any method and penalty.
 #[test]
 fn a_block_on_a_slope_is_held_by_its_weight_and_by_no_penalty() {
     let (s, c) = ANGLE.sin_cos();
@@ -161,8 +161,8 @@ fn a_block_on_a_slope_is_held_by_its_weight_and_by_no_penalty() {
     }
 }
 
-/// The stiffness of a pressure, of hydrostatic pressure and of weak conditions is the derivative of their forces, in the
-/// plane and for bodies of revolution.
+/// The stiffness of a pressure, of hydrostatic pressure and of weak conditions is the derivative of their forces, in
+/// the plane and for bodies of revolution.
 #[test]
 fn the_stiffness_of_surfaces_is_the_derivative_of_their_forces() {
     for idealisation in ["plane-strain", "axisymmetric"] {
@@ -190,7 +190,7 @@ steps: {{count: 1}}
     }
 }
 
-/// The same in space.
+/// The stiffness of surfaces in space is the derivative of their forces.
 #[test]
 fn the_stiffness_of_surfaces_in_space_is_the_derivative_of_their_forces() {
     let text = "version: 1

@@ -1,8 +1,8 @@
 //! The stiffness and the forces of the active grid, to which the terms of equilibrium contribute: eqs. (19)-(23),
 //! (27)-(29).
 //!
-//! The pattern is laid out once per step: it couples nodes that share a group of points, and nodes that terms couple
-//! beyond that. Terms contribute in a fixed order, so that the result has the same bits for any number of threads.
+//! The pattern is laid out once per step. It couples nodes that share a group of points, and further nodes that terms
+//! couple. Terms contribute in a fixed order, so that the result is the same to the last bit for any number of threads.
 
 mod border;
 mod group;
@@ -21,43 +21,45 @@ pub use pattern::Couples;
 pub(crate) use pattern::{NodePairs, UNCOUPLED};
 pub(crate) use reduced::with_ties;
 
-/// The requested output of an evaluation.
+/// The output requested from an evaluation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Wanted {
     /// Forces and stiffness.
     Stiffness,
-    /// The forces, with the same bits; the stiffness stays that of the previous evaluation.
+    /// Only the forces, the same to the last bit as with stiffness; the stiffness remains that of the previous
+    /// evaluation.
     Force,
 }
 
-/// The discrete equilibrium of one load step: its pattern, and what the terms have added in the latest evaluation.
+/// The discrete equilibrium of one load step: its pattern, and the contributions of the terms in the latest evaluation.
 pub struct System<const N: usize> {
     pub(crate) pairs: NodePairs,
     pub(crate) blocks: Vec<Block<N>>,
     division: Division<N>,
-    /// Force of the bodies on the active nodes, eq. (23), plus the internal forces that other terms add, [force].
+    /// Force of the bodies on the active nodes, eq. (23), plus the internal forces of other terms, [force].
     pub(crate) internal: Nodal<N>,
     /// External force on the active nodes, eq. (29), [force].
     pub(crate) external: Nodal<N>,
-    /// The part of the external force that holds bodies as reactions do: the forces of conditions on surfaces, and
-    /// those that a stage releases, [force]. None without such forces.
+    /// The part of the external force that holds bodies as reactions do: the forces of conditions on surfaces, and the
+    /// forces that a stage releases, [force]. `None` if there are no such forces.
     holding: Option<Nodal<N>>,
-    /// Round-off of the external force at each node beyond that of its terms, [force]; `None` if there is none.
+    /// Round-off of the external force at each node in addition to that of increments and stresses, [force]; `None` if
+    /// there is none.
     round_off: Option<Vec<f64>>,
-    /// Rate of change of the external force with the load factor, where this factor follows from equilibrium, [force].
+    /// Rate of change of the external force with the load factor, if this factor follows from equilibrium, [force].
     pub(crate) per_factor: Option<Nodal<N>>,
-    /// The equations of global unknowns.
+    /// The equations for the global unknowns.
     pub border: Border<N>,
-    /// The blocks of the equations of the unknowns, if nodes are turned or tied.
+    /// The matrix blocks of the equations for the unknowns, if nodes are turned or tied.
     reduced: Vec<Block<N>>,
-    /// The nodes shared with other ranks. The blocks hold the contributions of this rank only.
+    /// The nodes shared with other ranks. The blocks contain the contributions of this rank only.
     halo: Halo,
 }
 
 impl<const N: usize> System<N> {
-    /// Lays out the system of a load step. `is_dense` holds for the groups of points whose nodes are all coupled with
-    /// one another; `couples` gives the nodes that are coupled beyond groups; `globals` is the number of global
-    /// unknowns.
+    /// Lays out the system of a load step. `is_dense` is true for the groups of points whose nodes are all coupled with
+    /// one another; `couples` lists the nodes that are coupled in addition to the groups; `globals` is the number of
+    /// global unknowns.
     pub(crate) fn new<const D: usize>(
         links: &Connectivity<D>,
         symmetric: bool,
@@ -87,25 +89,25 @@ impl<const N: usize> System<N> {
         self.pairs.symmetric()
     }
 
-    /// The index of the block of two coupled active nodes, by which [`System::add_block`] takes it; `None` where the
-    /// nodes are not coupled, and for row < column of a symmetric system.
+    /// The index, for [`System::add_block`], of the block of two coupled active nodes; `None` if the nodes are not
+    /// coupled, or if row < column in a symmetric system.
     pub fn place(&self, row: usize, column: usize) -> Option<usize> {
         self.pairs.place_of(row as u32, column as u32)
     }
 
-    /// Adds to the block with index `place`, `[i][k]`, [force/length].
+    /// Adds a block, `[i][k]`, to the block with index `place`, [force/length].
     pub fn add_block(&mut self, place: usize, block: &[[f64; N]; N]) {
         add(&mut self.blocks[place], block);
     }
 
-    /// Adds to the displacement components of the block with index `place`, `[i][k]`, [force/length].
+    /// Adds a block, `[i][k]`, to the displacement components of the block with index `place`, [force/length].
     pub(crate) fn add_displacement_block<const D: usize>(&mut self, place: usize, block: &[[f64; D]; D]) {
         for (row, values) in self.blocks[place].iter_mut().zip(block) {
             (0..D).for_each(|k| row[k] += values[k]);
         }
     }
 
-    /// Clears what the terms have added.
+    /// Clears the contributions of the terms.
     pub(crate) fn clear(&mut self, wanted: Wanted) {
         if wanted == Wanted::Stiffness {
             self.blocks.fill([[0.0; N]; N]);
@@ -116,7 +118,8 @@ impl<const N: usize> System<N> {
         self.border.clear();
     }
 
-    /// Sums the forces over all ranks, once the terms of this rank have been added. The stiffness stays divided.
+    /// Sums the forces over all ranks, once the terms of this rank have been added. The stiffness remains divided
+    /// between ranks.
     pub(crate) fn complete(&mut self) {
         let ranks = self.halo.ranks();
         if ranks.is_alone() {
@@ -146,7 +149,7 @@ impl<const N: usize> System<N> {
         self.halo.add(force);
     }
 
-    /// Moves the forces on tied components to the components to which these are tied.
+    /// Transfers the forces on tied components to the components to which they are tied.
     pub(crate) fn condense(&mut self, dofs: &DofMap<N>) {
         dofs.condense(&mut self.internal);
         dofs.condense(&mut self.external);
@@ -166,7 +169,7 @@ impl<const N: usize> System<N> {
         &self.internal
     }
 
-    /// The same, for terms to add to.
+    /// Internal force on the active nodes, to which terms add, [force].
     pub fn internal_force_mut(&mut self) -> &mut [[f64; N]] {
         &mut self.internal
     }
@@ -176,7 +179,7 @@ impl<const N: usize> System<N> {
         &self.external
     }
 
-    /// The same, for terms to add to.
+    /// External force on the active nodes, to which terms add, [force].
     pub fn external_force_mut(&mut self) -> &mut [[f64; N]] {
         &mut self.external
     }
@@ -199,28 +202,31 @@ impl<const N: usize> System<N> {
         }
     }
 
-    /// Round-off of the external force at each node beyond that of its terms, [force]; `None` if there is none.
+    /// Round-off of the external force at each node in addition to that of increments and stresses, [force]; `None` if
+    /// there is none.
     pub fn round_off(&self) -> Option<&[f64]> {
         self.round_off.as_deref()
     }
 
-    /// Counts a force that is already part of the external force as one that holds bodies, [force].
+    /// Counts a force that is already part of the external force among the forces that hold bodies, [force].
     pub fn count_as_holding<const D: usize>(&mut self, force: &[[f64; D]]) {
         add(self.holding.get_or_insert_with(|| vec![[0.0; N]; force.len()]), force);
     }
 
-    /// The part of the external force that holds bodies as reactions do: the forces of conditions on surfaces, and
-    /// those that a stage releases, [force]; `None` without such forces. It may cancel the loads at the same nodes.
+    /// The part of the external force that holds bodies as reactions do: the forces of conditions on surfaces, and the
+    /// forces that a stage releases, [force]; `None` if there are no such forces. It can cancel the loads at the same
+    /// nodes.
     pub fn holding_force(&self) -> Option<&Nodal<N>> {
         self.holding.as_ref()
     }
 
-    /// Adds to the rate of change of the external force with the load factor, which follows from equilibrium, [force].
+    /// Adds to the rate of change of the external force with the load factor, an unknown that follows from equilibrium,
+    /// [force].
     pub fn add_per_factor<const D: usize>(&mut self, force: &[[f64; D]]) {
         add(self.per_factor.get_or_insert_with(|| vec![[0.0; N]; force.len()]), force);
     }
 
-    /// Rate of change of the external force with the load factor, where this factor follows from equilibrium, [force].
+    /// Rate of change of the external force with the load factor, if this factor follows from equilibrium, [force].
     pub fn per_factor(&self) -> Option<&Nodal<N>> {
         self.per_factor.as_ref()
     }
@@ -230,7 +236,7 @@ impl<const N: usize> System<N> {
         self.pairs.matrix(&self.blocks)
     }
 
-    /// The matrix of the equations of the unknowns, Cᵀ K C, once [`System::reduce`] has formed it.
+    /// The matrix of the equations for the unknowns, Cᵀ K C; [`System::reduce`] must have formed it.
     pub fn reduced(&mut self, dofs: &DofMap<N>) -> Stiffness<'_, N> {
         let blocks = if dofs.is_plain() { &self.blocks } else { &self.reduced };
         Stiffness { matrix: self.pairs.matrix(blocks), division: &mut self.division }
@@ -242,7 +248,7 @@ impl<const N: usize> System<N> {
         self.halo.add(out);
     }
 
-    /// The largest magnitude of an entry of K; an upper bound if several ranks share K.
+    /// The largest magnitude of an entry of K, or an upper bound if several ranks share K.
     pub fn largest_entry(&self) -> f64 {
         let entries = self.blocks.iter().flatten().flatten();
         let own = entries.fold(0.0, |largest, entry| f64::max(largest, entry.abs()));
@@ -250,7 +256,7 @@ impl<const N: usize> System<N> {
         self.halo.ranks().total(own)
     }
 
-    /// Σ |K_vw| |x_w| over all active nodes: the size of the terms that K x sums, per node.
+    /// Σ |K_vw| |x_w| over all active nodes: for each node, the magnitude of the terms in the sum K x.
     pub fn magnitudes(&self, x: &[[f64; N]]) -> Vec<[f64; N]> {
         let mut sums = vec![[0.0; N]; x.len()];
         let symmetric = self.pairs.symmetric();

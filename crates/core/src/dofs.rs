@@ -1,8 +1,9 @@
 //! Degrees of freedom of a load step: u = C q + g, with the unknowns q.
 //!
-//! Most components of the nodal increments u are unknowns themselves or prescribed. A prescribed direction that is not
-//! an axis turns the frame of its node: the unknowns are then components along other directions. A tie makes a
-//! component a combination of others. All of this is linear, so the equations of the unknowns are Cᵀ K C δq = Cᵀ r.
+//! Most components of the nodal increments u either are unknowns themselves or are prescribed. A prescribed direction
+//! that is not an axis turns the frame of its node: the unknowns are then components along other directions. A tie
+//! makes a component a combination of others. All of this is linear, so the equations for the unknowns are Cᵀ K C δq =
+//! Cᵀ r.
 
 mod constraints;
 mod covered;
@@ -23,11 +24,11 @@ pub use error::ConstraintError;
 pub use prescribed::{displacement_increment, nodes_of};
 pub use turned::Turned;
 
-/// Nodes nearer to the axis of revolution than this, relative to the size of the cells around them, count as lying on
-/// it.
+/// Nodes nearer to the axis of revolution than this distance, relative to the size of the cells around them, count as
+/// lying on it.
 pub const ON_AXIS: f64 = 1e-6;
 
-/// A prescribed increment that is missed by less than this, relative to its size, counts as reached.
+/// A prescribed increment counts as reached if the remaining difference, relative to the increment, is below this.
 const REACHED: f64 = 1e-12;
 
 pub(crate) const AXES: [&str; 3] = ["x", "y", "z"];
@@ -80,7 +81,7 @@ impl<const N: usize> DofMap<N> {
         Constraints::of_model(model, points, links, [start, end])?.into_map()
     }
 
-    /// The map without constraints on `n_nodes` nodes.
+    /// The map for `n_nodes` nodes without constraints.
     pub fn unconstrained(n_nodes: usize) -> Self {
         let numbering = Numbering::new(n_nodes, |_, _| true);
         DofMap { numbering, bound: Vec::new(), shared: Vec::new(), turned: Vec::new(), ties: Vec::new() }
@@ -123,7 +124,7 @@ impl<const N: usize> DofMap<N> {
         }
     }
 
-    /// True if C is the identity on the unknowns: no node is turned and no component tied.
+    /// True if C is the identity on the unknowns: no node is turned and no component is tied.
     pub fn is_plain(&self) -> bool {
         self.turned.is_empty() && self.ties.is_empty()
     }
@@ -134,7 +135,7 @@ impl<const N: usize> DofMap<N> {
             .find_map(|node| (0..N).find(|&c| self.free(node, c) == Some(unknown)).map(|c| (node, c)))
     }
 
-    /// Visits all components in order: node, component, and the unknown if the component is one.
+    /// Visits all components in order, with the node, the component, and its unknown if it has one.
     pub fn for_each(&self, visit: impl FnMut(usize, usize, Option<usize>)) {
         self.numbering.for_each(visit);
     }
@@ -163,8 +164,8 @@ impl<const N: usize> DofMap<N> {
         }
     }
 
-    /// A part of the bodies, and one of `axes` along which nothing holds this part: the axis is free at all nodes of
-    /// the part, on all ranks.
+    /// A part of the bodies, and one of `axes` along which nothing holds the part: all nodes of the part, on all ranks,
+    /// are free along this axis.
     pub fn unheld(
         &self,
         parts: &JoinedParts,
@@ -213,7 +214,7 @@ impl<const N: usize> DofMap<N> {
         }
     }
 
-    /// Moves the forces on tied components to the components to which these are tied, [force].
+    /// Transfers the forces on tied components to the components to which they are tied, [force].
     pub fn condense(&self, force: &mut [[f64; N]]) {
         for Tie { node, component, terms, .. } in &self.ties {
             let tied = std::mem::take(&mut force[*node as usize][*component as usize]);
@@ -223,8 +224,8 @@ impl<const N: usize> DofMap<N> {
         }
     }
 
-    /// Writes the remaining increment of the prescribed and tied components into `motion`, and zero elsewhere; returns
-    /// true if any component of it is not zero.
+    /// Writes the remaining increment of the prescribed and tied components into `motion`, and zero into other
+    /// components. Returns true if any remaining increment is not zero.
     pub fn remaining(&self, increment: &[[f64; N]], motion: &mut [[f64; N]]) -> bool {
         motion.fill([0.0; N]);
         let mut lacks = false;
@@ -271,7 +272,7 @@ impl<const N: usize> DofMap<N> {
         turned && self.ties.iter().all(|tie| motion[tie.node as usize][tie.component as usize] == 0.0)
     }
 
-    /// The forces on the unknowns, Cᵀ f, given condensed forces; zero for other components.
+    /// Replaces condensed forces by the forces on the unknowns, Cᵀ f, with zeros for other components.
     pub fn on_unknowns(&self, force: &mut [[f64; N]]) {
         for turned in &self.turned {
             let force = &mut force[turned.node as usize];
@@ -284,8 +285,8 @@ impl<const N: usize> DofMap<N> {
         });
     }
 
-    /// Adds C δq to a motion of the prescribed components, [length]: the increments of the unknowns and of the
-    /// components tied to them.
+    /// Adds C δq, the increments of the unknowns and of the components tied to them, to a motion of the prescribed
+    /// components, [length].
     pub fn add_unknowns(&self, delta_q: &[[f64; N]], motion: &mut [[f64; N]]) {
         self.for_each(|node, component, unknown| {
             if unknown.is_some() && self.turned(node).is_none() {
@@ -325,7 +326,7 @@ impl<const N: usize> DofMap<N> {
         std::array::from_fn(|c| if self.free(node, c).is_none() { force[c] } else { 0.0 })
     }
 
-    /// The numbers of the boundary conditions that prescribe a component, in the order of the model; empty if it is
+    /// The indices of the boundary conditions that prescribe a component, in the order of the model; empty if it is
     /// free. All of them prescribe the same motion.
     pub fn conditions(&self, node: usize, component: usize) -> Vec<usize> {
         let place = (node as u32, component as u8);
@@ -341,9 +342,9 @@ impl<const N: usize> DofMap<N> {
     /// Distributes the reaction of a node among the boundary conditions that carry it: `visit(condition, component,
     /// force)`.
     ///
-    /// The conditions that fix a component carry equal shares; if none fixes it, the conditions that move it do. At a
-    /// turned node, each condition carries a force along its prescribed direction. Conditions that do not belong to the
-    /// model get no share.
+    /// The conditions that fix a component carry equal shares; if none fixes it, the conditions that move it carry
+    /// equal shares. At a turned node, each condition carries a force along its prescribed direction. Conditions that
+    /// do not belong to the model get no share.
     pub fn for_each_share<const D: usize>(
         &self,
         model: &Model<D>,
@@ -373,7 +374,7 @@ impl<const N: usize> DofMap<N> {
     }
 }
 
-/// The remainder of a sum of numbers of this size, or 0 if it is round-off.
+/// The remainder of a sum of terms of this size, or 0 if the remainder is round-off.
 fn unless_round_off(rest: f64, size: f64) -> f64 {
     if rest.abs() > REACHED * size { rest } else { 0.0 }
 }

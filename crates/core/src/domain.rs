@@ -18,10 +18,11 @@ pub enum DomainUpdate {
     Diagonal,
     /// Eq. (34): each length scales with U_ii of the right stretch tensor.
     Stretch,
-    /// Eq. (37): corners move with the grid, mid-sides give the lengths, the volume is corrected.
+    /// Eq. (37): the corners move with the grid, the mid-points of the sides yield the lengths, and the volume is
+    /// corrected.
     #[default]
     Corners,
-    /// Eq. (38): F_ii with the volume corrected.
+    /// Eq. (38): each length scales with F_ii, and the volume is corrected.
     DiagonalCorrected,
     /// Eq. (39): the incremental form of (38).
     DiagonalIncremental,
@@ -117,7 +118,7 @@ fn right_stretch(F: &Mat3) -> Sym3 {
 }
 
 /// Evaluates l_i F_ii (det F / ∏ F_jj)^(1/n_D), eqs. (38) and (39). Returns l_i F_ii if the diagonal of F is not
-/// positive: no factor makes such lengths valid.
+/// positive, because no factor makes such lengths valid.
 fn corrected<const D: usize>(F: &Mat3, lengths: &[f64; D]) -> [f64; D] {
     let factor = if (0..D).all(|j| F[(j, j)] > 0.0) {
         let product: f64 = (0..D).map(|j| F[(j, j)]).product();
@@ -128,13 +129,14 @@ fn corrected<const D: usize>(F: &Mat3, lengths: &[f64; D]) -> [f64; D] {
     std::array::from_fn(|i| lengths[i] * F[(i, i)] * factor)
 }
 
-/// Scales half lengths uniformly so that their product is `volume`, the volume of the domain divided by 2^n_D, eq. (37).
+/// Scales half lengths uniformly so that their product is `volume`, the domain volume divided by 2^n_D, eq. (37).
 fn with_volume<const D: usize>(lengths: [f64; D], volume: f64) -> [f64; D] {
     let factor = root::<D>(volume / lengths.iter().product::<f64>());
     lengths.map(|l| l * factor)
 }
 
-/// Along each axis, half the extent of the mid-points of all sides (faces) after the corners have moved, eqs. (35)-(36).
+/// Along each axis, half the distance spanned by the mid-points of all sides (faces) after the corners have moved, eqs.
+/// (35)-(36).
 fn lengths_from_corners<const D: usize>(motion: &DomainMotion<D>) -> [f64; D] {
     let mut low = [f64::INFINITY; D];
     let mut high = [f64::NEG_INFINITY; D];

@@ -1,8 +1,8 @@
-//! Element tests: one material point taken along a path of strain or stress, without a grid.
+//! Element tests: a single material point follows a path of strain or stress, without a grid.
 //!
-//! The deformation gradient of the point is F = exp(e) (I + γ e_x ⊗ e_y). On all paths but simple shear, γ = 0 and the
-//! principal axes are fixed, so that e is the logarithmic strain measured from the start and ln J = tr e holds without
-//! round-off. A [`Target`] prescribes e and γ, or the Cauchy stress along an axis in place of the strain. The
+//! The deformation gradient of the point is F = exp(e) (I + γ e_x ⊗ e_y). On all paths except simple shear, γ = 0 and
+//! the principal axes are fixed, so that e is the logarithmic strain measured from the start and ln J = tr e holds
+//! without round-off. A [`Target`] prescribes e and γ, or the Cauchy stress along an axis in place of the strain. The
 //! components of e that are then unknown follow from Newton's method with the consistent tangent of the law, including
 //! the change of J.
 //!
@@ -25,9 +25,9 @@ pub use error::{Cause, ElementTestError};
 pub use path::{Control, Path, Target};
 pub use state::ElementState;
 
-/// Largest relative difference between two stresses that count as equal, [-].
+/// Largest relative difference at which two stresses count as equal, [-].
 const SAME_STRESS: f64 = 1e-9;
-/// Stress of a law at zero strain that counts as round-off, relative to its stiffness, [-].
+/// Largest stress at zero strain that counts as round-off, relative to the stiffness of the law, [-].
 const NO_STRESS: f64 = 1e-13;
 /// Smallest part of a step that is attempted, [-].
 const SMALLEST_PART: f64 = 1.0 / 1024.0;
@@ -80,7 +80,8 @@ impl<'a> ElementTest<'a> {
         &self.initial_stress
     }
 
-    /// True if the requested initial stress was outside the yield surface, so that the test begins with another one.
+    /// True if the requested initial stress was outside the yield surface, so that the test begins with a different
+    /// stress.
     pub fn was_returned(&self) -> bool {
         self.was_returned
     }
@@ -101,7 +102,8 @@ impl<'a> ElementTest<'a> {
                 Ok(solved) => {
                     let has_jumped = state.has_jumped || jump::is_between(self.law, &state, &goal, &solved);
                     (state, reached) = (ElementState { has_jumped, ..solved }, next);
-                    // Parts are powers of two and begin at multiples of themselves, so the last one ends with the step.
+                    // Parts are the step divided by powers of two, and begin at multiples of their size, so the last
+                    // part ends with the step.
                     if part < 1.0 && (reached / (2.0 * part)).fract() == 0.0 {
                         part *= 2.0;
                     }
@@ -118,8 +120,8 @@ impl<'a> ElementTest<'a> {
         Ok(&self.state)
     }
 
-    /// The state at the end of each step on the way through some targets, with `steps` equal steps to each target, at
-    /// least one; ends after the first error.
+    /// The states at the ends of the steps along a sequence of targets. Each target is approached in `steps` equal
+    /// steps (at least one). Ends after the first error.
     pub fn follow(
         mut self,
         targets: impl IntoIterator<Item = Target>,
@@ -145,7 +147,7 @@ impl<'a> ElementTest<'a> {
     }
 }
 
-/// The state at zero elastic strain, where a law without an inverse must be free of stress.
+/// The state at zero elastic strain, where the stress of a law without an inverse must be zero.
 fn at_zero_strain(law: &dyn Material, history: &[f64]) -> Result<ElementState, MaterialError> {
     let mut history = history.to_vec();
     law.start_from(&Sym3::ZERO, 1.0, &mut history);

@@ -17,7 +17,7 @@ pub use spelling::closest;
 
 /// Largest number of intermediate values in a formula.
 pub const MOST_INTERMEDIATE: usize = 64;
-/// Largest number of other variables: two positions in space and the load factor.
+/// Largest number of variables besides the intermediate values: two positions in space and the load factor.
 const MOST_GIVEN: usize = 7;
 
 /// A compiled formula.
@@ -26,7 +26,8 @@ pub struct Formula {
     text: String,
     code: Vec<Op>,
     variables: usize,
-    /// Formulas of the intermediate values, which are the variables after the given ones; each may use those before it.
+    /// Formulas of the intermediate values, which are the variables after the given ones; each may use all variables
+    /// before it.
     intermediate: Vec<Formula>,
 }
 
@@ -58,8 +59,8 @@ impl Formula {
         Formula { text: value.to_string(), code, variables: 0, intermediate: Vec::new() }
     }
 
-    /// Defines the last variables of the formula as intermediate values: each is a formula of the variables before it.
-    /// At most [`MOST_INTERMEDIATE`] are used, and at most 7 other variables remain.
+    /// Defines the last variables of the formula as intermediate values, each given by a formula of the variables
+    /// before it. The formula can use at most [`MOST_INTERMEDIATE`] intermediate values and 7 other variables.
     pub fn with_intermediate(mut self, intermediate: &[Formula]) -> Formula {
         let used = intermediate.len().min(MOST_INTERMEDIATE);
         if self.code.iter().any(|op| matches!(op, Op::Variable(_))) {
@@ -94,7 +95,7 @@ impl Formula {
         depend.iter().any(|&known| uses(self, known))
     }
 
-    /// Evaluates the formula; NaN if it uses a variable without a value.
+    /// Evaluates the formula; returns NaN if it uses a variable without a value.
     pub fn evaluate(&self, values: &[f64]) -> f64 {
         debug_assert!(
             self.variables <= values.len() || !self.code.iter().any(|op| matches!(op, Op::Variable(_)))

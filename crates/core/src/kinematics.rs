@@ -88,7 +88,8 @@ impl<const D: usize> Increment<D> {
         })
     }
 
-    /// ΔF in three dimensions, [-]. Along an axis that the grid lacks it is the circumferential increment, or 1.
+    /// ΔF in three dimensions, [-]. Along an axis that the grid lacks, the component is the circumferential increment,
+    /// or 1.
     #[inline(always)]
     pub fn in_space(&self) -> Mat3 {
         Mat3::from_fn(|i, j| match (i < D && j < D, i == j) {
@@ -98,7 +99,7 @@ impl<const D: usize> Increment<D> {
         })
     }
 
-    /// `factor` times ΔF, but without a change of the circumferential increment of bodies that are not `revolved`.
+    /// `factor` times ΔF; bodies that are not `revolved` keep their circumferential increment of 1.
     #[inline(always)]
     pub fn scaled(&self, factor: f64, revolved: bool) -> Self {
         let hoop = if revolved { self.hoop * factor } else { self.hoop };

@@ -2,38 +2,39 @@
 //!
 //! Bodies are sets of material points, which carry mass, deformation, stress and history. Each load step solves
 //! equilibrium on a background grid with Newton's method, moves the points with the grid, and discards the deformed
-//! grid: the next step starts on an undeformed one.
+//! grid: the next step starts on an undeformed grid.
 //!
 //! The formulation is that of Coombs et al., *Comput. Methods Appl. Mech. Engrg.* 358 (2020) 112622. Equation and
-//! section numbers in this documentation refer to that paper; `docs/theory.md` derives everything beyond it.
+//! section numbers in this documentation refer to that paper; `docs/theory.md` derives everything that goes beyond the
+//! paper.
 //!
 //! # Running an analysis
 //!
 //! [`solver::run`] takes a [`model::Model`] (grid, materials, boundary conditions, loads, step control) and
 //! [`points::Points`] (the state of the bodies), and advances the points load step by load step. `examples/block.rs`
-//! builds a complete analysis in code; `examples/own_term.rs` adds a term to the equilibrium equations from outside the
-//! crate. Most analyses are built from YAML decks by the crate `mpm-deck`.
+//! builds a complete analysis in code; `examples/own_term.rs` adds a term to the equilibrium equations in code outside
+//! the crate. Most analyses are built from YAML decks by the crate `mpm-deck`.
 //!
 //! # Modules
 //!
 //! Read `examples/load_step.rs` first: it solves one load step in plain loops, equation by equation. Then start with
-//! [`solver`], which follows the algorithm of the paper from top to bottom. `docs/theory.md` ends with the place of every
-//! equation, and the steps to add a law, a term, a method or a grid.
+//! [`solver`], which follows the algorithm of the paper from top to bottom. `docs/theory.md` ends with a list of where
+//! each equation is implemented, and with the steps to add a law, a term, a method or a grid.
 //!
 //! | Task | Modules |
 //! |---|---|
 //! | Load steps and Newton iterations | [`solver`]; [`step`], the context of a load step; [`equilibrium`], the report of a converged step with its energy balance |
-//! | Data of an analysis | [`model`], constant during a run; [`points`], the material points. Iterations write [`points::Points::trial`]; only [`points::Points::commit`] copies it to [`points::Points::converged`] |
-//! | Background grid | [`grid`]: the trait [`grid::Grid`] locates cells and provides their linear basis; [`grid::Structured`] is a grid of rectangles or bricks, whose lines along each [`grid::Axis`] are even or graded and may move between steps ([`model::MovingGrid`]), [`grid::Mesh`] an unstructured mesh, read by [`grid::gmsh`] |
+//! | Data of an analysis | [`model`], constant during a run; [`points`], the material points. Iterations write to [`points::Points::trial`]; only [`points::Points::commit`] copies it to [`points::Points::converged`] |
+//! | Background grid | [`grid`]: the trait [`grid::Grid`] locates cells and provides their linear basis; [`grid::Structured`] is a grid of rectangles or bricks, whose lines along each [`grid::Axis`] are even or graded and can move between steps ([`model::MovingGrid`]); [`grid::Mesh`] is an unstructured mesh, read by [`grid::gmsh`] |
 //! | Basis functions | [`basis`]: one file per material point method (MPM, GIMP, CPDI); [`domain`]: update of GIMP domains. The corners of CPDI domains, [`points::State::corners`], are moved by [`solver`] at the end of a step |
 //! | Kernel of a point | [`kinematics`]: deformation increment; [`material`]: constitutive laws; [`stress`]: stress P̃ and tangent Ã in three dimensions ([`stress::Solid`]), plane strain ([`stress::PlaneStrain`]) and axisymmetry ([`stress::Axisymmetric`]); [`tensor`]: tensors and their spectral functions |
-//! | Element tests | [`element_test`]: one point of a law along a path of strain or stress, as in the laboratory |
+//! | Element tests | [`element_test`]: a single point of a law follows a path of strain or stress, as in the laboratory |
 //! | Equilibrium equations | [`terms`]: the material points (f^int and K, eqs. (19)-(23), gradients mapped by eq. (8)), external forces, ghost stabilisation, surfaces, and contact with rigid tools ([`terms::Contact`]), each of which adds force and stiffness to the [`assembly::System`]; [`dofs`]: displacements prescribed along axes or inclined directions, ties, free degrees of freedom |
-//! | Linear solvers | [`linear`]: the trait [`linear::Backend`], the direct and the multigrid backend |
+//! | Linear solvers | [`linear`]: the trait [`linear::Backend`], the direct backend and the multigrid backend |
 //! | Quality of results | [`quality`]: measures of numerical quality, and the warnings derived from them |
 //! | Surfaces of bodies | [`surface`]: samples of the boundary of a body, carried by the grid, for tractions, pressures and weakly prescribed motions |
 //! | Geometry | [`region`]: primitives, closed surfaces from STL files, booleans and motions, with their volumes; [`formula`]: formulas of position and time; [`tool`]: shapes of rigid tools, their closest points, and poses |
-//! | Many machines | [`ranks`]: the processes that share an analysis, each with the points in its part of the grid; [`ranks::Halo`], the nodes that several of them touch |
+//! | Many machines | [`ranks`]: the processes that share an analysis, each with the points in its part of the grid; [`ranks::Halo`]: the nodes that several processes touch |
 //! | Resources | [`memory`]: memory limits; [`timing`]: time per phase of a run |
 //!
 //! This crate does not depend on the other crates of `mpm`: `mpm-files` writes results, `mpm-deck` builds a model and
@@ -41,7 +42,7 @@
 //!
 //! # Symbols
 //!
-//! The table maps the symbols of the paper to names in the code. Names are words in interfaces; inside kernels the
+//! The table maps the symbols of the paper to names in the code. In interfaces, names are words; inside kernels, the
 //! symbols of the paper are kept, including capital letters.
 //!
 //! | Paper | Code | Meaning |
@@ -54,7 +55,7 @@
 //! | b^e_n | [`b_n`](stress::StartOfStep::b_n) | elastic left Cauchy-Green strain at the start of the step |
 //! | ε^e | [`elastic_strain`](points::State::elastic_strain) | elastic logarithmic strain, ½ ln b^e (or ½ (b^e − I), see [`StrainMeasure`](material::StrainMeasure)) |
 //! | τ | [`kirchhoff_stress`](points::State::kirchhoff_stress), `tau` | Kirchhoff stress |
-//! | V P̃, V Ã | [`stress`](stress::InPlane::stress), [`tangent`](stress::InPlane::tangent) | stress of eq. (18) and its derivative (A.3), times the volume, in plane strain: formed by `plane_strain::previous`; in space, [`Spatial`](stress::Spatial) has the equivalent in the current configuration |
+//! | V P̃, V Ã | [`stress`](stress::InPlane::stress), [`tangent`](stress::InPlane::tangent) | stress of eq. (18) and its derivative (A.3), times the volume, in plane strain, formed by `plane_strain::previous`; in space, [`Spatial`](stress::Spatial) has the equivalent in the current configuration |
 //! | σ, a | [`stress`](stress::Contribution::stress), [`tangent`](stress::Contribution::tangent) | stress and tangent of the updated Lagrangian formulation, eqs. (2)-(6) |
 //! | D^alg | [`tangent`](material::Response::tangent) | algorithmic (consistent) tangent of the law |
 //! | L | [`log_with_derivative`](tensor::log_with_derivative), `L` | derivative of the logarithm, eq. (A.2) |
@@ -71,7 +72,7 @@
 //! | f^react | `reaction` in `solver/unknowns.rs` | reactions: forces at prescribed degrees of freedom |
 //! | f^R | `out_of_balance` | out-of-balance force f^ext − f^int + f^react, eq. (28) with the sign of eq. (26) |
 //! | K | [`System`](assembly::System) | stiffness matrix of the active nodes, eq. (27) |
-//! | λ | `factor` | load factor, where it is unknown |
+//! | λ | `factor` | load factor, if it is unknown |
 //! | – | `globals` | unknowns that belong to no node |
 //! | ρ_y | `yield_radius` | deviatoric yield stress, eq. (43) |
 //!

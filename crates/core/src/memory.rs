@@ -9,14 +9,14 @@ pub enum Bound {
     Machine,
     /// Control group (cgroup) of the process, as set by a container or a batch system.
     ControlGroup,
-    /// Largest address space of the process, `ulimit -v`.
+    /// Largest address space allowed for the process, `ulimit -v`.
     AddressSpace,
 }
 
 /// Memory available to the process, [byte].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Memory {
-    /// Largest amount that the process may use.
+    /// Largest amount that the process is allowed to use.
     pub limit: u64,
     /// Part of `limit` that is still free.
     pub available: u64,
@@ -25,13 +25,13 @@ pub struct Memory {
 }
 
 impl Memory {
-    /// Limits of this machine and process; `None` if the operating system does not report them (Linux does).
+    /// Limits of this machine and process; `None` if the operating system does not report them (Linux reports them).
     pub fn of_this_machine() -> Option<Memory> {
         Memory::read(Path::new("/"))
     }
 
-    /// Reads the limits from the Linux files below `root`: `/proc/meminfo`, the limits of the process, and those of its
-    /// control groups (cgroup versions 1 and 2).
+    /// Reads the limits from the Linux files below `root`: `/proc/meminfo`, the limits of the process, and the limits
+    /// of its control groups (cgroup versions 1 and 2).
     fn read(root: &Path) -> Option<Memory> {
         let meminfo = std::fs::read_to_string(root.join("proc/meminfo")).ok()?;
         let limit = kibibytes(&meminfo, "MemTotal:")?;
@@ -132,7 +132,7 @@ mod tests {
 
     const GIB: u64 = 1 << 30;
 
-    /// The limits read from a directory that contains only these files.
+    /// The limits that are read from a directory with only these files.
     fn memory(files: &[(&str, &str)]) -> Option<Memory> {
         let root = tempfile::tempdir().unwrap();
         for (path, text) in files {

@@ -1,5 +1,5 @@
-//! The model: all data of an analysis. They stay constant during a run, except for changes between stages and a grid
-//! that moves between steps.
+//! The model: all data of an analysis. The data stay constant during a run, except for changes between stages and a
+//! grid that moves between steps.
 
 use crate::basis::{DomainKind, Method, domain_volume};
 use crate::domain::DomainUpdate;
@@ -54,7 +54,7 @@ pub struct Body {
     pub material: usize,
     /// Material point method of its points.
     pub method: Method,
-    /// Update rule of their domains and, for standard points, of the boxes with which they touch tools.
+    /// Update rule of the domains of the points and, for standard points, of the boxes with which they touch tools.
     pub domain_update: DomainUpdate,
     /// Treatment of the volumetric deformation.
     pub volumetric: Volumetric,
@@ -76,7 +76,7 @@ pub struct Probe {
 pub struct Model<const D: usize> {
     /// One-line description of the analysis.
     pub title: String,
-    /// The background grid, that of the present step.
+    /// The background grid of the current step.
     pub grid: Box<dyn Grid<D>>,
     /// The lines of the grid that follow prescribed displacements; `None` if the grid does not move.
     pub moving_grid: Option<MovingGrid<D>>,
@@ -101,8 +101,9 @@ pub struct Model<const D: usize> {
     pub loads: Vec<Load<D>>,
     /// Rigid tools that touch the bodies.
     pub tools: Vec<Tool<D>>,
-    /// Treatment of an initial state that is out of balance, if bodies are stressed and loaded at time 0; the load
-    /// factors are then those of the curves at time 0. `None` if nothing is stressed and nothing is loaded at time 0.
+    /// Treatment of an initial state that is out of balance, if bodies are stressed at time 0; loads then act at time 0
+    /// with the factors of their curves. `None` if no body is stressed at time 0; no load then acts at time 0, whatever
+    /// its curve.
     pub initial_imbalance: Option<InitialImbalance>,
     /// Division of the loading into steps, and step control.
     pub stepping: Stepping,
@@ -110,11 +111,11 @@ pub struct Model<const D: usize> {
     pub newton: Newton,
     /// Probes.
     pub probes: Vec<Probe>,
-    /// The stages, if there are several; `stepping` and `newton` are those of the present stage.
+    /// The stages, if there are several; `stepping` and `newton` belong to the current stage.
     pub stages: Vec<Stage<D>>,
-    /// The state of the present stage.
+    /// The state of the current stage.
     pub present: Present<D>,
-    /// The library that solves the equations of several ranks.
+    /// The library that solves equations distributed over several ranks.
     pub engines: Engines<D>,
 }
 
@@ -160,7 +161,7 @@ impl<const D: usize> Model<D> {
             && (self.stepping.control.has_unknown_factor() || self.common_curve().is_some())
     }
 
-    /// True if a boundary condition acts in the present stage.
+    /// True if a boundary condition acts in the current stage.
     pub fn is_set(&self, condition: usize) -> bool {
         !self.present.is_released.get(condition).is_some_and(|released| *released)
     }
@@ -185,8 +186,8 @@ impl<const D: usize> Model<D> {
         if self.revolved { std::f64::consts::TAU * position[0] } else { 1.0 }
     }
 
-    /// Mean out-of-plane extent of a facet with these corners, [length]. Multiplied by the length of the facet, it
-    /// gives the area: for bodies of revolution, that of a truncated cone.
+    /// Mean out-of-plane extent of a facet with these corners, [length]. Its product with the length of the facet is
+    /// the area; for bodies of revolution, this is the area of a truncated cone.
     pub fn mean_depth(&self, corners: &[[f64; D]; D]) -> f64 {
         corners.iter().map(|corner| self.depth(corner)).sum::<f64>() / D as f64
     }

@@ -1,7 +1,7 @@
-//! The material points: their fixed fields, their converged state, and the trial state of the present load step.
+//! The material points: their fixed fields, their converged state, and the trial state of the current load step.
 //!
-//! Each field is declared once, in `points/fields.rs`; commit, reordering, checkpoints and arrays follow from the
-//! declaration. Fields that only some analyses need are declared at run time, [`Points::declare`].
+//! Each field is declared once, in `points/fields.rs`; the code for commits, reordering, checkpoints and arrays follows
+//! from the declaration. Fields that only some analyses need are declared at run time by [`Points::declare`].
 
 mod arrays;
 mod declare;
@@ -49,8 +49,8 @@ pub enum PointVolume {
     /// det(F) times the original volume, eq. (22).
     #[default]
     Deformation,
-    /// The volume of the domain; equal to that of eq. (22) unless the domain update changes it. Needed only to
-    /// reproduce some results of the paper. Points without a domain use eq. (22).
+    /// The volume of the domain, which equals the volume of eq. (22) unless the domain update changes it. It is needed
+    /// only to reproduce some results of the paper. Points without a domain use eq. (22).
     Domain,
 }
 
@@ -65,7 +65,7 @@ impl<const D: usize> Points<D> {
         self.id.is_empty()
     }
 
-    /// The trial state becomes the converged state.
+    /// Makes the trial state the converged state.
     pub fn commit(&mut self) {
         self.converged.take(&mut self.trial);
         self.further.commit();

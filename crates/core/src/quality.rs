@@ -1,9 +1,9 @@
-//! The quality of a run, by measures that cost hardly any time: the partition of unity, how well the domains fit the
-//! bodies and the grid, the filling of the cells, and the convergence of the iterations.
+//! The quality of a run, judged by measures that cost hardly any time: the partition of unity, how well the domains fit
+//! the bodies and the grid, the filling of the cells, and the convergence of the iterations.
 //!
 //! [`Measures`] are taken once per step in equilibrium; [`Quality`] keeps the worst values of all steps and warns when
-//! a measure is out of bounds for the first time. The overlap of domains costs more, and is computed once, at the end
-//! of the run.
+//! a measure is out of bounds for the first time. The overlap of domains costs more and is computed only once, at the
+//! end of the run.
 
 mod cohesion;
 mod contrast;
@@ -62,7 +62,7 @@ pub struct Worst {
 /// The smallest filling of a cell so far.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Filling {
-    /// Volume of the points in the cell relative to that of the cell, [-].
+    /// Volume of the points in the cell relative to the volume of the cell, [-].
     pub value: f64,
     /// Step number.
     pub step: usize,
@@ -70,12 +70,12 @@ pub struct Filling {
     pub cell: u32,
 }
 
-/// A total at the start of the run and at present.
+/// A total at the start of the run and its current value.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Balance {
     /// Value at the start of the run.
     pub start: f64,
-    /// Present value.
+    /// Current value.
     pub now: f64,
 }
 
@@ -93,7 +93,7 @@ pub struct StepMeasures {
     pub partition_of_unity_loss: f64,
     /// Largest share of a domain outside the grid, [-]; 0 without domains.
     pub domain_outside_grid: f64,
-    /// Volume of the domains relative to that of their points, minus 1, [-]; 0 without domains.
+    /// Volume of the domains relative to the volume of their points, minus 1, [-]; 0 without domains.
     pub domain_volume_excess: f64,
     /// Smallest filling of a cell that holds points, [-].
     pub smallest_cell_filling: f64,
@@ -137,7 +137,7 @@ impl StepMeasures {
 pub struct Quality {
     /// Largest 1 − Σ S_vp, [-].
     pub partition_of_unity_loss: Option<Worst>,
-    /// Largest share of a domain outside the grid or, for domains given by corners, of the corners, [-].
+    /// Largest share of a domain outside the grid or, for domains given by corners, of its corners, [-].
     pub domain_outside_grid: Option<Worst>,
     /// Smallest filling of a cell that holds points.
     pub smallest_cell_filling: Option<Filling>,
@@ -147,14 +147,15 @@ pub struct Quality {
     pub mass: Balance,
     /// Total volume Σ J V_p0, [volume].
     pub volume: Balance,
-    /// Volume of the domains of a body relative to that of its points, minus 1; the largest in magnitude, [-].
+    /// Volume of the domains of a body relative to the volume of its points, minus 1; the value of largest magnitude,
+    /// [-].
     pub domain_volume_excess: Option<Worst>,
     /// Volume that domains share with each other at the end of the run, relative to the volume of all domains, [-].
     pub domain_overlap: Option<f64>,
     /// The measures of the last step over all bodies.
     pub latest: StepMeasures,
-    /// Observed order of the Newton iterations, [`newton_order`], of every step that has one, each preceded by the step
-    /// number.
+    /// Step number and observed order of the Newton iterations, [`newton_order`], of every step in which an order can
+    /// be observed.
     pub newton_orders: Vec<(usize, f64)>,
     /// Largest magnitude of the rotation in the plane, [degrees].
     pub rotation: Option<Worst>,
@@ -162,12 +163,12 @@ pub struct Quality {
     pub shear: Option<Worst>,
     /// Largest mean rotation of a body whose domains are boxes that cannot follow the rotation, [degrees].
     pub box_rotation: Option<Worst>,
-    /// Largest oscillation of the pressures, [`oscillation`], over the cells that flow in a step, [-], and the number
-    /// of this step.
+    /// Largest oscillation of the pressures, [`oscillation`], over the cells that flow in a step, [-], and the step
+    /// number.
     pub pressure_oscillation: Option<(f64, usize)>,
     /// For each body, number of cell boundaries crossed by its points without a domain, and number of these points.
     crossed: Vec<[usize; 2]>,
-    /// The connected parts at the start.
+    /// The connected parts of the bodies at the start of the run.
     cohesion: Option<Cohesion>,
     /// True if the stiffness has been positive definite at least once.
     #[serde(default)]
@@ -264,7 +265,7 @@ impl Quality {
 
     /// Records the state at the end of the run, if the run has completed a step.
     pub fn conclude<const D: usize>(&mut self, model: &Model<D>, points: &Points<D>) {
-        // Only domains overlap.
+        // Without domains there is no overlap.
         if self.det_f.is_none() || model.bodies.iter().all(|body| body.method.domain() == DomainKind::None) {
             self.domain_overlap = None;
             return;
@@ -311,13 +312,14 @@ impl fmt::Display for Quality {
         let crossings = (0..self.crossed.len()).filter_map(|body| self.mean_crossings(body)).reduce(f64::max);
         if let Some(crossings) = crossings {
             parts.push(format!(
-                "cell borders crossed {crossings:.2} times (warning above {MOST_CROSSINGS} with regridding work above {} %)",
+                "points crossed {crossings:.2} cell boundaries on average (warning above {MOST_CROSSINGS}, if the \
+                 regridding work is also above {} %)",
                 100.0 * HARMFUL_REGRIDDING
             ));
         }
         if let Some((oscillation, _)) = self.pressure_oscillation {
             parts.push(format!(
-                "pressures in a cell differ by {oscillation:.2} of the deviatoric stress (warning above {MOST_OSCILLATION})"
+                "pressures in a cell differ by {oscillation:.2} × deviatoric stress (warning above {MOST_OSCILLATION})"
             ));
         }
         if let Some(filling) = self.smallest_cell_filling {
@@ -340,7 +342,7 @@ fn keep_worst(kept: &mut Option<Worst>, found: Worst) {
     }
 }
 
-/// Raises the warnings that have not been raised for a body before.
+/// Raises the warnings that have not been raised for this body before.
 fn warn<const D: usize>(
     model: &Model<D>,
     step: usize,
@@ -389,7 +391,8 @@ fn warn<const D: usize>(
     let message = |PointValue { value, point }| {
         let sum = 1.0 - value;
         format!(
-            "the basis functions of point {point} add up to {sum:.4} instead of 1, as its domain is partly outside the grid"
+            "the basis functions of point {point} add up to {sum:.4} instead of 1: its domain is partly outside the \
+             grid"
         )
     };
     exceeds(Code::PartitionOfUnity, measures.partition_of_unity_loss, MOST_LOSS, &message, detail);

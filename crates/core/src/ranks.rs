@@ -1,7 +1,8 @@
 //! The processes that share an analysis: ranks, each of which holds the points in its part of the grid.
 //!
-//! All ranks run the same program on their own points. What they decide together is formed here: each reduction adds up
-//! the contributions in the order of the ranks and gives the same bits to all ranks, so that all take the same path.
+//! All ranks run the same program on their own points. The reductions here provide the basis of joint decisions: each
+//! combines the contributions in rank order and returns the same bits on all ranks, so that all ranks take the same
+//! path.
 
 mod halo;
 pub mod threads;
@@ -31,8 +32,8 @@ pub trait Communicator: Send + Sync + std::fmt::Debug {
     /// them, ascending.
     fn exchange(&self, messages: Vec<(usize, Vec<u8>)>) -> Vec<(usize, Vec<u8>)>;
 
-    /// Swaps numbers with some other ranks, ascending: `send[k]` goes to rank `with[k]`, which fills `receive[k]`. Both
-    /// sides must call this, and agree on the lengths, which may be 0.
+    /// Swaps numbers with some other ranks, in ascending order: `send[k]` goes to rank `with[k]`, which fills
+    /// `receive[k]`. Both sides must call this, and agree on the lengths, which may be 0.
     fn swap(&self, with: &[usize], send: &[Vec<f64>], receive: &mut [Vec<f64>]);
 }
 
@@ -69,12 +70,12 @@ impl Ranks {
         end(own)..end(own + 1)
     }
 
-    /// Number of ranks on the same machine as this rank; all of them where the system does not tell machines apart.
+    /// Number of ranks on the same machine as this rank; all ranks if the system does not tell machines apart.
     pub fn on_this_machine(&self) -> usize {
         self.total_on_this_machine(1) as usize
     }
 
-    /// The sum of an amount over the ranks on the same machine as this rank.
+    /// The sum of `amount` over the ranks on the same machine as this rank.
     pub fn total_on_this_machine(&self, amount: u64) -> u64 {
         let machine = std::fs::read_to_string("/proc/sys/kernel/random/boot_id").unwrap_or_default();
         let all = self.gather_all((machine.clone(), amount));
@@ -99,7 +100,7 @@ impl Ranks {
         }
     }
 
-    /// The values of all ranks on rank 0, in their order; none on the other ranks.
+    /// The values of all ranks on rank 0, in rank order; none on the other ranks.
     pub fn gather<T: Serialize + DeserializeOwned>(&self, own: T) -> Vec<T> {
         match &self.0 {
             None => vec![own],
@@ -139,41 +140,41 @@ impl Ranks {
         self.combine(values, |a, b| a + b);
     }
 
-    /// The sum of a number over all ranks.
+    /// The sum of `value` over all ranks.
     pub fn total(&self, value: f64) -> f64 {
         let mut values = [value];
         self.sum(&mut values);
         values[0]
     }
 
-    /// The sum of a count over all ranks.
+    /// The sum of `count` over all ranks.
     pub fn count_all(&self, count: usize) -> usize {
         self.total(count as f64) as usize
     }
 
-    /// Replaces each number by its largest value on any rank; NaN if one of the values is NaN.
+    /// Replaces each number by its maximum over all ranks; NaN if it is NaN on any rank.
     pub fn maximum(&self, values: &mut [f64]) {
         self.combine(values, |a, b| if a >= b || a.is_nan() { a } else { b });
     }
 
-    /// The largest value of a number on any rank; NaN if one of the values is NaN.
+    /// The maximum of `value` over all ranks; NaN if it is NaN on any rank.
     pub fn largest(&self, value: f64) -> f64 {
         let mut values = [value];
         self.maximum(&mut values);
         values[0]
     }
 
-    /// The smallest value of a number on any rank; NaN if one of the values is NaN.
+    /// The minimum of `value` over all ranks; NaN if it is NaN on any rank.
     pub fn smallest(&self, value: f64) -> f64 {
         -self.largest(-value)
     }
 
-    /// True if the value is true on any rank.
+    /// True if `is` is true on any rank.
     pub fn any(&self, is: bool) -> bool {
         if self.is_alone() { is } else { self.largest(f64::from(u8::from(is))) > 0.0 }
     }
 
-    /// True if the value is true on all ranks.
+    /// True if `is` is true on all ranks.
     pub fn all(&self, is: bool) -> bool {
         !self.any(!is)
     }

@@ -2,28 +2,30 @@
 //!
 //! | File | Content |
 //! |---|---|
-//! | `stepper`, `pace` | from step to step, and the size of steps |
+//! | `stepper`, `pace` | the sequence of steps, and their size |
 //! | `acceptance`, `refusal` | the commit of a step in equilibrium, and what follows a failed attempt |
-//! | `stages`, `release` | from stage to stage: what comes and goes, and the forces that are released |
-//! | `load_step`, `step_system`, `fields` | one attempt at a step: what is set up once |
+//! | `stages`, `release` | the transition between stages: what is added and removed, and the forces that are released |
+//! | `load_step`, `step_system`, `fields` | one attempt at a step, and what it sets up once |
 //! | `newton` | the iterations, eqs. (26), (30) |
 //! | `evaluation`, `unknowns` | forces and K of an iterate; Δd, δd and reactions, eq. (28) |
-//! | `line_search` | which iterates are evaluated once more, after a shorter δd |
-//! | `residual`, `body_residual`, `round_off` | eq. (40), by connected parts and by bodies, and round-off; `evaluation` forms it |
+//! | `line_search` | the decision which iterates are evaluated again after a shorter δd |
+//! | `residual`, `body_residual`, `round_off` | eq. (40) for connected parts and for bodies; its round-off |
 //! | `update` | motion of points and domains, section 6.4 |
 //! | `equations` | choice of the linear solver, border of global unknowns |
 //! | `initial_state` | equilibrium of bodies that are stressed at time 0 |
-//! | `strength` | factors of a reduction of strength, and displacements on the way |
+//! | `strength` | factors of a strength reduction, and displacements during it |
 //! | `splitting` | domains that have become too long are split between steps |
-//! | `conclusion`, `summary`, `observer` | account of a step and of the run |
-//! | `course` | the account of the iterations, with f^R of eq. (28) |
-//! | `forcing`, `damping`, `damped_step`, `control`, `motion` | beyond the paper: inexact solves, damping, unknown load factor, predictor |
+//! | `conclusion`, `summary`, `observer` | reports on a step and on the run |
+//! | `course` | the record of the iterations, with f^R of eq. (28) |
+//! | `forcing`, `damping`, `damped_step` | beyond the paper: inexact solves, damping |
+//! | `control`, `motion` | beyond the paper: unknown load factor, prediction |
 //! | `agree`, `of_rank`, `reach` | what all ranks of a run decide together |
-//! | `attempt`, `error`, `diagnosis`, `evidence`, `stiffness` | how attempts end, and why they fail; contrasts of stiffness between materials |
+//! | `attempt`, `error` | how attempts end |
+//! | `diagnosis`, `evidence`, `stiffness` | why attempts fail; stiffness contrasts between materials |
 //!
 //! A step that fails leaves no trace in the converged state. It is retried in two halves, down to the smallest step
-//! that the deck allows; only equilibrium is accepted and reported. While bodies slump, the points move on over several grids,
-//! and return if no equilibrium follows.
+//! that the deck allows; only equilibrium is accepted and reported. While bodies slump, the points move on over several
+//! fresh grids; if no equilibrium follows, they are moved back.
 
 mod acceptance;
 mod agree;
@@ -84,7 +86,7 @@ pub use stepper::{Kernels, Stepper};
 pub use strength::{StageStrength, StrengthBracket};
 pub use summary::{Reached, StageReached, Summary};
 
-/// A model in a number of dimensions for which there are mechanics.
+/// A model in a number of dimensions that the solver supports.
 pub trait Solvable<const D: usize> {
     /// The solver code compiled for the mechanics of this model.
     fn kernels(&self) -> Kernels<D>;
@@ -105,7 +107,7 @@ impl Solvable<3> for Model<3> {
 /// Runs an analysis from the converged state of `points` to the end and reports every event to `observer`.
 ///
 /// # Errors
-/// [`SolveError`] when a step has no equilibrium, however small; `points.converged` then is the last equilibrated state.
+/// [`SolveError`] if a step has no equilibrium, however small; `points.converged` is then the last equilibrated state.
 pub fn run<const D: usize>(
     model: &Model<D>,
     points: &mut Points<D>,

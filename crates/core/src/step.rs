@@ -45,7 +45,7 @@ impl<'a, const D: usize> StepContext<'a, D> {
 /// displacement along each axis, then the components of further fields.
 #[derive(Debug, Clone, Copy)]
 pub struct At<'a, const N: usize> {
-    /// Increments of the active nodes in the step; those of the displacement are Δd, [length].
+    /// Increments at the active nodes in the step; the displacement increments are Δd, [length].
     pub delta_d: &'a [[f64; N]],
     /// Load factor if it follows from equilibrium, [-].
     pub factor: f64,
@@ -54,14 +54,14 @@ pub struct At<'a, const N: usize> {
 }
 
 impl<'a, const N: usize> At<'a, N> {
-    /// These increments, without load factor and global unknowns.
+    /// These increments at the nodes, without load factor and global unknowns.
     pub fn new(delta_d: &'a [[f64; N]]) -> Self {
         At { delta_d, factor: 0.0, globals: &[] }
     }
 }
 
-/// The displacement of nodal increments, their first `D` components, [length]; not copied if there are no other
-/// components.
+/// The displacement part of nodal increments, i.e. their first `D` components, [length]; not copied if there are no
+/// other components.
 pub fn displacement<const D: usize, const N: usize>(increments: &[[f64; N]]) -> Cow<'_, [[f64; D]]> {
     if D == N {
         let (same, _) = increments.as_flattened().as_chunks::<D>();

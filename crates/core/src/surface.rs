@@ -38,7 +38,7 @@ pub enum Part<const D: usize> {
     Box([f64; D], [f64; D]),
     /// The samples x with (x − `point`) · `normal` ≥ 0.
     HalfSpace {
-        /// A point of the plane, [length].
+        /// A position on the plane, [length].
         point: [f64; D],
         /// Direction into the half-space, of any length.
         normal: [f64; D],
@@ -104,7 +104,8 @@ impl<const D: usize> Surface<D> {
         Ok(Surface::of_facets(name, body, facets, part, cell))
     }
 
-    /// The surface made of the facets that a part contains; `cell` is the size of a grid cell, [length].
+    /// The surface formed by the facets that lie in a part of the boundary; `cell` is the size of a grid cell,
+    /// [length].
     pub fn of_facets(
         name: impl Into<String>,
         body: usize,
@@ -171,7 +172,7 @@ impl<const D: usize> Surface<D> {
 pub struct SurfaceFields<const D: usize> {
     /// Positions of the samples, [length].
     pub position: Vec<[f64; D]>,
-    /// Unit normals out of the body.
+    /// Unit normals, pointing out of the body.
     pub normal: Vec<[f64; D]>,
     /// Areas, [length²]: per unit thickness in plane strain, over the full circle for bodies of revolution.
     pub area: Vec<f64>,

@@ -1,4 +1,4 @@
-//! Time spent in each phase of a run; the phases are those of the paper's Table 5.
+//! Time spent in each phase of a run; the phases correspond to Table 5 of the paper.
 
 use std::time::{Duration, Instant};
 

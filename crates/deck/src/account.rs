@@ -32,7 +32,7 @@ impl LoadedDeck {
         })
     }
 
-    /// Replaces, in an account, the deck with which the run began by this deck.
+    /// Makes this deck the deck of an account, in place of the deck with which the run began.
     pub fn restate(&self, account: &mut Account) {
         if let Ok(of_this) = self.account(account.start, account.set_up.clone(), account.threads) {
             // A run whose account has no deck writes no checkpoints, and continues without them.
@@ -42,7 +42,7 @@ impl LoadedDeck {
     }
 }
 
-/// A message about the deck, in the form that the result files of a run state.
+/// A message about the deck, in the form in which the result files of a run state it.
 fn in_files(message: &Diagnostic) -> DeckMessage {
     DeckMessage {
         code: message.code.to_owned(),

@@ -15,5 +15,5 @@ use mpm_files::summary::Wording;
 /// The advice of this module, for the result files of a run.
 pub const WORDING: Wording = Wording { on_failure, on_warning };
 
-/// The remedy where steps are too large.
+/// The remedy if steps are too large.
 const SMALLER_STEPS: &str = "use smaller steps (`steps: {count, smallest}`)";

@@ -26,9 +26,9 @@ pub struct BoundaryConditionDeck {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = ["wall"]))]
     pub surface: Option<String>,
-    /// Axes along which the nodes or the surface do not move, or the normal of a wall that they do not leave: `{normal:
-    /// [-0.5, 0.866]}` is a roller on a slope of 30 degrees. On a surface, also `normal`: the original normal at each
-    /// position, so that the surface slides along itself.
+    /// Axes along which the nodes or the surface do not move, or the normal of a wall along which they slide: `{normal:
+    /// [-0.5, 0.866]}` is a roller on a slope of 30 degrees. For a surface, `normal` stands for the original normal at
+    /// each position, so that the surface slides along itself.
     #[serde(default, skip_serializing_if = "FixDeck::is_empty")]
     #[schemars(extend("examples" = [["x", "y"], {"normal": [-0.5, 0.866]}, "normal"]))]
     pub fix: FixDeck,
@@ -39,17 +39,17 @@ pub struct BoundaryConditionDeck {
     pub penalty: Option<f64>,
     /// Displacement along x at load factor 1, [length]: a number, or a formula of X, Y (in space also Z), the original
     /// position of the material at the node, of the node's coordinates x, y (in space also z), of `factor` (the load
-    /// factor) and of the parameters. A formula that contains `factor` gives the whole displacement; any other is
-    /// multiplied by the load factor. Material moves past the nodes from step to step, and each step adds the change of
-    /// the formula at the node: use X, Y, Z to prescribe the displacement of the material.
+    /// factor) and of the parameters. A formula that contains `factor` states the whole displacement; any other formula
+    /// is multiplied by the load factor. Material moves past the nodes from step to step, and each step adds the change
+    /// in the value of the formula at the node: use X, Y, Z to prescribe the displacement of the material.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = [0.1, "gamma*Y"]))]
     pub ux: Option<Expression>,
-    /// Displacement along y at load factor 1, [length]: a number or a formula, as `ux`.
+    /// Displacement along y at load factor 1, [length]: a number or a formula, as for `ux`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = [0, "-0.1*x*factor^2"]))]
     pub uy: Option<Expression>,
-    /// Displacement along z at load factor 1, [length]: a number or a formula, as `ux`; in space only.
+    /// Displacement along z at load factor 1, [length]: a number or a formula, as for `ux`; in space only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = [0, "-0.1*x*factor^2"]))]
     pub uz: Option<Expression>,
@@ -102,7 +102,7 @@ pub struct MoveDeck {
     /// The direction, a vector of any length.
     #[schemars(with = "Vector", extend("examples" = [[0.866, 0.5]]))]
     pub along: Vec<f64>,
-    /// Displacement along this direction at load factor 1, [length]: a number or a formula, as `ux`.
+    /// Displacement along this direction at load factor 1, [length]: a number or a formula, as for `ux`.
     #[schemars(extend("examples" = [0.2]))]
     pub by: Expression,
 }
@@ -128,7 +128,7 @@ impl FixDeck {
 }
 
 impl BoundaryConditionDeck {
-    /// The prescribed displacements other than by `fix`.
+    /// The prescribed displacements, except those that `fix` sets to zero.
     pub fn displacements(&self) -> Vec<Displacement<'_>> {
         let along_axes = [("ux", &self.ux), ("uy", &self.uy), ("uz", &self.uz)].into_iter().enumerate();
         let along_axes = along_axes.filter_map(|(direction, (key, value))| {
@@ -139,12 +139,12 @@ impl BoundaryConditionDeck {
         along_axes.chain(along).collect()
     }
 
-    /// True if it prescribes a displacement other than zero.
+    /// True if the condition prescribes a displacement other than zero.
     pub(crate) fn moves(&self) -> bool {
         self.displacements().iter().any(|displacement| !displacement.value.is_zero())
     }
 
-    /// The direction that the condition states itself, if any, with its key.
+    /// The direction that the condition states explicitly, if any, with its key.
     fn direction(&self) -> Option<(&'static str, &[f64])> {
         match (&self.fix, &self.along) {
             (FixDeck::Normal(NormalDeck { normal }), _) => Some(("fix/normal", normal)),
@@ -153,8 +153,8 @@ impl BoundaryConditionDeck {
         }
     }
 
-    /// Orthonormal directions, `[direction][axis]`, the first of which is the one that the condition states; `None` if
-    /// it prescribes displacements along the axes.
+    /// Orthonormal directions, `[direction][axis]`; the first is the direction that the condition states. `None` if the
+    /// condition prescribes displacements along the axes.
     pub(crate) fn frame<const D: usize>(&self) -> Option<[[f64; D]; D]> {
         let (_, direction) = self.direction()?;
         Some(frame(array(direction)))
@@ -190,7 +190,7 @@ impl BoundaryConditionDeck {
         }
     }
 
-    /// Checks what it prescribes.
+    /// Checks what the condition prescribes.
     pub(crate) fn check(&self, check: &mut dyn Checks, pointer: &str) {
         let dimensions = check.dimensions();
         let keys = &["`ux`", "`uy`", "`uz`"][..dimensions];
@@ -281,7 +281,7 @@ impl BoundaryConditionDeck {
 
     fn refuse_second_direction(&self, check: &mut dyn Checks, pointer: &str) {
         let message = format!(
-            "the boundary condition {} has a direction of its own, and prescribes a displacement along another",
+            "the boundary condition {} states a direction, and also prescribes a displacement along another one",
             quote(&self.name)
         );
         let place = if self.surface.is_some() { "surface" } else { "nodes" };
@@ -327,7 +327,8 @@ pub enum Axis {
 }
 
 /// Selection of grid nodes in exactly one way: by coordinates (`{x: 0}` is a line, in space a plane; `{x: 0, y: 9.5}`
-/// is a point, in space a line), a box, a physical group of a gmsh grid, or the outer layer of a body's points.
+/// is a point, in space a line), by a box, by a physical group of a gmsh grid, or by the outer layer of a body's
+/// points.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct NodeSelector {
@@ -346,8 +347,9 @@ pub struct NodeSelector {
     /// Name of a physical group of a gmsh grid.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub group: Option<String>,
-    /// Name of a body: selects all nodes of the grid cells that contain a point of its outer layer or, if the point has a
-    /// domain, overlap that domain. The layer is that at the start; the nodes are selected anew at each load step.
+    /// Name of a body: selects all nodes of the grid cells that contain a point of its outer layer or, if the point has
+    /// a domain, overlap that domain. The layer is determined at the start; the nodes are selected anew at each load
+    /// step.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub outer_layer: Option<String>,
 }

@@ -43,7 +43,7 @@ use mpm_core::stress::Volumetric;
 /// Penalty stiffness of conditions on surfaces, relative to the axial modulus divided by the cell size, [-].
 const PENALTY: f64 = 10.0;
 
-/// Share of the area of a region; a larger loss is probably not intended.
+/// Loss of area, relative to the area of the region, above which the loss is probably unintended, [-].
 const MUCH: f64 = 0.05;
 
 /// Builds the model of a deck that passed the earlier gates, and its points; `D` must be the number of axes of the
@@ -69,8 +69,8 @@ pub(super) struct Built<const D: usize> {
     pub(super) memory: f64,
 }
 
-/// As [`build`], but refuses a model that does not fit into `memory`. Each rank gets the points in its part of the
-/// grid; all get the same messages.
+/// Like [`build`], but refuses a model that does not fit in `memory`. Each rank gets the points in its part of the
+/// grid; all ranks get the same messages.
 pub(super) fn built<const D: usize>(
     loaded: &LoadedDeck,
     memory: Option<Memory>,
@@ -157,7 +157,7 @@ where
         Some(Outline { grid, regions, groups, laws, size })
     }
 
-    /// The model and its points; `None` if a fault prevents the checks that follow, on all ranks alike.
+    /// The model and its points; `None`, on all ranks alike, if a fault prevents further checks.
     fn build(&mut self, memory: Option<Memory>) -> Option<(Model<D>, Points<D>)> {
         let deck = self.deck;
         if deck.dimensions() != D {
@@ -168,7 +168,7 @@ where
         }
         self.body_numbers = deck.bodies.iter().enumerate().map(|(k, body)| (body.name.as_str(), k)).collect();
         let outline = self.outline();
-        // Files may be missing on the machine of one rank.
+        // Files may be missing on the machine of a single rank.
         if self.ranks.any(outline.is_none()) {
             return None;
         }
@@ -322,7 +322,7 @@ where
         self.body_numbers.get(name).copied().unwrap_or(0)
     }
 
-    /// The regions of all bodies, and the groups of cells that they consist of; `None` if any region cannot be
+    /// The regions of all bodies, and the groups of cells of which they consist; `None` if any region cannot be
     /// determined.
     fn regions(&mut self, grid: &dyn Grid<D>) -> Option<(Vec<Region<D>>, Groups)> {
         let (directory, source) = (self.loaded.directory.as_path(), &self.loaded.source);
@@ -356,7 +356,7 @@ where
         self.deck.bodies.iter().map(body).collect()
     }
 
-    /// F-bar changes nothing in triangles and tetrahedra, where gradients are constant.
+    /// Reports F-bar in triangles and tetrahedra, where it changes nothing because gradients are constant.
     fn centres(&mut self, grid: &dyn Grid<D>, points: &Points<D>) {
         for (number, body) in self.deck.bodies.iter().enumerate() {
             if body.volumetric != Volumetric::FBar || grid.structured().is_some() {
@@ -457,7 +457,7 @@ where
         }
     }
 
-    /// Reports how much the area (volume) of the points of a body differs from that of its region.
+    /// Reports how much the area (volume) of the points of a body differs from the area (volume) of its region.
     fn report_volume(&mut self, number: usize, deck: &super::BodyDeck, filled: &Filled<D>) {
         let Some(exact) = filled.exact.filter(|exact| exact.value > 0.0) else { return };
         let volume = self.ranks.total(filled.seeds.iter().map(|s| s.volume).sum());
@@ -484,7 +484,7 @@ where
 
     fn faulty_formulas(&mut self, pointer: &str, faults: Vec<formulas::Fault>) {
         for fault in faults {
-            let help = "see the reference for formulas".to_owned();
+            let help = "see the deck reference for what formulas may contain".to_owned();
             self.error("D021", &format!("{pointer}/{}", fault.key), fault.error.message, help);
         }
     }

@@ -70,8 +70,8 @@ pub struct Diagnostic {
     pub gate: Gate,
     /// The fault, as a fragment in lower case.
     pub message: String,
-    /// The values allowed there, for programs: a kind of value, a range, words, keys or names. For people, the message
-    /// or the help states them.
+    /// The values allowed at the location, for programs: a kind of value, a range, words, keys or names. For people,
+    /// the message or the help states them.
     pub expected: Option<String>,
     /// JSON pointer to the value concerned, such as `/bodies/0/shape/min`.
     pub pointer: Option<String>,
@@ -90,22 +90,22 @@ pub const CODES: &[(&str, &str)] = &[
     ("D001", "the file cannot be read as text"),
     ("D002", "the text is not YAML"),
     ("D003", "a key is given twice"),
-    ("D004", "a YAML feature that a deck does not use, or too much of one"),
+    ("D004", "a YAML feature that decks do not allow, or allow only up to a limit"),
     ("D005", "a number that is not finite"),
     ("D006", "unknown key"),
     ("D007", "missing key"),
     ("D008", "a value of the wrong type"),
     ("D009", "a number outside its range"),
-    ("D010", "unknown word where one of a list is expected"),
+    ("D010", "an unknown word where one from a list is expected"),
     ("D011", "a parameter that cannot be used"),
     ("D012", "an expression `${...}` that cannot be evaluated"),
     ("D013", "an override of a parameter that does not exist"),
-    ("D014", "a rule of domains for points without such domains"),
+    ("D014", "a domain setting that does not apply to the points"),
     ("D015", "a list with the wrong number of entries"),
-    ("D016", "a box without extent"),
+    ("D016", "a degenerate shape"),
     ("D017", "a name used twice"),
     ("D018", "a reference to something that does not exist"),
-    ("D019", "a selection of nodes that is not exactly one of the possible kinds"),
+    ("D019", "a node selection that is made in no way, or in more than one"),
     ("D020", "a boundary condition that prescribes nothing, or an axis twice"),
     ("D021", "a formula that cannot be understood"),
     ("D022", "a load curve that does not cover the analysis"),
@@ -113,8 +113,8 @@ pub const CODES: &[(&str, &str)] = &[
     ("D024", "gravity on a body without density"),
     ("D025", "bodies that overlap"),
     ("D026", "a name that cannot head a column"),
-    ("D027", "a grid that does not fit its cells, or is too fine"),
-    ("D028", "a body that does not fit the grid or its points"),
+    ("D027", "a grid whose size is not a whole number of cells, or that is too fine"),
+    ("D028", "a body that does not fit the grid or the spacing of its points"),
     ("D029", "a boundary condition that selects no node"),
     ("D030", "a selection of points that cannot be made"),
     ("D031", "a physical group that does not exist"),
@@ -125,37 +125,40 @@ pub const CODES: &[(&str, &str)] = &[
     ("D036", "an analysis that needs more memory than is available"),
     ("D037", "something in the deck that has no effect"),
     ("D038", "one point per cell"),
-    ("D039", "Poisson's ratio so near to 0.5 that the cells lock"),
+    ("D039", "a Poisson's ratio so close to 0.5 that the cells lock"),
     ("D040", "units that look mixed"),
     ("D041", "points far from the requested location"),
     ("D042", "boundary conditions that contradict each other"),
     ("D043", "a formula that has no finite value somewhere"),
     ("D044", "a domain update that does not suit the motion"),
     ("D045", "a tolerance that is loose, or out of reach"),
-    ("D046", "a body of revolution whose axis is free or inside the grid, or whose weight is not along it"),
+    (
+        "D046",
+        "a body of revolution whose axis is free or inside the grid, or whose weight is not along the axis",
+    ),
     ("D047", "a surface file that cannot be used, or looks wrong"),
-    ("D048", "something that exists in the plane or in space only"),
+    ("D048", "a feature that is available only in the plane or only in space"),
     ("D049", "a step control that does not fit the deck"),
     ("D050", "a surface that cannot be sampled"),
     ("D051", "an initial stress that a body cannot have"),
     ("D052", "an initial stress outside the yield surface"),
     ("D053", "stages that do not fit the deck, or each other"),
     ("D054", "grid lines that cannot follow a boundary condition"),
-    ("D055", "F-bar for a method or for cells without it"),
+    ("D055", "F-bar with a method or cells that do not support it"),
     ("D056", "plastic flow at constant volume in cells that lock"),
-    ("D057", "properties of a material that do not fit together"),
-    ("D058", "a property of a material out of its range at a point"),
+    ("D057", "material properties that do not fit together"),
+    ("D058", "a material property out of range at a point"),
     ("D059", "a material that needs an initial stress"),
-    ("D060", "softening that depends on the size of the cells"),
+    ("D060", "softening that depends on the cell size"),
     ("D061", "a library whose law cannot be used"),
-    ("D062", "parameters that do not fit the law of a library"),
-    ("D063", "a law of a library that lacks a property"),
-    ("D064", "a factor of safety that depends on the size of the cells"),
-    ("D065", "a reduction of strength without loads"),
-    ("D066", "a reduction of strength after another"),
+    ("D062", "parameters that do not fit a library law"),
+    ("D063", "a library law that lacks a property"),
+    ("D064", "a factor of safety that depends on the cell size"),
+    ("D065", "a strength reduction without loads"),
+    ("D066", "a strength reduction after another one"),
     ("D067", "a load on a side of a GIMP body of revolution"),
-    ("D068", "a tool that cannot move so"),
-    ("D069", "a part of a tool without surface"),
+    ("D068", "a tool that cannot move or be loaded as stated"),
+    ("D069", "a part of a tool that has no surface"),
     ("D070", "a tool that overlaps a body at the start"),
     ("D071", "a tool that leaves the grid"),
 ];
@@ -188,7 +191,7 @@ impl Diagnostic {
         diagnostic
     }
 
-    /// As [`Diagnostic::at`], but located at the key rather than at its value.
+    /// Like [`Diagnostic::at`], but located at the key rather than at its value.
     pub fn at_key(
         source: &Source,
         code: &'static str,
@@ -201,7 +204,7 @@ impl Diagnostic {
         diagnostic
     }
 
-    /// As [`Diagnostic::at`], but located at a part of a scalar: `length` bytes from byte `offset`.
+    /// Like [`Diagnostic::at`], but located at a part of a scalar: `length` bytes from byte `offset`.
     pub fn inside(
         source: &Source,
         code: &'static str,
@@ -221,7 +224,7 @@ impl Diagnostic {
         self
     }
 
-    /// Adds the values allowed there.
+    /// Adds the values allowed at the location.
     #[must_use]
     pub fn expected(mut self, expected: impl Into<String>) -> Diagnostic {
         self.expected = Some(expected.into());
@@ -339,7 +342,7 @@ pub fn render_all(source: &Source, diagnostics: &[Diagnostic], colour: bool) -> 
     text
 }
 
-/// Sorts messages by location and drops repetitions, which arise where several aliases refer to one value.
+/// Sorts messages by location and drops repetitions, which arise if several aliases refer to one value.
 pub fn sort(diagnostics: &mut Vec<Diagnostic>) {
     diagnostics.sort_by(|a, b| {
         let location = |d: &Diagnostic| d.span.map_or((0, 0), |span| (span.start, span.end));

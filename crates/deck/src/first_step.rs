@@ -47,7 +47,7 @@ pub fn first_step<const D: usize>(
     }
 }
 
-/// Keeps an error only on the rank whose point has the lowest number, so that the point reported does not depend on the
+/// Keeps an error only on the rank whose point has the lowest number, so that the reported point does not depend on the
 /// number of ranks.
 fn of_lowest_point(ranks: &Ranks, error: Option<LoadNotFinite>) -> Option<LoadNotFinite> {
     let own = error.as_ref().map_or(f64::INFINITY, |error| error.point.map_or(-1.0, f64::from));
@@ -168,14 +168,13 @@ impl Check<'_> {
         self.found.push(found.severity(Severity::Note).help(help));
     }
 
-    /// Warns of boundary conditions whose nodes are all fixed along an axis by other conditions already.
+    /// Warns of boundary conditions all of whose nodes other conditions already fix along an axis.
     fn held_already<const D: usize>(&mut self, model: &Model<D>) {
         for Covered { condition, axis, by } in covered(&model.boundary_conditions) {
             let name = |number: usize| model.boundary_conditions[number].name.as_str();
             let others = list(by.iter().map(|&number| name(number)));
             let message = format!(
-                "the boundary condition {} has no effect along {}: all of its nodes are already fixed by {others}, \
-                 where the reaction is reported",
+                "the boundary condition {} has no effect along {}: all of its nodes are already fixed by {others}",
                 quote(name(condition)),
                 AXES[axis]
             );
@@ -187,7 +186,7 @@ impl Check<'_> {
     }
 }
 
-/// The key, relative to a body force, of the formula with this text.
+/// The key of the formula with this text, relative to the load that contains it.
 fn key_of(load: &LoadDeck, formula: &str) -> Option<String> {
     let is_it = |expression: &Expression| matches!(expression, Expression::Formula(text) if text == formula);
     let found = load.expressions().into_iter().find(|(_, expression)| is_it(expression));

@@ -13,7 +13,7 @@ fn variables(dimensions: usize) -> Vec<&'static str> {
     [&["x", "y", "z"][..n], &["X", "Y", "Z"][..n], &["factor"]].concat()
 }
 
-/// Names of variables of formulas, which no parameter may have.
+/// Names of the variables of formulas; no parameter may have one of these names.
 pub const VARIABLES: [&str; 7] = ["x", "y", "z", "X", "Y", "Z", "factor"];
 
 /// A fault in a formula: the key under the load or boundary condition (`force/0`, `where/q`), the text, and the error.
@@ -67,8 +67,8 @@ fn text_of(expression: &Expression) -> String {
     }
 }
 
-/// The components of a vector, and the intermediate values that they use, as formulas of the same variables; a formula
-/// may also use the intermediate values before it.
+/// Intermediate values, and the components of a vector that may use them, as formulas of the same variables; each
+/// intermediate value may use the ones before it.
 type Parsed = (Vec<Formula>, Vec<Formula>);
 
 /// # Errors
@@ -99,9 +99,9 @@ fn parse_all<'a>(
     if faults.is_empty() { Ok((given, vector)) } else { Err(faults) }
 }
 
-/// A prescribed displacement of grid nodes other than by `fix`.
+/// A displacement that a boundary condition prescribes by a key other than `fix`.
 pub struct Displacement<'a> {
-    /// Its key, relative to the boundary condition.
+    /// Key of the displacement, relative to the boundary condition.
     pub key: &'static str,
     /// Index of the direction; the axis if the condition states no direction of its own.
     pub direction: usize,
@@ -109,9 +109,9 @@ pub struct Displacement<'a> {
     pub value: &'a Expression,
 }
 
-/// The displacements that a boundary condition prescribes along each axis or direction of its own, as formulas of the
-/// coordinates x, y, z of a grid node, the original position X, Y, Z of the material there, and `factor`; z and Z only
-/// in three dimensions.
+/// The displacements that a boundary condition prescribes along each axis, or along each direction that it states
+/// itself, as formulas of the coordinates x, y, z of a grid node, the original position X, Y, Z of the material there,
+/// and `factor`; z and Z only in three dimensions.
 ///
 /// # Errors
 /// As for [`at_points`].
@@ -167,7 +167,7 @@ pub fn at_places<const D: usize, const C: usize>(
 /// the time.
 ///
 /// # Errors
-/// Its fault, with an empty key.
+/// The fault of the formula, with an empty key.
 pub fn of_time(value: &Expression, parameters: &BTreeMap<String, Parameter>) -> Result<Formula, Fault> {
     let time = if parameters.contains_key("time") { "" } else { "time" };
     parse(value, &["factor", time], parameters).map_err(|error| Fault {
@@ -191,7 +191,7 @@ pub fn at_start(
     Ok(formulas)
 }
 
-/// The intermediate values in an order in which each needs only those before it.
+/// The intermediate values, ordered so that each uses only earlier ones.
 fn in_order<'a>(
     intermediate: &'a BTreeMap<String, Expression>,
     parameters: &BTreeMap<String, Parameter>,
@@ -240,7 +240,7 @@ fn in_order<'a>(
     while !waiting.is_empty() {
         let ready = |name: &&str| !needs(name).iter().any(|used| waiting.contains(used));
         let Some(place) = waiting.iter().position(ready) else {
-            // Values that depend on themselves are at fault; values that only need these fail as a consequence.
+            // Values that depend on themselves are at fault; values that only use such values fail as a consequence.
             for name in &waiting {
                 let mut reached: Vec<&str> = needs(name);
                 let mut next = 0;

@@ -53,16 +53,16 @@ pub(crate) trait Checks {
     );
 }
 
-/// Treatment of equally near points where fewer are requested.
+/// Treatment of points that are equally near if fewer of them are requested.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Ties {
     /// An error, since round-off would choose between them.
     Refused,
-    /// All of them are taken.
+    /// All of these points are taken.
     All,
 }
 
-/// The builder of a model. The builder reports what it finds at the location in the deck that `pointer` names.
+/// The builder of a model. It reports what it finds at the location in the deck that `pointer` names.
 pub(crate) trait Builds {
     /// The parameters of the deck.
     fn parameters(&self) -> &BTreeMap<String, Parameter>;

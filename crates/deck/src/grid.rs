@@ -17,7 +17,7 @@ pub enum GridDeck {
         /// Corner with the smallest coordinates, [length].
         #[schemars(with = "Vector", extend("examples" = [[0, 0]]))]
         origin: Vec<f64>,
-        /// Extent along each axis, [length]; a whole multiple of `spacing` where this is a number.
+        /// Extent along each axis, [length]; a whole multiple of `spacing` along an axis for which that is a number.
         #[schemars(with = "Lengths", extend("examples" = [[11, 10]]))]
         size: Vec<f64>,
         /// Sides of the cells, [length]; one number, or one entry per axis, each a number or a list of intervals for a
@@ -41,7 +41,7 @@ pub enum GridDeck {
 
 /// Grid lines that follow a boundary condition. At the start of each load step, they stand where the condition has
 /// moved them. The cells between two groups of such lines, and between a group and an end of the grid, stretch evenly.
-/// The ends of the grid stay in place unless they follow a condition, too.
+/// The ends of the grid stay in place unless they also follow a condition.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FollowDeck {
@@ -50,7 +50,7 @@ pub struct FollowDeck {
     /// Coordinate of the first line at the start, [length].
     #[schemars(extend("examples" = [4]))]
     pub from: f64,
-    /// Coordinate of the last line at the start, [length]; by default, that of the first line.
+    /// Coordinate of the last line at the start, [length]; by default `from`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = [5]))]
     pub to: Option<f64>,
@@ -117,7 +117,7 @@ fn equal_sizes() -> f64 {
 }
 
 impl SpacingDeck {
-    /// The entries for the axes: one for each of `dimensions` axes, or as many as the list has.
+    /// The entries for the axes: the same entry for each of `dimensions` axes, or the entries of the list.
     pub(crate) fn entries(&self, dimensions: usize) -> Vec<AxisSpacing> {
         match self {
             SpacingDeck::Same(spacing) => vec![AxisSpacing::Even(*spacing); dimensions],
@@ -127,7 +127,7 @@ impl SpacingDeck {
 }
 
 impl AxisSpacing {
-    /// Number of cells of an axis that is `size` long, [length]; not whole where the size is not a multiple of the
+    /// Number of cells of an axis that is `size` long, [length]; not a whole number if `size` is not a multiple of the
     /// spacing.
     pub(crate) fn cells(&self, size: f64) -> f64 {
         match self {

@@ -28,7 +28,7 @@ impl Check<'_> {
         (links, dofs): (&Connectivity<D>, &DofMap<D>),
         stage: Option<(usize, &Free)>,
     ) -> Free {
-        // Only the stiffness shows whether water around a body, or a tool that it touches, holds it.
+        // Only the stiffness shows whether surrounding water, or a tool that touches a body, holds the body.
         let touches =
             |body: &u16| model.tools.iter().any(|tool| tool.interface_with(*body as usize).is_some());
         let floats = |body: &u16| {
@@ -50,8 +50,8 @@ impl Check<'_> {
         parts.iter().map(key).collect()
     }
 
-    /// Reports bodies that are free from a later stage on, with the points at their original positions: only the run
-    /// can tell what happens where a prescribed motion carries them elsewhere.
+    /// Reports bodies that are free from a later stage on, judged with the points at their original positions: only the
+    /// run can tell what happens once a prescribed motion has carried the points elsewhere.
     pub(super) fn held_in_stages<const D: usize>(
         &mut self,
         model: &mut Model<D>,

@@ -22,7 +22,7 @@ pub enum InitialStressDeck {
     /// including the out-of-plane or circumferential one, are `k0` times the vertical stress. The weight is that of the
     /// loads of type `gravity`, with their factors at time 0.
     Geostatic {
-        /// Level of the surface of the ground, the coordinate along the last axis, [length].
+        /// Level of the ground surface, its coordinate along the last axis, [length].
         #[schemars(extend("examples" = [10]))]
         surface: f64,
         /// Coefficient of earth pressure at rest K₀: horizontal over vertical stress, [-].
@@ -35,7 +35,7 @@ pub enum InitialStressDeck {
     },
     /// Components of the Cauchy stress, tension positive.
     Components {
-        /// Components; those that are missing are 0.
+        /// Components; missing ones are 0.
         stress: StressDeck,
     },
 }
@@ -75,7 +75,7 @@ pub struct StressDeck {
 type ComponentFormula = ((usize, usize), Formula);
 
 impl InitialStressDeck {
-    /// True if it is zero everywhere. A geostatic stress, which carries weight, is not.
+    /// True if the stress is zero everywhere. A geostatic stress never is, because it carries weight.
     pub(crate) fn is_zero(&self) -> bool {
         match self {
             InitialStressDeck::Geostatic { .. } => false,
@@ -138,8 +138,8 @@ pub fn initial_factor(deck: &Deck, load: &LoadDeck) -> f64 {
     if is_stressed(deck) { curve_of(deck, load).factor(0.0) } else { 0.0 }
 }
 
-/// The load factor of a load over time, [-]: that of its curve; without one, constant for gravity on a body with
-/// initial stress, and otherwise a ramp from 0 to 1.
+/// The load factor of a load over time, [-]: its curve if it has one; otherwise constant for gravity on a body with
+/// initial stress, and a ramp from 0 to 1 for any other load.
 pub fn curve_of(deck: &Deck, load: &LoadDeck) -> LoadCurve {
     let end = deck.end_time();
     if holds_stress(deck, load) {

@@ -32,7 +32,7 @@ pub(super) struct OfLibrary<'a> {
 }
 
 impl OfLibrary<'_> {
-    /// Loads the library and makes the law.
+    /// Loads the library and creates the law.
     ///
     /// # Errors
     /// All faults of the library or, if it can be loaded, of the parameters.
@@ -159,7 +159,7 @@ fn remedy(error: &LibraryError) -> &'static str {
         LibraryError::NotFinite { .. } => "correct `mpm_law_history` in the source of the library",
         LibraryError::Arithmetic => "build the library without `-ffast-math` and `-Ofast`",
         LibraryError::Changed => {
-            "start the program, or the Python session, again; or give the new library another name"
+            "restart the program or the Python session, or give the new library another name"
         }
         _ => "correct the source of the library, and build it again",
     }
@@ -210,7 +210,8 @@ fn in_words(property: Property) -> (Severity, &'static str, &'static str) {
         Property::Response => (
             Note,
             "it has no response to some small strains",
-            "this may be intended, for example without stiffness in tension; steps in which it happens are cut",
+            "this may be intended, for example if the law has no stiffness in tension; steps in which it happens are \
+             cut",
         ),
         Property::Purity => (
             Warning,
@@ -224,7 +225,7 @@ fn in_words(property: Property) -> (Severity, &'static str, &'static str) {
         ),
         Property::Symmetry => (
             Warning,
-            "its tangent is not symmetric, although it states so",
+            "its tangent is not symmetric, although it is declared symmetric",
             "let `mpm_law_tangent_is_symmetric` return 0, or correct the tangent",
         ),
         Property::Isotropy => (
@@ -235,17 +236,17 @@ fn in_words(property: Property) -> (Severity, &'static str, &'static str) {
         Property::Inverse => (
             Warning,
             "`mpm_law_elastic_strain` is not the inverse of the elastic law",
-            "correct it: the stress of the returned strain is the given one",
+            "correct it: the law must return the given stress for the returned strain",
         ),
         Property::Admissibility => (
             Note,
-            "a second update from the returned elastic strain gives another stress",
-            "check the elastic strain and the history variables that it returns; return mappings that are not exact drift",
+            "a second update from the returned elastic strain gives a different stress",
+            "check the elastic strain and the history variables that the law returns; inexact return mappings drift",
         ),
         Property::Potential => (
             Note,
             "the energy is not the potential of the stress",
-            "add or correct `mpm_law_energy`; without it, the columns of energy are those of linear elasticity",
+            "add or correct `mpm_law_energy`; without it, the energy columns assume linear elasticity",
         ),
         _ => (
             Warning,

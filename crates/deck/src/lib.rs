@@ -160,7 +160,7 @@ pub struct Deck {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(length(max = 60_000))]
     pub tools: Vec<ToolDeck>,
-    /// Division of the loading into load steps; `stages` takes its place where the analysis consists of several stages.
+    /// Division of the loading into load steps; `stages` takes its place if the analysis consists of several stages.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub steps: Option<StepsDeck>,
     /// Stages of the analysis, one after the other, in place of `steps`.
@@ -201,8 +201,8 @@ impl From<Parameter> for Value {
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Analysis {
-    /// How the geometry represents the three-dimensional body; it sets the number of axes, and so of entries in every
-    /// vector of the deck.
+    /// How the geometry represents the three-dimensional body; this sets the number of axes, and thus the number of
+    /// entries in every vector of the deck.
     pub idealisation: Idealisation,
     /// Configuration in which equilibrium is formulated; both give the same results.
     pub formulation: Formulation,
@@ -300,9 +300,9 @@ pub struct BodyDeck {
     /// plastic flow at constant volume.
     #[serde(default, skip_serializing_if = "is_standard")]
     pub volumetric: Volumetric,
-    /// Length of the domain of a CPDI2 point, in cells of the grid [-], above which the point is split in two; without
-    /// this key, domains are not split. Material that flows along a tool or in a shear band stretches domains without
-    /// bound.
+    /// Length of the domain of a CPDI2 point, as a multiple of the cell size, [-], above which the point is split in
+    /// two; without this key, domains are not split. Material that flows along a tool or in a shear band stretches
+    /// domains without bound.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.25, max = 100.0), extend("examples" = [1]))]
     pub split_above: Option<f64>,
@@ -355,7 +355,7 @@ pub enum Expression {
 }
 
 impl Expression {
-    /// Its value, if it is a number.
+    /// The value of the expression, if it is a number.
     pub fn as_number(&self) -> Option<f64> {
         match self {
             Expression::Number(value) => Some(*value),
@@ -363,7 +363,7 @@ impl Expression {
         }
     }
 
-    /// True if it is zero everywhere.
+    /// True if the expression is zero everywhere.
     pub fn is_zero(&self) -> bool {
         match self {
             Expression::Number(value) => *value == 0.0,
@@ -386,7 +386,7 @@ fn yes() -> bool {
     true
 }
 
-/// Default of `max_iterations` with tools.
+/// Default of `max_iterations` if the deck has tools.
 const MOST_WITH_TOOLS: usize = 60;
 
 /// Control of the Newton iterations.
@@ -445,8 +445,8 @@ pub struct OutputDeck {
     /// files.
     #[schemars(range(max = 10_000_000))]
     pub every: u32,
-    /// Fields of the points in VTU files; all but `pressure_smoothed` by default. Every file also has the volume and
-    /// the numbers of point, body and material.
+    /// Fields of the points in VTU files; all but `pressure_smoothed` by default. Every file also contains the volume
+    /// of each point and the numbers of the point, its body and its material.
     pub fields: Vec<PointField>,
     /// Precision of floating-point numbers in VTU files; files of a failed step always have `double`.
     pub precision: Precision,

@@ -191,7 +191,7 @@ pub fn read(path: &Path) -> Result<Vec<u8>, Box<LoadFailure>> {
     })
 }
 
-/// Message about a file that cannot be read; the same on all systems for known causes.
+/// Message about a file that cannot be read; for known causes, it is the same on all systems.
 fn unreadable(path: &Path, error: &std::io::Error) -> Diagnostic {
     let fault = |what: &str| Diagnostic::error("D001", format!("the deck cannot be read: {what}"));
     match error.kind() {
@@ -285,7 +285,7 @@ pub fn load_text(
         let is_news =
             |d: &Diagnostic| d.pointer.as_ref().is_none_or(|at| !told.contains(&(at.clone(), d.code)));
         diagnostics.extend(validate::validate(deck, &source).into_iter().filter(is_news));
-        // In a deck with errors, warnings are mostly consequences of them.
+        // In a deck with errors, warnings are mostly consequences of the errors.
         if !diagnostics.iter().any(Diagnostic::is_error) {
             diagnostics.extend(validate::suspicions(deck, &source));
         }

@@ -14,7 +14,8 @@ use super::quoting::quote;
 use super::span::escape;
 use super::{Expression, Expressions, Vector, one, yes};
 
-/// Load factor over time as a table of [time, factor] pairs, linear in between; times increase and cover the analysis.
+/// Load factor over time as a table of [time, factor] pairs, linear in between. Times must increase and cover the
+/// analysis.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(transparent)]
 #[schemars(extend("examples" = [[[0, 0], [1, 1]]]))]
@@ -54,7 +55,7 @@ pub enum LoadDeck {
         /// Force per volume, [force/volume], or per mass, [length/time²], at load factor 1, one number or formula per
         /// axis. A formula may contain x, y (the position at the start of the step), X, Y (the original position), in
         /// space also z and Z, `factor` (the load factor), the parameters and the names under `where`. A formula that
-        /// contains `factor` gives the whole force; any other is multiplied by the load factor.
+        /// contains `factor` states the whole force; any other formula is multiplied by the load factor.
         #[schemars(with = "Expressions", extend("examples" = [["gamma*y", 0]]))]
         force: Vec<Expression>,
         /// Quantity to which `force` refers.
@@ -262,7 +263,7 @@ impl LoadDeck {
         }
     }
 
-    /// The action of the load in a model; `None` if the load has faults, which the builder then knows.
+    /// The action of the load in a model; `None` if the load has faults, which have then been reported to the builder.
     pub(crate) fn action<const D: usize>(
         &self,
         builder: &mut dyn Builds,

@@ -35,20 +35,20 @@ pub enum MaterialDeck {
         /// Poisson's ratio ν, [-].
         #[schemars(extend("exclusiveMinimum" = -1.0, "exclusiveMaximum" = 0.5, "examples" = [0.3]))]
         poisson: Expression,
-        /// Initial mass density ρ₀, [mass/volume]; needed where gravity acts.
+        /// Initial mass density ρ₀, [mass/volume]; needed if gravity or a force per mass acts.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(extend("minimum" = 0.0, "examples" = [2000]))]
         density: Option<Expression>,
     },
     /// Compressible neo-Hookean elasticity: W = μ/2 (tr b − 3) − μ ln J + λ/2 (ln J)², with λ and μ from E and ν.
     NeoHookean {
-        /// Young's modulus E of small strains, [stress].
+        /// Young's modulus E at small strains, [stress].
         #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [1e6]))]
         young: Expression,
-        /// Poisson's ratio ν of small strains, [-].
+        /// Poisson's ratio ν at small strains, [-].
         #[schemars(extend("exclusiveMinimum" = -1.0, "exclusiveMaximum" = 0.5, "examples" = [0.3]))]
         poisson: Expression,
-        /// Initial mass density ρ₀, [mass/volume]; needed where gravity acts.
+        /// Initial mass density ρ₀, [mass/volume]; needed if gravity or a force per mass acts.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(extend("minimum" = 0.0, "examples" = [2000]))]
         density: Option<Expression>,
@@ -67,11 +67,11 @@ pub enum MaterialDeck {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [20e3]))]
         deviatoric_yield_stress: Option<Expression>,
-        /// Yield stress in a tension test σ_y, [stress]: ρ_y = √(2/3) σ_y.
+        /// Yield stress σ_y in a tension test, [stress]: ρ_y = √(2/3) σ_y.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [250e6]))]
         yield_stress: Option<Expression>,
-        /// Undrained shear strength in plane strain s_u, [stress]: ρ_y = √2 s_u. In triaxial compression, (σ₁ − σ₃)/2
+        /// Undrained shear strength s_u in plane strain, [stress]: ρ_y = √2 s_u. In triaxial compression, (σ₁ − σ₃)/2
         /// then reaches only √3/2 s_u.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [20e3]))]
@@ -81,7 +81,7 @@ pub enum MaterialDeck {
         #[serde(default = "zero")]
         #[schemars(extend("minimum" = 0.0))]
         hardening_modulus: Expression,
-        /// Initial mass density ρ₀, [mass/volume]; needed where gravity acts.
+        /// Initial mass density ρ₀, [mass/volume]; needed if gravity or a force per mass acts.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(extend("minimum" = 0.0, "examples" = [2000]))]
         density: Option<Expression>,
@@ -103,7 +103,7 @@ pub enum MaterialDeck {
         /// Loss of strength with plastic strain; without this key, the strength stays constant.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         softening: Option<CohesionSofteningDeck>,
-        /// Initial mass density ρ₀, [mass/volume]; needed where gravity acts.
+        /// Initial mass density ρ₀, [mass/volume]; needed if gravity or a force per mass acts.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(extend("minimum" = 0.0, "examples" = [1800]))]
         density: Option<Expression>,
@@ -138,7 +138,7 @@ pub enum MaterialDeck {
         /// Loss of strength with plastic strain; without this key, the strength stays constant.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         softening: Option<FrictionSofteningDeck>,
-        /// Initial mass density ρ₀, [mass/volume]; needed where gravity acts.
+        /// Initial mass density ρ₀, [mass/volume]; needed if gravity or a force per mass acts.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(extend("minimum" = 0.0, "examples" = [1800]))]
         density: Option<Expression>,
@@ -168,7 +168,7 @@ pub enum MaterialDeck {
         /// Stress measure that the strength limits.
         #[serde(default = "cauchy")]
         strength: StrengthMeasure,
-        /// Initial mass density ρ₀, [mass/volume]; needed where gravity acts.
+        /// Initial mass density ρ₀, [mass/volume]; needed if gravity or a force per mass acts.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(extend("minimum" = 0.0, "examples" = [1800]))]
         density: Option<Expression>,
@@ -193,16 +193,16 @@ pub enum MaterialDeck {
         #[serde(default = "zero")]
         #[schemars(extend("minimum" = 0.0, "examples" = [0]))]
         shear_modulus_ratio: Expression,
-        /// Overconsolidation ratio of the initial stress, [-]: the preconsolidation pressure P_c divided by that of the
-        /// yield ellipse through the initial stress.
+        /// Overconsolidation ratio of the initial stress, [-]: the preconsolidation pressure P_c divided by the value
+        /// of P_c for which the yield ellipse passes through the initial stress.
         #[serde(default = "unity")]
         #[schemars(extend("minimum" = 1.0, "examples" = [1.5]))]
         overconsolidation_ratio: Expression,
-        /// Pressure P₀ at which the elastic strain is zero, [stress]; stresses depend on it only through the initial
+        /// Pressure P₀ at which the elastic strain is zero, [stress]; it affects stresses only through the initial
         /// stresses. It also sets the scale of stabilisations, so choose a pressure that is typical of the body.
         #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [100e3]))]
         reference_pressure: Expression,
-        /// Initial mass density ρ₀, [mass/volume]; needed where gravity acts.
+        /// Initial mass density ρ₀, [mass/volume]; needed if gravity or a force per mass acts.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(extend("minimum" = 0.0, "examples" = [1800]))]
         density: Option<Expression>,
@@ -213,11 +213,11 @@ pub enum MaterialDeck {
         /// Path of the library, relative to the deck.
         #[schemars(extend("examples" = ["./law.so"]))]
         file: String,
-        /// Values of the parameters of the law, by the names that the library gives them, in the units that it states.
+        /// Values of the parameters of the law, with the names and in the units that the library states.
         #[serde(default)]
         #[schemars(extend("examples" = [{"young": 12e6, "poisson": 0.3}]))]
         parameters: BTreeMap<String, f64>,
-        /// Initial mass density ρ₀, [mass/volume]; needed where gravity acts.
+        /// Initial mass density ρ₀, [mass/volume]; needed if gravity or a force per mass acts.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(extend("minimum" = 0.0, "examples" = [2000]))]
         density: Option<Expression>,
@@ -322,7 +322,7 @@ impl MaterialDeck {
         }
     }
 
-    /// True unless the dilation angle differs from the friction angle at the peak or after softening. Where it differs,
+    /// True unless the dilation angle differs from the friction angle at the peak or after softening. If it differs,
     /// factors of safety depend on the cell size.
     pub fn is_associated(&self) -> bool {
         match self {

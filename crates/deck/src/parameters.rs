@@ -15,8 +15,8 @@ use mpm_core::formula::{self, Formula, FormulaError, closest};
 
 /// Largest number of parameters of a deck; this also limits the depth of dependencies between them.
 const MOST: usize = 500;
-/// Largest number of bytes that expressions may add to one string: parameters that contain each other several times
-/// would grow without bound.
+/// Largest number of bytes that expressions may add to one string. Without a limit, parameters that contain each other
+/// several times would grow without bound.
 const MOST_IN_TEXT: usize = 10_000;
 /// Largest number of bytes that expressions may add to all strings of a deck.
 const MOST_IN_ALL: usize = 16 << 20;
@@ -136,7 +136,10 @@ impl Table<'_> {
                 "choose another name",
             ))
         } else if formula::is_reserved(name) {
-            Some((format!("the name {} has a meaning in formulas", quote(name)), "choose another name"))
+            Some((
+                format!("the name {} already has a meaning in formulas", quote(name)),
+                "choose another name",
+            ))
         } else {
             None
         };
@@ -307,7 +310,8 @@ impl Table<'_> {
         }
     }
 
-    /// Evaluates the expressions in a string: a number or a word if the string is a single expression, otherwise text.
+    /// Evaluates the expressions in a string. The result is a number or a word if the string is a single expression,
+    /// otherwise text.
     fn expand(&mut self, text: &str, in_formula: bool) -> Result<(Parameter, BTreeSet<String>), Fault> {
         let mut overrides = BTreeSet::new();
         let mut expanded = String::new();

@@ -58,7 +58,7 @@ pub struct Plan {
     pub memory: f64,
     /// Time of an evaluation of all points, [s].
     pub evaluation: f64,
-    /// Time of a solution of the equations, [s]; `None` where they are factorised.
+    /// Time of a solution of the equations, [s]; `None` if they are factorised.
     pub solution: Option<f64>,
     /// Number of nodes that a rank shares with others, relative to the number of its own nodes.
     pub shared: f64,
@@ -75,7 +75,7 @@ impl Plan {
         let size = if ranks > 1 { size.on_several_ranks() } else { size };
         let (n, d) = (ranks as f64, dimensions as f64);
         let constants = Constants::measured(dimensions, size.is_wide);
-        // The nodes of a cube, and the two layers around it that it shares.
+        // The rank's own nodes form a cube, and it shares two layers of nodes with other ranks.
         let own = size.unknowns / d / n;
         let side = own.powf(1.0 / d).max(1.0);
         let shared = if ranks == 1 { 0.0 } else { ((side + 2.0) / side).powf(d) - 1.0 };

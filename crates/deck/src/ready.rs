@@ -63,7 +63,7 @@ pub struct Prepared {
     pub extent: Extent,
 }
 
-/// As [`ready`], with all messages about the deck in one list. With `deny_warnings`, warnings are errors.
+/// Like [`ready`], with all messages about the deck in one list. With `deny_warnings`, warnings are errors.
 ///
 /// # Errors
 /// All messages, if one of them is an error.
@@ -75,10 +75,10 @@ pub fn prepare(
     prepare_on(&Ranks::default(), loaded, memory, deny_warnings)
 }
 
-/// As [`prepare`] and [`ready_on`].
+/// Like [`prepare`], but divided between ranks as by [`ready_on`].
 ///
 /// # Errors
-/// As [`prepare`], on all ranks.
+/// As for [`prepare`], on all ranks.
 pub fn prepare_on(
     ranks: &Ranks,
     mut loaded: LoadedDeck,
@@ -108,7 +108,7 @@ pub fn prepare_on(
     }
 }
 
-/// Builds the model of a deck and checks its first load step. An analysis that does not fit into `memory` is refused.
+/// Builds the model of a deck and checks its first load step. An analysis that does not fit in `memory` is refused.
 ///
 /// # Errors
 /// All faults that prevent the first load step from being solved, with warnings and notes.
@@ -116,11 +116,11 @@ pub fn ready(loaded: &LoadedDeck, memory: Option<Memory>) -> Result<Ready, Vec<D
     ready_on(&Ranks::default(), loaded, memory)
 }
 
-/// As [`ready`], but divided between ranks: each creates a share of the points and receives the points in its part of
+/// Like [`ready`], but divided between ranks: each creates a share of the points and receives the points in its part of
 /// the grid. All ranks must call this with the same deck; all get the same messages.
 ///
 /// # Errors
-/// As [`ready`], on all ranks.
+/// As for [`ready`], on all ranks.
 pub fn ready_on(
     ranks: &Ranks,
     loaded: &LoadedDeck,
@@ -194,7 +194,7 @@ impl Analysis {
     /// Runs the analysis from `reached`; the points must be in the state of that step.
     ///
     /// # Errors
-    /// As [`solver::run`].
+    /// As for [`solver::run`].
     pub fn run<O: Observer<2> + Observer<3>>(
         &mut self,
         reached: Reached,

@@ -27,7 +27,7 @@ const SECTIONS: &[(&str, &str)] = &[
     ("`grid`", "GridDeck"),
     ("`spacing` of a graded grid, each interval", "IntervalDeck"),
     ("`follow`, each group of lines", "FollowDeck"),
-    ("`materials`, each by its name", "MaterialDeck"),
+    ("`materials`, each under its name", "MaterialDeck"),
     ("`softening` of Tresca's material", "CohesionSofteningDeck"),
     ("`softening` of the Mohr-Coulomb material", "FrictionSofteningDeck"),
     ("`bodies`, each", "BodyDeck"),

@@ -29,7 +29,7 @@ pub enum Shape {
         #[schemars(with = "Vector", extend("examples" = [[10, 10]]))]
         max: Vec<f64>,
     },
-    /// A polygon in the plane that does not cross itself; its corners may be in either sense.
+    /// A polygon in the plane that does not cross itself, with its corners in clockwise or counter-clockwise order.
     Polygon {
         /// Corners in order, [length].
         #[schemars(with = "Vec<Pair>", length(min = 3), extend("examples" = [[[0, 0], [2, 0], [0, 1]]]))]
@@ -148,7 +148,7 @@ pub enum Shape {
     },
     /// A rotated region.
     Rotate {
-        /// Angle, [degree]: counter-clockwise in the plane, by the right-hand rule about the axis in space.
+        /// Angle, [degree]: counter-clockwise in the plane; in space, about the axis according to the right-hand rule.
         #[schemars(extend("examples" = [30]))]
         angle: f64,
         /// Fixed point of the rotation, [length].
@@ -195,7 +195,7 @@ impl Shape {
         }
     }
 
-    /// The number of dimensions it needs; `None` if it exists in the plane and in space.
+    /// The number of dimensions that the shape needs; `None` if it exists in the plane and in space.
     pub(super) fn dimensions(&self) -> Option<usize> {
         match self {
             Shape::Polygon { .. } | Shape::Circle { .. } | Shape::Annulus { .. } => Some(2),
@@ -208,7 +208,7 @@ impl Shape {
         }
     }
 
-    /// The regions it is made of, each with its key.
+    /// The regions of which the shape consists, each with its key.
     pub(super) fn parts(&self) -> Vec<(String, &Shape)> {
         let all = |key: &str, parts: &'_ [Shape]| -> Vec<String> {
             (0..parts.len()).map(|k| format!("{key}/{k}")).collect()
@@ -226,12 +226,12 @@ impl Shape {
         }
     }
 
-    /// True if the predicate holds for it or for any region it is made of.
+    /// True if the predicate holds for the shape or for any region of which it consists.
     pub(super) fn any(&self, is_such: &dyn Fn(&Shape) -> bool) -> bool {
         is_such(self) || self.parts().into_iter().any(|(_, part)| part.any(is_such))
     }
 
-    /// Paths of all surface files it is made of.
+    /// Paths of all surface files that the shape uses.
     pub(super) fn files(&self) -> Vec<&str> {
         match self {
             Shape::Stl { file } => vec![file],
@@ -240,11 +240,11 @@ impl Shape {
     }
 }
 
-/// A region of a deck that cannot be built.
+/// Reason why a region of a deck cannot be built.
 pub(super) enum Refusal {
     /// The numbers at this JSON pointer do not enclose a region.
     Numbers(String, ShapeError),
-    /// Something it is made of is unknown, or has already been reported.
+    /// A part of the region is unknown, or its fault has already been reported.
     Unknown,
 }
 
@@ -258,7 +258,7 @@ pub(super) trait Given<const D: usize> {
 
 /// Regions that exist in the plane only, or in space only.
 pub(super) trait OfDeck<const D: usize>: Sized + ToolOfDeck<D> {
-    /// Builds a region that exists in this number of dimensions only; `None` for other shapes.
+    /// Builds a region of a shape that exists only in this number of dimensions; `None` for other shapes.
     fn own(shape: &Shape, place: &str, given: &mut dyn Given<D>) -> Result<Option<Self>, Refusal>;
 
     /// A rotation about a location.

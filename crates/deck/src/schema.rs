@@ -21,7 +21,7 @@ pub fn deck_schema() -> Value {
     for definition in
         schema.get_mut("definitions").and_then(Value::as_object_mut).into_iter().flat_map(Map::values_mut)
     {
-        // A definition that is not a mapping is described by its key.
+        // A definition other than a mapping needs no description: the key that uses it has one.
         if let Some(definition) = definition.as_object_mut()
             && definition.get("type").is_none_or(|kind| kind != "object")
         {
@@ -63,7 +63,7 @@ fn describe(schema: &mut Value) {
 
 fn describe_key(property: &mut Value) {
     let range = range_in_words(property).or_else(|| range_in_words(resolve(property).pointer("/anyOf/0")?));
-    // The defaults of mappings are those of their keys.
+    // The keys of a mapping state their own defaults.
     let default = property.get("default").filter(|default| default.is_number() || default.is_string());
     let default = default.map(|default| default.as_str().map_or_else(|| shortest(default), str::to_owned));
     let Some(Value::String(description)) = property.get_mut("description") else { return };

@@ -20,11 +20,11 @@ use mpm_core::region::{Accuracy, FilledCell, Region, Volume, brick_parts, contai
 /// Relative distance to a grid line within which a side of a box counts as on the line.
 const ON_LINE: f64 = 1e-6;
 
-/// Subdivision along each axis of a cut cell in the plane, to measure the share that lies in a region.
+/// Number of divisions of a cut cell along each axis in the plane, to measure the share of the cell in a region.
 const FINE: usize = 32;
 /// The same in space.
 const FINE_IN_SPACE: usize = 10;
-/// Subdivision along each axis to find out if a cell is cut.
+/// Number of divisions of a cell along each axis, to find out whether the cell is cut.
 const PROBED: usize = 8;
 
 /// Largest number of points of a body that a rank creates.
@@ -46,7 +46,7 @@ type Parts<'a, const D: usize> = Box<dyn Iterator<Item = Seed<D>> + 'a>;
 pub(super) struct Filled<const D: usize> {
     /// The points that this rank creates; the shares of the ranks follow one another.
     pub(super) seeds: Vec<Seed<D>>,
-    /// Number of points that the lower ranks create, and that all ranks create.
+    /// Number of points that ranks below this one create, and number of points that all ranks create.
     pub(super) before: usize,
     pub(super) all: usize,
     /// Volume (area) of the region, if it is known.

@@ -75,7 +75,7 @@ fn validator() -> Option<&'static Validator> {
 struct Gate<'a> {
     source: &'a Source,
     found: Vec<Diagnostic>,
-    /// Values already reported: a value of the wrong type is not also reported as out of range.
+    /// Values already reported, so that a value of the wrong type is not reported again as out of range.
     judged: HashSet<String>,
     /// Keys that a misspelt key was probably meant to be.
     meant: HashSet<String>,
@@ -183,7 +183,7 @@ impl Gate<'_> {
             self.unknown.push(UnknownKey { parent: pointer.to_owned(), key: key.clone(), meant });
             diagnostic.help = Some(match best {
                 None if key.bytes().all(|b| b.is_ascii_digit()) => {
-                    format!("a comma separates entries, it does not group digits; the keys here are {keys}")
+                    format!("a comma separates entries and does not group digits; the keys here are {keys}")
                 }
                 Some(best) => {
                     self.meant.insert(format!("{pointer}/{best}"));
@@ -200,7 +200,7 @@ impl Gate<'_> {
         if self.meant.contains(&format!("{pointer}/{key}")) {
             return;
         }
-        // Without its tag no variant applies, so unknown keys cannot be reported, except one that resembles the tag.
+        // Without its tag no variant applies, so no unknown key can be reported except one that resembles the tag.
         if let Some(written) = misspelt_tag(error, key) {
             let at = format!("{pointer}/{}", escape(written));
             let message = format!("unknown key {}", quote(written));

@@ -17,13 +17,13 @@ use mpm_files::fields::PointField;
 const PROGRAM: f64 = 24e6;
 /// Memory per grid node, [byte].
 const PER_NODE: f64 = 10.0;
-/// Memory per unknown of the stiffness and the preconditioner of an iterative solution, [byte]. First in the plane
-/// (counted), then in space (measured); in each, for points that reach only the nodes of their cell, and for domains
-/// that reach beyond it.
+/// Memory per unknown of the stiffness and the preconditioner of an iterative solution, [byte]: first in the plane
+/// (counted), then in space (measured). Each pair is for points that reach only the nodes of their cell, and for
+/// domains that reach beyond it.
 const ITERATIVE: [[f64; 2]; 2] = [[450.0, 850.0], [1200.0, 4500.0]];
 
 /// Memory of an iterative solution on a mesh, on several ranks, relative to that on a structured grid: the algebraic
-/// multigrid has a second matrix and coarser ones. Measured for 24³ hexahedra: 3.6.
+/// multigrid stores a second matrix and the coarser matrices. Measured for 24³ hexahedra: 3.6.
 const ALGEBRAIC: f64 = 4.0;
 /// Memory per point for the order of points, and for their volumes and numbers in files, [byte].
 const MAKING: f64 = 50.0;
@@ -156,7 +156,8 @@ impl Size {
         }
     }
 
-    /// The same with the memory of the parts that the ranks on this machine have. All ranks must call this together.
+    /// The size, with memory counted only for the parts that the ranks on this machine hold. All ranks must call this
+    /// together.
     pub(super) fn of_part(self, ranks: &Ranks) -> Size {
         if ranks.is_alone() {
             return self;
@@ -170,7 +171,7 @@ impl Size {
         size
     }
 
-    /// The same where several ranks solve the equations.
+    /// The size if several ranks solve the equations.
     pub(super) fn on_several_ranks(mut self) -> Size {
         if let Some(memory) = self.memory_of_algebraic {
             (self.is_iterative, self.memory_of_stiffness) = (true, memory);
@@ -258,7 +259,7 @@ fn count(n: f64) -> String {
     if n < 1e4 { format!("{n:.0}") } else { format!("{n:.1e}") }
 }
 
-/// Mean volume (area) of the cells in the bounds of a region; of all cells, unless the grid is graded.
+/// Mean volume (area) of the cells in the bounds of a region if the grid is graded, otherwise of all cells.
 fn cell_volume<const D: usize>(grid: &dyn Grid<D>, region: &Region<D>, whole: f64) -> f64 {
     let mean = whole / grid.n_cells().max(1) as f64;
     let Some(grid) = grid.structured().filter(|grid| !grid.is_even()) else { return mean };
@@ -290,7 +291,7 @@ fn density<const D: usize>(body: &BodyDeck, deck: &Deck, of_cell: f64) -> f64 {
     f64::max(in_box, f64::from(in_simplex.unwrap_or(0))) / of_cell
 }
 
-/// Volume (area) of a region, roughly; that of its bounds where groups of cells meet other regions.
+/// Approximate volume (area) of a region; the volume of its bounds where groups of cells meet other regions.
 fn volume_of<const D: usize>(region: &Region<D>) -> f64 {
     let [low, high] = region.bounds();
     let around = (0..D).map(|d| (high[d] - low[d]).max(0.0)).product();
@@ -338,7 +339,7 @@ steps: {count: 1}
         assert_eq!(size("{type: cells}", "points_per_cell: 2").points, 3200.0);
     }
 
-    /// The estimate for a body on a graded grid counts the cells where the body lies.
+    /// The estimate for a body on a graded grid counts the cells in which the body lies.
     #[test]
     fn sizes_on_a_graded_grid_are_those_of_the_cells_at_hand() {
         let spacing = "spacing: [[{to: 2, cells: 20}, {to: 20, cells: 6, ratio: 1.5}], 0.5]";

@@ -108,7 +108,7 @@ impl Source {
     pub fn span_inside(&self, pointer: &str, scalar: &str, offset: usize, length: usize) -> Option<Span> {
         let place = self.span_of(pointer)?;
         let start = place.start + self.text.get(place.start..place.end)?.find(scalar)? + offset;
-        // The end of a text has no byte to mark; its last character is marked instead.
+        // The end of the scalar has no byte to mark; its last character is marked instead.
         let (start, length) = if length == 0 && offset == scalar.len() && offset > 0 {
             let last = scalar.chars().next_back().map_or(1, char::len_utf8);
             (start - last, last)
@@ -181,7 +181,7 @@ impl Source {
         !self.poisoned.is_empty()
     }
 
-    /// The line in which a span starts; the mark is cut at the end of the line.
+    /// The line on which a span starts, with a mark under the span that is cut off at the end of the line.
     pub(super) fn excerpt(&self, span: Span) -> Excerpt<'_> {
         let start = floor_boundary(&self.text, span.start);
         let line_start = self.text[..start].rfind('\n').map_or(0, |newline| newline + 1);

@@ -16,7 +16,7 @@ use super::{ControlDeck, Deck, SolverDeck, StepsDeck};
 pub struct StageDeck {
     /// Name, unique among the stages.
     pub name: String,
-    /// Its load steps; `end_time` is the duration of the stage; a control reaches `to` or `length` within the stage.
+    /// Load steps of the stage; `end_time` is its duration, and a control reaches `to` or `length` within the stage.
     pub steps: StepsDeck,
     /// Factors that loads and boundary conditions reach at the end of the stage, by name. They change linearly from
     /// their values at the start of the stage (0 before the first stage). All other factors stay constant, unless there
@@ -103,7 +103,7 @@ impl Deck {
         self.bodies.iter().map(|body| &body.material).chain(in_stages).map(String::as_str).collect()
     }
 
-    /// Names of the materials of bodies whose flow is non-associated, if the deck reduces the strength.
+    /// Names of the materials in use whose flow is non-associated, if the deck reduces the strength.
     pub fn nonassociated_with_reduced_strength(&self) -> Vec<&str> {
         let used = self.used_materials();
         let found = self.materials.iter().filter(|(name, material)| {
@@ -117,8 +117,8 @@ impl Deck {
         self.courses().iter().map(|(_, steps)| steps.count as usize).sum()
     }
 
-    /// True if a body exists, or a boundary condition acts, before the first stage: whichever of `begins` and `ends`
-    /// names it first decides.
+    /// True if a body exists, or a boundary condition acts, before the first stage. This depends on whether `begins` or
+    /// `ends` names it first.
     pub(crate) fn is_there_at_start(
         &self,
         name: &str,

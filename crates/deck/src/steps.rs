@@ -61,12 +61,12 @@ pub enum ControlDeck {
     },
     /// Arc-length control: the length of the path of all displacements grows in proportion to time; the common factor
     /// of all loads follows from equilibrium and may decrease. Without `length`, the load factor of the first step
-    /// equals its share of the end time, and the path length of the first step sets that of all others.
+    /// equals its share of the end time, and all other steps have the path length of the first step.
     ArcLength {
         /// Length of the path at the end of the analysis, [length]: the sum over the steps of √(Σ V |Δu|² / V₀) over
         /// the nodes. V is the volume assigned to a node at the start of the step, V₀ the original volume of all
         /// points, and Δu the displacement of the node in the step, less the displacement due to the out-of-balance
-        /// forces that the reset of the grid leaves. For a rigid translation by u the length is |u|.
+        /// forces that resetting the grid leaves. For a rigid translation by u the length is |u|.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [0.5]))]
         length: Option<f64>,
@@ -82,7 +82,7 @@ pub enum ControlDeck {
         /// Factor at which the search ends, [-].
         #[schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 1000.0, "examples" = [3]))]
         to: f64,
-        /// Largest distance between the factors with and without equilibrium, [-].
+        /// Largest accepted difference between the factors with and without equilibrium, [-].
         #[serde(default = "half_percent")]
         #[schemars(range(min = 1e-6, max = 1.0))]
         tolerance: f64,

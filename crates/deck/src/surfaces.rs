@@ -34,15 +34,14 @@ pub struct PartDeck {
     /// Samples whose centres lie in this half-space, its plane included.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub half_space: Option<HalfSpaceDeck>,
-    /// Number of a side of the shape, from 0: of a polygon, side i runs from corner i to the next; of a box in the
-    /// plane, bottom, right, top, left; of a box in space, lowest and highest x, y, z; of an annulus, outer (0) and
-    /// inner (1) boundary; of a cylinder or cone, lateral surface (0), start (1), end (2); of an extruded polygon, its
-    /// sides, then its lower and upper ends.
+    /// Number of a side of the shape, from 0. Polygon: side i runs from corner i to the next. Box in the plane: bottom,
+    /// right, top, left. Box in space: lowest and highest x, y, z. Annulus: outer (0) and inner (1) boundary. Cylinder
+    /// or cone: lateral surface (0), start (1), end (2). Extruded polygon: its sides, then its lower and upper ends.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = [2]))]
     pub edge: Option<u32>,
-    /// Name of a physical group of a gmsh grid: selects, on the boundary of a body of shape `cells`, the cell sides whose
-    /// nodes all belong to the group.
+    /// Name of a physical group of a gmsh grid: selects, on the boundary of a body of shape `cells`, the cell sides
+    /// whose nodes all belong to the group.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = ["crest"]))]
     pub group: Option<String>,

@@ -27,20 +27,20 @@ pub struct ToolDeck {
     #[schemars(extend("examples" = [30, [0, 0, 30]]))]
     pub turned: Option<Turn>,
     /// Displacement of the reference point along x at load factor 1, [length]: a number, or a formula of `factor` (the
-    /// load factor), `time` and the parameters. A formula that contains `factor` or `time` gives the whole
-    /// displacement; any other is multiplied by the load factor. 0 by default.
+    /// load factor), `time` and the parameters. A formula that contains `factor` or `time` states the whole
+    /// displacement; any other formula is multiplied by the load factor. 0 by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = [0.1, "0.1 * sin(2 * pi * time)"]))]
     pub ux: Option<Expression>,
-    /// Displacement along y: a number or a formula, as `ux`.
+    /// Displacement along y: a number or a formula, as for `ux`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = [-0.5]))]
     pub uy: Option<Expression>,
-    /// Displacement along z: a number or a formula, as `ux`; in space only.
+    /// Displacement along z: a number or a formula, as for `ux`; in space only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = [-0.5]))]
     pub uz: Option<Expression>,
-    /// Rotation about the reference point at load factor 1, [degree]: in the plane, one number or formula, as `ux`,
+    /// Rotation about the reference point at load factor 1, [degree]: in the plane, one number or formula, as for `ux`,
     /// counter-clockwise; in space, a list of the three components of the rotation vector.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = [90, [0, 0, "360 * time"]]))]
@@ -79,15 +79,15 @@ pub struct ToolDeck {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("minimum" = 0.0, "examples" = [1e3]))]
     pub tension_cut_off: Option<f64>,
-    /// Names of the bodies that it touches; all bodies by default.
+    /// Names of the bodies that the tool touches; all bodies by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = [["clay"]]))]
     pub bodies: Option<Vec<String>>,
-    /// Interfaces with individual bodies, where they differ from that of the tool.
+    /// Interfaces with individual bodies, if they differ from the interface that the tool states.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub contacts: Vec<ContactDeck>,
-    /// Named parts of its surface, such as the tip and the shaft of a pile. The force and the moment on each of them
-    /// are columns of `history.csv`. Parts may overlap.
+    /// Named parts of the surface of the tool, such as the tip and the shaft of a pile. The force and the moment on
+    /// each part are columns of `history.csv`. Parts may overlap.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     #[schemars(extend("examples" = [{"tip": {"edges": [0, 1]}}]))]
     pub parts: BTreeMap<String, ToolPartDeck>,
@@ -97,8 +97,8 @@ pub struct ToolDeck {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1e-3, max = 1e6), extend("examples" = [10]))]
     pub penalty: Option<f64>,
-    /// Largest mean overlap of a body and the tool around a node in a step in equilibrium, relative to the size of a
-    /// cell, [-]; by default 1e-6. Where more corners touch than the nodes have degrees of freedom, up to 1e-4 is
+    /// Largest mean overlap of a body and the tool around a node that a converged step may have, relative to the cell
+    /// size, [-]; by default 1e-6. Where more corners touch than the nodes have degrees of freedom, up to 1e-4 is
     /// accepted, and up to 1e-3 at a single corner.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1e-12, max = 0.1), extend("examples" = [1e-6]))]
@@ -136,8 +136,8 @@ pub enum ToolShape {
         #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [0.5]))]
         radius: f64,
     },
-    /// A polygon in the plane that does not cross itself; its corners may be in either sense. In axisymmetry, give the
-    /// half of the section at x ≥ 0, or a section that is symmetric about the axis.
+    /// A polygon in the plane that does not cross itself, with its corners in clockwise or counter-clockwise order. In
+    /// axisymmetry, give the half of the section at x ≥ 0, or a section that is symmetric about the axis.
     Polygon {
         /// Corners in order, [length].
         #[schemars(with = "Vec<Pair>", length(min = 3), extend("examples" = [[[0, 4], [0.2, 4.4], [0.2, 9], [0, 9]]]))]
@@ -218,7 +218,7 @@ pub enum ToolShape {
         /// itself.
         #[schemars(length(min = 1), extend("examples" = ["anchor.stl"]))]
         file: String,
-        /// Factor of the coordinates of the file, [-]; 1 by default.
+        /// Factor by which the coordinates in the file are multiplied, [-]; 1 by default.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [0.001]))]
         scale: Option<f64>,
@@ -290,14 +290,14 @@ pub struct ToolLoadDeck {
     pub curve: Option<LoadCurve>,
 }
 
-/// A part of the surface of a tool: what lies on its edges and inside its box.
+/// A part of the surface of a tool: the portion that lies on the sides `edges` and inside the box `box`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ToolPartDeck {
-    /// Numbers of sides of the shape, from 0: of a polygon, of a polyline (both faces) or of the section of a body of
-    /// revolution, side i runs from corner i to the next; of a box in the plane, bottom, right, top, left; of a box in
-    /// space, lowest and highest x, y, z; of a cylinder or cone, lateral surface (0), start (1), end (2); of an
-    /// extruded polygon, its sides, then its lower and upper ends. All sides by default.
+    /// Numbers of sides of the shape, from 0; all sides by default. Polygon, polyline (both faces) or section of a body
+    /// of revolution: side i runs from corner i to the next. Box in the plane: bottom, right, top, left. Box in space:
+    /// lowest and highest x, y, z. Cylinder or cone: lateral surface (0), start (1), end (2). Extruded polygon: its
+    /// sides, then its lower and upper ends.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(length(min = 1), extend("examples" = [[0, 1]]))]
     pub edges: Option<Vec<u32>>,
@@ -363,7 +363,7 @@ impl ToolShape {
         }
     }
 
-    /// The number of dimensions it needs; `None` if it exists in the plane and in space.
+    /// The number of dimensions that the shape needs; `None` if it exists in the plane and in space.
     pub(crate) fn dimensions(&self) -> Option<usize> {
         match self {
             ToolShape::HalfSpace { .. } | ToolShape::Box { .. } => None,
@@ -372,7 +372,7 @@ impl ToolShape {
         }
     }
 
-    /// Number of its sides that decks can refer to by number; `None` if there are none.
+    /// The number of sides that decks can refer to by number; `None` if there are none.
     pub(crate) fn edges(&self) -> Option<usize> {
         match self {
             ToolShape::Box { min, .. } => Some(2 * min.len()),
@@ -388,8 +388,8 @@ impl ToolShape {
         }
     }
 
-    /// True if it cannot be the section of a body of revolution about x = 0: it lies neither beside the axis nor
-    /// symmetrically about it.
+    /// True if the shape cannot be the section of a body of revolution about x = 0: it lies neither on one side of the
+    /// axis nor symmetrically about it.
     pub(crate) fn is_lopsided(&self) -> bool {
         match self {
             ToolShape::Box { min, max } => {
@@ -406,7 +406,7 @@ impl ToolShape {
         }
     }
 
-    /// Path of its file, if it has one.
+    /// Path of the file of the shape, if it has one.
     pub(crate) fn file(&self) -> Option<&str> {
         match self {
             ToolShape::Stl { file, .. } => Some(file),
@@ -414,7 +414,7 @@ impl ToolShape {
         }
     }
 
-    /// The vectors among its keys.
+    /// The vectors among the keys of the shape.
     pub(crate) fn vectors(&self) -> Vec<(&'static str, &[f64])> {
         match self {
             ToolShape::HalfSpace { point, normal } => vec![("point", point), ("normal", normal)],
@@ -432,14 +432,14 @@ impl ToolShape {
 }
 
 impl ToolDeck {
-    /// True if it moves as prescribed or bears a load.
+    /// True if the tool moves as prescribed or bears a load.
     pub(crate) fn acts(&self) -> bool {
         self.weight.is_some()
             || !self.loads.is_empty()
             || self.motion().iter().any(|(_, _, value)| !value.is_zero())
     }
 
-    /// True if it is free along an axis, or a motion along it is prescribed.
+    /// True if the tool is free along an axis, or a motion along this axis is prescribed.
     pub(crate) fn may_move_along(&self, axis: usize) -> bool {
         let is_along = |component: FreeDeck| component as usize == axis;
         let mut motion = self.motion().into_iter();
@@ -456,7 +456,7 @@ impl ToolDeck {
         named.chain(of_loads)
     }
 
-    /// The prescribed components of its motion, each with its key: the displacements, then the rotation vector.
+    /// The prescribed components of the motion, each with its key: the displacements, then the rotation vector.
     pub(crate) fn motion(&self) -> Vec<(String, FreeDeck, Expression)> {
         use FreeDeck::{Rotation, Rx, Ry, Rz, X, Y, Z};
         let along = [("ux", X, &self.ux), ("uy", Y, &self.uy), ("uz", Z, &self.uz)];
@@ -492,7 +492,7 @@ impl FreeDeck {
         ["x", "y", "z", "rotation", "rx", "ry", "rz"][self as usize]
     }
 
-    /// True if it exists in this number of dimensions.
+    /// True if the component exists in this number of dimensions.
     pub(crate) fn exists(self, dimensions: usize) -> bool {
         match self {
             FreeDeck::X | FreeDeck::Y => true,

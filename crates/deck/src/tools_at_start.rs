@@ -10,7 +10,7 @@ use super::diagnostic::Severity;
 use super::first_step::Check;
 use super::quoting::quote;
 
-/// Number of times at which prescribed motions are followed.
+/// Number of instants at which prescribed motions are evaluated.
 const TIMES: usize = 100;
 
 impl Check<'_> {
@@ -54,8 +54,8 @@ impl Check<'_> {
         self.found.push(found.help(help));
     }
 
-    /// Warns of a tool that is wholly outside the grid after it has been inside, judged by its bounding boxes at a
-    /// number of times.
+    /// Warns of a tool that is wholly outside the grid after it has been inside, judged by its bounding boxes at
+    /// several instants.
     fn leaves_grid<const D: usize>(
         &mut self,
         model: &Model<D>,
@@ -77,7 +77,8 @@ impl Check<'_> {
         self.found.push(found.help("check the sign and the size of its motion, or make the grid larger"));
     }
 
-    /// Notes a tool that comes near no body, judged by its bounding boxes: perhaps a body will reach it later.
+    /// Adds a note, not a warning, about a tool that comes near no body, judged by its bounding boxes: a body may reach
+    /// it later.
     fn comes_near_no_body<const D: usize>(
         &mut self,
         model: &Model<D>,
@@ -93,18 +94,20 @@ impl Check<'_> {
         let size = model.grid.size(model.grid.nearest_cell(&tool.pose.position()) as usize);
         if nearest > size && nearest.is_finite() {
             let message = format!(
-                "the motion of the tool {} brings it no nearer than about {} to the bodies, as they stand at the start",
+                "the motion of the tool {} never brings it closer than about {} to the initial positions of the bodies",
                 quote(&tool.name),
                 rounded_up(nearest)
             );
             let found = self.at("D037", &format!("/tools/{number}"), message).severity(Severity::Note);
-            let help = "check its place and its motion; a tool that a body will reach later needs no change";
+            let help =
+                "check its position and its motion; a tool that a body will reach later needs no change";
             self.found.push(found.help(help));
         }
     }
 }
 
-/// The box around the points of a body; `None` if it has none at the start. All ranks must call this together.
+/// The box around the points of a body; `None` if the body has no points at the start. All ranks must call this
+/// together.
 fn box_around<const D: usize>(points: &Points<D>, body: usize) -> Option<Bounds<D>> {
     let of_body = (0..points.len()).filter(|p| points.body[*p] as usize == body);
     let [low, high] = of_body.map(|p| points.converged.position[p]).fold(

@@ -1,7 +1,7 @@
 //! Gate two, meaning: the deck must make sense, as far as this can be checked without the mesh.
 //!
-//! It covers references by name, combinations of keys, geometry, formulas and curves. Ranges of single numbers are part
-//! of the schema. All faults are reported at once.
+//! The gate covers references by name, combinations of keys, geometry, formulas and curves. Ranges of single numbers
+//! are part of the schema. All faults are reported at once.
 
 mod extent;
 mod follow;
@@ -33,8 +33,8 @@ use super::references::unknown_reference;
 use super::source::Source;
 use super::{BodyDeck, Deck, Method, OutputDeck, Volumetric};
 
-/// Checks the meaning of a deck. The source gives the locations for messages, and the values that come from parameters;
-/// use [`Source::without_text`] for a deck that was not read from a file.
+/// Checks the meaning of a deck. The source provides the locations for messages, and states which values come from
+/// parameters; use [`Source::without_text`] for a deck that was not read from a file.
 pub fn validate(deck: &Deck, source: &Source) -> Vec<Diagnostic> {
     let mut check = Check { deck, source, found: Vec::new() };
     let grid = check.grid();
@@ -180,7 +180,7 @@ impl Check<'_> {
         self.overlaps(boxes);
     }
 
-    /// Only boxes have lengths to update.
+    /// Only domains that are boxes have lengths to update.
     fn domain_update(&mut self, pointer: &str, body: &BodyDeck) {
         let Some(update) = body.domain_update else { return };
         if body.method == Method::Gimp {
@@ -230,7 +230,7 @@ impl Check<'_> {
         if body.volumetric == Volumetric::FBar && !body.method.has_centres() {
             let method = body.method.name();
             let message =
-                format!("`f-bar` is made for methods `mpm` and `gimp`; the method here is `{method}`");
+                format!("`f-bar` works only with methods `mpm` and `gimp`; the method here is `{method}`");
             let help = "use `mean-dilatation`, which every method supports";
             self.error("D055", &format!("{pointer}/volumetric"), message, help);
         }

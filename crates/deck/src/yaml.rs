@@ -396,12 +396,12 @@ fn bytes(data: &Data) -> usize {
 
 fn copies_fault(span: Span) -> Diagnostic {
     fault("D004", span, format!("aliases copy more than {MAX_COPIED} values"))
-        .help("use fewer aliases of aliases, or write out what differs")
+        .help("use fewer aliases of aliases, or write out the values that differ")
 }
 
 fn nesting_fault(span: Span) -> Diagnostic {
     fault("D004", span, format!("the deck is nested more than {MAX_DEPTH} levels deep"))
-        .help("close the brackets before this place, or put regions side by side in one `union`")
+        .help("close the brackets before this point, or put regions side by side in one `union`")
 }
 
 fn key_fault(span: Span) -> Diagnostic {

@@ -1,13 +1,14 @@
 //! Checkpoints: everything a run needs to resume, bit for bit, from a step in equilibrium.
 //!
 //! A file consists of a line with the format version, blocks of compressed bytes, and a checksum of both (`blocks`).
-//! The bytes hold a JSON text with the deck and the summary of the run so far, and the arrays of the points. Data that
-//! follow from the deck alone, such as masses, are computed again. A file is written under a temporary name and then
-//! renamed, and the previous checkpoint stays until the next is complete, so that a complete one exists at all times.
+//! The bytes hold JSON text with the deck and the summary of the run so far, followed by the arrays of the points. Data
+//! that follow from the deck alone, such as masses, are computed again. A file is written under a temporary name and
+//! then renamed, and the previous checkpoint stays until the next is complete, so that a complete checkpoint exists at
+//! all times.
 //!
-//! With several ranks, each writes its points to a piece, a file of the same format. The main file of the checkpoint
-//! then states the sizes of the pieces in place of the arrays, and is written last. Any number of ranks can read it
-//! (`rows`).
+//! With several ranks, each rank writes its points to a piece, a file of the same format. The main file of the
+//! checkpoint then states the sizes of the pieces in place of the arrays, and is written last. Any number of ranks can
+//! read the checkpoint (`rows`).
 
 mod blocks;
 mod names;
@@ -93,8 +94,8 @@ pub struct Checkpoint {
     paths: Vec<SolutionPath>,
 }
 
-/// Writes the checkpoint of a step in equilibrium and removes those that are no longer needed. All ranks must call it
-/// together.
+/// Writes the checkpoint of a step in equilibrium and removes checkpoints that are no longer needed. All ranks must
+/// call this together.
 ///
 /// # Errors
 /// A file-system error; earlier checkpoints are then kept.
@@ -162,8 +163,8 @@ pub fn last_step(directory: &Path) -> Option<usize> {
     find(directory).ok()?.first().copied()
 }
 
-/// The last readable checkpoint in a directory, and the unreadable ones after it. All ranks must call it together; each
-/// reads its share of the pieces.
+/// The last readable checkpoint in a directory, and the unreadable ones after it. All ranks must call this together;
+/// each reads its share of the pieces.
 ///
 /// # Errors
 /// A file-system error; `NotFound` if there is no checkpoint.
@@ -192,7 +193,7 @@ pub fn latest(directory: &Path, ranks: &Ranks) -> io::Result<(Option<Checkpoint>
 /// Reads a file, with all its pieces.
 ///
 /// # Errors
-/// The reason why it cannot be used.
+/// The reason why the file cannot be used.
 pub fn read(path: &Path) -> Result<Checkpoint, String> {
     let alone = Ranks::default();
     read_on(&alone, path).map(|checkpoint| checkpoint.with_joined_path(&alone))
@@ -219,7 +220,7 @@ fn read_on(ranks: &Ranks, path: &Path) -> Result<Checkpoint, String> {
 /// The head of a piece, and the bytes of its arrays.
 ///
 /// # Errors
-/// The reason why it cannot be used.
+/// The reason why the piece cannot be used.
 fn read_piece(checkpoint: &Checkpoint, number: usize) -> Result<(Head, Vec<u8>), String> {
     let step = checkpoint.step().index;
     let directory = checkpoint.path.parent().unwrap_or(Path::new(""));
@@ -259,8 +260,8 @@ impl Checkpoint {
         self
     }
 
-    /// Restores the points of a newly built model to the state and the order of the checkpoint. Several ranks must do
-    /// so together; the points are then divided between them anew.
+    /// Restores the points of a newly built model to the state and the order of the checkpoint. Several ranks must call
+    /// this together; the points are then divided between them anew.
     ///
     /// # Errors
     /// If the points differ, or if no run of this model can have written the checkpoint; all ranks then return an

@@ -10,17 +10,17 @@ use super::{checkpoint, failed, lock, series, status, vtu};
 /// Names of the series.
 pub(super) const SERIES: [&str; 6] = ["points", "domains", "grid", "surfaces", "tools", "contacts"];
 
-/// The file of a series that shows a step.
+/// Name of the file of a series that shows a step.
 pub(super) fn file_name(series: &str, step: usize) -> String {
     format!("{series}_{step:04}.vtu")
 }
 
-/// The file of a series that a rank writes for a step if several ranks write.
+/// Name of the file of a series that a rank writes for a step if several ranks write.
 pub(super) fn piece_name(series: &str, step: usize, rank: usize) -> String {
     format!("{series}_{step:04}_r{rank}.vtu")
 }
 
-/// The file that lists the pieces of a step.
+/// Name of the file that lists the pieces of a step.
 pub(super) fn list_name(series: &str, step: usize) -> String {
     format!("{series}_{step:04}.pvtu")
 }
@@ -30,7 +30,7 @@ pub(super) fn step_of_file(name: &str) -> Option<usize> {
     number_in(name)?.rsplit_once('_')?.1.parse().ok()
 }
 
-/// The name of a file of a series up to its step number.
+/// The part of the name of a series file up to and including the step number.
 fn number_in(name: &str) -> Option<&str> {
     if let Some(list) = name.strip_suffix(".pvtu") {
         return Some(list);
@@ -77,7 +77,7 @@ fn remove(directory: &Path, is_old: impl Fn(&str) -> bool) -> io::Result<()> {
         let path = entry?.path();
         let Some(name) = path.file_name().and_then(|name| name.to_str()) else { continue };
         let is_half = name.strip_suffix(TEMPORARY).is_some_and(|name| Kind::of(name).is_some());
-        // A directory with such a name, or a file that no run wrote, stays.
+        // A directory of this name, or a file that no run wrote, stays.
         if (is_old(name) || is_half) && is_ours(&path, name) {
             std::fs::remove_file(&path)?;
         }
@@ -157,8 +157,8 @@ impl Kind {
 /// Bytes of a file that are read to identify it; files about a run as a whole are read completely.
 const FIRST: u64 = 2048;
 
-/// True if a file with the name of a result is one, judged by its content; also true if the file is empty or contains
-/// only zeros, as after a power loss.
+/// True if a file with the name of a result file is one, judged by its content. Also true if the file is empty or
+/// contains only zeros, as after a power loss.
 fn is_ours(path: &Path, name: &str) -> bool {
     let half = name.strip_suffix(TEMPORARY);
     let Some(kind) = Kind::of(half.unwrap_or(name)) else { return false };

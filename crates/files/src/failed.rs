@@ -1,5 +1,5 @@
 //! The last iterate of a step without equilibrium, for ParaView. No series lists these files. With several ranks, each
-//! writes its pieces of them.
+//! rank writes its pieces of the files.
 
 use std::io;
 use std::path::Path;
@@ -16,7 +16,7 @@ use super::vtu::{self, CellKind, Field, Kinds, Mesh, Pieces};
 /// File names without extension: the points, and the grid.
 const FILES: [&str; 2] = ["failed_points", "failed_grid"];
 
-/// True if this is the name of one of the files, of the list of its pieces or of a piece.
+/// True if this is the name of one of the files, of the list of its pieces or of one of its pieces.
 pub(super) fn is_name(name: &str) -> bool {
     FILES.iter().filter_map(|file| name.strip_prefix(file)).any(|rest| {
         let rank = rest.strip_prefix("_r").and_then(|rest| rest.strip_suffix(".vtu"));
@@ -26,7 +26,7 @@ pub(super) fn is_name(name: &str) -> bool {
 }
 
 /// Writes both files into a directory; writes nothing if the iterations have not begun or are not finite. All ranks
-/// must call it together.
+/// must call this together.
 ///
 /// # Errors
 /// A file-system error.

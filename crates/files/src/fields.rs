@@ -277,7 +277,7 @@ impl<const D: usize> Of<'_, D> {
     /// Positions.
     ///
     /// # Errors
-    /// A message about a non-finite number; likewise for the methods below.
+    /// A message about a non-finite number; the same holds for the methods below.
     pub fn positions(&self) -> Result<Arc<Encoded>, String> {
         let place = |of: Of<D>, tuples: Range<usize>, out: &mut [f64]| {
             fill(out, of.order[tuples].iter().map(|&p| padded(&of.points.converged.position[p])));
@@ -399,7 +399,7 @@ pub struct GridMesh {
 }
 
 /// The active part of the grid in a load step; with several ranks, each shows only some of the cells that it shares
-/// with others. All ranks must call it together.
+/// with others. All ranks must call this together.
 pub fn grid_mesh<const D: usize>(model: &Model<D>, links: &Connectivity<D>) -> GridMesh {
     let is_alone = links.halo().ranks().is_alone();
     let cells: Cow<[u32]> =

@@ -34,7 +34,7 @@ pub struct ForceBalance {
 /// The moment of a reaction, [`mpm_core::solver::ReactionMoment`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Moment {
-    /// The point about which it is taken, [length]; `None` if the condition acts on no active node.
+    /// The position about which the moment is taken, [length]; `None` if the condition acts on no active node.
     pub about: Option<Vec<f64>>,
     /// Moment about each axis of rotation, [force·length].
     pub moment: Vec<f64>,
@@ -48,7 +48,7 @@ impl Moment {
 }
 
 impl ForceBalance {
-    /// The balance of a step in equilibrium. All ranks must call it together.
+    /// The balance of a step in equilibrium. All ranks must call this together.
     pub fn new<const D: usize>(model: &Model<D>, report: &StepReport<D>) -> ForceBalance {
         let names = model.boundary_conditions.iter().map(|condition| condition.name.clone());
         let reactions = names.zip(report.reactions.iter().map(|r| r.to_vec())).collect();
@@ -81,8 +81,8 @@ impl ForceBalance {
         }
     }
 
-    /// Sum of loads and reactions along each axis along which forces balance, [force]: the residual of the iterations,
-    /// and forces lost where basis functions do not add up to 1.
+    /// Sum of loads and reactions along each axis, [force]; `None` for an axis along which forces do not balance. The
+    /// sum consists of the residual of the iterations, and of forces lost where basis functions do not add up to 1.
     pub fn difference(&self) -> Vec<Option<f64>> {
         let reactions = |axis: usize| self.reactions.iter().map(|(_, r)| r[axis]).sum::<f64>();
         let further = |axis: usize| self.further.iter().map(|(_, f)| f[axis]).sum::<f64>();
@@ -130,7 +130,7 @@ pub struct Extremes {
     pub displacement: Extreme,
     /// Largest von Mises stress √(3/2) |dev σ|, [stress].
     pub von_mises_stress: Extreme,
-    /// Smallest pressure −tr σ/3, that is the largest mean tension, [stress].
+    /// Smallest pressure −tr σ/3, that is, the largest mean tension, [stress].
     pub lowest_pressure: Extreme,
     /// Largest pressure, [stress].
     pub highest_pressure: Extreme,
@@ -173,7 +173,7 @@ impl Extremes {
     }
 }
 
-/// Largest error of each balance and its step; `None` if no step has one.
+/// Largest error of each balance and the step in which it occurs; `None` if no step has such an error.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Errors {
     /// Error in the energy balance, [`Summary::energy_error`], in magnitude, [-].

@@ -1,5 +1,5 @@
 //! The encoded VTU files of a step: the points, their domains, the active part of the grid and the surfaces, each a
-//! file of a series. With several ranks, each makes pieces of the first three.
+//! file of a series. With several ranks, each rank creates its pieces of the first three.
 
 use std::io;
 use std::mem::take;
@@ -31,7 +31,7 @@ pub(super) struct Frame {
     pub step: Step,
     /// The file.
     pub file: File,
-    /// True if it is a piece of the mesh that the series shows.
+    /// True if the file is a piece of the mesh that the series shows.
     pub is_piece: bool,
 }
 
@@ -44,7 +44,7 @@ impl Frame {
         }
     }
 
-    /// The frame of a mesh of which each rank has a piece.
+    /// The frame of a mesh that is divided into pieces, one for each rank.
     fn of_ranks(series: usize, step: Step, file: Result<File, String>, ranks: &Ranks) -> io::Result<Frame> {
         let frame = Frame::new(series, step, file)?;
         if ranks.is_alone() {
@@ -79,7 +79,7 @@ pub(super) struct List {
     pub pieces: Pieces,
 }
 
-/// Makes the frames of a run.
+/// Creates the frames of a run.
 pub(super) struct Frames {
     fields: Vec<PointField>,
     precision: Precision,
@@ -87,7 +87,8 @@ pub(super) struct Frames {
     /// Reused memory for the order and the volumes of the points.
     order: Vec<usize>,
     volumes: Vec<[f64; 2]>,
-    /// Parts that are the same in all frames of the points, and likewise for the domains; set by the first frame.
+    /// Parts that are the same in all frames of the points, and parts that are the same in all frames of the domains;
+    /// set by the first frame.
     steady: [Option<Steady>; 2],
     /// Stage and number of points of the last frame: a stage may add and remove bodies, and points may be split.
     shown: (usize, usize),
@@ -105,7 +106,7 @@ struct Steady {
 }
 
 impl Steady {
-    /// Returns the stored parts, or makes them for cells of these kinds that share no points.
+    /// Returns the stored parts, or creates them for cells of these kinds that share no points.
     fn once<const D: usize>(
         kept: &mut Option<Steady>,
         of: Of<D>,
@@ -166,7 +167,7 @@ impl Frames {
         frames
     }
 
-    /// As [`Frames::of_points`], for points in this order, with these J and volumes.
+    /// Like [`Frames::of_points`], for points in this order, with these J and volumes.
     fn of_ordered_points<const D: usize>(
         &mut self,
         (model, points): (&Model<D>, &Points<D>),
@@ -247,10 +248,10 @@ impl Frames {
         File::new(step.end, step.index as i64, of.corners(&domains)?, steady.cells, Vec::new(), fields)
     }
 
-    /// Frame of the active part of the grid, with these fields on its nodes. All ranks must call it together.
+    /// Frame of the active part of the grid, with these fields on its nodes. All ranks must call this together.
     ///
     /// # Errors
-    /// As [`Frames::of_points`].
+    /// As for [`Frames::of_points`].
     pub fn of_grid<const D: usize>(
         &mut self,
         model: &Model<D>,
@@ -266,7 +267,7 @@ impl Frames {
     /// Frame of all surfaces, with one point per sample; none without surfaces.
     ///
     /// # Errors
-    /// As [`Frames::of_points`].
+    /// As for [`Frames::of_points`].
     pub fn of_surfaces<const D: usize>(
         &mut self,
         surfaces: &[SurfaceFields<D>],
@@ -281,7 +282,7 @@ impl Frames {
     /// Frames of the surfaces of all tools and of the contact points on them; none without tools.
     ///
     /// # Errors
-    /// As [`Frames::of_points`].
+    /// As for [`Frames::of_points`].
     pub fn of_tools<const D: usize>(
         &mut self,
         model: &Model<D>,

@@ -74,7 +74,7 @@ pub fn columns_of_history<const D: usize>(model: &Model<D>) -> Vec<String> {
     columns
 }
 
-/// The row of `history.csv` of a step in equilibrium. All ranks must call it together.
+/// The row of `history.csv` of a step in equilibrium. All ranks must call this together.
 pub fn row_of_history<const D: usize>(
     model: &Model<D>,
     points: &Points<D>,

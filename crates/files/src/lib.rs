@@ -30,7 +30,7 @@ mod writer;
 
 use std::io;
 
-/// Codes and titles of the errors in using a results directory.
+/// Codes and titles of the errors that the use of a results directory can cause.
 pub const CODES: &[(&str, &str)] =
     &[("R001", "a directory that cannot take results"), ("R002", "a run that cannot be resumed")];
 

@@ -1,4 +1,4 @@
-//! The record of a run in memory: what its tables and its summary hold, without files.
+//! The record of a run in memory: the content of its tables and its summary, without files.
 
 use std::io;
 

@@ -11,7 +11,7 @@ pub(crate) const TEMPORARY: &str = ".tmp";
 /// Writes a file through `fill` under the temporary name `<name>.tmp` beside it, then renames it to `path`.
 ///
 /// The old file, if any, stays untouched until then. On failure the temporary file is removed. Errors, which name the
-/// file: those of `fill`; file-system errors; `InvalidInput` if `path` does not name a file.
+/// file: errors of `fill`; file-system errors; `InvalidInput` if `path` does not name a file.
 pub fn replace_file(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
     let name =
         path.file_name().ok_or_else(|| super::invalid(format!("{} does not name a file", path.display())))?;
@@ -26,7 +26,7 @@ pub fn replace_file(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result
         fs::rename(&temporary, path)
     });
     if written.is_err() {
-        // The first error is the one worth reporting.
+        // The first error matters most.
         let _ = fs::remove_file(&temporary);
     }
     written.map_err(|error| io::Error::new(error.kind(), format!("`{}`: {error}", path.display())))

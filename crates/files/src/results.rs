@@ -1,5 +1,5 @@
-//! The results directory of a run: VTU series, tables and summary. With several ranks, the first writes the tables, the
-//! lists of files and the summary, and each writes its pieces of the meshes.
+//! The results directory of a run: VTU series, tables and summary. With several ranks, the first rank writes the
+//! tables, the lists of files and the summary, and each rank writes its pieces of the meshes.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -81,7 +81,7 @@ pub struct Results {
     checkpointed: usize,
     /// Number of points of all ranks, once the run has ended.
     points: usize,
-    /// Ends the run when set; `None` if something else watches for a stop.
+    /// Ends the run when set; `None` if something else watches for a request to stop.
     stop: Option<Arc<AtomicBool>>,
     /// Held by the first rank until the end of the run.
     _lock: Option<Lock>,
@@ -124,8 +124,8 @@ impl Results {
         })
     }
 
-    /// The results as a rank other than the first sees them, for a run that begins at the start, or at a checkpoint
-    /// whose step has the number `reached` in this run. Touches no file yet.
+    /// The results of a rank other than the first, for a run that begins at the start, or at a checkpoint whose step
+    /// has the number `reached` in this run. Touches no file.
     pub fn of_rank<const D: usize>(
         directory: &Path,
         asked: &Request,
@@ -184,7 +184,7 @@ impl Results {
         }
         if let Some(series) = series_without_list(directory)? {
             let what =
-                format!("`{series}.pvd` is missing, without which the files of the series have no times");
+                format!("`{series}.pvd`, which states the times of the files of the series, is missing");
             return Err(io::Error::new(io::ErrorKind::InvalidData, what));
         }
         let [history, quality, convergence] = [history.reopen()?, quality.reopen()?, convergence.reopen()?];
@@ -209,7 +209,7 @@ impl Results {
     }
 
     /// Writes a checkpoint of the last step in equilibrium, if there is none yet. Later failed attempts are not part of
-    /// it: a resumed run repeats them. All ranks must call it together.
+    /// it: a resumed run repeats them. All ranks must call this together.
     fn write_checkpoint<const D: usize>(&mut self, points: &Points<D>) -> io::Result<()> {
         // Earlier results must be complete first, because a resumed run does not write them again.
         let settled = self.settle();
@@ -228,7 +228,7 @@ impl Results {
         Ok(())
     }
 
-    /// The same results, for a run in which nothing else watches `stop`: the run ends when it is set.
+    /// The same results, for a run in which nothing else watches `stop`: the run ends when `stop` is set.
     pub fn stopped_by(self, stop: Arc<AtomicBool>) -> Results {
         Results { stop: Some(stop), ..self }
     }
@@ -270,7 +270,7 @@ impl Results {
         self.every > 0
     }
 
-    /// Begins to write the frames of a step; several ranks finish it together.
+    /// Begins to write the frames of a step; if there are several ranks, they finish writing together.
     fn show(&mut self, step: Step, frames: io::Result<Vec<Frame>>, ranks: &Ranks) -> io::Result<()> {
         if ranks.is_alone() {
             self.settle()?;

@@ -33,7 +33,7 @@ impl Series {
     /// Reopens a series with the entries of its file up to a time, [time], whose data files `is_kept` accepts; the
     /// series is empty if there is no file.
     ///
-    /// Errors: those of [`read`]; file-system errors.
+    /// Errors: as for [`read`]; file-system errors.
     pub fn reopen(
         path: impl Into<PathBuf>,
         until: f64,

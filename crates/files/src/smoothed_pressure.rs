@@ -1,8 +1,8 @@
 //! Pressures smoothed over the grid, for pictures; the analysis never uses them.
 //!
 //! Point pressures alternate where cells lock, and from cell to cell where a cell has a single volume ratio. Their
-//! nodal means over the points of one body, p_v = Σ S_vp V_p p_p / Σ S_vp V_p, do not; each point then takes Σ S_vp
-//! p_v. S_vp is the linear basis of the grid at the current position, for all methods.
+//! nodal means over the points of one body, p_v = Σ S_vp V_p p_p / Σ S_vp V_p, do not alternate; each point then takes
+//! Σ S_vp p_v. S_vp is the linear basis of the grid at the current position, for all methods.
 
 use std::collections::HashMap;
 
@@ -15,9 +15,9 @@ use super::fields::pressure;
 /// A node of the grid with the body that it carries.
 type NodeOfBody = (u16, u32);
 
-/// Pressures of some points, each smoothed over those of the points that belong to its body, [stress]. Constant
-/// pressures are reproduced; all values lie between the pressures of the surrounding points. `volumes` has J and the
-/// current volume of each of these points, [-] and [volume]. All ranks must call it together.
+/// Pressures of the points in `order`, smoothed over points of the same body, [stress]. Constant pressures are
+/// reproduced; all values lie between the pressures of the surrounding points. `volumes` holds J and the current volume
+/// of each of these points, [-] and [volume]. All ranks must call this together.
 pub fn smoothed_pressures<const D: usize>(
     model: &Model<D>,
     points: &Points<D>,

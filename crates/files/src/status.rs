@@ -30,15 +30,15 @@ const RECENT: usize = 10;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum State {
-    /// It is running.
+    /// The run is in progress.
     Running,
     /// All steps are in equilibrium.
     Completed,
-    /// It ended with an error.
+    /// The run ended with an error.
     Failed,
-    /// The user stopped it.
+    /// The user stopped the run.
     Interrupted,
-    /// Its process ended unexpectedly.
+    /// The process of the run ended unexpectedly.
     Died,
 }
 
@@ -60,7 +60,7 @@ impl State {
 pub struct Status {
     /// State of the run; `died` is never written, but inferred by [`read`].
     pub state: State,
-    /// Reason of the failure.
+    /// Reason for the failure.
     pub reason: Option<String>,
     /// Title of the deck.
     pub title: String,
@@ -78,7 +78,7 @@ pub struct Status {
     pub steps_requested: usize,
     /// The current step, or the last one.
     pub step: usize,
-    /// The last evaluation in this step; 0 is the one before the first solve.
+    /// The last evaluation in this step; 0 is the evaluation before the first solve.
     pub iteration: usize,
     /// Relative out-of-balance force, eq. (40), of that evaluation, [-]; `None` if it is not finite.
     pub residual: Option<f64>,
@@ -136,7 +136,7 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// Progress of a run about to begin; its times are measured from `start`.
+    /// Progress of a run that is about to begin; times are measured from `start`.
     pub fn new<const D: usize>(model: &Model<D>, points: usize, start: Start) -> Progress {
         let now = Timestamp::now();
         let before = jiff::SignedDuration::try_from(start.elapsed().wall).unwrap_or_default();
@@ -213,7 +213,7 @@ impl Progress {
         status.iteration = iteration;
         status.residual = residual.is_finite().then_some(residual);
         status.time = step.end;
-        // If the load factor is unknown, its value at the last step in equilibrium stays.
+        // If the load factor is an unknown, the status keeps its value at the last step in equilibrium.
         if let Some(curve) = &self.curve {
             status.load_factor = Some(curve.factor(step.end));
         }

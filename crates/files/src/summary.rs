@@ -28,9 +28,9 @@ use super::invalid;
 pub enum Outcome {
     /// All steps are in equilibrium.
     Completed,
-    /// The user stopped it.
+    /// The user stopped the run.
     Interrupted,
-    /// It ended with an error.
+    /// The run ended with an error.
     Failed {
         /// Code of the failure, [`mpm_core::solver::CODES`].
         code: Option<&'static str>,
@@ -67,7 +67,7 @@ impl Start {
     /// For one of several runs, starting now. The peak memory is reset as well, if the system allows it; it includes
     /// memory that the program still holds from earlier runs.
     pub fn now() -> Start {
-        // Linux only; elsewhere, the peak memory is that of the whole program.
+        // This works on Linux only; elsewhere, the peak memory covers the whole program.
         let _ = std::fs::write("/proc/self/clear_refs", "5");
         Start { wall: Instant::now(), cpu: ProcessTime::now().as_duration() }
     }
@@ -79,7 +79,7 @@ impl Start {
     }
 }
 
-/// The advice in the files. Its author knows how the user states an analysis, which this crate does not.
+/// The advice in the files. The caller provides it, because this crate does not know how users state an analysis.
 #[derive(Debug, Clone, Copy)]
 pub struct Wording {
     /// Advice on the failure of a run.
@@ -109,7 +109,7 @@ impl fmt::Display for LawLibrary {
 /// A warning or note about a deck.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct DeckMessage {
-    /// Its code.
+    /// Code of the message.
     pub code: String,
     /// `warning` or `note`.
     pub severity: String,
@@ -122,7 +122,7 @@ pub struct DeckMessage {
 /// Facts that are known before the run.
 #[derive(Debug, Clone)]
 pub struct Account {
-    /// Origin of its times.
+    /// Origin of the times of the run.
     pub start: Start,
     /// Name of the deck.
     pub deck_file: String,
@@ -322,7 +322,7 @@ fn check(path: &Path, summary: &Summary, findings: &Findings) -> io::Result<()> 
     }
 }
 
-/// What the summary states about the points of all ranks.
+/// Facts about the points of all ranks, for the summary.
 pub(super) struct Whole {
     /// Number of points.
     pub points: usize,
@@ -335,7 +335,7 @@ pub(super) struct Whole {
 }
 
 impl Whole {
-    /// All ranks must call it together.
+    /// Collects the facts of all ranks, which must call this together.
     pub fn new<const D: usize>(model: &Model<D>, points: &Points<D>) -> Whole {
         let ranks = &points.ranks;
         let peaks = ranks.gather_all(mpm_core::memory::peak());
@@ -449,7 +449,7 @@ fn at_step((value, step): (f64, usize)) -> Value {
     json!({"value": value, "step": step})
 }
 
-/// The stages with their times, and the one that the run has reached.
+/// The stages with their times, and the stage that the run has reached.
 fn stages<const D: usize>(model: &Model<D>, summary: &Summary) -> Value {
     let of = model.stages.iter().map(|stage| {
         let Stepping { start_time, end_time, count, .. } = stage.stepping;

@@ -97,8 +97,8 @@ impl Table {
         Ok(Table { path, file, columns, length: text.len() as u64 })
     }
 
-    /// Reads the rows of a file with these columns that are to be kept: those whose first entry is at most `last`. The
-    /// file is not changed.
+    /// Reads, from a file with these columns, the rows to keep: the rows whose first entry is at most `last`. The file
+    /// is not changed.
     ///
     /// Errors, which name the file: file-system errors; `InvalidData` if the file has other columns, is damaged, or has
     /// no row with `last` although `last` is not 0.
@@ -134,7 +134,7 @@ impl Table {
         Ok(Kept { path, columns, text: kept })
     }
 
-    /// Checks that the file is still as this table wrote it.
+    /// Checks that the file still has the content that this table wrote.
     ///
     /// Errors, which name the file: file-system errors; `Other` if the file was removed, replaced or changed.
     pub fn check(&self) -> io::Result<()> {
@@ -180,7 +180,7 @@ impl Table {
 /// A table as text, for output other than a file that grows.
 ///
 /// # Errors
-/// `InvalidInput` if there is no column, two columns have the same name, a row has another number of entries, or an
+/// `InvalidInput` if there is no column, two columns have the same name, a row has the wrong number of entries, or an
 /// entry is not finite.
 pub fn text_of(columns: &[String], rows: impl IntoIterator<Item = Vec<Entry>>) -> io::Result<String> {
     let mut text = header(columns).map_err(|what| invalid(format!("the table would have {what}")))?;
@@ -256,8 +256,8 @@ pub struct Columns {
 impl Columns {
     /// Reads a table written by [`Table`].
     ///
-    /// Errors: file-system errors; `InvalidData` with file and line if there is no header, a row has another number of
-    /// entries, an entry is not a number, or the last row is cut off.
+    /// Errors: file-system errors; `InvalidData` with file and line if there is no header, a row has the wrong number
+    /// of entries, an entry is not a number, or the last row is cut off.
     pub fn read(path: &Path) -> io::Result<Columns> {
         let text = fs::read_to_string(path)?;
         Columns::parse(&text)
@@ -267,7 +267,7 @@ impl Columns {
     /// Reads a table from any source, such as a spreadsheet: entries may have spaces around them, lines may end in CR
     /// LF, and the last line need not end with a newline.
     ///
-    /// Errors: as [`Columns::read`]; also `InvalidData` if the file is larger than 64 MiB or not UTF-8.
+    /// Errors: as for [`Columns::read`]; also `InvalidData` if the file is larger than 64 MiB or not UTF-8.
     pub fn read_foreign(path: &Path) -> io::Result<Columns> {
         let damaged =
             |what: &str| io::Error::new(io::ErrorKind::InvalidData, format!("{}: {what}", path.display()));
@@ -298,7 +298,7 @@ impl Columns {
             let entries: Vec<&str> = line.split(',').collect();
             if entries.len() != names.len() {
                 let (found, wanted) = (entries.len(), names.len());
-                return Err(format!("line {number} has {found} entries, the header has {wanted}"));
+                return Err(format!("line {number} has {found} entries, but the header has {wanted}"));
             }
             for (entry, column) in entries.iter().zip(&mut values) {
                 match entry.parse::<f64>() {

@@ -11,7 +11,7 @@ use mpm_core::tool::Outline;
 use super::fields::{number, vector};
 use super::vtu::{CellKind, Cells, Encoded, Field, File, Kinds, Precision, Room, Values};
 
-/// Half the width of the part of an unbounded tool that is shown, relative to the grid diagonal, [-].
+/// Half-width of the part of an unbounded tool that is shown, relative to the grid diagonal, [-].
 const SHOWN: f64 = 0.5;
 
 /// The surface of a tool, divided into facets, in the frame of the tool.
@@ -29,7 +29,8 @@ pub(super) struct Outlined {
 }
 
 impl Outlined {
-    /// The outline of a tool, with facets as large as the grid cells where the tool starts; empty if the tool has none.
+    /// The outline of a tool, with facets as large as the grid cells at its initial position; empty if the tool has no
+    /// outline.
     pub fn new<const D: usize>(tool: &Tool<D>, model: &Model<D>) -> Self {
         let Outline { vertices, facets, areas, parts } = tool.outline(model.grid.as_ref(), SHOWN);
         let centre = |facet: &[u32; D]| {
@@ -56,8 +57,9 @@ impl Outlined {
     }
 }
 
-/// The file of the surfaces of all tools. Each facet has the tool number, the number of its side of the surface and, if
-/// any tool has named parts, the part number, as well as the mean pressure and shear of the contact points on it.
+/// The file of the surfaces of all tools. Each facet has the number of its tool, the number of the tool side on which
+/// it lies and, if any tool has named parts, the number of its part, and also the mean pressure and shear of the
+/// contact points on it.
 ///
 /// # Errors
 /// If values cannot be written.
@@ -93,7 +95,7 @@ pub(super) fn surfaces_of_tools<const D: usize>(
             let around = if model.revolved { std::f64::consts::TAU * x[0].abs() } else { 1.0 };
             let per = if area * around > 0.0 { 1.0 / (area * around) } else { 0.0 };
             pressure.push(normal_force[facet] * per);
-            // The shear is that on the tool.
+            // The file shows the shear on the tool, which is opposite to the shear on the body.
             shear.push(padded(&tangential[facet].map(|t| -t * per)));
         }
     }

@@ -94,7 +94,7 @@ impl Writer {
 impl Drop for Writer {
     /// A run that ends properly leaves no half-written file.
     fn drop(&mut self) {
-        let _ = self.settle(); // errors were available from earlier calls
+        let _ = self.settle(); // a caller that needs the error calls `settle` itself
     }
 }
 

@@ -1,4 +1,4 @@
-//! A test of whether a law gives the same results when several threads evaluate it at once.
+//! A test of whether a law returns the same results when several threads evaluate it at once.
 
 use std::thread;
 
@@ -21,9 +21,9 @@ fn evaluate(law: &dyn Material, strain: &Sym3) -> Outcome {
     (law.update(strain, &old, &mut new), new)
 }
 
-/// True if a law, evaluated by several threads at once, gives other results than on one thread: it then keeps data
-/// between or during calls. The components of the strains are at most `largest`, [-]. A law that passes may still have
-/// the fault, since calls need not overlap.
+/// True if a law returns different results when several threads evaluate it at once than when one thread does: the law
+/// then keeps data that its calls share. The components of the strains are at most `largest`, [-]. A law that passes
+/// may still have this fault, since the calls need not overlap.
 pub fn differs_between_threads(law: &dyn Material, largest: f64) -> bool {
     let strain = |k: usize| {
         let size = largest * [1.0, 0.1, 0.01][k % 3];
@@ -32,7 +32,7 @@ pub fn differs_between_threads(law: &dyn Material, largest: f64) -> bool {
     let strains: Vec<Sym3> = (0..STRAINS).map(strain).collect();
     let expected: Vec<Outcome> = strains.iter().map(|strain| evaluate(law, strain)).collect();
     let agrees = |first: usize| {
-        // Each thread begins at another strain, so that threads evaluate different strains at the same time.
+        // Each thread begins at a different strain, so that threads evaluate different strains at the same time.
         (0..ROUNDS * STRAINS)
             .map(|k| (first + k) % STRAINS)
             .all(|k| evaluate(law, &strains[k]) == expected[k])

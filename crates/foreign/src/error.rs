@@ -24,13 +24,13 @@ impl fmt::Display for Kind {
 #[non_exhaustive]
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum LibraryError {
-    /// The operating system cannot load it.
+    /// The operating system cannot load the library.
     #[error("it cannot be loaded: {0}")]
     NotLoaded(String),
     /// A required function is missing.
     #[error("it has no function `{0}`")]
     NoFunction(&'static str),
-    /// It implements another version of the interface.
+    /// The library implements another version of the interface.
     #[error("it implements version {found} of the interface; this program needs version {needed}")]
     Version {
         /// Version of the library.
@@ -38,7 +38,7 @@ pub enum LibraryError {
         /// Version of this program.
         needed: i32,
     },
-    /// Its structure of sizes differs.
+    /// The structure `mpm_sizes` of the library differs in size.
     #[error("its structure `mpm_sizes` has {found} bytes; this program needs {expected}")]
     Size {
         /// Size that the library states, [byte].
@@ -47,7 +47,7 @@ pub enum LibraryError {
         expected: i64,
     },
     /// A count is out of range.
-    #[error("it states {count} {kind}s; there can be 0 to {most}")]
+    #[error("it states {count} {kind}s; the number must be from 0 to {most}")]
     Count {
         /// What is counted.
         kind: Kind,
@@ -61,7 +61,7 @@ pub enum LibraryError {
     NoName {
         /// What has no name.
         kind: Kind,
-        /// Its number, from 0.
+        /// Number of the parameter or history variable, from 0.
         number: usize,
     },
     /// A name or unit is not UTF-8.
@@ -69,7 +69,7 @@ pub enum LibraryError {
     NotText {
         /// What the string is about.
         kind: Kind,
-        /// Its number, from 0.
+        /// Number of the parameter or history variable, from 0.
         number: usize,
     },
     /// A name is not a single word.
@@ -79,7 +79,7 @@ pub enum LibraryError {
     NotWord {
         /// What has the name.
         kind: Kind,
-        /// Its number, from 0.
+        /// Number of the parameter or history variable, from 0.
         number: usize,
         /// The name.
         name: String,
@@ -101,10 +101,10 @@ pub enum LibraryError {
         value: f64,
     },
     /// The strain measure is unknown.
-    #[error("`mpm_law_measure` returns {0}; strain measures are 0 and 1")]
+    #[error("`mpm_law_measure` returns {0}; the strain measure must be 0 or 1")]
     Measure(i32),
-    /// Loading it has changed the arithmetic of the program.
-    #[error("it switches off small numbers for the whole program, which changes results")]
+    /// Loading the library has changed the arithmetic of the program.
+    #[error("it makes the whole program treat very small numbers as zero, which changes results")]
     Arithmetic,
     /// The file has changed since it was loaded.
     #[error("it has changed since this program loaded it")]

@@ -1,8 +1,8 @@
 //! The functions of a shared library, as `examples/laws/mpm_law.h` declares them. All unsafe code of this crate is
 //! here.
 //!
-//! Two things are taken on trust, because nothing can check them: the functions have the types of the header, and they
-//! write only to their results.
+//! Two things are taken on trust, because nothing can check them: the functions have the types that the header
+//! declares, and they write only to their result arguments.
 #![allow(unsafe_code, reason = "functions of other languages cannot be called otherwise")]
 
 use std::error::Error;
@@ -91,7 +91,7 @@ pub(crate) struct Answer {
 /// [`LibraryError::NotLoaded`].
 pub(crate) fn load(path: &Path) -> Result<Loaded, LibraryError> {
     let library = open(path).map_err(|error| {
-        // The source of the error is the message of the system, which names the fault, such as an undefined symbol.
+        // The source of the error is the system's own message, which names the fault, such as an undefined symbol.
         let of_system = error.source().map(ToString::to_string);
         LibraryError::NotLoaded(of_system.unwrap_or_else(|| error.to_string()))
     })?;
@@ -102,7 +102,7 @@ pub(crate) fn load(path: &Path) -> Result<Loaded, LibraryError> {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Loaded(&'static libloading::Library);
 
-/// Binds all symbols at once, so that a function that the library itself lacks is missed here and not during a run.
+/// Binds all symbols at once, so that a symbol that the library cannot resolve is reported here, not during a run.
 #[cfg(unix)]
 fn open(path: &Path) -> Result<libloading::Library, libloading::Error> {
     use libloading::os::unix::{Library, RTLD_LOCAL, RTLD_NOW};
@@ -128,7 +128,7 @@ impl Loaded {
         self.function(name).ok_or(LibraryError::NoFunction(name))
     }
 
-    /// The functions, once the version and the sizes are known to be right.
+    /// The functions, after a check of the version and the sizes.
     ///
     /// # Errors
     /// Faults in the version, the sizes or the functions.
@@ -204,7 +204,7 @@ impl Interface {
         let no_name = LibraryError::NoName { kind, number };
         let Some(describe) = describe else { return Err(no_name) };
         let mut variable = Variable { name: std::ptr::null(), unit: std::ptr::null(), initial: f64::NAN };
-        // SAFETY: the number is one of those that the library states.
+        // SAFETY: the number is below the count that the library states.
         unsafe { describe(number as i64, &raw mut variable) };
         let not_text = |_| LibraryError::NotText { kind, number };
         let name = text(variable.name).map_err(not_text)?.filter(|name| !name.is_empty());
@@ -215,7 +215,7 @@ impl Interface {
     /// Return mapping from a trial strain in plain components; `new` starts as a copy of `old`.
     ///
     /// # Errors
-    /// The number with which the law refuses the strain.
+    /// The error number that the law returns if it refuses the strain.
     pub(crate) fn update(
         &self,
         parameters: &[f64],
@@ -229,7 +229,7 @@ impl Interface {
             return Ok(answer);
         }
         new.copy_from_slice(old);
-        // SAFETY: all arrays have the lengths of the header.
+        // SAFETY: all arrays have the lengths that the header states.
         let number = unsafe {
             (self.update)(
                 parameters.as_ptr(),
@@ -252,7 +252,7 @@ impl Interface {
     /// The reason why parameters cannot have these values, if the law gives one.
     pub(crate) fn refusal(&self, parameters: &[f64]) -> Option<String> {
         let refuse = self.refuse.filter(|_| parameters.len() == self.n_parameters)?;
-        // SAFETY: the array has the length of the header; the string ends with a zero byte.
+        // SAFETY: the array has the length that the header states; the string ends with a zero byte.
         let reason = unsafe { refuse(parameters.as_ptr()) };
         text(reason).unwrap_or_else(|_| Some("its reason is not UTF-8".to_owned()))
     }
@@ -260,21 +260,21 @@ impl Interface {
     /// Stored energy per initial volume; `None` if the library has no function for it.
     pub(crate) fn energy(&self, parameters: &[f64], strain: &[f64; 6], history: &[f64]) -> Option<f64> {
         let energy = self.energy.filter(|_| self.fits(parameters, history))?;
-        // SAFETY: all arrays have the lengths of the header.
+        // SAFETY: all arrays have the lengths that the header states.
         Some(unsafe { energy(parameters.as_ptr(), strain.as_ptr(), history.as_ptr()) })
     }
 
     /// Plastic work per initial volume; zero if the library has no function for it.
     pub(crate) fn plastic_work(&self, parameters: &[f64], history: &[f64]) -> f64 {
         let Some(work) = self.plastic_work.filter(|_| self.fits(parameters, history)) else { return 0.0 };
-        // SAFETY: all arrays have the lengths of the header.
+        // SAFETY: all arrays have the lengths that the header states.
         unsafe { work(parameters.as_ptr(), history.as_ptr()) }
     }
 
-    /// Elastic strain that gives a stress; `None` if the library has no function for it.
+    /// Elastic strain that produces a stress; `None` if the library has no function for it.
     ///
     /// # Errors
-    /// The number with which the law states that there is none.
+    /// The error number that the law returns if there is no such strain.
     pub(crate) fn elastic_strain(
         &self,
         parameters: &[f64],
@@ -283,7 +283,7 @@ impl Interface {
     ) -> Option<Result<[f64; 6], i32>> {
         let invert = self.invert.filter(|_| self.fits(parameters, history))?;
         let mut strain = [f64::NAN; 6];
-        // SAFETY: all arrays have the lengths of the header.
+        // SAFETY: all arrays have the lengths that the header states.
         let number =
             unsafe { invert(parameters.as_ptr(), stress.as_ptr(), history.as_ptr(), strain.as_mut_ptr()) };
         Some(if number == 0 { Ok(strain) } else { Err(number) })
@@ -292,7 +292,7 @@ impl Interface {
     /// Adapts initial history variables to an initial elastic strain.
     pub(crate) fn start_from(&self, parameters: &[f64], strain: &[f64; 6], ratio: f64, history: &mut [f64]) {
         let Some(start) = self.start_from.filter(|_| self.fits(parameters, history)) else { return };
-        // SAFETY: all arrays have the lengths of the header.
+        // SAFETY: all arrays have the lengths that the header states.
         unsafe { start(parameters.as_ptr(), strain.as_ptr(), ratio, history.as_mut_ptr()) }
     }
 
@@ -301,7 +301,7 @@ impl Interface {
         let Some(is_symmetric) = self.is_symmetric.filter(|_| parameters.len() == self.n_parameters) else {
             return true;
         };
-        // SAFETY: the array has the length of the header.
+        // SAFETY: the array has the length that the header states.
         unsafe { is_symmetric(parameters.as_ptr()) != 0 }
     }
 

@@ -43,7 +43,7 @@ impl LibraryLaw {
     pub fn new(library: Arc<Library>, parameters: Vec<f64>) -> Result<LibraryLaw, String> {
         let (needed, given) = (library.parameters.len(), parameters.len());
         if given != needed {
-            return Err(format!("{needed} parameters are needed, and {given} given"));
+            return Err(format!("{needed} parameters are needed, but {given} are given"));
         }
         if let Some(reason) = library.interface.refusal(&parameters) {
             return Err(reason);

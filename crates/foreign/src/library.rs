@@ -13,9 +13,9 @@ use super::interface::{Interface, Statement, load};
 /// A parameter of a law.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Described {
-    /// Its name.
+    /// Name of the parameter.
     pub name: String,
-    /// Its unit as text.
+    /// Unit of the parameter, as text.
     pub unit: String,
 }
 
@@ -32,12 +32,12 @@ pub struct Library {
 type Known = (u128, Result<Arc<Library>, LibraryError>);
 
 /// All libraries that were loaded. If a path is requested again, the system returns the library that it already has,
-/// even if the file has been replaced, so files are told apart here.
+/// even if the file has been replaced, so the hash of each file is kept here.
 static KNOWN: Mutex<BTreeMap<PathBuf, Known>> = Mutex::new(BTreeMap::new());
 
 impl Library {
-    /// Loads the library in a file, once during the life of the program; `hash` is the hash of the file contents. This
-    /// runs code of the library.
+    /// Loads the library in a file, once during the life of the program; `hash` is the hash of the file contents.
+    /// Loading runs code of the library.
     ///
     /// # Errors
     /// [`LibraryError`]; [`LibraryError::Changed`] if a file with the same path but other contents was loaded before.

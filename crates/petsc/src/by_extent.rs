@@ -1,4 +1,4 @@
-//! The direct backend of a run on several ranks: that of the core for most systems, MUMPS for large systems on many
+//! The direct backend of a run on several ranks: the core's own for most systems, MUMPS for large systems on many
 //! ranks.
 
 use mpm_core::linear::{Backend, BlockMatrix, Divided, Layout, LinearError, Solved, Stiffness};
@@ -13,10 +13,10 @@ pub const MOST_UNKNOWNS: f64 = 2e5;
 /// Largest number of ranks that factorise such systems without MUMPS.
 pub const MOST_RANKS: usize = 4;
 
-/// Factorises by the core, divided between ranks, or by MUMPS if there are many unknowns and ranks.
+/// Factorises with the core, divided between ranks, or with MUMPS if there are many unknowns and ranks.
 pub struct ByExtent<const D: usize, const N: usize = D> {
     divided: Divided<D, N>,
-    /// `None` where PETSc has no MUMPS.
+    /// `None` if PETSc has no MUMPS.
     mumps: Option<Direct<N>>,
     uses_mumps: bool,
 }

@@ -19,8 +19,8 @@ const WEAK: f64 = 1e-2;
 /// Relative shift of the diagonal entries of weak unknowns that leave the matrix singular.
 const SHIFT: f64 = 1e-9;
 
-/// Largest relative residual of a solution that needs no refinement, with a factor of the matrix and with one of the
-/// shifted matrix.
+/// Largest relative residual of a solution that needs no refinement: with the factor of the matrix itself, and with the
+/// factor of the shifted matrix.
 const ENOUGH: [f64; 2] = [1e-6, 1e-12];
 
 /// Largest number of steps of iterative refinement in these two cases.
@@ -39,7 +39,7 @@ const TRIAL: f64 = 1e-8;
 /// differ from run to run. No option changes that.
 ///
 /// PETSc options for this backend start with `direct_`, such as `-direct_mat_mumps_icntl_7 5` for another ordering. If
-/// they choose another solver than MUMPS, matrices count as positive definite.
+/// they choose a solver other than MUMPS, all matrices count as positive definite.
 ///
 /// If weak unknowns leave the matrix singular to working precision, their diagonal entries are shifted, and solutions
 /// are refined until they satisfy the original equations, as in the direct solver of the core.
@@ -58,7 +58,7 @@ struct System<const N: usize> {
     found: Vector,
     factor: Option<Factor>,
     factorised: Option<Factorisation>,
-    /// Shift of the diagonal entry of each own unknown, if the factor is that of a shifted matrix.
+    /// Shift of the diagonal entry of each unknown of this rank, if the factor belongs to a shifted matrix.
     shift: Option<Vec<f64>>,
     /// Norm of the largest right-hand side.
     largest: f64,
@@ -145,7 +145,7 @@ impl<const N: usize> System<N> {
     }
 
     /// Factorises a matrix or, if it is not positive definite, the shifted matrix, provided that this shows the
-    /// original one to be positive definite but for round-off.
+    /// original one to be positive definite except for round-off.
     fn factorise(&mut self, halo: &Halo, matrix: &BlockMatrix<N>) -> Result<(), LinearError> {
         let ranks = halo.ranks();
         let singular = Err(LinearError::Singular { unknown: None });
@@ -226,7 +226,7 @@ impl<const N: usize> System<N> {
         Ok(self.refine(ranks, &trial)?.1 <= TRIAL)
     }
 
-    /// The product of the original matrix with the values at own unknowns.
+    /// The product of the original matrix with a vector, given by its values at the unknowns of this rank.
     fn multiply(&mut self, x: &[f64]) -> Result<Vec<f64>, Error> {
         self.given.with(x.len(), |given| given.copy_from_slice(x))?;
         self.matrix.multiply(&self.given, &mut self.found)?;
@@ -287,7 +287,7 @@ impl<const N: usize> System<N> {
         self.largest = self.largest.max(size);
         let (x, residual) = self.refine(ranks, b)?;
         let case = usize::from(self.shift.is_some());
-        // Near equilibrium, a right-hand side is round-off of larger ones.
+        // Near equilibrium, a right-hand side consists of the round-off of earlier, larger ones.
         let allowed =
             if self.shift.is_some() { SINGULAR[case] * self.largest / size } else { SINGULAR[case] };
         let is_solved = residual <= allowed && x.iter().all(|x| x.is_finite());

@@ -78,9 +78,9 @@ impl<const N: usize> GlobalNumbers<N> {
         &self.places
     }
 
-    /// Visits the matrix entries at unknowns, for a symmetric matrix those of both triangles: gives the indices of the
-    /// row and of the column among the components of the active nodes, and the index of the value among all values of
-    /// all blocks.
+    /// Visits the matrix entries at unknowns, in both triangles even if the matrix is symmetric. `visit` receives the
+    /// indices of the row and of the column among the components of the active nodes, and the index of the value among
+    /// all values of all blocks.
     fn for_each_entry(&self, matrix: &BlockMatrix<N>, mut visit: impl FnMut(usize, usize, usize)) {
         matrix.for_each(|row, column, place| {
             let mirrored = matrix.symmetric && row != column;
@@ -119,7 +119,7 @@ impl<const N: usize> GlobalNumbers<N> {
         Ok([rows, columns])
     }
 
-    /// Values of the same entries where `is_coupled` holds for the indices of row and column, zero elsewhere;
+    /// Values of the same entries; zero unless `is_coupled` holds for the index of the row and for that of the column.
     /// `diagonal` lists the values of the further entries.
     ///
     /// # Errors
@@ -161,7 +161,7 @@ pub(crate) fn diagonal<const N: usize>(halo: &Halo, matrix: &BlockMatrix<N>) -> 
     diagonal
 }
 
-/// The pattern of a matrix on this rank, to recognise it.
+/// The pattern of a matrix on this rank, kept to recognise a matrix with the same pattern.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Known<const N: usize> {
     numbers: GlobalNumbers<N>,

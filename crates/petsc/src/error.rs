@@ -16,13 +16,13 @@ pub enum Error {
     #[error("MPI and PETSc can be started only once")]
     StartedBefore,
     /// MPI and PETSc are not running.
-    #[error("MPI and PETSc do not run")]
+    #[error("MPI and PETSc are not running")]
     NotStarted,
     /// The options contain a zero byte.
     #[error("the options for PETSc contain a zero byte")]
     Options,
     /// MPI cannot be started.
-    #[error("MPI does not start (error {0})")]
+    #[error("MPI cannot be started (error {0})")]
     Mpi(i32),
     /// MPI cannot be called from more than one thread.
     #[error(
@@ -37,7 +37,7 @@ pub enum Error {
     Petsc {
         /// The PETSc error code.
         code: i32,
-        /// Its message.
+        /// The PETSc error message.
         message: String,
     },
 }
@@ -45,7 +45,7 @@ pub enum Error {
 /// The message of the last error.
 static MESSAGE: Mutex<String> = Mutex::new(String::new());
 
-/// Replaces the error handler of PETSc, which prints messages; this one keeps the message.
+/// Replaces PETSc's error handler, which prints messages, by one that keeps the message.
 pub(crate) unsafe extern "C" fn keep_message(
     _: ffi::MPI_Comm,
     _: c_int,

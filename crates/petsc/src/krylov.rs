@@ -26,7 +26,7 @@ pub trait Preconditioner<const D: usize, const N: usize>: Send {
     /// [`LinearError`].
     fn prepare(&mut self, layout: &Layout<D, N>, matrix: &BlockMatrix<N>) -> Result<(), LinearError>;
 
-    /// Takes the values of a matrix; returns false if they show that it is not positive definite.
+    /// Takes over the values of a matrix; returns false if they show that it is not positive definite.
     ///
     /// # Errors
     /// [`LinearError`].
@@ -62,7 +62,7 @@ impl<const D: usize, const N: usize> Preconditioner<D, N> for linear::Preconditi
 /// All runs on the same number of ranks give the same bits.
 ///
 /// The algebraic multigrid of PETSc needs another copy of the matrix; a [`Preconditioner`] does not. PETSc options for
-/// this backend have no prefix, such as `-ksp_monitor`.
+/// this backend, such as `-ksp_monitor`, have no prefix.
 pub struct Krylov<const D: usize, const N: usize = D> {
     preconditioner: Option<Box<dyn Preconditioner<D, N>>>,
     system: Option<System<D, N>>,
@@ -85,7 +85,7 @@ struct System<const D: usize, const N: usize> {
     held_diagonal: Vec<[f64; N]>,
     /// The product with the current matrix.
     operator: Matrix,
-    /// The matrix for the preconditioner of PETSc.
+    /// The matrix for PETSc's own preconditioner.
     assembled: Option<Matrix>,
     b: Vector,
     x: Vector,
@@ -113,7 +113,7 @@ impl<const D: usize, const N: usize> Krylov<D, N> {
 }
 
 impl<const D: usize, const N: usize> Backend<D, N> for Krylov<D, N> {
-    /// Keeps the layout if it is that of the last call.
+    /// Keeps the existing objects if the layout is the same as in the last call.
     ///
     /// # Errors
     /// [`LinearError::OutOfMemory`]; errors of the preconditioner.
@@ -205,7 +205,7 @@ impl<const D: usize, const N: usize> Backend<D, N> for Krylov<D, N> {
     }
 }
 
-/// The matrix for the preconditioner of PETSc, without values.
+/// The matrix for PETSc's own preconditioner, without values.
 fn assembled<const D: usize, const N: usize>(
     layout: &Layout<D, N>,
     known: &Known<N>,
@@ -236,7 +236,7 @@ impl<const D: usize, const N: usize> System<D, N> {
         Ok(System { known, held, held_diagonal, operator, assembled, b, x, solvers, definite: true })
     }
 
-    /// Takes the values of a matrix; returns true if all diagonal entries are positive.
+    /// Takes over the values of a matrix; returns true if all diagonal entries are positive.
     fn take(&mut self, halo: &Halo, matrix: &BlockMatrix<N>) -> Result<bool, LinearError> {
         let ranks = halo.ranks();
         let mut entries = diagonal(halo, matrix);

@@ -33,7 +33,7 @@ unsafe impl Send for Mpi {}
 unsafe impl Sync for Mpi {}
 
 impl Mpi {
-    /// All ranks; MPI must be running. All ranks must call this.
+    /// The communicator of all ranks. MPI must be running, and all ranks must call this.
     pub(crate) fn world() -> Self {
         let mut communicator = ffi::MPI_COMM_WORLD();
         let (mut own, mut count) = (0, 0);
@@ -220,7 +220,7 @@ impl Communicator for Mpi {
     fn exchange(&self, messages: Vec<(usize, Vec<u8>)>) -> Vec<(usize, Vec<u8>)> {
         let mut of_rank: Vec<Option<Vec<u8>>> = vec![None; self.count];
         messages.into_iter().for_each(|(rank, message)| of_rank[rank] = Some(message));
-        // Lengths are sent plus one, so that an empty message differs from none.
+        // One is added to each length, so that an empty message differs from no message.
         let lengths: Vec<u64> =
             of_rank.iter().map(|message| message.as_ref().map_or(0, |m| m.len() as u64 + 1)).collect();
         let own = of_rank[self.own].take();

@@ -14,7 +14,7 @@ use crate::session::is_running;
 pub(crate) fn index(n: usize) -> Result<PetscInt, Error> {
     PetscInt::try_from(n).map_err(|_| Error::Petsc {
         code: ffi::PETSC_ERR_USER,
-        message: format!("{n} unknowns need a PETSc library with indices of 64 bits"),
+        message: format!("{n} unknowns need a PETSc library with 64-bit indices"),
     })
 }
 
@@ -29,7 +29,7 @@ impl Vector {
     /// A vector with `own` numbers on this rank, in blocks.
     pub fn new(own: usize, block: usize) -> Result<Self, Error> {
         let mut vector = ffi::Vec_::NULL;
-        // SAFETY: PETSc is running, and the pointer is that of a local variable.
+        // SAFETY: PETSc is running, and the pointer refers to a local variable.
         unsafe {
             let world = ffi::MPI_COMM_WORLD();
             check(ffi::VecCreateMPI(world, index(own)?, ffi::PETSC_DETERMINE, &mut vector))?;
@@ -42,9 +42,9 @@ impl Vector {
         self.0
     }
 
-    /// Works on the numbers of this rank, of which there must be `own`.
+    /// Works on the `own` numbers of this rank.
     pub fn with<T>(&mut self, own: usize, work: impl FnOnce(&mut [f64]) -> T) -> Result<T, Error> {
-        // SAFETY: The vector has this number of numbers on this rank, and is borrowed exclusively.
+        // SAFETY: The vector holds `own` numbers on this rank, and is borrowed exclusively.
         unsafe { with_numbers(self.0, own, work) }
     }
 }
@@ -137,7 +137,7 @@ impl Matrix {
         Ok(matrix)
     }
 
-    /// A matrix known only by its product; see [`Matrix::set_context`].
+    /// A matrix known only through its product with a vector; see [`Matrix::set_context`].
     pub fn shell(own: usize, block: usize, product: ffi::MatMultiply) -> Result<Self, Error> {
         let mut matrix = Matrix(ffi::Mat::NULL);
         let own = index(own)?;
@@ -191,13 +191,13 @@ impl Matrix {
 
     /// Sets the values of the entries, in the order in which their positions were given.
     pub fn set_values(&mut self, values: &[f64]) -> Result<(), Error> {
-        // SAFETY: The caller gives as many values as positions.
+        // SAFETY: The caller gives one value for each position.
         check(unsafe { ffi::MatSetValuesCOO(self.0, values.as_ptr(), ffi::INSERT_VALUES) })
     }
 
     /// `y = A x`.
     pub fn multiply(&self, x: &Vector, y: &mut Vector) -> Result<(), Error> {
-        // SAFETY: All three exist.
+        // SAFETY: All three objects exist.
         check(unsafe { ffi::MatMult(self.0, x.handle(), y.handle()) })
     }
 }
@@ -245,7 +245,7 @@ impl Solver {
 
     /// Sets the matrix, and the matrix from which the preconditioner is formed.
     pub fn set_matrices(&self, matrix: &Matrix, preconditioner: &Matrix) -> Result<(), Error> {
-        // SAFETY: All three exist.
+        // SAFETY: All three objects exist.
         check(unsafe { ffi::KSPSetOperators(self.0, matrix.0, preconditioner.0) })
     }
 
@@ -258,7 +258,7 @@ impl Solver {
     /// Solves A x = b; returns the reason why the solver ended, negative if it failed.
     pub fn solve(&self, b: &Vector, x: &mut Vector) -> Result<c_int, Error> {
         let mut reason = 0;
-        // SAFETY: All three exist.
+        // SAFETY: All three objects exist.
         unsafe {
             check(ffi::KSPSolve(self.0, b.handle(), x.handle()))?;
             check(ffi::KSPGetConvergedReason(self.0, &mut reason))?;

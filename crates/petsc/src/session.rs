@@ -17,7 +17,7 @@ static STARTED: AtomicBool = AtomicBool::new(false);
 static RUNNING: AtomicBool = AtomicBool::new(false);
 
 /// Options that user options override: no signal handlers, and multigrid products whose sums do not depend on the order
-/// in which messages arrive, unlike those of the other algorithms.
+/// in which messages arrive, unlike the sums of the other algorithms.
 const PRESET: [(&CStr, &CStr); 2] = [(c"-no_signal_handler", c"true"), (c"-matptap_via", c"allatonce")];
 
 /// Length of the longest version string of an MPI library.
@@ -31,7 +31,7 @@ pub(crate) fn is_running() -> bool {
 /// MPI and PETSc at work, until this value is dropped; the communicator and all solvers must not be used after that.
 /// The session stays on the thread that started it.
 ///
-/// If the thread panics, its session aborts all ranks, which would otherwise wait for this one.
+/// If the thread panics, its session aborts all ranks, which would otherwise wait for this rank.
 #[derive(Debug)]
 pub struct Session {
     communicator: Arc<Mpi>,
@@ -91,10 +91,10 @@ fn start_mpi() -> Result<(), Error> {
     }
 }
 
-/// Makes the C library return memory to the system, which network drivers (PSM2) switch off when MPI starts: a rank
-/// would then keep the largest memory that it has ever had. Arrays of half a mebibyte and more are taken from the
-/// system one by one, because arrays that come and go with each step would otherwise leave gaps, which cost 7 % more
-/// memory on four ranks.
+/// Makes the C library return memory to the system. Network drivers (PSM2) switch this off when MPI starts; a rank
+/// would then keep its peak memory for good. Arrays of half a mebibyte and more are taken from the system one by
+/// one, because arrays that come and go with each step would otherwise leave gaps, which cost 7 % more memory on four
+/// ranks.
 fn return_memory() {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
     {

@@ -9,7 +9,7 @@ use mpm::tensor::{Sym3, Tangent, dyad};
 pub struct Hyperbolic {
     /// Bulk modulus K, [stress].
     pub bulk: f64,
-    /// Shear modulus G at no strain, [stress].
+    /// Shear modulus G at zero strain, [stress].
     pub shear: f64,
     /// a, [-].
     pub softening: f64,

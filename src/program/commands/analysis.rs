@@ -33,7 +33,7 @@ use crate::program::screen::print::print_json;
 use crate::program::screen::progress::{View, Watch};
 use crate::program::system_limits::wait_for_lack_of_memory;
 
-/// Builds the model of a deck up to the first load step, or this rank's part of it.
+/// Builds the model of a deck, or this rank's part of it, up to the first load step.
 pub fn prepare(
     loaded: Result<LoadedDeck, Box<LoadFailure>>,
     deny_warnings: bool,
@@ -55,8 +55,8 @@ fn findings(prepared: &Result<Prepared, Box<LoadFailure>>) -> (&Source, &[Diagno
 /// used.
 ///
 /// # Errors
-/// If only another rank cannot read the deck, if the ranks have read different decks, or if the messages cannot be
-/// printed.
+/// If this rank can read the deck but another cannot, if the ranks have read different decks, or if the messages cannot
+/// be printed.
 pub fn prepare_and_report(
     args: &DeckArgs,
     log_text: &dyn Fn(&str),
@@ -64,9 +64,9 @@ pub fn prepare_and_report(
 ) -> anyhow::Result<Option<Prepared>> {
     let loaded = load(&args.deck, &args.set);
     match (machines.meet(loaded.is_ok()), &loaded) {
-        (Some(rank), Ok(_)) => bail!("rank {rank} cannot read the deck; it says why"),
+        (Some(rank), Ok(_)) => bail!("rank {rank} cannot read the deck; see its own message"),
         (None, Ok(loaded)) if !machines.have_the_same(loaded) => bail!(
-            "the deck, or a file that it names, is not the same on all ranks\n  help: let all of them read it from a directory that \
+            "the deck, or a file that it names, is not the same on all ranks\n  help: let all ranks read it from a directory that \
              their machines share"
         ),
         _ => {}
@@ -218,7 +218,7 @@ pub fn run_into(run: Run, ready: Prepared, set_up: Timings) -> anyhow::Result<Op
         }
     };
     let stop = Arc::clone(stop);
-    // A resumed run may have other points than those of the first stage.
+    // The points of a resumed run may differ from those of the first stage.
     let n = if machines.ranks().is_alone() { analysis.n_points() } else { extent.points };
     let mut watch = match &analysis {
         Analysis::Plane(parts) => Watch::new(results, &parts.0, n, start, view, stop),
@@ -241,10 +241,10 @@ pub fn run_into(run: Run, ready: Prepared, set_up: Timings) -> anyhow::Result<Op
     Ok(Some(Ended { outcome, closing }))
 }
 
-/// Takes part in the run of another rank, which writes the results; returns the exit code.
+/// Takes part in a run whose results another rank writes; returns the exit code.
 ///
 /// # Errors
-/// As [`run_into`].
+/// The same errors as for [`run_into`].
 pub fn run_along(
     deck: &DeckArgs,
     machines: &Machines,
@@ -292,7 +292,7 @@ pub fn run_along(
     })
 }
 
-/// Locks a directory and restores the points from its last checkpoint. `None` if the run may start over instead.
+/// Locks a directory and restores the points from its last checkpoint. `None` if the run is to start over instead.
 fn checkpoint_in(
     directory: &Path,
     loaded: &LoadedDeck,
@@ -310,7 +310,7 @@ fn checkpoint_in(
         }
         (Err(error), _) if begin == Begin::AtCheckpoint => Err(Coded::new("R002", in_words(&error)).into()),
         (Err(error), Some(_)) if last_step(directory).is_some() => {
-            message!("  starts over: {}", in_words(&error));
+            message!("  starting over: {}", in_words(&error));
             Ok(None)
         }
         _ => Ok(None),
@@ -338,9 +338,9 @@ pub fn describe_failure(error: &SolveError) -> String {
         }
         text.push_str(&format!("\n  residuals: {}", history.join(", ")));
     }
-    // If smaller steps might have avoided the failure, its diagnosis has already given advice that depends on the run.
+    // If smaller steps might have avoided the failure, its diagnosis has already given advice for this particular run.
     let of_diagnosis =
-        error.is_retryable().then_some("see the diagnosis of the run and its advice, also in `summary.json`");
+        error.is_retryable().then_some("see the diagnosis of the run, also in `summary.json`, for advice");
     if let Some(help) = of_diagnosis.or_else(|| advice::on_error(error)) {
         text.push_str(&format!("\n  help: {help}"));
     }

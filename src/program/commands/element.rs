@@ -1,4 +1,4 @@
-//! `mpm element`: one material point of a deck's material along a path.
+//! `mpm element`: drives one point, of a material in a deck, along a strain or stress path.
 
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
@@ -21,11 +21,11 @@ use crate::tensor::Sym3;
 use anyhow::{Context, anyhow, bail};
 use clap::{Args, ValueEnum};
 
-/// Largest number of steps up to a turning point.
+/// Largest number of steps from one turning point to the next.
 const MOST_STEPS: u64 = 1_000_000;
-/// Largest number of states of a test, which are held in memory.
+/// Largest number of states in a test; all of them are held in memory.
 const MOST_STATES: usize = 10_000_000;
-/// Default number of steps up to a turning point.
+/// Default number of steps from one turning point to the next.
 const USUAL_STEPS: u64 = 200;
 
 /// Arguments of `mpm element`.
@@ -36,7 +36,7 @@ pub struct ElementArgs {
     /// Set a parameter of the deck; may be given several times.
     #[arg(long, value_name = "NAME=VALUE", value_parser = assignment)]
     set: Vec<(String, String)>,
-    /// Material of the deck [default: the only one].
+    /// Material to test [default: the only material of the deck].
     #[arg(long, value_name = "NAME")]
     material: Option<String>,
     /// Path of the test; y is the axial direction.
@@ -48,31 +48,31 @@ pub struct ElementArgs {
     /// Ratio of the lateral to the axial stress at the start.
     #[arg(long, value_name = "K", default_value = "1", value_parser = positive)]
     k0: f64,
-    /// Final strain: axial compression, the shear γ of simple shear, or −ln J of isotropic compression.
+    /// Final strain: axial compression, γ for simple shear, or −ln J for isotropic compression.
     #[arg(long, value_name = "STRAIN", value_parser = finite, allow_negative_numbers = true)]
     to: Option<f64>,
     /// Strain to reach after --to; may be given several times.
     #[arg(long, value_name = "STRAIN", requires = "to", value_parser = finite, allow_negative_numbers = true)]
     then: Vec<f64>,
-    /// Equal steps up to each strain [default: 200], or from each row of a history to the next [default: 1].
+    /// Number of equal steps to each strain [default: 200], or from each row of a history to the next [default: 1].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=MOST_STEPS))]
     steps: Option<u64>,
     /// Original position of the point, for a material whose properties vary in space.
     #[arg(long, value_name = "X,Y[,Z]", value_parser = finite, value_delimiter = ',', allow_negative_numbers = true)]
     at: Option<Vec<f64>>,
-    /// Hold the stress along y in simple shear, instead of the height.
+    /// In simple shear, hold the normal stress along y constant instead of the height.
     #[arg(long)]
     constant_normal_stress: bool,
-    /// History of the paths strain and stress: a CSV file with columns xx, yy, zz, yz, xz, xy.
+    /// History for the paths `strain` and `stress`: a CSV file with columns xx, yy, zz, yz, xz, xy.
     #[arg(long, value_name = "HISTORY.csv")]
     file: Option<PathBuf>,
-    /// Table to write [default: DECK-MATERIAL-PATH.csv]; `-` is standard output.
+    /// Table to write [default: DECK-MATERIAL-PATH.csv]; `-` means standard output.
     #[arg(long, value_name = "FILE")]
     output: Option<PathBuf>,
     /// Write stress-strain curves as a single HTML page [default name: DECK-MATERIAL-PATH.html].
     #[arg(long, value_name = "FILE.html", num_args = 0..=1)]
     report: Option<Option<PathBuf>>,
-    /// Units of length, force and time in the deck for the page, for example m,kN,s.
+    /// The deck's units of length, force and time, to show on the page, for example m,kN,s.
     #[arg(long, value_name = "LENGTH,FORCE,TIME", requires = "report")]
     units: Option<Units>,
 }
@@ -136,7 +136,7 @@ enum Route {
     History(Vec<Target>),
 }
 
-/// Takes the point along the path, and writes the table and the page.
+/// Drives the point along the path, and writes the table and the page.
 pub fn element(args: ElementArgs) -> anyhow::Result<u8> {
     let route = route(&args)?;
     let loaded = match load(&args.deck, &args.set) {
@@ -197,8 +197,8 @@ pub fn element(args: ElementArgs) -> anyhow::Result<u8> {
     }
     let Some(failure) = failure else { return Ok(DONE) };
     message!(
-        "error: {failure}\n  the table has the {} steps before it\n  help: the law may have no stress on this path beyond \
-         here; otherwise, take more steps with `--steps`",
+        "error: {failure}\n  the table has the {} steps before the failure\n  help: the law may have no state beyond \
+         this point of the path; otherwise, take more steps with `--steps`",
         states.len() - 1
     );
     Ok(FAILED)
@@ -248,19 +248,20 @@ fn beginning(
     Ok((built.law, history))
 }
 
-/// How the softening of a material is adapted to the cells; `None` for a material without a band.
+/// How the softening of a material is adapted to the cell size; `None` for a material without a localisation band.
 fn softening(loaded: &LoadedDeck, material: &str) -> Option<String> {
     let band = loaded.deck.materials.get(material)?.softening()??;
     Some(match loaded.cell_size() {
         CellSize::Even(size) | CellSize::Mean(size) => format!(
-            "the softening strain is multiplied by {:.3}, the width {band} of the band over the size {size:.3} of the cells",
+            "the softening strain is multiplied by {:.3}, the ratio of the band width {band} to the cell size \
+             {size:.3}",
             band / size
         ),
         CellSize::Graded(_) => format!(
-            "the softening strain is multiplied by the width {band} of the band over the size of the cell at the point"
+            "the softening strain is multiplied by the ratio of the band width {band} to the cell size at the point"
         ),
         CellSize::Unknown => format!(
-            "the softening strain is that of the band of width {band}: the cells of a mesh are not taken into account"
+            "the softening strain is that of a band of width {band}; the cell size of the mesh is not considered"
         ),
     })
 }
@@ -288,7 +289,7 @@ fn route(args: &ElementArgs) -> anyhow::Result<Route> {
     use element_test::Path as Way;
     let (word, constant_normal_stress) = (args.path.word(), args.constant_normal_stress);
     if constant_normal_stress && args.path != PathName::SimpleShear {
-        bail!("`--constant-normal-stress` needs `--path simple-shear`; {word} has its own held stress");
+        bail!("`--constant-normal-stress` needs `--path simple-shear`; it does not apply to the path {word}");
     }
     let way = match args.path {
         PathName::Strain => return history(args, Prescribed::Strain),
@@ -367,7 +368,7 @@ fn states(
     Ok((states, None))
 }
 
-/// A warning if the point has jumped.
+/// A warning if the stress of the point jumps within a step.
 fn jumps(states: &[ElementState]) -> Option<String> {
     let steps: Vec<usize> = (0..states.len()).filter(|step| states[*step].has_jumped).collect();
     let first = *steps.first()?;
@@ -379,15 +380,15 @@ fn jumps(states: &[ElementState]) -> Option<String> {
     Some(format!(
         "warning: in step {first}{others}, the point jumps: the deviatoric stress changes from {before:.6e} to {after:.6e} at \
          once, however small the steps are\n  help: the material softens faster than the point can unload elastically along \
-         this path (snap-back); no test follows what lies between, which more strain of softening or a larger stiffness \
-         would show. The column `jump` of the table marks the step"
+         this path (snap-back), and no test can follow the states in between; a larger softening strain or a larger \
+         stiffness avoids the jump. The column `jump` of the table marks the step"
     ))
 }
 
 /// The error of a test that cannot begin, with a remedy.
 fn initial_failure(error: ElementTestError) -> anyhow::Error {
     let help = match error {
-        ElementTestError::Initial(MaterialError::NoInverse) => "begin without stress, `--confining 0`",
+        ElementTestError::Initial(MaterialError::NoInverse) => "start from zero stress with `--confining 0`",
         _ => "choose another initial stress with `--confining` and `--k0`",
     };
     anyhow::anyhow!("{error}; {help}")
@@ -402,7 +403,7 @@ struct Outputs {
 }
 
 impl Outputs {
-    /// The files of some arguments; files that the command did not write are not overwritten.
+    /// Chooses the output files from the arguments; refuses to overwrite a file that the command did not write.
     fn of(args: &ElementArgs, material: &str) -> anyhow::Result<Outputs> {
         let deck = args.deck.file_stem().unwrap_or_default().to_string_lossy();
         // A material name may have characters that a file name cannot have.

@@ -15,7 +15,7 @@ pub fn completions(shell: Shell) -> anyhow::Result<u8> {
     print(&String::from_utf8(script)?)
 }
 
-/// Prints the manual page of the program, or that of one of its commands.
+/// Prints the manual page of the program or of one of its commands.
 pub fn man(name: Option<&str>) -> anyhow::Result<u8> {
     let mut program = Cli::command();
     // Completes the definition, for example with the names of commands in the synopsis.
@@ -24,7 +24,7 @@ pub fn man(name: Option<&str>) -> anyhow::Result<u8> {
         None => program,
         Some(name) => program
             .find_subcommand(name)
-            .with_context(|| format!("there is no command `{name}`; `mpm --help` lists all"))?
+            .with_context(|| format!("there is no command `{name}`; `mpm --help` lists all commands"))?
             .clone(),
     };
     let mut page = Vec::new();

@@ -12,9 +12,9 @@ use clap::Args;
 /// Arguments of `mpm new`.
 #[derive(Args)]
 pub struct NewArgs {
-    /// Name of an example; without it, all examples are listed.
+    /// Name of an example; if it is omitted, all examples are listed.
     name: Option<String>,
-    /// The deck to write [default: NAME.yaml].
+    /// Path of the deck to write [default: NAME.yaml].
     #[arg(long, value_name = "FILE", requires = "name")]
     out: Option<PathBuf>,
     /// Overwrite existing files.
@@ -73,7 +73,8 @@ impl Example {
         self.deck.lines().find_map(|line| line.strip_prefix("title: ")).unwrap_or_default()
     }
 
-    /// The deck as it is written: the schema lies beside it, while the decks of `inputs` find it in another folder.
+    /// The text of the deck as written: it names the schema beside it, while the decks in `inputs` name the schema in
+    /// another folder.
     fn text(&self) -> String {
         self.deck.replacen("$schema=../schema/", "$schema=", 1)
     }
@@ -146,7 +147,7 @@ fn write_all(files: &[(PathBuf, &[u8])], force: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// True if a file is the schema of another version of the program, which users do not edit.
+/// True if a file is a schema, perhaps of another version of the program; users do not edit schemas.
 fn is_schema(path: &Path, content: &[u8]) -> bool {
     let schema: Option<serde_json::Value> = serde_json::from_slice(content).ok();
     path.ends_with(SCHEMA) && schema.is_some_and(|schema| schema["title"] == "Deck")

@@ -41,16 +41,17 @@ pub fn plan(args: &DeckArgs, ranks: usize) -> anyhow::Result<u8> {
     }
     let time = match (plan.solution, step) {
         (Some(solution), Some(step)) => format!(
-            "  {} s for a solution of the equations by {ITERATIONS} iterations\n  {} s for a step of {EVALUATIONS} evaluations \
-             and solutions\n",
+            "  {} s for a solution of the equations in {ITERATIONS} iterations\n  {} s for a step of {EVALUATIONS} \
+             evaluations and solutions\n",
             significant(solution, 2),
             significant(step, 2)
         ),
-        _ => "  equations are factorised, which takes a time that is not predicted\n".to_owned(),
+        _ => "  the equations are factorised; the time for this is not predicted\n".to_owned(),
     };
     print(&format!(
-        "{} on {} ranks, predicted from its size:\n  {:.3e} points and {:.3e} unknowns, {:.3e} and {:.3e} on a rank, \
-         and {:.0} % more nodes that it shares\n  {} of memory for each rank\n  {} s for an evaluation of all points\n{time}",
+        "{} on {} ranks, predicted from its size:\n  {:.3e} points and {:.3e} unknowns, {:.3e} and {:.3e} on each rank, \
+         and {:.0} % more nodes shared with others\n  {} of memory for each rank\n  \
+         {} s for an evaluation of all points\n{time}",
         loaded.source.name(),
         plan.ranks,
         plan.points,

@@ -12,10 +12,10 @@ use clap::Args;
 /// Arguments of `mpm report`.
 #[derive(Args)]
 pub struct ReportArgs {
-    /// Results directories; several are compared.
+    /// Results directories; if several are given, they are compared.
     #[arg(required = true, value_name = "DIR")]
     directories: Vec<PathBuf>,
-    /// The page [default: DIR/report.html; comparison.html for several directories].
+    /// Page to write [default: DIR/report.html; comparison.html for several directories].
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Field that colours the points, or a component such as cauchy_stress:XX; may be given several times [default:

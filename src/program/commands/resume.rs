@@ -21,7 +21,7 @@ pub const AGAIN: &str = "run the deck without `--resume` to start over, which re
 pub enum Found {
     /// A checkpoint from which the points were restored; its step is numbered as in this deck.
     Step(Box<Checkpoint>, Box<Reached>),
-    /// The end of the run, with all its results, after this number of steps.
+    /// A completed run with all its results, after this number of steps.
     End(usize),
 }
 
@@ -36,7 +36,7 @@ pub fn find(
     machines: &Machines,
 ) -> anyhow::Result<Found> {
     if let Some(rank) = machines.meet(true) {
-        bail!("rank {rank} has ended, and has said why");
+        bail!("rank {rank} has ended; see its own message");
     }
     let (found, refused) = match latest(directory, machines.ranks()) {
         Err(error) if error.kind() == ErrorKind::NotFound => {
@@ -60,12 +60,12 @@ pub fn find(
     if checkpoint.head.files != loaded.hash_of_files() {
         changed.push("a mesh, surface or library that it names has changed".to_owned());
     }
-    // The files may differ on the machine of a single rank.
+    // The files may differ on the machine of only one rank.
     let changed = machines.ranks().first((!changed.is_empty()).then_some(changed)).unwrap_or_default();
     if !changed.is_empty() {
         bail!(
             "the deck differs from that of the checkpoint `{name}`:\n  {}\n  help: undo the changes, or {AGAIN}; \
-             steps, tolerances, output and later loads may change",
+             steps, tolerances, output and later loads are allowed to change",
             changed.join("\n  ")
         );
     }

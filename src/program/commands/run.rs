@@ -46,11 +46,11 @@ pub struct RunArgs {
     timings: bool,
 }
 
-/// Runs a deck; `command_line` is that of the program, which started at `began`.
+/// Runs a deck; `command_line` is the command line of the program, and `began` the time at which it started.
 pub fn run(args: RunArgs, command_line: &[OsString], began: Instant) -> anyhow::Result<u8> {
     let machines = Machines::start(args.petsc.as_deref())?;
     let alone = machines.ranks().is_alone();
-    // Ranks share the cores of a machine.
+    // Ranks share the cores of a machine, so by default each has one thread.
     let started = analysis::start_threads(args.threads.or((!alone).then_some(1)));
     let directory = args.out.clone().unwrap_or_else(|| default_directory(&args.deck.deck));
     let outcome = started.and_then(|()| {
@@ -165,7 +165,7 @@ fn default_directory(deck: &Path) -> PathBuf {
     Path::new("results").join(deck.file_stem().unwrap_or_default())
 }
 
-/// Table of the time spent in each phase, like Table 5 of the paper, without a line break at the end.
+/// Table of the time spent in each phase, like Table 5 of the paper, without a trailing line break.
 fn timings_table(timings: &Timings) -> String {
     let total: f64 = Phase::ALL.iter().map(|&phase| timings.of(phase).wall.as_secs_f64()).sum();
     let mut text = format!("{:<10} {:>10} {:>10} {:>7}", "phase", "wall [s]", "CPU [s]", "share");

@@ -26,7 +26,7 @@ pub struct StatusArgs {
     format: Format,
 }
 
-/// Prints the progress of a run; the exit code is that of the run, or 3 if it is still running.
+/// Prints the progress of a run; the exit code is the run's own, or 3 if the run has not ended.
 pub fn status(args: &StatusArgs) -> anyhow::Result<u8> {
     let directory = &args.directory;
     let status = match status::read(directory) {

@@ -1,4 +1,4 @@
-//! `mpm sweep`: the members of a parameter study, one after the other.
+//! `mpm sweep`: runs the members of a parameter study one after another.
 
 use std::collections::BTreeSet;
 use std::io::IsTerminal;
@@ -32,7 +32,7 @@ use clap::Args;
 pub struct SweepArgs {
     #[command(flatten)]
     deck: DeckArgs,
-    /// Vary a parameter of the deck; may be given several times; the last one varies fastest.
+    /// Vary a parameter of the deck; may be given several times, and the parameter given last varies fastest.
     #[arg(long, value_name = "NAME=VALUE,VALUE,...", required = true)]
     over: Vec<Axis>,
     /// Directory for the table and for the results of the members [default: results/<deck name>-sweep].
@@ -90,7 +90,7 @@ const TABLE: &str = "sweep.csv";
 /// A study in progress.
 struct Sweep {
     study: Study,
-    /// Name and text of the deck; read once, so that all members use the same text.
+    /// Name and text of the deck, which is read once so that all members use the same text.
     name: String,
     text: Vec<u8>,
     directory: PathBuf,
@@ -104,8 +104,8 @@ struct Sweep {
 }
 
 impl Sweep {
-    /// Takes over the members that were completed earlier with the same deck and the same program. This precedes the
-    /// first run, so that the table never loses rows.
+    /// Takes over the results of members completed earlier with the same deck and the same version of the program. This
+    /// happens before the first run, so that the table never loses rows.
     fn take_completed(&mut self) {
         let taken = |member: Member| {
             let loaded = load_text(&self.name, &self.text, &self.study.overrides(&member)).ok()?;

@@ -39,7 +39,7 @@ pub struct Closing {
     balance: BalanceSoFar,
     warnings: usize,
     findings: Findings,
-    /// The factor of safety in words, of each stage that reduced the strength.
+    /// The factor of safety in words, for each stage that reduced the strength.
     safety: Vec<String>,
     /// Materials with non-associated flow whose strength is reduced.
     nonassociated: Vec<String>,
@@ -51,7 +51,7 @@ pub struct Closing {
 }
 
 impl Closing {
-    /// Sums up a run that has ended; `None` where no step is in equilibrium.
+    /// Sums up a run that has ended; `None` if no step is in equilibrium.
     pub fn new<const D: usize>(
         model: &Model<D>,
         summary: &Summary,
@@ -167,8 +167,8 @@ impl Closing {
         }
         if !self.nonassociated.is_empty() {
             let names = list(self.nonassociated.iter().map(String::as_str));
-            let text = "the factor depends on the size of the cells: compare another grid";
-            table.row(" ", &format!("flow of {names} is not associated, so that {text}"));
+            let text = "the factor depends on the cell size: compare another grid";
+            table.row(" ", &format!("flow of {names} is non-associated, so {text}"));
         }
     }
 

@@ -10,7 +10,7 @@ use crate::output::directory;
 use crate::program::screen::message::clean;
 use anyhow::{Context, bail};
 
-/// Bytes at the beginning of a log that contain the name of the program.
+/// Number of bytes at the beginning of a log that contain the program name.
 const FIRST: u64 = 24;
 
 /// Refuses a log whose path clashes with the results: with one of their files, or with their directory.
@@ -22,7 +22,7 @@ pub fn keep_out_of_results(log: &Path, results: &Path) -> anyhow::Result<()> {
     let is_way = results.starts_with(&place);
     let name = place.file_name().unwrap_or_default().to_string_lossy();
     if is_way || place.parent() == Some(&results) && directory::is_of_results(&name) {
-        let what = if is_way { "the directory of the results" } else { "a file of the results" };
+        let what = if is_way { "the results directory" } else { "a result file" };
         bail!("the log `{}` would be {what}; choose another name with `--log`", log.display());
     }
     Ok(())
@@ -78,7 +78,7 @@ impl LogFile {
     pub fn line(&self, text: &str) -> io::Result<()> {
         let time = self.began.elapsed().as_secs_f64();
         let lines: String = clean(text).lines().map(|line| format!("{time:10.3}  {line}\n")).collect();
-        // One unbuffered write, so that the file has whole lines at all times, even if the run is killed.
+        // One unbuffered write, so that the file contains only whole lines at all times, even if the run is killed.
         (&*self.file).write_all(lines.as_bytes())
     }
 }

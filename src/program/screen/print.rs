@@ -12,7 +12,7 @@ pub fn json_text(document: &impl serde::Serialize) -> anyhow::Result<String> {
 
 /// Writes a JSON document to standard output.
 pub fn print_json(document: &impl serde::Serialize) -> anyhow::Result<u8> {
-    // Programs read it and need every character.
+    // Programs read the document and need every character.
     write_out(&json_text(document)?)
 }
 

@@ -22,7 +22,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 /// Amount of output during a run.
 pub enum View {
-    /// Full output: the only run of the program.
+    /// Full output, for the only run of the program.
     Run {
         /// The log, if there is one.
         log: Option<LogFile>,
@@ -38,13 +38,14 @@ const LINES: usize = 20;
 /// Longest time between two such lines.
 const SILENCE: Duration = Duration::from_secs(30);
 
-/// Writes the results of a run and shows how far it is.
+/// Writes the results of a run and shows its progress.
 pub struct Watch {
     results: Results,
     view: View,
     progress: Progress,
     status_file: StatusFile,
-    /// False once writing the status or the log has failed: a failure is reported once and does not stop the run.
+    /// False once writing the status has failed (`log_works`: the log); a failure is reported once and does not stop
+    /// the run.
     status_works: bool,
     log_works: bool,
     display: Display,
@@ -304,7 +305,7 @@ impl<const D: usize> Observer<D> for Watch {
     fn bisected(&mut self, model: &Model<D>, points: &Points<D>, step: Step) -> io::Result<()> {
         let part = (step.end - step.start) / model.stepping.size();
         self.log(&format!(
-            "the bodies begin to slide in a step of {} times the requested size; half of it follows",
+            "the bodies begin to slide in a step of {} times the requested size; the next attempt is half as large",
             significant(part, 3)
         ));
         self.update_status();
@@ -340,7 +341,7 @@ fn initial_balance(state: &InitialState) -> String {
     match worst {
         Some((node, _)) if !is_balanced => {
             format!(
-                "initial state: out of balance, residual {residual:.3e}, most at node {}",
+                "initial state: out of balance, residual {residual:.3e}, largest at node {}",
                 coordinates(node)
             )
         }
@@ -367,7 +368,7 @@ fn in_equilibrium<const D: usize>(report: &StepReport<D>, status: &Status) -> St
     format!("{}{}: {solves} iterations, residual {residual:.2e}", step_of(status), factor.unwrap_or_default())
 }
 
-/// Text beside the bar: two lines, each shorter than 80 columns with the bar.
+/// Text beside the bar: two lines, each shorter than 80 columns including the bar.
 fn on_the_bar(status: &Status) -> String {
     let mut first = step_of(status);
     if let Some(residual) = status.residual {

@@ -48,7 +48,7 @@ impl Generator {
         self.value("", "", 0, random)
     }
 
-    /// The pointer in the schema to which another refers.
+    /// A pointer in the schema, with references followed.
     fn resolve(&self, home: &str) -> String {
         let node = self.schema.pointer(home).unwrap_or(&Value::Null);
         let reference = node.get("$ref").or_else(|| node.pointer("/allOf/0/$ref")).and_then(Value::as_str);

@@ -132,7 +132,7 @@ impl Bench for Decks {
     }
 
     fn run(&self, text: &[u8]) -> String {
-        // Paths of meshes are relative to it.
+        // Paths of meshes are relative to this path.
         let name = "tests/decks/build/fuzz.yaml";
         let (source, value, _) = Source::read(name, text);
         let loaded = load_text(name, text, &[]);

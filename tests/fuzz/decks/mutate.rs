@@ -31,7 +31,7 @@ pub fn change(deck: &mut Value, generator: &Generator, random: &mut Random) {
     let (parent, last) = pointer.rsplit_once('/').unwrap_or(("", &pointer));
     let key = last.replace("~1", "/").replace("~0", "~");
     match random.below(20) {
-        // Another value that the schema allows there.
+        // Another value that the schema allows at this pointer.
         0..=7 => {
             if let Some(home) = generator.home_of(deck, &pointer) {
                 let value = generator.value(&home, &key, 4, random);
@@ -47,7 +47,7 @@ pub fn change(deck: &mut Value, generator: &Generator, random: &mut Random) {
             Some(Value::Array(items)) => drop(key.parse::<usize>().map(|k| items.remove(k))),
             _ => {}
         },
-        // An entry of a list once more, or a whole list of them.
+        // Repeats an entry of a list once, or many times.
         10 | 11 => {
             let times = if random.chance(0.05) { 300 } else { 1 };
             let copy = deck.pointer(&pointer).cloned();
@@ -94,7 +94,7 @@ fn number(deck: &mut Value, pointer: &str, random: &mut Random) {
     *place = if new.fract() == 0.0 && new.abs() < 1e15 { json!(new as i64) } else { json!(new) };
 }
 
-/// Wraps regions into others.
+/// Wraps a region in other regions.
 fn region(deck: &mut Value, pointer: &str, random: &mut Random) {
     let Some(place) = deck.pointer_mut(pointer) else { return };
     let is_region = place.get("type").is_some_and(|kind| kind != "structured") && place.get("name").is_none();
@@ -131,7 +131,7 @@ const PIECES: [&str; 15] = [
     "- - - - -",
 ];
 
-/// Damages a text as typing, copying and transfer do.
+/// Damages text in the ways that typing, copying and transfer do.
 pub fn damage(text: &mut Vec<u8>, random: &mut Random) {
     for _ in 0..1 + random.below(3) {
         if text.is_empty() {

@@ -1,4 +1,4 @@
-//! Decks as YAML in changing styles.
+//! Decks as YAML in varying styles.
 
 use serde_json::Value;
 
@@ -96,7 +96,7 @@ fn flow(value: &Value, text: &mut String, random: &mut Random) {
     }
 }
 
-/// A text, in quotes where it must be and sometimes where it need not.
+/// A string, quoted where it must be and sometimes where it need not be.
 fn scalar_text(word: &str, random: &mut Random) -> String {
     let is_plain = !word.is_empty()
         && word.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-')

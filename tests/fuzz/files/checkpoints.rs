@@ -1,7 +1,7 @@
 //! Damaged checkpoints pass through everything that `mpm run --resume` does, including a load step and the files.
 //!
-//! The checksum finds the smaller part of the damage: in most cases it is computed again, or the damage is inside the
-//! compressed blocks, so that it reaches later checks.
+//! The checksum detects the damage in a minority of the cases only. In most cases the checksum is recomputed, or the
+//! damage is done inside the compressed blocks, so that the damage reaches later checks.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -70,7 +70,7 @@ checkpoint: {every: 1}
 /// Bytes before the first block: the line with the version of the format.
 const LINE: usize = "mpm checkpoint 3\n".len();
 
-/// The points of a model as it is built.
+/// The points of a model as they are built.
 enum Fresh {
     Plane(Points<2>),
     Solid(Points<3>),
@@ -104,7 +104,7 @@ fn account(loaded: &LoadedDeck) -> Account {
     }
 }
 
-/// Fields that only these points have, of every kind.
+/// Declares fields of every kind that only these points have.
 fn declare_fields(points: &mut Points<2>) {
     for (name, kind, components) in
         [("a", FieldKind::Fixed, 6), ("b", FieldKind::Motion, 1), ("c", FieldKind::Answer, 2)]
@@ -277,7 +277,7 @@ fn damage_content(content: &mut Vec<u8>, random: &mut Random) {
     let length = u64::from_le_bytes(content[..8].try_into().unwrap());
     let head = usize::try_from(length).unwrap_or(usize::MAX).saturating_add(8);
     if head > content.len() {
-        damage(content, random); // by an earlier damage
+        damage(content, random); // the length was damaged before
     } else if random.chance(0.4) {
         // In the summary; its length is corrected, so that the arrays keep their offsets.
         let mut account = content[8..head].to_vec();
@@ -363,7 +363,8 @@ impl Bench for Checkpoints {
     }
 }
 
-/// Undamaged checkpoints resume to the end, also if packed again: the cases above differ only in their damage.
+/// Undamaged checkpoints resume to the end, even if they are packed again: the cases above differ from them only in
+/// their damage.
 #[test]
 fn undamaged_checkpoints_resume() {
     let bench = Checkpoints::new();

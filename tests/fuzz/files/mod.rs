@@ -3,7 +3,8 @@
 //! usable.
 //!
 //! The usual tests run some thousand cases. `FUZZ_SECONDS=1800 cargo test --test fuzz gmsh -- --ignored --nocapture`
-//! runs for that much processor time, `stl` and `checkpoint` likewise; `FUZZ_SEED` sets the first case.
+//! runs cases of mesh files for that much processor time; `stl` or `checkpoint` in place of `gmsh` selects the other
+//! files. `FUZZ_SEED` sets the first case.
 
 #![allow(clippy::unwrap_used)]
 #![allow(clippy::print_stdout, reason = "the counts belong to the test")]
@@ -25,7 +26,7 @@ use crate::random::Random;
 use checkpoints::Checkpoints;
 use damage::damage;
 
-/// The files of a folder of the test data with this ending.
+/// The files with this extension in a folder of the test data.
 fn files(folder: &str, ending: &str) -> Vec<Vec<u8>> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(folder);
     let mut paths: Vec<_> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
@@ -36,7 +37,7 @@ fn files(folder: &str, ending: &str) -> Vec<Vec<u8>> {
     files
 }
 
-/// A file of the list with one damage or more.
+/// A file of the list, damaged in one place or more.
 fn damaged(files: &[Vec<u8>], seed: u64) -> Vec<u8> {
     let mut random = Random::new(seed);
     let mut content = random.pick(files).clone();
@@ -101,7 +102,7 @@ impl Bench for Meshes {
 struct Surfaces(Vec<Vec<u8>>);
 
 impl Surfaces {
-    /// Surfaces in text, and the same in binary.
+    /// Surfaces in text form, and the same surfaces in binary form.
     fn new() -> Surfaces {
         let mut all = files("", "stl");
         for text in all.clone() {

@@ -1,5 +1,5 @@
-//! The meaning of the operators and functions of formulas, and a second parser: straight from the grammar, without
-//! regard to speed, with nothing in common with the program's own.
+//! The meaning of the operators and functions of formulas, and a second parser: written straight from the grammar,
+//! without regard to speed, and sharing nothing with the program's own parser.
 //!
 //! ```text
 //! comparison = sum [("<" | "<=" | ">" | ">=" | "==" | "!=") sum]
@@ -15,7 +15,7 @@ use super::trees::{CONSTANT, VARIABLES};
 /// Stands for two or more arguments.
 pub const TWO_OR_MORE: usize = usize::MAX;
 
-/// All functions, with the numbers of their arguments.
+/// All functions, each with its number of arguments.
 pub const FUNCTIONS: [(&str, usize); 26] = [
     ("abs", 1),
     ("sqrt", 1),
@@ -66,7 +66,7 @@ pub fn binary(operator: &str, a: f64, b: f64) -> f64 {
     if holds { 1.0 } else { 0.0 }
 }
 
-/// The value of a function; `None` if there is none of this name with so many arguments.
+/// The value of a function; `None` if no function of this name takes this number of arguments.
 pub fn call(name: &str, arguments: &[f64]) -> Option<f64> {
     let (_, count) = FUNCTIONS.iter().find(|(function, _)| *function == name)?;
     let suits = if *count == TWO_OR_MORE { arguments.len() >= 2 } else { arguments.len() == *count };
@@ -74,7 +74,7 @@ pub fn call(name: &str, arguments: &[f64]) -> Option<f64> {
         return None;
     }
     let a = arguments[0];
-    // The first argument that is not a number decides.
+    // The first argument that is NaN decides.
     let undefined = arguments.iter().find(|a| a.is_nan());
     Some(match name {
         "abs" => a.abs(),
@@ -114,7 +114,7 @@ pub fn call(name: &str, arguments: &[f64]) -> Option<f64> {
     })
 }
 
-/// The value of a text; `None` if it is not a formula.
+/// The value of a formula; `None` if the text is not a formula.
 pub fn value(text: &str, variables: &[f64; 2]) -> Option<f64> {
     let tokens = tokens(text)?;
     let mut reader = Reader { tokens: &tokens, at: 0, variables };

@@ -23,7 +23,7 @@ const PLACES: [[f64; 2]; 4] = [[0.5, -2.0], [3.0, 0.0], [-1.25, 7.5], [1e-3, 1e6
 /// Nesting that the program must accept.
 const LEVELS: usize = 7;
 
-/// Longest processor time for the parsing of a text.
+/// Longest processor time allowed for parsing a text.
 const AT_ONCE: Duration = Duration::from_secs(2);
 
 fn parse(text: &str) -> Result<Formula, FormulaError> {
@@ -122,7 +122,7 @@ fn spoil(text: &str, random: &mut Random) -> String {
     String::from_utf8_lossy(&bytes).into_owned()
 }
 
-/// How many texts were tried: right ones, spoiled ones and chains of parts, and how many of the latter were formulas.
+/// Number of texts tried: valid formulas, and damaged formulas and chains of parts, some of which are still formulas.
 #[derive(Default)]
 struct Tried {
     right: usize,
@@ -177,7 +177,7 @@ fn random_formulas_for_long() {
     );
 }
 
-/// Deep nesting and great length end in a value or a message, soon and without a stack that overflows.
+/// Deeply nested and very long texts yield a value or a message, quickly and without a stack overflow.
 #[test]
 fn deep_and_long_texts_are_harmless() {
     const N: usize = 200_000;

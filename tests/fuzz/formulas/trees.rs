@@ -39,7 +39,7 @@ impl Tree {
                 Tree::Call(name, (0..count).map(|_| *next(random)).collect())
             }
             _ => {
-                // Powers and sums more often than comparisons: there the rules of precedence matter.
+                // Powers more often than other operators, because precedence matters most for them.
                 let operator = if random.chance(1.0 / 3.0) { "^" } else { *random.pick(&OPERATORS) };
                 Tree::Binary(operator, next(random), next(random))
             }
@@ -162,9 +162,9 @@ impl Tree {
 pub enum Spelling<'a> {
     /// No bracket and no space that could be left out.
     Shortest,
-    /// Everything made of parts in brackets.
+    /// Brackets around everything that is made of parts.
     Bracketed,
-    /// Brackets and spaces by random.
+    /// Brackets and spaces at random.
     Loose(&'a mut Random),
 }
 

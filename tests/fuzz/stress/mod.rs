@@ -78,7 +78,7 @@ fn run(text: &str, folder: &Path) -> Result<Outcome, String> {
     }
 }
 
-/// Every row of a step meets the tolerance of the deck, 1e-8, and the last one of a completed run is at the end.
+/// Every row of a step meets the tolerance of the deck, 1e-8, and the last row of a completed run is at the end time.
 fn written_steps_are_in_equilibrium(out: &Path) -> Result<(), String> {
     let table = std::fs::read_to_string(out.join("history.csv")).unwrap();
     let mut lines = table.lines();
@@ -95,7 +95,7 @@ fn written_steps_are_in_equilibrium(out: &Path) -> Result<(), String> {
     Ok(())
 }
 
-/// Loads and reactions balance, as far as the basis functions add up to one; masses stay.
+/// Loads and reactions balance to the extent that the basis functions add up to one; masses do not change.
 fn in_order(summary: &Value) -> Result<(), String> {
     let number = |pointer: &str| summary.pointer(pointer).and_then(Value::as_f64);
     let loss = number("/quality/partition_of_unity_loss/value").unwrap_or(0.0);

@@ -1,4 +1,4 @@
-//! A law that is evaluated in batches gives what it gives point by point.
+//! A law that is evaluated in batches returns the same results as a law that is evaluated point by point.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -16,13 +16,13 @@ use mpm::terms::{EvaluateError, Sum};
 
 use super::states::{FORMULATIONS, Law, State, of_methods, random_state};
 
-/// A law of the library in batches, which are evaluated point by point.
+/// A law of the library that accepts batches and evaluates them point by point.
 #[derive(Debug)]
 pub struct InBatches {
     law: Box<dyn Material>,
     /// Number of batches so far.
     pub calls: Arc<AtomicUsize>,
-    /// The call from which on the law fails, and how.
+    /// Index of the first call that fails, and the error.
     failure: Option<(usize, BatchError)>,
 }
 
@@ -44,7 +44,7 @@ impl BatchLaw for InBatches {
         new: &mut [f64],
         responses: &mut [Response],
     ) -> Result<(), BatchError> {
-        // Single points are those of moduli at rest.
+        // A single point belongs to an evaluation of the moduli at rest, not to a batch.
         let call = if trial.len() > 1 { self.calls.fetch_add(1, Ordering::Relaxed) } else { 0 };
         if let Some((_, error)) = self.failure.as_ref().filter(|(first, _)| call >= *first && call > 0) {
             return Err(error.clone());
@@ -104,7 +104,7 @@ impl Material for InBatches {
     }
 }
 
-/// Puts laws in batches; returns their counts of calls.
+/// Makes laws accept batches; returns their call counts.
 fn batch<const D: usize>(state: &mut State<D>, numbers: &[usize]) -> Vec<Arc<AtomicUsize>> {
     let mut calls = Vec::new();
     for &number in numbers {
@@ -153,7 +153,7 @@ fn check_states<const D: usize, M: Mechanics<D>>() -> f64 {
         for volumetric in treatments {
             for formulation in FORMULATIONS {
                 for wanted in [Wanted::Force, Wanted::Stiffness] {
-                    // The second body of two alone, too.
+                    // One case has batches only for the second of two bodies.
                     let choices: &[&[usize]] = if law == Law::Both { &[&[0, 1], &[1]] } else { &[&[0]] };
                     for numbers in choices {
                         let mut state = random_state::<D, M>(method, law, 60, 7);
@@ -219,7 +219,7 @@ fn a_refused_strain_names_the_point_and_a_failure_the_law() {
         let EvaluateError::Law(failure) = failed else { panic!("{failed:?}") };
         assert_eq!((failure.point, failure.message.as_str()), (point, "no such array"));
     }
-    // A place that is not in the batch is a failure of the law.
+    // An index outside the batch is a failure of the law.
     let outside = outcome(BatchError::Refused { point: 60, error: MaterialError::NoResponse });
     assert!(matches!(outside, EvaluateError::Law(_)));
 }

@@ -11,7 +11,7 @@ use nalgebra::DMatrix;
 
 use super::states::{Law, State, random_state};
 
-/// Eigenvalues below this part of the largest are zero.
+/// Eigenvalues below this fraction of the largest count as zero.
 const ZERO: f64 = 1e-11;
 
 /// Ascending eigenvalues of the stiffness at rest.
@@ -40,12 +40,13 @@ fn eigenvalues<const D: usize, M: Mechanics<D>>(state: &mut State<D>, volumetric
     values
 }
 
-/// Eigenvalues below this part of the largest are weak: those of nodes that few points touch, by the corners of their domains.
+/// Eigenvalues below this fraction of the largest are weak: they belong to nodes that only the corners of a few domains
+/// touch.
 const WEAK: f64 = 1e-5;
 
-/// Over random clusters of points: the smallest ratio of an eigenvalue of the stiffness with the mean dilatation to that of
-/// the standard method, of the non-zero ones and of those that are not weak. Neither has more zero eigenvalues than the other,
-/// unless `may_lose`.
+/// Over random clusters of points: the smallest ratio of an eigenvalue of the stiffness with the mean dilatation to the
+/// eigenvalue with the standard method, first over all non-zero eigenvalues, then over those that are not weak. Both
+/// stiffnesses have the same number of zero eigenvalues, unless `may_lose`.
 fn worst_ratios<const D: usize, M: Mechanics<D>>(
     (method, mode): (Method, StabilisationMode),
     n_points: usize,
@@ -61,7 +62,7 @@ fn worst_ratios<const D: usize, M: Mechanics<D>>(
         let zeros = |values: &[f64]| values.iter().filter(|value| **value < ZERO * largest).count();
         assert!(may_lose || zeros(&standard) == zeros(&averaged), "{method:?} {mode:?} {n_points} {seed}");
         for (standard, averaged) in standard.iter().zip(&averaged) {
-            // The mean of squares is not below the square of the mean.
+            // The square of the mean does not exceed the mean of squares.
             assert!(*averaged < standard + 1e-12 * largest, "{method:?} {mode:?} {n_points} {seed}");
             for (worst, least) in worst.iter_mut().zip([ZERO, WEAK]) {
                 if *standard >= least * largest {
@@ -73,7 +74,7 @@ fn worst_ratios<const D: usize, M: Mechanics<D>>(
     worst
 }
 
-/// The smallest ratios in the plane, of revolution and in space.
+/// The smallest ratios over problems in the plane, of revolution and in space.
 fn of_all(method: Method, mode: StabilisationMode, may_lose: bool) -> [f64; 2] {
     let case = (method, mode);
     let plane = [60, 120, 270].map(|n| worst_ratios::<2, PlaneStrain>(case, n, may_lose));
@@ -84,8 +85,9 @@ fn of_all(method: Method, mode: StabilisationMode, may_lose: bool) -> [f64; 2] {
     [least(0), least(1)]
 }
 
-/// The deviator at each point resists all motions that the whole strain resists, also where a cell holds one or two points.
-/// Without stabilisation, random domains with corners leave weak nodes, on which one mode more may go unresisted.
+/// The deviator at each point resists all motions that the whole strain resists, even if a cell holds only one or two
+/// points. Without stabilisation, random domains with corners leave weak nodes, at which one more mode may meet no
+/// resistance.
 #[test]
 fn the_mean_dilatation_opens_no_hourglass_mode() {
     for method in [Method::Mpm, Method::Gimp] {

@@ -1,6 +1,7 @@
 //! An independent, slow and simple implementation of the point kernel and of the sums over points: full matrices,
 //! spectral functions via nalgebra's eigenvectors, plastic flow by bisection, and stiffness by finite differences of
-//! the internal force. Compared with the program on random states of every method, law, idealisation and formulation.
+//! the internal force. It is compared with the program on random states of every method, law, idealisation and
+//! formulation.
 
 use mpm::assembly::Wanted;
 use mpm::basis::Method;
@@ -37,7 +38,7 @@ struct Outcome {
     kappa: f64,
 }
 
-/// The laws of [`state_with`] with their parameters.
+/// Response under one of the laws of [`state_with`], with its parameters.
 fn respond(law: Law, body: u16, b_trial: Mat3, kappa: f64) -> Outcome {
     let identity = Mat3::identity();
     match (law, body) {

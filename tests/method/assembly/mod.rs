@@ -1,5 +1,5 @@
-//! Internal force and stiffness: against an independent implementation, against finite differences, and between the two
-//! formulations.
+//! Internal force and stiffness, compared with an independent implementation, with finite differences, and between the
+//! two formulations.
 #![allow(clippy::unwrap_used)]
 #![allow(clippy::needless_range_loop, reason = "index notation, as in the paper")]
 

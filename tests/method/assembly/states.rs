@@ -73,12 +73,12 @@ impl Material for Skewed {
 
 const LAWS: [Law; 5] = [Law::Hencky, Law::NeoHookean, Law::VonMises, Law::Both, Law::Skewed];
 
-/// All methods with all laws.
+/// Each method with each law.
 pub fn cases() -> Vec<(Method, Law)> {
     of_methods(&[Method::Mpm, Method::Gimp, Method::Cpdi1, Method::Cpdi2])
 }
 
-/// These methods with all laws.
+/// Each of these methods with each law.
 pub fn of_methods(methods: &[Method]) -> Vec<(Method, Law)> {
     methods.iter().flat_map(|method| LAWS.map(|law| (*method, law))).collect()
 }
@@ -93,8 +93,8 @@ pub struct State<const D: usize> {
     pub delta_d: Vec<[f64; D]>,
 }
 
-/// Points at random positions of a grid of oblong cells, some with domains that extend beyond it. Elastic strains up to
-/// ±0.2, det(F) from 0.6 to 1.7; the increment stretches, shears and rotates, with noise at the nodes.
+/// Points at random positions in a grid of oblong cells, some with domains that extend beyond the grid. Elastic strains
+/// up to ±0.2, det(F) from 0.6 to 1.7; the increment stretches, shears and rotates, with noise at the nodes.
 pub fn random_state<const D: usize, M: Mechanics<D>>(
     method: Method,
     law: Law,
@@ -114,7 +114,7 @@ pub enum Domain {
     Simplex,
 }
 
-/// As [`random_state`], with domains of this shape.
+/// The same as [`random_state`], with domains of this shape.
 pub fn state_with<const D: usize, M: Mechanics<D>>(
     method: Method,
     domain: Domain,
@@ -125,7 +125,7 @@ pub fn state_with<const D: usize, M: Mechanics<D>>(
     state_on::<D, M>(Box::new(few_cells()), 0.1, (method, domain), law, n_points, seed)
 }
 
-/// As [`random_state`], on a grid of the same extent whose cells grow and shrink along the first two axes.
+/// The same as [`random_state`], on a grid of the same extent whose cells grow and shrink along the first two axes.
 #[allow(dead_code, reason = "not every test program uses it")]
 pub fn graded_random_state<const D: usize, M: Mechanics<D>>(
     method: Method,
@@ -157,7 +157,7 @@ fn even_grid<const D: usize>(cells: [usize; D]) -> Structured<D> {
     Structured::new(low, std::array::from_fn(|d| SPACING[d]), cells)
 }
 
-/// As [`random_state`], on a grid large enough for several batches, with domains inside it.
+/// The same as [`random_state`], on a grid large enough for several batches, with domains inside it.
 #[allow(dead_code, reason = "not every test program uses it")]
 pub fn large_random_state<M: Mechanics<2>>(method: Method, law: Law, n_points: usize, seed: u64) -> State<2> {
     state_on::<2, M>(Box::new(even_grid([24, 20])), 0.4, (method, Domain::Box), law, n_points, seed)
@@ -165,7 +165,8 @@ pub fn large_random_state<M: Mechanics<2>>(method: Method, law: Law, n_points: u
 
 const SPACING: [f64; 3] = [0.5, 0.4, 0.6];
 
-/// As [`random_state`], on another grid whose bounds it fills, with positions at least `margin` away from them.
+/// The same as [`random_state`], on a given grid that the points fill, with positions at least `margin` away from its
+/// bounds.
 pub fn state_on<const D: usize, M: Mechanics<D>>(
     grid: Box<dyn Grid<D>>,
     margin: f64,

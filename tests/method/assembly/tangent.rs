@@ -38,7 +38,7 @@ fn largest<const D: usize>(values: &[[f64; D]]) -> f64 {
     values.iter().flatten().fold(0.0, |m, x| m.max(x.abs()))
 }
 
-/// With every treatment of volumetric deformation, all combinations with every formulation.
+/// All combinations of formulations and treatments of volumetric deformation.
 fn with_volumetric(method: Method) -> Vec<(Formulation, Volumetric)> {
     let mut all = vec![Volumetric::Standard, Volumetric::MeanDilatation];
     all.extend(method.has_centres().then_some(Volumetric::FBar));
@@ -72,7 +72,7 @@ fn check_derivative<const D: usize, M: Mechanics<D>>(
                 columns.push(column);
             }
             let scale = columns.iter().map(|c| largest(c)).fold(0.0, f64::max);
-            // Not every column, so that the test stays short, but columns of every axis.
+            // Only some columns, to keep the test short, but columns of every axis.
             for (b, column) in columns.iter().enumerate().step_by(if D == 3 { 11 } else { 3 }) {
                 let mut shifted = |by: f64| {
                     let mut delta_d = base.clone();
@@ -219,7 +219,7 @@ fn check_force<const D: usize, M: Mechanics<D>>(cases: Vec<(Method, Law)>) {
                 Sum::of_bodies::<M>(&StepContext::first(&state.model, &state.links), &state.points).unwrap();
             let (force, _) = evaluate(&mut sum, &mut state, &first);
             let trial = state.points.trial.clone();
-            // The stiffness of another state, which must not change.
+            // This stiffness belongs to another state and must not change.
             evaluate(&mut sum, &mut state, &half);
             let mut before = half.clone();
             sum.system_mut().multiply(&first, &mut before);
@@ -257,7 +257,7 @@ fn difference_from_energy<const D: usize, M: Mechanics<D>>(
     volumetric: Volumetric,
     n_points: usize,
 ) -> f64 {
-    // A central difference of fourth order, so that truncation and round-off both stay below 1e-9 of the force.
+    // A fourth-order central difference keeps both truncation and round-off below 1e-9 of the force.
     const STEP: f64 = 1e-3; // of nodal displacements; cells are 0.5 by 0.4
     let mut state = random_state::<D, M>(method, law, n_points, 23);
     state.model.bodies.iter_mut().for_each(|body| body.volumetric = volumetric);
@@ -285,7 +285,7 @@ fn check_energy<const D: usize, M: Mechanics<D>>(n_points: usize) {
         for law in [Law::Hencky, Law::NeoHookean] {
             let worst = difference_from_energy::<D, M>((method, law), Volumetric::MeanDilatation, n_points);
             println!("{D} axes, {method:?} {law:?}: {worst:.1e}");
-            // Measured: at most 2.6e-9, which is the truncation of the difference.
+            // Measured: at most 2.6e-9, which is the truncation error of the difference.
             assert!(worst < 1e-8, "{method:?} {law:?}: {worst:e}");
         }
     }
@@ -294,9 +294,9 @@ fn check_energy<const D: usize, M: Mechanics<D>>(n_points: usize) {
     assert!(without_energy > 0.1, "{without_energy:e}");
 }
 
-/// The internal force of elastic points with their mean dilatation is the derivative of their stored energy. Other weights
-/// in the variation than in θ would fail, and another exponent in the stress than in ΔF̄. F-bar has no energy, which
-/// shows that the test can tell.
+/// The internal force of elastic points with mean dilatation is the derivative of their stored energy. The test would
+/// fail if the weights in the variation differed from those in θ, or the exponent in the stress from that in ΔF̄. F-bar
+/// has no energy, which shows that the test can tell the difference.
 #[test]
 fn internal_force_is_the_derivative_of_the_stored_energy() {
     check_energy::<2, PlaneStrain>(80);
@@ -304,8 +304,8 @@ fn internal_force_is_the_derivative_of_the_stored_energy() {
     check_energy::<3, Solid>(60);
 }
 
-/// The system stores one triangle only, which would hide an unsymmetric tangent. So the tangent of every point must
-/// have major symmetry: Ã of eqs. (A.3)-(A.6), and a of eqs. (A.1)-(A.2).
+/// The system stores only one triangle, which would hide an unsymmetric tangent. The test therefore checks that the
+/// tangent of every point has major symmetry: Ã of eqs. (A.3)-(A.6), and a of eqs. (A.1)-(A.2).
 #[test]
 fn point_tangents_and_stiffness_are_symmetric() {
     let mut worst = 0.0f64;

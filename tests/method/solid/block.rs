@@ -1,4 +1,5 @@
-//! Cost of a block that settles under its own weight; a quarter of it between two symmetry planes.
+//! Cost of the analysis of a block that settles under its own weight; a quarter of it is modelled between two symmetry
+//! planes.
 
 use mpm::basis::Method;
 use mpm::domain::DomainUpdate;

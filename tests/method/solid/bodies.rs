@@ -23,7 +23,7 @@ pub fn mesh(name: &str) -> Mesh<3> {
     Mesh::from_gmsh(&gmsh::read_file(&path).unwrap()).unwrap()
 }
 
-/// The cells of a structured grid with their centres in a box.
+/// The cells of a structured grid that have their centres in a box.
 pub fn cells_in(grid: &Structured<3>, low: [f64; 3], high: [f64; 3]) -> Vec<u32> {
     let inside = |cell: &u32| {
         let index = grid.cell_index(*cell as usize);
@@ -35,16 +35,16 @@ pub fn cells_in(grid: &Structured<3>, low: [f64; 3], high: [f64; 3]) -> Vec<u32>
     (0..grid.n_cells() as u32).filter(inside).collect()
 }
 
-/// Method and number of points of a body.
+/// Method of a body and its number of points.
 #[derive(Debug, Clone, Copy)]
 pub struct Filling {
     pub method: Method,
-    /// Number of parts along each axis of a hexahedron; a tetrahedron gets their product.
+    /// Number of parts along each axis of a hexahedron; a tetrahedron is divided into as many parts as their product.
     pub n: [usize; 3],
     pub density: f64,
 }
 
-/// The points of a body of whole cells. The points of the cells at its border form the outer layer.
+/// The points of a body of whole cells. The points of the cells at its boundary form the outer layer.
 pub fn fill(grid: &dyn Grid<3>, cells: &[u32], filling: Filling, law: &dyn Material) -> Vec<Seed<3>> {
     let mut owners = vec![0; grid.n_nodes()];
     let mut others = vec![0; grid.n_nodes()];
@@ -54,7 +54,7 @@ pub fn fill(grid: &dyn Grid<3>, cells: &[u32], filling: Filling, law: &dyn Mater
         let count = if *is_in { &mut owners } else { &mut others };
         grid.corners(cell).nodes().iter().for_each(|node| count[*node as usize] += 1);
     }
-    // Nodes on the border of a filled grid have fewer than eight hexahedra.
+    // Nodes on the boundary of a filled grid have fewer than eight hexahedra.
     let [low, high] = grid.bounds();
     let on_border = |node: u32| {
         let x = grid.node_position(node as usize);

@@ -13,8 +13,8 @@ use super::bodies::{Filling, cells_in, fill, fixed, model, nodes_where, watch};
 const HEIGHT: f64 = 50.0;
 const WEIGHT: f64 = 800.0; // ρ₀ g, per original volume
 
-/// Eq. (42) for a column one cell wide and deep, with `n` points per cell along it and two across, which keep the
-/// cross-section plane; σ_a of eq. (41) is compressive.
+/// Eq. (42) for a column one cell wide and deep, with `n` points per cell along the column and two across, which keep
+/// cross-sections plane; σ_a of eq. (41) is compressive.
 fn stress_error(method: Method, update: DomainUpdate, n: usize, elements: usize) -> f64 {
     let h = HEIGHT / elements as f64;
     let grid = Structured::<3>::new([0.0; 3], [h; 3], [1, 1, elements]);
@@ -51,7 +51,7 @@ fn stress_error(method: Method, update: DomainUpdate, n: usize, elements: usize)
     sum / (WEIGHT * HEIGHT * volume)
 }
 
-/// The error in the plane, by an independent program or by AMPLE.
+/// The error in the plane, computed with an independent program or with AMPLE.
 fn in_the_plane(method: &str, update: &str, n: usize, elements: usize) -> f64 {
     let text = include_str!("../../data/compaction_error.csv");
     let found = text.lines().skip(1).map(|line| line.split(',').collect::<Vec<_>>()).find(|cells| {
@@ -83,7 +83,7 @@ fn errors_are_those_in_the_plane() {
     }
 }
 
-/// As in the plane, Fig. 7: the error keeps decreasing, with an order that approaches two.
+/// As in the plane (Fig. 7), the error keeps decreasing, with an order that approaches two.
 #[test]
 fn the_stress_converges_when_domains_follow_the_deformation() {
     for (method, update) in [

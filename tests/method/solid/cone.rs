@@ -41,7 +41,7 @@ fn of_quarter(points: &Points<3>) -> Rings {
     }))
 }
 
-/// Difference between the two bodies, [m]: root mean square over all rings, and over the outermost ones (the profile).
+/// Difference between the two bodies, [m]: root mean square over all rings, and over the outermost rings (the profile).
 fn distances(a: &Rings, b: &Rings) -> [f64; 2] {
     let (mut sum, mut volume) = (0.0, 0.0);
     let mut outermost: BTreeMap<i32, (i32, f64)> = BTreeMap::new();

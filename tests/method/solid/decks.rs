@@ -23,7 +23,7 @@ pub fn of_inputs(deck: &str, set: &[(&str, &str)]) -> LoadedDeck {
     load(&path, &set).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// Final points of an analysis in space of a deck of `inputs/`, with parameters set.
+/// Final points of an analysis in space, of a deck in `inputs/` with parameters set.
 pub fn run_of_inputs(deck: &str, set: &[(&str, &str)]) -> Points<3> {
     let (model, mut points) = build(&of_inputs(deck, set)).unwrap_or_else(|found| panic!("{found:?}"));
     solver::run(&model, &mut points, &mut Silent).unwrap_or_else(|error| panic!("{error}"));
@@ -38,7 +38,8 @@ fn largest(stress: &[Sym3]) -> f64 {
     stress.iter().flat_map(|tau| tau.0).fold(0.0, |most, tau| most.max(tau.abs()))
 }
 
-/// A ball in the middle of the grid, rotated by 40° about an oblique axis by prescribing the nodes around it.
+/// A ball in the middle of the grid, rotated by 40° about an oblique axis: the motion of the nodes around it is
+/// prescribed.
 fn turned(grid: &str, body: &str, centre: f64) -> f64 {
     let angle = 40f64.to_radians();
     let turn = Motion::<3>::rotation([1.0, 2.0, 3.0], angle, [centre; 3]).unwrap();
@@ -214,7 +215,7 @@ fn the_volume_of_the_points_of_every_region_tends_to_its_own() {
         let errors = [1.0, 0.5, 0.25, 0.125].map(|h| volume(&shape, h) / exact - 1.0);
         let word = shape.split([',', '{', ' ']).nth(2).unwrap();
         println!("{word}: {}", errors.map(|e| format!("{e:+.4}")).join(" "));
-        // The error of the cut cells has either sign and decreases with the cell size.
+        // The error of the cut cells may have either sign and decreases with the cell size.
         assert!(errors[3].abs() < 0.02 && errors[2].abs() < 0.06, "{shape}: {errors:?}");
         (0..4).for_each(|k| squares[k] += errors[k] * errors[k]);
     }
@@ -222,7 +223,7 @@ fn the_volume_of_the_points_of_every_region_tends_to_its_own() {
     assert!(squares.windows(2).all(|pair| pair[1] < 0.5 * pair[0]), "{squares:?}");
 }
 
-/// Hexahedra and tetrahedra of mesh groups: the points must have their entire volume.
+/// Hexahedra and tetrahedra of mesh groups: the points must have the entire volume of these cells.
 #[test]
 fn groups_of_a_mesh_are_filled_to_the_last() {
     let deck = |group: &str, points: &str| {

@@ -72,7 +72,7 @@ fn stress_of(f: &Mat3) -> Sym3 {
     Elasticity::from_young_poisson(YOUNG, POISSON).stress(&logarithmic_strain(f))
 }
 
-/// The grid of rectangles of this kind, with lines on the sides of the block. The cells of a graded one differ by a
+/// The grid of rectangles of this kind, with lines on the sides of the block. The cells of a graded grid differ by a
 /// factor of 4.
 fn structured(kind: Kind) -> Structured<3> {
     if kind == Kind::Structured {
@@ -132,7 +132,7 @@ fn moved(
     errors
 }
 
-/// 90° about an oblique axis in six increments; the interior is free.
+/// Rotation by 90° about an oblique axis in six increments; the interior is free.
 #[test]
 fn rotation_leaves_no_stress() {
     let increment = rotation([1.0, 2.0, 3.0], 15f64.to_radians());

@@ -1,4 +1,4 @@
-//! Simple shear of a cube along x on inclined planes: the stress of every point is that of the law.
+//! Simple shear of a cube along x on inclined planes: every point has the stress of the law.
 
 use std::f64::consts::SQRT_2;
 
@@ -57,7 +57,7 @@ fn driven(law: &dyn Material) -> Vec<Sym3> {
     stresses
 }
 
-/// Stress of every point after every step of the shear of a unit cube in cells of 1/5, and the largest number of
+/// Stress of every point after every step, for a unit cube sheared in cells of side 1/5, and the largest number of
 /// unknowns.
 fn shear(law: impl Material + Clone + 'static, method: Method, n: usize) -> (Vec<Vec<Sym3>>, usize) {
     let grid = Structured::<3>::new([0.0; 3], [0.2; 3], [20, 5, 5]);

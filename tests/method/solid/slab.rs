@@ -44,7 +44,7 @@ fn drawn_out(points: &Points<2>, thickness: f64) -> Vec<Seed<3>> {
     (0..points.len()).flat_map(|p| (0..LAYERS).map(move |k| layer(p, k))).collect()
 }
 
-/// The plane model, extruded. Its boundary conditions must fix nodes, not move them.
+/// The plane model, extruded. The boundary conditions of the plane model must fix nodes, not move them.
 fn slab(plane: Model<2>, thickness: f64) -> Model<3> {
     let grid = plane.grid.structured().unwrap();
     let [nx, ny] = grid.cells();

@@ -1,7 +1,8 @@
 //! A cylindrical cavity in an incompressible von Mises material, widened at constant length.
 //!
-//! What was at R is at r with r² = R² + D, D = a² − a₀². The logarithmic strain is ±ln(r/R) around and along the radius, so
-//! that σ_θ − σ_r = min(−2G ln(1 − D/r²), 2k) with the shear strength k, and the pressure is its integral over dr/r.
+//! A point moves from the radius R to r with r² = R² + D, D = a² − a₀². The logarithmic strain is ±ln(r/R) around and
+//! along the radius, so that σ_θ − σ_r = min(−2G ln(1 − D/r²), 2k) with the shear strength k, and the pressure is the
+//! integral of this difference over dr/r.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -24,7 +25,7 @@ fn dilogarithm(x: f64) -> f64 {
     (1..4000).map(|k| x.powi(k) / f64::from(k * k)).sum()
 }
 
-/// Pressure at the inner radius `a` without pressure at the outer radius `b`.
+/// Pressure at the inner radius `a` if there is none at the outer radius `b`.
 fn pressure(a: f64, b: f64) -> f64 {
     let d = a * a - 1.0;
     let at_front = 1.0 - (-STRENGTH / SHEAR).exp();
@@ -49,9 +50,8 @@ fn the_formula_is_the_integral_of_the_stress() {
     }
 }
 
-/// Relative error of the pressure when the inner radius has doubled, with n cells through the wall whose sides are
-/// proportional to the radius, a body of revolution of one cell along its axis. The grid line at the inner radius
-/// follows it.
+/// Relative error of the pressure when the inner radius has doubled, for a body of revolution one cell high with n
+/// cells through the wall, whose sides are proportional to the radius. A grid line follows the inner radius.
 fn error(n: usize, method: &str, volumetric: &str, steps: usize) -> f64 {
     let ratio = OUTER.powf(1.0 / n as f64);
     let beyond = n / 8;
@@ -94,9 +94,9 @@ fn study(method: &str, volumetric: &str, steps: usize) -> [f64; 3] {
     errors
 }
 
-/// In one step the points are those of finite elements, so that all methods agree; the cured answer has order 2. The
-/// standard method asks each of the two points of a cell for its volume, more than the nodes can give: its pressure is
-/// hundreds of times too large.
+/// In one step, the points are integration points of finite elements, so that all methods agree; with the mean
+/// dilatation, the error has order 2. The standard method constrains the volume at each of the two points of a cell,
+/// which is more than the nodes can satisfy: its pressure is hundreds of times too large.
 #[test]
 fn widened_in_one_step() {
     let of_points = study("mpm", "mean-dilatation", 1);
@@ -113,8 +113,8 @@ fn widened_in_one_step() {
     }
 }
 
-/// In ten steps the material moves through the cells. With domains, the order is that of one step. Standard points do not
-/// integrate cells exactly any more, and the error changes its sign with each grid.
+/// In ten steps the material moves through the cells. With domains, the order is the same as in one step. Standard
+/// points no longer integrate cells exactly, and the error changes its sign from grid to grid.
 #[test]
 fn widened_in_ten_steps() {
     for method in ["gimp", "cpdi2"] {
@@ -135,7 +135,8 @@ fn widened_in_ten_steps() {
     assert!((0.5 * (centred[0] / centred[2]).log2() - 1.9).abs() < 0.2, "{centred:?}");
 }
 
-/// Relative error of the pressure in a quarter of an elastic ring in the plane, radii 1 and 2, the inner radius doubled.
+/// Relative error of the pressure in a quarter of an elastic ring in the plane, radii 1 and 2, the inner radius
+/// doubled.
 fn error_of_ring(n: usize, cells: Cells, volumetric: &str) -> f64 {
     let mesh = written(&plane([n, n], cells, |s, t| {
         let angle = FRAC_PI_2 * t;
@@ -169,8 +170,8 @@ steps: {{count: 1}}
     force / PI / exact - 1.0
 }
 
-/// A quarter of a ring, where ΔF̄ scales the two directions of the plane. Order 2, where the standard method is a hundred
-/// times farther off.
+/// A quarter of a ring, for which ΔF̄ scales the two directions of the plane. The order is 2, and the error of the
+/// standard method is a hundred times larger.
 #[test]
 fn rings_in_the_plane() {
     for cells in [Cells::Boxes, Cells::Simplices] {

@@ -33,8 +33,8 @@ steps: {{count: 1}}
 const NEARLY_INCOMPRESSIBLE: [f64; 3] = [240.565, 0.4999, 100.0 / 16.0];
 const COMPRESSIBLE: [f64; 3] = [200.0, 0.35, 4.0];
 
-/// The tips with 8, 16 and 32 cells along each side, and the limit of a sequence whose changes fall by a constant factor.
-/// The corner at the wall is singular, so that this factor is less than 4.
+/// The tips with 8, 16 and 32 cells along each side, and the limit of a sequence whose changes fall by a constant
+/// factor. The corner at the wall is singular, so this factor is less than 4.
 fn study(cells: Cells, volumetric: &str, membrane: [f64; 3]) -> ([f64; 3], f64) {
     let tips = [8, 16, 32].map(|n| tip(n, cells, "mpm", volumetric, membrane));
     let changes = [tips[1] - tips[0], tips[2] - tips[1]];
@@ -44,8 +44,8 @@ fn study(cells: Cells, volumetric: &str, membrane: [f64; 3]) -> ([f64; 3], f64) 
     (tips, limit)
 }
 
-/// The value of the literature, 6.908, is that of a fine mesh (Elguedj et al. 2008). Three sequences of this program have
-/// limits between 6.923 and 6.926.
+/// The value in the literature, 6.908, was computed with a fine mesh (Elguedj et al. 2008). Three sequences of this
+/// program have limits between 6.923 and 6.926.
 #[test]
 fn a_nearly_incompressible_membrane() {
     let quadrilaterals = study(Cells::Boxes, "mean-dilatation", NEARLY_INCOMPRESSIBLE);
@@ -62,7 +62,7 @@ fn a_nearly_incompressible_membrane() {
     }
 }
 
-/// 6.1468 in the literature (thesis of Müller 2015: 6.1469).
+/// The value in the literature is 6.1468 (6.1469 in the thesis of Müller 2015).
 #[test]
 fn a_compressible_membrane() {
     for volumetric in ["standard", "mean-dilatation"] {

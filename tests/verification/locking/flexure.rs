@@ -1,8 +1,8 @@
 //! A block of incompressible neo-Hookean material bent to a sector of a ring (Rivlin 1949).
 //!
-//! What was at (X, Y), |X| ≤ ½, is at the radius r with r² = 2αX + β and the angle Y/α: F is a stretch by λ = r/α around and
-//! 1/λ along the radius. With Ŵ(λ) = μ/2 (λ² + λ⁻² − 2), equilibrium is d(r σ_r)/dr = σ_θ and σ_r = Ŵ(λ) − Ŵ(λ₁), which vanishes
-//! on both curved sides for λ₁ λ₂ = 1, β = α √(1 + α²). The moment is ∫ r σ_θ dr.
+//! A point moves from (X, Y), |X| ≤ ½, to the radius r with r² = 2αX + β and the angle Y/α: F is a stretch by λ = r/α
+//! around and 1/λ along the radius. With Ŵ(λ) = μ/2 (λ² + λ⁻² − 2), equilibrium is d(r σ_r)/dr = σ_θ and σ_r = Ŵ(λ) −
+//! Ŵ(λ₁), which vanishes on both curved sides for λ₁ λ₂ = 1, β = α √(1 + α²). The moment is ∫ r σ_θ dr.
 
 use mpm::stress::{PlaneStrain, Solid};
 
@@ -93,8 +93,8 @@ steps: {{count: 1}}
     )
 }
 
-/// Error of the moment relative to the exact one, from the reactions of the end about its middle. A force along the
-/// block, which vanishes with refinement, has no part in it.
+/// Relative error of the moment of the end's reactions about the middle of the end. A force along the block, which
+/// vanishes with refinement, does not contribute.
 fn error<const D: usize>(bent: &Equilibrium<D>, depth: f64, turn: f64) -> f64 {
     let Sector { alpha, .. } = sector(turn);
     let middle = (alpha * 1f64.hypot(alpha)).sqrt();
@@ -150,7 +150,7 @@ fn in_space(n: usize, method: &str, cells: Option<Cells>, volumetric: &str, turn
     error(&equilibrium::<3, Solid>(model, points), depth, turn)
 }
 
-/// The error falls with order 2; that of the standard method is hundreds of times larger.
+/// The error falls with order 2; the error of the standard method is hundreds of times larger.
 #[test]
 fn blocks_in_the_plane() {
     for (cells, volumetric, last) in [

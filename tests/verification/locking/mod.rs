@@ -7,12 +7,12 @@ mod flexure;
 mod patch;
 mod torsion;
 
-/// Orders of convergence from one error to the next, the spacing being halved.
+/// Orders of convergence from one error to the next, when the spacing is halved.
 fn orders(errors: &[f64]) -> Vec<f64> {
     errors.windows(2).map(|pair| (pair[0] / pair[1]).abs().log2()).collect()
 }
 
-/// Errors for the log.
+/// Errors formatted for the log.
 fn in_powers(errors: &[f64]) -> String {
     errors.iter().map(|e| format!("{e:.2e} ")).collect()
 }

@@ -1,4 +1,4 @@
-//! Homogeneous motions: points whose volume ratio is that of their cell have the stress of the motion.
+//! Homogeneous motions: points that take their volume ratio from their cell have the stress of the motion.
 
 use mpm::material::{Hencky, Material};
 use mpm::stress::{Axisymmetric, Mechanics, PlaneStrain};
@@ -11,8 +11,8 @@ use crate::total_lagrangian::equilibrium;
 const YOUNG: f64 = 1.0;
 const POISSON: f64 = 0.4999;
 
-/// Largest error of the stress, relative to Young's modulus, when the sides of a square, or all its nodes, move by
-/// F x + c: in the plane, or as a body of revolution.
+/// Largest error of the stress, relative to Young's modulus, when the sides of a square, or all its nodes, move from x
+/// to F x: in the plane, or as a body of revolution.
 fn error<M: Mechanics<2>>(f: [[f64; 2]; 2], grid: &str, body: &str, nodes: &[&str]) -> f64 {
     let idealisation = if M::REVOLVED { "axisymmetric" } else { "plane-strain" };
     let [[a, b], [c, d]] = f;
@@ -50,7 +50,7 @@ boundary_conditions:
 const SIDES: [&str; 4] = ["{x: 1}", "{x: 2}", "{y: 0}", "{y: 1}"];
 const ALL: [&str; 1] = ["{box: {min: [0, -1], max: [3, 2]}}"];
 
-/// A body with each treatment that its method has on the cells.
+/// A body with each treatment of volumetric deformation that its method supports on the cells.
 fn each(method: &str, cells: Cells) -> Vec<String> {
     let points = if cells == Cells::Simplices { "points_per_triangle: 4" } else { "points_per_cell: [2, 3]" };
     let has_centres = cells == Cells::Boxes && ["mpm", "gimp"].contains(&method);
@@ -64,7 +64,7 @@ fn check<M: Mechanics<2>>(f: [[f64; 2]; 2]) {
     let mut check = |grid: &str, body: &str, nodes: &[&str]| {
         let error = error::<M>(f, grid, body, nodes);
         worst = worst.max(error);
-        // Round-off of a bulk modulus 1700 times Young's modulus; measured at most 1.7e-11.
+        // This is round-off of a bulk modulus 1700 times Young's modulus; at most 1.7e-11 was measured.
         assert!(error < 1e-10, "revolved {}, {grid}, {body}: {error:e}", M::REVOLVED);
     };
     let structured =
@@ -101,7 +101,8 @@ fn check<M: Mechanics<2>>(f: [[f64; 2]; 2]) {
     println!("patch, revolved {}: at most {worst:.1e} of Young's modulus", M::REVOLVED);
 }
 
-/// A mean or a centre that does not reproduce linear motions would fail, and pressures of cells that do not balance.
+/// The test would fail if a mean or a centre did not reproduce linear motions, or if the pressures of cells did not
+/// balance.
 #[test]
 fn homogeneous_motions() {
     let (sin, cos) = 40f64.to_radians().sin_cos();

@@ -1,8 +1,8 @@
-//! A square bar of incompressible material twisted by a little, its ends free to warp (Saint-Venant 1855).
+//! A square bar of incompressible material under a small twist, with ends free to warp (Saint-Venant 1855).
 //!
-//! The moment is μ ψ J for a twist ψ per length, with J = s⁴ (1/3 − 64/π⁵ Σ tanh(nπ/2)/n⁵) over odd n for the side s. The
-//! motion u = ψ Z (−Y, X) + ψ φ(X, Y) e_z changes no volume, also where φ is linear between nodes: here a cure must leave
-//! the answer of the standard method as it is.
+//! The moment is μ ψ J for a twist ψ per length, with J = s⁴ (1/3 − 64/π⁵ Σ tanh(nπ/2)/n⁵) over odd n for the side s.
+//! The motion u = ψ Z (−Y, X) + ψ φ(X, Y) e_z changes no volume, even if φ is linear between nodes: here a cure for
+//! locking must leave the result of the standard method unchanged.
 
 use std::f64::consts::PI;
 
@@ -14,7 +14,7 @@ use crate::total_lagrangian::equilibrium;
 
 const SHEAR: f64 = 1.0;
 const POISSON: f64 = 0.4999;
-/// Twist per length; its square is the error of the linear solution.
+/// Twist per length; the error of the linear solution is of the order of its square.
 const TWIST: f64 = 1e-4;
 
 /// Moment of a bar with sides of length 1.
@@ -23,7 +23,7 @@ fn moment() -> f64 {
     SHEAR * TWIST * (1.0 / 3.0 - 64.0 / PI.powi(5) * series)
 }
 
-/// Error of the moment of a bar with n cells across, relative to the exact one.
+/// Error of the moment of a bar with n cells across, relative to the exact moment.
 fn error(n: usize, method: &str, volumetric: &str) -> f64 {
     let (h, young) = (1.0 / n as f64, 2.0 * SHEAR * (1.0 + POISSON));
     let length = 2.0 * h;

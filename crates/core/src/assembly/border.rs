@@ -1,4 +1,4 @@
-//! Equations of a few global unknowns in addition to those of the nodes, such as the motions of a rigid body.
+//! Equations of a few global unknowns, such as the motions of a rigid body, in addition to the nodal equations.
 
 use crate::ranks::Halo;
 use crate::step::Nodal;
@@ -10,24 +10,24 @@ use crate::step::Nodal;
 /// K alone must be regular: the border cannot hold a body that nothing else holds.
 #[derive(Debug, Clone, Default)]
 pub struct Border<const N: usize> {
-    /// B by columns: change of the nodal internal minus external force with each global unknown.
+    /// B by columns: derivative of the nodal internal minus external force with respect to each global unknown.
     pub(crate) columns: Vec<Nodal<N>>,
-    /// A by rows: change of each global equation with the nodal displacements.
+    /// A by rows: derivative of each global equation with respect to the nodal displacements.
     pub(crate) rows: Vec<Nodal<N>>,
     /// C, `[i][j]`.
     pub(crate) corner: Vec<Vec<f64>>,
     /// r.
     pub(crate) residual: Vec<f64>,
-    /// Change of r with the load factor, if this factor follows from equilibrium.
+    /// Derivative of r with respect to the load factor, if this factor follows from equilibrium.
     pub(crate) per_factor: Vec<f64>,
-    /// True for each residual that is a force or moment, whose work on its unknown counts in a line search.
+    /// True for each residual that is a force or moment; its work on the corresponding unknown counts in a line search.
     pub(crate) works: Vec<bool>,
     /// The magnitude with which each residual is compared.
     pub(crate) scale: Vec<f64>,
-    /// Round-off of each residual beyond that of its sum.
+    /// Round-off of each residual in addition to the round-off of its sum.
     pub(crate) round_off: Vec<f64>,
-    /// Stiffness that the solver adds to the diagonal of C where the equations alone may leave a global unknown
-    /// undetermined; it affects the iterations, not the solution.
+    /// Stiffness that the solver adds to the diagonal of C if the equations alone may leave a global unknown
+    /// undetermined. It affects the iterations but not the solution.
     pub(crate) support: Vec<f64>,
     /// The first global unknown of the term that is being evaluated.
     pub(crate) first: usize,
@@ -56,7 +56,7 @@ impl<const N: usize> Border<N> {
         self.residual.len()
     }
 
-    /// True if there are none.
+    /// True if there are no global unknowns.
     pub fn is_empty(&self) -> bool {
         self.residual.is_empty()
     }
@@ -76,34 +76,34 @@ impl<const N: usize> Border<N> {
         self.round_off[self.first + i] += round_off;
     }
 
-    /// Adds to the change of the residual of global equation `i` of the term with the load factor.
+    /// Adds to the derivative of the residual of the term's global equation `i` with respect to the load factor.
     pub fn add_per_factor(&mut self, i: usize, value: f64) {
         self.per_factor[self.first + i] += value;
     }
 
-    /// Adds to the change of the internal force on a node with global unknown `j` of the term.
+    /// Adds to the derivative of the internal force on a node with respect to the term's global unknown `j`.
     pub fn add_to_column(&mut self, j: usize, node: usize, component: usize, value: f64) {
         self.columns[self.first + j][node][component] += value;
     }
 
-    /// Adds to the change of global equation `i` of the term with a nodal displacement.
+    /// Adds to the derivative of the term's global equation `i` with respect to a nodal displacement.
     pub fn add_to_row(&mut self, i: usize, node: usize, component: usize, value: f64) {
         self.rows[self.first + i][node][component] += value;
     }
 
-    /// Adds to the change of global equation `i` with global unknown `j`, both of the term.
+    /// Adds to the derivative of global equation `i` with respect to global unknown `j`, both of the term.
     pub fn add_to_corner(&mut self, i: usize, j: usize, value: f64) {
         self.corner[self.first + i][self.first + j] += value;
     }
 
-    /// Adds to the stiffness with which the solver supports global unknown `i` of the term in an iteration, because the
-    /// equations may leave it undetermined.
+    /// Adds to the stiffness with which the solver supports the term's global unknown `i` in an iteration, because the
+    /// equations may leave this unknown undetermined.
     pub fn add_support(&mut self, i: usize, stiffness: f64) {
         self.support[self.first + i] += stiffness;
     }
 
-    /// Marks the residual of global equation `i` of the term as a force or moment, minus the out-of-balance one on
-    /// unknown `i`.
+    /// Marks the residual of the term's global equation `i` as the negative out-of-balance force or moment on unknown
+    /// `i`.
     pub fn count_as_work(&mut self, i: usize) {
         self.works[self.first + i] = true;
     }
@@ -135,7 +135,7 @@ impl<const N: usize> Border<N> {
         }
     }
 
-    /// Each residual relative to the magnitude with which it is compared, [-], and true if it is round-off.
+    /// Each residual relative to the magnitude with which it is compared, [-], and whether the residual is round-off.
     pub(crate) fn relative_residuals(&self) -> impl Iterator<Item = (f64, bool)> {
         let terms = self.residual.iter().zip(&self.scale).zip(&self.round_off);
         terms.map(|((r, scale), round_off)| {

@@ -1,4 +1,5 @@
-//! The stiffness between the nodes of one group of points, and how a point adds its part: eqs. (21) and (23).
+//! The stiffness between the nodes of one group of points, and the contribution of each point to it: eqs. (21) and
+//! (23).
 
 use crate::basis::Links;
 use crate::linear::Block;
@@ -6,10 +7,11 @@ use crate::stress::WeakForm;
 use crate::tensor::Lanes;
 use crate::tensor::lane::transposed;
 
-/// The dense stiffness of a group, to which its points add.
+/// The dense stiffness of a group, to which its points contribute.
 pub(crate) trait Dense<const D: usize> {
-    /// Adds one point, given its gradients in the configuration that its weak form needs; `force` is the force on the
-    /// nodes of the group. `adjust` is called with the index of each node of the point and the column of this node.
+    /// Adds the contribution of one point, given its gradients in the configuration that its weak form needs; `force`
+    /// is the force on the nodes of the group. `adjust` is called with the index of each node of the point and the
+    /// column of this node.
     fn add<W: WeakForm<D>>(
         &mut self,
         weak: &W,
@@ -105,8 +107,8 @@ impl<const D: usize> Dense<D> for Triangle<'_, D> {
     }
 }
 
-/// As [`Triangle`], for a group in the plane whose points all touch its `N` nodes, as standard points do: each block is
-/// one vector of numbers at a fixed position, so nothing has to be looked up.
+/// The same as [`Triangle`], for a group in the plane whose points all touch its `N` nodes, as standard points do. Each
+/// block is one vector of numbers at a fixed position, so no index has to be looked up.
 pub(crate) struct Whole<const D: usize, const N: usize> {
     /// `[b][a]`, with the column b.
     blocks: [[Block<D>; N]; N],
@@ -197,8 +199,8 @@ impl<const D: usize> Dense<D> for Square<'_, D> {
 }
 
 /// The stiffness of a group whose points all touch its `N` nodes, as standard points do. It is stored by columns, with
-/// the rows side by side in `C` vectors of [`Lanes::WIDTH`], so that one instruction works on several rows. It is small
-/// enough for the fastest memory; the blocks are separated once, after all points.
+/// the rows side by side in `C` vectors of [`Lanes::WIDTH`], so that one instruction operates on several rows. It is
+/// small enough for the fastest cache; the blocks are separated once, after all points have been added.
 pub(crate) struct Cell<const D: usize, const N: usize, const C: usize> {
     symmetric: bool,
     columns: [[[[Lanes; D]; D]; C]; N],
@@ -209,7 +211,7 @@ impl<const D: usize, const N: usize, const C: usize> Cell<D, N, C> {
         Cell { symmetric, columns: [[[[Lanes::ZERO; D]; D]; C]; N] }
     }
 
-    /// The first vector of lanes with a row that this column stores.
+    /// Index of the first vector of lanes that contains a row stored in this column.
     #[inline(always)]
     fn first(&self, column: usize) -> usize {
         if self.symmetric { column / Lanes::WIDTH } else { 0 }

@@ -5,18 +5,18 @@ use std::ops::Range;
 use crate::basis::Connectivity;
 use crate::linear::{Block, BlockMatrix, Division};
 
-/// Marks a pair of nodes of a group that no point couples.
+/// Marks a dense pair whose nodes are not coupled by any point.
 pub(crate) const UNCOUPLED: u32 = u32::MAX;
 
-/// Calls its argument with lists of active nodes, ascending, all of which are coupled with each other.
+/// Calls its argument with ascending lists of active nodes; all nodes of a list are coupled with one another.
 pub type Couples<'a> = dyn Fn(&mut dyn FnMut(&[u32])) + 'a;
 
-/// The coupled pairs of active nodes, by columns; in a symmetric system, only those with row ≥ column.
+/// The coupled pairs of active nodes, by columns; in a symmetric system, only the pairs with row ≥ column.
 pub(crate) struct NodePairs {
     symmetric: bool,
     column_start: Vec<usize>,
     row: Vec<u32>,
-    /// Start of the dense pairs of each group in `position`.
+    /// Index, in `position`, of the first dense pair of each group; dense pairs are all pairs of nodes of the group.
     group_start: Vec<usize>,
     /// For each dense pair of each group, its index among the pairs, or [`UNCOUPLED`].
     position: Vec<u32>,
@@ -68,7 +68,7 @@ impl NodePairs {
             for p in links.points_of(group) {
                 let local = links.local_nodes(p);
                 if local == last {
-                    continue; // neighbours in a cell mostly touch the same nodes
+                    continue; // neighbours in a cell usually touch the same nodes
                 }
                 last = local;
                 for (k, &b) in local.iter().enumerate() {
@@ -100,7 +100,7 @@ impl NodePairs {
         }
     }
 
-    /// Calls `visit(row, column)` for the pairs that terms couple beyond groups.
+    /// Calls `visit(row, column)` for the pairs that terms couple in addition to the groups.
     fn coupled_by(&self, couples: &Couples, mut visit: impl FnMut(usize, usize)) {
         couples(&mut |nodes: &[u32]| {
             for (a, &row) in nodes.iter().enumerate() {
@@ -192,7 +192,7 @@ impl NodePairs {
         self.row.len()
     }
 
-    /// Range of the dense pairs of some groups among those of all groups.
+    /// Range of the dense pairs of some groups among the dense pairs of all groups.
     pub(crate) fn dense_range(&self, groups: Range<usize>) -> Range<usize> {
         self.group_start[groups.start]..self.group_start[groups.end]
     }
@@ -202,7 +202,7 @@ impl NodePairs {
         &self.position[self.group_start[group]..self.group_start[group + 1]]
     }
 
-    /// The matrix with these blocks on the pairs.
+    /// The matrix with these blocks at the coupled pairs.
     pub(crate) fn matrix<'a, const D: usize>(&'a self, blocks: &'a [Block<D>]) -> BlockMatrix<'a, D> {
         BlockMatrix { symmetric: self.symmetric, column_start: &self.column_start, row: &self.row, blocks }
     }

@@ -1,4 +1,4 @@
-//! The equations of the unknowns, Cᵀ K C, if nodes are turned or tied.
+//! The equations for the unknowns, Cᵀ K C, if nodes are turned or tied.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +9,7 @@ use super::System;
 use super::pattern::Couples;
 
 impl<const N: usize> System<N> {
-    /// Forms the matrix of the equations of the unknowns from the stiffness; does nothing if this matrix is the
+    /// Forms the matrix of the equations for the unknowns from the stiffness; does nothing if this matrix is the
     /// stiffness itself.
     pub fn reduce(&mut self, dofs: &DofMap<N>) {
         if dofs.is_plain() {
@@ -36,7 +36,7 @@ impl<const N: usize> System<N> {
                     for &(b, of_b, weight_b) in &of_column[k] {
                         let value = weight_a * weight_b * entry;
                         self.add_reduced([a, of_a], [b, of_b], value);
-                        // The mirror image, which a symmetric matrix does not store.
+                        // The mirror image of the entry, which a symmetric matrix does not store.
                         if self.is_symmetric() && row != column {
                             self.add_reduced([b, of_b], [a, of_a], value);
                         }
@@ -53,7 +53,8 @@ impl<const N: usize> System<N> {
     }
 }
 
-/// The nodes that terms and ties couple: nodes coupled to a tied node are also coupled to the nodes it is tied to.
+/// The nodes that terms and ties couple: a node coupled to a tied node is also coupled to the nodes to which the latter
+/// is tied.
 pub(crate) fn with_ties<const D: usize, const N: usize>(
     dofs: &DofMap<N>,
     links: &Connectivity<D>,

@@ -7,16 +7,16 @@ use crate::ranks::Halo;
 /// The bodies whose points touch a node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TouchedBy {
-    /// No body: the node lies in a cell next to those that points touch.
+    /// No body: the node belongs to a cell next to the cells that points touch.
     None,
-    /// Only the body with this number.
+    /// Only the body with this index.
     One(u16),
     /// Several bodies, which share the node.
     Several,
 }
 
 impl TouchedBy {
-    /// With one more body.
+    /// The result after one more body touches the node.
     fn and(self, body: u16) -> TouchedBy {
         match self {
             TouchedBy::None => TouchedBy::One(body),
@@ -32,7 +32,7 @@ impl<const D: usize> Connectivity<D> {
         let mut touched = vec![TouchedBy::None; self.n_active()];
         for group in 0..self.n_groups() {
             let nodes = self.nodes_of(group);
-            // Points of a cell mostly touch the same nodes.
+            // Points of a cell usually touch the same nodes.
             let mut last: Option<(u16, &[u32])> = None;
             for p in self.points_of(group) {
                 let (body, local) = (points.body[p], self.local_nodes(p));

@@ -81,8 +81,8 @@ fn conforms<const D: usize>(grid: &dyn Grid<D>, variant: (Method, ElementShape),
     }
 }
 
-/// Checks that the gradient is the derivative of the value with respect to position. This does not hold for CPDI, whose
-/// gradient is that of the interpolation inside the domain.
+/// Checks that the gradient is the derivative of the value with respect to position. This does not hold for CPDI,
+/// because its gradient is the gradient of the interpolation inside the domain.
 fn gradient_is_derivative<const D: usize>(
     grid: &Structured<D>,
     variant: (Method, ElementShape),
@@ -191,7 +191,7 @@ fn a_gimp_point_averages_the_linear_basis_over_its_domain() {
     averages(&GRADED.1, [0.47, 0.83, 0.55], [0.055, 0.33, 0.4], 120);
 }
 
-/// ∫ N_v from the lowest line to `y` for any grid lines, in closed form.
+/// ∫ N_v from the lowest line to `y` for arbitrary grid lines, in closed form.
 fn antiderivative(lines: &[f64], v: usize, y: f64) -> f64 {
     let mut integral = 0.0;
     if v > 0 {
@@ -205,7 +205,8 @@ fn antiderivative(lines: &[f64], v: usize, y: f64) -> f64 {
     integral
 }
 
-/// S_v = [I_v(x + l) − I_v(x − l)] / 2l for every node; intervals of equal cells give the same as the even grid.
+/// S_v = [I_v(x + l) − I_v(x − l)] / 2l for every node. An axis made of intervals with equal cells gives the same
+/// result as an even axis.
 #[test]
 fn gimp_points_are_differences_of_the_antiderivative() {
     let even = Axis::even(0.0, 0.1, 10);

@@ -17,7 +17,7 @@ use piece::Piece;
 /// Number of groups linked by one parallel task.
 const PIECE: usize = 16;
 
-/// Number of pieces linked before they are merged, so that they are merged from the cache.
+/// Number of pieces linked before they are merged, chosen so that they are still in the cache when they are merged.
 const ROUND: usize = 32;
 
 /// Base-2 logarithm of the number of points in a block. Offsets in a block fit into 32 bits.
@@ -43,7 +43,7 @@ pub struct Connectivity<const D: usize> {
     group_points: Vec<usize>,
     group_node_start: Vec<usize>,
     group_nodes: Vec<u32>,
-    /// For each entry of `group_nodes`, how firmly the points of the group touch the node; used while linking.
+    /// For each entry of `group_nodes`, how firmly the points of the group touch the node; used only during linking.
     touches: Vec<Touch>,
     /// For each group, true if all its points touch all its nodes.
     whole: Vec<bool>,
@@ -58,9 +58,9 @@ pub struct Connectivity<const D: usize> {
     local: Vec<u32>,
     value: Vec<f64>,
     gradient: Vec<[f64; D]>,
-    /// Factors of the basis functions of points on a structured grid in three dimensions. In two dimensions the products
-    /// themselves are stored, which take hardly more memory. On a graded grid the factors of each point follow 1/h of
-    /// its cell along each axis.
+    /// Factors of the basis functions of points on a structured grid in three dimensions. In two dimensions, the
+    /// products themselves are stored because they need hardly more memory. On a graded grid, the factors of each point
+    /// are preceded by 1/h of its cell along each axis.
     factor: Vec<f64>,
     /// 1/h of an even grid along each axis, [1/length]; `None` for other grids.
     per_length: Option<[f64; D]>,
@@ -68,12 +68,12 @@ pub struct Connectivity<const D: usize> {
     active_nodes: Vec<u32>,
     active_of: Vec<u32>,
     active_cells: Vec<u32>,
-    /// Grid nodes touched only by slivers, ascending, each with the node that carries it.
+    /// Grid nodes touched only by slivers, ascending, each with its carrier node.
     carried: Vec<[u32; 2]>,
-    /// Cells of other ranks beside those of this one, ascending, and their active nodes.
+    /// Cells of other ranks next to the cells of this rank, ascending, and their active nodes.
     layer_cells: Vec<u32>,
     layer_nodes: Vec<u32>,
-    /// The active nodes that other ranks have, too.
+    /// The active nodes that other ranks also have.
     halo: Halo,
 }
 
@@ -87,7 +87,7 @@ pub struct SupportFailure {
 }
 
 impl SupportFailure {
-    /// A failure of which only another rank knows the point.
+    /// A failure at a point that only another rank knows.
     const ON_RANK: SupportFailure = SupportFailure { point: 0, error: SupportError::OnRank };
 
     fn off_grid(point: usize) -> Self {
@@ -106,7 +106,7 @@ pub struct Links<'a, const D: usize> {
     pub gradient: &'a [[f64; D]],
 }
 
-/// Buffer for the values and gradients of one point, with buffer for all nodes of its group.
+/// Buffer for the values and gradients of one point, large enough for all nodes of its group.
 pub struct LinkBuffer<'a, const D: usize> {
     /// Buffer for S_vp, [-].
     pub value: &'a mut [f64],
@@ -118,7 +118,7 @@ impl<const D: usize> Connectivity<D> {
     /// Groups the points by cell and links them.
     ///
     /// # Errors
-    /// The first point that lies outside the grid or whose domain does.
+    /// The first point that lies outside the grid, or whose domain lies outside it.
     pub fn new(
         grid: &dyn Grid<D>,
         points: &mut Points<D>,
@@ -127,11 +127,11 @@ impl<const D: usize> Connectivity<D> {
         Connectivity::default().renew(grid, points, methods)
     }
 
-    /// Like [`Connectivity::new`], but reuses the memory of links that are no longer needed, such as those of the
+    /// Like [`Connectivity::new`], but reuses the memory of links that are no longer needed, such as the links of the
     /// previous step.
     ///
     /// # Errors
-    /// As [`Connectivity::new`].
+    /// The same as for [`Connectivity::new`].
     pub fn renew(
         mut self,
         grid: &dyn Grid<D>,
@@ -159,12 +159,12 @@ impl<const D: usize> Connectivity<D> {
             Ok(piece)
         };
         let (mut slivers, mut sharing) = (Slivers::default(), Sharing::default());
-        // The first pass finds the slivers, if any; a second one folds them into other nodes.
+        // The first pass finds the slivers; if there are any, a second pass folds them into other nodes.
         for pass in 0..2 {
             self.clear();
             self.per_length = per_length;
             let n_groups = groups.len() - 1;
-            // Rounds limit the number of pieces that exist besides the result.
+            // Working in rounds limits the number of pieces that exist in addition to the result.
             let linked = (0..n_groups).step_by(ROUND * PIECE).try_for_each(|round| {
                 let end = (round + ROUND * PIECE).min(n_groups);
                 let firsts = (round..end).into_par_iter().step_by(PIECE);
@@ -189,7 +189,7 @@ impl<const D: usize> Connectivity<D> {
         Ok(self.numbered(grid, &points.ranks, &sharing))
     }
 
-    /// The links with active numbers of the nodes, and what ranks share.
+    /// Completes the links: lists the active cells, adds what ranks share, and gives the nodes their active numbers.
     fn numbered(mut self, grid: &dyn Grid<D>, ranks: &Ranks, sharing: &Sharing) -> Self {
         self.touches = Vec::new();
         self.carried.sort_unstable();
@@ -235,7 +235,7 @@ impl<const D: usize> Connectivity<D> {
         self.group_nodes.extend(piece.group_nodes);
         self.touches.extend(piece.touches);
         self.whole.extend(piece.whole);
-        // Offsets of the next data of each kind. Node indices may be shared with any earlier point of the group.
+        // Offsets of the next data of each kind. A point can share node indices with any earlier point of the group.
         let mut next = Block { link: links, factor: factors, local: locals };
         for ((&start, form), &local) in piece.start.iter().zip(&piece.form).zip(&piece.local_start) {
             let explicit = form.is_explicit();
@@ -389,13 +389,13 @@ impl<const D: usize> Connectivity<D> {
         &self.active_nodes
     }
 
-    /// The active nodes that other ranks have, too. With other ranks, this one has the nodes that its points touch and those of one
-    /// layer of cells beside them.
+    /// The active nodes that other ranks also have. If there are other ranks, this rank has the nodes that its points
+    /// touch and the nodes of one layer of adjacent cells.
     pub fn halo(&self) -> &Halo {
         &self.halo
     }
 
-    /// Cells that points of other ranks touch, beside the active ones, ascending.
+    /// Cells that points of other ranks touch, next to the active cells of this rank, ascending.
     pub fn layer_cells(&self) -> &[u32] {
         &self.layer_cells
     }
@@ -417,14 +417,14 @@ impl<const D: usize> Connectivity<D> {
         }
     }
 
-    /// Active number of the node that carries a grid node touched only by slivers.
+    /// Number, among the active nodes, of the node that carries a grid node touched only by slivers.
     #[cold]
     fn carrier(&self, node: usize) -> Option<usize> {
         let index = self.carried.binary_search_by_key(&(node as u32), |pair| pair[0]).ok()?;
         self.active_number(self.carried[index][1] as usize)
     }
 
-    /// Active number of a grid node; `None` if points touch it by slivers only, or not at all.
+    /// Active number of a grid node; `None` if points touch it only by slivers, or not at all.
     #[inline]
     pub fn active_number(&self, node: usize) -> Option<usize> {
         match self.active_of[node] {

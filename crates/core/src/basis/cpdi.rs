@@ -2,15 +2,15 @@
 //! definition because the formulas first printed for CPDI2 were wrong (footnote 6). Domains are quadrilaterals
 //! (hexahedra) or triangles (tetrahedra).
 //!
-//! Inside the domain of a point, the grid basis is replaced by the interpolation of its values at the corners, N_v(x) ≈
+//! Inside the domain of a point, the grid basis is replaced by an interpolation of its values at the corners, N_v(x) ≈
 //! Σ_c N_c(x) N_v(x_c), so that
 //!
 //! S_v = Σ_c w_c N_v(x_c) with w_c = (1/V) ∫ N_c dV and ∇S_v = Σ_c g_c N_v(x_c) with g_c = (1/V) ∫ ∇N_c dV.
 //!
-//! On a quadrilateral or hexahedron the integrands N_c det J and ∂N_c/∂ξ det J J⁻¹ are polynomials. Column a of J is
+//! On a quadrilateral or hexahedron, the integrands N_c det J and ∂N_c/∂ξ det J J⁻¹ are polynomials. Column a of J is
 //! constant along axis a and linear along the others, so det J has degree D − 1 along each axis, N_c det J has degree
 //! D, and the entries of det J J⁻¹ times ∂N_c/∂ξ have degree D − 1. Two Gauss points per axis integrate degree three
-//! exactly, which is sufficient for D ≤ 3. On a quadrilateral the integrals have closed forms. On a simplex ∇N_c is
+//! exactly, which is sufficient for D ≤ 3. On a quadrilateral, the integrals have closed forms. On a simplex, ∇N_c is
 //! constant and w_c = 1/(D + 1).
 
 use super::{Basis, PointGeometry, Support, SupportError};
@@ -76,11 +76,11 @@ fn sum_over_corners<const D: usize, G: Grid<D> + ?Sized>(
 }
 
 /// Largest distance of a corner from the grid, in cells. The corners of CPDI1 follow the deformation of their point and
-/// may leave the grid slightly where a body slides along a wall.
+/// can leave the grid slightly if a body slides along a wall.
 pub const CORNER_MARGIN: f64 = 0.05;
 
-/// The cell at a position, or the nearest cell, and the distance of the position from the grid, in cells. The distance
-/// is the sum of the negative values of the basis of that cell, continued to the position.
+/// The cell that contains a position or is nearest to it, and the distance of the position from the grid, in cells. The
+/// distance is minus the sum of the negative values of the basis of that cell, continued to the position.
 #[inline]
 pub fn nearest_with_distance<const D: usize, G: Grid<D> + ?Sized>(
     grid: &G,
@@ -95,7 +95,8 @@ pub fn nearest_with_distance<const D: usize, G: Grid<D> + ?Sized>(
     (cell, -basis.value().iter().map(|value| value.min(0.0)).sum::<f64>())
 }
 
-/// The cell and basis of a corner. Just outside the grid the basis is continued, which keeps linear fields exact.
+/// The cell and basis of a corner. Just outside the grid, the basis is continued, so that linear fields are still
+/// reproduced exactly.
 #[inline(always)]
 fn near_corner<const D: usize, G: Grid<D> + ?Sized>(
     grid: &G,
@@ -149,7 +150,7 @@ impl<const D: usize> CornerWeights<D> {
     }
 
     /// Weights of a triangle or tetrahedron. With the edges from the first corner as the columns of J, the rows of J⁻¹
-    /// are the gradients of all other corners; the gradients of all corners sum to zero.
+    /// are the gradients of the shape functions of the other corners; the gradients of all shape functions sum to zero.
     fn of_simplex(corners: &[[f64; D]]) -> Result<Self, SupportError> {
         let mut weights = CornerWeights { value: [0.0; MAX_CORNERS], gradient: [[0.0; D]; MAX_CORNERS] };
         let jacobian = edges(corners);
@@ -190,7 +191,7 @@ impl<const D: usize> CornerWeights<D> {
         Ok(weights)
     }
 
-    /// Weights of a hexahedron. Bit d of a corner's number is its side along parametric axis d.
+    /// Weights of a hexahedron. Bit d of a corner's number gives its side along parametric axis d.
     fn of_box(corners: &[[f64; D]]) -> Result<Self, SupportError> {
         let mut weights = CornerWeights { value: [0.0; MAX_CORNERS], gradient: [[0.0; D]; MAX_CORNERS] };
         let n = corners.len();
@@ -221,7 +222,7 @@ impl<const D: usize> CornerWeights<D> {
 }
 
 /// det J at the corners of a valid quadrilateral, which has a positive area and at most one reflex corner. With two
-/// reflex corners it is inverted or crosses itself.
+/// reflex corners, it would be inverted or would cross itself.
 #[inline]
 fn quadrilateral<const D: usize>(corners: &[[f64; D]]) -> Result<[f64; 4], SupportError> {
     let at_corner: [f64; 4] = std::array::from_fn(|c| corner_determinant(corners, c));
@@ -231,7 +232,7 @@ fn quadrilateral<const D: usize>(corners: &[[f64; D]]) -> Result<[f64; 4], Suppo
 }
 
 /// True if a hexahedron of positive volume is valid: at most one reflex corner, or two on one edge (an extruded
-/// arrowhead). With more, or with a reversed reflex edge, it is inverted or crosses itself.
+/// arrowhead). With more, or with a reversed reflex edge, it would be inverted or would cross itself.
 fn is_meaningful<const D: usize>(corners: &[[f64; D]]) -> bool {
     let is_reflex = |c: &usize| corner_determinant(corners, *c) <= 0.0;
     let mut reflex = (0..corners.len()).filter(is_reflex);
@@ -240,7 +241,7 @@ fn is_meaningful<const D: usize>(corners: &[[f64; D]]) -> bool {
     if reflex.next().is_some() || !along.is_power_of_two() {
         return false;
     }
-    // Edges along the axis of the reflex edge, which starts at `a`, its lower end.
+    // The edge that starts at a corner and is parallel to the reflex edge, whose lower end is `a`.
     let edge =
         |from: usize| -> [f64; D] { std::array::from_fn(|d| corners[from | along][d] - corners[from][d]) };
     let others = (0..corners.len()).filter(|c| c & along == 0 && *c != a).map(edge);
@@ -263,7 +264,7 @@ fn corner_determinant<const D: usize>(corners: &[[f64; D]], corner: usize) -> f6
     a[0] * minor(&b, &c, 1, 2) - a[1] * minor(&b, &c, 0, 2) + a[2] * minor(&b, &c, 0, 1)
 }
 
-/// Edges of a simplex from its first corner, as columns; the unit matrix beyond `D`.
+/// Edges of a simplex from its first corner, as columns; rows and columns beyond `D` are those of the unit matrix.
 fn edges<const D: usize>(corners: &[[f64; D]]) -> Mat3 {
     let mut edges = Mat3::identity();
     for j in 0..D {
@@ -274,7 +275,7 @@ fn edges<const D: usize>(corners: &[[f64; D]]) -> Mat3 {
     edges
 }
 
-/// ∂x/∂ξ of a quadrilateral or hexahedron; the unit matrix beyond `D`.
+/// ∂x/∂ξ of a quadrilateral or hexahedron; rows and columns beyond `D` are those of the unit matrix.
 fn jacobian<const D: usize>(corners: &[[f64; D]], xi: &[f64; D]) -> Mat3 {
     let mut jacobian = Mat3::identity();
     for d in 0..D {

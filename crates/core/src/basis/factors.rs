@@ -16,8 +16,8 @@ pub(super) struct AxisFactors {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Factors<const D: usize>([AxisFactors; D]);
 
-/// Storage format of a point: for each axis, four bits for the number of nodes and one bit for points inside one cell,
-/// of which only the local coordinate is stored.
+/// Storage format of a point. For each axis, there are four bits for the number of nodes and one bit that marks a point
+/// inside one cell, for which only the local coordinate is stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Form(u32);
 
@@ -58,7 +58,7 @@ impl Form {
         (0..D).map(|d| self.nodes_along(d)).product()
     }
 
-    /// The two nodes of one cell along every axis.
+    /// The format for the two nodes of one cell along every axis.
     fn of_cell<const D: usize>() -> Form {
         Form((0..D).fold(0, |form, d| form | (IN_CELL | 2) << (BITS * d)))
     }
@@ -88,8 +88,8 @@ impl<const D: usize> Factors<D> {
         }))
     }
 
-    /// Appends the factors to `numbers`, in the shortest form that restores them bit for bit; `per_length` is 1/h of
-    /// the cell of the point along each axis.
+    /// Appends the factors to `numbers`, in the shortest form from which they can be restored bit for bit; `per_length`
+    /// is 1/h of the cell of the point along each axis.
     pub fn keep(&self, per_length: &[f64; D], numbers: &mut Vec<f64>) -> Form {
         let mut form = 0;
         for (d, line) in self.0.iter().enumerate() {
@@ -141,14 +141,14 @@ pub(super) fn multiply<const D: usize>(
     gradient: &mut [[f64; D]],
 ) {
     if form == Form::of_cell::<D>() {
-        // With a known number of nodes, indices need no bounds checks.
+        // Because the number of nodes is known, indices need no bounds checks.
         let (value, gradient) = (&mut value[..1 << D], &mut gradient[..1 << D]);
         return for_each_corner(numbers, per_length, |k, s, ds| (value[k], gradient[k]) = (s, ds));
     }
     for_each_node(form, numbers, per_length, |k, s, ds| (value[k], gradient[k]) = (s, ds));
 }
 
-/// Calls `visit` with the number of each node, its value and its gradient; the first axis varies fastest.
+/// Calls `visit` with the index of each node, its value and its gradient; the first axis varies fastest.
 #[inline(always)]
 pub(super) fn for_each_product<const D: usize>(
     form: Form,

@@ -44,7 +44,7 @@ impl<const D: usize> Basis<D> for Gimp {
     }
 }
 
-/// The cells of the grid that [x − l, x + l] overlaps, each with a weight proportional to the overlap; at least one.
+/// The grid cells (at least one) that [x − l, x + l] overlaps, each with a weight proportional to the overlap.
 fn parts_in_cells(axis: &Axis, x: f64, half_length: f64) -> Vec<(usize, f64)> {
     let n = axis.n_cells();
     let (a, b) = (axis.coordinate(x - half_length), axis.coordinate(x + half_length));
@@ -84,7 +84,7 @@ fn tensor_product<const D: usize>(
     });
 }
 
-/// Visits all multi-indices below `counts`, none of which is zero; the first axis varies fastest.
+/// Visits all multi-indices below `counts`, whose entries are all positive; the first axis varies fastest.
 #[inline(always)]
 fn for_each_offset<const D: usize>(counts: [usize; D], mut visit: impl FnMut([usize; D])) {
     let mut offset = [0; D];
@@ -135,14 +135,15 @@ impl AxisSupport {
 ///
 /// whatever the sizes of the cells and of the domain. Both are summed cell by cell: hat functions are linear in a cell,
 /// so their mean over the part of the domain in a cell is the value at the middle of that part, and there is no
-/// cancellation for small domains. Outside the grid there are no nodes; a domain that reaches there loses the partition
-/// of unity accordingly.
+/// cancellation for small domains. Outside the grid there are no nodes, so the values at the nodes of a domain that
+/// extends beyond the grid sum to less than one.
 fn mean_hats(axis: &Axis, x: f64, half_length: f64) -> (usize, AxisSupport) {
     let n_cells = axis.n_cells() as i64;
     let n = n_cells as f64;
     let a = axis.coordinate(x - half_length);
     let b = axis.coordinate(x + half_length);
-    // Cells −1 and n_cells each touch one node of the grid. Clamp before converting: a coordinate may be any number.
+    // Cells −1 and n_cells each touch one node of the grid. Clamp before converting, because a coordinate can be any
+    // number.
     let first = a.floor().clamp(-1.0, n) as i64;
     let last = ((b.ceil() - 1.0).clamp(-1.0, n) as i64).max(first);
     let (low, high) = (first.max(0), (last + 1).min(n_cells));

@@ -72,7 +72,7 @@ impl Method {
         }
     }
 
-    /// True if its points know the centres of cells, which F-bar needs.
+    /// True if its points have basis functions at the centres of cells, which F-bar needs.
     pub fn has_centres(self) -> bool {
         matches!(self, Method::Mpm | Method::Gimp)
     }
@@ -90,7 +90,7 @@ impl Method {
 /// Position and domain of a point at the start of a load step.
 #[derive(Debug, Clone, Copy)]
 pub struct PointGeometry<'a, const D: usize> {
-    /// The cell that holds the point.
+    /// The cell that contains the point.
     pub cell: u32,
     /// Position, [length].
     pub position: &'a [f64; D],
@@ -170,9 +170,9 @@ pub enum SupportError {
     /// A corner of the domain lies outside the grid.
     #[error("corner {corner} of its domain, at {}, is outside the grid", coordinates(&position[..*dimension]))]
     CornerOffGrid {
-        /// Corner number.
+        /// Index of the corner.
         corner: usize,
-        /// Its position, [length]; zero beyond the dimension.
+        /// Its position, [length]; entries beyond the dimension are zero.
         position: [f64; 3],
         /// Number of coordinates.
         dimension: usize,
@@ -183,7 +183,7 @@ pub enum SupportError {
     /// GIMP requires a structured grid.
     #[error("the method needs a structured grid")]
     Unstructured,
-    /// F-bar requires a method whose points know the centres of cells.
+    /// F-bar requires a method with basis functions at the centres of cells.
     #[error("the method has no basis at the centres of cells, which F-bar needs")]
     NoCentre,
     /// A point of another rank cannot be supported.
@@ -204,8 +204,8 @@ pub trait Basis<const D: usize>: Sync {
         out: &mut Support<D>,
     ) -> Result<(), SupportError>;
 
-    /// The cells at whose centres F-bar takes the volume ratio of a point, each with its share of the point's domain;
-    /// the shares add up to 1. Empty if the method has no such centres.
+    /// The cells at whose centres F-bar evaluates the volume ratio for a point, each with its share of the point's
+    /// domain; the shares sum to 1. Empty if the method has no such centres.
     fn shares(&self, _grid: &dyn Grid<D>, _point: &PointGeometry<D>) -> Vec<(u32, f64)> {
         Vec::new()
     }

@@ -4,7 +4,7 @@ use super::factors::Factors;
 use super::{Basis, PointGeometry, Support, SupportError};
 use crate::grid::Grid;
 
-/// Standard material points: S_vp is the linear basis of the cell that holds the point.
+/// Standard material points: S_vp is the linear basis of the cell that contains the point.
 #[derive(Debug, Clone, Copy)]
 pub struct Mpm;
 

@@ -12,8 +12,8 @@ pub struct JoinedParts {
 }
 
 impl JoinedParts {
-    /// Parts from the lowest active node of each node's part, see [`Connectivity::parts`]; active node numbers stand in
-    /// for grid node numbers.
+    /// The parts, given for each node the lowest active node of its part as from [`Connectivity::parts`]; active node
+    /// numbers replace grid node numbers.
     pub fn of_one_rank(lowest: &[usize]) -> Self {
         let mut parts = JoinedParts { of_node: vec![0; lowest.len()], lowest: Vec::new() };
         for (node, &first) in lowest.iter().enumerate() {
@@ -29,8 +29,8 @@ impl JoinedParts {
 }
 
 impl<const D: usize> Connectivity<D> {
-    /// Connected parts of the active nodes: for each node, the lowest node coupled to it directly or through others.
-    /// Two nodes are coupled if one point touches both.
+    /// Connected parts of the active nodes: for each node, the lowest node coupled to it directly or through other
+    /// nodes. Two nodes are coupled if one point touches both.
     pub fn parts(&self) -> Vec<usize> {
         fn find(root: &mut [usize], mut node: usize) -> usize {
             while root[node] != node {
@@ -48,7 +48,7 @@ impl<const D: usize> Connectivity<D> {
             for p in looked_at {
                 let local = self.local_nodes(p);
                 if local == last {
-                    continue; // points of a cell mostly touch the same nodes
+                    continue; // points of a cell usually touch the same nodes
                 }
                 last = local;
                 let Some((&first, others)) = local.split_first() else { continue };

@@ -7,11 +7,11 @@ use crate::grid::Grid;
 use crate::ranks::{Ranks, Sharing};
 use crate::region::vector::{along, dot, minus};
 
-/// Threshold of value and slope (over a cell) below which a basis function is a sliver, [-]. It is the relative
-/// distance within which points count as lying on grid lines.
+/// Threshold of the value, and of the slope times the cell size, below which a basis function is a sliver, [-]. It is
+/// the relative distance within which points count as lying on grid lines.
 const SLIVER: f64 = 1e-8;
 
-/// Threshold of value and slope (over a cell) below which points touch a node weakly, [-].
+/// Threshold of the value, and of the slope times the cell size, below which points touch a node weakly, [-].
 const WEAK: f64 = 1e-3;
 
 /// Number of iterations that determine the displacement field without the sliver nodes.
@@ -45,7 +45,7 @@ impl Touch {
     }
 }
 
-/// How firmly other ranks touch the grid nodes that this one touches.
+/// How firmly other ranks touch the grid nodes that this rank touches.
 pub(super) struct SharedTouches<'a> {
     pub ranks: &'a Ranks,
     pub sharing: &'a Sharing,
@@ -81,8 +81,8 @@ impl SharedTouches<'_> {
 /// motion. They are not active; their small contributions go to the other nodes of the point.
 ///
 /// A node that points touch weakly is a sliver node too if a group touches it together with a sliver node: a surface
-/// along a grid line lies off the line by less than the threshold in one part and by more in another, and no ghost
-/// penalty supports a node in a cell with inactive corners.
+/// along a grid line can deviate from the line by less than the threshold in one part and by more in another, and no
+/// ghost penalty supports a node in a cell with inactive corners.
 #[derive(Default)]
 pub(super) struct Slivers {
     /// For each grid node, true if it is a sliver node; empty if there is none.
@@ -90,8 +90,8 @@ pub(super) struct Slivers {
 }
 
 impl Slivers {
-    /// Finds the sliver nodes. `touches` says how firmly each group touches each of its nodes; the nodes of group g are
-    /// `group_nodes[starts[g]..starts[g + 1]]`, and those of the last group extend to the end.
+    /// Finds the sliver nodes. `touches` states how firmly each group touches each of its nodes. The nodes of group g
+    /// are `group_nodes[starts[g]..starts[g + 1]]`; the nodes of the last group extend to the end.
     pub(super) fn new(
         n_nodes: usize,
         (starts, group_nodes): (&[usize], &[u32]),
@@ -134,7 +134,7 @@ impl Slivers {
         self.is_sliver_node.is_empty()
     }
 
-    /// Removes sliver nodes from the support of a point and records the node that carries each. A sliver node v moves
+    /// Removes sliver nodes from the support of a point and records the carrier node of each. A sliver node v moves
     /// with the displacement field of the point, u_v = u_m + (x_v − x_m)·∇u, where m is the node with the largest
     /// value. The remaining basis functions still sum to one and reproduce linear fields.
     ///

@@ -33,7 +33,7 @@ enum Dof {
 
 /// The constraints on the increments of `N` components at each active node in one load step.
 ///
-/// Conditions are numbered: those of the model come first, and reactions are reported for these only.
+/// Conditions are numbered. The conditions of the model come first; reactions are reported for these only.
 pub struct Constraints<'a, const N: usize> {
     dofs: Vec<[Dof; N]>,
     shared: Vec<(u32, u8, u16)>,
@@ -63,7 +63,7 @@ impl<'a, const N: usize> Constraints<'a, N> {
         Ok(constraints)
     }
 
-    /// No constraints at all.
+    /// An empty set of constraints.
     fn new<const D: usize>(model: &'a Model<D>, links: &'a Connectivity<D>) -> Self {
         let is_on_axis = |node: usize| {
             model.revolved && model.grid.node_position(node)[0] <= ON_AXIS * model.grid.size_around(node)
@@ -131,7 +131,8 @@ impl<'a, const N: usize> Constraints<'a, N> {
         self.along.entry(node as u32).or_default().push(along);
     }
 
-    /// Ties the increment of a component to a sum of others, given by node, component and weight, plus a constant.
+    /// Ties the increment of a component to a weighted sum of others, given by node, component and weight, plus a
+    /// constant.
     ///
     /// # Errors
     /// [`ConstraintError::Tie`] if the component is already prescribed or tied.
@@ -203,7 +204,7 @@ impl<'a, const N: usize> Constraints<'a, N> {
         Ok(turned)
     }
 
-    /// Replaces tied components in ties by the components they are tied to.
+    /// Replaces tied components in ties by the components to which they are tied.
     fn resolve_ties(&mut self) -> Result<(), ConstraintError> {
         let mut state = vec![Resolution::Open; self.ties.len()];
         for first in 0..self.ties.len() {
@@ -233,7 +234,7 @@ impl<'a, const N: usize> Constraints<'a, N> {
         Ok(())
     }
 
-    /// Substitutes the resolved ties into a tie, and merges terms of the same component.
+    /// Substitutes the resolved ties into a tie and merges terms of the same component.
     fn substitute(&mut self, k: usize) {
         let mut terms: BTreeMap<(u32, u8), f64> = BTreeMap::new();
         let mut constant = self.ties[k].constant;

@@ -1,19 +1,19 @@
-//! Boundary conditions without effect because earlier ones already hold their nodes.
+//! Boundary conditions that have no effect because earlier conditions already hold their nodes.
 
 use crate::model::{BoundaryCondition, NodeSet};
 
 /// A boundary condition whose nodes are all held along an axis by earlier conditions.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Covered {
-    /// Number of the condition.
+    /// Index of the condition.
     pub condition: usize,
     /// The axis.
     pub axis: usize,
-    /// Numbers of the conditions that hold its nodes, ascending.
+    /// Indices of the conditions that hold its nodes, ascending.
     pub by: Vec<usize>,
 }
 
-/// The conditions that add nothing to earlier ones, for each axis: a node belongs to the first condition that holds it.
+/// The conditions that add nothing to earlier ones along an axis. A node belongs to the first condition that holds it.
 pub fn covered<const D: usize>(conditions: &[BoundaryCondition<D>]) -> Vec<Covered> {
     (0..D).flat_map(|axis| along(conditions, axis)).collect()
 }
@@ -29,7 +29,7 @@ fn along<const D: usize>(conditions: &[BoundaryCondition<D>], axis: usize) -> Ve
         match &condition.nodes {
             NodeSet::Surface(_) => {}
             NodeSet::Fixed(list) => nodes.extend(list.iter().map(|&node| (node, number as u32))),
-            // These nodes change from step to step, so only the same selection covers them.
+            // These nodes change from step to step, so only a condition with the same selection covers them.
             NodeSet::OuterLayer(_) => {
                 let earlier = holding().take_while(|(other, _)| *other < number);
                 let same =

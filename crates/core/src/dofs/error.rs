@@ -19,9 +19,9 @@ pub enum ConstraintError {
         node: Vec<f64>,
         /// Name of the axis.
         axis: &'static str,
-        /// Increment prescribed by the first.
+        /// Increment prescribed by the first condition.
         a: f64,
-        /// Increment prescribed by the second.
+        /// Increment prescribed by the second condition.
         b: f64,
     },
     /// A formula has no finite value at a node.
@@ -48,7 +48,7 @@ pub enum ConstraintError {
     LooseAxis {
         /// Number of these nodes.
         loose: usize,
-        /// Number of nodes on the axis that points touch.
+        /// Number of active nodes on the axis.
         all: usize,
     },
     /// A tied component is already prescribed or tied, or is tied to itself through other ties.

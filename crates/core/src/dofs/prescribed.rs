@@ -1,4 +1,4 @@
-//! Prescribed displacements: the boundary conditions of the model at the nodes they act on.
+//! Prescribed displacements: the boundary conditions of the model at the nodes on which they act.
 
 use crate::basis::Connectivity;
 use crate::formula::Formula;
@@ -59,7 +59,7 @@ impl<const N: usize> Constraints<'_, N> {
     }
 }
 
-/// Change of a prescribed displacement between two load factors; `None` stands for no displacement yet.
+/// Change of a prescribed displacement between two load factors; `None` means that nothing has moved yet.
 pub fn displacement_increment<const D: usize>(
     formula: &Formula,
     place: &[f64; D],
@@ -75,8 +75,8 @@ pub fn displacement_increment<const D: usize>(
 const LEAST_WEIGHT: f64 = 1e-9;
 
 /// Original position of the material at each active node at the start of a step: the mean of the estimates X_p + F_p⁻¹
-/// (x − x_p) of the points around it, weighted by the basis functions. Exact if the deformation is uniform, otherwise
-/// with an error of second order in the cell size.
+/// (x − x_p) of the points around it, weighted by the basis functions. The result is exact if the deformation is
+/// uniform; otherwise its error is of second order in the cell size.
 fn original_places<const D: usize>(
     model: &Model<D>,
     points: &Points<D>,
@@ -107,7 +107,7 @@ fn original_places<const D: usize>(
     sums.iter().zip(weights).map(|(sum, weights)| sum.map(|part| part / weights)).collect()
 }
 
-/// The active nodes that a boundary condition acts on in a step, ascending.
+/// The active nodes on which a boundary condition acts in a step, ascending.
 pub fn nodes_of<const D: usize>(
     condition: &BoundaryCondition<D>,
     points: &Points<D>,

@@ -1,4 +1,4 @@
-//! Rigid-body motions that boundary conditions leave free, found from the degrees of freedom that they hold.
+//! Rigid-body motions that boundary conditions leave free, determined from the degrees of freedom that they hold.
 //!
 //! The grid represents every translation and every small rotation exactly, so a part of the bodies whose held degrees
 //! of freedom do not prevent such a motion has a singular stiffness as long as it is free of stress.
@@ -16,10 +16,10 @@ use crate::surface::support;
 use super::DofMap;
 
 /// A motion counts as free if its eigenvalue, relative to the largest, is below this. Two held nodes at one end of a
-/// body a million cells long still give a larger one.
+/// body a million cells long still yield a larger eigenvalue.
 const FREE: f64 = 1e-13;
 
-/// A part of the bodies, connected through the grid, that is free to move as a rigid body.
+/// A part of the bodies, connected through the grid, that can move as a rigid body.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FreePart<const D: usize> {
     /// The bodies with points in this part, ascending.
@@ -28,7 +28,7 @@ pub struct FreePart<const D: usize> {
     pub whole: bool,
     /// Position of one of its nodes, [length].
     pub node: [f64; D],
-    /// Axes along which nothing holds it.
+    /// Axes along which nothing holds the part.
     pub axes: Vec<usize>,
     /// Number of independent free rotations besides these translations.
     pub rotations: usize,
@@ -44,11 +44,12 @@ struct Part<const D: usize> {
     low: [f64; D],
     high: [f64; D],
     held: [bool; D],
-    /// Σ rᵀ r over the held degrees of freedom; the row r holds the displacement of one of them in each rigid motion.
+    /// Σ rᵀ r over the held degrees of freedom; each row r contains the displacement of one degree of freedom in every
+    /// rigid motion.
     gram: DMatrix<f64>,
 }
 
-/// Number of rigid motions in `D` dimensions: translations, then rotations in the planes of two axes each.
+/// Number of rigid motions in `D` dimensions: translations, then rotations in the plane of each pair of axes.
 const fn n_motions(dimensions: usize) -> usize {
     dimensions * (dimensions + 1) / 2
 }
@@ -82,8 +83,8 @@ pub fn free_parts<const D: usize>(
         for (sample, x) in surface.samples.iter().enumerate() {
             let normal = surface.normal(sample);
             let carried = support(model.grid.as_ref(), links, x, &normal);
-            // Each rank that shares the nodes counts the sample once; the repetition changes only the weight of what is
-            // held.
+            // Each rank that shares the nodes counts the sample once; the repetition changes only the weight of the
+            // held directions.
             let Some(&node) = carried.as_ref().and_then(|carried| carried.nodes().first()) else { continue };
             let part = &mut parts[joined.of_node[node as usize] as usize];
             for displacement in (0..D).filter(|&d| condition.displacement[d].is_some()) {
@@ -115,7 +116,7 @@ fn add_up_nodes<const D: usize>(ranks: &Ranks, parts: &mut [Part<D>]) {
     let mut sums: Vec<f64> = parts.iter().flat_map(|part| part.sum).collect();
     sums.extend(parts.iter().map(|part| part.n_nodes as f64));
     ranks.sum(&mut sums);
-    // The lowest coordinates are found as the largest ones with their sign changed.
+    // The lowest coordinates are the negatives of the largest negated coordinates.
     let mut ends: Vec<f64> = parts.iter().flat_map(|part| part.low.map(|x| -x)).collect();
     ends.extend(parts.iter().flat_map(|part| part.high));
     ranks.maximum(&mut ends);
@@ -128,7 +129,7 @@ fn add_up_nodes<const D: usize>(ranks: &Ranks, parts: &mut [Part<D>]) {
     }
 }
 
-/// Sums over all ranks what holds each part.
+/// Sums the constraints on each part over all ranks.
 fn add_up_held<const D: usize>(ranks: &Ranks, parts: &mut [Part<D>]) {
     if ranks.is_alone() {
         return;
@@ -146,7 +147,7 @@ fn add_up_held<const D: usize>(ranks: &Ranks, parts: &mut [Part<D>]) {
     }
 }
 
-/// Finds which bodies have points in which free part.
+/// Lists the bodies that have points in each free part.
 fn name_bodies<const D: usize>(
     points: &Points<D>,
     links: &Connectivity<D>,
@@ -199,7 +200,7 @@ impl<const D: usize> Part<D> {
         (self.sum.map(|sum| sum / self.n_nodes as f64), size)
     }
 
-    /// A body of revolution moves as a rigid body along its axis only; all else stretches its rings.
+    /// A body of revolution moves as a rigid body only along its axis; any other motion stretches its rings.
     fn resist_by_hoops(&mut self) {
         self.held[0] = true;
         for motion in (0..n_motions(D)).filter(|&motion| motion != 1) {
@@ -232,7 +233,7 @@ impl<const D: usize> Part<D> {
         }
     }
 
-    /// The motions that are left free; `None` where there are none.
+    /// The motions that are left free; `None` if there are none.
     fn free(&self, node: [f64; D]) -> Option<FreePart<D>> {
         let eigen = self.gram.clone().symmetric_eigen();
         let largest = eigen.eigenvalues.iter().fold(0.0_f64, |a, &b| a.max(b));

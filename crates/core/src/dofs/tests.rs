@@ -1,4 +1,4 @@
-//! The map u = C q + g against its definition, column by column.
+//! The map u = C q + g, compared with its definition column by column.
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
 use super::*;
@@ -41,7 +41,7 @@ fn increments_meet_all_constraints() {
     let map = map();
     assert_eq!(map.n_free(), 2 * NODES - 1 - 1 - 2 - 1);
     assert!(!map.is_plain() && map.conditions(0, 0) == [0]);
-    // An arbitrary increment, then completed by its remainder and an arbitrary motion of the unknowns.
+    // An arbitrary increment, completed by its remainder and by an arbitrary motion of the unknowns.
     let mut u: Vec<[f64; 2]> = (0..NODES).map(|n| [0.3 * n as f64, 0.1 - n as f64]).collect();
     for round in 0..2 {
         let mut motion = vec![[0.0; 2]; NODES];
@@ -102,7 +102,7 @@ fn expressions_are_the_rows_of_the_map() {
 #[test]
 fn ties_through_several_others_are_resolved_and_merged() {
     let mut constraints = Constraints::<1>::on_nodes(6);
-    // 0 = 1 + 2, 1 = 3 + 4 = 2, 3 = 4 = 5: altogether four times node 5.
+    // Node 0 moves as 1 + 2, nodes 1 and 2 as 3 + 4, and nodes 3 and 4 as 5: altogether four times node 5.
     constraints.tie(0, 0, &[(1, 0, 1.0), (2, 0, 1.0)], 0.5).unwrap();
     constraints.tie(1, 0, &[(3, 0, 1.0), (4, 0, 1.0)], 0.0).unwrap();
     constraints.tie(2, 0, &[(3, 0, 1.0), (4, 0, 1.0)], 0.0).unwrap();

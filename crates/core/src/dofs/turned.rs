@@ -21,7 +21,8 @@ pub struct Turned<const N: usize> {
     pub node: u32,
     /// Orthonormal directions, `[k][component]`.
     pub directions: [[f64; N]; N],
-    /// The prescribed motions. Directions 0 to k span the first k + 1 of their directions.
+    /// The prescribed motions along independent directions. Directions 0 to k of the node span the same space as the
+    /// directions of the first k + 1 motions.
     prescribed: Vec<Along<N>>,
     /// The prescribed increment along each of the first directions, [length].
     increment: Vec<f64>,
@@ -34,7 +35,7 @@ fn dot<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
 /// The part of a vector orthogonal to these orthonormal directions.
 fn beside<const N: usize>(vector: &[f64; N], directions: &[[f64; N]]) -> [f64; N] {
     let mut rest = *vector;
-    // Twice is enough (Giraud et al. 2005, doi 10.1007/s00211-005-0615-4).
+    // Orthogonalising twice is enough (Giraud et al. 2005, doi 10.1007/s00211-005-0615-4).
     for direction in directions.iter().chain(directions) {
         let along = dot(&rest, direction);
         (0..N).for_each(|c| rest[c] -= along * direction[c]);
@@ -56,7 +57,7 @@ impl<const N: usize> Turned<N> {
         let (mut directions, mut prescribed, mut increment) =
             (Vec::new(), Vec::<Along<N>>::new(), Vec::new());
         for motion in motions {
-            // The part of the increment that follows from the directions before this one.
+            // The part of the increment that follows from the earlier directions.
             let known: f64 =
                 directions.iter().zip(&increment).map(|(e, g)| dot(&motion.direction, e) * g).sum();
             match unit(&beside(&motion.direction, &directions)) {
@@ -99,7 +100,7 @@ impl<const N: usize> Turned<N> {
         Some((*self.increment.get(k)?, self.prescribed[k].condition))
     }
 
-    /// True if the prescribed motions leave the node no motion along an axis.
+    /// True if the prescribed motions prevent any motion of the node along an axis.
     pub(super) fn fixes_axis(&self, axis: usize) -> bool {
         let held = || self.directions.iter().zip(&self.increment);
         let part: f64 = held().map(|(direction, _)| direction[axis] * direction[axis]).sum();
@@ -118,7 +119,7 @@ impl<const N: usize> Turned<N> {
         std::array::from_fn(|k| dot(&self.directions[k], vector))
     }
 
-    /// The component along an axis of a motion given by the unknowns.
+    /// The component, along an axis, of a motion given by the unknowns.
     pub(super) fn along(&self, delta_q: &[f64; N], axis: usize) -> f64 {
         (self.n_held()..N).map(|k| delta_q[k] * self.directions[k][axis]).sum()
     }
@@ -128,7 +129,7 @@ impl<const N: usize> Turned<N> {
         (0..N).for_each(|axis| motion[axis] += self.along(delta_q, axis));
     }
 
-    /// The part of the prescribed motion that an increment has not reached.
+    /// The part of the prescribed motion that is still missing from an increment.
     pub(super) fn remaining(&self, increment: &[f64; N]) -> [f64; N] {
         let size = dot(increment, increment).sqrt();
         let mut motion = [0.0; N];
@@ -194,7 +195,7 @@ mod tests {
     fn walls_that_are_not_normal_to_each_other_bear_forces_along_their_normals() {
         let motions = [along([1.0, 0.0, 0.0], 0.0, 4), along([1.0, 1.0, 0.0], 0.0, 6)];
         let turned = Turned::new(0, &motions).unwrap();
-        // Twice the first normal and three times the second.
+        // The reaction is twice the first normal plus three times the second.
         let h = 0.5f64.sqrt();
         let reaction = [2.0 + 3.0 * h, 3.0 * h, 0.0];
         let mut shares = [[0.0; 3]; 7];

@@ -1,5 +1,6 @@
 //! Table 2 as a conformance test, with eqs. (38) and (39) added: every update under every motion. An update that the
-//! table rejects must fail exactly as its footnotes describe. The table is tested in the plane and extended to space.
+//! table marks as unsuitable must fail exactly as the footnotes describe. The tests cover the plane, as in the table,
+//! and space.
 
 use super::DomainUpdate::*;
 use super::*;
@@ -158,8 +159,9 @@ fn stretched_and_turned(update: DomainUpdate, n: usize, degrees: f64) -> Result<
 }
 
 /// Closed-form result of the rotation for each update. In the plane, the volume correction cancels the error that the
-/// rotation causes in both lengths. In space, it spreads over three lengths although a rotation about z affects only
-/// two: (38) lets z grow without bound towards 90°, and (37) and (39) keep an error that decreases with the increment.
+/// rotation causes in both lengths. In space, the correction is spread over three lengths although a rotation about z
+/// affects only two: (38) lets z grow without bound towards 90°, and (37) and (39) keep an error that decreases with
+/// the increment.
 #[test]
 fn rotation_of_a_stretched_cube() {
     let n = 18;
@@ -182,7 +184,7 @@ fn rotation_of_a_stretched_cube() {
             }
         }
     }
-    // At 60°, (33) has lost three quarters of the volume; (38) has converted them to height.
+    // At 60°, (33) has lost three quarters of the volume; (38) has converted this loss into height.
     assert!((volume(stretched_and_turned(Diagonal, n, 60.0).unwrap()) / (x * y * z) - 0.25).abs() < 1e-12);
     let corrected = stretched_and_turned(DiagonalCorrected, n, 60.0).unwrap();
     assert!((volume(corrected) / (x * y * z) - 1.0).abs() < 1e-12);
@@ -211,12 +213,12 @@ fn the_error_of_incremental_updates_falls_with_the_increment() {
     }
 }
 
-/// Quarter turn in a single step: under (37) the face centres move to each other's axes, so the lengths are swapped.
+/// Quarter turn in a single step: with (37), the face centres move to each other's axes, so the lengths are swapped.
 #[test]
 fn mid_faces_follow_a_quarter_turn() {
     let turned = stretched_and_turned(Corners, 1, 90.0);
     assert!(is(turned, [STRETCHED[1], STRETCHED[0], STRETCHED[2]]), "{turned:?}");
-    // A turn about another axis depends on the motion of the corners, not on F: 120° about the diagonal of the cube.
+    // The same for a turn by 120° about the diagonal of the cube: (37) depends on the motion of the corners, not on F.
     let permute = Mat3::new(0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0);
     let steps = |t: f64| if t < 0.75 { stretch(STRETCHES) } else { permute * stretch(STRETCHES) };
     assert!(is(of_cube(Corners, 2, steps), [STRETCHED[2], STRETCHED[0], STRETCHED[1]]));

@@ -10,7 +10,7 @@ pub enum ElementTestError {
     Initial(MaterialError),
     /// A step has no solution.
     #[error(
-        "step {step} has no solution beyond {reached} of it, even in parts of 1/1024 of the step: {cause}"
+        "step {step} has no solution beyond {reached} of its length, even in parts of 1/1024 of the step: {cause}"
     )]
     Step {
         /// Step number, from 1.
@@ -33,7 +33,7 @@ pub enum Cause {
         "no strain gives the prescribed stress; the nearest stress found differs by {difference:.3e} along {axis}"
     )]
     NoStrain {
-        /// Largest difference between the prescribed stress and the nearest one found, [stress].
+        /// Largest difference between the prescribed stress and the nearest stress found, [stress].
         difference: f64,
         /// The axis of this difference.
         axis: char,

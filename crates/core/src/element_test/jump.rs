@@ -1,4 +1,4 @@
-//! Jumps: increments over which no continuous path leads.
+//! Jumps: increments between whose ends no continuous path of states exists.
 
 use super::path::{Control, Target};
 use super::solution::solve;
@@ -11,12 +11,12 @@ const SUDDEN: f64 = 2.0;
 const LEAST: f64 = 1e-10;
 /// Number of halvings of the increment.
 const HALVINGS: usize = 10;
-/// Share of a change that remains in the last part of an increment with a jump, [-].
+/// Smallest share of the change that the last part of a repeatedly halved increment must contain for a jump, [-].
 const REMAINS: f64 = 0.5;
 
-/// True if most of the change from `start` to `end`, the state at `target`, happens at once: it stays within one part
-/// of the increment, however often the increment is halved. A softening point whose elastic strain releases more than
-/// its plastic flow takes up would have to go back along the path (snap-back); it jumps to another state instead.
+/// True if most of the change from `start` to `end`, the state at `target`, is sudden: it stays within one part of the
+/// increment, however often the increment is halved. A softening point whose elastic strain releases more than its
+/// plastic flow takes up would have to go back along the path (snap-back); it jumps to another state instead.
 pub(super) fn is_between(
     law: &dyn Material,
     start: &ElementState,
@@ -46,8 +46,8 @@ fn change(start: &ElementState, end: &ElementState) -> f64 {
     (end.elastic_strain - start.elastic_strain).norm()
 }
 
-/// What an increment prescribes, expressed as a strain; for stresses, the elastic strain that corresponds to their
-/// change, [-].
+/// The prescribed change of an increment, expressed as a strain, [-]. For prescribed stresses, it is the elastic strain
+/// that corresponds to their change.
 fn prescribed(start: &ElementState, target: &Target, end: &ElementState) -> f64 {
     let (before, after) = (start.cauchy_stress(), end.cauchy_stress());
     let compliance = change(start, end) / (after - before).norm().max(f64::MIN_POSITIVE);

@@ -12,7 +12,7 @@ pub enum Control {
     Stress(f64),
 }
 
-/// The end of a step.
+/// The quantities prescribed at the end of a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Target {
     /// What is prescribed along x, y and z.
@@ -26,7 +26,7 @@ pub struct Target {
 }
 
 impl Target {
-    /// Prescribes along the axes only; the principal axes are fixed.
+    /// A target that prescribes quantities along the axes only; the principal axes are fixed.
     pub fn along_axes(axes: [Control; 3]) -> Target {
         Target { axes, is_axisymmetric: false, shears: [0.0; 3], shear: 0.0 }
     }

@@ -76,7 +76,7 @@ fn along_fixed_axes(measure: StrainMeasure, start: &ElementState, strain: &Sym3)
     }
 }
 
-/// b = F C Fᵀ with C = F_n⁻¹ b_n F_n⁻ᵀ, which the increment does not change.
+/// b = F C Fᵀ, where C = F_n⁻¹ b_n F_n⁻ᵀ does not change during the increment.
 fn in_general(measure: StrainMeasure, start: &ElementState, strain: &Sym3, shear: f64) -> Trial {
     let inverse_n = simple_shear(-start.shear) * (start.strain * -1.0).map_eigenvalues(f64::exp).to_matrix();
     let b_n = measure.left_cauchy_green(&start.elastic_strain).to_matrix();

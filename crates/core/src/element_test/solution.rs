@@ -13,9 +13,9 @@ const MOST_ITERATIONS: usize = 60;
 const LARGEST_CHANGE: f64 = 0.3;
 /// Smallest fraction of a change that the line search tries, [-].
 const SMALLEST_PART: f64 = 1.0 / 4096.0;
-/// Relative decrease of the residual that the line search requires, per fraction of the change, [-].
+/// Relative decrease of the residual that the line search requires per unit fraction of the change, [-].
 const DECREASE: f64 = 1e-4;
-/// Difference from a prescribed stress, relative to the stresses, at which it counts as reached, [-].
+/// Difference from a prescribed stress below which that stress counts as reached, relative to the stresses, [-].
 const REACHED: f64 = 1e-9;
 /// Round-off of stresses, relative to the stiffness of the law, [-].
 const ROUND_OFF: f64 = 1e-14;
@@ -49,7 +49,7 @@ struct Iterate {
     /// The strain e; its unknown components are being sought.
     strain: Sym3,
     response: Response,
-    /// Difference from the prescribed stress for each unknown, 0 beyond their number, [stress].
+    /// Difference from the prescribed stress for each unknown, [stress]; the remaining entries are 0.
     residual: [f64; 3],
 }
 
@@ -93,7 +93,7 @@ fn unknowns(target: &Target) -> Vec<Unknown> {
 }
 
 impl Increment<'_> {
-    /// The prescribed strains, with the unknown ones as at the start.
+    /// The prescribed strains; unknown strains have their values at the start of the increment.
     fn prescribed(&self) -> Sym3 {
         let [yz, xz, xy] = self.target.shears.map(|shear| shear * std::f64::consts::SQRT_2);
         let mut strain = Sym3([0.0, 0.0, 0.0, yz, xz, xy]);
@@ -118,7 +118,7 @@ impl Increment<'_> {
         Ok(Iterate { strain: *strain, response, residual })
     }
 
-    /// The strain of an iterate with its unknown components changed.
+    /// The strain of an iterate after a change of the unknown components.
     fn changed(&self, strain: &Sym3, change: [f64; 3]) -> Sym3 {
         let mut strain = *strain;
         for (unknown, change) in self.unknowns.iter().zip(change) {
@@ -130,7 +130,8 @@ impl Increment<'_> {
         strain
     }
 
-    /// Derivatives of the residual with respect to the unknowns; the identity beyond their number.
+    /// Derivatives of the residual with respect to the unknowns; the remaining rows and columns are those of the
+    /// identity.
     fn jacobian(&self, response: &Response) -> Mat3 {
         let mut jacobian = Mat3::identity();
         for (column, unknown) in self.unknowns.iter().enumerate() {
@@ -154,10 +155,10 @@ impl Increment<'_> {
         iterate.residual.iter().all(|r| r.abs() <= tolerance)
     }
 
-    /// Newton's method with a line search. Where the consistent tangent gives no decrease, as at the kink between
-    /// loading and unloading, the tangent at the start of the increment is tried. Once the stresses are reached, the
-    /// iterations continue as long as they gain digits. Returns the last iterate, whether or not the stresses are
-    /// reached.
+    /// Newton's method with a line search. If no step along the direction of the consistent tangent reduces the
+    /// residual, as at the kink between loading and unloading, the tangent at the start of the increment is tried. Once
+    /// the stresses are reached, the iterations continue as long as they improve the accuracy. Returns the last
+    /// iterate, whether or not the stresses are reached.
     fn newton(&self, first: Iterate) -> Iterate {
         let at_start = respond(self.law, self.start, &self.start.strain, self.start.shear);
         let at_start = at_start.ok().map(|response| self.jacobian(&response));
@@ -179,7 +180,7 @@ impl Increment<'_> {
         now
     }
 
-    /// An iterate along a Newton change at which the residual is smaller.
+    /// An iterate with a smaller residual, along the change that Newton's method proposes.
     fn line_search(&self, now: &Iterate, jacobian: &Mat3, smallest: f64) -> Option<Iterate> {
         let change: [f64; 3] = jacobian.lu().solve(&(-nalgebra::Vector3::from(now.residual)))?.into();
         let largest = change.iter().fold(0.0, |largest: f64, x| largest.max(x.abs()));
@@ -200,16 +201,16 @@ impl Increment<'_> {
         None
     }
 
-    /// An iterate near a change of sign of the residual of a single unknown: the change of sign nearest to the start of
-    /// the increment, sought at growing distances on both sides and then located by bisection.
+    /// For a single unknown, an iterate near a sign change of the residual. The sign change nearest to the start of the
+    /// increment is sought at growing distances on both sides and then located by bisection.
     fn bracketed(&self) -> Option<Iterate> {
         let from = self.prescribed();
         let at = |by: f64| self.at(&self.changed(&from, [by, 0.0, 0.0])).ok();
         let value = |by: f64| at(by).map(|iterate| iterate.residual[0]);
         let first = value(0.0)?;
         let is_other = |residual: f64| (residual > 0.0) != (first > 0.0);
-        // The stress grows with the strain unless the law softens, so compression is tried first if the stress is too
-        // large.
+        // Unless the law softens, the stress grows with the strain. Compression is therefore tried first if the stress
+        // is too large.
         let downwards = if first > 0.0 { -1.0 } else { 1.0 };
         let mut inner = [0.0, 0.0];
         let mut distance = FIRST_DISTANCE;
@@ -238,7 +239,7 @@ impl Increment<'_> {
         at(other)
     }
 
-    /// Why there is no solution, from the last iterate.
+    /// The reason why no solution was found, deduced from the last iterate.
     fn failure(&self, near: &Iterate) -> Cause {
         let mut largest = (0.0, 'x');
         for (residual, unknown) in near.residual.iter().zip(&self.unknowns) {

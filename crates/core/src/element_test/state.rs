@@ -15,8 +15,8 @@ pub struct ElementState {
     pub kirchhoff_stress: Sym3,
     /// History variables of the law.
     pub history: Vec<f64>,
-    /// True if no continuous path leads here from the previous state: beyond a certain point the stress of a softening
-    /// material falls at once, however small the steps are.
+    /// True if no continuous path leads here from the previous state: beyond a certain point, the stress of a softening
+    /// material falls suddenly, however small the steps are.
     pub has_jumped: bool,
 }
 
@@ -60,7 +60,7 @@ impl ElementState {
         1.5f64.sqrt() * self.cauchy_stress().deviator().norm()
     }
 
-    /// Deviatoric strain √(2/3) |dev ½ ln(F Fᵀ)|, which is work-conjugate to q where the principal axes are fixed, [-].
+    /// Deviatoric strain √(2/3) |dev ½ ln(F Fᵀ)|, which is work-conjugate to q if the principal axes are fixed, [-].
     pub fn deviatoric_strain(&self) -> f64 {
         (2.0f64 / 3.0).sqrt() * self.logarithmic_strain().deviator().norm()
     }

@@ -1,4 +1,4 @@
-//! Element tests against closed forms, and with laws that make them difficult.
+//! Element tests: comparisons with closed-form solutions, and laws that make the iterations difficult.
 
 use super::response::respond;
 use super::*;
@@ -122,8 +122,8 @@ fn undrained_compression_keeps_the_volume() {
     }
 }
 
-/// b = I + γ (e_x⊗e_y + e_y⊗e_x) + γ² e_x⊗e_x and J = 1: τ = μ (b − I) of the neo-Hookean law, and of Hencky's law
-/// τ_xy = 2 G arsinh(γ/2) / √(1 + γ²/4).
+/// b = I + γ (e_x⊗e_y + e_y⊗e_x) + γ² e_x⊗e_x and J = 1: τ = μ (b − I) for the neo-Hookean law, and τ_xy = 2 G
+/// arsinh(γ/2) / √(1 + γ²/4) for Hencky's law.
 #[test]
 fn simple_shear_at_constant_height() {
     let shear = Elasticity::from_young_poisson(YOUNG, POISSON).shear;
@@ -228,7 +228,8 @@ fn work_is_energy_and_plastic_work() {
     }
 }
 
-/// Hencky's law is a function of the whole deformation, so a path of strains with shear may be divided into any steps.
+/// Hencky's law is a function of the whole deformation, so a path of strains with shear can be divided into arbitrary
+/// steps.
 #[test]
 fn a_history_of_strains_with_shear_gives_the_stress_of_its_end() {
     for law in [&Hencky::new(YOUNG, POISSON) as &dyn Material, &NeoHookean::new(YOUNG, POISSON)] {
@@ -287,14 +288,14 @@ fn test_state(law: &dyn Material) -> ElementState {
     states(law, Path::Oedometer, 10e3, &[0.02], 1).remove(1)
 }
 
-/// Pressure as a function of ln J that stiffens abruptly in compression, and a bound on the increments that the law
-/// accepts.
+/// A law whose pressure, a function of ln J, stiffens abruptly in compression, and which accepts only increments up to
+/// a bound.
 #[derive(Debug)]
 struct Awkward {
     stiffer: f64,
     largest_increment: f64,
     stress_at_zero: f64,
-    /// Factor by which the tangent is wrong.
+    /// Ratio of the returned tangent to the correct one.
     tangent_factor: f64,
     /// Sudden increase of the pressure under compression.
     jump: f64,
@@ -358,7 +359,7 @@ fn a_single_strain_is_found_without_the_tangent() {
     }
 }
 
-/// Where ln J reaches −0.01, the lateral stress jumps past its held value: at the axial strain 0.01/(1 − 2 ν) with ν =
+/// The lateral stress jumps past its held value when ln J reaches −0.01, at the axial strain 0.01/(1 − 2 ν) with ν =
 /// 2/7.
 #[test]
 fn a_stress_that_jumps_over_the_held_one_is_an_error() {
@@ -386,7 +387,8 @@ fn a_step_too_large_for_the_law_is_divided() {
     assert_eq!(test.state(), &begun);
 }
 
-/// Perfect plasticity carries no stress outside its yield surface; the test ends where the stress reaches it.
+/// A perfectly plastic law cannot carry a stress outside its yield surface; the test ends where the stress reaches that
+/// surface.
 #[test]
 fn a_stress_that_the_law_cannot_carry_is_an_error() {
     let law = VonMises::new(YOUNG, POISSON, YIELD);
@@ -400,7 +402,7 @@ fn a_stress_that_the_law_cannot_carry_is_an_error() {
     else {
         panic!("{results:?}");
     };
-    // From 0.9 to 1.25 of the strength, the Kirchhoff stress reaches it at about 0.3 of the step.
+    // On the way from 0.9 to 1.25 of the strength, the Kirchhoff stress reaches the strength at about 0.3 of the step.
     assert!((0.2..0.35).contains(&reached), "{reached}");
 }
 
@@ -414,7 +416,7 @@ fn a_test_begins_where_its_law_can() {
     assert!(!ElementTest::new(&law, &[0.0], &(outside * 0.1)).unwrap().was_returned());
     assert!(!ElementTest::new(&law, &[0.0], &Sym3::ZERO).unwrap().was_returned());
 
-    // Without an inverse, a law can begin only without stress, and only if it has none at zero strain.
+    // A test of a law without an inverse can begin only without stress, and only if the stress is zero at zero strain.
     assert!(ElementTest::new(&SMOOTH, &[0.0], &Sym3::ZERO).is_ok());
     let no_inverse = ElementTestError::Initial(MaterialError::NoInverse);
     assert_eq!(ElementTest::new(&SMOOTH, &[0.0], &outside).unwrap_err(), no_inverse);

@@ -1,5 +1,5 @@
-//! Balance checks for every step: external work against stored energy and plastic dissipation, and the moments of the
-//! forces on the bodies.
+//! Balance checks for every step: external work compared with stored energy and plastic dissipation, and the balance of
+//! moments of the forces on the bodies.
 
 use crate::basis::Connectivity;
 use crate::dofs::{DofMap, nodes_of};
@@ -25,28 +25,28 @@ pub struct Energy {
     pub regridding_work: f64,
     /// Work absorbed by the ghost stabilisation during the step, [energy].
     pub stabilisation_work: f64,
-    /// Work absorbed by damped iterations, [energy].
+    /// Work absorbed by the damping of damped iterations, [energy].
     pub damping_work: f64,
     /// Stored elastic energy, [energy].
     pub strain_energy: f64,
     /// Plastic work since the start of the analysis, [energy].
     pub plastic_work: f64,
-    /// Plastic work that the history variables of the laws record for this step, but which was not done because the
+    /// Plastic work that the history variables of the laws record for this step although it was not done, because the
     /// strength was reduced, [energy].
     pub undone_work: f64,
     /// Work of friction between tools and bodies during the step, [energy]. The external work contains it, because the
-    /// work of tools is that of their forces over their own motion.
+    /// work of a tool is the work of its forces on its own motion.
     pub friction_work: f64,
 }
 
 impl Energy {
-    /// Energy of one part of a slumping step. The out-of-balance forces at its start remain from the part before and do
-    /// not stem from the fresh grid, so their work counts as damping work.
+    /// Energy of one part of a slumping step. The out-of-balance forces at its start remain from the previous part and
+    /// do not stem from the new grid, so their work counts as damping work.
     pub fn of_slump(self) -> Energy {
         Energy { damping_work: self.damping_work - self.regridding_work, regridding_work: 0.0, ..self }
     }
 
-    /// Sum of the energy of this part of a step and the part `before` it.
+    /// Sum of the energies of this part of a step and of the part `before` it.
     pub fn after(self, before: Energy) -> Energy {
         Energy {
             external_work: before.external_work + self.external_work,

@@ -33,11 +33,11 @@ pub struct StepReport<const D: usize> {
     pub step: Step,
     /// Relative residuals, eq. (40), one per evaluation; the first precedes any solve.
     pub residuals: Vec<f64>,
-    /// True if round-off, and not the tolerance, has ended the iterations: the residual is at most 10⁻⁶, or only parts
-    /// that carry nothing exceed the tolerance.
+    /// True if the iterations ended because of round-off instead of the tolerance: the residual is at most 10⁻⁶, or
+    /// only parts that carry nothing exceed the tolerance.
     pub rounding_limited: bool,
-    /// Out-of-balance force at the nodes of each body alone, relative to the forces on that body, [-]; empty for a
-    /// single body.
+    /// For each body, the out-of-balance force at the nodes that no other body touches, relative to the forces on that
+    /// body, [-]; empty if there is only one body.
     pub body_residuals: Vec<f64>,
     /// Largest norm of external forces and reactions on a connected part of each body, in this step or an earlier one,
     /// [force].
@@ -50,7 +50,8 @@ pub struct StepReport<const D: usize> {
     pub factorisations: Vec<Factorisation>,
     /// Total number of iterations of the linear solver; 0 for a direct solver.
     pub linear_iterations: usize,
-    /// Number of multiplier updates. After each, one evaluation gives the new residual before the next linear solve.
+    /// Number of multiplier updates. After each update, one evaluation yields the new residual before the next linear
+    /// solve.
     pub augmentations: usize,
     /// Largest number of linear solves without a multiplier update between them.
     pub most_solves: usize,
@@ -60,7 +61,7 @@ pub struct StepReport<const D: usize> {
     pub moments: Option<Vec<ReactionMoment<D>>>,
     /// Resultant of each load on the points or on its surface, [force].
     pub loads: Vec<[f64; D]>,
-    /// Forces of terms other than the loads of the model, such as those of walls.
+    /// Forces of terms other than the loads of the model, such as the forces on walls.
     pub forces: Vec<NamedForce<D>>,
     /// The surfaces of the model.
     pub surfaces: Vec<SurfaceFields<D>>,

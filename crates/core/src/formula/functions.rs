@@ -10,7 +10,8 @@ pub(super) enum Op {
     Variable(usize),
     One(fn(f64) -> f64),
     Two(Binary),
-    /// `if(c, a, b)`. Both branches have been evaluated; the one that is not selected has no effect, even if it is NaN.
+    /// `if(c, a, b)`. Both branches have been evaluated; the branch that is not selected has no effect, even if it is
+    /// NaN.
     Select,
 }
 

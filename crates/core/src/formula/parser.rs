@@ -7,7 +7,7 @@ use super::spelling::closest;
 /// Deepest nesting of parentheses, calls, powers and signs.
 const MAX_NESTING: usize = 64;
 const NESTED: &str = "the formula is nested too deeply";
-const FLATTEN: &str = "use fewer parentheses, or intermediate values under `where`";
+const FLATTEN: &str = "use fewer parentheses, or define intermediate values under `where`";
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Token {

@@ -1,7 +1,7 @@
 //! The grid lines along one axis of a structured grid: evenly spaced, or graded by intervals.
 //!
 //! Positions along an axis are measured in *cell coordinates*: line i lies at i, and within a cell the cell coordinate
-//! is linear in the position. Beyond the ends it continues with the size of the last cell.
+//! is linear in the position. Beyond each end, it continues with the size of the cell at that end.
 
 use super::ON_LINE;
 
@@ -27,17 +27,18 @@ pub struct Interval {
     pub to: f64,
     /// Number of cells.
     pub cells: usize,
-    /// Size of each cell relative to the one before it, in the direction of increasing coordinate, [-].
+    /// Size of each cell relative to the previous cell in the direction of increasing coordinate, [-].
     pub ratio: f64,
 }
 
-/// Grid lines that do not ascend by more than the round-off of their coordinates.
+/// Two successive grid lines that are not in ascending order, or no farther apart than the round-off of their
+/// coordinates.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[error("the grid lines {number} and {} at {at} cannot be told apart by their coordinates", number + 1)]
 pub struct CoincidentLines {
-    /// Number of the first of the two lines.
+    /// Index of the first of the two lines.
     pub number: usize,
-    /// Its coordinate, [length].
+    /// Coordinate of this line, [length].
     pub at: f64,
 }
 
@@ -50,7 +51,7 @@ impl Axis {
     /// Cells between given lines, [length].
     ///
     /// # Errors
-    /// [`CoincidentLines`] unless there are two or more lines, each above the one before by more than round-off.
+    /// [`CoincidentLines`] unless there are two or more lines, each above the previous line by more than round-off.
     pub fn graded(lines: Vec<f64>) -> Result<Axis, CoincidentLines> {
         if lines.len() < 2 {
             return Err(CoincidentLines { number: 0, at: lines.first().copied().unwrap_or(0.0) });
@@ -71,7 +72,7 @@ impl Axis {
     /// L lies L (1 + r + … + r^(k−1)) / (1 + r + … + r^(n−1)) beyond its start.
     ///
     /// # Errors
-    /// As [`Axis::graded`], and if an interval ends before it starts.
+    /// The same as for [`Axis::graded`], also if an interval ends before it starts.
     pub fn from_intervals(origin: f64, intervals: &[Interval]) -> Result<Axis, CoincidentLines> {
         let mut lines = vec![origin];
         let mut start = origin;
@@ -90,7 +91,7 @@ impl Axis {
         Axis::graded(lines)
     }
 
-    /// The same cells, each divided into `parts` equal cells; at least one.
+    /// The same cells, each divided into `parts` equal cells (at least one).
     pub fn subdivided(&self, parts: usize) -> Axis {
         let parts = parts.max(1);
         let n_cells = self.n_cells * parts;
@@ -153,19 +154,19 @@ impl Axis {
         }
     }
 
-    /// Size of the cell at a position, [length]; of the first or last one beyond the ends.
+    /// Size of the cell at a position, [length]; beyond the ends, the size of the first or last cell.
     pub fn size_at(&self, x: f64) -> f64 {
         self.size(self.cell_of(self.coordinate(x)))
     }
 
-    /// Size of the smaller cell beside a line, [length].
+    /// Size of the smaller of the two cells beside a line, [length].
     pub fn size_around(&self, line: usize) -> f64 {
         let last = self.n_cells - 1;
         self.size(line.saturating_sub(1).min(last)).min(self.size(line.min(last)))
     }
 
-    /// Size of the smallest cell that overlaps the range from `low` to `high`, [length]; of the nearest one if there is
-    /// none.
+    /// Size of the smallest cell that overlaps the range from `low` to `high`, [length]; if no cell does, the size of
+    /// the nearest one.
     pub fn smallest_within(&self, low: f64, high: f64) -> f64 {
         match &self.lines {
             Lines::Even { spacing, .. } => *spacing,
@@ -177,7 +178,7 @@ impl Axis {
         }
     }
 
-    /// The cell at a cell coordinate; the first or last cell beyond the ends. A line belongs to the cell above it.
+    /// The cell at a cell coordinate; beyond the ends, the first or last cell. A line belongs to the cell above it.
     #[inline(always)]
     pub fn cell_of(&self, coordinate: f64) -> usize {
         (coordinate.max(0.0) as usize).min(self.n_cells - 1)
@@ -207,7 +208,8 @@ impl Axis {
         }
     }
 
-    /// Local coordinate of a position in a cell: 0 on its lower line, 1 on its upper one, linear beyond them.
+    /// Local coordinate of a position in a cell: 0 on its lower line, 1 on its upper line, continued linearly beyond
+    /// them.
     #[inline(always)]
     pub fn local(&self, cell: usize, x: f64) -> f64 {
         let coordinate = self.coordinate(x);
@@ -220,12 +222,12 @@ impl Axis {
         }
     }
 
-    /// Number of the line nearest to a position, [length].
+    /// Index of the line nearest to a position, [length].
     pub fn nearest_line(&self, x: f64) -> usize {
         (self.coordinate(x).round().max(0.0) as usize).min(self.n_cells)
     }
 
-    /// Size of a cell relative to the first one, [-]; cells continue beyond the ends with the size of the last one.
+    /// Size of a cell relative to the first one, [-]; beyond each end, cells have the size of the cell at that end.
     #[inline(always)]
     pub fn relative_size(&self, cell: i64) -> f64 {
         match &self.lines {
@@ -243,7 +245,7 @@ impl Axis {
         if first == last {
             return (to - from) * of_first;
         }
-        // By parts, each of which is exact for short distances.
+        // A sum of parts, each of which is exact for short distances.
         let whole = (lines[last] - lines[first + 1]) / (lines[1] - lines[0]);
         ((first + 1) as f64 - from) * of_first + whole + (to - last as f64) * of_last
     }
@@ -283,7 +285,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Four cells from 0 to 1, each half as large as the one before, then three of size 2 up to 7.
+    /// Four cells from 0 to 1, each half as large as the previous one, then three cells of size 2 up to 7.
     fn graded() -> Axis {
         let intervals =
             [Interval { to: 1.0, cells: 4, ratio: 0.5 }, Interval { to: 7.0, cells: 3, ratio: 1.0 }];
@@ -312,7 +314,7 @@ mod tests {
                 let x = axis.line(line) + noise;
                 assert_eq!(axis.coordinate(x), line as f64);
                 assert_eq!(axis.nearest_line(x), line);
-                // Local coordinates agree from both sides, although the cells differ in size.
+                // Local coordinates agree from both sides of a line, although the cells differ in size.
                 let (below, above) = (line.saturating_sub(1), line.min(6));
                 assert_eq!(axis.local(below, x), if line > 0 { 1.0 } else { 0.0 });
                 assert_eq!(axis.local(above, x), if line < 7 { 0.0 } else { 1.0 });

@@ -12,7 +12,7 @@ pub(super) fn bounds<const D: usize>(positions: impl Iterator<Item = [f64; D]>) 
     })
 }
 
-/// A lattice of bins; each lists the boxes that overlap it.
+/// A lattice of bins; each bin lists the boxes that overlap it.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Bins<const D: usize> {
     lower: [f64; D],
@@ -109,7 +109,8 @@ impl<const D: usize> Bins<D> {
         &self.items[self.start[bin]..self.start[bin + 1]]
     }
 
-    /// The boxes that may contain a position, ascending; for positions outside the lattice, those of the nearest bin.
+    /// The boxes that may contain a position, ascending; for positions outside the lattice, the boxes of the nearest
+    /// bin.
     pub(super) fn at(&self, x: &[f64; D]) -> &[u32] {
         let index = std::array::from_fn(|d| self.index(d, x[d]));
         self.items(self.row(&index) + index[0])
@@ -121,14 +122,14 @@ impl<const D: usize> Bins<D> {
     }
 
     /// Visits boxes in order of distance, by rings (shells) of bins around a position. After each ring, `visit`
-    /// receives its boxes (possibly repeated) and a lower bound of the squared distance of all remaining ones; the
-    /// search continues while it returns true.
+    /// receives its boxes (possibly repeated) and a lower bound of the squared distance to all remaining boxes; the
+    /// search continues while `visit` returns true.
     pub(super) fn outwards(&self, x: &[f64; D], mut visit: impl FnMut(&[u32], f64) -> bool) {
         let centre: [usize; D] = std::array::from_fn(|d| self.index(d, x[d]));
         let step = self.spacing.iter().copied().fold(f64::INFINITY, f64::min);
         let last: usize = (0..D).map(|d| centre[d].max(self.counts[d] - 1 - centre[d])).max().unwrap_or(0);
-        // The vector to the lattice and any vector from there inwards enclose at least 90°, so squared distances add up
-        // to a lower bound.
+        // The angle between the vector to the lattice and any vector from there inwards is at most 90°, so squared
+        // distances add up to a lower bound.
         let outside: f64 = (0..D)
             .map(|d| {
                 let upper = self.lower[d] + self.spacing[d] * self.counts[d] as f64;
@@ -160,7 +161,8 @@ impl<const D: usize> Bins<D> {
     }
 }
 
-/// Visits the multi-indices in a box of ranges, with the first index at its start; the second axis varies fastest.
+/// Visits the multi-indices in a box of ranges, with the first index fixed at the start of its range; the second axis
+/// varies fastest.
 fn for_each_row<const D: usize>(ranges: &[RangeInclusive<usize>; D], mut visit: impl FnMut(&[usize; D])) {
     let mut index: [usize; D] = std::array::from_fn(|d| *ranges[d].start());
     loop {

@@ -1,4 +1,4 @@
-//! Grid lines that are carried along their axis, and the cells between them, which stretch.
+//! Grid lines that are moved (carried) along their axis, and the stretching cells between them.
 
 use super::{Axis, CoincidentLines, ON_LINE};
 
@@ -9,23 +9,23 @@ pub const LEAST_SIZE: f64 = 0.1;
 /// Consecutive grid lines that move by the same displacement.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CarriedLines {
-    /// Number of the first line.
+    /// Index of the first line.
     pub first: usize,
-    /// Number of the last line, at least `first`.
+    /// Index of the last line, at least `first`.
     pub last: usize,
     /// The displacement, [length].
     pub by: f64,
 }
 
-/// Lines that cannot be carried to where they should be.
+/// Lines that cannot be carried to their required positions.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum CarryError {
     /// Cells would become smaller than [`LEAST_SIZE`] times their original size, or be inverted.
     #[error("{}", squeezed(*ratio))]
     Squeezed {
-        /// Numbers of the lines between which the cells lie.
+        /// Indices of the lines between which the cells lie.
         lines: [usize; 2],
-        /// Their size, relative to the original one, [-].
+        /// Their size, relative to the original size, [-].
         ratio: f64,
     },
     /// Two lines can no longer be told apart.
@@ -35,7 +35,9 @@ pub enum CarryError {
 
 fn squeezed(ratio: f64) -> String {
     if ratio > 0.0 {
-        format!("the cells shrink to {ratio:.3} of their size; the least possible is {LEAST_SIZE}")
+        format!(
+            "the cells shrink to {ratio:.3} of their original size; the smallest allowed ratio is {LEAST_SIZE}"
+        )
     } else {
         format!(
             "their displacements would invert cells; a cell must keep at least {LEAST_SIZE} of its original size"
@@ -49,13 +51,13 @@ impl Axis {
     /// the axis, which stays unless it is carried itself.
     ///
     /// # Errors
-    /// [`CarryError`] where cells would be squeezed.
+    /// [`CarryError`] as for [`Axis::check_carried`].
     pub fn carried(&self, carried: &[CarriedLines]) -> Result<Axis, CarryError> {
         let n = self.n_cells();
         self.check_carried(carried)?;
         match carried {
             _ if carried.iter().all(|lines| lines.by == 0.0) => return Ok(self.clone()),
-            // Cells that were equal to the last bit stay so.
+            // Cells that were equal to the last bit remain equal.
             [CarriedLines { first: 0, last, by }] if *last == n && self.is_even() => {
                 return Ok(Axis::even(self.line(0) + by, self.size(0), n));
             }
@@ -73,7 +75,7 @@ impl Axis {
         Ok(Axis::graded(moved)?)
     }
 
-    /// Checks the sizes of the cells after lines have been carried along, and that their coordinates resolve them.
+    /// Checks the sizes of the cells after lines have been carried along, and that the coordinates resolve these sizes.
     ///
     /// # Errors
     /// [`CarryError`] for the first cells that would be too small, or for lines too far from the origin to be told
@@ -94,7 +96,8 @@ impl Axis {
         Ok(())
     }
 
-    /// Pairs of lines, from one end of the axis to the other, with their displacements, which vary linearly in between.
+    /// Pairs of lines with their displacements, from one end of the axis to the other. Within each pair, displacements
+    /// vary linearly.
     fn spans(&self, carried: &[CarriedLines]) -> Vec<[(usize, f64); 2]> {
         let n = self.n_cells();
         let mut known = Vec::new();

@@ -1,8 +1,8 @@
 //! Elements of unstructured meshes: linear shape functions and the map between local coordinates and positions.
 //!
 //! Corners are in VTK order. Triangle, quadrilateral: counterclockwise. Tetrahedron: the first three counterclockwise
-//! as seen from the fourth. Hexahedron: around the bottom, counterclockwise as seen from the top, then around the top.
-//! Arrays have room for the largest element; entries beyond the number of nodes are zero.
+//! as seen from the fourth. Hexahedron: first around the bottom, counterclockwise as seen from the top, then around the
+//! top. Arrays have room for the largest element; entries beyond the number of nodes are zero.
 
 mod inverse;
 mod validity;
@@ -17,7 +17,8 @@ pub const MAX_NODES: usize = 8;
 /// Shape of an element in `D` dimensions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum ElementShape {
-    /// A triangle or tetrahedron with `D` + 1 corners: at the origin of the local coordinates and at 1 on each axis.
+    /// A triangle or tetrahedron with `D` + 1 corners: one at the origin of the local coordinates and one at 1 on each
+    /// axis.
     Simplex,
     /// A quadrilateral or hexahedron: 2^`D` corners, at −1 and 1 on each local axis.
     Box,
@@ -41,13 +42,13 @@ pub(super) fn vector_product(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// Local coordinates (±1) of a corner of a box; bit d of its number is its side along axis d.
+/// Local coordinates (±1) of a corner of a box; bit d of the corner's number gives its side along axis d.
 pub fn corner_side<const D: usize>(corner: usize) -> [f64; D] {
     std::array::from_fn(|d| if corner >> d & 1 == 1 { 1.0 } else { -1.0 })
 }
 
-/// Multilinear shape function N and its gradient ∂N/∂ξ for a corner of a box; bit d of its number is its side along
-/// axis d.
+/// Multilinear shape function N and its gradient ∂N/∂ξ for a corner of a box; bit d of the corner's number gives its
+/// side along axis d.
 pub fn box_shape<const D: usize>(corner: usize, xi: &[f64; D]) -> (f64, [f64; D]) {
     let side = corner_side::<D>(corner);
     let factor = |d: usize| 0.5 * (1.0 + side[d] * xi[d]);
@@ -84,7 +85,7 @@ pub(super) fn adjugate<const D: usize>(j: &[[f64; D]; D]) -> ([[f64; D]; D], f64
 }
 
 impl ElementShape {
-    /// The shape with this number of nodes in `D` dimensions; `None` if there is none.
+    /// The shape with this number of nodes in `D` dimensions; `None` if no shape has this number.
     pub fn from_nodes<const D: usize>(n_nodes: usize) -> Option<Self> {
         match n_nodes {
             n if n == D + 1 => Some(ElementShape::Simplex),
@@ -101,7 +102,7 @@ impl ElementShape {
         }
     }
 
-    /// Plural of its name in `D` dimensions.
+    /// Plural of the name of the shape in `D` dimensions.
     pub fn plural<const D: usize>(self) -> &'static str {
         match (self, D) {
             (ElementShape::Simplex, 3) => "tetrahedra",
@@ -253,7 +254,7 @@ impl ElementShape {
 
     /// Determinant of the Jacobian at every corner, up to a positive factor, [length^`D`]; in the plane, twice the area
     /// of the triangle of the corner and its two neighbours. A quadrilateral is convex and counterclockwise if and only
-    /// if all are positive.
+    /// if all determinants are positive.
     pub fn corner_determinants<const D: usize>(self, corners: &[[f64; D]]) -> [f64; MAX_NODES] {
         let n = self.n_nodes::<D>().min(corners.len());
         let scale = if self == ElementShape::Box { (1u32 << D).into() } else { 1.0 };

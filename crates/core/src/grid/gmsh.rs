@@ -41,8 +41,8 @@ pub struct GmshFile {
 /// Reads a mesh file.
 ///
 /// # Errors
-/// [`GmshError::Io`], [`GmshError::NotAFile`] or [`GmshError::TooLarge`] if the file cannot be read, otherwise as
-/// [`read`].
+/// [`GmshError::Io`], [`GmshError::NotAFile`] or [`GmshError::TooLarge`] if the file cannot be read; otherwise the same
+/// as for [`read`].
 pub fn read_file(path: &Path) -> Result<GmshFile, GmshError> {
     // Reading a device or a pipe might never end.
     let about = std::fs::metadata(path)?;
@@ -55,8 +55,8 @@ pub fn read_file(path: &Path) -> Result<GmshFile, GmshError> {
     read(&std::fs::read(path)?)
 }
 
-/// Reads a mesh from the bytes of a file. Time and memory are proportional to the number of bytes, whatever they
-/// contain.
+/// Reads a mesh from the bytes of a file. Time and memory are proportional to the number of bytes, whatever the
+/// contents.
 ///
 /// # Errors
 /// Any [`GmshError`] about the contents.
@@ -178,10 +178,10 @@ fn physical_names(reader: &mut Reader<'_>) -> Result<BTreeMap<GroupKey, String>,
     let n = reader.bounded(n, "names", 7)?;
     let mut names = BTreeMap::new();
     for _ in 0..n {
-        let dimension = reader.text::<u8>("the dimension of a group")?;
+        let dimension = reader.text::<u8>("a group dimension")?;
         reader.require(dimension <= 3, "a dimension from 0 to 3")?;
-        let tag = reader.text::<i32>("the tag of a group")?.unsigned_abs();
-        let name = reader.quoted("the name of a group in quotes")?;
+        let tag = reader.text::<i32>("a group tag")?.unsigned_abs();
+        let name = reader.quoted("a group name in quotes")?;
         if !name.is_empty() {
             names.insert((dimension, tag), name);
         }
@@ -198,7 +198,7 @@ fn entities(reader: &mut Reader<'_>) -> Result<EntityGroups, GmshError> {
     let mut all = EntityGroups::new();
     for (dimension, count) in (0u8..).zip(counts) {
         for _ in 0..reader.count_of(count, "entities", 4)? {
-            let tag = reader.int("the number of an entity")?;
+            let tag = reader.int("an entity number")?;
             for _ in 0..if dimension == 0 { 3 } else { 6 } {
                 reader.real("a coordinate")?;
             }
@@ -211,7 +211,7 @@ fn entities(reader: &mut Reader<'_>) -> Result<EntityGroups, GmshError> {
             if dimension > 0 {
                 let n = reader.size("the number of bounding entities")?;
                 for _ in 0..reader.count_of(n, "bounding entities", 1)? {
-                    reader.int("the number of an entity")?;
+                    reader.int("an entity number")?;
                 }
             }
             groups.sort_unstable();

@@ -18,7 +18,7 @@ pub use sides::{BoundarySide, Side};
 
 /// Relative distance, in units of the cell size, within which a position counts as lying on the boundary of a cell.
 ///
-/// Positions that lie on such a boundary in exact arithmetic must all belong to the same cell, whatever their
+/// All positions that lie on such a boundary in exact arithmetic must belong to the same cell, whatever their
 /// round-off.
 pub const ON_EDGE: f64 = 1e-9;
 
@@ -46,9 +46,9 @@ pub struct Mesh<const D: usize> {
     patches: Option<Patches>,
 }
 
-/// All methods panic on numbers of nodes and cells that do not exist.
+/// All methods panic if a node or cell does not exist.
 impl<const D: usize> Mesh<D> {
-    /// The mesh with its triangles or tetrahedra joined to patches, over which bodies may average their dilatation.
+    /// The mesh with its triangles or tetrahedra joined into patches, over which bodies can average their dilatation.
     pub fn with_patches(mut self) -> Self {
         self.patches = Some(Patches::new::<D>(&self));
         self
@@ -128,13 +128,13 @@ impl<const D: usize> Mesh<D> {
         &self.node_sets
     }
 
-    /// Sides of each physical group, sorted, with their nodes in file order: edges of groups of curves in the plane,
-    /// faces of groups of surfaces in space.
+    /// Sides of each physical group, sorted, with their nodes in file order: edges of curve groups in the plane, faces
+    /// of surface groups in space.
     pub fn side_sets(&self) -> &BTreeMap<String, Vec<Side>> {
         &self.side_sets
     }
 
-    /// Cells of each physical group, ascending: groups of surfaces in the plane, of volumes in space.
+    /// Cells of each physical group, ascending: surface groups in the plane, volume groups in space.
     pub fn cell_sets(&self) -> &BTreeMap<String, Vec<u32>> {
         &self.cell_sets
     }
@@ -146,7 +146,7 @@ impl<const D: usize> Mesh<D> {
 
     /// The cell that contains a position; `None` outside the mesh.
     ///
-    /// A position within [`ON_EDGE`] of several cells belongs to the one with the lowest number. A good `hint` makes
+    /// A position within [`ON_EDGE`] of several cells belongs to the cell with the lowest number. A good `hint` makes
     /// the search faster; it never changes the result.
     pub fn locate(&self, x: &[f64; D], hint: Option<u32>) -> Option<u32> {
         if let Some(cell) = hint.filter(|cell| (*cell as usize) < self.n_cells()) {
@@ -159,8 +159,8 @@ impl<const D: usize> Mesh<D> {
         candidates.find(|&cell| self.cell(cell).touches(x, ON_EDGE * self.size(cell)))
     }
 
-    /// The cell nearest to a position inside or outside the mesh; of several cells at equal distance, within
-    /// [`ON_EDGE`], the one with the lowest number.
+    /// The cell nearest to a position inside or outside the mesh; if several cells are at equal distance, within
+    /// [`ON_EDGE`], the cell with the lowest number.
     pub fn nearest_cell(&self, x: &[f64; D]) -> u32 {
         if let Some(cell) = self.locate(x, None) {
             return cell;
@@ -183,7 +183,7 @@ impl<const D: usize> Mesh<D> {
     /// the cell counts as lying on it: nodes off that part of the boundary get exactly zero, so that round-off never
     /// activates a node with negligible stiffness.
     ///
-    /// Far outside a quadrilateral or hexahedron, where its map has no inverse, the linear basis of a part of the cell
+    /// Far outside a quadrilateral or hexahedron, where the map has no inverse, the linear basis of a part of the cell
     /// is used, which still reproduces linear fields.
     pub fn shape(&self, cell: u32, x: &[f64; D]) -> CellBasis<D> {
         let corners = self.cell(cell);

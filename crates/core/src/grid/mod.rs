@@ -19,8 +19,9 @@ pub use structured::{Structured, vtk_corner};
 
 /// Relative distance, in units of the cell size, within which a position counts as lying on a grid line.
 ///
-/// Points on a grid line in exact arithmetic must all belong to the same cell, whatever their round-off. Otherwise a
-/// uniform row of points would no longer be in equilibrium, as happens at every fifth step of simple shear.
+/// All points that lie on a grid line in exact arithmetic must belong to the same cell, whatever their round-off.
+/// Otherwise a uniform row of points on a grid line, as at every fifth step of simple shear, would no longer be in
+/// equilibrium.
 pub const ON_LINE: f64 = 1e-8;
 
 /// Largest number of corners of a cell.
@@ -133,7 +134,7 @@ pub trait Grid<const D: usize>: std::fmt::Debug + Send + Sync {
     fn volume(&self, cell: usize) -> f64;
 
     /// The cell that contains a position; `None` outside the grid. The search starts at `hint`. A position on the
-    /// boundary between cells belongs to one of them, whatever its round-off.
+    /// boundary between cells always belongs to the same one of them, whatever its round-off.
     fn locate(&self, position: &[f64; D], hint: Option<u32>) -> Option<u32>;
 
     /// The cell nearest to a position inside or outside the grid.
@@ -174,8 +175,8 @@ pub trait Grid<const D: usize>: std::fmt::Debug + Send + Sync {
     }
 }
 
-/// Interpolates a nodal field at a position, with the basis of the cell that contains it or is nearest. Linear fields
-/// are reproduced everywhere.
+/// Interpolates a nodal field at a position, using the basis of the cell that contains the position or is nearest to
+/// it. Linear fields are reproduced everywhere.
 pub fn interpolate<const D: usize, G: Grid<D> + ?Sized>(
     grid: &G,
     position: &[f64; D],

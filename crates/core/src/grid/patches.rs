@@ -1,14 +1,14 @@
-//! Patches: small connected groups of triangles or tetrahedra, over which the dilatation may be averaged.
+//! Patches: small connected groups of triangles or tetrahedra, over which the dilatation can be averaged.
 //!
 //! The gradient in a simplex is constant, so averaging the dilatation over the simplex alone changes nothing. A large
-//! mesh has about two triangles, or five and a half tetrahedra, per node: one volume constraint for every three or four
-//! triangles, or eight tetrahedra, leaves enough freedom at constant volume (de Souza Neto, Andrade Pires and Owen
-//! 2005).
+//! mesh has about two triangles, or five and a half tetrahedra, per node. One volume constraint for every three or four
+//! triangles, or for every eight tetrahedra, therefore leaves enough freedom at constant volume (de Souza Neto, Andrade
+//! Pires and Owen 2005).
 
 use super::Grid;
 use super::sides::sides_of;
 
-/// The patches of a mesh. Quadrilaterals and hexahedra are patches of their own.
+/// The patches of a mesh. Each quadrilateral or hexahedron is a patch of its own.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Patches {
     /// For each cell, the number of its patch.
@@ -26,9 +26,9 @@ const fn most_cells(dimension: usize) -> usize {
 const NONE: u32 = u32::MAX;
 
 impl Patches {
-    /// Forms the patches of a mesh from its cells in order: each patch takes the neighbours that share the most sides
-    /// with it, the nearest first; patches of at most half the full size are then joined to the smallest neighbouring
-    /// patch.
+    /// Forms the patches of a mesh from its cells in order: each patch repeatedly adds the neighbour that shares the
+    /// most sides with it; of several such neighbours, the nearest. Patches of at most half the full size are then
+    /// joined to their smallest neighbouring patch.
     pub fn new<const D: usize>(grid: &dyn Grid<D>) -> Self {
         let neighbours = neighbours(grid);
         let n = grid.n_cells();
@@ -66,7 +66,7 @@ impl Patches {
     }
 }
 
-/// The cell that shares the most sides with a patch; of several, the one nearest to the centre of the patch.
+/// The cell that shares the most sides with a patch; if there are several, the one nearest to the centre of the patch.
 fn best<const D: usize>(
     grid: &dyn Grid<D>,
     patch: &[u32],

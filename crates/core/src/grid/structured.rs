@@ -1,4 +1,4 @@
-//! A grid of rectangles (bricks) aligned with the axes, whose lines are even or graded along each axis.
+//! A grid of rectangles (bricks) aligned with the axes, with evenly spaced or graded lines along each axis.
 
 use super::{Axis, CellBasis, Corners, Grid, MAX_CORNERS};
 
@@ -28,7 +28,7 @@ impl<const D: usize> Structured<D> {
         &self.axes
     }
 
-    /// True if the cells have the same sides by construction.
+    /// True if all cells have the same sides by construction.
     pub fn is_even(&self) -> bool {
         self.axes.iter().all(Axis::is_even)
     }
@@ -44,7 +44,7 @@ impl<const D: usize> Structured<D> {
         std::array::from_fn(|d| self.axes[d].size(index[d]))
     }
 
-    /// Smallest sides along each axis of the cells around the node with these indices along the axes, [length].
+    /// Along each axis, the smallest side of the cells around the node with these indices along the axes, [length].
     pub fn sides_around(&self, index: [usize; D]) -> [f64; D] {
         std::array::from_fn(|d| self.axes[d].size_around(index[d]))
     }
@@ -59,7 +59,7 @@ impl<const D: usize> Structured<D> {
         std::array::from_fn(|d| self.axes[d].line(self.cells[d]))
     }
 
-    /// Number of the node with these indices along the axes.
+    /// Node number for these indices along the axes.
     #[inline(always)]
     pub fn node(&self, index: [usize; D]) -> usize {
         (0..D).rev().fold(0, |number, d| number * (self.cells[d] + 1) + index[d])
@@ -71,7 +71,7 @@ impl<const D: usize> Structured<D> {
         split(node, self.cells.map(|n| n + 1))
     }
 
-    /// Number of the cell with these indices along the axes.
+    /// Cell number for these indices along the axes.
     #[inline(always)]
     pub fn cell(&self, index: [usize; D]) -> usize {
         (0..D).rev().fold(0, |number, d| number * self.cells[d] + index[d])
@@ -105,7 +105,8 @@ impl<const D: usize> Structured<D> {
         std::array::from_fn(|d| self.axes[d].local(index[d], position[d]))
     }
 
-    /// Indices of the cell nearest to a position, and the local coordinates there; continued outside it.
+    /// Indices of the cell nearest to a position, and the local coordinates of the position; continued outside the
+    /// cell.
     #[inline(always)]
     fn nearest(&self, position: &[f64; D]) -> ([usize; D], [f64; D]) {
         let coordinates: [f64; D] = std::array::from_fn(|d| self.axes[d].coordinate(position[d]));
@@ -140,7 +141,7 @@ impl<const D: usize> Structured<D> {
         indices(ranges).map(|index| self.node(index))
     }
 
-    /// All cells that may overlap bounds, [length], and some beside them; ascending.
+    /// All cells that may overlap bounds, [length], and some next to them; ascending.
     pub fn cells_near(&self, [low, high]: &[[f64; D]; 2]) -> impl Iterator<Item = usize> + use<'_, D> {
         let ranges = std::array::from_fn(|d| {
             let lines = self.axes[d].lines_near(low[d], high[d]);
@@ -230,8 +231,8 @@ impl<const D: usize> Grid<D> for Structured<D> {
     }
 }
 
-/// Maps between VTK order and bitwise order (bit d of the number is the side along axis d) of the corners of a
-/// quadrilateral or hexahedron; its own inverse.
+/// Converts the corner index of a quadrilateral or hexahedron between VTK order and bitwise order (bit d of the index
+/// is the side along axis d). The map is its own inverse.
 pub fn vtk_corner(corner: usize) -> usize {
     match corner % 4 {
         2 => corner + 1,
@@ -292,7 +293,7 @@ mod tests {
                 let is_exact = |u: [f64; 2]| (0..2).all(|d| (u[d] - exact[d]).abs() < 1e-14);
                 let nodal = |node| field(grid.node_position(node));
                 assert!(is_exact(super::super::interpolate(&grid, &p, &nodal)), "{p:?}");
-                // Also where the basis of a cell is continued beyond it.
+                // This also holds where the basis of a cell is continued beyond the cell.
                 for cell in 0..grid.n_cells() as u32 {
                     let basis = grid.basis_at(cell, &p);
                     let mut u = [0.0; 2];

@@ -14,12 +14,12 @@ pub struct ElementPart<const D: usize> {
     pub corners: Vec<[f64; D]>,
 }
 
-/// Positions of `n` points in a triangle: barycentric coordinates, and the share of the area of each point.
+/// Positions of `n` points in a triangle: barycentric coordinates, and the share of the area for each point.
 ///
-/// - `n` = k²: dividing the sides into k parts gives k² congruent triangles; the points are their centroids.
-/// - `n` = 8: each of the four triangles of k = 2 is halved by its median from the corner that corresponds to the first
-///   node of the triangle (in the inverted middle triangle, the corner opposite that node); the points are the
-///   centroids of the halves.
+/// - `n` = k²: the sides are divided into k parts, which yields k² congruent triangles; the points are their centroids.
+/// - `n` = 8: each of the four triangles for k = 2 is halved along its median from the corner that corresponds to the
+///   first node of the whole triangle (in the inverted middle triangle, the corner opposite that node); the points are
+///   the centroids of the halves.
 ///
 /// All points have the same area, and their mean is the centroid. `None` for any other `n`.
 pub fn subdivide_triangle(n: usize) -> Option<Vec<([f64; 3], f64)>> {
@@ -27,8 +27,8 @@ pub fn subdivide_triangle(n: usize) -> Option<Vec<([f64; 3], f64)>> {
     Some(points.into_iter().map(|([a, b], _)| ([1.0 - a - b, a, b], 1.0 / n as f64)).collect())
 }
 
-/// Corners, counterclockwise, of the parts whose centroids [`subdivide_triangle`] returns, in the same order; given as
-/// coordinates along the two sides from the first node.
+/// Corners, counterclockwise, of the parts whose centroids [`subdivide_triangle`] returns, in the same order. They are
+/// given as coordinates along the two sides from the first node.
 pub fn triangle_parts(n: usize) -> Option<Vec<[[f64; 2]; 3]>> {
     let points = if n == 8 { halved() } else { squared(n)? };
     Some(points.into_iter().map(|(_, corners)| corners).collect())
@@ -37,7 +37,7 @@ pub fn triangle_parts(n: usize) -> Option<Vec<[[f64; 2]; 3]>> {
 /// Centroid and corners of a part of a triangle.
 type TrianglePart = ([f64; 2], [[f64; 2]; 3]);
 
-/// k² congruent triangles: centroid and corners as coordinates along the two sides from the first node.
+/// Centroid and corners of k² congruent triangles, as coordinates along the two sides from the first node.
 fn squared(n: usize) -> Option<Vec<TrianglePart>> {
     let k = n.isqrt();
     if n == 0 || k * k != n {
@@ -61,7 +61,7 @@ fn squared(n: usize) -> Option<Vec<TrianglePart>> {
 
 /// The halves of four congruent triangles.
 fn halved() -> Vec<TrianglePart> {
-    // First corner, and size, which is negative for the inverted triangle.
+    // First corner and size; the size is negative for the inverted triangle.
     let quarters = [([0.0, 0.0], 0.5), ([0.5, 0.0], 0.5), ([0.0, 0.5], 0.5), ([0.5, 0.5], -0.5)];
     // The halves of the whole triangle and their centroids.
     let half = [
@@ -80,10 +80,10 @@ fn halved() -> Vec<TrianglePart> {
 
 /// Divides a tetrahedron into `n` parts of equal volume; the points are their centroids.
 ///
-/// - `n` = k³: the edges are divided into k. With corners at (0, 0, 0), (k, 0, 0), (k, k, 0) and (k, k, k) the
+/// - `n` = k³: the edges are divided into k parts. With corners at (0, 0, 0), (k, 0, 0), (k, k, 0) and (k, k, k) the
 ///   tetrahedron is the set k ≥ x ≥ y ≥ z ≥ 0. The planes of integer x, y, z, x − y, y − z and x − z cut it into k³
 ///   tetrahedra of up to three shapes.
-/// - `n` = 4: the four faces are joined to the centroid.
+/// - `n` = 4: each of the four faces is joined to the centroid.
 ///
 /// The mean of the points is the centroid of the tetrahedron. `None` for any other `n`.
 pub fn subdivide_tetrahedron(corners: &[[f64; 3]; 4], n: usize) -> Option<Vec<ElementPart<3>>> {
@@ -96,7 +96,7 @@ pub fn subdivide_tetrahedron(corners: &[[f64; 3]; 4], n: usize) -> Option<Vec<El
     Some(if n == 4 { joined_to_the_centroid() } else { cubed(n)? }.into_iter().map(part).collect())
 }
 
-/// Divides a triangle as [`subdivide_triangle`] or a tetrahedron as [`subdivide_tetrahedron`].
+/// Divides a triangle as [`subdivide_triangle`] does, or a tetrahedron as [`subdivide_tetrahedron`] does.
 ///
 /// `corners` are the `D` + 1 corners of the element, [length]. `None` for any other `n`.
 pub fn subdivide_simplex<const D: usize>(corners: &[[f64; D]], n: usize) -> Option<Vec<ElementPart<D>>> {
@@ -142,8 +142,8 @@ fn cubed(n: usize) -> Option<Vec<[[f64; 3]; 4]>> {
     if k.pow(3) != n {
         return None;
     }
-    // Every cube of the lattice is cut into six tetrahedra along its diagonal: paths from its lowest corner, one axis
-    // at a time.
+    // Every cube of the lattice is cut into six tetrahedra around its diagonal. The corners of each lie on a path from
+    // the lowest corner to the opposite one, one axis at a time.
     const STEPS: [[usize; 3]; 6] = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [1, 0, 2], [0, 2, 1], [2, 1, 0]];
     let mut parts = Vec::with_capacity(n);
     for (z, y, x) in (0..k).flat_map(|z| (z..k).flat_map(move |y| (y..k).map(move |x| (z, y, x)))) {
@@ -157,7 +157,7 @@ fn cubed(n: usize) -> Option<Vec<[[f64; 3]; 4]>> {
             if corners.iter().any(|[x, y, z]| y > x || z > y) {
                 continue; // outside the tetrahedron
             }
-            // Odd permutations of the axes give the opposite orientation.
+            // Odd permutations of the axes yield the opposite orientation.
             if number >= 3 {
                 corners.swap(1, 2);
             }
@@ -172,9 +172,10 @@ fn cubed(n: usize) -> Option<Vec<[[f64; 3]; 4]>> {
 /// Divides a quadrilateral or hexahedron along lines (planes) of constant local coordinates.
 ///
 /// `n` is the number of parts along each local axis: from the first to the second corner, from the second to the third
-/// and, in space, from the bottom to the top. The parts are quadrilaterals (hexahedra) whose volumes sum to that of the
-/// element. Points are their centroids, so that linear fields are integrated exactly and the point of a domain with
-/// corners moves with the mean of its basis functions. The first axis varies fastest.
+/// and, in space, from the bottom to the top. The parts are quadrilaterals (hexahedra) whose volumes sum to the volume
+/// of the element. Points are the centroids of the parts, so that linear fields are integrated exactly and the basis
+/// functions of a domain with corners, which are means over the domain, reproduce linear fields at its point. The first
+/// axis varies fastest.
 ///
 /// `corners` are in VTK order, [length]. `None` if their number is wrong.
 pub fn subdivide_box<const D: usize>(corners: &[[f64; D]], n: [usize; D]) -> Option<Vec<ElementPart<D>>> {
@@ -282,7 +283,8 @@ mod tests {
         assert!(refused.iter().all(|n| subdivide_tetrahedron(&TETRAHEDRON, *n).is_none()));
     }
 
-    /// Equal volumes that sum to the whole, and no centroid inside another part: the parts fill the tetrahedron.
+    /// The parts have equal volumes that sum to the whole, and no centroid lies inside another part: the parts fill the
+    /// tetrahedron.
     #[test]
     fn parts_of_a_tetrahedron_do_not_overlap() {
         for n in [4, 8, 27] {

@@ -10,15 +10,16 @@ use crate::ranks::Halo;
 
 /// A solver for the linear equations of a load step, K x = b on the unknowns of the active nodes.
 ///
-/// Each step calls [`prepare`](Backend::prepare) once, each iteration [`factorise`](Backend::factorise), and each
-/// right-hand side [`solve`](Backend::solve). There are `D` axes and `N` components at each node.
+/// A load step calls [`prepare`](Backend::prepare) at its start and again if the layout of the matrix changes,
+/// [`factorise`](Backend::factorise) whenever it needs a new factor, and [`solve`](Backend::solve) for each right-hand
+/// side. There are `D` axes and `N` components at each node.
 ///
 /// The result must not depend on the number of threads, so a backend must compute every sum in a fixed order.
 pub trait Backend<const D: usize, const N: usize = D>: Send {
     /// Prepares for matrices of this sparsity pattern.
     ///
     /// # Errors
-    /// [`LinearError`] if it cannot solve such equations.
+    /// [`LinearError`] if the backend cannot solve equations of this kind.
     fn prepare(&mut self, layout: &Layout<D, N>, matrix: &BlockMatrix<N>) -> Result<(), LinearError>;
 
     /// Factorises a matrix, or sets up a preconditioner for it.
@@ -27,9 +28,9 @@ pub trait Backend<const D: usize, const N: usize = D>: Send {
     /// [`LinearError`].
     fn factorise(&mut self, layout: &Layout<D, N>, matrix: &BlockMatrix<N>) -> Result<(), LinearError>;
 
-    /// Solves for `x` to a residual of `tolerance` relative to `b`, [-], or better. Only the unknowns of `b` count; `x`
-    /// is zero elsewhere. The factor or preconditioner may be that of an earlier matrix: a direct backend then solves
-    /// the earlier equations, an iterative one the equations of `stiffness`.
+    /// Solves for `x` to a residual of `tolerance` relative to `b`, [-], or better. Only the components of `b` that are
+    /// unknowns are used; `x` is zero elsewhere. The factor or preconditioner may belong to an earlier matrix: a direct
+    /// backend then solves the earlier equations, an iterative backend the equations of `stiffness`.
     ///
     /// # Errors
     /// [`LinearError`].
@@ -42,14 +43,15 @@ pub trait Backend<const D: usize, const N: usize = D>: Send {
         tolerance: f64,
     ) -> Result<Solved, LinearError>;
 
-    /// Frees its memory until it is prepared again. All ranks call it together.
+    /// Frees the memory of the backend until it is prepared again. All ranks must call this together.
     fn release(&mut self) {}
 
-    /// True if [`solve`](Backend::solve) iterates with the current matrix, so a factor of an earlier one is sufficient.
+    /// True if [`solve`](Backend::solve) iterates with the current matrix, so that a factor of an earlier matrix is
+    /// sufficient.
     fn is_iterative(&self) -> bool;
 }
 
-/// A library that solves the equations of several ranks.
+/// A library that solves equations distributed over several ranks.
 pub trait Engine<const D: usize>: Send + Sync + std::fmt::Debug {
     /// A direct backend; `None` to use the built-in one.
     fn direct(&self) -> Option<Box<dyn Backend<D>>> {
@@ -61,13 +63,14 @@ pub trait Engine<const D: usize>: Send + Sync + std::fmt::Debug {
         None
     }
 
-    /// An iterative backend for any grid and any way of holding nodes; `None` if there is none.
+    /// An iterative backend for any grid, and for nodes held along any direction or tied to others; `None` if there is
+    /// none.
     fn algebraic(&self) -> Option<Box<dyn Backend<D>>> {
         None
     }
 }
 
-/// The library that solves the equations of several ranks, if there is one.
+/// The library that solves equations distributed over several ranks, if there is one.
 #[derive(Debug, Clone, Default)]
 pub struct Engines<const D: usize>(pub Option<Arc<dyn Engine<D>>>);
 
@@ -95,10 +98,10 @@ pub struct Layout<'a, const D: usize, const N: usize = D> {
     /// Coordinates of the lattice lines along each axis, [length]; `None` along axes on which they are evenly spaced or
     /// unknown.
     pub lines: [Option<&'a [f64]>; D],
-    /// True if an analysed pattern may be reused for patterns that it contains.
+    /// True if an analysed pattern can be reused for patterns that it contains.
     pub keeps_pattern: bool,
-    /// The active nodes shared with other ranks. If there are any, the matrix holds the contributions of this rank
-    /// only; vectors are complete.
+    /// The active nodes shared with other ranks. If there are any, the matrix contains only the contributions of this
+    /// rank; vectors are complete.
     pub halo: &'a Halo,
 }
 

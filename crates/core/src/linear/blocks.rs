@@ -4,16 +4,17 @@ use std::ops::Range;
 
 use pulp::Arch;
 
-/// A block of a pair of nodes, `[i][k]`: row component i, column component k.
+/// The block of a pair of nodes, `[i][k]`: row component i, column component k.
 pub type Block<const N: usize> = [[f64; N]; N];
 
-/// Least number of columns of a task.
+/// Smallest number of columns in a task.
 const COLUMNS: usize = 2048;
 
 /// Rows that one thread sums at a time.
 const ROWS: usize = 1024;
 
-/// A square matrix of N×N blocks by columns, as assembled; for a symmetric matrix only the blocks with row ≥ column.
+/// A square matrix of N×N blocks, stored by columns as assembled; a symmetric matrix has only the blocks with row ≥
+/// column.
 #[derive(Debug, Clone, Copy)]
 pub struct BlockMatrix<'a, const N: usize> {
     /// True if only the lower triangle is given.
@@ -26,15 +27,15 @@ pub struct BlockMatrix<'a, const N: usize> {
     pub blocks: &'a [Block<N>],
 }
 
-/// A fixed division of the columns of a matrix into tasks, each with its own working space, so that a product has the
-/// same bits for any number of threads.
+/// A fixed division of the columns of a matrix into tasks, each with its own working space, so that a product is the
+/// same to the last bit for any number of threads.
 #[derive(Debug, Clone, Default)]
 pub struct Division<const N: usize> {
     tasks: Vec<Task>,
     room: Vec<[f64; N]>,
 }
 
-/// Some consecutive columns and the rows that they reach.
+/// A range of consecutive columns and the rows that they reach.
 #[derive(Debug, Clone)]
 struct Task {
     columns: Range<usize>,
@@ -44,12 +45,12 @@ struct Task {
 }
 
 impl<const N: usize> Division<N> {
-    /// Divides a matrix with these columns.
+    /// A division of a matrix with these columns.
     pub fn new(column_start: &[usize], row: &[u32]) -> Self {
         let n = column_start.len().saturating_sub(1);
         let rows_of = |c: usize| &row[column_start[c]..column_start[c + 1]];
         let reach = |c: usize| rows_of(c).last().map_or(0, |&r| (r as usize).saturating_sub(c));
-        // Working spaces with little overlap cost little.
+        // The cost is small if the working spaces have little overlap.
         let size = COLUMNS.max(2 * (0..n).map(reach).max().unwrap_or(0));
         let mut tasks = Vec::new();
         let mut place = 0;
@@ -92,7 +93,7 @@ impl<const N: usize> BlockMatrix<'_, N> {
         reach
     }
 
-    /// `out = A x`; `division` is that of this pattern.
+    /// `out = A x`; `division` is the division of this pattern.
     pub fn multiply(&self, division: &mut Division<N>, x: &[[f64; N]], out: &mut [[f64; N]]) {
         let Division { tasks, room } = division;
         self.run(tasks, x, room);
@@ -175,7 +176,8 @@ fn collect<const N: usize>(tasks: &[Task], room: &[[f64; N]], first: usize, out:
 mod tests {
     use super::*;
 
-    /// A banded matrix of several tasks, once by its lower triangle and once whole, against a plain sum.
+    /// Compares the product of a banded matrix of several tasks, given once by its lower triangle and once in full,
+    /// with a plain sum.
     #[test]
     fn products_agree_with_a_plain_sum() {
         let n = 3 * COLUMNS + 17;
@@ -183,7 +185,7 @@ mod tests {
             let (a, b) = (r.max(c) as f64, r.min(c) as f64);
             let off = 0.1 * (a - b);
             let block = [[2.0 + (a * 0.7).sin(), off], [(b * 0.3).cos(), 1.0 - off]];
-            // The mirror image in a symmetric matrix.
+            // In a symmetric matrix, this is the mirror image.
             if r >= c { block } else { [[block[0][0], block[1][0]], [block[0][1], block[1][1]]] }
         };
         let x: Vec<[f64; 2]> = (0..n).map(|i| [(i as f64).sin(), (i as f64).cos()]).collect();

@@ -1,4 +1,4 @@
-//! Elastic bodies on lattices, for tests: their matrices, whole or shared by ranks cell by cell.
+//! Elastic bodies on lattices, for tests: their matrices, complete or divided between ranks cell by cell.
 
 use std::collections::BTreeMap;
 
@@ -27,7 +27,7 @@ pub fn ragged3(cell: [u32; 3]) -> Option<f64> {
     Some(if (x + 3 * y + 2 * z) % 11 == 2 { 1e-6 } else { 1.0 })
 }
 
-/// The rank of a cell.
+/// A rule that assigns a cell to a rank, given the numbers of cells along the axes and the number of ranks.
 pub type Rule<const D: usize> = fn([u32; D], [u32; D], usize) -> usize;
 
 pub fn slabs<const D: usize>(cell: [u32; D], cells: [u32; D], n: usize) -> usize {
@@ -58,18 +58,19 @@ pub fn whole<'a, const D: usize>(
     whole
 }
 
-/// A body of cells. Its nodes on the lowest plane of the first axis are held, and some others along one direction.
+/// A body of cells. Its nodes on the lowest plane of the first axis are held; some other nodes are held along one
+/// direction.
 #[derive(Clone, Copy)]
 pub struct Body<const D: usize> {
     /// Number of cells along each axis.
     pub cells: [u32; D],
-    /// Fraction of each cell that the body fills; `None` where no point touches the cell.
+    /// Fraction of each cell that the body fills; `None` if no point touches the cell.
     pub fill: fn([u32; D]) -> Option<f64>,
     /// The ratio of successive line spacings.
     pub ratio: f64,
-    /// Factor of an unsymmetric part.
+    /// Factor of an antisymmetric part that is added to the matrix.
     pub skew: f64,
-    /// Factor of a negative mass.
+    /// Factor of a lumped mass matrix that is subtracted from the stiffness.
     pub shift: f64,
     /// True if nodes are coupled over two cells.
     pub is_wide: bool,
@@ -83,7 +84,7 @@ pub struct Found<const D: usize> {
     pub solved: Result<Solved, LinearError>,
     /// Number of nodes of each level, over all ranks.
     pub levels: Vec<usize>,
-    /// Number of own nodes of this rank, and of its ghosts, on each level.
+    /// Numbers of own nodes and of ghost nodes of this rank on each level.
     pub here: Vec<[usize; 2]>,
 }
 
@@ -122,7 +123,7 @@ impl<const D: usize> Part<D> {
         })
     }
 
-    /// Loads at the nodes of the rank, complete also at nodes that other ranks touch.
+    /// Loads at the nodes of the rank; they are complete even at nodes that other ranks touch.
     fn loads(&self) -> Vec<[f64; D]> {
         let load = |node: &u32| std::array::from_fn(|d| (f64::from(*node) * 0.37 + d as f64).sin());
         self.nodes.iter().map(load).collect()
@@ -170,7 +171,7 @@ impl<const D: usize> Body<D> {
         })
     }
 
-    /// Lattice lines, of which the first ones lie below the body.
+    /// Lattice lines; the first of them lie below the body.
     fn lines(&self) -> [Option<Vec<f64>>; D] {
         std::array::from_fn(|d| {
             let line = |k: u32| (0..k).map(|k| self.ratio.powi(k as i32)).sum::<f64>();
@@ -197,7 +198,7 @@ impl<const D: usize> Body<D> {
         cells.filter(|cell| (self.fill)(*cell).is_some()).collect()
     }
 
-    /// Adds the stiffness of the cuboid of `width` cells from `cell` on.
+    /// Adds the stiffness of the cuboid that starts at `cell` and is `width` cells wide.
     fn add(&self, cell: [u32; D], width: u32, factor: f64, to: &mut Blocks<D>) {
         let size: [f64; D] =
             std::array::from_fn(|d| (0..width).map(|k| self.ratio.powi((cell[d] + k) as i32)).sum());
@@ -250,7 +251,7 @@ impl<const D: usize> Body<D> {
         }
     }
 
-    /// The part of a rank, with the cells that `rank_of` assigns to it.
+    /// The part of the equations on a rank, for the cells that `rank_of` assigns to it.
     pub fn part(&self, ranks: &Ranks, rank_of: impl Fn([u32; D]) -> usize) -> Part<D> {
         let mut sums = Blocks::new();
         for cell in self.touched().into_iter().filter(|cell| rank_of(*cell) == ranks.own()) {

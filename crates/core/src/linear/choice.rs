@@ -7,30 +7,30 @@ use serde::{Deserialize, Serialize};
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Choice {
-    /// Direct, or iterative if that is faster or the factor does not fit into memory: for many unknowns in three
-    /// dimensions on a structured grid or, on several ranks, for very many on a mesh.
+    /// Direct, or iterative if that is faster or the factor does not fit in memory. It is iterative for many unknowns
+    /// on a structured grid, chiefly in three dimensions, or, on several ranks, for very many unknowns on a mesh.
     #[default]
     Auto,
     /// Factorisation.
     Direct,
     /// Conjugate gradients, or GMRES if the stiffness is unsymmetric or not positive definite, with a multigrid
-    /// preconditioner. A mesh has no coarser grids, and needs several ranks with PETSc; elsewhere, its equations are factorised
-    /// and a warning says so.
+    /// preconditioner. A mesh has no coarser grids and needs several ranks with PETSc; otherwise, its equations are
+    /// factorised, with a warning.
     Iterative,
 }
 
-/// Operations of a factorisation, divided by the cube of the number of columns of its last separator.
+/// Number of operations of a factorisation, divided by the cube of the number of columns of its last separator.
 const WORK_OF_SEPARATOR: f64 = 5.0;
 
-/// Operations that a factorisation performs in twice the time that conjugate gradients take per block, set-up and all
-/// iterations included; measured, see `docs/performance.md`.
+/// Number of operations that a factorisation performs in twice the time that conjugate gradients take per block,
+/// including set-up and all iterations; measured, see `docs/performance.md`.
 const WORK_OF_BLOCK: f64 = 40e3;
 
 /// Number of unknowns in the plane up to which a factorisation is faster.
 const MOST_IN_PLANE: f64 = 1e6;
 
-/// Time of an iterative solution with an algebraic multigrid, divided by that with a geometric one; measured, see
-/// `docs/decisions/0045-ranks.md`.
+/// Time of an iterative solution with an algebraic multigrid, divided by the time with a geometric multigrid; measured,
+/// see `docs/decisions/0045-ranks.md`.
 pub const ALGEBRAIC: f64 = 5.0;
 
 /// The size of a system on the nodes of a grid.
@@ -45,8 +45,8 @@ pub struct Extent {
 }
 
 impl Extent {
-    /// The size of a system on a mesh, whose nodes have no coordinates in cells: the reach is taken from a structured
-    /// grid with as many pairs.
+    /// The size of a system on a mesh. Because its nodes have no coordinates in units of cells, the reach is taken from
+    /// a structured grid with the same number of pairs.
     pub fn of_mesh<const D: usize>(nodes: f64, pairs: f64) -> Self {
         let coupled = 2.0 * pairs / nodes.max(1.0) - 1.0;
         let reach = (0.5 * (coupled.max(1.0).powf(1.0 / D as f64) - 1.0)).max(1.0);
@@ -54,8 +54,8 @@ impl Extent {
     }
 
     /// True if conjugate gradients solve a positive definite system of this size in `D` dimensions much faster than a
-    /// factorisation. The work of a factorisation is that of its last separator, whose thickness is the reach of the
-    /// couplings. A preconditioner without coarser grids takes longer.
+    /// factorisation. The work of a factorisation is estimated from its last separator, whose thickness is the reach of
+    /// the couplings. A preconditioner without coarser grids takes longer.
     pub fn is_large<const D: usize>(&self, has_coarser_grids: bool) -> bool {
         let slower = if has_coarser_grids { 1.0 } else { ALGEBRAIC };
         if D < 3 {

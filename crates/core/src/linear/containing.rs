@@ -4,11 +4,11 @@ use serde::{Deserialize, Serialize};
 
 use super::Pattern;
 
-/// A pattern is reused only for patterns whose number of unknowns is smaller by at most this factor, [-].
+/// A pattern is reused only if it has at most this factor times the unknowns of the new pattern, [-].
 const MOST: f64 = 1.25;
 
-/// The analysed pattern of a symmetric matrix. The names of its unknowns stay valid from step to step: grid node times
-/// the number of axes, plus the axis; ascending.
+/// The analysed pattern of a symmetric matrix. The names of its unknowns remain valid from step to step: grid node
+/// times the number of axes, plus the axis; ascending.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Named {
     /// Name of each unknown.
@@ -20,8 +20,8 @@ pub struct Named {
 }
 
 impl Named {
-    /// True if this can be a pattern of unknowns of a grid with this number of nodes in `D` dimensions, which a pattern
-    /// from a file need not be.
+    /// True if this pattern can belong to a grid with this number of nodes in `D` dimensions. A pattern from a file may
+    /// not satisfy this.
     pub fn can_be_of<const D: usize>(&self, nodes: usize) -> bool {
         let Pattern { n, column_start, row, symmetric } = &self.pattern;
         let of_column = |j: usize| {
@@ -64,7 +64,8 @@ pub struct Embedding {
 }
 
 impl Embedding {
-    /// `None` if the larger pattern does not contain the given one, or is too large for reuse to pay off.
+    /// The embedding; `None` if the larger pattern does not contain the given one, or is too large for reuse to be
+    /// worthwhile.
     pub fn new(names: &[u64], of: &Pattern, outer: &Named) -> Option<Embedding> {
         let within = &outer.pattern;
         if within.n as f64 > MOST * of.n as f64 {
@@ -106,20 +107,21 @@ impl Embedding {
         rhs
     }
 
-    /// The part of a solution for the larger pattern that belongs to the unknowns of the contained one.
+    /// The part of a solution for the larger pattern that belongs to the unknowns of the contained pattern.
     pub fn gather(&self, outer: &[f64], inner: &mut [f64]) {
         for (&place, value) in self.unknown.iter().zip(inner) {
             *value = outer[place];
         }
     }
 
-    /// The number, in the contained pattern, of an unknown of the larger one; `None` if it is not there.
+    /// The index, in the contained pattern, of an unknown of the larger pattern; `None` if the contained pattern lacks
+    /// it.
     pub fn number(&self, outer: usize) -> Option<usize> {
         self.unknown.binary_search(&outer).ok()
     }
 }
 
-/// The index of each of some ascending numbers among others, also ascending; `None` if one is missing.
+/// The index of each number of an ascending list in another ascending list; `None` if a number is missing there.
 fn places<T: PartialEq>(of: &[T], among: &[T]) -> Option<Vec<usize>> {
     let mut next = 0;
     of.iter()
@@ -143,7 +145,7 @@ mod tests {
             pattern.row.extend((j..names.len()).filter(|&i| names[i] / 2 - names[j] / 2 <= 1));
             pattern.column_start.push(pattern.row.len());
         }
-        // A different order from the natural one.
+        // An order that differs from the natural order.
         let order = (0..names.len()).rev().collect();
         Named { names, pattern, order }
     }

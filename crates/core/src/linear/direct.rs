@@ -11,40 +11,42 @@ use super::{FactorSize, Factorisation, LinearError, LinearSolver, Pattern};
 /// Largest relative residual at which a solution from a factorisation without pivoting is accepted.
 pub(super) const UNPIVOTED_RESIDUAL: f64 = 1e-8;
 
-/// A factor of fewer bytes is allocated without checking the available memory.
+/// A factor of at most this size, [byte], is allocated without checking the available memory.
 const LITTLE: u64 = 64 << 20;
 
 /// Unknowns whose diagonal entry is below this multiple of the largest are weak: they belong to nodes that points
 /// hardly touch.
 pub(super) const WEAK: f64 = 1e-2;
 
-/// Weak unknowns are lost if they move farther than the others by this factor.
+/// Weak unknowns count as lost if they move farther than the others by more than this factor.
 pub(super) const LOST: f64 = 1e5;
 
 /// Relative shift of the diagonal entries of weak unknowns that leave the matrix singular.
 const SHIFT: f64 = 1e-9;
 
 /// Relative residual below which the shift has only compensated for round-off. Above it, the shift is as large as a
-/// curvature of the matrix, which may be negative.
+/// curvature of the matrix, and this curvature may be negative.
 const SINGULAR_RESIDUAL: f64 = 1e-10;
 
-/// Largest number of steps of iterative refinement after a shift, and the relative residual that they must reach.
+/// Largest number of steps of iterative refinement after a shift.
 pub(super) const REFINEMENTS: usize = 4;
+/// Relative residual that these steps must reach.
 const REFINED_RESIDUAL: f64 = 1e-12;
 
-/// Relative residual at which refinement aims if pivots are not exchanged, to match the accuracy of LU with pivoting.
+/// Relative residual at which iterative refinement aims if pivots are not exchanged, to match the accuracy of LU with
+/// pivoting.
 pub(super) const ROUND_OFF: f64 = 1e-14;
 
 /// A direct solver. It factorises a symmetric matrix by LLᵀ, or by LDLᵀ if the matrix is not positive definite, and any
 /// other matrix by LU. If the result is not accurate, it uses LU with pivoting.
 ///
 /// If weak unknowns leave the matrix singular to working precision, their diagonal entries are shifted and solutions
-/// refined until they solve the original equations. This happens if only a corner of a domain touches two nodes: every
-/// point sees the same basis function for both, so one combination of them causes no strain and no motion, and carries
-/// no load.
+/// refined until they solve the original equations. This happens if only a corner of a domain touches two nodes: both
+/// nodes then have the same basis function at every point, so that one combination of the two nodal motions causes no
+/// strain and no displacement, and carries no load.
 ///
-/// Threads share the fronts of LLᵀ and LU in a way that does not change the bits of the factor; everything else runs on
-/// one thread.
+/// Threads share the fronts of LLᵀ and LU in a way that leaves the factor the same to the last bit; everything else
+/// runs on one thread.
 #[derive(Default)]
 pub struct Direct {
     pattern: Pattern,
@@ -52,18 +54,18 @@ pub struct Direct {
     diagonal: Vec<usize>,
     /// The unknowns in the order of elimination.
     order: Vec<usize>,
-    /// LLᵀ of a symmetric matrix, LU of any other; `None` for an unsymmetric pattern.
+    /// LLᵀ if the matrix is symmetric, LU if only its pattern is; `None` if the pattern is unsymmetric.
     fronts: Option<Multifrontal>,
     ldlt: Option<Ldlt>,
     pivoted: Option<PivotedLu>,
     values: Vec<f64>,
-    /// The multifrontal factor or that of LDLᵀ.
+    /// The multifrontal factor or the LDLᵀ factor.
     factor: Vec<f64>,
     work: Vec<f64>,
     kind: Option<Kind>,
-    /// True if the factor is that of a shifted matrix.
+    /// True if the factor belongs to a shifted matrix.
     shifted: bool,
-    /// Largest norm of a right-hand side solved with the shifted matrix since the last call for analysis.
+    /// Largest norm of the right-hand sides solved with the shifted matrix since the last call of `analyse`.
     largest: f64,
     /// The unknown at which a factorisation without pivoting met a zero pivot.
     suspect: Option<usize>,
@@ -83,8 +85,8 @@ fn ask_for(needed: u64) -> Result<(), LinearError> {
     if is_available(needed, needed) { Ok(()) } else { Err(LinearError::OutOfMemory { needed: Some(needed) }) }
 }
 
-/// True if the memory suffices for the bytes that this process needs, and for the bytes that all processes on its
-/// machine need together.
+/// True if the available memory suffices. `here` is the number of bytes that this process needs; it matters only if the
+/// address space is limited. `on_this_machine` is the number for all processes on this machine together.
 pub(super) fn is_available(here: u64, on_this_machine: u64) -> bool {
     let has_room = |memory: Memory| {
         let needed = if memory.bound == Bound::AddressSpace { here } else { on_this_machine };
@@ -174,10 +176,10 @@ impl Direct {
         self.fronts.as_ref().is_none_or(|fronts| fronts.has_positive_pivots(&self.factor))
     }
 
-    /// Replaces the right-hand side, of which `given` is a copy, by the solution.
+    /// Replaces the right-hand side by the solution; `given` is a copy of the right-hand side.
     fn solve_unshifted(&mut self, given: &[f64], rhs: &mut [f64]) -> Result<(), LinearError> {
         if self.shifted {
-            // A load acts on a motion with no, little or negative resistance.
+            // In this case, a load acts on a motion with zero, little or negative resistance.
             self.shifted = false;
             if self.pattern.symmetric { self.factorise_ldlt()? } else { self.factorise_pivoted()? }
         }
@@ -225,14 +227,14 @@ impl Direct {
         weak > LOST * strong
     }
 
-    /// Replaces a lost solution by that found with the factor of the shifted matrix, provided that it satisfies the original
-    /// equations.
+    /// Replaces a lost solution by one computed with the factor of the shifted matrix, provided that this one satisfies
+    /// the original equations.
     fn find(&mut self, solution: &mut [f64], given: &[f64]) -> Result<(), LinearError> {
         let kind = self.kind;
         if self.factorise_shifted() {
             self.kind = Some(Kind::Fronts);
             let mut other = given.to_vec();
-            // Near equilibrium, a right-hand side is the round-off of larger ones.
+            // Near equilibrium, a right-hand side consists of the round-off of larger right-hand sides.
             if self.solve_shifted(&mut other) * norm(given) <= UNPIVOTED_RESIDUAL * self.largest {
                 solution.copy_from_slice(&other);
                 return Ok(());
@@ -253,15 +255,15 @@ impl Direct {
         }
     }
 
-    /// Replaces the right-hand side by the solution from the factor of the shifted matrix; returns its relative
-    /// residual.
+    /// Replaces the right-hand side by the solution computed with the factor of the shifted matrix; returns the
+    /// relative residual of the solution.
     fn solve_shifted(&mut self, rhs: &mut [f64]) -> f64 {
         self.largest = self.largest.max(norm(rhs));
         self.refine(rhs, REFINED_RESIDUAL)
     }
 
     /// Multifrontal LLᵀ or LU with the diagonal entries of weak unknowns shifted; false if there are no weak unknowns,
-    /// or if this does not solve the equations for a right-hand side that has a solution.
+    /// or if the factor does not solve the equations for a right-hand side that has a solution.
     fn factorise_shifted(&mut self) -> bool {
         let n = self.pattern.n;
         let limit = self.limit_of_weakness();
@@ -278,7 +280,7 @@ impl Direct {
             return false;
         }
         self.kind = Some(Kind::Fronts);
-        // The matrix times an arbitrary vector.
+        // The right-hand side is the matrix times an arbitrary vector.
         let some: Vec<f64> = (0..n).map(|j| 1.0 + (j % 7) as f64).collect();
         let mut trial = vec![0.0; n];
         self.residual(&trial, &some);
@@ -401,7 +403,7 @@ fn norm(v: &[f64]) -> f64 {
     v.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
-/// The index of the diagonal entry of each unknown, which a multifrontal pattern has.
+/// The index of the diagonal entry of each unknown; a multifrontal pattern has all diagonal entries.
 fn diagonal(pattern: &Pattern) -> Vec<usize> {
     let place = |j: usize| {
         let start = pattern.column_start[j];

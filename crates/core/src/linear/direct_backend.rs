@@ -49,16 +49,16 @@ impl FreeEntries {
     }
 }
 
-/// Solves by a factorisation; keeps the analysis of a pattern for the steps whose pattern it contains.
+/// Solves the equations by factorisation; keeps the analysis of a pattern for steps whose patterns are contained in it.
 #[derive(Default)]
 pub struct DirectBackend {
     direct: Direct,
     entries: FreeEntries,
     /// Values of the entries, or the right-hand side.
     values: Vec<f64>,
-    /// The analysed pattern, if it may be reused for patterns that it contains.
+    /// The analysed pattern, if it can be reused for patterns that it contains.
     kept: Option<Arc<Named>>,
-    /// The embedding of the current pattern in the kept one, unless the two are the same.
+    /// The embedding of the current pattern in the kept pattern, unless the two are the same.
     embedding: Option<Embedding>,
     factorised: Option<Factorisation>,
 }
@@ -134,7 +134,7 @@ impl DirectBackend {
         Ok(())
     }
 
-    /// Replaces the analysed pattern by that of the current step.
+    /// Replaces the analysed pattern by the pattern of the current step.
     fn prepare_afresh<const D: usize, const N: usize>(
         &mut self,
         layout: &Layout<D, N>,
@@ -144,7 +144,7 @@ impl DirectBackend {
         self.prepare(layout, matrix)
     }
 
-    /// The error, with the number that its unknown has in the current step.
+    /// The error, with the index that its unknown has in the current step.
     fn renumbered(&self, error: LinearError) -> LinearError {
         match (error, &self.embedding) {
             (LinearError::Singular { unknown: Some(unknown) }, Some(embedding)) => {
@@ -155,7 +155,8 @@ impl DirectBackend {
     }
 }
 
-/// True if the error may be due to the order of elimination, so that the pattern's own order may solve the matrix.
+/// True if the error may be due to the order of elimination, so that factorisation in the pattern's own order may
+/// succeed.
 fn may_be_the_order(error: &LinearError) -> bool {
     matches!(error, LinearError::Singular { .. })
 }

@@ -1,6 +1,6 @@
 //! The direct backend for several ranks: each rank eliminates the unknowns that no other rank couples; pairs of ranks,
-//! pairs of pairs and so on eliminate the unknowns that they share. Rank 0 gathers and factorises the systems that are
-//! small or that this does not solve.
+//! pairs of pairs and so on eliminate the unknowns that they share. Rank 0 gathers and factorises systems that are
+//! small or that cannot be solved in this way.
 
 mod stages;
 #[cfg(test)]
@@ -20,24 +20,24 @@ use stages::{Stages, key};
 /// Rank 0 factorises systems with fewer unknowns than this.
 const FEWEST: f64 = 2e4;
 
-/// Solves by a factorisation that is divided between the ranks.
+/// Solves the equations by a factorisation that is divided between the ranks.
 pub struct Divided<const D: usize, const N: usize = D> {
     gathered: Gathered<D, N>,
     /// `None` while rank 0 factorises.
     parts: Option<Parts<N>>,
     /// Rank 0 factorises systems with fewer unknowns than this.
     fewest: f64,
-    /// True if the last matrix had no divided factor, and was not positive definite.
+    /// True if the last matrix had no divided factor and was not positive definite.
     is_indefinite: bool,
 }
 
-/// The factorisation of a rank, and its part in the factorisation of the shared unknowns.
+/// The factorisation on one rank, and the rank's part in the factorisation of the shared unknowns.
 struct Parts<const N: usize> {
-    /// The unknowns of this rank: those that its matrix couples, and those of its own nodes.
+    /// The unknowns of this rank: the unknowns that its matrix couples, and the unknowns of its own nodes.
     numbering: Numbering<N>,
     entries: FreeEntries,
     pattern: Pattern,
-    /// Keys, ascending, and numbers of the unknowns that are left to the stages.
+    /// Keys, ascending, and indices of the unknowns that are left to the stages.
     left: Vec<(u64, usize)>,
     /// True for unknowns whose right-hand side is taken from this rank.
     is_own: Vec<bool>,
@@ -92,7 +92,7 @@ impl<const D: usize, const N: usize> Backend<D, N> for Divided<D, N> {
     fn prepare(&mut self, layout: &Layout<D, N>, matrix: &BlockMatrix<N>) -> Result<(), LinearError> {
         let count = |node| (0..N).filter(|c| layout.numbering.unknown(node, *c).is_some()).count() as f64;
         let n = layout.halo.sum_over_nodes(layout.numbering.n_nodes(), count);
-        // An indefinite matrix is likely to be followed by another.
+        // An indefinite matrix is likely to be followed by another indefinite matrix.
         if layout.halo.ranks().is_alone() || n < self.fewest || self.is_indefinite {
             return self.gather(layout, matrix);
         }
@@ -124,7 +124,7 @@ impl<const D: usize, const N: usize> Backend<D, N> for Divided<D, N> {
             if let Some(factorisation) = parts.solve(layout.halo, b, x) {
                 return Ok(Solved { factorisation, iterations: 0 });
             }
-            // The current matrix replaces the factorised one, which may be an earlier matrix.
+            // The current matrix replaces the factorised matrix, which may be an earlier one.
             self.gather(layout, &stiffness.matrix)?;
             self.gathered.factorise(layout, &stiffness.matrix)?;
         }
@@ -144,8 +144,8 @@ impl<const D: usize, const N: usize> Backend<D, N> for Divided<D, N> {
 }
 
 impl<const N: usize> Parts<N> {
-    /// Analyses the pattern of this rank, unless it is that of `last`. `None` if the pattern of any rank has no
-    /// multifrontal layout.
+    /// Analyses the pattern of this rank, unless it is the pattern of `last`. Returns `None` if the pattern of any rank
+    /// has no multifrontal layout.
     fn new<const D: usize>(
         layout: &Layout<D, N>,
         matrix: &BlockMatrix<N>,
@@ -187,7 +187,7 @@ impl<const N: usize> Parts<N> {
         Ok(Some(Parts { numbering, entries, pattern, left, is_own, own, stages, factor, matrix }))
     }
 
-    /// False if the matrix has no factor on some rank.
+    /// Factorises the matrix; false if it has no factor on some rank.
     fn factorise(&mut self, halo: &Halo, matrix: &BlockMatrix<N>) -> bool {
         let Some(communicator) = halo.ranks().communicator() else { return false };
         self.entries.values(matrix, &mut self.matrix.values);
@@ -270,7 +270,7 @@ impl<const N: usize> Parts<N> {
         residual <= UNPIVOTED_RESIDUAL * size
     }
 
-    /// b − A x, given and returned at the unknowns of this rank.
+    /// b − A x; the vectors contain the values at the unknowns of this rank.
     fn rest(&self, halo: &Halo, b: &[f64], x: &[f64]) -> Vec<f64> {
         let pattern = &self.pattern;
         let mut product = vec![0.0; pattern.n];
@@ -295,7 +295,7 @@ impl<const N: usize> Parts<N> {
         ranks.total(squares.sum()).sqrt()
     }
 
-    /// True if a solution moves weak unknowns so much farther than the others that the matrix must be singular.
+    /// True if a solution moves weak unknowns so much farther than other unknowns that the matrix must be singular.
     fn is_lost(&self, ranks: &Ranks, x: &[f64]) -> bool {
         let mut most = [0.0f64; 2];
         for (x, diagonal) in x.iter().zip(&self.matrix.diagonal) {
@@ -335,7 +335,7 @@ fn bytes(own: &Multifrontal, stages: &Stages) -> u64 {
 }
 
 /// The multifrontal layout of a rank, which keeps the unknowns that other ranks also couple; `None` if its pattern has
-/// none.
+/// no such layout.
 fn fronts_of<const D: usize, const N: usize>(
     layout: &Layout<D, N>,
     matrix: &BlockMatrix<N>,
@@ -365,7 +365,7 @@ fn nodes_in<const N: usize>(matrix: &BlockMatrix<N>, halo: &Halo) -> Vec<bool> {
     is_in
 }
 
-/// The unknowns of nodes that other ranks also have in their matrices: their keys, ascending, and their numbers.
+/// The unknowns of nodes that other ranks also have in their matrices: their keys, ascending, and their indices.
 fn left_of<const D: usize, const N: usize>(
     layout: &Layout<D, N>,
     numbering: &Numbering<N>,

@@ -1,7 +1,7 @@
 //! The direct backend for several ranks without a distributed solver: rank 0 gathers and factorises the equations of
 //! all ranks.
 //!
-//! Rank 0 needs memory for the equations of all ranks; no parallel library is needed.
+//! Rank 0 needs memory for the equations of all ranks, but no parallel library is needed.
 
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ use super::blocks::{Block, BlockMatrix};
 use super::{DirectBackend, LinearError, Named, Numbering};
 use crate::ranks::{Halo, Ranks};
 
-/// Solves by a factorisation on rank 0; with a single rank, as the direct backend does.
+/// Solves the equations by a factorisation on rank 0; with a single rank, it works like the direct backend.
 pub struct Gathered<const D: usize, const N: usize = D> {
     direct: DirectBackend,
     whole: Whole<D, N>,
@@ -25,7 +25,7 @@ impl<const D: usize, const N: usize> Default for Gathered<D, N> {
     }
 }
 
-/// The equations of all ranks; empty on all but rank 0.
+/// The equations of all ranks; empty on every rank except rank 0.
 struct Whole<const D: usize, const N: usize> {
     /// Grid nodes, ascending.
     nodes: Vec<u32>,
@@ -45,7 +45,7 @@ struct OfRank {
     blocks: Vec<usize>,
 }
 
-/// The failures of the direct backend, as rank 0 reports them to the others.
+/// The failures of the direct backend, as rank 0 reports them to the other ranks.
 #[derive(Serialize, Deserialize)]
 enum Told {
     /// Grid node and component of the unknown, if known.
@@ -131,7 +131,7 @@ impl<const D: usize, const N: usize> Whole<D, N> {
         }
     }
 
-    /// Calls `work` with the direct backend's view of the equations.
+    /// Calls `work` with the equations in the form that the direct backend requires.
     fn with<T>(
         &self,
         keeps_pattern: bool,
@@ -183,7 +183,8 @@ impl<const D: usize, const N: usize> Gathered<D, N> {
         self.direct.kept()
     }
 
-    /// Passes the outcome on rank 0 to all ranks; an unknown in an error gets its number on the receiving rank.
+    /// Passes the outcome on rank 0 to all ranks; an unknown in an error is converted to its index on the receiving
+    /// rank.
     fn share<T: Serialize + DeserializeOwned>(
         &self,
         layout: &Layout<D, N>,

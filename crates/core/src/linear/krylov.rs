@@ -1,5 +1,5 @@
 //! Iterative solver for large systems on the nodes of a structured grid, with a multigrid cycle as preconditioner:
-//! conjugate gradients, or GMRES where the matrix is unsymmetric or turns out not to be positive definite.
+//! conjugate gradients, or GMRES if the matrix is unsymmetric or turns out not to be positive definite.
 
 mod conjugate;
 mod gmres;
@@ -16,10 +16,10 @@ use conjugate::ConjugateGradients;
 use gmres::Gmres;
 
 /// The iterative backend on structured grids. It applies the assembled matrix block by block; only the preconditioner
-/// keeps a copy, in single precision. The preconditioner of an unsymmetric matrix is that of its symmetric part.
+/// keeps a copy, in single precision. The preconditioner of an unsymmetric matrix is computed from its symmetric part.
 ///
-/// Several ranks do together what one rank does alone: products are completed, and sums run over the nodes of all
-/// ranks.
+/// Several ranks together compute the same result as a single rank: products are completed, and sums run over the nodes
+/// of all ranks.
 #[derive(Default)]
 pub struct Krylov<const D: usize, const N: usize = D> {
     preconditioner: Preconditioner<D, N>,
@@ -43,7 +43,7 @@ impl<const D: usize, const N: usize> Krylov<D, N> {
 }
 
 impl<const D: usize, const N: usize> Backend<D, N> for Krylov<D, N> {
-    /// Does nothing if nodes, pattern and unknowns are those of the last call.
+    /// Does nothing if nodes, pattern and unknowns are the same as in the last call.
     ///
     /// # Errors
     /// [`LinearError::Unsymmetric`] if the pattern is not symmetric; [`LinearError::OutOfMemory`].
@@ -55,7 +55,8 @@ impl<const D: usize, const N: usize> Backend<D, N> for Krylov<D, N> {
     /// Sets up the preconditioner.
     ///
     /// # Errors
-    /// [`LinearError::Singular`] if an unknown has no diagonal stiffness, or the coarsest level has none at all.
+    /// [`LinearError::Singular`] if an unknown has no diagonal stiffness, or the coarsest level has no diagonal
+    /// stiffness at all.
     fn factorise(&mut self, _: &Layout<D, N>, matrix: &BlockMatrix<N>) -> Result<(), LinearError> {
         self.definite = self.preconditioner.factorise(matrix)?;
         Ok(())

@@ -11,13 +11,13 @@ pub(super) type LatticeLines = Option<Vec<f64>>;
 /// Nodes at lattice positions, and the reach of couplings along each axis.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Lattice<const D: usize> {
-    /// Position of each node; the lowest along each axis is 0, over all ranks if there are several.
+    /// Position of each node; the lowest position along each axis, over all ranks, is 0.
     pub place: Vec<[u32; D]>,
     /// Largest distance along each axis between two nodes that are coupled.
     pub reach: [u32; D],
     /// Number of positions along each axis.
     extent: [u32; D],
-    /// Node at each position, the first axis fastest; empty if there are several ranks.
+    /// Node at each position, with the first axis fastest; empty if there are several ranks.
     node: Vec<u32>,
     /// The lines along each axis, from position 0 on.
     lines: [LatticeLines; D],
@@ -49,14 +49,14 @@ impl<const D: usize> Lattice<D> {
         lattice
     }
 
-    /// The lattice of the nodes of all ranks, with the nodes of this one.
+    /// The lattice that all ranks share, with the nodes of this rank.
     pub(super) fn shared(
         ranks: &Ranks,
         mut place: Vec<[u32; D]>,
         reach: [u32; D],
         lines: [LatticeLines; D],
     ) -> Self {
-        // Largest values along each axis; the lowest position enters with its sign changed.
+        // Largest values along each axis; the lowest position is included with its sign changed.
         let mut largest = vec![f64::NEG_INFINITY; 3 * D];
         for d in 0..D {
             largest[2 * D + d] = f64::from(reach[d]);
@@ -89,7 +89,7 @@ impl<const D: usize> Lattice<D> {
         self.extent.iter().map(|&n| u64::from(n)).product()
     }
 
-    /// The number of a position, the first axis fastest: the same on all ranks.
+    /// The number of a position, with the first axis fastest. It is the same on all ranks.
     pub(super) fn key(&self, place: [u32; D]) -> u64 {
         (0..D).rev().fold(0, |key, d| key * u64::from(self.extent[d]) + u64::from(place[d]))
     }
@@ -135,7 +135,7 @@ impl<const D: usize> Lattice<D> {
         })
     }
 
-    /// The first `own` nodes by colour, ascending; a colour may have none.
+    /// The first `own` nodes grouped by colour, ascending; a colour can be without nodes.
     pub(super) fn colours(&self, own: usize) -> Vec<Vec<u32>> {
         let mut colours = vec![Vec::new(); self.n_colours()];
         for (n, place) in self.place[..own].iter().enumerate() {
@@ -156,8 +156,8 @@ impl<const D: usize> Lattice<D> {
         Lattice { place: Vec::new(), reach, extent, node: Vec::new(), lines }
     }
 
-    /// The nodes of the lattice of every other line from which these nodes can be interpolated, and the
-    /// interpolation.
+    /// The lattice of every other line, with the nodes from which the nodes of this lattice can be interpolated, and
+    /// the interpolation.
     pub(super) fn coarsen(&self) -> (Lattice<D>, Transfer) {
         let mut coarse = self.above();
         let extent = coarse.extent;
@@ -188,7 +188,7 @@ impl<const D: usize> Lattice<D> {
     }
 
     /// Calls `visit(place, weight)` for the positions of the coarser lattice around a position of this one. The weights
-    /// are those of linear interpolation, whatever the line spacings.
+    /// are linear interpolation weights for any line spacings.
     pub(super) fn for_each_parent(&self, place: &[u32; D], mut visit: impl FnMut([u32; D], f32)) {
         let weights: [[f32; 2]; D] = std::array::from_fn(|d| {
             if place[d].is_multiple_of(2) {
@@ -211,7 +211,7 @@ impl<const D: usize> Lattice<D> {
     }
 }
 
-/// The lines from `low` on along each axis; nodes may be interpolated from the line beyond the last position.
+/// The lines from `low` on along each axis; nodes can be interpolated from the line beyond the last position.
 fn lines_of<const D: usize>(
     mut lines: [LatticeLines; D],
     low: [u32; D],
@@ -234,8 +234,8 @@ fn line(lines: &[f64], number: usize) -> f64 {
     at(last) + (number - last) as f64 * (at(last) - at(last.saturating_sub(1)))
 }
 
-/// Bilinear or trilinear interpolation between a lattice and the coarser one. The weights of every node sum to one,
-/// also at the boundary of the body, so linear fields are transferred exactly.
+/// Bilinear or trilinear interpolation between a lattice and the next coarser one. The weights of every node sum to
+/// one, even at the boundary of the body, so linear fields are transferred exactly.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Transfer {
     parent_start: Vec<u32>,
@@ -245,8 +245,8 @@ pub(super) struct Transfer {
 }
 
 impl Transfer {
-    /// The transfer between the nodes of a lattice, the first `own` of which are listed as children, and `n_coarse`
-    /// coarse nodes, which `node` finds by their positions.
+    /// The transfer between the nodes of a lattice and `n_coarse` coarse nodes. The first `own` nodes of the lattice
+    /// are listed as children; `node` finds coarse nodes by their positions.
     pub(super) fn new<const D: usize>(
         fine: &Lattice<D>,
         own: usize,
@@ -278,7 +278,7 @@ impl Transfer {
         Transfer { parent_start, parent, child_start, child }
     }
 
-    /// Extends the coarse nodes to this number by nodes from which no fine node of this rank is interpolated.
+    /// Extends the coarse nodes to this number; no fine node of this rank is interpolated from the added nodes.
     pub(super) fn extend(&mut self, n_coarse: usize) {
         let end = self.child_start.last().copied().unwrap_or(0);
         self.child_start.resize(n_coarse + 1, end);
@@ -332,7 +332,7 @@ mod tests {
 
     #[test]
     fn linear_fields_are_interpolated_exactly_between_graded_lines() {
-        // Lines up to the highest position of the ball, 19, and one axis with evenly spaced lines.
+        // The lines extend to the highest position of the ball, 19; one axis has evenly spaced lines.
         let graded = |ratio: f64| {
             Some(
                 (0..20)
@@ -366,7 +366,7 @@ mod tests {
         }
     }
 
-    /// Two coarse nodes are coupled where nodes below them are.
+    /// Two coarse nodes are coupled if fine nodes below them are coupled.
     #[test]
     fn the_reach_of_a_coarse_lattice_covers_all_couplings() {
         for reach in 1..6 {

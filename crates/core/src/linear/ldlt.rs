@@ -12,7 +12,7 @@ use faer::{Conj, MatMut, Par, Side};
 
 use super::{LinearError, Pattern};
 
-/// The layout of the factor, and working space. The caller stores the factor.
+/// The layout of the factor, and working space. The caller stores the values of the factor.
 pub(super) struct Ldlt {
     symbolic: SymbolicCholesky<usize>,
     memory: MemBuffer,
@@ -20,13 +20,13 @@ pub(super) struct Ldlt {
 
 /// A pivot is zero.
 pub(super) struct ZeroPivot {
-    /// The unknown of this pivot, if known.
+    /// The unknown to which this pivot belongs, if it can be identified.
     pub unknown: Option<usize>,
 }
 
 impl Ldlt {
-    /// Lays out the factor for this order of elimination. `ask_for` receives the number of bytes still needed for the
-    /// factor, of which `present` numbers exist already, and for working space; it may refuse them.
+    /// Lays out the factor for this order of elimination. `ask_for` receives the number of additional bytes needed for
+    /// the factor and for working space; `present` values of the factor exist already. `ask_for` can refuse.
     pub fn new(
         pattern: &Pattern,
         order: &[usize],
@@ -75,7 +75,7 @@ impl Ldlt {
             Default::default(),
         );
         ldlt.map(|_| ()).map_err(|LdltError::ZeroPivot { index }| {
-            // faer counts pivots from 1 in its simplicial factorisation and from 0 in the supernodal one.
+            // faer counts pivots from 1 in its simplicial factorisation and from 0 in its supernodal factorisation.
             let place = match self.symbolic.raw() {
                 SymbolicCholeskyRaw::Simplicial(_) => index.saturating_sub(1),
                 SymbolicCholeskyRaw::Supernodal(_) => index,

@@ -36,7 +36,8 @@ pub use krylov::Krylov;
 pub use numbering::Numbering;
 pub use preconditioner::Preconditioner;
 
-/// Pattern of a sparse square matrix by columns; for a symmetric matrix, only the lower triangle, diagonal included.
+/// Pattern of a sparse square matrix by columns; for a symmetric matrix, only the lower triangle including the
+/// diagonal.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Pattern {
     /// Number of unknowns.
@@ -50,7 +51,7 @@ pub struct Pattern {
 }
 
 impl Pattern {
-    /// The pattern as `faer` takes it.
+    /// The pattern in the form that `faer` requires.
     fn view(&self) -> faer::sparse::SymbolicSparseColMatRef<'_, usize> {
         faer::sparse::SymbolicSparseColMatRef::new_checked(
             self.n,
@@ -72,9 +73,9 @@ pub enum Factorisation {
     Ldlt,
     /// LU of an unsymmetric matrix, with positive pivots only.
     Lu,
-    /// LU with a negative pivot or with pivoting, also for a symmetric matrix that LDLᵀ does not solve.
+    /// LU with a negative pivot or with pivoting; it also serves symmetric matrices that LDLᵀ cannot solve.
     LuIndefinite,
-    /// No factorisation: conjugate gradients with a multigrid preconditioner, which found the matrix positive definite.
+    /// No factorisation: conjugate gradients with a multigrid preconditioner; they found the matrix positive definite.
     Multigrid,
     /// No factorisation: generalised minimal residuals with a multigrid preconditioner, for an unsymmetric matrix whose
     /// symmetric part has shown no negative curvature.
@@ -85,9 +86,9 @@ pub enum Factorisation {
 }
 
 impl Factorisation {
-    /// True if the matrix was positive definite. An unsymmetric matrix counts as such if all pivots of its LU are
-    /// positive, as they are if its symmetric part is positive definite, or if GMRES has found no negative curvature of
-    /// this part.
+    /// True if the matrix was positive definite. An unsymmetric matrix counts as positive definite if all pivots of its
+    /// LU are positive (which holds if its symmetric part is positive definite), or if GMRES has found no negative
+    /// curvature of its symmetric part.
     pub fn is_definite(self) -> bool {
         use Factorisation::{Cholesky, Lu, Multigrid, MultigridUnsymmetric};
         matches!(self, Cholesky | Lu | Multigrid | MultigridUnsymmetric)
@@ -119,26 +120,26 @@ pub enum LinearError {
         /// An unknown involved in the singular motion, if known.
         unknown: Option<usize>,
     },
-    /// The matrix is regular, but a global unknown stays undetermined.
+    /// The matrix is regular, but a global unknown remains undetermined.
     #[error("a global unknown is undetermined")]
     Undetermined,
-    /// The factor does not fit into memory.
+    /// The factor does not fit in memory.
     #[error("out of memory")]
     OutOfMemory {
         /// Size of the factor, [byte], if known.
         needed: Option<u64>,
     },
-    /// The iterative solver was asked for, but nodes are held along directions other than the axes, or tied.
+    /// The iterative solver was requested, but nodes are held along directions other than the axes, or are tied.
     #[error("some nodes are held along directions other than the axes, or tied to others")]
     Turned,
-    /// The iterative solver was asked for, but the grid is a mesh, and there is no algebraic multigrid.
-    #[error("the grid is a mesh, which has coarser grids only on several ranks, by PETSc")]
+    /// The iterative solver was requested, but the grid is a mesh and there is no algebraic multigrid.
+    #[error("the grid is a mesh, for which coarser grids are available only on several ranks, through PETSc")]
     Unstructured,
     /// The iterative solver was given a matrix that is not symmetric.
     #[error("the matrix is not symmetric")]
     Unsymmetric,
     /// An iterative solver has not reached its tolerance.
-    #[error("a relative residual of {residual:.1e} is left after {iterations} iterations")]
+    #[error("a relative residual of {residual:.1e} remains after {iterations} iterations")]
     NotConverged {
         /// Number of iterations.
         iterations: usize,
@@ -150,7 +151,7 @@ pub enum LinearError {
     Library(Text),
 }
 
-/// The message of a library about its failure.
+/// The message with which a library reports its failure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Text(pub &'static str);
 
@@ -176,7 +177,7 @@ impl<'de> Deserialize<'de> for Text {
 /// A solver for sparse linear systems.
 pub trait LinearSolver {
     /// Prepares for matrices of this pattern; `order` lists the unknowns in the order of elimination. Does nothing if
-    /// the pattern is the one analysed last; returns true if it did anything.
+    /// the pattern is the one analysed last; returns true if the pattern was analysed.
     ///
     /// # Errors
     /// [`LinearError::OutOfMemory`].
@@ -185,17 +186,17 @@ pub trait LinearSolver {
     /// Factorises the matrix with these values, in the order of the pattern.
     ///
     /// # Errors
-    /// [`LinearError`] when no factorisation exists.
+    /// [`LinearError`] if no factorisation exists.
     fn factorise(&mut self, values: &[f64]) -> Result<Factorisation, LinearError>;
 
     /// Replaces the right-hand side by the solution.
     ///
     /// # Errors
-    /// [`LinearError::Singular`] when the solution is not finite.
+    /// [`LinearError::Singular`] if the solution is not finite.
     fn solve(&mut self, rhs: &mut [f64]) -> Result<(), LinearError>;
 }
 
-/// The same checks for every solver: a new solver adds one line to the list.
+/// The same checks for every solver; for a new solver, add one line to the list.
 #[cfg(test)]
 mod conformance {
     use super::*;
@@ -292,8 +293,8 @@ mod conformance {
         }
     }
 
-    /// Two unknowns whose rows are parallel, a hundred million times weaker than the others: one combination of them
-    /// meets no resistance. A right-hand side that does not load it has a solution, others have none.
+    /// Two unknowns whose rows are parallel and a hundred million times weaker than other rows: one combination of them
+    /// meets no resistance. A right-hand side that does not load this combination has a solution; others have none.
     #[test]
     fn a_weak_mechanism_without_load_is_no_obstacle() {
         for (m, at) in [(3, 4), (20, 210)] {
@@ -329,7 +330,7 @@ mod conformance {
                 );
                 let mut loaded: Vec<f64> = b.iter().copied().collect();
                 loaded[at] += 1e-3;
-                // Either an error, or a solution so large that the caller must notice.
+                // The result is either an error or a solution so large that the caller must notice it.
                 let outcome = solver.factorise(&values).and_then(|_| solver.solve(&mut loaded));
                 let far = loaded.iter().fold(0.0f64, |far, x| far.max(x.abs()));
                 assert!(outcome.is_err() || far > 1e6, "{m}: {outcome:?} {far:e}");
@@ -337,8 +338,8 @@ mod conformance {
         }
     }
 
-    /// The stiffness of a chain of springs with a part that nothing holds, at the start, at the end or in the middle;
-    /// no row is empty, yet the matrix is singular.
+    /// The stiffness of a chain of springs with an unsupported part at the start, at the end or in the middle; no row
+    /// is empty, yet the matrix is singular.
     #[test]
     fn a_loose_part_is_an_error_whatever_its_place_and_size() {
         for n in [4, 40, 400] {

@@ -1,12 +1,13 @@
 //! Multifrontal factorisations of sparse matrices (Duff and Reid, 1983): LLᵀ, and LU without pivoting of a matrix with
 //! a symmetric pattern (Duff and Reid, 1984).
 //!
-//! Unknowns with the same neighbours are eliminated together, as the pivots of a front: a small dense matrix on their
-//! rows and on the rows of the later unknowns involved, its border. The update of the border is added to the front of
-//! the first unknown of the border, its parent. Fronts without a common descendant are independent of each other.
+//! Unknowns with the same neighbours are eliminated together, as the pivots of a front. A front is a small dense matrix
+//! of their rows and the rows of the later unknowns to which they are coupled, the border. The update of the border is
+//! added to the parent: the front of the first unknown of the border. Two fronts are independent if neither is a
+//! descendant of the other.
 //!
 //! Everything that costs time is a product of small dense matrices. The division of work between threads depends only
-//! on sizes, and every sum has a fixed order, so the factor has the same bits for any number of threads.
+//! on sizes, and every sum has a fixed order, so the factor is the same to the last bit for any number of threads.
 
 mod dense;
 mod elimination;
@@ -29,7 +30,7 @@ pub(super) use separator::{Columns, Numbers, forget, messages};
 use substitution::{Pass, substitute};
 use tasks::Task;
 
-/// The layout of the factor for a pattern, and working space. The caller stores the factor.
+/// The layout of the factor for a pattern, and working space. The caller stores the factor itself.
 pub(super) struct Multifrontal {
     fronts: Fronts,
     task: Task,
@@ -40,15 +41,15 @@ pub(super) struct Multifrontal {
 }
 
 impl Multifrontal {
-    /// Lays out LLᵀ of a symmetric pattern, or LU of any other. Unknowns are eliminated in this order, except that
-    /// independent ones may be exchanged. `None` if an index needs more than 32 bits, or if an entry of a pattern that
-    /// is not stored as symmetric has no mirror image.
+    /// Lays out LLᵀ for a symmetric pattern, or LU for any other pattern. Unknowns are eliminated in this order, except
+    /// that independent unknowns can be exchanged. `None` if an index needs more than 32 bits, or if an entry of a
+    /// pattern that is not stored as symmetric has no mirror image.
     pub fn new(pattern: &Pattern, order: &[usize]) -> Option<Multifrontal> {
         Multifrontal::partial(pattern, order, 0)
     }
 
-    /// As [`Multifrontal::new`], for a factorisation that keeps the last unknowns of the order and forms the matrix
-    /// left for them.
+    /// The same as [`Multifrontal::new`], for a factorisation that does not eliminate the last `kept` unknowns of the
+    /// order and forms the matrix left for them.
     pub fn partial(pattern: &Pattern, order: &[usize], kept: usize) -> Option<Multifrontal> {
         if pattern.n.max(pattern.row.len()) >= NONE as usize {
             return None;
@@ -86,8 +87,8 @@ impl Multifrontal {
             let (k, m) = (front.pivots as f64, front.rows as f64);
             let of_l = front.pivots * front.rows - front.pivots * (front.pivots.max(1) - 1) / 2;
             size.entries += front.factors * of_l;
-            // Column j of the pivots: a root, m − j − 1 quotients, and a product and a sum for each entry below and to
-            // the right.
+            // Column j of the pivots needs a root, m − j − 1 quotients, and a product and a sum for each entry below
+            // and to the right.
             size.operations += front.factors as f64 * (k * m * m - k * k * m + k * k * k / 3.0);
         }
         size
@@ -98,8 +99,8 @@ impl Multifrontal {
         8 * (self.factor_len() + self.solution_len()) as u64 + self.working_bytes()
     }
 
-    /// Memory for the working space of the factorisation, which finally holds the matrix left for the kept unknowns,
-    /// [byte].
+    /// Memory for the working space of the factorisation, which at the end contains the matrix left for the kept
+    /// unknowns, [byte].
     pub fn working_bytes(&self) -> u64 {
         8 * self.task.room as u64
     }
@@ -128,7 +129,7 @@ impl Multifrontal {
         left
     }
 
-    /// True if all pivots of a factor are positive, as those of LLᵀ always are.
+    /// True if all pivots of a factor are positive; the pivots of LLᵀ are always positive.
     pub fn has_positive_pivots(&self, factor: &[f64]) -> bool {
         self.fronts.eliminated().iter().all(|front| {
             let panel = &factor[front.panel..front.panel + front.panel_len()];
@@ -157,8 +158,8 @@ impl Multifrontal {
         &x[rhs.len() - fronts.kept..]
     }
 
-    /// Backward substitution after the forward one, given the solution for the kept unknowns; writes the solution for
-    /// all.
+    /// Backward substitution after forward substitution, given the solution for the kept unknowns; writes the solution
+    /// for all unknowns.
     pub fn backward(&mut self, factor: &[f64], kept: &[f64], solution: &mut [f64]) {
         let (x, y) = self.solution.split_at_mut(solution.len());
         x[solution.len() - kept.len()..].copy_from_slice(kept);

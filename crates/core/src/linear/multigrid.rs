@@ -1,11 +1,11 @@
 //! Geometric multigrid on the active nodes of a structured grid: one symmetric cycle as an approximate inverse.
 //!
-//! Coarser levels are lattices of every other line, with the nodes from which the active ones are interpolated. Their
-//! matrices are the Galerkin products of the finer ones, so a cell that a body hardly fills has its true stiffness on
-//! every level. Block Gauss–Seidel sweeps over colours, forwards before and backwards after the coarser levels, smooth
-//! the error; the coarsest level is solved directly.
+//! Each coarser level is the lattice of every other line of the finer level, with only those nodes from which finer
+//! nodes are interpolated. Its matrix is the Galerkin product of the finer matrix, so that a cell that a body hardly
+//! fills has its true stiffness on every level. Block Gauss–Seidel sweeps over the colours smooth the error, forwards
+//! before and backwards after the coarser levels; the coarsest level is solved directly.
 //!
-//! Ranks share each level. The nodes of a rank, whose rows it holds, come first, followed by its ghosts: the nodes of
+//! Ranks share each level. The nodes of a rank, whose rows it stores, come first, followed by its ghosts: the nodes of
 //! other ranks to which its rows or its finer nodes refer. The operations are the same as on one rank.
 
 mod coarse_owners;
@@ -32,14 +32,14 @@ use shared::Input;
 /// A level of at most this number of nodes is solved directly.
 const COARSEST: usize = 300;
 
-/// A coarser level with more than this fraction of the nodes does not pay off, [-].
+/// A coarser level with more than this fraction of the nodes of the finer level is not worthwhile, [-].
 const WORTH: f64 = 0.7;
 
 /// The hierarchy for one pattern, with the values of one matrix.
 #[derive(Default)]
 pub(super) struct Multigrid<const D: usize, const N: usize> {
     levels: Vec<Level<D, N>>,
-    /// From each level to the next.
+    /// Transfers from each level to the next.
     transfers: Vec<Transfer>,
     /// Number of nodes of each level, over all ranks.
     counts: Vec<usize>,
@@ -97,10 +97,10 @@ impl<const D: usize, const N: usize> Multigrid<D, N> {
         Ok(true)
     }
 
-    /// Takes the values of a matrix; returns false if the matrix is found not to be positive definite.
+    /// Uses the values of a matrix; returns false if the matrix is found not to be positive definite.
     ///
     /// # Errors
-    /// [`LinearError::Singular`] where a free degree of freedom, or the coarsest level, has no stiffness.
+    /// [`LinearError::Singular`] if a free degree of freedom, or the coarsest level, has no stiffness.
     pub(super) fn factorise(&mut self, matrix: &BlockMatrix<N>) -> Result<bool, LinearError> {
         let Multigrid { levels, transfers, coarsest, .. } = self;
         let Some(finest) = levels.first_mut() else { return Ok(true) };
@@ -146,14 +146,14 @@ impl<const D: usize, const N: usize> Multigrid<D, N> {
         &self.counts
     }
 
-    /// Number of nodes of each level that this rank keeps: its own nodes and ghosts.
+    /// Numbers of own nodes and of ghosts that this rank stores on each level.
     pub(super) fn sizes_here(&self) -> Vec<[usize; 2]> {
         let of_level = |level: &Level<D, N>| [level.rows.len(), level.lattice.len() - level.rows.len()];
         self.levels.iter().map(of_level).collect()
     }
 }
 
-/// One V-cycle from the first of the levels on, with the right-hand side there.
+/// One V-cycle from the first of the levels on, for the right-hand side stored in that level.
 fn cycle<const D: usize, const N: usize>(
     levels: &mut [Level<D, N>],
     transfers: &[Transfer],

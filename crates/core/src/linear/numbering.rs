@@ -9,8 +9,8 @@ pub struct Numbering<const N: usize> {
 }
 
 impl<const N: usize> Numbering<N> {
-    /// Numbers the components of `n_nodes` nodes for which `is_unknown` is true. The others get the numbers that
-    /// follow, in the same order.
+    /// Numbers the components of `n_nodes` nodes for which `is_unknown` is true. The other components get the numbers
+    /// that follow, in the same order.
     pub fn new(n_nodes: usize, is_unknown: impl Fn(usize, usize) -> bool) -> Self {
         let all = || (0..n_nodes).flat_map(|node| (0..N).map(move |component| (node, component)));
         let mut number = vec![[0; N]; n_nodes];
@@ -38,13 +38,13 @@ impl<const N: usize> Numbering<N> {
         (number < self.count).then_some(number)
     }
 
-    /// The index of a component among those that are not unknowns; `None` if it is an unknown.
+    /// The index of a component among the components that are not unknowns; `None` if it is an unknown.
     #[inline]
     pub fn other(&self, node: usize, component: usize) -> Option<usize> {
         (self.number[node][component] as usize).checked_sub(self.count)
     }
 
-    /// Visits all components in order: node, component, and the unknown if the component is one.
+    /// Visits all components in order, with the node, the component, and its unknown if it has one.
     pub fn for_each(&self, mut visit: impl FnMut(usize, usize, Option<usize>)) {
         for node in 0..self.n_nodes() {
             for component in 0..N {

@@ -5,7 +5,7 @@
 
 use std::ops::Range;
 
-/// A part with at most this many nodes is not cut further.
+/// A part with at most this number of nodes is not cut further.
 const LEAF: usize = 16;
 
 /// Orders nodes given by integer coordinates; `reach[d]` is the largest distance along axis d at which two nodes are
@@ -30,7 +30,7 @@ struct Dissection<'a, const D: usize> {
 }
 
 impl<const D: usize> Dissection<'_, D> {
-    /// Orders nodes, which are given in ascending order.
+    /// Reorders nodes, which are given in ascending order, for elimination.
     fn dissect(&mut self, nodes: &mut [usize]) {
         if nodes.len() <= LEAF {
             self.order.extend_from_slice(nodes);
@@ -66,8 +66,8 @@ impl<const D: usize> Dissection<'_, D> {
         (0..D).max_by(|&a, &b| extent(a).total_cmp(&extent(b))).unwrap_or(0)
     }
 
-    /// Reorders the nodes: those below a separator first, then those above it, then the separator itself; returns the
-    /// starts of the second and the third group. Nodes of the same group keep their order.
+    /// Reorders the nodes: first the nodes below a separator, then the nodes above it, then the separator itself;
+    /// returns the starts of the second and the third group. Nodes of the same group keep their order.
     fn part(&mut self, nodes: &mut [usize], axis: usize, separator: Range<u32>) -> (usize, usize) {
         self.within.clear();
         self.above.clear();
@@ -95,7 +95,7 @@ impl<const D: usize> Dissection<'_, D> {
 mod tests {
     use super::*;
 
-    /// Number of entries of the factor of an m×m nine-point matrix under an order, by symbolic elimination.
+    /// Number of factor entries of the nine-point matrix on an m×m grid for a given order, by symbolic elimination.
     fn fill(m: usize, order: &[usize]) -> usize {
         let mut place = vec![0; m * m];
         for (k, &node) in order.iter().enumerate() {

@@ -1,4 +1,5 @@
-//! LU with partial pivoting, from the faer library, for matrices that no factorisation without pivoting solves.
+//! LU with partial pivoting, from the faer library, for matrices that cannot be solved by a factorisation without
+//! pivoting.
 
 use faer::linalg::solvers::SolveCore;
 use faer::sparse::SparseColMatRef;

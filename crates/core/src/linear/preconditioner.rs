@@ -1,4 +1,4 @@
-//! One multigrid cycle as a preconditioner, for iterative solvers here and elsewhere.
+//! One multigrid cycle as a preconditioner, for iterative solvers in this crate and elsewhere.
 
 use super::backend::Layout;
 use super::blocks::BlockMatrix;
@@ -10,7 +10,7 @@ use super::{LinearError, Numbering};
 /// An approximate inverse of a matrix on the nodes of a structured grid, kept in single precision. For an unsymmetric
 /// matrix, it approximates the inverse of the symmetric part.
 ///
-/// All ranks must call each method. Errors are the same on all of them.
+/// All ranks must call each method together. Errors are the same on all ranks.
 #[derive(Default)]
 pub struct Preconditioner<const D: usize, const N: usize = D> {
     multigrid: Multigrid<D, N>,
@@ -19,7 +19,8 @@ pub struct Preconditioner<const D: usize, const N: usize = D> {
 }
 
 impl<const D: usize, const N: usize> Preconditioner<D, N> {
-    /// Does nothing if nodes, pattern and unknowns are those of the last call.
+    /// Prepares for matrices of this pattern. Keeps what the last call has prepared if nodes, pattern and unknowns are
+    /// the same.
     ///
     /// # Errors
     /// [`LinearError::Unsymmetric`] if the pattern is not symmetric; [`LinearError::OutOfMemory`].
@@ -40,15 +41,16 @@ impl<const D: usize, const N: usize> Preconditioner<D, N> {
     /// definite.
     ///
     /// # Errors
-    /// [`LinearError::Singular`] if an unknown has no diagonal stiffness, or the coarsest level has none at all.
+    /// [`LinearError::Singular`] if an unknown has no diagonal stiffness, or the coarsest level has no diagonal
+    /// stiffness at all.
     pub fn factorise(&mut self, matrix: &BlockMatrix<N>) -> Result<bool, LinearError> {
         let Some(part) = &mut self.symmetric_part else { return self.multigrid.factorise(matrix) };
         part.take(matrix);
         self.multigrid.factorise(&part.matrix())
     }
 
-    /// Replaces `z` by an approximation of A⁻¹ r; both are complete fields on the active nodes. `z` is zero where there
-    /// is no unknown.
+    /// Replaces `z` by an approximation of A⁻¹ r; both are complete fields on the active nodes. `z` is zero for
+    /// components that are not unknowns.
     ///
     /// # Errors
     /// [`LinearError`] if the matrix of the coarsest level is singular.
@@ -56,7 +58,7 @@ impl<const D: usize, const N: usize> Preconditioner<D, N> {
         self.multigrid.precondition(r, z)
     }
 
-    /// True if the matrix is symmetric.
+    /// True if the preconditioner was set up for a symmetric matrix.
     pub fn is_of_symmetric(&self) -> bool {
         self.symmetric_part.is_none()
     }
@@ -66,7 +68,7 @@ impl<const D: usize, const N: usize> Preconditioner<D, N> {
         self.multigrid.sizes()
     }
 
-    /// Number of nodes of each level that this rank keeps: its own nodes and ghosts.
+    /// Numbers of own nodes and of ghosts that this rank stores on each level.
     pub fn levels_here(&self) -> Vec<[usize; 2]> {
         self.multigrid.sizes_here()
     }

@@ -12,14 +12,14 @@ pub(super) const TERMS: usize = 1024;
 pub(super) struct Reduction<'a>(pub &'a Halo);
 
 impl Reduction<'_> {
-    /// Scalar product of complete fields; all ranks get the same bits.
+    /// Scalar product of complete fields; the result is the same to the last bit on all ranks.
     pub(super) fn dot<const N: usize>(self, a: &[[f64; N]], b: &[[f64; N]]) -> f64 {
         let Reduction(halo) = self;
         if halo.ranks().is_alone() { dot(a, b) } else { halo.ranks().total(dot_of_own(halo, 0, a, b)) }
     }
 }
 
-/// The error of the first rank that has one, returned on all ranks, so that none continues alone.
+/// Returns, on all ranks, the error of the first rank that has one, so that no rank continues alone.
 pub(super) fn agree<T>(ranks: &Ranks, outcome: Result<T, LinearError>) -> Result<T, LinearError> {
     match ranks.first(outcome.as_ref().err().copied()) {
         Some(error) => Err(error),
@@ -27,8 +27,8 @@ pub(super) fn agree<T>(ranks: &Ranks, outcome: Result<T, LinearError>) -> Result
     }
 }
 
-/// The contribution of the nodes of this rank to a scalar product, by recursive halving; the vectors start at node
-/// `first`.
+/// The contribution of the nodes of this rank to a scalar product, computed by recursive halving; the vectors start at
+/// node `first`.
 fn dot_of_own<const N: usize>(halo: &Halo, first: usize, a: &[[f64; N]], b: &[[f64; N]]) -> f64 {
     if a.len() <= TERMS {
         let mut sum = [0.0; N];
@@ -48,7 +48,7 @@ fn dot_of_own<const N: usize>(halo: &Halo, first: usize, a: &[[f64; N]], b: &[[f
     low + high
 }
 
-/// Scalar product, by recursive halving: the order of the sum is fixed, whatever the number of threads.
+/// Scalar product, computed by recursive halving: the order of the sum is fixed, whatever the number of threads.
 fn dot<const N: usize>(a: &[[f64; N]], b: &[[f64; N]]) -> f64 {
     if a.len() <= TERMS {
         let mut sum = [0.0; N];

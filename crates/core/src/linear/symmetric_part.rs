@@ -8,7 +8,7 @@ pub(super) struct SymmetricPart<const N: usize> {
     column_start: Vec<usize>,
     row: Vec<u32>,
     blocks: Vec<Block<N>>,
-    /// For each block, its index in the whole matrix and that of its mirror image.
+    /// For each block, its index in the whole matrix and the index of its mirror image.
     places: Vec<[usize; 2]>,
 }
 
@@ -35,7 +35,7 @@ impl<const N: usize> SymmetricPart<N> {
         Ok(part)
     }
 
-    /// Takes the values of the matrix.
+    /// Computes the values of the symmetric part from the values of the matrix.
     pub fn take(&mut self, matrix: &BlockMatrix<N>) {
         for (block, [place, mirror]) in self.blocks.iter_mut().zip(&self.places) {
             let (one, other) = (&matrix.blocks[*place], &matrix.blocks[*mirror]);

@@ -17,8 +17,8 @@ pub fn axial_modulus_at_rest(law: &dyn Material) -> f64 {
 /// Strain at which the initial moduli are evaluated, [-].
 const SMALL_STRAIN: f64 = 1e-9;
 
-/// Magnitude of the change of stress due to a small strain, relative to that strain, [stress]. Some laws have a stress
-/// at zero strain.
+/// Magnitude of the stress change due to a small strain, relative to that strain, [stress]. The change is used because
+/// some laws have a non-zero stress at zero strain.
 fn stiffness_at_rest(law: &dyn Material, strain: Sym3) -> f64 {
     let old = law.initial_history();
     let stress = |strain: &Sym3| law.update(strain, &old, &mut old.clone()).map(|response| response.tau);

@@ -1,17 +1,17 @@
-//! Laws that are evaluated for all their points at once, such as a law in another language, where a call costs more
-//! than its arithmetic.
+//! Laws that are evaluated for all their points at once, such as laws in another language, where a call costs more than
+//! the arithmetic of one point.
 
 use super::{MaterialError, Response};
 use crate::tensor::{Sym3, Tangent};
 
 /// A law that is evaluated in batches of points. The solver calls it once per evaluation of the internal force, with
-/// all points of its material, on the thread that evaluates.
+/// all points of its material, on the thread of that evaluation.
 pub trait BatchLaw {
     /// Batch form of [`Material::update`](super::Material::update): the return mapping of every point from its trial
-    /// elastic strain, which is finite. `old` holds the converged history variables, point after point; `new`, with the
-    /// same layout, starts as a copy of it and receives the trial ones. The response to `trial[p]` is written to
-    /// `responses[p]`; a response that is not finite, or is not written, refuses the strain. The response of a point
-    /// depends neither on the other points nor on their order.
+    /// elastic strain, which is finite. `old` holds the converged history variables, point after point; `new` has the
+    /// same layout, starts as a copy of `old`, and receives the trial history variables. The response to `trial[p]` is
+    /// written to `responses[p]`; a response that is not finite or is not written means that the law refuses the
+    /// strain. The response of a point depends neither on the other points nor on their order.
     ///
     /// # Errors
     /// [`BatchError`] if a point has no response, or the law cannot be evaluated.
@@ -25,8 +25,8 @@ pub trait BatchLaw {
 
     /// Batch form of [`Material::energy`](super::Material::energy) and
     /// [`Material::plastic_work`](super::Material::plastic_work), summed over points of these original volumes: stored
-    /// elastic energy and plastic work, [energy]. `history` is laid out as in [`BatchLaw::respond`]. Not a number if
-    /// the law cannot be evaluated, which ends the run.
+    /// elastic energy and plastic work, [energy]. `history` is laid out as in [`BatchLaw::respond`]. The result is NaN
+    /// if the law cannot be evaluated, which ends the run.
     fn energies(&self, elastic_strain: &[Sym3], history: &[f64], volume: &[f64]) -> [f64; 2];
 }
 
@@ -34,7 +34,7 @@ pub trait BatchLaw {
 #[non_exhaustive]
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum BatchError {
-    /// The law has no response to the trial strain of a point. The step is then tried with a smaller increment.
+    /// The law has no response to the trial strain of a point. The step is then attempted with a smaller increment.
     #[error("point {point} of the batch: {error}")]
     Refused {
         /// Index of the point in the batch.
@@ -45,7 +45,7 @@ pub enum BatchError {
     /// The law cannot be evaluated. The run then ends.
     #[error("{message}")]
     Failed {
-        /// Index of the point in the batch, if one point is to blame.
+        /// Index of the point in the batch, if the failure is due to one point.
         point: Option<usize>,
         /// The reason.
         message: String,
@@ -59,10 +59,11 @@ const UNWRITTEN: Response = Response {
     tangent: Tangent::from_array_storage(nalgebra::ArrayStorage([[f64::NAN; 6]; 6])),
 };
 
-/// The responses of a batch of points, with their trial history variables in `new`; both are replaced.
+/// The responses of a batch of points, with their trial history variables in `new`; previous contents of both are
+/// overwritten.
 ///
 /// # Errors
-/// [`BatchError`]; also if a strain or a response is not finite.
+/// [`BatchError`], also if a strain or a response is not finite.
 pub(crate) fn respond_to_batch(
     law: &dyn BatchLaw,
     trial: &[Sym3],
@@ -93,8 +94,8 @@ fn are_finite(values: &[f64]) -> bool {
     values.iter().all(|x| x.is_finite())
 }
 
-/// The response of one point of a law that is evaluated in batches, for its
-/// [`Material::update`](super::Material::update): a batch of one point.
+/// The response of a law that is evaluated in batches at one point, computed as a batch of one point. It serves to
+/// implement [`Material::update`](super::Material::update).
 ///
 /// # Errors
 /// [`MaterialError`] if the point has no response; [`MaterialError::Failed`] if the law cannot be evaluated.

@@ -11,7 +11,7 @@ pub enum Property {
     Response,
     /// Equal arguments give equal results.
     Purity,
-    /// D^alg is the derivative of τ with respect to the trial strain, by central differences.
+    /// D^alg is the derivative of τ with respect to the trial strain, according to central differences.
     Tangent,
     /// The tangent is symmetric, if the law states so.
     Symmetry,
@@ -41,7 +41,7 @@ pub struct Nonconformity {
     pub property: Property,
     /// Logarithmic trial strain where the error is largest, [-].
     pub strain: Sym3,
-    /// Relative error, [-]; infinite where nothing can be compared.
+    /// Relative error, [-]; infinite if nothing can be compared.
     pub error: f64,
     /// The largest permissible error, [-].
     pub tolerance: f64,
@@ -50,9 +50,9 @@ pub struct Nonconformity {
 /// Smaller errors are permissible: laws that iterate need not reach round-off.
 const TOLERATED: f64 = 1e-10;
 
-/// The properties that a law lacks, each where its error is largest, for a fixed set of pseudo-random strains, in space
-/// and in the plane, with initial history. `largest` bounds the components of a third of the strains, [-]; a tenth and
-/// a hundredth of it bound the others.
+/// The properties that a law lacks, each at the strain where its error is largest, for a fixed set of pseudo-random
+/// strains, in space and in the plane, with initial history. `largest` bounds the components of a third of the strains,
+/// [-]; bounds of a tenth and a hundredth of it apply to the others.
 pub fn check(law: &dyn Material, largest: f64) -> Vec<Nonconformity> {
     let mut worst: Vec<Nonconformity> = Vec::new();
     for strain in strains(largest) {
@@ -77,7 +77,7 @@ pub fn check_at(law: &dyn Material, logarithmic: &Sym3) -> Vec<Nonconformity> {
         .collect()
 }
 
-/// The property, unless the error is permissible; a NaN error is not.
+/// The nonconformity, unless the error is permissible; a NaN error is not permissible.
 fn lacking(property: Property, strain: &Sym3, error: f64, tolerance: f64) -> Option<Nonconformity> {
     let error = if error.is_nan() { f64::INFINITY } else { error };
     (error > tolerance).then_some(Nonconformity { property, strain: *strain, error, tolerance })
@@ -87,9 +87,9 @@ fn lacking(property: Property, strain: &Sym3, error: f64, tolerance: f64) -> Opt
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Deviation {
     pub(super) property: Property,
-    /// Relative, [-].
+    /// Relative error, [-].
     pub(super) error: f64,
-    /// The error that round-off, or differences in place of a derivative, may cause, [-].
+    /// The largest error that round-off, or finite differences in place of a derivative, can cause, [-].
     pub(super) round_off: f64,
 }
 
@@ -160,7 +160,7 @@ fn update(law: &dyn Material, trial: &Sym3, old: &[f64]) -> Option<(Response, Ve
     law.update(trial, old, &mut new).ok().map(|response| (response, new))
 }
 
-/// Stress, infinite where the law does not respond.
+/// Stress; infinite if the law refuses the strain.
 fn stress(law: &dyn Material, trial: &Sym3, old: &[f64]) -> Sym3 {
     update(law, trial, old).map_or(Sym3([f64::INFINITY; 6]), |(response, _)| response.tau)
 }
@@ -176,7 +176,7 @@ struct At<'a> {
     response: Response,
     /// Norm of the tangent, [stress].
     scale: f64,
-    /// The same at zero strain, [stress].
+    /// Norm of the tangent at zero strain, [stress].
     at_rest: f64,
 }
 
@@ -191,7 +191,7 @@ impl<'a> At<'a> {
         Some(At { law, logarithmic: *logarithmic, trial, old, new, response, scale, at_rest })
     }
 
-    /// The stress of an elastic point at this strain, roughly, [stress].
+    /// Approximate stress of an elastic point at this strain, [stress].
     fn elastic_stress(&self) -> f64 {
         self.scale * self.logarithmic.norm().max(f64::MIN_POSITIVE)
     }
@@ -210,7 +210,7 @@ impl<'a> At<'a> {
             m.0[c] -= h;
             let [p, m] = [p, m].map(|trial| stress(self.law, &trial, &self.old));
             let column = Sym3(std::array::from_fn(|r| self.response.tangent[(r, c)]));
-            // If the tangent jumps within the interval of the difference, it is the slope on one side.
+            // If the tangent jumps within the interval of the difference, it equals the slope on one side.
             let tau = self.response.tau;
             let slopes = [(p - m) * (0.5 / h), (p - tau) * (1.0 / h), (tau - m) * (1.0 / h)];
             slopes.map(|slope| (slope - column).norm()).into_iter().fold(f64::INFINITY, f64::min)
@@ -240,14 +240,15 @@ impl<'a> At<'a> {
         Deviation::new(Property::Isotropy, difference.norm() / self.elastic_stress(), 1e-12)
     }
 
-    /// An update from the returned elastic strain must not flow further.
+    /// An update from the returned elastic strain must cause no further flow.
     fn admissibility(&self) -> Deviation {
         let settled = stress(self.law, &self.response.elastic_strain, &self.new);
         let norm = self.response.tau.norm().max(f64::MIN_POSITIVE);
         Deviation::new(Property::Admissibility, (settled - self.response.tau).norm() / norm, 1e-12)
     }
 
-    /// The inverse of the elastic law, if it has one; far from zero strain, another strain may have the same stress.
+    /// Checks the inverse of the elastic law, if there is one; far from zero strain, another strain may have the same
+    /// stress.
     fn inverse(&self) -> Option<Deviation> {
         let strain = self.law.elastic_strain(&self.response.tau, &self.new).ok()?;
         if self.logarithmic.norm() < 0.02 {
@@ -319,7 +320,7 @@ impl<'a> At<'a> {
         ]
     }
 
-    /// The second of three points responds like a point alone.
+    /// The second of three points in a batch responds like a single point.
     fn batch(&self, law: &dyn BatchLaw) -> Deviation {
         let trial = [Sym3::ZERO, self.trial, self.trial * 0.5];
         let (mut new, mut responses) = (Vec::new(), Vec::new());

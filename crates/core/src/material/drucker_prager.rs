@@ -5,23 +5,24 @@ use super::strength::{EQUIVALENT, ON_SURFACE};
 use super::{Elasticity, Friction, MaterialError, PrincipalLaw, PrincipalResponse, StrengthMeasure};
 use crate::tensor::{Lane, Lanes};
 
-/// The states of stress in which the cone matches the Mohr-Coulomb strength.
+/// The stress states in which the cone matches the Mohr-Coulomb strength.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Match {
-    /// Triaxial compression: the cone through the outer corners of the hexagon, the strongest one.
+    /// Triaxial compression: the cone through the outer corners of the hexagon, which gives the largest strength.
     Compression,
     /// Triaxial extension: the cone through the inner corners.
     Extension,
     /// Collapse in plane strain, with flow at the dilation angle.
     PlaneStrain,
-    /// The cone inscribed in the hexagon, the weakest one; the same as in plane strain with associated flow.
+    /// The cone inscribed in the hexagon, which gives the smallest strength; it equals `PlaneStrain` with associated
+    /// flow.
     Inscribed,
 }
 
 impl Match {
-    /// η and ξ of a friction angle with this sine, for a flow with η̄.
+    /// η and ξ for a friction angle with this sine and a flow with η̄.
     fn cone(self, sine: f64, flow: f64) -> [f64; 2] {
         let cosine = (1.0 - sine * sine).sqrt();
         let through = |sign: f64| {
@@ -36,14 +37,14 @@ impl Match {
                 [per * sine, per * cosine]
             }
             Match::PlaneStrain => {
-                // Without flow out of plane, s_zz = −(2/3) η̄ √J₂ sets the radius and the centre of Mohr's circle.
+                // Without out-of-plane flow, s_zz = −(2/3) η̄ √J₂ sets the radius and the centre of Mohr's circle.
                 let per = 1.0 / ((1.0 - flow * flow / 3.0).sqrt() + sine * flow / 3.0);
                 [per * sine, per * cosine]
             }
         }
     }
 
-    /// η̄ of a dilation angle with this sine.
+    /// η̄ for a dilation angle with this sine.
     fn flow(self, sine: f64) -> f64 {
         match self {
             Match::PlaneStrain => Match::Inscribed.cone(sine, 0.0)[0],
@@ -53,7 +54,7 @@ impl Match {
 }
 
 /// Drucker-Prager plasticity: f = √J₂ + η p − ξ c with p = tr τ/3, tension positive; flow with η̄ in place of η. The
-/// stress returns to the apex p = ξ c/η where the flow would pass it.
+/// stress returns to the apex p = ξ c/η if the flow would take it beyond the apex.
 #[derive(Debug, Clone)]
 pub struct DruckerPrager {
     elasticity: Elasticity,
@@ -74,8 +75,8 @@ impl DruckerPrager {
     pub fn new(young: f64, poisson: f64, friction: Friction, matched: Match) -> Self {
         let sine = |degrees: f64| degrees.to_radians().sin();
         let flow = matched.flow(sine(friction.dilation_angle));
-        // With associated flow, the cone of plane strain is the inscribed one, here to the last bit, and the tangent is
-        // symmetric.
+        // With associated flow, the plane-strain cone is the inscribed cone (here equal to the last bit), and the
+        // tangent is symmetric.
         let is_associated = friction.dilation_angle == friction.friction_angle;
         let cone = if is_associated && matched == Match::PlaneStrain { Match::Inscribed } else { matched };
         let [slope, per_cohesion] = cone.cone(sine(friction.friction_angle), flow);
@@ -90,21 +91,19 @@ impl DruckerPrager {
         }
     }
 
-    /// The stress that the strength limits.
+    /// Sets the stress that the strength limits.
     pub fn limiting(self, measure: StrengthMeasure) -> Self {
         DruckerPrager { measure, ..self }
     }
 }
 
 impl PrincipalLaw for DruckerPrager {
-    /// The trial deviator s is scaled back by the flow γ = f/(G + K η η̄); beyond the apex, the flow is purely
-    /// volumetric.
     fn without_flow(&self, trial: &[Lanes; 3], old: &[Lanes]) -> Option<Elasticity> {
         let Elasticity { bulk, shear } = self.elasticity;
         let trace = trial[0] + trial[1] + trial[2];
         let mut factor = Lanes::splat(1.0);
         if self.measure == StrengthMeasure::Cauchy {
-            factor += trace + old[1]; // less than the exponential
+            factor += trace + old[1]; // at most the exponential
         }
         let mean = trace * (1.0 / 3.0);
         let [x, y, z] = [trial[0] - mean, trial[1] - mean, trial[2] - mean];
@@ -113,6 +112,7 @@ impl PrincipalLaw for DruckerPrager {
         excess.is_below(0.0).then_some(self.elasticity)
     }
 
+    /// Flow γ = f/(G + K η η̄) scales back the trial deviator s; beyond the apex, the flow is purely volumetric.
     fn respond(
         &self,
         trial: [f64; 3],

@@ -3,10 +3,10 @@
 use super::{Material, MaterialError};
 use crate::tensor::Sym3;
 
-/// Largest number of returns to the yield surface of the undeformed state; with hardening, each return is a fixed
-/// fraction of the previous one.
+/// Largest number of returns to the yield surface of the undeformed state; with hardening, the size of each return is a
+/// fixed fraction of the size of the previous one.
 const MOST_RETURNS: usize = 200;
-/// Change of the strain by a return, relative to the strain, that counts as round-off, [-].
+/// Largest change of the strain in a return that counts as round-off, relative to the strain, [-].
 const RETURNED: f64 = 1e-13;
 
 /// The state of a point with an initial stress.
@@ -21,12 +21,12 @@ pub struct InitialState {
 }
 
 /// The state of a point whose Kirchhoff stress is `tau`, [stress]: b^e from the inverse of the elastic law, and
-/// `history` adapted to it. A stress outside the yield surface is replaced by that to which the law returns it, without
-/// plastic strain.
+/// `history` adapted to it. A stress outside the yield surface is replaced by the stress to which the law returns it,
+/// without plastic strain.
 ///
 /// # Errors
-/// As [`Material::elastic_strain`] and [`Material::update`]; [`MaterialError::NoStrain`] if the returns do not
-/// converge.
+/// The same as for [`Material::elastic_strain`] and [`Material::update`]; [`MaterialError::NoStrain`] if the returns do
+/// not converge.
 pub fn initial_state(
     law: &dyn Material,
     tau: &Sym3,

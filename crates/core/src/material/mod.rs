@@ -2,8 +2,8 @@
 //!
 //! A law is implemented once, in three dimensions, in one of two strain measures ([`StrainMeasure`]). Laws in the
 //! logarithmic strain have the form of small-strain laws: with the multiplicative decomposition, the return mapping of
-//! small-strain plasticity applies at finite strain. Laws in b^e avoid its eigenvalues. A law knows neither the grid
-//! nor the dimension nor the load step, and its result depends only on its arguments.
+//! small-strain plasticity applies at finite strain. Laws in b^e need no eigenvalues of b^e. A law knows neither the
+//! grid nor the dimension nor the load step, and its result depends only on its arguments.
 
 mod at_rest;
 mod batch;
@@ -147,8 +147,8 @@ pub struct CompactResponse<T, const N: usize> {
 /// A law formulated in logarithmic strain whose tangent has the form of [`CompactResponse`], evaluated for several
 /// points at once.
 pub trait VectorisedLaw {
-    /// Plane form of [`Material::update`], in components `xx, yy, zz, √2 xy`; replaces `history` by its new values. A
-    /// trial strain that is not finite gives a stress that is not finite.
+    /// Plane form of [`Material::update`], in components `xx, yy, zz, √2 xy`; replaces `history` by its new values. For
+    /// a trial strain that is not finite, the stress is not finite.
     fn respond(&self, trial: &[Lanes; 4], history: &mut [Lanes]) -> CompactResponse<Lanes, 4>;
 }
 
@@ -168,9 +168,10 @@ pub enum MaterialError {
     /// The law has no response to the trial strain.
     #[error("the law has no response to the trial elastic strain")]
     NoResponse,
-    /// The elastic stiffness is not positive definite: a further strain would lower the stress without flow.
+    /// The elastic stiffness is not positive definite: further strain would reduce the stress without flow.
     #[error(
-        "the elasticity of the law is unstable at the trial elastic strain: the shear modulus follows the pressure too closely"
+        "the elasticity of the law is unstable at the trial elastic strain: the shear modulus depends too strongly on \
+         the pressure"
     )]
     Unstable,
     /// The response of the law is not finite.
@@ -195,8 +196,8 @@ pub trait Material: Send + Sync + std::fmt::Debug {
         StrainMeasure::Logarithmic
     }
 
-    /// Return mapping from the trial elastic strain. `old` holds the converged history variables; the trial ones are
-    /// written to `new`. The result depends only on the arguments.
+    /// Return mapping from the trial elastic strain. `old` contains the converged history variables; the trial history
+    /// variables are written to `new`. The result depends only on the arguments.
     ///
     /// # Errors
     /// [`MaterialError`] if the strain is not finite or the return mapping fails.
@@ -207,7 +208,7 @@ pub trait Material: Send + Sync + std::fmt::Debug {
         self.state_fields().iter().map(|field| field.initial).collect()
     }
 
-    /// The same at an original position, for laws whose properties vary in space.
+    /// The same for a point at this original position, for laws whose properties vary in space.
     fn initial_history_at(&self, _position: &[f64; 3]) -> Vec<f64> {
         self.initial_history()
     }
@@ -217,7 +218,7 @@ pub trait Material: Send + Sync + std::fmt::Debug {
     fn start_from(&self, _elastic_strain: &Sym3, _volume_ratio: f64, _history: &mut [f64]) {}
 
     /// Elastic strain, in the measure of the law, whose Kirchhoff stress is `tau`: the inverse of the elastic law.
-    /// Yielding plays no part: a stress outside the yield surface has a strain too.
+    /// Yielding is disregarded: a stress outside the yield surface also has such a strain.
     ///
     /// # Errors
     /// [`MaterialError::NoInverse`] if the law has no inverse, [`MaterialError::NoStrain`] if no strain gives the
@@ -241,7 +242,7 @@ pub trait Material: Send + Sync + std::fmt::Debug {
         None
     }
 
-    /// The law for batches of points, if the solver is to evaluate it in this way only. [`Material::update`] is then
+    /// The law for batches of points, if the solver must evaluate it only in this way. [`Material::update`] is then
     /// used for single points outside the iterations; [`respond_alone`] implements it.
     fn batch(&self) -> Option<&dyn BatchLaw> {
         None
@@ -262,7 +263,8 @@ pub trait Material: Send + Sync + std::fmt::Debug {
         None
     }
 
-    /// True if Ã always has major symmetry, which requires that D^alg, with respect to the logarithmic strain, has it.
+    /// True if Ã always has major symmetry. This requires the major symmetry of D^alg with respect to the logarithmic
+    /// strain.
     fn tangent_is_symmetric(&self) -> bool {
         true
     }
@@ -298,15 +300,15 @@ impl Elasticity {
     /// Strain ε = tr(τ)/(9K) I + dev(τ)/(2G), the inverse of [`Elasticity::stress`], [-].
     ///
     /// # Errors
-    /// [`MaterialError::NoStrain`] if it is not finite.
+    /// [`MaterialError::NoStrain`] if the strain is not finite.
     pub fn strain(&self, stress: &Sym3) -> Result<Sym3, MaterialError> {
         let volumetric = stress.trace() / (9.0 * self.bulk);
         let strain = Sym3::IDENTITY * volumetric + stress.deviator() * (0.5 / self.shear);
         if strain.norm().is_finite() { Ok(strain) } else { Err(MaterialError::NoStrain) }
     }
 
-    /// As [`Elasticity::stress`] for the first `N` components, normal ones first; `T` is one number or one SIMD lane
-    /// per point.
+    /// The same as [`Elasticity::stress`] for the first `N` components, normal components first; `T` is one number or
+    /// one SIMD lane per point.
     #[inline(always)]
     pub fn stress_components<T: Lane, const N: usize>(&self, strain: &[T; N]) -> [T; N] {
         let pressure = (strain[0] + strain[1] + strain[2]) * self.lambda();

@@ -14,7 +14,7 @@ use crate::tensor::{Lanes, Sym3};
 /// q²/M² + P (P − P_c) of the mean pressure P = −tr τ/3 and q = √(3 J₂), associated flow, and bilogarithmic
 /// compression.
 ///
-/// On the virgin line ln J = −λ̂ ln(P/P₀); on unloading, the slope is κ̂. Elasticity has the stored energy W = P₀ κ̂
+/// On the virgin line, ln J = −λ̂ ln(P/P₀); on unloading, the slope is κ̂. The stored elastic energy is W = P₀ κ̂
 /// e^ω + 3/2 μ ε_s² with ω = −ε_v/κ̂ and μ = μ₀ + α P₀ e^ω (Borja, Tamagnini and Amorosi 1997, doi
 /// 10.1061/(ASCE)1090-0241(1997)123:10(948)), so that the bulk modulus grows in proportion to the pressure.
 #[derive(Debug, Clone)]
@@ -26,20 +26,20 @@ pub struct ModifiedCamClay {
 /// The parameters of [`ModifiedCamClay`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CamClay {
-    /// λ̂, slope of the virgin line in ln J over ln P, [-].
+    /// λ̂, slope of the virgin compression line in a plot of ln J against ln P, [-].
     pub compression_index: f64,
-    /// κ̂, slope of unloading lines, below λ̂, [-].
+    /// κ̂, slope of the unloading lines, less than λ̂, [-].
     pub swelling_index: f64,
-    /// M, q/P at the critical state, [-].
+    /// M, the ratio q/P at the critical state, [-].
     pub critical_state_ratio: f64,
     /// μ₀, [stress].
     pub shear_modulus: f64,
-    /// α, growth of μ per pressure, [-]; with 0, μ is constant.
+    /// α, increase of μ per unit pressure, [-]; if it is 0, μ is constant.
     pub shear_modulus_ratio: f64,
     /// P_c relative to the size of the ellipse through the initial stress, at least 1, [-].
     pub overconsolidation_ratio: f64,
-    /// P₀, the pressure at zero elastic strain, [stress]. It only shifts the origin of strain; stresses depend on their
-    /// initial values only.
+    /// P₀, the pressure at zero elastic strain, [stress]. It only shifts the origin of strain: stresses depend on
+    /// it only through their initial values.
     pub reference_pressure: f64,
 }
 
@@ -89,19 +89,19 @@ impl PrincipalLaw for ModifiedCamClay {
 }
 
 impl CamClay {
-    /// Largest q/P that the elasticity can carry where μ depends on the pressure alone, √(3ακ̂/2), [-].
+    /// Largest ratio q/P that the elasticity can carry if μ depends only on the pressure, √(3ακ̂/2), [-].
     pub fn largest_stress_ratio(&self) -> f64 {
         (1.5 * self.shear_modulus_ratio * self.swelling_index).sqrt()
     }
 
     /// True if the elasticity can carry the critical state that normally consolidated clay reaches from the isotropic
-    /// stress P₀ at constant volume. Other paths may need more.
+    /// stress P₀ at constant volume. Other paths may require a larger stress ratio.
     pub fn carries_critical_state(&self) -> bool {
         let pressure = 0.5 * self.reference_pressure;
         self.strain_of(pressure, self.critical_state_ratio * pressure).is_some()
     }
 
-    /// The elastic strain invariants of a stress, by Newton's method in ε_s where μ depends on the pressure.
+    /// The elastic strain invariants of a stress, computed with Newton's method in ε_s if μ depends on the pressure.
     fn strain_of(&self, pressure: f64, shear: f64) -> Option<[f64; 2]> {
         let CamClay { swelling_index, shear_modulus, shear_modulus_ratio, reference_pressure, .. } = *self;
         // P = C (1 + 3α ε_s²/(2κ̂)) and q = 3 (μ₀ + α C) ε_s with C = P₀ e^ω.
@@ -143,7 +143,7 @@ impl Material for ModifiedCamClay {
         Some(self)
     }
 
-    /// The ellipse through the stress, times the overconsolidation ratio.
+    /// Starts with the ellipse through the stress, its size multiplied by the overconsolidation ratio.
     fn start_from(&self, elastic_strain: &Sym3, volume_ratio: f64, history: &mut [f64]) {
         let volumetric = elastic_strain.trace();
         let law = &self.parameters;
@@ -180,7 +180,7 @@ impl Material for ModifiedCamClay {
         history[WORK]
     }
 
-    /// Implicit hardening couples the direction of flow to P_c, even where the flow is associated.
+    /// Implicit hardening couples the flow direction to P_c although the flow is associated.
     fn tangent_is_symmetric(&self) -> bool {
         false
     }

@@ -4,7 +4,7 @@ use super::strength::EQUIVALENT;
 use super::wedge::{Strength, WedgeLaw, WedgeSettings};
 use super::{Elasticity, Softening, StrengthMeasure};
 
-/// Mohr-Coulomb shear strength, with the flow that belongs to it.
+/// Mohr-Coulomb shear strength and its plastic flow.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Friction {
     /// Cohesion c, [stress].
@@ -15,7 +15,7 @@ pub struct Friction {
     pub dilation_angle: f64,
 }
 
-/// The same with tangents of the angles.
+/// The same properties, with the tangents of the angles in place of the angles.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Slopes {
     cohesion: f64,
@@ -35,7 +35,8 @@ impl From<Friction> for Slopes {
 }
 
 impl Slopes {
-    /// c/F and tan φ/F; the dilation angle stays, but does not exceed the friction angle.
+    /// c/F and tan φ/F; the dilation angle is unchanged unless it would exceed the friction angle, to which it is then
+    /// limited.
     fn divided(&self, factor: f64) -> Slopes {
         let friction = self.friction / factor;
         Slopes { cohesion: self.cohesion / factor, friction, dilation: self.dilation.min(friction) }
@@ -52,12 +53,12 @@ fn root_of_ratio(slope: f64) -> [f64; 2] {
     [secant + slope, 1.0 + slope / secant]
 }
 
-/// The strain of [`Softening`] at or below which a point that flows from the peak, while its least compressive
-/// principal stress is zero, loses strength faster than its elastic stress can fall; its flow then has no solution,
-/// [-]. With n = ∂f/∂τ and m the direction of flow, C the elastic stiffness and κ' = √(2/3) |dev m|, the loss ∂f/∂κ κ'
-/// must stay below n·C m; if both angles are zero, this is √3 (s_p − s_r)/G. Under compression the loss of friction
-/// adds to the loss, so that a larger strain may be necessary there. `elasticity` is Young's modulus, [stress], and
-/// Poisson's ratio, [-].
+/// The largest strain of [`Softening`] at which a point loses strength faster than its elastic stress can fall, [-].
+/// The point flows from the peak while its least compressive principal stress is zero; its flow has no solution at or
+/// below this strain. With n = ∂f/∂τ and m the direction of flow, C the elastic stiffness and κ' = √(2/3) |dev m|, the
+/// loss ∂f/∂κ κ' must stay below n·C m; if both angles are zero, this strain is √3 (s_p − s_r)/G. Under compression,
+/// the reduction of friction adds to this loss, so that a larger strain may be necessary there. `elasticity` is Young's
+/// modulus, [stress], and Poisson's ratio, [-].
 pub fn least_softening_strain([young, poisson]: [f64; 2], [peak, residual]: [Friction; 2]) -> f64 {
     let elasticity = Elasticity::from_young_poisson(young, poisson);
     let (shear, lambda) = (elasticity.shear, elasticity.lambda());
@@ -73,16 +74,16 @@ pub fn least_softening_strain([young, poisson]: [f64; 2], [peak, residual]: [Fri
     3.0 * 2.0 * loss * EQUIVALENT * deviator.sqrt() / unloading
 }
 
-/// Mohr-Coulomb plasticity: f = N τ₁ − τ₃ − 2c√N with N = (1 + sin φ)/(1 − sin φ) and the largest and the smallest
-/// principal stress, tension positive; flow with the dilation angle in place of φ; and, if stated, τ₁ ≤ T with
-/// associated flow.
+/// Mohr-Coulomb plasticity: f = N τ₁ − τ₃ − 2c√N with N = (1 + sin φ)/(1 − sin φ) and the largest and smallest
+/// principal stresses τ₁ and τ₃, tension positive; the flow has the dilation angle in place of φ. If a tensile strength
+/// T is set, τ₁ ≤ T with associated flow.
 #[derive(Debug, Clone)]
 pub struct MohrCoulomb {
     settings: WedgeSettings,
     peak: Slopes,
-    /// Infinite without cut-off, [stress].
+    /// Tensile strength, [stress]; infinite without cut-off.
     tensile: f64,
-    /// The residual strength, and the softening towards it.
+    /// The residual strength and the softening towards it.
     softening: Option<(Slopes, Softening)>,
     /// The strength at the peak.
     at_peak: Strength,
@@ -103,25 +104,25 @@ impl MohrCoulomb {
         .prepared()
     }
 
-    /// The law with the strength at the peak that follows from its properties.
+    /// The law, with the peak strength computed from its properties.
     fn prepared(self) -> Self {
         let [at_peak, _] = self.strength_of(&self.peak, &STILL);
         MohrCoulomb { at_peak, ..self }
     }
 
-    /// Principal stresses do not exceed this tensile strength, [stress], zero or positive. It has no effect where it
-    /// exceeds that of the cone, c cot φ. With softening, it decays with the cohesion.
+    /// Limits principal stresses to this tensile strength, [stress], which is zero or positive. It has no effect if it
+    /// exceeds the tensile strength of the cone, c cot φ. With softening, it decays with the cohesion.
     pub fn tensile_strength(self, tensile: f64) -> Self {
         MohrCoulomb { tensile, ..self }.prepared()
     }
 
-    /// Lets the strength decay to this residual: cohesion and the tangents of both angles.
+    /// Lets the strength decay to this residual strength: the cohesion and the tangents of both angles decay.
     pub fn softening(self, residual: Friction, softening: Softening) -> Self {
         let settings = WedgeSettings { softens: true, ..self.settings };
         MohrCoulomb { settings, softening: Some((residual.into(), softening)), ..self }
     }
 
-    /// The stress that the strength limits.
+    /// Sets the stress that the strength limits.
     pub fn limiting(self, measure: StrengthMeasure) -> Self {
         MohrCoulomb { settings: WedgeSettings { measure, ..self.settings }, ..self }
     }

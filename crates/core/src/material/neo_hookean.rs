@@ -5,9 +5,9 @@ use super::{
 };
 use crate::tensor::{Sym3, Tangent};
 
-/// Largest number of iterations for the volume ratio of a stress.
+/// Largest number of iterations to find the volume ratio for a stress.
 const MOST_ITERATIONS: usize = 60;
-/// Round-off that the iterations may leave, relative to the strain, [-].
+/// Largest round-off that the iterations can leave, relative to the strain, [-].
 const SETTLED: f64 = 1e-14;
 
 /// Compressible neo-Hookean elasticity, W = μ/2 (tr b − 3) − μ ln J + λ/2 (ln J)², formulated in b and evaluated
@@ -90,9 +90,9 @@ impl Material for NeoHookean {
         Ok(Response { tau, elastic_strain: *trial, tangent })
     }
 
-    /// τ = μ (b − I) + λ ln J I gives b for a given ℓ = ln J, so that ½ ln det b(ℓ) − ℓ = 0 remains. This function is
-    /// concave, and its root of falling slope, to which Newton's method converges, is the state that a path from the
-    /// undeformed one reaches.
+    /// τ = μ (b − I) + λ ln J I determines b for a given ℓ = ln J, so that the equation ½ ln det b(ℓ) − ℓ = 0 remains.
+    /// Its left-hand side is concave. Newton's method converges to the root with a negative slope, which is the state
+    /// that a path from the undeformed state reaches.
     fn elastic_strain(&self, tau: &Sym3, _: &[f64]) -> Result<Sym3, MaterialError> {
         let strain = |log_j: f64| (*tau - Sym3::IDENTITY * (self.lambda * log_j)) * (0.5 / self.mu);
         // μ times the smallest eigenvalue of b at ℓ = 0.
@@ -106,7 +106,7 @@ impl Material for NeoHookean {
             smallest if self.lambda < 0.0 => smallest / self.lambda + 1.0,
             _ => return Err(MaterialError::NoStrain),
         };
-        // Next to a stress that exceeds the moduli by many orders of magnitude, the 1 above is round-off.
+        // If the stress exceeds the moduli by many orders of magnitude, the 1 above is lost in round-off.
         if !is_positive(log_j) {
             return Err(MaterialError::NoStrain);
         }
@@ -125,7 +125,7 @@ impl Material for NeoHookean {
                 return Ok(strain(log_j));
             }
         }
-        // Round-off may keep the final changes just above the bound.
+        // Round-off can keep the final changes just above the bound.
         let e = strain(log_j);
         let is_settled = (log_volume_ratio(&e) - log_j).abs() <= SETTLED * (e.norm() + log_j.abs());
         if is_settled { Ok(e) } else { Err(MaterialError::NoStrain) }

@@ -4,7 +4,7 @@
 use super::{Elasticity, MaterialError, Response};
 use crate::tensor::{Lane, Lanes, PrincipalDerivative, Sym3};
 
-/// Response of a law to the principal values of a trial elastic strain; `T` is one number or one lane per point.
+/// Response of a law to the principal values of a trial elastic strain; `T` is one number or one SIMD lane per point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PrincipalResponse<T = f64> {
     /// Principal Kirchhoff stresses, [stress].
@@ -30,13 +30,13 @@ pub trait PrincipalLaw: Send + Sync {
     ) -> Result<PrincipalResponse, MaterialError>;
 
     /// The elasticity of several points if none of them flows, so that their response needs no return mapping: stress
-    /// and modulus are those of this elasticity, and the history does not change. `None` if a point may flow, or if a
+    /// and modulus follow from this elasticity, and the history does not change. `None` if a point may flow, or if a
     /// strain is not finite.
     fn without_flow(&self, _trial: &[Lanes; 3], _old: &[Lanes]) -> Option<Elasticity> {
         None
     }
 
-    /// As [`PrincipalLaw::respond`] for several points side by side, with the same bits. `None` if the law has no such
+    /// The same as [`PrincipalLaw::respond`], bit for bit, for several points at once. `None` if the law has no such
     /// form, or if a point has no response.
     fn respond_in_lanes(
         &self,
@@ -48,8 +48,8 @@ pub trait PrincipalLaw: Send + Sync {
     }
 }
 
-/// [`Material::update`](super::Material::update) of a law in principal axes: D^alg consists of the modulus on the
-/// normal components n_a ⊗ n_a, and of the divided differences (τ_a − τ_b)/(ε_a − ε_b) on the shears.
+/// [`Material::update`](super::Material::update) of a law in principal axes: D^alg consists of the modulus for the
+/// normal components n_a ⊗ n_a and of the divided differences (τ_a − τ_b)/(ε_a − ε_b) for the shear components.
 ///
 /// # Errors
 /// The errors of the law.
@@ -76,10 +76,10 @@ pub fn update_in_principal_axes(
     })
 }
 
-/// Strains closer to each other than this, relative to the larger of the two, count as equal, [-].
+/// Two strains count as equal if they differ by less than this, relative to the larger of the two, [-].
 const EQUAL: f64 = 1e-8;
 
-/// (τ_a − τ_b)/(ε_a − ε_b), or its limit where the difference of the strains is round-off.
+/// (τ_a − τ_b)/(ε_a − ε_b), or its limit if the difference between the strains is round-off.
 #[inline(always)]
 pub(crate) fn divided_difference<T: Lane>(tau: [T; 2], strain: [T; 2], limit: T) -> T {
     let gap = strain[0] - strain[1];
@@ -88,13 +88,13 @@ pub(crate) fn divided_difference<T: Lane>(tau: [T; 2], strain: [T; 2], limit: T)
 }
 
 impl Elasticity {
-    /// As [`Elasticity::stress`] in principal axes.
+    /// The same as [`Elasticity::stress`] in principal axes.
     #[inline]
     pub fn principal_stress(&self, strain: [f64; 3]) -> [f64; 3] {
         self.stress_components(&strain)
     }
 
-    /// As [`Elasticity::strain`] in principal axes; not finite if the stress is not.
+    /// The same as [`Elasticity::strain`] in principal axes; not finite if the stress is not finite.
     #[inline]
     pub fn principal_strain(&self, stress: [f64; 3]) -> [f64; 3] {
         let mean = (stress[0] + stress[1] + stress[2]) / 3.0;

@@ -1,4 +1,4 @@
-//! Strain softening: strength that decays to a residual value with the equivalent plastic strain.
+//! Strain softening: the strength decays to a residual value as the equivalent plastic strain grows.
 
 /// Exponential decay of strength with the equivalent plastic strain κ: X = X_r + (X_p − X_r) e^(−3κ/κ₉₅) between the
 /// peak X_p and the residual X_r (Einav and Randolph 2005, doi 10.1002/nme.1350); 95 % of the difference is lost at
@@ -10,7 +10,8 @@ pub struct Softening {
 }
 
 impl Softening {
-    /// The decay that has lost 95 % at this equivalent plastic strain, [-], which must be positive.
+    /// The decay in which 95 % of the difference is lost at this equivalent plastic strain, [-], which must be
+    /// positive.
     pub fn over(strain: f64) -> Self {
         Softening { strain }
     }

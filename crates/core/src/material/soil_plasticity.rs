@@ -1,4 +1,5 @@
-//! What the linearly elastic soil laws that flow in principal axes share: history, energy and plastic work.
+//! Common parts of the soil laws with linear elasticity that are formulated in principal axes: history, energy and
+//! plastic work.
 
 use super::{
     Elasticity, Material, MaterialError, PrincipalLaw, Response, StateField, update_in_principal_axes,
@@ -12,14 +13,14 @@ const FIELDS: [StateField; 3] = [
     StateField::new("plastic_work", "energy/volume", 0.0),
 ];
 
-/// Index of the plastic work among them.
+/// Index of the plastic work among these variables.
 pub(super) const PLASTIC_WORK: usize = 2;
 
 /// A soil law with linear elasticity that is formulated in principal axes.
 pub(super) trait SoilPlasticity: PrincipalLaw + std::fmt::Debug + Sized + 'static {
     fn elasticity(&self) -> &Elasticity;
 
-    /// As [`Material::tangent_is_symmetric`].
+    /// The same as [`Material::tangent_is_symmetric`].
     fn is_symmetric(&self) -> bool;
 
     /// The law with its strength divided by a factor.

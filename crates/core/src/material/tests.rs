@@ -1,4 +1,4 @@
-//! All laws have the properties on which the solver relies. A new law adds one line to the list.
+//! All laws have the properties on which the solver relies. For a new law, add one line to the list.
 
 mod return_mapping;
 
@@ -37,7 +37,7 @@ fn softening_sand() -> MohrCoulomb {
     MohrCoulomb::new(1e6, 0.3, peak).tensile_strength(8e3).softening(residual, Softening::over(0.5))
 }
 
-/// Cam-clays with constant shear modulus and with one that grows with the pressure.
+/// Cam-clays with a constant shear modulus and with a shear modulus that grows with the pressure.
 pub(crate) fn cam_clays() -> Vec<ModifiedCamClay> {
     let constant = CamClay {
         compression_index: 0.09,
@@ -58,7 +58,7 @@ fn conforms_to_round_off(law: &dyn Material, strain: Sym3) {
     for Deviation { property, error, round_off } in &found {
         assert!(error <= round_off, "{property:?} of {law:?} at {strain:?}: {error:e}");
     }
-    // Laws need no inverse, but these have one.
+    // A law need not have an inverse, but these laws do.
     let has_inverse = found.iter().any(|deviation| deviation.property == Property::Inverse);
     assert!(has_inverse || strain.norm() > 0.02);
 }
@@ -96,7 +96,7 @@ fn the_check_of_a_law_finds_nothing_in_those_of_the_library() {
     }
 }
 
-/// A law with an error in most of what it states.
+/// A law with errors in most of its functions.
 #[derive(Debug)]
 struct Wrong(Hencky);
 
@@ -169,8 +169,8 @@ fn a_stress_far_above_the_moduli_has_no_strain() {
     }
 }
 
-/// Uniaxial stress: Kirchhoff stress σ and plastic logarithmic strain κ along x, by bisection in the transverse
-/// strain. Beyond yield, σ grows by √(3/2) H per unit of κ.
+/// Uniaxial stress: Kirchhoff stress σ and plastic logarithmic strain κ along x, with bisection for the transverse
+/// strain. After yield, σ grows by √(3/2) H per unit of κ.
 #[test]
 fn hardening_is_linear_in_uniaxial_tension() {
     let (young, poisson, radius, modulus) = (1e6, 0.3, 20e3, 0.4e6);
@@ -197,7 +197,8 @@ fn hardening_is_linear_in_uniaxial_tension() {
     }
 }
 
-/// One large step equals many small ones if the flow direction is constant: the return mapping is then exact.
+/// One large step has the same result as many small steps if the flow direction is constant: the return mapping is then
+/// exact.
 #[test]
 fn proportional_flow_does_not_depend_on_the_steps() {
     let law = VonMises::new(1e6, 0.3, 20e3).hardening(0.4e6);
@@ -222,7 +223,7 @@ fn associated_flow_on_the_kirchhoff_stress_is_symmetric() {
     }
 }
 
-/// The solver stores half of a symmetric stiffness, so one point without symmetry decides.
+/// A single point with an unsymmetric tangent prevents the solver from storing only half of the stiffness.
 #[test]
 fn a_varying_law_is_symmetric_only_if_it_is_so_everywhere() {
     let varying = |law: fn(&[f64]) -> MohrCoulomb| {

@@ -3,8 +3,8 @@
 use super::wedge::{Strength, WedgeLaw, WedgeSettings};
 use super::{Elasticity, Softening, StrengthMeasure};
 
-/// Tresca plasticity: f = τ₁ − τ₃ − 2c with the largest and the smallest principal stress and the undrained shear
-/// strength c, with associated flow, which preserves the volume.
+/// Tresca plasticity: f = τ₁ − τ₃ − 2c, where τ₁ and τ₃ are the largest and smallest principal stresses and c is the
+/// undrained shear strength. The flow is associated and preserves the volume.
 #[derive(Debug, Clone)]
 pub struct Tresca {
     settings: WedgeSettings,
@@ -23,13 +23,13 @@ impl Tresca {
         Tresca { settings, cohesion, softening: None }
     }
 
-    /// Lets the strength decay to this residual, [stress].
+    /// Lets the strength decay to this residual strength, [stress].
     pub fn softening(self, residual: f64, softening: Softening) -> Self {
         let settings = WedgeSettings { softens: true, ..self.settings };
         Tresca { settings, softening: Some((residual, softening)), ..self }
     }
 
-    /// The stress that the strength limits.
+    /// Sets the stress that the strength limits.
     pub fn limiting(self, measure: StrengthMeasure) -> Self {
         Tresca { settings: WedgeSettings { measure, ..self.settings }, ..self }
     }

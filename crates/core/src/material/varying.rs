@@ -13,7 +13,7 @@ pub struct VaryingProperty {
     pub name: Cow<'static, str>,
     /// Unit as text.
     pub unit: Cow<'static, str>,
-    /// A typical value, which stands for all of them where a stiffness serves as a scale.
+    /// A typical value, which replaces the varying values wherever a stiffness is needed as a scale.
     pub typical: f64,
 }
 
@@ -24,7 +24,7 @@ pub type PropertiesAt = dyn Fn(&[f64; 3]) -> Vec<f64> + Send + Sync;
 type LawOf<L> = dyn Fn(&[f64]) -> L + Send + Sync;
 
 /// A law of one kind whose properties vary in space: every point has its own properties, which depend on its original
-/// position. They follow the history variables of the law and never change.
+/// position. The properties are stored after the history variables of the law and never change.
 pub struct Varying<L> {
     /// History variables of the law, then properties.
     fields: Vec<StateField>,
@@ -39,12 +39,12 @@ pub struct Varying<L> {
     is_symmetric: bool,
 }
 
-/// Relative change of a property that shows whether the symmetry of the tangent depends on it, as it does for equal
-/// angles of friction and dilation, [-].
+/// Relative change of a property that is used to detect whether the symmetry of the tangent depends on it, as it does
+/// if the angles of friction and dilation are equal, [-].
 const CHANGE: f64 = 1e-3;
 
 impl<L: Material> Varying<L> {
-    /// The law whose properties, in the order of `properties`, are those of `at`; `law` is the law with given
+    /// The law whose properties are given by `at`, in the order of `properties`; `law` creates the law with given
     /// properties.
     pub fn new(
         properties: &[VaryingProperty],

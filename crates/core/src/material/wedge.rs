@@ -1,5 +1,5 @@
-//! Plasticity with the Mohr-Coulomb surface, of which the Tresca surface is a special case: softening and the stress
-//! that the strength limits.
+//! Plasticity with the Mohr-Coulomb surface, of which the Tresca surface is a special case: softening, and the
+//! stress measure that the strength limits.
 
 mod return_mapping;
 
@@ -13,24 +13,24 @@ pub(super) use return_mapping::Strength;
 /// Largest number of iterations for the softened strength.
 const MOST_ITERATIONS: usize = 60;
 
-/// What laws with this surface have in addition to their strength.
+/// Settings of laws with this surface in addition to their strength.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct WedgeSettings {
     pub(super) elasticity: Elasticity,
-    /// The stress that the strength limits.
+    /// The stress measure that the strength limits.
     pub(super) measure: StrengthMeasure,
     /// True if the strength changes with the equivalent plastic strain.
     pub(super) softens: bool,
 }
 
-/// A law with this surface: what distinguishes it from other such laws.
+/// A law with this surface: the parts in which it differs from other laws of this kind.
 pub(super) trait WedgeLaw: std::fmt::Debug + Send + Sync + Sized + 'static {
     fn settings(&self) -> &WedgeSettings;
 
     /// True if flow is normal to the surface.
     fn is_associated(&self) -> bool;
 
-    /// The strength at an equivalent plastic strain, and its derivative with respect to it.
+    /// The strength at an equivalent plastic strain, and the derivative of the strength with respect to that strain.
     fn strength(&self, kappa: f64) -> [Strength; 2];
 
     /// The law with its strength divided by a factor.
@@ -56,7 +56,7 @@ impl<L: WedgeLaw> PrincipalLaw for L {
         let tau = elasticity.stress_components(trial);
         let mut factor = Lanes::splat(1.0);
         if *measure == StrengthMeasure::Cauchy {
-            factor += trial[0] + trial[1] + trial[2] + old[1]; // less than the exponential
+            factor += trial[0] + trial[1] + trial[2] + old[1]; // a lower bound of the exponential
         }
         let shear = tau[0] * strength.ratio - tau[2] - factor * strength.compressive;
         let is_inside =
@@ -97,9 +97,9 @@ struct AtTrial {
 struct Flowed {
     returned: Returned<2>,
     elastic_strain: [f64; 3],
-    /// The equivalent plastic strain that the flow leads to.
+    /// The equivalent plastic strain that results from the flow.
     kappa: f64,
-    /// Direction of the deviatoric plastic strain increment times √(2/3), zero without one.
+    /// Direction of the deviatoric plastic strain increment times √(2/3); zero if there is no such increment.
     direction: [f64; 3],
     /// Derivative of `kappa` with respect to the assumed κ.
     slope: f64,
@@ -165,8 +165,8 @@ impl<L: WedgeLaw> Wedge<'_, L> {
         AtTrial { strength, rates: [scaled(rate), by_volume] }
     }
 
-    /// The stress beyond yield. With softening, it follows from the strength at the end of the flow, which Newton's
-    /// method finds between bounds.
+    /// The stress during yield. With softening, it follows from the strength at the end of the flow, which is found by
+    /// Newton's method between bounds.
     fn flow(
         &self,
         trial: &[f64; 3],
@@ -222,8 +222,8 @@ impl<L: WedgeLaw> Wedge<'_, L> {
 }
 
 impl Flowed {
-    /// Derivative of the equivalent plastic strain with respect to the trial strains. `modulus` is that of the stress
-    /// at constant equivalent plastic strain.
+    /// Derivative of the equivalent plastic strain with respect to the trial strains. `modulus` is the modulus at
+    /// constant equivalent plastic strain.
     fn growth(&self, elasticity: &Elasticity, modulus: &[[f64; 3]; 3]) -> [f64; 3] {
         std::array::from_fn(|j| {
             let elastic = elasticity.principal_strain([modulus[0][j], modulus[1][j], modulus[2][j]]);

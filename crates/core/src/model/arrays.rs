@@ -3,7 +3,7 @@
 use super::Model;
 use crate::points::{PointArray, PointValues, Points};
 
-/// The index of a history variable among those of each law.
+/// The index of a history variable among the history variables of each law.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct HistoryVariable {
     /// Index for each body; `None` if its law does not have the variable.
@@ -18,12 +18,12 @@ impl HistoryVariable {
         HistoryVariable { place: model.bodies.iter().map(|body| place(body.material)).collect() }
     }
 
-    /// True if a body has it.
+    /// True if at least one body has the variable.
     pub fn exists(&self) -> bool {
         self.place.iter().any(Option::is_some)
     }
 
-    /// Its value at a point in the converged state, zero for laws that do not have it.
+    /// The value of the variable at a point in the converged state; zero if the law does not have it.
     pub fn of<const D: usize>(&self, points: &Points<D>, p: usize) -> f64 {
         match self.place[points.body[p] as usize] {
             Some(k) => points.converged.history[p * points.history_len + k],
@@ -33,8 +33,8 @@ impl HistoryVariable {
 }
 
 impl<const D: usize> Model<D> {
-    /// An array of the points in their converged state by its name, with the meaning of the name in VTU files: the
-    /// arrays of [`PointArray`], but with the logarithmic elastic strain and the volume of [`Model::volume`]; history
+    /// The point array with this name, in the converged state. Names have the same meaning as in VTU files: the arrays
+    /// of [`PointArray`], but with the logarithmic elastic strain and the volume of [`Model::volume`]; history
     /// variables of laws, zero for points of other laws; declared fields ([`Points::STORED`]); and further fields
     /// ([`Points::declare`]). `None` if nothing has this name.
     ///

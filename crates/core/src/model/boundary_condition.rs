@@ -4,26 +4,26 @@ use crate::formula::Formula;
 
 use super::load::LoadCurve;
 
-/// The nodes that a boundary condition acts on.
+/// The nodes on which a boundary condition acts.
 #[derive(Debug, Clone, PartialEq)]
 pub enum NodeSet {
-    /// Given grid nodes, ascending.
+    /// A fixed set of grid nodes, ascending.
     Fixed(Vec<u32>),
-    /// All nodes of the cells that contain points of the outer layer of this body, or that overlap their domains. The
-    /// set is updated at every step.
+    /// All nodes of the cells that contain points of the outer layer of this body, or overlap the domains of these
+    /// points. The set is updated at every step.
     OuterLayer(u16),
     /// No nodes: the condition holds weakly on a surface of a body.
     Surface(OnSurface),
 }
 
-/// A condition that holds weakly on a surface, by multipliers and a penalty. It prescribes the displacement of the
-/// surface since the start of the analysis, or since the stage that sets it or adds the body.
+/// A condition that holds weakly on a surface, enforced with multipliers and a penalty. It prescribes the displacement
+/// of the surface since the start of the analysis, or since the stage that sets it or adds the body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OnSurface {
     /// Index of the surface.
     pub surface: usize,
-    /// True if the condition prescribes only the component along the original normal of the surface at each sample,
-    /// given as its first displacement.
+    /// True if the condition prescribes only the component along the original normal of the surface at each sample; the
+    /// first entry of its displacement is this component.
     pub along_normal: bool,
     /// Penalty stiffness per unit area, relative to the axial modulus of the body divided by the cell size, [-]. It
     /// regularises the stiffness; results do not depend on it.
@@ -37,9 +37,9 @@ pub struct BoundaryCondition<const D: usize> {
     pub name: String,
     /// Nodes with prescribed displacement.
     pub nodes: NodeSet,
-    /// Prescribed displacement along each axis, or each direction of `axes`, [length]; `None` if the axis is free. A
-    /// formula of the coordinates of the node (`D` values), the original position of the material there (`D` values)
-    /// and the load factor. A formula that does not contain the load factor is multiplied by it.
+    /// Prescribed displacement along each axis, or each direction of `axes`, [length]; `None` if the axis is free. It
+    /// is a formula of the coordinates of the node (`D` values), the original position of the material at the node (`D`
+    /// values) and the load factor. A formula that does not contain the load factor is multiplied by it.
     pub displacement: [Option<Formula>; D],
     /// Directions to which `displacement` refers if they are not the axes: orthonormal vectors, `[direction][axis]`.
     pub axes: Option<[[f64; D]; D]>,
@@ -48,7 +48,7 @@ pub struct BoundaryCondition<const D: usize> {
 }
 
 impl<const D: usize> BoundaryCondition<D> {
-    /// The direction of one of its displacements on a surface with this original unit normal.
+    /// The direction of one of the prescribed displacements on a surface with this original unit normal.
     pub fn direction(&self, displacement: usize, normal: [f64; D]) -> [f64; D] {
         match (&self.nodes, &self.axes) {
             (NodeSet::Surface(on), _) if on.along_normal => normal,
@@ -77,7 +77,7 @@ impl<const D: usize> BoundaryCondition<D> {
         self.displacement.iter().flatten().any(|formula| formula.as_constant() != Some(0.0))
     }
 
-    /// The directions along which it prescribes the displacement: unit vectors.
+    /// The directions along which the condition prescribes the displacement, as unit vectors.
     pub fn directions(&self) -> Vec<[f64; D]> {
         let prescribed = (0..D).filter(|&k| self.displacement[k].is_some());
         let axis = |k: usize| std::array::from_fn(|d| f64::from(u8::from(d == k)));

@@ -13,7 +13,7 @@ use super::{
     Action, Body, BoundaryCondition, Load, LoadCurve, Model, NamedMaterial, NodeSet, Stepping, Tool,
 };
 
-/// A model that cannot be built.
+/// Reason why a model cannot be built.
 #[non_exhaustive]
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum BuildError {
@@ -25,7 +25,7 @@ pub enum BuildError {
         /// The name.
         name: String,
     },
-    /// A body refers to a material that has not been added before it.
+    /// A body refers to a material that was not added before the body.
     #[error("there is no material `{material}` for body `{body}`")]
     NoMaterial {
         /// The body.
@@ -35,7 +35,7 @@ pub enum BuildError {
     },
     /// A body contains no points.
     #[error(
-        "no point lies in body `{body}`: its region is outside the grid or smaller than the spacing of points"
+        "no point lies in body `{body}`: its region is outside the grid or smaller than the point spacing"
     )]
     Empty {
         /// The body.
@@ -96,8 +96,8 @@ impl Default for Fill {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 ///
-/// All loads and prescribed motions grow linearly to their values at the end, at time 1. Everything else can be changed
-/// in the resulting model. Errors are deferred to [`Builder::build`].
+/// All loads and prescribed motions grow linearly to their values at the end, at time 1. All other settings can be
+/// changed in the resulting model. Errors are deferred to [`Builder::build`].
 pub struct Builder<const D: usize> {
     grid: Structured<D>,
     model: Model<D>,
@@ -106,7 +106,7 @@ pub struct Builder<const D: usize> {
 }
 
 impl<const D: usize> Builder<D> {
-    /// Starts with a grid only.
+    /// A builder that starts with a grid only.
     pub fn new(grid: Structured<D>) -> Self {
         Builder { model: Model::new(Box::new(grid.clone())), grid, seeds: Vec::new(), fault: None }
     }
@@ -118,8 +118,8 @@ impl<const D: usize> Builder<D> {
         self
     }
 
-    /// Adds a body of a material that has already been added. Cells are divided into equal boxes; those with their
-    /// centre in the region become points.
+    /// Adds a body of a material that has already been added. Cells are divided into equal boxes; a point is created
+    /// for each box whose centre lies in the region.
     pub fn body(
         mut self,
         name: &str,

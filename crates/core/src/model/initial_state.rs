@@ -15,18 +15,18 @@ pub enum InitialImbalance {
     /// The run ends before the first step.
     #[default]
     Refuse,
-    /// The first step brings the bodies into equilibrium, and moves them.
+    /// The first step brings the bodies into equilibrium, which moves them.
     Equilibrate,
 }
 
 impl<const D: usize> Model<D> {
     /// Stresses a point of the initial configuration, in the converged and the trial state: F = I, b^e from the inverse
     /// of the elastic law, and the history variables adapted to b^e. `stress` is the Kirchhoff stress τ, which equals
-    /// the Cauchy stress at F = I, [stress]. A stress outside the yield surface is replaced by that to which the law
-    /// returns it, without plastic strain. Returns the stress of the point, [stress].
+    /// the Cauchy stress at F = I, [stress]. A stress outside the yield surface is replaced by the stress to which the
+    /// law returns it, without plastic strain. Returns the stress of the point, [stress].
     ///
     /// # Errors
-    /// As [`elastic_strain`](crate::material::Material::elastic_strain); the point then is as before.
+    /// The same as for [`elastic_strain`](crate::material::Material::elastic_strain); the point is then unchanged.
     pub fn set_initial_stress(
         &self,
         points: &mut Points<D>,

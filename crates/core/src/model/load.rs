@@ -50,9 +50,9 @@ impl LoadCurve {
 #[non_exhaustive]
 #[derive(Debug, Clone)]
 pub enum Action<const D: usize> {
-    /// Acceleration that acts on the constant mass of each point, [length/time²].
+    /// Acceleration of each point, whose mass is constant, [length/time²].
     Gravity([f64; D]),
-    /// Force per volume at the start of the step, [force/volume], eq. (24).
+    /// Force per unit volume at the start of the step, [force/volume], eq. (24).
     BodyForce(VectorFormula<D>),
     /// Force per unit of the constant mass of each point, [length/time²].
     MassForce(VectorFormula<D>),
@@ -63,11 +63,11 @@ pub enum Action<const D: usize> {
         /// Force on each point at load factor 1, [force].
         force: [f64; D],
     },
-    /// Force per original area of a surface, [stress], which keeps its direction.
+    /// Force per unit original area of a surface, [stress]; its direction is constant.
     Traction {
         /// Index of the surface.
         surface: usize,
-        /// The force.
+        /// The traction.
         traction: VectorFormula<D>,
     },
     /// Pressure on a surface, [stress].
@@ -89,37 +89,39 @@ impl<const D: usize> Action<D> {
     }
 }
 
-/// A pressure on a surface, [stress]. Unless it is a dead load, it acts on the present area along the present normal.
+/// A pressure on a surface, [stress]. Unless it is a dead load, it acts on the current area along the current normal.
 #[derive(Debug, Clone)]
 pub enum Pressure<const D: usize> {
     /// A formula of the position at the start of the step, of the original position, and of the load factor.
     Given(VectorFormula<D, 1>),
-    /// The same, along the original normal on the original area.
+    /// The same formula, but the pressure acts along the original normal on the original area.
     Dead(VectorFormula<D, 1>),
-    /// The load factor times `unit_weight` max(`level` − y, 0) at the present position, y along the last axis.
+    /// The load factor times `unit_weight` max(`level` − y, 0) at the current position, with y along the last axis.
     Hydrostatic {
         /// Coordinate of the free surface along the last axis, [length].
         level: f64,
-        /// Weight per volume of the liquid, [force/volume].
+        /// Weight of the liquid per unit volume, [force/volume].
         unit_weight: f64,
     },
 }
 
-/// A formula of position, original position and load factor with `C` components: as many as there are axes, or one.
+/// A quantity with `C` components (one per axis, or a single one), each a formula of position, original position and
+/// load factor.
 ///
 /// The variables of every component are, in this order: position x (`D` values), original position X (`D` values), the
-/// load factor, and the intermediate values. An intermediate value may use those before it.
+/// load factor, and the intermediate values. An intermediate value may use all variables before it.
 #[derive(Debug, Clone)]
 pub struct VectorFormula<const D: usize, const C: usize = D> {
     intermediate: Vec<Formula>,
     components: [Formula; C],
-    /// For each component, true if it is multiplied by the load factor because it does not depend on it.
+    /// For each component, true if its formula does not depend on the load factor; the component is then multiplied by
+    /// the factor.
     scaled: [bool; C],
 }
 
 impl<const D: usize, const C: usize> VectorFormula<D, C> {
-    /// Builds the vector from formulas of the variables listed above; at most [`MOST_INTERMEDIATE`] intermediate values
-    /// are kept.
+    /// Builds the vector from formulas of the variables listed above; only the first [`MOST_INTERMEDIATE`] intermediate
+    /// values are kept.
     pub fn new(mut intermediate: Vec<Formula>, components: [Formula; C]) -> Self {
         intermediate.truncate(MOST_INTERMEDIATE);
         let fixed = 2 * D + 1;
@@ -144,7 +146,7 @@ impl<const D: usize, const C: usize> VectorFormula<D, C> {
         })
     }
 
-    /// Values of all variables, the intermediate values included.
+    /// Values of all variables, including the intermediate values.
     fn values(&self, x: &[f64; D], original: &[f64; D], factor: f64) -> [f64; 7 + MOST_INTERMEDIATE] {
         let mut values = [0.0; 7 + MOST_INTERMEDIATE];
         values[..D].copy_from_slice(x);
@@ -156,7 +158,7 @@ impl<const D: usize, const C: usize> VectorFormula<D, C> {
         values
     }
 
-    /// The first formula whose value is not finite, as its text and value; intermediate values are checked before
+    /// Text and value of the first formula whose value is not finite; intermediate values are checked before
     /// components.
     pub fn not_finite(&self, x: &[f64; D], original: &[f64; D], factor: f64) -> Option<(&str, f64)> {
         let values = self.values(x, original, factor);
@@ -181,8 +183,8 @@ pub struct Load<const D: usize> {
 }
 
 impl LoadCurve {
-    /// The factor of a tool at a time, [-]. Where the common load factor follows from equilibrium, `unknown` is its
-    /// value: the share of the change of the curve over the stage that has been reached.
+    /// The factor of a tool at a time, [-]. If the common load factor follows from equilibrium, `unknown` is its value:
+    /// the fraction, reached so far, of the change of the curve over the stage.
     pub fn factor_of_tool(&self, stepping: &Stepping, time: f64, unknown: f64) -> f64 {
         if stepping.control.has_unknown_factor() {
             self.factor(stepping.start_time) + unknown * self.factor_per_unknown(stepping)
@@ -191,8 +193,8 @@ impl LoadCurve {
         }
     }
 
-    /// Change of the factor of the tool with the common load factor, [-]; 0 where the latter does not follow from
-    /// equilibrium.
+    /// Derivative of the tool's factor with respect to the common load factor, [-]; 0 if the common load factor does
+    /// not follow from equilibrium.
     pub fn factor_per_unknown(&self, stepping: &Stepping) -> f64 {
         if stepping.control.has_unknown_factor() {
             self.factor(stepping.end_time) - self.factor(stepping.start_time)
@@ -203,8 +205,8 @@ impl LoadCurve {
 }
 
 impl<const D: usize> Load<D> {
-    /// The load factor at the start of the stage, and the one at its end if one common factor grows from 0 to 1. At
-    /// time 0, nothing is loaded.
+    /// The load factor at the start of the stage, and the load factor at its end when the common factor has grown from
+    /// 0 to 1. At time 0, nothing is loaded.
     pub fn factors_of_stage(&self, stepping: &Stepping) -> (f64, f64) {
         let from = stepping.start_time;
         let stands = if from > 0.0 { self.curve.factor(from) } else { 0.0 };

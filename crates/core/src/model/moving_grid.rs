@@ -1,8 +1,8 @@
 //! A background grid whose lines follow prescribed displacements.
 //!
-//! Nothing lives on the grid between load steps, so its lines may be carried along: the grid of a step is a function of
-//! the time at which the step starts. A tool or footing then stays on grid lines (the moving mesh of Phuong et al.,
-//! Comput. Geotech. 73 (2016) 58-71). Lines move as a whole, whatever material their cells contain.
+//! The grid carries no state between load steps, so its lines can be moved between steps: the grid of a step is a
+//! function of the time at which the step starts. A tool or footing then stays on grid lines (the moving mesh of Phuong
+//! et al., Comput. Geotech. 73 (2016) 58-71). Lines move as a whole, whatever material their cells contain.
 
 use crate::formula::Formula;
 use crate::grid::{Axis, CarriedLines, CarryError, ON_LINE, Structured};
@@ -19,11 +19,11 @@ const TIMES: [usize; 2] = [100, 10_000];
 pub struct FollowingLines {
     /// Axis, from 0.
     pub axis: usize,
-    /// Number of the first line.
+    /// Index of the first line.
     pub first: usize,
-    /// Number of the last line.
+    /// Index of the last line.
     pub last: usize,
-    /// Index of the boundary condition. The lines follow it whether or not it acts in the present stage.
+    /// Index of the boundary condition. The lines follow it whether or not it acts in the current stage.
     pub condition: usize,
 }
 
@@ -49,14 +49,14 @@ pub enum FollowError {
     /// Two entries share lines.
     #[error("lines along one axis would follow two boundary conditions")]
     Overlap {
-        /// Number of the other entry, which shares lines with this one.
+        /// Index of the other entry, which shares lines with this entry.
         with: usize,
     },
     /// The condition leaves the displacement along the axis free.
     #[error("the boundary condition does not prescribe the displacement along the axis")]
     NotPrescribed,
     /// Nodes of one line would move differently.
-    #[error("the prescribed displacement depends on the position, and grid lines move as a whole")]
+    #[error("the prescribed displacement depends on the position, but grid lines move as a whole")]
     DependsOnPosition,
     /// The axis of revolution would move.
     #[error("the grid line on the axis of revolution cannot move")]
@@ -67,12 +67,12 @@ pub enum FollowError {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum GridMotionError {
     /// The load factors of the conditions are unknown before the step.
-    #[error("the grid moves by prescribed displacements, and the load factor is an unknown")]
+    #[error("the grid follows prescribed displacements, but the load factor is an unknown")]
     UnknownFactor,
     /// A displacement is not a number.
     #[error("at time {time}, the displacement of the grid lines is {value}")]
     NotFinite {
-        /// Entry number.
+        /// Index of the entry.
         entry: usize,
         /// Time, [time].
         time: f64,
@@ -99,15 +99,15 @@ pub enum GridMotionError {
         /// Coordinate of the first line, [length].
         x: f64,
     },
-    /// The grid is not where it belongs at the start of the step: [`Model::place_grid`] moves it there, and
+    /// The grid is not in its position for the start of the step. [`Model::place_grid`] moves it there;
     /// `solver::run_stages` does so for every step.
-    #[error("the grid moves between steps, and has not been moved to its place for this one")]
+    #[error("the grid moves between steps, but has not been moved into position for this step")]
     NotPlaced,
 }
 
 impl<const D: usize> BoundaryCondition<D> {
-    /// The displacement that the condition prescribes along an axis: a formula, and the sign with which it counts.
-    /// `None` if the condition prescribes none there, or prescribes one along another direction.
+    /// The displacement that the condition prescribes along an axis: a sign, and the formula to which it applies.
+    /// `None` if the condition does not prescribe a displacement along this axis.
     fn along(&self, axis: usize) -> Option<(f64, &Formula)> {
         let number = match &self.axes {
             None => axis,
@@ -119,8 +119,7 @@ impl<const D: usize> BoundaryCondition<D> {
 }
 
 impl<const D: usize> MovingGrid<D> {
-    /// The carried lines along each axis at a time, ascending, for these load factors of the boundary conditions at
-    /// that time.
+    /// The carried lines along each axis, ascending, at a time when the boundary conditions have these load factors.
     fn carried(
         &self,
         model: &Model<D>,
@@ -143,7 +142,7 @@ impl<const D: usize> MovingGrid<D> {
             carried[lines.axis].push(CarriedLines { first: lines.first, last: lines.last, by });
         }
         carried.iter_mut().for_each(|lines| lines.sort_unstable_by_key(|lines| lines.first));
-        // The first line is carried by the first entry, if it moves at all.
+        // The first line along x is among the first carried lines, if it moves at all.
         let first = self.original.origin()[0];
         let by = carried[0].first().filter(|lines| lines.first == 0).map_or(0.0, |lines| lines.by);
         if model.revolved && first + by < -ON_LINE * self.original.axes()[0].size(0) {
@@ -155,7 +154,7 @@ impl<const D: usize> MovingGrid<D> {
         Ok(carried)
     }
 
-    /// The grid at a time, for these load factors of the boundary conditions at that time.
+    /// The grid at a time when the boundary conditions have these load factors.
     fn at(
         &self,
         model: &Model<D>,
@@ -183,7 +182,7 @@ impl<const D: usize> Model<D> {
     /// Makes lines of the model's grid, which must be in its original position, follow boundary conditions.
     ///
     /// # Errors
-    /// The numbers of the entries that cannot follow, each with the reason.
+    /// The indices of the entries that cannot follow, each with the reason.
     pub fn follow(&mut self, following: Vec<FollowingLines>) -> Result<(), Vec<(usize, FollowError)>> {
         let Some(grid) = self.grid.structured() else { return Err(vec![(0, FollowError::Unstructured)]) };
         let faults = following.iter().enumerate().filter_map(|(entry, lines)| {
@@ -222,7 +221,7 @@ impl<const D: usize> Model<D> {
         Ok(())
     }
 
-    /// The grid of a step of the present stage that starts at a time; `None` if the grid does not move.
+    /// The grid of a step of the current stage that starts at this time; `None` if the grid does not move.
     ///
     /// # Errors
     /// [`GridMotionError`] if it cannot move there.
@@ -235,10 +234,10 @@ impl<const D: usize> Model<D> {
         moving.at(self, time, &factor).map(Some)
     }
 
-    /// Moves the grid to its position for a step of the present stage that starts at a time.
+    /// Moves the grid to its position for a step of the current stage that starts at this time.
     ///
     /// # Errors
-    /// As [`Model::grid_at`].
+    /// The same as for [`Model::grid_at`].
     pub fn place_grid(&mut self, time: f64) -> Result<(), GridMotionError> {
         if let Some(grid) = self.grid_at(time)? {
             self.grid = Box::new(grid);
@@ -247,7 +246,7 @@ impl<const D: usize> Model<D> {
         Ok(())
     }
 
-    /// True if the grid is where a step that starts at a time needs it.
+    /// True if the grid is in the position for a step that starts at this time.
     pub fn has_grid_of(&self, time: f64) -> bool {
         self.moving_grid.as_ref().is_none_or(|moving| moving.time == time)
     }
@@ -269,7 +268,7 @@ impl<const D: usize> Model<D> {
                 return Err(GridMotionError::UnknownFactor);
             }
             let (from, to) = (stepping.start_time, stepping.end_time);
-            // The model has begun the first stage.
+            // The model is already in the first stage.
             if let Some(stage) = self.stages.get(number).filter(|_| number > 0) {
                 for (curve, course) in curves.iter_mut().zip(&stage.boundary_conditions) {
                     course.draw(curve, stepping, curve.factor(from));

@@ -47,8 +47,8 @@ pub enum Predictor {
     LastStep,
 }
 
-/// When the stiffness is factorised within a step. A preconditioner is always reused as with `kept`, because it does
-/// not change the equations.
+/// When the stiffness is factorised within a step. A preconditioner does not change the equations and is always reused
+/// as with `kept`.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]

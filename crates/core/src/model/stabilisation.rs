@@ -13,7 +13,7 @@ pub enum StabilisationMode {
     /// of their nodes.
     #[default]
     Auto,
-    /// On the faces of all cells at the boundary of the material too.
+    /// In addition to `Auto`, on the faces of all cells at the boundary of the material.
     On,
 }
 
@@ -27,8 +27,8 @@ pub struct Stabilisation {
     /// Penalty stiffness relative to the shear modulus of the material, [-].
     #[cfg_attr(feature = "schema", schemars(range(min = 1e-9, max = 1e3), extend("examples" = [1e-3])))]
     pub parameter: f64,
-    /// Filling ratio below which `auto` stabilises a cell: the material volume carried by its weakest node, relative to
-    /// the volume that the node would carry if the cell alone were full, [-].
+    /// Filling ratio below which `auto` stabilises a cell: the material volume assigned to its node with the least
+    /// material, relative to the volume that would be assigned to the node if only this cell were full, [-].
     #[cfg_attr(feature = "schema", schemars(range(min = 0.0, max = 1.0), extend("examples" = [0.1])))]
     pub filling: f64,
 }

@@ -11,11 +11,11 @@ use super::{Control, Load, LoadCurve, Model, Newton, Stepping};
 pub struct Stage<const D: usize> {
     /// Name.
     pub name: String,
-    /// Its load steps; it starts where the stage before ends.
+    /// Its load steps; they start where the previous stage ends.
     pub stepping: Stepping,
     /// Control of its Newton iterations.
     pub newton: Newton,
-    /// Number of requested steps between two sets of files, if it differs from that of the run.
+    /// Number of requested steps between two sets of VTU files, if it differs from the number for the run.
     pub every: Option<usize>,
     /// The course of the factor of each load of the model.
     pub loads: Vec<Course>,
@@ -29,7 +29,7 @@ pub struct Stage<const D: usize> {
     pub added: Points<D>,
     /// Bodies whose points are removed. The forces that they carried are released over the stage.
     pub removed: Vec<usize>,
-    /// Bodies that get another material, and its number. Their stress does not change.
+    /// Bodies that get a different material, each with the index of that material. Their stress does not change.
     pub materials: Vec<(usize, usize)>,
     /// True if the displacements are set to zero at the end.
     pub resets_displacement: bool,
@@ -40,14 +40,14 @@ pub struct Stage<const D: usize> {
 pub enum Course {
     /// The factor keeps its value.
     Stays,
-    /// The factor reaches this value at the end, linearly from its value at the start.
+    /// The factor changes linearly from its value at the start to this value at the end.
     Reaches(f64),
     /// The factor follows a curve over the time of the whole analysis.
     Own,
 }
 
 impl Course {
-    /// Replaces the curve of a factor that has this value at the start of the stage.
+    /// Replaces the curve of a factor by its course over the stage; `stands` is the value at the start of the stage.
     pub(super) fn draw(self, curve: &mut LoadCurve, stepping: &Stepping, stands: f64) {
         let times = [stepping.start_time, stepping.end_time];
         match self {
@@ -68,8 +68,8 @@ pub struct Factors {
 }
 
 impl<const D: usize> Model<D> {
-    /// The factors at the end of the present stage. If the load factor of the stage follows from equilibrium, `unknown`
-    /// is its value: the share of the change of each load over the stage that has been reached.
+    /// The factors at the end of the current stage. If the load factor of the stage follows from equilibrium, `unknown`
+    /// is its value: the share, reached so far, of the change of each load over the stage.
     pub fn factors_at_end(&self, unknown: f64) -> Factors {
         let Stepping { start_time, end_time, .. } = self.stepping;
         let reached = |load: &Load<D>| match self.stepping.control {
@@ -85,7 +85,7 @@ impl<const D: usize> Model<D> {
         }
     }
 
-    /// Begins a stage with these factors: takes over its load steps, the courses of its factors, its conditions and its
+    /// Begins a stage with these factors: adopts its load steps, the courses of its factors, its conditions and its
     /// materials.
     pub fn begin_stage(&mut self, number: usize, stands: &Factors) {
         let Some(stage) = self.stages.get(number) else { return };
@@ -117,7 +117,7 @@ impl<const D: usize> Model<D> {
         of_stages.chain([&self.stepping]).any(|stepping| stepping.strength_factor(0.0).is_some())
     }
 
-    /// True if a stage after the present one reduces the strength of the materials.
+    /// True if a stage after the current one reduces the strength of the materials.
     pub fn reduces_strength_later(&self) -> bool {
         let later = self.stages.iter().skip(self.present.stage + 1);
         later.map(|stage| &stage.stepping).any(|stepping| stepping.strength_factor(0.0).is_some())
@@ -132,12 +132,12 @@ impl<const D: usize> Model<D> {
     }
 }
 
-/// The state of a model in its present stage.
+/// The state of a model in its current stage.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Present<const D: usize> {
     /// Stage number, from 0.
     pub stage: usize,
-    /// For each boundary condition, true if it does not act; empty if all of them act.
+    /// For each boundary condition, true if it does not act; empty if all conditions act.
     pub is_released: Vec<bool>,
     /// Grid nodes and the forces on them that maintain equilibrium at the start of the stage, [force]. The forces
     /// decrease to zero, linearly over the stage.
@@ -145,7 +145,7 @@ pub struct Present<const D: usize> {
 }
 
 impl<const D: usize> Present<D> {
-    /// Sets and releases the boundary conditions, `n` in all, as the stage specifies.
+    /// Sets and releases boundary conditions as the stage specifies; `n` is the number of all conditions.
     pub fn change_conditions(&mut self, n: usize, stage: &Stage<D>) {
         self.is_released.resize(n, false);
         stage.released.iter().for_each(|&released| self.is_released[released] = true);

@@ -1,14 +1,14 @@
 //! Division of the loading into load steps, and step control.
 
-/// Tolerance for equal times, relative to a requested step, [-].
+/// Difference below which two times count as equal, relative to a requested step, [-].
 pub const SAME_TIME: f64 = 1e-9;
 
-/// Division of the loading into steps. *Requested* steps are those of the deck; the solver may cut or enlarge them.
+/// Division of the loading into steps. *Requested* steps are those of the deck; the solver can cut or enlarge them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Stepping {
     /// Number of requested steps, all of equal size.
     pub count: usize,
-    /// Time at the start, [time]: 0, or the end of the stage before.
+    /// Time at the start, [time]: 0, or the end of the previous stage.
     pub start_time: f64,
     /// Time at the end of the analysis or stage, [time].
     pub end_time: f64,
@@ -18,7 +18,7 @@ pub struct Stepping {
     pub damping: bool,
     /// Largest step size, relative to a requested step, [-].
     pub largest: f64,
-    /// Interval of the requested steps that must be met exactly, however large the steps are.
+    /// Interval, as a number of requested steps, at which a step must end exactly, however large the steps are.
     pub stops: usize,
     /// Further times at which a step must end exactly, ascending, [time]: the kinks of the load curves.
     pub knots: Vec<f64>,
@@ -31,25 +31,25 @@ pub struct Stepping {
 pub enum Control {
     /// Loads and boundary displacements follow their curves; displacements follow from equilibrium.
     Load,
-    /// The displacement of a probe or a tool along an axis grows in proportion to time. The common factor of all loads
+    /// The displacement of a probe or a tool along an axis grows in proportion to time. A common factor of all loads
     /// follows from equilibrium.
     Displacement {
-        /// What moves.
+        /// The object whose displacement is prescribed.
         of: Controlled,
         /// Axis of the displacement, from 0.
         axis: usize,
         /// Displacement at the end of the analysis, [length].
         to: f64,
     },
-    /// The arc length of the displacements grows in proportion to time. The common factor of all loads follows from
+    /// The arc length of the displacements grows in proportion to time. A common factor of all loads follows from
     /// equilibrium.
     ArcLength {
         /// Arc length at the end of the analysis, [length], as defined by [`crate::solver::path_length`]. Without it,
-        /// the first step is load-controlled and its arc length sets the size of all others.
+        /// the first step is load-controlled, and its arc length sets the size of all other steps.
         length: Option<f64>,
     },
-    /// The strength of the materials is divided by a factor that grows in proportion to time, until no equilibrium is
-    /// found ([`Material::with_strength_divided`](crate::material::Material::with_strength_divided)). Loads and
+    /// The strength of the materials is divided by a factor that grows in proportion to time, until equilibrium is no
+    /// longer found ([`Material::with_strength_divided`](crate::material::Material::with_strength_divided)). Loads and
     /// boundary displacements follow their curves.
     StrengthReduction {
         /// Factor at the start, [-].
@@ -59,7 +59,7 @@ pub enum Control {
     },
 }
 
-/// What displacement control moves.
+/// The object whose displacement is prescribed in displacement control.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Controlled {
     /// The probe with this index: the mean displacement of its points.
@@ -103,7 +103,8 @@ impl Stepping {
         ((passed - number).abs() <= SAME_TIME && number >= 0.0).then_some(number as usize)
     }
 
-    /// True if damped iterations may be used as a last resort: steps may be cut and all loads are prescribed.
+    /// True if damped iterations are allowed as a last resort: this requires that steps can be cut and all loads are
+    /// prescribed.
     pub fn may_damp(&self) -> bool {
         self.damping && self.smallest < 1.0 && self.control == Control::Load
     }
@@ -130,7 +131,7 @@ impl Stepping {
         let every = if self.largest > 1.0 { self.stops.max(1) } else { 1 };
         let passed = ((time - self.start_time) / self.size() + SAME_TIME) as usize;
         let last = ((passed / every + 1) * every).min(self.count);
-        // The end is met to the last bit, so that the next stage begins exactly there.
+        // The end time is met to the last bit, so that the next stage begins exactly there.
         let stop = if last == self.count { self.end_time } else { self.time(last) };
         let after = self.knots.partition_point(|knot| *knot <= time + slack);
         self.knots.get(after).copied().filter(|knot| *knot < stop - slack).unwrap_or(stop)

@@ -9,13 +9,14 @@ use crate::tool::{NoOutline, Outline, Pose, Shape};
 use super::load::LoadCurve;
 use super::tool_part::ToolPart;
 
-/// Number of times that the facets of an outline are doubled in size until there are few enough.
+/// Largest number of times that the facet size of an outline is doubled to reduce the number of facets.
 const COARSER: usize = 20;
-/// Width of the part of an unbounded tool in which its named parts are sought, relative to the diagonal of the grid,
+/// Width of the portion of an unbounded tool in which its named parts are sought, relative to the diagonal of the grid,
 /// [-].
 const SOUGHT: f64 = 2.0;
 
-/// A rigid tool: it moves as prescribed, or as its loads and the bodies let it, and no body may enter it.
+/// A rigid tool, which no body can penetrate. It moves as prescribed, or as its loads and the contact with the bodies
+/// determine.
 #[derive(Debug, Clone)]
 pub struct Tool<const D: usize> {
     /// Name under which its forces are reported.
@@ -26,19 +27,19 @@ pub struct Tool<const D: usize> {
     pub pose: Pose<D>,
     /// Motion of the reference point along each global axis.
     pub translation: [Freedom; D],
-    /// Rotation about the global axes x, y and z. In the plane, only the rotation about z counts.
+    /// Rotation about the global axes x, y and z. In the plane, only the rotation about z is used.
     pub rotation: [Freedom; 3],
     /// Load factor of the prescribed motion over time.
     pub curve: LoadCurve,
-    /// External forces on the tool. They move it along its free components.
+    /// External forces on the tool, which move it along its free components.
     pub loads: Vec<ToolLoad<D>>,
-    /// Interface with the bodies that `pairs` does not list; `None` if it does not touch them.
+    /// Interface with the bodies that `pairs` does not list; `None` if the tool has no contact with them.
     pub interface: Option<Interface>,
-    /// Interfaces with single bodies, by body number; `None` if the tool does not touch the body.
+    /// Interfaces with individual bodies, by body index; `None` if the tool has no contact with the body.
     pub pairs: Vec<(usize, Option<Interface>)>,
     /// Control of the contact.
     pub control: ContactControl,
-    /// Named parts of its surface, whose forces are summed separately.
+    /// Named parts of its surface; the forces on each part are summed separately.
     pub parts: Vec<ToolPart<D>>,
 }
 
@@ -56,8 +57,8 @@ pub enum Freedom {
 /// An external force on a tool, such as its weight, with a fixed direction.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ToolLoad<const D: usize> {
-    /// Force at load factor 1, [force]; for bodies of revolution on the full circle, otherwise in the plane per unit
-    /// thickness.
+    /// Force at load factor 1, [force]; over the full circle for bodies of revolution, per unit thickness in plane
+    /// strain.
     pub force: [f64; D],
     /// Moment about the reference point, in global axes, at load factor 1, [force·length].
     pub moment: [f64; 3],
@@ -70,18 +71,18 @@ pub struct ToolLoad<const D: usize> {
 pub struct Interface {
     /// Resistance to sliding.
     pub shear: Shear,
-    /// Largest tension, [stress]. It acts once the surfaces have touched, until they part.
+    /// Largest tension, [stress]. It acts from the first contact of the surfaces until they separate.
     pub tension_cut_off: f64,
 }
 
 /// The resistance of an interface to sliding.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Shear {
-    /// The surfaces stick as long as they touch. Where they are about to part, the shear stress is at most ten times
-    /// the pressure above the tension cut-off, so that forces change continuously.
+    /// The surfaces stick as long as they touch. Where they are about to separate, the shear stress is limited to ten
+    /// times the sum of the pressure and the tension cut-off, so that forces change continuously.
     Rough,
-    /// The shear stress reaches at most `adhesion + friction · p` at the pressure p. Where surfaces are about to part,
-    /// adhesion is at most the pressure above the tension cut-off.
+    /// The shear stress is limited to `adhesion + friction · p` at the pressure p. Where the surfaces are about to
+    /// separate, it is also limited to `1 + friction` times the sum of the pressure and the tension cut-off.
     Coulomb {
         /// Coefficient of friction, [-].
         friction: f64,
@@ -94,12 +95,12 @@ impl Interface {
     /// An interface that transfers pressure only.
     pub const SMOOTH: Interface = Interface::with_friction(0.0);
 
-    /// An interface with Coulomb friction and nothing else.
+    /// An interface with Coulomb friction only.
     pub const fn with_friction(friction: f64) -> Interface {
         Interface { shear: Shear::Coulomb { friction, adhesion: 0.0 }, tension_cut_off: 0.0 }
     }
 
-    /// An interface on which the surfaces stick as long as they touch, and part freely.
+    /// An interface on which the surfaces stick as long as they touch, and separate freely.
     pub const ROUGH: Interface = Interface { shear: Shear::Rough, tension_cut_off: 0.0 };
 }
 
@@ -109,9 +110,9 @@ pub struct ContactControl {
     /// Penalty stiffness per unit area, as a multiple of 4G/h, with the shear modulus G of the body and the cell size
     /// h, [-]. It affects the number of iterations; results do not depend on it.
     pub penalty: f64,
-    /// Largest overlap, and largest slip of sticking contact points, in a step in equilibrium, as the mean over the
-    /// contact points around a node and relative to the cell size, [-]. Contact points that hinder one another may keep
-    /// more: up to 10⁻⁴ in the mean, and 10⁻³ each.
+    /// Largest overlap, and largest slip of sticking contact points, in a step in equilibrium, as a mean over the
+    /// contact points around a node, relative to the cell size, [-]. Contact points whose constraints conflict can keep
+    /// larger values: up to 10⁻⁴ in the mean, and 10⁻³ at each point.
     pub tolerance: f64,
     /// Largest motion of a contact point relative to the tool in a step, relative to the cell size, [-].
     pub largest_slide: f64,
@@ -131,12 +132,12 @@ impl Freedom {
         Freedom::Prescribed(Formula::constant(0.0))
     }
 
-    /// True if it is free.
+    /// True if the component is free.
     pub fn is_free(&self) -> bool {
         matches!(self, Freedom::Free)
     }
 
-    /// True if it does not move at all.
+    /// True if the component does not move at all.
     pub fn is_fixed(&self) -> bool {
         matches!(self, Freedom::Prescribed(formula) if formula.as_constant() == Some(0.0))
     }
@@ -172,7 +173,7 @@ impl<const D: usize> Tool<D> {
         if k < D { &self.translation[k] } else { &self.rotation[(k - D) % 3] }
     }
 
-    /// The components that count: in the plane, only one rotation.
+    /// The components in use: in the plane, only one rotation.
     pub fn components() -> impl Iterator<Item = usize> {
         (0..D + 3).filter(|&k| k < D || D == 3 || k == D + 2)
     }
@@ -183,13 +184,13 @@ impl<const D: usize> Tool<D> {
         names[if k < D { k } else { (k + 3 - D) % 6 }]
     }
 
-    /// The interface with a body; `None` if the tool does not touch it.
+    /// The interface with a body; `None` if the tool has no contact with it.
     pub fn interface_with(&self, body: usize) -> Option<Interface> {
         let listed = self.pairs.iter().find(|(number, _)| *number == body);
         listed.map_or(self.interface, |(_, interface)| *interface)
     }
 
-    /// True if component `k` of its motion is prescribed and not always 0.
+    /// True if component `k` of its motion is prescribed and is not always 0.
     pub fn is_driven(&self, k: usize) -> bool {
         !self.freedom(k).is_free() && !self.freedom(k).is_fixed()
     }
@@ -212,9 +213,9 @@ impl<const D: usize> Tool<D> {
 }
 
 impl<const D: usize> Tool<D> {
-    /// Its surface in the frame of the tool, in facets as large as the grid cells where the tool starts, or larger if
-    /// these facets would be too many. For an unbounded tool, the part of the surface within `width` times the diagonal
-    /// of the grid from its reference point. Empty if the shape has no outline.
+    /// The surface in the frame of the tool, divided into facets of the size of the grid cells where the tool starts,
+    /// or larger ones if there would be too many. For an unbounded tool, only the portion of the surface within `width`
+    /// times the diagonal of the grid from the reference point. Empty if the shape has no outline.
     pub fn outline(&self, grid: &dyn Grid<D>, width: f64) -> Outline<D> {
         let [low, high] = grid.bounds();
         let width = width * (0..D).map(|d| (high[d] - low[d]).powi(2)).sum::<f64>().sqrt();
@@ -230,14 +231,14 @@ impl<const D: usize> Tool<D> {
         outline.unwrap_or_default()
     }
 
-    /// The numbers of the named parts to which a position on its surface belongs, from the index of the side and the
-    /// position in the frame of the tool, [length].
+    /// The indices of the named parts to which a position on its surface belongs. The position is given by the index of
+    /// the side and by coordinates in the frame of the tool, [length].
     pub fn parts_at(&self, side: usize, x: &[f64; D]) -> impl Iterator<Item = usize> {
         let at_start = self.pose.to_space(x);
         self.parts.iter().enumerate().filter(move |(_, part)| part.holds(side, &at_start)).map(|(k, _)| k)
     }
 
-    /// True if its surface, in facets of about the size of the grid cells, reaches into a part.
+    /// True if its surface, divided into facets of about the size of the grid cells, reaches into the box of a part.
     pub fn reaches_into(&self, part: &ToolPart<D>, grid: &dyn Grid<D>) -> bool {
         let Outline { vertices, facets, parts, .. } = self.outline(grid, SOUGHT);
         facets.iter().zip(&parts).any(|(facet, side)| {

@@ -3,14 +3,14 @@
 use super::{FieldError, FieldKind, PointFieldSpec, PointValues, Points};
 use crate::tensor::Sym3;
 
-/// Name of the further field with the displacements at the last reset.
+/// Name of the additional field that stores the displacements at the last reset.
 const DATUM: &str = "displacement_datum";
 
 /// A quantity of the points in their converged state.
 ///
-/// Arrays have one row per point in the order of the permanent numbers, independent of their present order. Vectors
-/// have `D` components. Matrices are stored by rows: xx, xy, xz, yx, yy, yz, zx, zy, zz. Symmetric tensors are stored
-/// as xx, yy, zz, xy, yz, xz, as in VTU files: tensor components without the factors √2 of the Mandel layout.
+/// Arrays have one row per point in the order of the permanent numbers, independent of the current order of the points.
+/// Vectors have `D` components. Matrices are stored by rows: xx, xy, xz, yx, yy, yz, zx, zy, zz. Symmetric tensors are
+/// stored as xx, yy, zz, xy, yz, xz, as in VTU files: tensor components without the factors √2 of the Mandel layout.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PointArray {
     /// Position, `D` components, [length].
@@ -31,7 +31,7 @@ pub enum PointArray {
     Volume,
     /// Mass, [mass].
     Mass,
-    /// Body number, [-].
+    /// Body index, [-].
     Body,
 }
 
@@ -80,7 +80,7 @@ impl<const D: usize> Points<D> {
         })
     }
 
-    /// The displacements at the last reset, `D` numbers for each point, [length]; `None` if the points are not
+    /// The displacements at the last reset, `D` numbers for each point, [length]; `None` if the points have not been
     /// prepared for resets.
     fn datum(&self) -> Option<&[f64]> {
         if self.further.is_empty() {
@@ -92,7 +92,7 @@ impl<const D: usize> Points<D> {
     /// Prepares the points for resets of their displacement.
     ///
     /// # Errors
-    /// [`FieldError`] if the points have another field of that name.
+    /// [`FieldError`] if the points already have a different field of that name.
     pub fn prepare_resets(&mut self) -> Result<(), FieldError> {
         self.declare(PointFieldSpec {
             name: DATUM.to_owned(),
@@ -138,8 +138,8 @@ impl<const D: usize> Points<D> {
         }
     }
 
-    /// A declared or further field by its name, in its converged state: `original_position`, `history`, … Fields with
-    /// several values per point contain all of them, one after the other.
+    /// A declared or additional field by its name, in its converged state: `original_position`, `history`, … A field
+    /// with several values per point contains all its values, one after another.
     pub fn field(&self, name: &str) -> Option<PointValues> {
         let order = self.by_id();
         self.stored(name, &order).or_else(|| {

@@ -8,7 +8,7 @@ use super::PIECE;
 use super::seed::Seed;
 use super::value::Value;
 
-/// The time at which a field of the points changes.
+/// When a field of the points changes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FieldKind {
@@ -23,15 +23,15 @@ pub enum FieldKind {
 /// A declared field of the state of the points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct StoredField {
-    /// Name in the code and of arrays.
+    /// Name in the code and in requests for arrays.
     pub name: &'static str,
     /// Name in messages.
     pub label: &'static str,
     /// Unit, `-` for plain numbers.
     pub unit: &'static str,
-    /// The time at which it changes.
+    /// When it changes.
     pub kind: FieldKind,
-    /// Numbers per point.
+    /// Number of components per point.
     pub components: usize,
 }
 
@@ -42,9 +42,9 @@ pub struct StoredField {
 /// name: Type = shape(|seed| start value), in "unit", called "name in messages";
 /// ```
 ///
-/// The shape is `one`: a value per point; `one_or_none`: the same, but no memory if all initial values are zero; or
-/// `up_to[count]`: several values per point, as many as the point with the most values needs. The macro generates both
-/// structures, `Points::new`, reordering, the step from trial to converged values, the check of lengths, and the
+/// The shape is `one` (one value per point), `one_or_none` (the same, but without memory if all initial values are
+/// zero) or `up_to[count]` (several values per point, the same number for all points). The macro generates both
+/// structures, `Points::new`, the code that reorders fields, commits trial values and checks array lengths, and the
 /// visitors of all fields for checkpoints and arrays.
 macro_rules! point_fields {
     (@per $self:ident) => { 1 };
@@ -91,17 +91,17 @@ macro_rules! point_fields {
         }
 
         impl<const D: usize> $State<D> {
-            /// The trial state of a step that begins in this state.
+            /// The initial trial state of a step that begins from this state.
             pub(super) fn trial(&self) -> Self {
                 $State { $($answer: self.$answer.clone(),)* ..$State::default() }
             }
 
-            /// Exchanges the responses of laws.
+            /// Swaps the responses of laws with another state.
             pub(super) fn swap_answers(&mut self, other: &mut Self) {
                 $(std::mem::swap(&mut self.$answer, &mut other.$answer);)*
             }
 
-            /// Takes over a trial state, including the motion of the points if the trial state has it.
+            /// Takes over a trial state, including the fields of the motion if the trial state has them.
             pub(super) fn take(&mut self, trial: &mut Self) {
                 self.swap_answers(trial);
                 let has_moved = [$(trial.$motion.len() == self.$motion.len()),*];
@@ -110,12 +110,13 @@ macro_rules! point_fields {
                 }
             }
 
-            /// Makes room for the motion of points with this converged state; the caller must write all of the motion.
+            /// Allocates the fields of the motion with the lengths of this converged state; the caller must write every
+            /// value.
             pub(crate) fn make_room_for_motion(&mut self, converged: &Self) {
                 $(self.$motion.resize(converged.$motion.len(), $crate::points::value::Value::ZERO);)*
             }
 
-            /// Discards the motion of the points and frees its memory.
+            /// Discards the fields of the motion and frees their memory.
             pub(crate) fn forget_motion(&mut self) {
                 $(self.$motion = Vec::new();)*
             }
@@ -136,13 +137,13 @@ macro_rules! point_fields {
             $($(#[$fixed_doc])* #[doc = concat!("\n\nUnit: [", $fixed_unit, "].")] pub $fixed: Vec<$fixed_type>,)*
             /// State at the end of the last equilibrated step.
             pub converged: $State<D>,
-            /// State of the present step. Fields of the motion exist from the motion of the points at the end of the
-            /// step until the commit; before, they take no memory.
+            /// State of the current step. The fields of the motion exist only from the end of the step, when the points
+            /// move, until the commit; at other times they take no memory.
             pub trial: $State<D>,
             $($(#[$count_doc])* pub $count: usize,)*
-            /// Fields that only this analysis has.
+            /// Fields declared for this analysis only.
             pub further: $crate::points::Further,
-            /// The ranks that share the points of the analysis; the points here are those of this rank.
+            /// The ranks that share the points of the analysis; this structure holds the points of this rank.
             pub ranks: $crate::ranks::Ranks,
             /// The parts of the grid that belong to the ranks.
             pub partition: $crate::points::partition::Partition,
@@ -153,14 +154,14 @@ macro_rules! point_fields {
             pub const STORED: &'static [&'static str] =
                 &[$(stringify!($fixed),)* $(stringify!($motion),)* $(stringify!($answer),)*];
 
-            /// Stress-free, undeformed points; their order gives the permanent numbers.
+            /// Stress-free, undeformed points; their order determines the permanent numbers.
             pub fn new(seeds: &[$crate::points::Seed<D>]) -> Self {
                 let numbers = (0..seeds.len() as u32).collect();
                 $Points::numbered(seeds, numbers, &$crate::ranks::Ranks::default())
             }
 
-            /// The same, with these permanent numbers; other ranks form the rest of the points. All ranks keep equally
-            /// many values for each point.
+            /// The same, with these permanent numbers; other ranks create the other points. All ranks store the same
+            /// number of values per point.
             pub fn numbered(
                 seeds: &[$crate::points::Seed<D>],
                 id: Vec<u32>,
@@ -195,7 +196,7 @@ macro_rules! point_fields {
                     let per_point = point_fields!(@per self $($motion_per)?);
                     self.converged.$motion = gather(&self.converged.$motion, order, per_point);
                 )*
-                // Reuse the trial state, which the present step has not written yet.
+                // Reuse the trial state: the current step has not written it yet.
                 let (old, new) = (&self.converged, &mut self.trial);
                 $(gather_into(&old.$answer, order, point_fields!(@per self $($answer_per)?), &mut new.$answer);)*
                 self.converged.swap_answers(&mut self.trial);
@@ -221,7 +222,7 @@ macro_rules! point_fields {
                 self.further.reorder(order);
             }
 
-            /// Appends other points, in their converged state. Both sets must keep the same numbers of values per
+            /// Appends other points, in their converged state. Both sets must store the same number of values per
             /// point.
             #[allow(dead_code, reason = "tests declare points whose number never changes")]
             pub(super) fn append_fields(&mut self, other: &Self) {
@@ -247,8 +248,8 @@ macro_rules! point_fields {
                 self.further.append(&other.further, [n, other.id.len()]);
             }
 
-            /// The numbers of all fields of the points with these indices, in the converged state; empty where a field
-            /// has no entries.
+            /// The converged values of all fields at the points with these indices, as plain numbers; an empty list for
+            /// a field without entries.
             #[allow(dead_code, reason = "tests declare points that stay on one rank")]
             pub(super) fn numbers_of_fields(&self, places: &[u32]) -> Vec<Vec<f64>> {
                 use $crate::points::value::numbers_at;
@@ -259,7 +260,7 @@ macro_rules! point_fields {
                 ]
             }
 
-            /// Takes the numbers that [`Self::numbers_of_fields`] has returned.
+            /// Replaces all fields by numbers that [`Self::numbers_of_fields`] has returned.
             #[allow(dead_code, reason = "tests declare points that stay on one rank")]
             pub(super) fn take_fields(&mut self, fields: Vec<Vec<f64>>) {
                 let mut fields = fields.into_iter();
@@ -268,7 +269,7 @@ macro_rules! point_fields {
                 $(self.converged.$answer = $crate::points::value::from_numbers(&fields.next().unwrap_or_default());)*
             }
 
-            /// No points, with as many values per point as these points have, and without further fields.
+            /// An empty set of points that stores as many values per point as this one, without further fields.
             #[allow(dead_code, reason = "tests declare points that stay on one rank")]
             pub(super) fn with_counts(&self) -> Self {
                 let none = $Points::new(&[]);
@@ -281,10 +282,10 @@ macro_rules! point_fields {
             }
 
             /// Visits the fields of the converged state as checkpoints store them: in the order of declaration, with
-            /// the numbers in the present order of the points; zeros if a field has no entries.
+            /// values in the current order of the points; zeros for a field without entries.
             ///
             /// # Errors
-            /// The first error of a visit.
+            /// The first error that a visit returns.
             pub fn for_each_field<E>(
                 &self,
                 mut visit: impl FnMut(&$crate::points::StoredField, &mut dyn Iterator<Item = f64>) -> Result<(), E>,
@@ -335,7 +336,7 @@ macro_rules! point_fields {
                 })
             }
 
-            /// A declared field by its name, in its converged state; points in this order.
+            /// The converged values of the declared field with this name, with the points in this order.
             pub(crate) fn stored(&self, name: &str, order: &[usize]) -> Option<$crate::points::PointValues> {
                 use $crate::points::PointValues;
                 $(if name == stringify!($fixed) {
@@ -358,11 +359,11 @@ macro_rules! point_fields {
 
 pub(super) use point_fields;
 
-/// Initial values by the shape of a field.
+/// Initial values for each shape of field.
 pub(super) mod start {
     use super::{IndexedParallelIterator, IntoParallelRefIterator, PIECE, ParallelIterator, Seed, Value};
 
-    /// The largest count of something in any seed.
+    /// The largest `count` over all seeds.
     pub fn most<const D: usize>(seeds: &[Seed<D>], count: impl Fn(&Seed<D>) -> usize) -> usize {
         seeds.iter().map(count).max().unwrap_or(0)
     }
@@ -398,7 +399,7 @@ pub(super) mod start {
     }
 }
 
-/// The values of the points in another order, `n` for each point; empty if there are none.
+/// Reorders the values of points, `n` for each point; empty if there are no values.
 pub(super) fn gather<T: Copy + Send + Sync>(values: &[T], order: &[u32], n: usize) -> Vec<T> {
     if values.is_empty() {
         Vec::new()
@@ -409,12 +410,12 @@ pub(super) fn gather<T: Copy + Send + Sync>(values: &[T], order: &[u32], n: usiz
     }
 }
 
-/// Appends values to others, with the `counts` of both; an array without entries stands for zeros.
+/// Appends `others` to `values`; `counts` are the lengths of both, and an array without entries stands for zeros.
 pub(super) fn append<T: Value>(values: &mut Vec<T>, others: &[T], counts: [usize; 2]) {
     if values.is_empty() && others.is_empty() {
         return;
     }
-    // Doubling the capacity would take twice the memory when few points arrive.
+    // Growth by doubling would take twice the memory even when few points arrive.
     values.reserve_exact((counts[0] + counts[1]).saturating_sub(values.len()));
     values.resize(counts[0], T::ZERO);
     values.extend(others);

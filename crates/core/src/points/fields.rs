@@ -4,11 +4,11 @@ use super::declare::point_fields;
 use crate::tensor::{Mat3, Sym3};
 
 point_fields! {
-    /// All material points of an analysis, as structure of arrays.
+    /// All material points of an analysis, as a structure of arrays.
     ///
-    /// Newton iterations write `trial` only; only [`Points::commit`] turns it into the converged state, so abandoning a
-    /// load step needs no undo. Points are kept grouped by the grid cell that holds them; `id` is the permanent number
-    /// of a point.
+    /// Newton iterations write only `trial`, and only [`Points::commit`] makes it the converged state; an abandoned
+    /// load step therefore needs no undoing. Points are kept grouped by the grid cell that holds them; `id` is the
+    /// permanent number of a point.
     struct Points {
         counts {
             /// Number of history variables kept per point: the largest number that any law needs.
@@ -21,9 +21,9 @@ point_fields! {
             body: u16 = one(|seed| seed.body), in "-";
             /// Original position X.
             original_position: [f64; D] = one(|seed| seed.position), in "length";
-            /// Original half lengths l_p0 of the domain; empty if no point has such a domain.
+            /// Original half lengths l_p0 of the domain; empty if no point has half lengths.
             original_half_lengths: [f64; D] = one_or_none(|seed| seed.half_lengths), in "length";
-            /// Original corners of the domains given by corners; those of a point are at [`Points::corner_range`].
+            /// Original corners of domains given by corners; the corners of a point are at [`Points::corner_range`].
             original_corners: [f64; D] = up_to[corners_per_point](|seed| &seed.corners), in "length";
             /// Original volume V_p0.
             original_volume: f64 = one(|seed| seed.volume), in "volume";
@@ -45,13 +45,13 @@ point_fields! {
             /// Half lengths l_p of the domain along the axes, or of the box with which a standard point touches tools;
             /// zero for points without half lengths, and empty if no point has any.
             half_lengths: [f64; D] = one_or_none(|seed| seed.half_lengths), in "length", called "half length";
-            /// Corners of the domains given by corners; those of a point are at [`Points::corner_range`].
+            /// Corners of domains given by corners; the corners of a point are at [`Points::corner_range`].
             corners: [f64; D] = up_to[corners_per_point](|seed| &seed.corners), in "length", called "domain";
             /// Deformation gradient F from the original configuration.
             deformation_gradient: Mat3 = one(|_| Mat3::identity()), in "-", called "deformation gradient";
         }
         answer {
-            /// Elastic strain in the strain measure of the law, for most laws the logarithmic strain ε^e.
+            /// Elastic strain in the strain measure of the law; for most laws, the logarithmic strain ε^e.
             elastic_strain: Sym3 = one(|_| Sym3::ZERO), in "-", called "elastic strain";
             /// Kirchhoff stress τ.
             kirchhoff_stress: Sym3 = one(|_| Sym3::ZERO), in "stress", called "Kirchhoff stress";

@@ -16,12 +16,13 @@ pub struct PointFieldSpec {
     pub name: String,
     /// Unit, `-` for plain numbers.
     pub unit: String,
-    /// Numbers per point. Files name 3 components as a vector, 6 as a symmetric tensor in the order xx, yy, zz, xy, yz,
-    /// xz without factors, and 9 as a tensor by rows.
+    /// Number of components per point. Files treat 3 components as a vector, 6 as a symmetric tensor in the order xx,
+    /// yy, zz, xy, yz, xz without factors √2, and 9 as a tensor row by row.
     pub components: usize,
-    /// The time at which it changes.
+    /// When it changes.
     pub kind: FieldKind,
-    /// Initial values: all components of the point with the lowest permanent number, then of the next, and so on.
+    /// Initial values: all components of the point with the lowest permanent number, then those of the next point, and
+    /// so on.
     pub start: Vec<f64>,
 }
 
@@ -32,9 +33,9 @@ pub struct FurtherField {
     pub name: String,
     /// Unit, `-` for plain numbers.
     pub unit: String,
-    /// Numbers per point.
+    /// Number of components per point.
     pub components: usize,
-    /// The time at which it changes.
+    /// When it changes.
     pub kind: FieldKind,
 }
 
@@ -66,10 +67,10 @@ pub enum FieldError {
     Components {
         /// Name of the field.
         name: String,
-        /// Numbers per point.
+        /// Number of components per point.
         components: usize,
     },
-    /// The number of initial values does not fit the points.
+    /// The number of initial values does not match the number of points.
     #[error("the field `{name}` has {found} initial values, but needs {wanted}")]
     Length {
         /// Name of the field.
@@ -80,7 +81,7 @@ pub enum FieldError {
         wanted: usize,
     },
     /// An initial value is infinite or NaN.
-    #[error("the start value of the field `{name}` at point {point} is {value}")]
+    #[error("the initial value of the field `{name}` at point {point} is {value}")]
     NotFinite {
         /// Name of the field.
         name: String,
@@ -95,7 +96,7 @@ pub enum FieldError {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FieldHandle(usize);
 
-/// All further fields of some points. Values are in the present order of the points, as in the declared fields; the
+/// All further fields of some points. Values are in the current order of the points, as in the declared fields; the
 /// components of a point are consecutive.
 #[derive(Debug, Clone, Default)]
 pub struct Further {
@@ -107,14 +108,14 @@ pub struct Further {
 struct Kept {
     field: FurtherField,
     converged: Vec<f64>,
-    /// As many as the converged values for responses of laws, and for fields of the motion once they have been written;
+    /// Trial values: always present for responses of laws, and for fields of the motion once they have been written;
     /// otherwise empty.
     trial: Vec<f64>,
 }
 
 impl Further {
-    /// Adds a field to points with these permanent numbers, in their present order; its name must differ from those of
-    /// all other fields.
+    /// Adds a field; `id` lists the permanent numbers of the points in their current order, and `taken` is true for
+    /// names that declared fields and arrays use.
     ///
     /// # Errors
     /// [`FieldError`].
@@ -163,7 +164,7 @@ impl Further {
         self.fields.iter().enumerate().map(|(k, kept)| (FieldHandle(k), &kept.field))
     }
 
-    /// The handle of the field with a name.
+    /// The handle of the field with this name.
     pub fn handle(&self, name: &str) -> Option<FieldHandle> {
         self.fields.iter().position(|kept| kept.field.name == name).map(FieldHandle)
     }
@@ -178,14 +179,14 @@ impl Further {
         &self.fields[handle.0].converged
     }
 
-    /// Values of the present step: those at its end if they exist, otherwise those at its start.
+    /// Values of the current step: those at its end if they exist, otherwise those at its start.
     pub fn trial(&self, handle: FieldHandle) -> &[f64] {
         let kept = &self.fields[handle.0];
         if kept.trial.is_empty() { &kept.converged } else { &kept.trial }
     }
 
-    /// Mutable values of the present step; empty for a fixed field. Values of the motion exist from the first call in a
-    /// step, initially equal to the converged ones.
+    /// Mutable values of the current step; empty for a fixed field. Fields of the motion have values from the first
+    /// call in a step on; these initially equal the converged values.
     pub fn trial_mut(&mut self, handle: FieldHandle) -> &mut [f64] {
         let Kept { field, converged, trial } = &mut self.fields[handle.0];
         if field.kind == FieldKind::Motion && trial.is_empty() {
@@ -194,7 +195,7 @@ impl Further {
         trial
     }
 
-    /// The trial values become the converged ones. Responses are copied, so values that are not written persist.
+    /// Makes the trial values the converged ones. Responses are copied, so that values that nothing overwrites persist.
     pub(super) fn commit(&mut self) {
         for Kept { field, converged, trial } in &mut self.fields {
             match field.kind {
@@ -206,7 +207,7 @@ impl Further {
         }
     }
 
-    /// Puts the values into another order of the points and discards trial values.
+    /// Rearranges the values into another order of the points and discards trial values.
     pub(super) fn reorder(&mut self, order: &[u32]) {
         for Kept { field, converged, .. } in &mut self.fields {
             *converged = gather(converged, order, field.components);
@@ -214,7 +215,7 @@ impl Further {
         self.begin();
     }
 
-    /// Appends the values of other points, zeros for fields that those points do not have.
+    /// Appends the values of other points, with zeros for the fields that those points lack.
     pub(super) fn append(&mut self, other: &Further, counts: [usize; 2]) {
         for Kept { field, converged, .. } in &mut self.fields {
             let others = other.handle(&field.name).map_or(&[][..], |handle| other.converged(handle));
@@ -232,7 +233,7 @@ impl Further {
         emptied
     }
 
-    /// Takes converged values, field by field; fields without values are zero at all `n` points.
+    /// Replaces the converged values, field by field; fields without values become zero at all `n` points.
     pub(super) fn take(&mut self, values: Vec<Vec<f64>>, n: usize) {
         for (Kept { field, converged, .. }, values) in self.fields.iter_mut().zip(values) {
             *converged = values;
@@ -241,7 +242,7 @@ impl Further {
         self.begin();
     }
 
-    /// Trial values of a step that begins in the converged state.
+    /// Resets the trial values for a step that begins from the converged state.
     pub(super) fn begin(&mut self) {
         for Kept { field, converged, trial } in &mut self.fields {
             match field.kind {
@@ -251,7 +252,7 @@ impl Further {
         }
     }
 
-    /// The converged values, to be changed between two steps.
+    /// The converged values, for changes between two steps.
     pub(crate) fn converged_mut(&mut self, handle: FieldHandle) -> &mut [f64] {
         &mut self.fields[handle.0].converged
     }

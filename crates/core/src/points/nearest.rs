@@ -9,20 +9,20 @@ use super::Points;
 pub struct Near {
     /// Permanent number of the point.
     pub id: u32,
-    /// Its distance, [length].
+    /// Distance of the point from the position, [length].
     pub distance: f64,
-    /// Its original position, [length].
+    /// Original position of the point, [length].
     pub position: Vec<f64>,
 }
 
 impl<const D: usize> Points<D> {
-    /// The `count` points of a body nearest to a position in the original configuration, nearest first; and whether the
-    /// choice was clear, i.e. the next point is farther away. All ranks must call this together.
+    /// The `count` points of a body nearest to a position in the original configuration, nearest first, and true if the
+    /// choice is unique, i.e. the next point is farther away. All ranks must call this together.
     pub fn nearest(&self, body: u16, place: &[f64; D], count: usize) -> (Vec<Near>, bool) {
         let mut found = self.within(body, place, count.saturating_add(1), 0.0);
         found.truncate(count.saturating_add(1));
         let clear = match (found.get(count.wrapping_sub(1)), found.get(count)) {
-            // The round-off of the distance from a position far from the origin is that of the coordinates.
+            // Far from the origin, the round-off of the coordinates dominates the round-off of the distance.
             (Some(last), Some(next)) => {
                 next.distance - last.distance > 1e-9 * next.distance + round_off(place)
             }
@@ -32,21 +32,22 @@ impl<const D: usize> Points<D> {
         (found, clear)
     }
 
-    /// The points of a body nearest to a position in the original configuration, by distance: the first `count`, and
-    /// all that are farther than the last of these by at most `slack` [length] or the round-off of coordinates. All
-    /// ranks must call this together.
+    /// The points of a body nearest to a position in the original configuration, nearest first: `count` points, and all
+    /// points that are farther away than the last of these by at most `slack`, [length], plus round-off. All ranks must
+    /// call this together.
     pub fn nearest_with_ties(&self, body: u16, place: &[f64; D], count: usize, slack: f64) -> Vec<Near> {
         self.within(body, place, count, slack + round_off(place))
     }
 
-    /// The first `count` points by distance and number, at least one, and all that are farther by at most `slack`.
+    /// The nearest `count` points, at least one, and all points at most `slack` farther away than the last of these; in
+    /// the order of distance and permanent number.
     fn within(&self, body: u16, place: &[f64; D], count: usize, slack: f64) -> Vec<Near> {
         let distance = |p: usize| -> f64 {
             (0..D).map(|d| (self.original_position[p][d] - place[d]).powi(2)).sum::<f64>().sqrt()
         };
         let of_body = || (0..self.len()).filter(|&p| self.body[p] == body);
         let most = count.max(1) - 1;
-        // A rank may hold fewer points; then all of them are candidates.
+        // If a rank holds fewer points, all of them are candidates.
         let mut least: Vec<f64> = of_body().map(distance).collect();
         let limit = match least.len() {
             n if n > most => *least.select_nth_unstable_by(most, f64::total_cmp).1,
@@ -68,7 +69,7 @@ impl<const D: usize> Points<D> {
     }
 }
 
-/// Round-off of the distance from a position, [length].
+/// Round-off of a distance from this position, [length].
 fn round_off<const D: usize>(place: &[f64; D]) -> f64 {
     1e-12 * place.iter().fold(0.0, |far: f64, x| far.max(x.abs()))
 }

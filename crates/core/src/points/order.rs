@@ -6,10 +6,10 @@ use super::{PIECE, Points, State};
 use crate::grid::Grid;
 
 impl<const D: usize> Points<D> {
-    /// Moves points to the ranks in whose parts they lie, and sorts those of this rank by the grid cell that holds
-    /// them, then by body, keeping the order of equal ones. Returns the first point of every occupied cell and, last,
-    /// the number of points. The cells of a patch follow one another and count as one. Trial values of further fields
-    /// are reset.
+    /// Moves points to the ranks in whose parts they lie, and sorts the points of this rank by the grid cell that holds
+    /// them, then by body; points of the same cell and body keep their order. Returns the index of the first point of
+    /// every occupied cell, followed by the number of points. The cells of a patch follow one another and count as one.
+    /// Trial values of further fields are reset.
     ///
     /// # Errors
     /// The index of the first point that lies outside the grid; `None` if only other ranks have such points.
@@ -40,7 +40,7 @@ impl<const D: usize> Points<D> {
         Ok(starts)
     }
 
-    /// Finds the cells of all points; returns the first point that lies outside the grid.
+    /// Finds the cells of all points; returns the first point that lies outside the grid, if there is one.
     fn locate<G: Grid<D> + ?Sized>(&mut self, grid: &G) -> Option<usize> {
         let places = self.converged.position.par_iter();
         (self.cell.par_iter_mut().zip(places).enumerate().with_min_len(PIECE))
@@ -54,8 +54,8 @@ impl<const D: usize> Points<D> {
             .min()
     }
 
-    /// Restores an order of the points, given by their permanent numbers `id`, and their converged state, with the
-    /// cells that held them. The points are those of this rank.
+    /// Restores the points of this rank: their order, given by their permanent numbers `id`, the cells that held them,
+    /// and their converged state.
     ///
     /// # Errors
     /// If `id` is not a permutation of the point numbers, or an array does not have one entry per point.
@@ -68,7 +68,7 @@ impl<const D: usize> Points<D> {
             let place =
                 rank.ok().map(|rank| by_id[rank]).filter(|place| !std::mem::replace(&mut seen[*place], true));
             let Some(place) = place else {
-                return Err("its point numbers are not those of all points".to_owned());
+                return Err("its point numbers are not the numbers of all points".to_owned());
             };
             order.push(place as u32);
         }
@@ -98,7 +98,7 @@ impl<const D: usize> Points<D> {
         }
     }
 
-    /// The index of the point with each of these permanent numbers; `None` for a number that is not present.
+    /// For each of these permanent numbers, the index of the point; `None` if this rank does not hold it.
     pub fn places_of(&self, ids: &[u32]) -> Vec<Option<usize>> {
         let mut wanted: Vec<(u32, usize)> = ids.iter().copied().zip(0..).collect();
         wanted.sort_unstable();
@@ -124,7 +124,7 @@ impl<const D: usize> Points<D> {
         let most = self.id.iter().max().map_or(0, |&id| id as usize + 1);
         order.clear();
         if most > 2 * self.len() {
-            // The permanent numbers of one rank's points may lie anywhere among those of all points.
+            // The points of one rank can have any of the permanent numbers.
             order.extend(0..self.len());
             order.sort_unstable_by_key(|p| self.id[*p]);
             return;
@@ -139,7 +139,7 @@ impl<const D: usize> Points<D> {
     }
 }
 
-/// The points in the order of a key, by a stable counting sort.
+/// Sorts points by a key with a stable counting sort.
 fn sorted(points: &[u32], key: impl Fn(u32) -> usize) -> Vec<u32> {
     let mut next = Vec::new();
     for &p in points {

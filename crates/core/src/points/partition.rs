@@ -1,6 +1,6 @@
-//! The division of the points between ranks: each keeps the points in its part of the grid.
+//! The division of the points between ranks: each rank keeps the points in its part of the grid.
 //!
-//! The grid is cut in two across the side along which the points extend farthest, each part is cut in two, and so on
+//! The grid is cut in two across the axis along which the points extend farthest, each part is cut in two, and so on
 //! (recursive coordinate bisection; Berger and Bokhari 1987), so that parts are compact and have plane boundaries. The
 //! cells of a patch stay together. Points that leave their part move to the rank of the part that they enter; new parts
 //! are chosen when one of them holds too many points.
@@ -17,7 +17,7 @@ use crate::ranks::Ranks;
 
 /// New parts are chosen when one part holds more points than this multiple of the mean, [-].
 pub const MOST_IMBALANCE: f64 = 1.1;
-/// Parts that no choice divides better are kept until they are worse by this factor, [-].
+/// If a choice leaves a larger imbalance, new parts are chosen only once the imbalance has grown by this factor, [-].
 const WORSE: f64 = 1.05;
 /// Number of bits of a cell coordinate.
 const BITS: u32 = 20;
@@ -33,7 +33,7 @@ pub struct Partition {
     least: f64,
 }
 
-/// A cut of the cells of some ranks: those from `place` on belong to the upper ranks.
+/// A cut through the cells of a range of ranks: the cells from `place` onwards belong to the upper ranks.
 #[derive(Debug, Clone, Copy, Default)]
 struct Cut {
     /// The axis that the cut crosses.
@@ -46,12 +46,12 @@ struct Cut {
 struct Occupied<const D: usize> {
     at: [u32; D],
     count: f64,
-    /// The part that has these points, while parts are being chosen.
+    /// The part to which these points belong while parts are being chosen.
     part: usize,
 }
 
-/// The place of a cell in the order along an axis; cells with the same coordinate along it are ordered by their other
-/// coordinates, so that a cut divides the points equally up to those of one cell.
+/// The place of a cell in an order along an axis; cells with the same coordinate along the axis are ordered by their
+/// other coordinates, so that a cut divides the points equally to within the points of one cell.
 fn along<const D: usize>(at: [u32; D], axis: usize) -> u64 {
     (0..D).fold(0, |place, k| place << BITS | u64::from(at[(axis + k) % D]))
 }
@@ -113,7 +113,7 @@ impl Partition {
         }
     }
 
-    /// Chooses parts with as equal numbers of points as cells allow, given the points of this rank.
+    /// Chooses parts whose numbers of points are as equal as cells allow, given the points of this rank.
     fn choose<const D: usize>(&mut self, ranks: &Ranks, mut occupied: Vec<Occupied<D>>) {
         let n = ranks.count();
         self.cuts = vec![Cut::default(); n - 1];
@@ -142,8 +142,8 @@ impl Partition {
     }
 }
 
-/// For each part, the axis along which its points extend farthest; of several, the last: bodies are filled along the
-/// first axes first, so that most points are then formed on the rank where they stay.
+/// For each part, the axis along which its points extend farthest. In a tie, the last of these axes: bodies are filled
+/// along the first axes first, so this choice creates most points on the rank where they stay.
 fn longest_sides<const D: usize>(ranks: &Ranks, occupied: &[Occupied<D>], parts: usize) -> Vec<usize> {
     let mut ends = vec![f64::NEG_INFINITY; 2 * D * parts];
     for of_cell in occupied {
@@ -160,8 +160,8 @@ fn longest_sides<const D: usize>(ranks: &Ranks, occupied: &[Occupied<D>], parts:
     ends.chunks_exact(2 * D).map(longest).collect()
 }
 
-/// For each part, the lowest place below which the points of its lower ranks fit, by bisection. The points are sorted
-/// by part and place.
+/// For each part, the lowest place of a cut below which its lower ranks get their share of the points, found by
+/// bisection. The points are sorted by part and place.
 fn places_of_cuts<const D: usize>(
     ranks: &Ranks,
     occupied: &[Occupied<D>],
@@ -202,7 +202,7 @@ fn places_of_cuts<const D: usize>(
     low
 }
 
-/// Points on the way to another rank.
+/// Points that are being sent to another rank.
 #[derive(Serialize, Deserialize)]
 struct Packed {
     id: Vec<u32>,
@@ -212,7 +212,8 @@ struct Packed {
 }
 
 impl<const D: usize> Points<D> {
-    /// Divides the points between the ranks by the cells that hold them, whichever ranks have formed the points.
+    /// Divides the points between the ranks by the cells that hold them, regardless of the ranks that have created the
+    /// points.
     pub fn divide_by_cell(&mut self, grid: &dyn Grid<D>) {
         if self.ranks.is_alone() {
             return;
@@ -235,8 +236,8 @@ impl<const D: usize> Points<D> {
         self.migrate(grid);
     }
 
-    /// Sends points that have left the part of this rank, given the cells that hold them, to the ranks of those cells;
-    /// chooses new parts if one holds too many points.
+    /// Sends points that have left the part of this rank to the ranks of the cells that now hold them; chooses new
+    /// parts if one part holds too many points.
     pub(super) fn migrate(&mut self, grid: &dyn Grid<D>) {
         if self.ranks.is_alone() {
             return;
@@ -271,7 +272,7 @@ impl<const D: usize> Points<D> {
         division
     }
 
-    /// Sends each point to the rank that `to` gives for its index.
+    /// Sends each point to the rank that `to` lists for its index.
     fn send(&mut self, to: &[usize]) {
         let ranks = self.ranks.clone();
         if !ranks.any(to.iter().any(|rank| *rank != ranks.own())) {
@@ -292,7 +293,7 @@ impl<const D: usize> Points<D> {
         }
     }
 
-    /// The points of this rank by the coordinates of their cells; points of a cell mostly follow one another.
+    /// The points of this rank, counted by cell; points of a cell mostly follow one another.
     fn occupied(&self, grid: &dyn Grid<D>) -> Vec<Occupied<D>> {
         let of_cells = self.cell.chunk_by(|a, b| a == b);
         let of_cell = |cells: &[u32]| {
@@ -344,13 +345,12 @@ impl<const D: usize> Points<D> {
         self.append(&others);
     }
 
-    /// All points of the analysis on rank 0, in the order of the ranks; none on the other ranks, or without other
-    /// ranks.
+    /// All points of the analysis on rank 0, in rank order; `None` on the other ranks, or if there is only one rank.
     pub fn gather(&self) -> Option<Points<D>> {
         let communicator = self.ranks.communicator()?;
         let own: Vec<u32> = (0..self.len() as u32).collect();
         let mut points = self.ranks.is_root().then(|| Points { ranks: Ranks::default(), ..self.clone() });
-        // One rank after the other, so that no more than one message is in memory.
+        // One rank after the other, so that memory holds only one message at a time.
         for rank in 1..self.ranks.count() {
             let is_ours = rank == self.ranks.own();
             let message = if is_ours { vec![(0, self.packed(&own))] } else { Vec::new() };
@@ -381,8 +381,8 @@ mod tests {
     use crate::points::{FieldKind, PointFieldSpec, Seed};
     use crate::ranks::threads;
 
-    /// A square of points around the origin, with a corner and a history variable each; each rank forms a share of the
-    /// points.
+    /// A square of points around the origin, with a corner and a history variable each; each rank creates a share of
+    /// the points.
     fn square(n: usize, ranks: &Ranks) -> Points<2> {
         let own = ranks.share(n * n);
         let seeds: Vec<Seed<2>> = (own.clone())
@@ -412,7 +412,7 @@ mod tests {
         points
     }
 
-    /// The points of a rank with all their data.
+    /// Asserts that the points of a rank have kept all their data.
     fn are_whole(points: &Points<2>) {
         let handle = points.further.handle("further").unwrap();
         for (p, &id) in points.id.iter().enumerate() {

@@ -7,11 +7,11 @@ pub struct Seed<const D: usize> {
     pub body: u16,
     /// Position, [length].
     pub position: [f64; D],
-    /// Half lengths of the domain, [length]; zero for points without a domain. A standard point may also have half
-    /// lengths: those of the box with which it touches rigid tools.
+    /// Half lengths of the domain, [length]; zero for points without a domain. A standard point may have half lengths,
+    /// too: they define the box with which it touches rigid tools.
     pub half_lengths: [f64; D],
-    /// Corners of a domain given by corners, [length]; none for other points. 2^D corners are those of a quadrilateral
-    /// or hexahedron, where bit d of a corner's number is its side along parametric axis d; D + 1 are those of a
+    /// Corners of a domain given by corners, [length]; none for other points. 2^D corners define a quadrilateral or
+    /// hexahedron, where bit d of a corner's number is its side along parametric axis d; D + 1 corners define a
     /// triangle or tetrahedron of positive volume.
     pub corners: Vec<[f64; D]>,
     /// Volume, [volume].

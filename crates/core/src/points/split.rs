@@ -1,14 +1,15 @@
-//! Splitting of domains that have become long.
+//! Splitting of domains that have become too long.
 //!
-//! A domain given by its corners carries the basis from its corners only, and touches tools with its corners only: a
-//! domain that is longer than a cell steps over nodes, and over tools. Where material flows along a tool or in a shear
-//! band, domains grow without bound. A long domain is therefore cut in two, through the mid-points of its long
-//! edges. Both halves keep the deformation gradient, the elastic strain and the history of the whole, and share its
-//! volume and mass in the ratio of the halves of the original domain: mass, volume, energy and stress do not change.
+//! A domain given by its corners samples the basis functions only at its corners and touches tools only with its
+//! corners: a domain that is longer than a cell misses nodes and tools between its corners. Where material flows along
+//! a tool or in a shear band, domains grow without bound. A long domain is therefore cut in two, through the mid-points
+//! of its long edges. Both halves keep the deformation gradient, the elastic strain and the history of the whole, and
+//! share its volume and mass in the ratio of the halves of the original domain: mass, volume, energy and stress do not
+//! change.
 //!
-//! The mid-points are corners of the halves only. From then on they move with the grid, not with the edge of an
-//! undivided neighbour, from which they may part by as much as the motion of the grid differs from a linear one over
-//! the edge.
+//! The mid-points become corners of the two halves, but not of undivided neighbours. From then on they move with the
+//! grid; the straight edge of a neighbour separates from them by as much as the motion of the grid along the edge
+//! deviates from a linear one.
 
 use serde::{Deserialize, Serialize};
 
@@ -25,7 +26,7 @@ const MOST_CUTS: usize = 6;
 /// Domains with 2^D corners are cut across all edges parallel to this edge.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Split {
-    /// Permanent number of the point; its first half keeps it.
+    /// Permanent number of the point, which the first half keeps.
     pub point: u32,
     /// Permanent number of the second half.
     pub half: u32,
@@ -33,18 +34,18 @@ pub struct Split {
     pub edge: [u8; 2],
 }
 
-/// What splitting must know of the model and its state.
+/// What splitting needs to know about the model and its state.
 pub(crate) trait Splitting<const D: usize> {
-    /// Length of an edge of the domain of a point above which the domain is split, [length].
+    /// Edge length above which the domain of a point is split, [length].
     fn longest(&self, points: &Points<D>, p: usize) -> f64;
 
-    /// The volume above an area around a position, relative to the area: the circumference for bodies of revolution.
+    /// Volume per unit of area at a position in the plane: for bodies of revolution, the circumference of its circle.
     fn depth(&self, position: &[f64; D]) -> f64;
 
-    /// The position in a body nearest to a given one, [length], that a new corner may take.
+    /// The position nearest to `place` that a new corner of this body may take, [length].
     fn nearest_allowed(&self, body: usize, place: [f64; D]) -> [f64; D];
 
-    /// True if these are the corners of a domain that a point with the method of point `p` may have.
+    /// True if these corners form a valid domain for the method of point `p`.
     fn is_valid(&self, points: &Points<D>, p: usize, corners: &[[f64; D]]) -> bool;
 }
 
@@ -52,9 +53,9 @@ pub(crate) trait Splitting<const D: usize> {
 type Domain<const D: usize> = ([[f64; D]; MAX_CORNERS], usize);
 
 impl<const D: usize> Points<D> {
-    /// Cuts domains until no edge is longer than allowed; `next` is the number of the next new point. A domain one half
-    /// of which would not be valid stays whole. All ranks cut together, and receive the cuts of all ranks in the order
-    /// of their numbers.
+    /// Cuts domains until no edge is longer than allowed; `next` is the number of the next new point. A domain stays
+    /// whole if one of its halves would be invalid. All ranks must call this together; each returns the cuts of all
+    /// ranks in the order of the new numbers.
     pub(crate) fn split_long(&mut self, rules: &impl Splitting<D>, mut next: u32) -> Vec<Split> {
         let mut splits = Vec::new();
         for _ in 0..MOST_CUTS {
@@ -71,8 +72,8 @@ impl<const D: usize> Points<D> {
                     long.push((self.id[p], edge));
                 }
             }
-            // New numbers follow the order of the numbers of the points that are cut, whichever ranks have these
-            // points.
+            // New numbers follow the order of the permanent numbers of the cut points, regardless of the ranks that
+            // hold them.
             let mut of_all = self.ranks.gather_all(long).concat();
             if of_all.is_empty() {
                 break;
@@ -93,7 +94,7 @@ impl<const D: usize> Points<D> {
     }
 
     /// Moves the corners of the points with these permanent numbers, ascending, to the nearest positions that they may
-    /// take. A domain that would become invalid stays.
+    /// take. A domain that would become invalid stays unchanged.
     pub(crate) fn move_corners(&mut self, of: &[u32], rules: &impl Splitting<D>) {
         for p in (0..self.len()).filter(|&p| of.binary_search(&self.id[p]).is_ok()) {
             let body = usize::from(self.body[p]);
@@ -112,10 +113,10 @@ impl<const D: usize> Points<D> {
         halves(self.corners(p), edge, |x| rules.nearest_allowed(body, x))
     }
 
-    /// Repeats cuts of an earlier run; cuts of points that no longer exist are left out.
+    /// Repeats cuts of an earlier run; cuts of points that no longer exist are skipped.
     ///
     /// # Errors
-    /// A reason, if a point cannot have been cut in this way.
+    /// The reason, if a point cannot have been cut in this way.
     pub(crate) fn split_again(&mut self, splits: &[Split], rules: &impl Splitting<D>) -> Result<(), String> {
         for split in splits {
             let place = |id: u32| self.id.iter().position(|of| *of == id);
@@ -124,7 +125,7 @@ impl<const D: usize> Points<D> {
             let [a, b] = split.edge.map(usize::from);
             let is_edge = a < b && b < corners && (corners != 1 << D || (a ^ b).is_power_of_two());
             if !is_edge || place(split.half).is_some() {
-                return Err("it contains a split of a point that cannot be split so".to_owned());
+                return Err("it contains a split of a point that cannot be split in this way".to_owned());
             }
             self.cut(&[p], std::slice::from_ref(split), rules);
         }
@@ -163,8 +164,8 @@ impl<const D: usize> Points<D> {
     }
 }
 
-/// The longest edge of a domain and its length; for a box, the mean over parallel edges counts, and the first of them
-/// is returned. `None` without corners.
+/// The longest edge of a domain and its length; for 2^D corners, lengths are averaged over parallel edges, the first of
+/// which is returned. `None` without corners.
 fn longest_edge<const D: usize>(corners: &[[f64; D]]) -> Option<([u8; 2], f64)> {
     let length = |a: usize, b: usize| norm(&minus(&corners[b], &corners[a]));
     let mut longest: Option<([u8; 2], f64)> = None;
@@ -212,7 +213,7 @@ fn halves<const D: usize>(
     parts
 }
 
-/// Mean of some positions.
+/// Mean of several positions.
 fn middle<const D: usize>(corners: &[[f64; D]]) -> [f64; D] {
     std::array::from_fn(|d| corners.iter().map(|x| x[d]).sum::<f64>() / corners.len() as f64)
 }
@@ -401,7 +402,7 @@ mod tests {
         for (half, edge) in [(1, [0, 3]), (1, [2, 0]), (1, [0, 4]), (1, [1, 1]), (0, [0, 1])] {
             assert!(is_refused(0, half, edge));
         }
-        // A point that no longer exists.
+        // Cuts of a point that no longer exists are skipped.
         assert!(!is_refused(7, 8, [0, 1]));
     }
 }

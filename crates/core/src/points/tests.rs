@@ -47,7 +47,7 @@ fn arrays_stand_by_permanent_number_row_by_row_and_without_factors() {
         values.chunks(components).map(<[f64]>::to_vec).collect::<Vec<_>>()
     };
     let near = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-15);
-    // xx, yy, zz, xy, yz, xz; √2 comes and goes with round-off.
+    // xx, yy, zz, xy, yz, xz; conversion to and from the factors √2 costs round-off.
     let components = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
     assert!(near(&array(PointArray::KirchhoffStress)[0], &components));
     assert!(near(&array(PointArray::CauchyStress)[0], &components.map(|t| t / 8.0)));
@@ -72,7 +72,7 @@ fn arrays_stand_by_permanent_number_row_by_row_and_without_factors() {
 fn further_fields_follow_the_points() {
     let mut points = row(4);
     group(&mut points);
-    // Declared by permanent number in whatever order the points are.
+    // Initial values follow the permanent numbers, whatever the current order of the points.
     let fixed = points.declare(spec("initial_stress", FieldKind::Fixed, 2, 4)).unwrap();
     let motion = points.declare(spec("age", FieldKind::Motion, 1, 4)).unwrap();
     let answer = points.declare(spec("pore_pressure", FieldKind::Answer, 1, 4)).unwrap();
@@ -89,7 +89,7 @@ fn further_fields_follow_the_points() {
     points.commit(); // values that nothing has written persist
     assert_eq!(points.further.converged(answer), [3.0, 2.0, 1.0, 5.0]);
 
-    // An abandoned step leaves no trace; then the points change their order.
+    // An abandoned step leaves no trace. The points then change their order.
     points.further.trial_mut(motion).fill(-1.0);
     points.further.trial_mut(answer).fill(-1.0);
     points.converged.position.reverse();
@@ -117,7 +117,7 @@ fn fields_that_do_not_fit_are_refused() {
     assert_eq!(refused(spec("a", FieldKind::Fixed, 2, 1)), "the field `a` has 2 initial values, but needs 4");
     let start = vec![0.0, 0.0, f64::NAN, 0.0];
     let infinite = PointFieldSpec { start, ..spec("a", FieldKind::Fixed, 2, 2) };
-    assert_eq!(refused(infinite), "the start value of the field `a` at point 1 is NaN");
+    assert_eq!(refused(infinite), "the initial value of the field `a` at point 1 is NaN");
 }
 
 /// Each number of the state is visited once, and read back into its place.
@@ -160,7 +160,7 @@ fn every_field_of_the_state_is_visited_and_read_back() {
     assert_eq!(numbers, (0..numbers.len()).map(counted).collect::<Vec<_>>());
 }
 
-/// A declaration with one more field of each kind and shape, which needs only the entry.
+/// A declaration with one more field of each kind and shape: the entry is all that a field needs.
 mod one_more {
     use super::super::Seed;
     use super::super::declare::point_fields;
@@ -232,7 +232,7 @@ fn a_new_field_is_one_declaration() {
     assert_eq!(points.history_len, 2);
     assert_eq!(one_more::NAMES, ["density", "position", "temperature", "spin", "heat"]);
     assert!(points.trial.temperature.is_empty() && points.converged.spin.is_empty());
-    // It follows the order of the points, …
+    // The field follows the order of the points, …
     one_more::turned_around(&mut points);
     assert_eq!(
         (&*points.density, &*points.converged.temperature),
@@ -245,7 +245,7 @@ fn a_new_field_is_one_declaration() {
     assert_eq!(points.converged.temperature, [7.0, 8.0, 9.0]);
     assert!(points.trial.temperature.is_empty());
     assert_eq!(points.converged.heat, [6.0, 12.0, 1.0, 11.0, 0.0, 10.0]);
-    // … is in checkpoints, …
+    // … is stored in checkpoints, …
     let mut visited = Vec::new();
     let visit = |field: &StoredField, values: &mut dyn Iterator<Item = f64>| {
         visited.push((field.name, field.unit, field.kind, field.components, values.count()));
@@ -260,6 +260,6 @@ fn a_new_field_is_one_declaration() {
     let state = points.read_state(read).unwrap();
     assert_eq!(state.temperature, [1.0; 3]);
     assert_eq!((state.heat.len(), state.lengths()), (6, points.converged.lengths()));
-    // … and an array by its name, in the order of the permanent numbers.
+    // … and is available as an array by its name, in the order of the permanent numbers.
     assert_eq!(points.stored("temperature", &[2, 1, 0]).unwrap().values, [9.0, 8.0, 7.0]);
 }

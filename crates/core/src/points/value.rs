@@ -4,12 +4,12 @@ use crate::tensor::{Mat3, Sym3};
 
 /// A value that a field holds for a point.
 pub trait Value: Copy + PartialEq + Send + Sync {
-    /// Numbers in a value.
+    /// Number of components of a value.
     const COMPONENTS: usize;
     /// The value whose numbers are all zero.
     const ZERO: Self;
 
-    /// A number of the value as it is stored.
+    /// A component of the value as it is stored.
     fn number(&self, c: usize) -> f64;
 
     /// A component of the value as reported to users: matrices row by row, symmetric tensors in the order xx, yy, zz,
@@ -97,7 +97,7 @@ impl Restored for Sym3 {
     }
 }
 
-/// Implements [`Value`] for numbers that only fixed fields hold.
+/// Implements [`Value`] for number types that only fixed fields use.
 macro_rules! whole {
     ($($number:ty),*) => {$(
         impl Value for $number {
@@ -134,7 +134,7 @@ impl Restored for bool {
     }
 }
 
-/// The numbers of a field for the points with some indices, `per_point` values each; empty if the field has no entries.
+/// The numbers of a field at the points with these indices, `per_point` values each; empty if the field has no entries.
 pub(super) fn numbers_at<T: Value>(values: &[T], places: &[u32], per_point: usize) -> Vec<f64> {
     if values.is_empty() {
         return Vec::new();
@@ -170,9 +170,9 @@ pub(super) fn restored<T: Restored>(numbers: &[f64], present: &[T]) -> Vec<T> {
 /// One array for users of the library: the values of a field in the order of the permanent numbers of the points.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PointValues {
-    /// Numbers per point.
+    /// Number of components per point.
     pub components: usize,
-    /// All components of point 0, then of point 1, and so on.
+    /// All components of point 0, then those of point 1, and so on.
     pub values: Vec<f64>,
 }
 

@@ -22,7 +22,7 @@ const NOBODY: u16 = u16::MAX;
 pub struct Cohesion {
     /// Number of connected parts of each body.
     parts: Vec<usize>,
-    /// Representative of the bodies that each body is connected to, directly or through others.
+    /// For each body, the representative of the bodies that it is connected to, directly or through others.
     together: Vec<usize>,
 }
 
@@ -35,12 +35,12 @@ struct Cluster {
     nodes: Vec<u32>,
 }
 
-/// The connected parts of every body in the links of a step.
+/// The connected parts of every body, according to the links of a step.
 struct Parts {
     clusters: Vec<Cluster>,
-    /// Representative of the part of each cluster.
+    /// For each cluster, the representative of its part.
     root: Vec<u32>,
-    /// Representative of the bodies that each body is connected to.
+    /// For each body, the representative of the bodies that it is connected to.
     together: Vec<usize>,
 }
 
@@ -57,7 +57,7 @@ impl Parts {
             let nodes = links.nodes_of(group);
             let mut last: Option<(u16, &[u32])> = None;
             let of_group = links.points_of(group);
-            // If all points belong to one body and touch all nodes, the first one stands for all.
+            // If all points belong to one body and touch all nodes, the first point stands for all of them.
             let alike = model.bodies.len() == 1 && links.is_whole(group);
             let examined =
                 if alike { of_group.start..(of_group.start + 1).min(of_group.end) } else { of_group.clone() };
@@ -97,13 +97,13 @@ impl Parts {
         if links.halo().ranks().is_alone() { parts } else { parts.joined(links) }
     }
 
-    /// The same with the parts of all ranks: clusters that share a node with those of the same body on other ranks are
-    /// in one part. The root of a part is then its number among the clusters of all ranks.
+    /// The parts joined across all ranks: clusters of one body that share a node are in the same part even if they are
+    /// on different ranks. The root of a part is then a number among the clusters of all ranks.
     fn joined<const D: usize>(mut self, links: &Connectivity<D>) -> Parts {
         let ranks = links.halo().ranks();
         let of_ranks = ranks.gather_all(self.clusters.len() as u32);
         let first: u32 = of_ranks[..ranks.own()].iter().sum();
-        // A cluster at each shared node, for each body there.
+        // For each shared node and each body at that node, the roots of the clusters of the body.
         let mut at: Vec<(u32, u16, u32)> = Vec::new();
         let mut is_shared = vec![false; links.n_active()];
         links.halo().neighbours().flat_map(|(_, nodes)| nodes).for_each(|n| is_shared[*n as usize] = true);
@@ -171,14 +171,15 @@ impl Parts {
 }
 
 impl Cohesion {
-    /// True if the parts are those of this number of bodies.
+    /// True if these can be the parts of this number of bodies.
     pub fn fits(&self, bodies: usize) -> bool {
         self.parts.len() == bodies
             && self.together.len() == bodies
             && self.together.iter().all(|&body| body < bodies)
     }
 
-    /// Remembers the parts of the first step; in later steps returns the bodies that have come apart since.
+    /// Remembers the parts of the first step; in later steps, returns a warning for each body, or pair of bodies, that
+    /// has come apart since, with the number of the body.
     pub fn watch<const D: usize>(
         known: &mut Option<Cohesion>,
         model: &Model<D>,
@@ -244,7 +245,7 @@ fn warn<const D: usize>(
             let cell = model.grid.size(model.grid.nearest_cell(&middle) as usize);
             let cells = width / cell;
             (
-                format!("; the gap at {} is {width:.4} wide, {cells:.1} cells", coordinates(&middle)),
+                format!("; the gap at {} is {width:.4} wide, or {cells:.1} cells", coordinates(&middle)),
                 Some(middle.to_vec()),
             )
         }
@@ -265,8 +266,8 @@ fn warn<const D: usize>(
     }
 }
 
-/// Distance between two sets of points at the end of the step, and the middle between them, found by alternating
-/// between the sides.
+/// Distance between two sets of points at the end of the step, and the position midway between them, found by
+/// alternating between the sides.
 fn gap_between<const D: usize>(points: &Points<D>, sides: &[Vec<usize>; 2]) -> Option<(f64, [f64; D])> {
     let x = |p: usize| points.trial.position[p];
     let squared = |a: &[f64; D], b: &[f64; D]| (0..D).map(|d| (a[d] - b[d]).powi(2)).sum::<f64>();

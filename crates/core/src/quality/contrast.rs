@@ -1,5 +1,5 @@
-//! Soft bodies that a much stiffer body stiffens: a row of cells into which the domains of the stiff body reach moves
-//! with that body as a whole.
+//! Soft bodies that a much stiffer body stiffens: a row of cells moves with the stiff body as one if domains of the
+//! stiff body reach into these cells.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -12,9 +12,10 @@ use crate::points::{Points, coordinates};
 
 /// Bodies are examined if their moduli differ by more than this factor, [-].
 const CONTRAST: f64 = 20.0;
-/// A body holds a node if its stiffness there exceeds that of a softer body by this factor, [-].
+/// A body holds a node if its stiffness there exceeds the stiffness of a softer body by this factor, [-].
 const HOLDS: f64 = 3.0;
-/// Share of the stress of a soft body, in energy, at points that cannot strain; a larger one causes a warning, [-].
+/// Share of the stress of a soft body, measured as energy, at points that cannot strain; a larger share causes a
+/// warning, [-].
 const MOST_STIFFENED: f64 = 0.1;
 
 /// Stiffness Σ |∇S_vp|² V_p M_p of every body at each shared node.
@@ -23,18 +24,18 @@ type Stiffness = Vec<Vec<(u16, f64)>>;
 /// The points of a soft body that are held by much stiffer bodies, and the stress of its other points.
 #[derive(Default)]
 struct Taken {
-    /// The points in cells all of whose nodes one stiff body holds, each with this body.
+    /// The points in cells whose nodes are all held by one stiff body, each with this body.
     held: Vec<(usize, u16)>,
     /// Σ |τ|² V and Σ V of the other points at each node.
     stress: HashMap<usize, [f64; 2]>,
     /// Σ |τ|² V over the other points.
     free: f64,
-    /// True if `stress` is that of all ranks.
+    /// True if `stress` includes the points of all ranks.
     is_complete: bool,
 }
 
 impl Taken {
-    /// Adds up the stresses at the nodes of all ranks.
+    /// Adds up the stresses at the nodes over all ranks.
     fn complete<const D: usize>(&mut self, links: &Connectivity<D>) {
         if std::mem::replace(&mut self.is_complete, true) {
             return;
@@ -92,13 +93,13 @@ pub fn watch<const D: usize>(
     }
     let ranks = links.halo().ranks();
     if !ranks.is_alone() {
-        // All ranks judge the same bodies.
+        // All ranks must judge the same bodies.
         for body in ranks.gather_all(taken.keys().copied().collect::<Vec<u16>>()).concat() {
             taken.entry(body).or_default().complete(links);
         }
     }
     let warning = |(body, taken): (u16, Taken)| {
-        // A held point keeps the stress from before it was held; the free points around it show what it would carry.
+        // A held point keeps the stress that it had before; the free points around it show what stress it would carry.
         let would_carry = |p: usize| {
             let around = corners(p).filter_map(|node| taken.stress.get(&node));
             let [stress, volume] = around.fold([0.0; 2], |[s, v], [stress, volume]| [s + stress, v + volume]);
@@ -198,8 +199,8 @@ fn warn<const D: usize>(
         step,
         message: format!(
             "body `{stiff}` reaches into cells of body `{soft}`, which is much softer, and drags all their nodes along: \
-             {:.0} % of the stress of `{soft}`, in energy, is at points that can no longer strain, such as the one at {}; \
-             `{soft}` is too stiff by about as much",
+             {:.0} % of the stress of `{soft}`, measured as energy, is at points that can no longer strain, such as \
+             the one at {}; `{soft}` is too stiff by about this share",
             100.0 * share,
             coordinates(&position)
         ),

@@ -1,6 +1,6 @@
 //! Bodies that act on each other across a gap.
 //!
-//! The grid joins bodies that share nodes, which they do across gaps of up to one or two cells.
+//! The grid joins bodies that share nodes; bodies can share nodes across gaps of up to one or two cells.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -9,7 +9,7 @@ use crate::basis::{Connectivity, DomainKind, TouchedBy};
 use crate::model::Model;
 use crate::points::{Points, coordinates};
 
-/// Largest gap between bodies that touch, relative to the spacing of their points, [-].
+/// Largest gap at which bodies count as touching, relative to the spacing of their points, [-].
 const TOUCHING: f64 = 0.5;
 /// Basis functions below this are round-off from domains that end at the node, and do not join points, [-].
 const LEAST_SHARE: f64 = 1e-6;
@@ -29,7 +29,7 @@ impl<const D: usize> Reach<D> {
         (0..D).map(apart).fold(f64::NEG_INFINITY, f64::max)
     }
 
-    /// Takes in another reach.
+    /// Extends this reach to include another.
     fn extend(&mut self, other: &Reach<D>) {
         for d in 0..D {
             self.low[d] = self.low[d].min(other.low[d]);
@@ -43,7 +43,7 @@ impl<const D: usize> Reach<D> {
     }
 }
 
-/// For each body at a node, the index of the representative of the bodies that it touches there, directly or through
+/// For each body at a node, an index that is the same for all bodies that touch each other there, directly or through
 /// others.
 fn joined<const D: usize>(at_node: &[((u32, u16), Reach<D>)]) -> Vec<usize> {
     let mut group: Vec<usize> = (0..at_node.len()).collect();

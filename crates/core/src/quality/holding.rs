@@ -16,9 +16,9 @@ const LEAST_HELD: f64 = 0.5;
 /// The material at the nodes of one boundary condition.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Held {
-    /// Largest Σ S_vp V_p, over the nodes and all points, of any step so far, [volume].
+    /// Largest sum Σ S_vp V_p over the nodes and all points in any step so far, [volume].
     most: f64,
-    /// Present value of this sum, [volume].
+    /// Current value of this sum, [volume].
     now: f64,
     /// Length of the prescribed motion, averaged over the material at the nodes, [length].
     prescribed: f64,
@@ -33,8 +33,8 @@ impl Held {
     }
 }
 
-/// Records a step for all boundary conditions that move given nodes; returns those whose material has left them, each
-/// with its warning.
+/// Records a step for all boundary conditions that move given nodes; returns the conditions whose nodes have lost their
+/// material, each with its warning.
 pub fn watch<const D: usize>(
     held: &mut Vec<Held>,
     model: &Model<D>,
@@ -90,7 +90,7 @@ fn warn<const D: usize>(
         threshold: Some(LEAST_HELD),
         message: format!(
             "the nodes of `{condition}` now hold {whole:.0} % of the most material they ever held{place_text}; the \
-             material has followed {followed:.4} of the {prescribed:.4} prescribed, and the reaction is too small"
+             material has followed {followed:.4} of the prescribed {prescribed:.4}, and the reaction is too small"
         ),
         detail: None,
     }

@@ -18,18 +18,19 @@ pub struct PointValue {
     pub point: u32,
 }
 
-/// The measures of one body in a step: the largest over its points, or the sum.
+/// The measures of one body in a step: each is the largest value over the points of the body, or the sum.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BodyMeasures {
     /// 1 − Σ S_vp of the basis functions of the step, [-].
     pub partition_of_unity_loss: Option<PointValue>,
     /// Share of the domain outside the grid, [-]; `None` without domains.
     pub outside: Option<PointValue>,
-    /// Magnitude of the rotation, [degrees]; until all points are known, its [`turn`].
+    /// Magnitude of the rotation, [degrees]; until all points have been measured, the [`turn`] instead.
     pub rotation: Option<PointValue>,
     /// Shear, [-].
     pub shear: Option<PointValue>,
-    /// Measure of the motion that the domain update does not suit, [`Objection`]; `None` if it suits every motion.
+    /// Departure of the motion from those that the domain update can follow, [`Objection`]; `None` if the update suits
+    /// every motion.
     pub objection: Option<PointValue>,
     /// Sum of volume times [`turn`] over the points whose domain is a box that cannot follow the rotation, [volume].
     pub box_turning: f64,
@@ -102,14 +103,14 @@ fn keep_largest(kept: &mut Option<PointValue>, found: Option<PointValue>) {
 pub struct Measures {
     /// The measures of each body.
     pub bodies: Vec<BodyMeasures>,
-    /// Smallest ratio of the volume of the points in a cell to that of the cell, at the start of the step, [-], and the
-    /// number of the cell. Cells without points do not count.
+    /// Smallest ratio of the volume of the points in a cell to the volume of the cell, at the start of the step, [-],
+    /// and the number of the cell. Cells without points do not count.
     pub smallest_filling: Option<(f64, u32)>,
 }
 
 impl Measures {
-    /// Measures a step that is in equilibrium but not committed: the converged state of the points, to which `links`
-    /// belong, is the start of the step; the trial state is its end, whose points lie in `next_grid`.
+    /// Measures a step that is in equilibrium but not committed: the converged state of the points is the start of the
+    /// step, to which `links` belong; the trial state is the end of the step, where the points lie in `next_grid`.
     pub fn new<const D: usize>(
         model: &Model<D>,
         points: &Points<D>,
@@ -124,7 +125,7 @@ impl Measures {
             .collect();
         let empty =
             || Measures { bodies: vec![BodyMeasures::default(); model.bodies.len()], smallest_filling: None };
-        // Pieces of fixed size, added in order, give the same sums on any number of threads.
+        // Pieces of fixed size, added in order, give the same sums with any number of threads.
         let piece = 64;
         let pieces: Vec<Measures> = (0..links.n_groups().div_ceil(piece))
             .into_par_iter()
@@ -283,8 +284,8 @@ fn share_of_corners_outside<const D: usize>(grid: &dyn Grid<D>, corners: &[[f64;
 /// Residuals below this are round-off, [-].
 const ROUND_OFF: f64 = 1e-12;
 
-/// Observed order of the iterations of a step, from its last three residuals above round-off; `None` unless three
-/// residuals fall. The residual of iteration 0 does not count, since it is not relative to the reactions.
+/// Observed order of the iterations of a step, from its last three residuals above round-off; `None` unless there are
+/// three and they decrease. The residual of iteration 0 does not count, since it is not relative to the reactions.
 pub fn newton_order(residuals: &[f64]) -> Option<f64> {
     let mut last = residuals.iter().skip(1).copied().filter(|r| *r > ROUND_OFF).rev();
     let (c, b, a) = (last.next()?, last.next()?, last.next()?);

@@ -1,4 +1,4 @@
-//! The motion of a point, and the objection that Table 2 raises to a domain update under this motion.
+//! The motion of a point, and the objection that Table 2 of the paper raises to a domain update under this motion.
 //!
 //! In the plane (`D` = 2) domains have no third axis, whatever F_zz is.
 #![allow(non_snake_case)]
@@ -41,7 +41,7 @@ fn cosine_and_sine<const D: usize>(F: &Mat3) -> (f64, f64) {
 /// R of F = R U for det F > 0, by Newton's method for Rᵀ R = I: R ← (R + R⁻ᵀ)/2, which halves large stretches and then
 /// converges quadratically (Higham 1986, doi 10.1137/0907079).
 fn rotation_tensor(F: &Mat3) -> Mat3 {
-    /// Enough for principal stretches of any finite size.
+    /// Enough iterations for principal stretches of any finite size.
     const MOST: usize = 2000;
     let mut R = *F;
     for _ in 0..MOST {
@@ -56,8 +56,8 @@ fn rotation_tensor(F: &Mat3) -> Mat3 {
     R
 }
 
-/// Tangent of the change of the right angle between two axes of the original configuration, the largest of all pairs,
-/// [-]: γ in simple shear, zero in stretch along the axes, independent of rotations.
+/// Tangent of the change of the right angle between two axes of the original configuration, the largest over all pairs
+/// of axes, [-]: γ in simple shear, zero in stretch along the axes, independent of rotations.
 #[inline]
 pub fn shear<const D: usize>(F: &Mat3) -> f64 {
     let C = |i, j| right_cauchy_green::<D>(F, i, j);
@@ -124,8 +124,8 @@ impl Objection {
                 describe: |value| format!("principal stretches in the ratio {value:.2}"),
             }),
             DomainUpdate::Diagonal => Some(Objection::to_rotation::<D>()),
-            // The volume correction undoes the effect of a rotation on two lengths, but not if the effect spreads over
-            // three.
+            // In the plane, the volume correction undoes the effect of a rotation on the two lengths. In space, the
+            // correction is spread over all three lengths and cannot undo it.
             DomainUpdate::DiagonalCorrected if D == 3 => Some(Objection::to_rotation::<D>()),
             DomainUpdate::Stretch => Some(Objection {
                 measure: shear::<D>,
@@ -152,15 +152,15 @@ impl Objection {
     }
 }
 
-/// True if the lengths along the axes change differently. They do not in simple shear, which the update with det F
-/// suits although the principal stretches differ.
+/// True if the lengths along the axes change differently. False in simple shear, which the update with det F suits
+/// although the principal stretches differ.
 fn axes_differ<const D: usize>(F: &Mat3) -> bool {
     let lengths = || (0..D).map(|d| F[(d, d)].abs());
     lengths().fold(0.0, f64::max) > MOST_STRETCH_RATIO * lengths().fold(f64::INFINITY, f64::min)
 }
 
-/// True if the product of the F_ii differs from det F. It does not in simple shear, which the update with F_ii suits
-/// although the polar decomposition contains a rotation.
+/// True if the product of the F_ii differs from det F. False in simple shear, which the update with F_ii suits although
+/// the polar decomposition contains a rotation.
 pub fn diagonal_misses_volume<const D: usize>(F: &Mat3) -> bool {
     let product: f64 = (0..D).map(|d| F[(d, d)]).product();
     (product / ratio_of_volume::<D>(F) - 1.0).abs() > MOST_VOLUME_CHANGE

@@ -11,7 +11,7 @@ use crate::ranks::Ranks;
 
 /// Side of the bins that domains are sorted into, relative to the mean extent of a domain, [-].
 const BIN: f64 = 2.0;
-/// Largest number of bins along an axis for one domain; the rest of a larger domain is left out.
+/// Largest number of bins along an axis for one domain; the rest of a larger domain is ignored.
 const MOST_BINS: i64 = 1000;
 
 /// A domain: its bounding box, and, in the plane, its halves if it is not a box.
@@ -85,7 +85,7 @@ fn of_lower_ranks<const D: usize>(ranks: &Ranks, own: &[Domain<D>]) -> Vec<Domai
     received.filter_map(|numbers| Domain::of_numbers(&numbers)).collect()
 }
 
-/// Volume shared by all pairs of domains of which at least one is among the first `n_own`.
+/// Volume shared by two domains, summed over all pairs that contain at least one of the first `n_own` domains.
 fn shared_by_pairs<const D: usize>(domains: &[Domain<D>], n_own: usize) -> f64 {
     let mean: f64 = domains.iter().map(Domain::extent).sum::<f64>() / domains.len() as f64;
     let bin = |x: f64| (x / (BIN * mean)).floor() as i64;
@@ -103,7 +103,7 @@ fn shared_by_pairs<const D: usize>(domains: &[Domain<D>], n_own: usize) -> f64 {
         .par_iter()
         .map(|(index, members)| {
             let mut sum = 0.0;
-            // Numbers ascend, so that those of this rank come first.
+            // The numbers ascend, so that the domains of this rank come first.
             for (place, &a) in members.iter().enumerate().filter(|(_, a)| (**a as usize) < n_own) {
                 for &b in &members[place + 1..] {
                     let (a, b) = (&domains[a as usize], &domains[b as usize]);
@@ -252,7 +252,7 @@ mod tests {
 
     #[test]
     fn a_dart_is_cut_along_the_diagonal_inside_it() {
-        // Corners by bits; the one at (0.2, 0.2) points inwards.
+        // Corners are numbered by bits; the corner at (0.2, 0.2) is re-entrant.
         for (corners, exact) in [
             ([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.2, 0.2]], 0.2),
             ([[0.0, 0.0], [1.0, -1.0], [-1.0, 1.0], [0.2, 0.2]], 0.4),

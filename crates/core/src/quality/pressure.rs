@@ -12,8 +12,8 @@ use crate::tensor::Sym3;
 /// Smallest number of flowing cells whose oscillation is judged.
 const LEAST_CELLS: usize = 8;
 
-/// Differences of the mean stresses of the points in a cell, relative to the deviatoric stresses, in the root mean
-/// square over all cells, [-].
+/// Differences between the mean stresses of the points in a cell, relative to the deviatoric stresses; root mean square
+/// over all cells, [-].
 pub fn oscillation<const D: usize>(stress: &[Sym3], links: &Connectivity<D>) -> f64 {
     oscillation_of(links.halo().ranks(), stress, (0..links.n_groups()).map(|group| links.points_of(group)))
 }
@@ -26,8 +26,8 @@ pub(super) struct InFlow {
     pub is_standard: bool,
 }
 
-/// The oscillation of the trial stresses over the cells with several points, all of which flow in the step, which is
-/// not yet committed; `None` if such cells are few.
+/// The oscillation of the trial stresses, in a step not yet committed, over the cells that hold several points, all of
+/// them flowing; `None` if there are too few of these cells.
 pub(super) fn oscillation_in_flow<const D: usize>(
     model: &Model<D>,
     points: &Points<D>,

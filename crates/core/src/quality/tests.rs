@@ -56,7 +56,8 @@ fn near(found: Option<PointValue>, value: f64, point: u32) {
 fn domains_outside_the_grid_lose_the_partition_of_unity() {
     let model = model(&[GIMP]);
     // The last domain reaches beyond the left boundary by a quarter and beyond the upper one by a third; the second one
-    // touches the boundary up to round-off. The points are in the order of their cells, so both states agree.
+    // touches the boundary up to round-off. The points are in the order of their cells, so the converged and trial
+    // states agree.
     let seeds = [
         seed(0, [0.6, 0.3], [0.1, 0.1], false),
         seed(0, [1.9, 0.1], [0.1 + 1e-12, 0.1 + 1e-12], false),

@@ -22,7 +22,7 @@ pub enum Code {
     /// Iterations do not solve the equations, which are factorised instead.
     #[serde(rename = "W004")]
     Factorised,
-    /// A body, or bodies that were connected, have separated.
+    /// A body has come apart, or connected bodies have separated.
     #[serde(rename = "W005")]
     Apart,
     /// The material leaves the nodes that prescribe its motion.
@@ -77,13 +77,13 @@ pub const CODES: &[(&str, &str)] = &[
     ("W001", "a domain update that does not suit the motion"),
     ("W002", "a domain partly outside the grid"),
     ("W003", "basis functions that do not add up to 1"),
-    ("W004", "equations that iterations do not solve"),
+    ("W004", "equations that the iterative solver does not solve"),
     ("W005", "a body that comes apart"),
     ("W006", "prescribed nodes that lose their material"),
     ("W007", "bodies that act on each other across a gap"),
-    ("W008", "much work done by fresh grids"),
+    ("W008", "a large amount of work done in changing to fresh grids"),
     ("W009", "work and energy that do not balance"),
-    ("W010", "standard points that cross cells"),
+    ("W010", "standard points that cross cell boundaries"),
     ("W011", "domains that turn but stay boxes"),
     ("W012", "pressures that alternate within cells"),
     ("W013", "a step that only damped iterations solve"),
@@ -93,7 +93,7 @@ pub const CODES: &[(&str, &str)] = &[
     ("W017", "an equilibrium that is not stable"),
     ("W018", "bodies that slide while their strength is reduced"),
     ("W019", "a strength reduction that ends before displacements run away"),
-    ("W020", "a reduction of strength of bodies that have slumped"),
+    ("W020", "a strength reduction of bodies that have slumped"),
 ];
 
 impl Code {

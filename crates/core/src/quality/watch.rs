@@ -1,5 +1,5 @@
 //! The checks of a step other than the measures of its points: parts that come apart, nodes that the material leaves,
-//! gaps that forces cross, instability, and balances of work and energy.
+//! gaps across which bodies act on each other, instability, and balances of work and energy.
 
 use super::cohesion::Cohesion;
 use super::pressure::{InFlow, oscillation_in_flow};
@@ -17,27 +17,28 @@ use crate::points::{Points, coordinates};
 use crate::ranks::Ranks;
 use crate::tensor::Sym3;
 
-/// The balances are judged from this step on: in fewer steps their error is large anyway.
+/// First step at which the balances are judged: after fewer steps, their error is large anyway.
 const FIRST_BALANCE: usize = 5;
-/// Work counts as round-off if it is less than the work of this strain, [-].
+/// Work counts as round-off if it is less than the work that a strain of this size does, [-].
 const STRAIN_OF_ROUND_OFF: f64 = 1e-6;
 /// Root mean square error of the stresses of points without a domain, relative to the square root of the regridding
-/// share, found by measurement, [-].
+/// share, [-]; an empirical value.
 const STRESS_BY_REGRIDDING: f64 = 0.6;
 
 /// Bodies count as elastic while the plastic work is less than this fraction of the stored energy, [-].
 const ELASTIC: f64 = 1e-3;
 
-/// Fraction of the forces on a body that may be out of balance, [-].
+/// Largest fraction of the forces on a body that may be out of balance without a warning, [-].
 const MOST_OF_BODY: f64 = 1e-4;
-/// Fraction of the forces on a body that should remain out of balance at the tolerance that the warning recommends, [-].
+/// Fraction of the forces on a body that should remain out of balance at the tolerance that the warning recommends,
+/// [-].
 const FINE_RESIDUAL: f64 = 1e-6;
 /// Smallest tolerance that residuals can meet in spite of round-off, [-].
 const LEAST_TOLERANCE: f64 = 1e-13;
 
 impl Quality {
-    /// Checks a step that is in equilibrium but not committed, as for [`super::Measures::new`]; returns the warnings
-    /// that it causes for the first time.
+    /// Checks a step that is in equilibrium but not committed, like [`super::Measures::new`]; returns the warnings that
+    /// are raised for the first time.
     pub fn watch<const D: usize>(
         &mut self,
         model: &Model<D>,
@@ -73,7 +74,7 @@ impl Quality {
         self.for_the_first_time(found)
     }
 
-    /// Judges the balances of the steps so far; returns the warnings that they cause for the first time.
+    /// Judges the balances of the steps so far; returns the warnings that are raised for the first time.
     pub fn judge_balances<const D: usize>(
         &mut self,
         model: &Model<D>,
@@ -136,8 +137,8 @@ impl Quality {
                     value: Some(value),
                     threshold: Some(MOST_CROSSINGS),
                     message: format!(
-                        "body `{name}`: its standard points have crossed cell borders {value:.2} times each; stresses are \
-                         probably wrong by about {error:.0} % (root mean square)"
+                        "body `{name}`: its standard points have crossed cell boundaries {value:.2} times each; \
+                         stresses are probably wrong by about {error:.0} % (root mean square)"
                     ),
                     detail: None,
                 },
@@ -183,7 +184,7 @@ fn read(text: &str) -> Option<Vec<(usize, Warning)>> {
     serde_json::from_str(text).ok()
 }
 
-/// The warnings that any rank has found, each once.
+/// The warnings raised on any rank, each once.
 fn of_all_ranks(ranks: &Ranks, own: Vec<(usize, Warning)>) -> Vec<(usize, Warning)> {
     if !ranks.any(!own.is_empty()) || ranks.is_alone() {
         return own;
@@ -251,7 +252,7 @@ fn damped(step: usize, slumped: bool) -> Warning {
         value: None,
         threshold: None,
         message: format!(
-            "only damped iterations found an equilibrium, not smaller steps or undamped ones; {way}"
+            "only damped iterations found an equilibrium: smaller steps and undamped iterations failed; {way}"
         ),
         detail: None,
     }
@@ -276,8 +277,8 @@ fn replaced_domains<const D: usize>(
         value: Some(count as f64),
         threshold: Some(0.0),
         message: format!(
-            "the motion has torn the domains of {count} points or carried them off the grid, first that of point {first} at \
-             {}; parallelograms that follow the deformation gradient replace them",
+            "the motion has torn the domains of {count} points or carried them off the grid, first at point {first}, \
+             {}; parallelograms that follow the deformation gradient now replace them",
             coordinates(&position)
         ),
         detail: None,
@@ -297,8 +298,8 @@ fn locking(value: f64, step: usize, is_standard: bool) -> Warning {
         value: Some(value),
         threshold: Some(MOST_OSCILLATION),
         message: format!(
-            "where bodies yield, the pressures of the points of a cell differ by {value:.2} of the deviatoric stress (root \
-             mean square): {consequence}"
+            "where bodies yield, the pressures of the points of a cell differ by {value:.2} times the deviatoric \
+             stress (root mean square): {consequence}"
         ),
         detail: is_standard.then_some(Detail::StandardDilatation),
     }
@@ -336,8 +337,8 @@ impl BalanceSoFar {
             value: Some(value),
             threshold: Some(MOST_REGRIDDING),
             message: format!(
-                "the out-of-balance forces of fresh grids have done {:.0} % of the external work: displacements and \
-                 stresses depend on the grid and on the number of steps",
+                "the out-of-balance forces of fresh grids have done work equal to {:.0} % of the external work: \
+                 displacements and stresses depend on the grid and on the number of steps",
                 100.0 * value
             ),
             detail: None,
@@ -353,7 +354,7 @@ impl BalanceSoFar {
             value: Some(value),
             threshold: Some(MOST_ENERGY_ERROR),
             message: format!(
-                "work, stored energy and plastic work differ by {:.0} % of all work",
+                "the work and the sum of stored and dissipated energy differ by {:.0} % of the total work",
                 100.0 * value.abs()
             ),
             detail: None,

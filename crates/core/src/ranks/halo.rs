@@ -34,9 +34,9 @@ pub struct Sharer {
 /// this one.
 pub type Sharing = Vec<(u32, Vec<Sharer>)>;
 
-/// Finds the ranks that share nodes with this one; `nodes` lists the nodes of this rank, ascending, each with true if
-/// its points touch the node. Each node has a home rank: all ranks that have the node report to the home rank, which
-/// tells each of them the others.
+/// Finds the ranks that share nodes with this one; `nodes` lists the nodes of this rank, ascending, each with a flag:
+/// true if points of this rank touch the node. Each node has a home rank: all ranks that have the node report to the
+/// home rank, which tells each of them about the others.
 pub fn sharing(ranks: &Ranks, nodes: &[(u32, bool)], n_nodes: usize) -> Sharing {
     let Some(communicator) = ranks.communicator() else { return Vec::new() };
     let count = ranks.count();
@@ -73,7 +73,7 @@ pub fn sharing(ranks: &Ranks, nodes: &[(u32, bool)], n_nodes: usize) -> Sharing 
             found.push((node, numbers.by_ref().take(n as usize).map(sharer).collect()));
         }
     }
-    // Home ranks ascend with the nodes.
+    // Nodes are ascending, and so are their home ranks.
     found
 }
 
@@ -199,7 +199,7 @@ impl Halo {
         let send: Vec<Vec<f64>> = self.shared.iter().map(|nodes| collect(nodes)).collect();
         let mut receive: Vec<Vec<f64>> = send.iter().map(|numbers| vec![0.0; numbers.len()]).collect();
         communicator.swap(&self.neighbours, &send, &mut receive);
-        // The own values take their turn in rank order.
+        // The values of this rank take their turn in rank order.
         let own = collect(&self.border);
         let below = self.neighbours.partition_point(|rank| *rank < self.ranks.own());
         let of_rank = |k: usize| (&self.shared[k], &receive[k]);

@@ -132,7 +132,7 @@ impl<const D: usize> Region<D> {
         }
     }
 
-    /// The facet with its normal out of the region; `None` if it does not lie on the boundary.
+    /// The facet with its normal pointing out of the region; `None` if it does not lie on the boundary.
     fn outward(&self, facet: Facet<D>) -> Option<Facet<D>> {
         let area = area_vector(&facet.corners);
         let (size, length) = (facet.size(), norm(&area));
@@ -150,7 +150,7 @@ impl<const D: usize> Region<D> {
 }
 
 /// Facets with indexed corners: the corner positions in the order of their first use, and for each corner of each facet
-/// the index of its position. Corners with equal coordinates are one corner. For fewer than 2³² corners.
+/// the index of its position. Corners with equal coordinates count as one corner. There must be fewer than 2³² corners.
 pub(crate) fn indexed<const D: usize>(facets: &[[[f64; D]; D]]) -> (Vec<[f64; D]>, Vec<[u32; D]>) {
     let mut numbers: HashMap<[u64; D], u32> = HashMap::new();
     let mut places = Vec::new();
@@ -171,14 +171,15 @@ pub(crate) fn parts(length: f64, spacing: f64) -> usize {
     ((length / spacing - 1e-9).ceil() as usize).max(1)
 }
 
-/// Number of chords of a circle with this radius; a multiple of 4, so that symmetric halves and quarters have whole
-/// chords.
+/// Number of chords of a circle with this radius; a multiple of 4, so that symmetric halves and quarters consist of
+/// whole chords.
 pub(crate) fn chords(radius: f64, spacing: f64) -> usize {
     parts(std::f64::consts::TAU * radius, spacing).max(24).next_multiple_of(4)
 }
 
-/// Facets of the side of a cell with these corners in turn, with edges at most `spacing` long, [length]. The side is a
-/// segment in the plane, a triangle or a quadrilateral in space; for other numbers of corners, there are no facets.
+/// Facets of a side of a cell with these corners, in cyclic order; the edges of the facets are at most `spacing` long,
+/// [length]. The side is a segment in the plane, a triangle or a quadrilateral in space; for other numbers of corners,
+/// there are no facets.
 pub fn divided<const D: usize>(corners: &[[f64; D]], spacing: f64, side: usize) -> Vec<Facet<D>> {
     match corners {
         [a, b] => divide(a, b, spacing, side),
@@ -259,8 +260,8 @@ pub(super) fn parallelogram<const D: usize>(
     quadrilaterals(n, m, &at, side)
 }
 
-/// Two triangles for each cell of a curved grid of n × m cells in space; empty in the plane, and without triangles that
-/// have shrunk to a line.
+/// Two triangles for each cell of a curved grid of n × m cells in space, without triangles that have shrunk to a line;
+/// empty in the plane.
 pub(crate) fn quadrilaterals<const D: usize>(
     n: usize,
     m: usize,

@@ -1,4 +1,4 @@
-//! Filling of regions: the parts of grid cells with their centres in a region.
+//! Filling of regions: the parts of grid cells that have their centres in a region.
 
 use std::ops::Range;
 
@@ -34,13 +34,13 @@ pub struct FilledCell {
 /// Parts and cells of a grid that lie in a region.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Filled<P> {
-    /// Parts with their centres in the region, in the order of the cells.
+    /// Parts that have their centres in the region, in the order of the cells.
     pub parts: Vec<P>,
     /// Cells with such parts, ascending.
     pub cells: Vec<FilledCell>,
 }
 
-/// Collects the parts of grid cells with their centres in a region.
+/// Collects the parts of grid cells that have their centres in a region.
 ///
 /// - `divide` returns the parts of a cell; `centre` returns the centre of a part.
 /// - `in_group(key, cell)` is true if a cell belongs to the group `key` of the region.
@@ -49,7 +49,7 @@ pub struct Filled<P> {
 /// Cells are processed in parallel; the result does not depend on the number of threads.
 ///
 /// # Errors
-/// The error of `divide` for the first cell that has one and may overlap the region.
+/// The error of `divide` for the first cell that may overlap the region and cannot be divided.
 pub fn fill<const D: usize, P: Send, I: IntoIterator<Item = P>, E: Send>(
     region: &Region<D>,
     grid: &dyn Grid<D>,
@@ -78,7 +78,7 @@ pub fn fill<const D: usize, P: Send, I: IntoIterator<Item = P>, E: Send>(
         None => (0..grid.n_cells()).collect(),
     };
     let mut filled = Filled { parts: Vec::new(), cells: Vec::new() };
-    // Chunks of cells, so that the parts are never stored twice.
+    // Cells are filled in chunks, so that the parts are never stored twice.
     let own = &candidates[ranks.share(candidates.len())];
     for chunk in own.chunks(CELLS_AT_A_TIME) {
         let by_cell: Vec<_> = chunk.par_iter().map(|&cell| one_cell(cell)).collect();
@@ -103,7 +103,7 @@ pub fn contains_in_cell<const D: usize>(
     in_group: impl Fn(usize, usize) -> bool,
 ) -> bool {
     region.contains_with(x, &|key, y| {
-        // A position on a cell boundary belongs to the given cell; only moved groups need a search.
+        // A position on a cell boundary belongs to the given cell; only a position in a moved group needs a search.
         if y == x {
             in_group(key, cell)
         } else {

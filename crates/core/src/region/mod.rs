@@ -3,8 +3,8 @@
 //! A [`Region`] is a primitive, a group of mesh cells, or a union, difference or intersection of regions. Every region
 //! can be moved by a [`Motion`]. A [`Primitive`] has five methods: containment of a position, extent along a direction,
 //! volume, intersection with a line, and the facets of its boundary. Everything else is derived from them: bounds of
-//! moved regions, booleans on lines, the boundary of a region (`boundary.rs`), and volumes of booleans by quadrature
-//! over lines (`volume.rs`).
+//! moved regions, boolean operations on lines, the boundary of a region (`boundary.rs`), and volumes of unions,
+//! intersections and differences by quadrature over lines (`volume.rs`).
 
 mod ball;
 mod boundary;
@@ -103,7 +103,7 @@ pub trait Primitive<const D: usize>: Debug + Send + Sync {
     /// The intervals of a line that lie inside.
     fn intervals(&self, line: &Line<D>) -> Intervals;
 
-    /// The boundary as facets of either orientation, with edges about `spacing` long, [length], or hardly longer.
+    /// The boundary as facets of either orientation, with edges no longer than about `spacing`, [length].
     fn facets(&self, spacing: f64) -> Vec<Facet<D>>;
 
     /// True if the shape is convex.
@@ -194,7 +194,8 @@ impl<const D: usize> Region<D> {
         match self.node {
             Node::Primitive(primitive, before) => Self::placed(primitive, before.then(motion)),
             Node::Group(group, before) => Self::placed_group(group, before.then(motion)),
-            // Apply the motion to the primitives: bounds of primitives are tight, bounds of booleans are not.
+            // Apply the motion to the primitives: bounds of primitives are tight, but bounds of differences and
+            // intersections are not.
             Node::Union(parts) => {
                 let parts = all(parts);
                 let bounds = parts.iter().map(|part| part.bounds).fold(nothing(), hull);

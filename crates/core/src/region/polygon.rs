@@ -6,7 +6,7 @@ use super::boundary::divide;
 use super::vector::{dot, minus};
 use super::{Facet, Intervals, Line, Primitive, ShapeError, finite, positive};
 
-/// Largest number of corners for which the kinks they cause in integrals are treated one by one.
+/// Largest number of corners for which the kinks that they cause in integrals are treated individually.
 const MOST_CORNERS: usize = 64;
 
 /// A simple polygon.
@@ -16,7 +16,7 @@ pub struct Polygon {
 }
 
 impl Polygon {
-    /// A closed polygon from its corners in either order around it, [length].
+    /// A closed polygon, given by its corners in clockwise or counterclockwise order, [length].
     ///
     /// # Errors
     /// [`ShapeError::Corners`], [`ShapeError::NotFinite`], [`ShapeError::SelfCrossing`]; [`ShapeError::NotPositive`] if

@@ -69,13 +69,13 @@ fn weight(k: usize) -> f64 {
 struct Forms {
     /// Coefficients of the polynomials of degree 14 down to 7, orthonormal on the nodes with their weights.
     coefficients: [[f64; N]; 8],
-    /// Values at the lower and upper end of the polynomial through all nodes.
+    /// Values of the polynomial through all nodes at the lower and the upper end.
     at_ends: [[f64; N]; 2],
 }
 
 static FORMS: LazyLock<Forms> = LazyLock::new(|| {
     // Each polynomial, given by its values at nodes and ends, is the previous one times x, orthogonalised against all
-    // others.
+    // earlier ones.
     type Values = ([f64; N], [f64; 2]);
     let product = |a: &Values, b: &Values| (0..N).map(|k| weight(k) * a.0[k] * b.0[k]).sum::<f64>();
     let mut basis: Vec<Values> = Vec::with_capacity(N);
@@ -257,7 +257,7 @@ mod tests {
                 ratios.push(true_error / error);
             }
             ratios.sort_by(f64::total_cmp);
-            // Nor must the estimate be much too large.
+            // The estimate must not be much too large either.
             assert!(ratios[1500] > 0.05, "case {case}: {}", ratios[1500]);
         }
     }

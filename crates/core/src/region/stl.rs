@@ -44,7 +44,7 @@ pub enum StlError {
         /// Size of the file, [byte].
         bytes: usize,
     },
-    /// A text file contradicts the format.
+    /// A text file violates the format.
     #[error("line {line}: expected {expected}, found {found}")]
     Expected {
         /// Line, from 1.
@@ -127,8 +127,8 @@ fn size(facets: u32) -> u64 {
     BEFORE_FACETS as u64 + FACET as u64 * u64::from(facets)
 }
 
-/// True if a file that is not a valid binary file looks like text: it starts with `solid` and its first part has no
-/// bytes that do not occur in text.
+/// True if a file that is not a valid binary file looks like text: it starts with `solid`, and its first part contains
+/// only bytes that occur in text.
 fn is_text(bytes: &[u8]) -> bool {
     let start = without_mark(bytes).trim_ascii_start();
     let begins = start.get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid"));

@@ -43,9 +43,9 @@ impl Surface {
     /// Builds the surface from triangles in any order, each with its corners counterclockwise as seen from outside,
     /// [length].
     ///
-    /// Corners with equal coordinates are one corner. If edges remain open, corners at these edges are merged within
-    /// 10⁻⁶ of the size of the surface; see [`Surface::welded`]. An inside-out surface is refused instead of reversed,
-    /// because it might be a cavity whose outer body is missing.
+    /// Corners with equal coordinates count as one corner. If edges remain open, corners at these edges are merged
+    /// within 10⁻⁶ of the size of the surface; see [`Surface::welded`]. An inside-out surface is refused instead of
+    /// reversed, because it might be a cavity whose outer body is missing.
     ///
     /// # Errors
     /// Any [`SurfaceError`].
@@ -96,7 +96,7 @@ impl Surface {
     }
 
     /// The first position at which the straight path from one position to another meets a facet, as a fraction of the
-    /// path. The decision whether they meet is exact.
+    /// path. Whether they meet is decided exactly.
     pub(crate) fn first_crossing(&self, path: [[f64; 3]; 2]) -> Option<f64> {
         let (box_of_path, mut first) = (around(&path), None::<f64>);
         self.tree.visit(

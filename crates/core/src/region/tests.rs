@@ -1,4 +1,4 @@
-//! Regions against closed forms, sampling and each other.
+//! Tests of regions against closed forms, sampling and each other.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -225,7 +225,7 @@ proptest! {
 
     #[test]
     fn quadrature_finds_the_volumes_of_primitives(region in moved_primitive()) {
-        // The union with a part of itself forces the algorithm for booleans.
+        // The union of the region with a part of itself forces the general algorithm.
         let measured = union(&[region.clone(), intersection(&[region.clone(), brick([-0.5; 3], [0.5; 3])])]);
         let Volume { value, error } = measured.volume(Accuracy { relative: 1e-4, lines: 400_000 }).unwrap();
         let exact = closed_form(&region);
@@ -287,7 +287,7 @@ fn bounds_of_turned_primitives_are_tight() {
     assert_eq!(cone.bounds(), [[-0.5, -0.5, 0.0], [0.5, 0.5, 2.0]]);
     let square = brick([-1.0; 2], [1.0; 2]).moved(&Motion::<2>::rotation(PI / 4.0, [0.0; 2]).unwrap());
     assert!(near(square.bounds()[1][0], 2.0f64.sqrt(), 1e-15));
-    // The bounds of a rotated union are those of its rotated parts.
+    // The bounds of a rotated union enclose the bounds of its rotated parts tightly.
     let both =
         union(&[ball([0.0; 3], 1.0), ball([3.0, 0.0, 0.0], 1.0)]).moved(&turn([0.0, 0.0, 1.0], PI / 4.0));
     assert!(near(both.bounds()[1][0], 3.0 / 2.0f64.sqrt() + 1.0, 1e-15));

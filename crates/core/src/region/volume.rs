@@ -1,9 +1,9 @@
 //! Volumes of regions: closed forms if known, otherwise quadrature over lines.
 //!
-//! If parts of a boolean do not overlap, or one contains another, the volume is a sum or difference of known volumes.
-//! Otherwise the length of the region along lines parallel to the first axis, which is exact, is integrated over the
-//! other coordinates by nested adaptive quadrature. The ranges are first divided at the ends and corners of the
-//! primitives, so that no primitive is missed.
+//! If the parts of a union, intersection or difference do not overlap, or if one contains another, the volume is a sum
+//! or difference of known volumes. Otherwise the length of the region along lines parallel to the first axis, which is
+//! exact, is integrated over the other coordinates by nested adaptive quadrature. The ranges are first divided at the
+//! ends and corners of the primitives, so that no primitive is missed.
 
 use std::cell::Cell;
 
@@ -29,13 +29,14 @@ pub struct Accuracy {
 }
 
 impl Default for Accuracy {
-    /// 10⁻⁶ and four million lines. A few primitives need fewer; the limit is reached in one or two seconds.
+    /// 10⁻⁶ and four million lines. Regions of a few primitives need fewer lines; the limit is reached in one or two
+    /// seconds.
     fn default() -> Self {
         Accuracy { relative: 1e-6, lines: 4_000_000 }
     }
 }
 
-/// Least initial number of panels per coordinate.
+/// Smallest initial number of panels per coordinate.
 const FEWEST_PANELS: usize = 4;
 
 impl<const D: usize> Region<D> {
@@ -117,8 +118,8 @@ struct Lines<'a, const D: usize> {
 
 impl<'a, const D: usize> Lines<'a, D> {
     fn new(region: &'a Region<D>, most: usize) -> Self {
-        // A quarter of the lines for the initial division, which has equally many panels in every coordinate but the
-        // first.
+        // A quarter of the lines for the initial division, which has the same number of panels in every coordinate
+        // except the first.
         let per_coordinate = (most as f64 / 4.0).powf(1.0 / (D.max(2) - 1) as f64);
         let most_panels = (per_coordinate as usize / VALUES_PER_PANEL).max(FEWEST_PANELS);
         let breaks = (0..D).map(|axis| breaks(region, axis, most_panels)).collect();
@@ -194,8 +195,8 @@ fn clusters<const D: usize>(parts: &[Region<D>]) -> Vec<Vec<&Region<D>>> {
     clusters
 }
 
-/// Removes the parts that others make superfluous, as `replaces(other, part)` states; of two that replace each other,
-/// the first is kept.
+/// Removes each part for which `replaces(other, part)` is true for some other part; of two parts that replace each
+/// other, the first is kept.
 fn without_covered<const D: usize>(
     parts: Vec<&Region<D>>,
     replaces: impl Fn(&Region<D>, &Region<D>) -> bool,

@@ -1,11 +1,11 @@
-//! Agreement of all ranks on the outcome of what each of them has tried.
+//! Agreement of all ranks on the outcome of an attempt that each of them has made.
 
 use crate::ranks::Ranks;
 
 use super::error::SolveError;
 use super::of_rank::OfRank;
 
-/// An error as its rank tells it to the others.
+/// An error as its rank reports it to the other ranks.
 fn told_by(rank: usize, error: &SolveError) -> OfRank {
     let has_lost_points = matches!(
         error,
@@ -22,13 +22,13 @@ fn told_by(rank: usize, error: &SolveError) -> OfRank {
     }
 }
 
-/// Lets an attempt succeed only if it has on all ranks. All ranks get the error of the first rank that has one, so that
-/// all respond to it alike; only that rank keeps the error itself.
+/// Lets an attempt succeed only if it has succeeded on all ranks. All ranks get the error of the first rank that has
+/// one, so that all respond to it alike; only that rank keeps the error itself.
 pub(super) fn agree<T>(ranks: &Ranks, outcome: Result<T, SolveError>) -> Result<T, SolveError> {
     if ranks.is_alone() {
         return outcome;
     }
-    // A rank does not pass on an error of which it knows only that another rank has it.
+    // A rank does not pass on an error that it knows only as the error of another rank.
     let is_known = |error: &&SolveError| !matches!(error, SolveError::OnRank(_));
     let own = outcome.as_ref().err().filter(is_known).map(|error| told_by(ranks.own(), error));
     match ranks.first(own) {

@@ -25,7 +25,7 @@ pub(super) enum Attempt<const D: usize> {
 /// The role of slumping in an attempt.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Slump {
-    /// Bodies may not slump.
+    /// Bodies must not slump.
     Forbidden,
     /// Bodies may begin to slump.
     MayBegin,
@@ -165,7 +165,7 @@ impl<const D: usize> FailedAttempt<D> {
         self.residuals.len().saturating_sub(1 + self.augmentations)
     }
 
-    /// True if the last residual meets the tolerance, so that the attempt failed only afterwards.
+    /// True if the last residual meets the tolerance, so that the attempt failed only after the iterations.
     pub(super) fn is_balanced(&self, tolerance: f64) -> bool {
         self.residuals.last().is_some_and(|residual| *residual <= tolerance)
     }

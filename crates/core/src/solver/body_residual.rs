@@ -11,8 +11,8 @@ use super::residual::{Forces, ratio};
 use super::round_off::{ACCUMULATED, IN_MOTION, IN_STRAIN, forces_of_unit_strain};
 
 /// The out-of-balance force beyond round-off at the nodes of each body alone, relative to the forces on these nodes or,
-/// if those are larger, to the forces that its points exert on shared nodes, [-]; empty for a single body, 0 for a body
-/// without forces.
+/// if those are larger, to the forces that the points of the body exert on shared nodes, [-]; empty for a single body,
+/// 0 for a body without forces.
 ///
 /// The residual of a part with several bodies is relative to all forces on the part. A body that carries little
 /// compared with the others may then be out of balance unnoticed.

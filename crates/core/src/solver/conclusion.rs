@@ -30,7 +30,7 @@ pub(super) struct LastIterate<const D: usize, const N: usize> {
 }
 
 impl<const D: usize, const N: usize> LastIterate<D, N> {
-    /// The report of a step in equilibrium, without its links, which the caller holds, and the path after the step.
+    /// The report of a step in equilibrium, without the links (the caller holds them), and the path after the step.
     pub(super) fn report(
         &mut self,
         context: &StepContext<D>,
@@ -115,7 +115,8 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
         Energy { damping_work: energy.damping_work + at_end, ..energy }
     }
 
-    /// The failed attempt, with the grid fields where its iterations ended, without the links, which the caller holds.
+    /// The failed attempt with the grid fields at which its iterations ended, but without the links, which the caller
+    /// holds.
     pub(super) fn failed(&mut self, context: &StepContext<D>, error: SolveError) -> Box<FailedAttempt<D>> {
         let course = &mut self.course;
         Box::new(FailedAttempt {
@@ -158,7 +159,7 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
     fn energy(&self, context: &StepContext<D>, points: &Points<D>, slump: Slump) -> (Energy, Nodal<N>) {
         let LastIterate { system: StepSystem { dofs, sum, .. }, unknowns, course } = self;
         let f_ext = sum.system().external_force();
-        // When bodies slump, the loads have already grown.
+        // While bodies slump, the loads have already grown to their values at the end of the step.
         let f_ext_start = if slump.has_begun() { f_ext.clone() } else { sum.external_force_at_start(dofs) };
         let reaction = reactions_of(f_ext, sum.system().internal_force(), dofs);
         let reaction_start = reactions_of(&f_ext_start, &course.f_int_start, dofs);

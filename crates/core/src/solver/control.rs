@@ -27,7 +27,7 @@ pub struct Path {
 }
 
 impl Path {
-    /// The path over all ranks, joined from the path of each.
+    /// The path over all ranks, joined from the paths of the ranks.
     pub fn joined(of_ranks: &[Path]) -> Path {
         let motions: Vec<Motion> = of_ranks.iter().map(|path| path.motion.clone()).collect();
         Path { motion: Motion::joined(&motions), ..of_ranks.first().cloned().unwrap_or_default() }
@@ -39,7 +39,7 @@ impl Path {
     }
 }
 
-/// A motion of the nodes together with that of the global unknowns.
+/// A motion of the nodes, together with the change of the global unknowns.
 #[derive(Clone, Copy)]
 pub(super) struct Field<'a, const N: usize> {
     pub(super) nodes: &'a [[f64; N]],
@@ -80,7 +80,7 @@ pub enum NoPath {
     /// No load factor gives the displacement or path length that the step prescribes.
     #[error("no load factor gives the displacement or path length that the step prescribes")]
     NoIntersection,
-    /// The equilibrium that was found lies back along the path.
+    /// The iterations found an equilibrium by turning back along the path.
     #[error("the step turned back along the path of the previous step")]
     Reversed,
 }
@@ -91,9 +91,9 @@ fn weight_of_length<const D: usize>(points: &Points<D>) -> f64 {
     points.ranks.total(points.original_volume.iter().sum::<f64>()).sqrt()
 }
 
-/// Arc length of the path at a time, [length], in an analysis whose load factor follows from it: the sum over the steps
-/// of √(Σ V |Δu|² / V₀), where Σ is over the nodes, V is the volume that a node carries and V₀ the original volume of
-/// all points; `None` before the first step has set the rate.
+/// Arc length of the path at a time, [length], in an analysis in which the arc length determines the load factor: the
+/// sum over the steps of √(Σ V |Δu|² / V₀), where Σ is over the nodes, V is the volume that a node carries and V₀ the
+/// original volume of all points; `None` before the first step has set the rate.
 pub fn path_length<const D: usize>(points: &Points<D>, path: &Path, time: f64) -> Option<f64> {
     path.rate.map(|rate| rate * time / weight_of_length(points))
 }

@@ -9,7 +9,7 @@ use crate::step::Nodal;
 
 /// A tangent may be kept after an iteration that leaves at most this fraction of the out-of-balance force, [-].
 const FAST: f64 = 0.1;
-/// Iterations that leave more than this fraction of the out-of-balance force stall, [-].
+/// Iterations stall if they leave more than this fraction of the out-of-balance force, [-].
 const STALLS: f64 = 0.5;
 
 /// The data of the iterations of a step, apart from the unknowns.
@@ -18,33 +18,33 @@ pub(super) struct Course<const N: usize> {
     /// The role of round-off in the last residual.
     pub(super) round_off: RoundOff,
     pub(super) solved: Vec<Solved>,
-    /// Number of increments with support, and the last failure without support.
+    /// Number of increments with support of sliding contact points, and the last failure without support.
     pub(super) supported: usize,
     pub(super) singular: Option<LinearError>,
-    /// True if the present layout of the system has a factor.
+    /// True if the current layout of the system has a factor.
     pub(super) has_factor: bool,
     /// Out-of-balance force of the last evaluation, [force].
     pub(super) out_of_balance: Nodal<N>,
-    /// Internal force of the state that the step starts from.
+    /// Internal force at the start of the step.
     pub(super) f_int_start: Nodal<N>,
     /// True if the last iterative displacement had to be shortened.
     pub(super) shortened: bool,
-    /// Number of multiplier updates, and of linear solves before the last update.
+    /// Number of multiplier updates, and number of linear solves before the last update.
     pub(super) augmentations: usize,
     pub(super) solves_before: usize,
-    /// Largest number of linear solves before an update, counted from the previous one.
+    /// Largest number of linear solves before an update, counted from the previous update.
     pub(super) most_solves: usize,
     /// True if no increment has followed the last multiplier update.
     pub(super) is_augmented: bool,
-    /// True if multipliers were updated along the last increment, and along any increment.
+    /// Two flags: multipliers were updated along the last increment, and along any increment of the step.
     pub(super) is_augmented_along: bool,
     pub(super) was_augmented_along: bool,
 }
 
-/// What has been tried at the present iterate.
+/// What has been tried at the current iterate.
 #[derive(Debug, Default)]
 pub(super) struct Search {
-    /// True if forces alone do not suffice.
+    /// True if the forces alone, without the stiffness, did not suffice.
     pub(super) needs_stiffness: bool,
     pub(super) halvings: usize,
     pub(super) searches: usize,
@@ -118,9 +118,10 @@ impl<const N: usize> Course<N> {
         now <= FAST * before
     }
 
-    /// The next residual if the iterations converge quadratically and the linear solves leave as much as their
-    /// tolerance allows. Infinite if no forecast is possible: before two iterations, and before as many as the previous
-    /// step took, because the first large iterations of a step that rotates a body predict nothing.
+    /// The next residual, provided that the iterations converge quadratically and each linear solve leaves as large a
+    /// residual as its tolerance allows. Infinite if no forecast is possible: before two iterations, and before as many
+    /// iterations as the previous step took, because in a step that rotates a body, the first iterations are large and
+    /// predict nothing.
     pub(super) fn forecast(&self, forcing: &Forcing, of_last_step: usize) -> f64 {
         match self.residuals[..] {
             [_, .., before, now] if of_last_step > 0 && self.residuals.len() >= of_last_step => {

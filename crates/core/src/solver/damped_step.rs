@@ -12,7 +12,7 @@ use super::step_system::StepSystem;
 use super::unknowns::Unknowns;
 
 impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
-    /// A Newton step with a stiffness that is damped until it is positive definite.
+    /// A Newton step with the stiffness damped until it is positive definite.
     pub(super) fn damped_step(&mut self) -> Result<Option<Solved>, NoIncrement> {
         let LoadStep { context, system: StepSystem { dofs, sum, .. }, unknowns, course, .. } = self;
         let LoadStep { equations, summary, damping, stride, .. } = self;

@@ -1,10 +1,10 @@
 //! Damped iterations, the last resort for a step that Newton's method does not solve.
 //!
 //! An iteration solves (K + μ D) δd = f_ext − f_int, where D is the diagonal of the first stiffness of the step. A
-//! large μ descends the potential in small steps, which leads through regions where K is nearly singular or not
+//! large μ descends the potential in small steps, and so passes through regions where K is nearly singular or not
 //! positive definite; μ = 0 is Newton's method (Levenberg 1944; as pseudo-transient continuation: Kelley and Keyes
-//! 1998, doi 10.1137/S0036142996304796). Only the way to equilibrium changes, not its definition; an equilibrium whose
-//! stiffness is not positive definite is not accepted.
+//! 1998, doi 10.1137/S0036142996304796). Damping changes only the way to equilibrium, not its definition; an
+//! equilibrium whose stiffness is not positive definite is not accepted.
 
 use crate::assembly::System;
 use crate::model::{Action, BoundaryCondition, Load, Model};
@@ -15,7 +15,7 @@ use crate::step::Nodal;
 
 use super::evidence::points_that_flow;
 
-/// Ratio of the allowed number of damped iterations to that of undamped ones.
+/// Ratio of the allowed number of damped iterations to the allowed number of undamped ones.
 pub(super) const MORE_ITERATIONS: usize = 10;
 /// Largest number of evaluations in the line search of a damped iteration, and of halvings of an increment that turns a
 /// point inside out.
@@ -46,9 +46,9 @@ const LEAST: f64 = 1e-6;
 const CHANGE: f64 = 4.0;
 
 /// True if collapsing bodies may slump until they come to rest: they must yield, and weight must be the only load. A
-/// prescribed motion would be applied again on every grid; whether bodies can carry other loads is for the run to find
-/// out; surfaces are not carried along; and bodies that do not yield do not collapse, but buckle or have an hourglass
-/// mode.
+/// prescribed motion would be applied again on every grid; whether bodies can carry other loads is a result that the
+/// run must show; surfaces are not carried along; and bodies that do not yield do not collapse: they buckle or have an
+/// hourglass mode.
 pub(super) fn may_slump<const D: usize>(model: &Model<D>, points: &Points<D>) -> bool {
     let is_weight = |load: &Load<D>| matches!(load.action, Action::Gravity(_));
     model.loads.iter().all(is_weight)
@@ -86,7 +86,7 @@ impl<const N: usize> Damping<N> {
         Damping { factor: FIRST, stiffness: system.diagonal() }
     }
 
-    /// Adapts μ for the next iteration: smaller if the last increment was taken in full, larger if it had to be
+    /// Adapts μ for the next iteration: smaller if the last increment was applied in full, larger if it had to be
     /// shortened.
     pub(super) fn adapt(&mut self, shortened: bool) {
         self.factor = if shortened { (CHANGE * self.factor).max(LEAST) } else { self.factor / CHANGE };

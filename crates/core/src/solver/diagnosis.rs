@@ -22,17 +22,18 @@ const SMALL: f64 = 0.1;
 const FLOWS: f64 = 0.02;
 /// Share of yielded points above which a point that inverts even in a small step is part of a mechanism, [-].
 const MUCH: f64 = 0.2;
-/// Share of yielded points above which collapse, too, makes pressures alternate, [-].
+/// Share of yielded points above which collapse also makes pressures alternate, [-].
 const MOST: f64 = 0.5;
 /// Oscillation of pressures, relative to the deviatoric stress, above which cells count as locking although most points
 /// have yielded, [-].
 const OSCILLATES_IN_COLLAPSE: f64 = 5.0;
 /// The same if fewer points have yielded, [-].
 const OSCILLATES: f64 = 1.0;
-/// Displacements without strain at the points, relative to those with strain, above which there is an hourglass mode,
-/// [-].
+/// Displacements without strain at the points, relative to displacements with strain, above which there is an hourglass
+/// mode, [-].
 const HOURGLASS: f64 = 10.0;
-/// Displacement of the nodes of a cut cell, relative to that of the points, above which the nodes have run away, [-].
+/// Displacement of the nodes of a cut cell, relative to the displacement of the points, above which the nodes have run
+/// away, [-].
 const RUNS_AWAY: f64 = 100.0;
 /// Mean number of points per cell below which bodies may yield at too small a load.
 const FEW: f64 = 1.5;
@@ -60,13 +61,13 @@ pub enum Kind {
     Hourglass,
     /// Residuals fall steadily, and more iterations would meet the tolerance.
     Creeping,
-    /// Steps are too large, compared with the analysis or with the time reached, for a conclusion about the load.
+    /// Steps are too large, relative to the stage or to the time reached in it, for a conclusion about the load.
     LargeSteps,
     /// The deformation gradient of a point loses its positive determinant.
     ElementInversion,
     /// A law refuses the strain of a point.
     RefusedByLaw,
-    /// A point or its domain leaves the grid or loses its shape.
+    /// A point or its domain leaves the grid, or the domain loses its shape.
     LostDomain,
     /// The equilibrium path cannot be followed.
     LostPath,
@@ -125,7 +126,7 @@ pub enum Loss {
         /// True if torn domains would be replaced if damping were switched on.
         is_replaceable: bool,
     },
-    /// The domain update did not give a valid domain.
+    /// The domain update did not yield a valid domain.
     Collapsed,
 }
 
@@ -151,7 +152,7 @@ pub struct Circumstances {
     /// True if a later stage reduces the strength.
     #[serde(default)]
     pub precedes_reduction: bool,
-    /// Number of iterations that steps would need at the present rate, rounded up to a multiple of ten; `None` if
+    /// Number of iterations that steps would need at the current rate, rounded up to a multiple of ten; `None` if
     /// residuals do not fall steadily.
     pub enough_iterations: Option<usize>,
     /// The way in which a point or its domain was lost.
@@ -225,8 +226,8 @@ impl std::fmt::Display for Diagnosis {
 }
 
 impl Diagnosis {
-    /// Diagnoses the attempt that ended a run. `lost_points` is the error of an earlier attempt at the same step, with
-    /// a larger step size, that met the tolerance but lost a point or a domain.
+    /// Diagnoses the attempt that ended a run. `lost_points` is the failure of an earlier attempt at the same
+    /// step: with a larger step size, it met the tolerance but lost a point or a domain.
     pub(super) fn new<const D: usize>(
         model: &Model<D>,
         points: &Points<D>,
@@ -318,11 +319,11 @@ fn loss_of(error: &SolveError, stepping: &Stepping) -> Option<Loss> {
 struct Found {
     /// True if a cell there holds hardly any material.
     is_cut: bool,
-    /// Displacement of the nodes of the cells there relative to that of the points, [-].
+    /// Displacement of the nodes of the cells there, relative to the displacement of the points, [-].
     runaway: f64,
     /// Share of the points that have yielded, [-].
     flowing: f64,
-    /// Displacements without strain at the points, relative to those with strain, [-].
+    /// Displacements without strain at the points, relative to displacements with strain, [-].
     hourglass: f64,
     /// True if the fullest cell there holds one point, and no part of the bodies can move as a rigid body.
     is_single: bool,
@@ -339,7 +340,7 @@ struct Found {
 }
 
 impl Found {
-    /// True if the nodes of a cut cell have run away. The full cells beside it then seem to have an hourglass mode,
+    /// True if the nodes of a cut cell have run away. The full cells next to it then seem to have an hourglass mode,
     /// too.
     fn runs_away(&self) -> bool {
         self.is_cut && self.runaway > RUNS_AWAY.max(self.hourglass)

@@ -10,8 +10,8 @@ use crate::model::{Model, PatternReuse};
 use crate::step::{Nodal, StepContext};
 use crate::timing::{Phase, Timings};
 
-/// Relative tolerance of the solutions for the columns of the border: C − A K⁻¹ B is a small difference of large
-/// numbers where springs are stiff.
+/// Relative tolerance of the solutions for the columns of the border: C − A K⁻¹ B is a small difference between large
+/// numbers if springs are stiff.
 const OF_BORDER: f64 = 1e-10;
 
 /// The backends of a run.
@@ -120,7 +120,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         }
     }
 
-    /// Uses the backends of an engine where it has any.
+    /// Uses the backends that an engine provides.
     pub(super) fn use_engine(&mut self, engine: OfEngine<D, N>) {
         self.of_engine = engine;
     }
@@ -169,7 +169,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
             None => Method::Direct,
         };
         let can_iterate = method != Method::Direct;
-        // In the plane, GMRES needs many iterations where a material with an unsymmetric tangent flows, and LU is
+        // In the plane, GMRES needs many iterations if a material with an unsymmetric tangent flows, and LU is
         // affordable.
         let suits_auto = can_iterate && (system.matrix().symmetric || D == 3);
         let iterative = match choice {
@@ -226,12 +226,12 @@ impl<const D: usize, const N: usize> Equations<D, N> {
     }
 
     /// Solves K δd + B δw = b, A δd + C δw = −r with a fresh factor: adds the increments of the unknowns to the
-    /// prescribed ones in `delta`, and returns those of the global unknowns. The residual is at most `tolerance`,
-    /// relative to the right-hand side. If the iterative backend fails, the direct one takes over for the rest of the
-    /// step.
+    /// prescribed ones in `delta`, and returns the increments of the global unknowns. The residual is at most
+    /// `tolerance`, relative to the right-hand side. If the iterative backend fails, the direct one takes over for the
+    /// rest of the step.
     ///
     /// # Errors
-    /// [`LinearError`]; if the factor does not fit into memory, the error of the iterative backend.
+    /// [`LinearError`]; if the factor does not fit in memory, the error of the iterative backend.
     pub(super) fn solve(
         &mut self,
         place: Place<D, N>,
@@ -357,7 +357,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         }
         let halo = place.links.halo();
         let along = |row: &[[f64; N]], field: &[[f64; N]]| halo.dot(row, field);
-        // All ranks form the products in the same order, that of the loops of a plain sum.
+        // All ranks form the products in the same order: the order of the loops of a plain sum.
         let influences: Vec<f64> =
             (0..n * n).map(|place| along(&border.rows[place % n], &influence[place / n])).collect();
         let matrix = nalgebra::DMatrix::from_fn(n, n, |i, j| {

@@ -1,6 +1,7 @@
 //! Errors that end a run.
 //!
-//! They state facts. Advice refers to the keys of the input and is therefore written in the crate that knows them.
+//! The errors state facts. Advice refers to the keys of the input and is therefore written in the crate that knows
+//! them.
 
 use serde::{Deserialize, Serialize};
 
@@ -23,7 +24,7 @@ use super::residual::MOST_OF_ROUND_OFF;
 use super::stiffness::stiffnesses;
 use crate::step::Step;
 
-/// A material point, as an error names it.
+/// A material point, as named in an error.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PointPlace {
     /// Name of the body.
@@ -40,7 +41,8 @@ impl std::fmt::Display for PointPlace {
     }
 }
 
-/// The reason why a run ends early. The converged state of the points is that of the last step in equilibrium.
+/// The reason why a run ends early. The converged state of the points is then the state at the end of the last step in
+/// equilibrium.
 #[non_exhaustive]
 #[derive(Debug, thiserror::Error)]
 pub enum SolveError {
@@ -75,7 +77,7 @@ pub enum SolveError {
     },
     /// Bodies that are stressed at time 0 are out of balance.
     #[error(
-        "the initial state is out of balance by {:.3e} of its forces, and {:e} is tolerated; the largest out-of-balance \
+        "the initial state is out of balance by {:.3e} of its forces (tolerance {:e}); the largest out-of-balance \
          force is at {}",
         residual,
         tolerance,
@@ -111,7 +113,7 @@ pub enum SolveError {
         /// Residual of every evaluation so far, [-].
         residuals: Vec<f64>,
     },
-    /// A law that is evaluated in batches cannot be evaluated.
+    /// A law that is evaluated in batches has failed.
     #[error("step {step}: the law of material `{material}` has failed{}: {message}", at_point(place))]
     Law {
         /// Step number.
@@ -174,15 +176,15 @@ pub enum SolveError {
         /// The axis.
         axis: usize,
     },
-    /// The factor of the stiffness does not fit into memory.
-    #[error("step {step}: the factor of the stiffness does not fit into memory{}", of_size(needed))]
+    /// The factorised stiffness matrix does not fit in memory.
+    #[error("step {step}: the factorised stiffness matrix does not fit in memory{}", of_size(needed))]
     OutOfMemory {
         /// Step number.
         step: usize,
         /// Size of the factor, [byte], if known.
         needed: Option<u64>,
     },
-    /// The iterative solver has failed, and the factor of the direct one does not fit into memory.
+    /// The iterative solver has failed, and the factor of the direct one does not fit in memory.
     #[error("step {step}: iterations have failed and the stiffness is too large to factorise: {error}")]
     Iterative {
         /// Step number.
@@ -262,7 +264,7 @@ pub enum Obstacle {
     NotFinite,
     /// Nodes on the axis of revolution are free to leave it.
     LooseAxis,
-    /// The factor of the stiffness does not fit into memory.
+    /// The factorised stiffness matrix does not fit in memory.
     Memory,
 }
 
@@ -289,10 +291,10 @@ pub const CODES: &[(&str, &str)] = &[
     ("S009", "boundary conditions that cannot be applied"),
     ("S010", "a load without a value"),
     ("S011", "results that cannot be written"),
-    ("S012", "equations that iterations cannot solve"),
+    ("S012", "equations that the iterative solver cannot solve"),
     ("S013", "a path that cannot be followed"),
     ("S014", "a stiffness that drowns the loads in round-off"),
-    ("S015", "a term of equilibrium that cannot be used"),
+    ("S015", "a term of the equilibrium equations that cannot be used"),
     ("S016", "a surface that has left the material"),
     ("S017", "an initial state out of balance"),
     ("S018", "a grid that cannot move as prescribed"),
@@ -378,7 +380,7 @@ impl SolveError {
         SolveError::OnRank(Box::default())
     }
 
-    /// The error for results that cannot be written; the failure is also reported elsewhere.
+    /// The error for results that cannot be written, with a copy of the failure, which the caller still needs.
     pub fn output(failure: &std::io::Error) -> SolveError {
         SolveError::Output(std::io::Error::new(failure.kind(), failure.to_string()))
     }
@@ -568,7 +570,7 @@ fn place<const D: usize>(model: &Model<D>, points: &Points<D>, p: usize, positio
     }
 }
 
-/// The error that names the point or the law of a failure during assembly.
+/// The error for a failure during assembly, with the point or the law at fault.
 pub(super) fn locate_failure<const D: usize>(
     failure: EvaluateError,
     model: &Model<D>,
@@ -589,7 +591,7 @@ pub(super) fn locate_failure<const D: usize>(
             SolveError::Law { step, material, place: point.map(place), message }
         }
         EvaluateError::Contact(error) => SolveError::Contact { step, error },
-        // Replaced by the error of the other rank when all agree on the outcome of the attempt.
+        // Replaced by the error of the other rank when all ranks agree on the outcome of the attempt.
         EvaluateError::OnRank { .. } => SolveError::elsewhere(),
     }
 }

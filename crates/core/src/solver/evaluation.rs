@@ -10,8 +10,8 @@ use super::residual::{Measured, RoundOff};
 use super::round_off::EvaluatedAt;
 
 impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
-    /// What the next evaluation forms: the forces alone if quadratic convergence predicts that this iterate meets the
-    /// tolerance. Kept tangents allow no prediction.
+    /// What the next evaluation computes: only the forces if quadratic convergence predicts that the iterate meets the
+    /// tolerance, otherwise the stiffness as well. With kept tangents, no prediction is possible.
     pub(super) fn wanted(&self) -> Wanted {
         let newton = &self.context.model.newton;
         let is_last = !self.search.needs_stiffness

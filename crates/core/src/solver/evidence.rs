@@ -15,13 +15,13 @@ use crate::step::Step;
 /// Filling ratio below which cells are not examined for hourglass modes, since their nodes move far for another reason,
 /// [-].
 const FULL: f64 = 0.5;
-/// Largest ratio of the changes of volume to those of shape in isochoric deformation, in the root mean square, [-].
+/// Largest ratio of volume changes to shape changes, both as root mean squares, in isochoric deformation, [-].
 const ISOCHORIC: f64 = 0.1;
-/// Number of last iterations that must reduce the residual for residuals to count as falling steadily.
+/// Number of final iterations that must all reduce the residual for the residuals to count as falling steadily.
 const LAST: usize = 5;
-/// Largest ratio of successive residuals that fall steadily, [-].
+/// Largest ratio of successive residuals that counts as a steady fall, [-].
 const FALLS: f64 = 0.98;
-/// Largest ratio of successive residuals that converge quadratically, met twice in a row, [-].
+/// Largest ratio of successive residuals that, met twice in a row, counts as quadratic convergence, [-].
 const QUICKLY: f64 = 0.1;
 /// Largest number of further iterations that are worth allowing, relative to the number that was allowed, [-].
 const MOST_MORE: f64 = 10.0;
@@ -61,7 +61,7 @@ fn cells_at<const D: usize>(model: &Model<D>, links: &Connectivity<D>, place: &[
     links.active_cells().iter().copied().filter(|cell| touches(*cell)).collect()
 }
 
-/// Number of points whose history has changed since the start of the analysis, the failed step included.
+/// Number of points whose history has changed since the start of the analysis, including the failed step.
 pub(super) fn points_that_flow<const D: usize>(model: &Model<D>, points: &Points<D>) -> usize {
     let n = points.history_len;
     let flows = |p: &usize| {
@@ -114,8 +114,8 @@ pub(super) fn iterations_missing(residuals: &[f64], tolerance: f64, allowed: usi
     (missing <= MOST_MORE * allowed.max(1) as f64).then_some(missing as usize)
 }
 
-/// Largest displacement of the nodes of the cells at a position, relative to the largest one of any point, [-]; large
-/// if the nodes carry little material.
+/// Largest displacement of the nodes of the cells at a position, relative to the largest displacement of any point,
+/// [-]; large if the nodes carry little material.
 pub(super) fn runaway<const D: usize>(model: &Model<D>, iterate: &Iterate<D>, place: &[f64]) -> f64 {
     let Iterate { links, delta_d, .. } = iterate;
     let length = |u: &[f64; D]| u.iter().map(|u| u * u).sum::<f64>().sqrt();
@@ -143,7 +143,7 @@ pub(super) fn runaway<const D: usize>(model: &Model<D>, iterate: &Iterate<D>, pl
 }
 
 /// Deviation of the displacement gradient at the corners of full cells from its mean over the points, relative to the
-/// strain increment of the points, both in the root mean square, [-]: about 1 in bending, large in hourglass modes.
+/// strain increment of the points, both as root mean squares, [-]: about 1 in bending, large in hourglass modes.
 pub(super) fn hourglass<const D: usize>(model: &Model<D>, points: &Points<D>, iterate: &Iterate<D>) -> f64 {
     let Iterate { links, delta_d, .. } = iterate;
     let grid = model.grid.as_ref();
@@ -300,8 +300,8 @@ mod tests {
     #[test]
     fn nodes_that_move_farther_than_points_run_away() {
         let at_corner = |[x, y]: [f64; 2]| if [x, y] == [4.0, 3.0] { [9.0, 12.0] } else { [0.0, 0.0] };
-        // The nearest of the 16 points of the cell is an eighth of its side from both sides: it takes 49/64 of the
-        // motion of the corner node.
+        // The nearest of the 16 points of the cell is an eighth of a side away from the two sides that meet at the
+        // corner: it takes 49/64 of the motion of the corner node.
         let (_, far) = measure(4, at_corner);
         assert!((far - 64.0 / 49.0).abs() < 1e-12, "{far}");
         let (_, together) = measure(4, |_| [0.3, 0.4]);

@@ -1,4 +1,4 @@
-//! The fields to which the components at the nodes belong.
+//! The fields to which the components of the nodal unknowns belong.
 
 use std::ops::Range;
 

@@ -26,7 +26,7 @@ impl Forcing {
     }
 
     /// Relative tolerance of the next linear solve, given the norm of its right-hand side, [force], the residual of eq.
-    /// (40) there, and the largest residual that counts as equilibrium, [-].
+    /// (40) before the solve, and the largest residual that counts as equilibrium, [-].
     pub(super) fn next(&mut self, norm: f64, residual: f64, tolerance: f64) -> f64 {
         let mut eta = match self.last {
             None => FIRST,

@@ -17,12 +17,12 @@ use super::unknowns::Bracket;
 const MOST_HALVINGS: usize = 5;
 /// Largest number of evaluations of a line search.
 const MOST_SEARCHES: usize = 3;
-/// The same where bodies touch tools, because forces have kinks there.
+/// The same if the model has tools, because contact forces have kinks.
 const MOST_SEARCHES_OF_CONTACT: usize = 6;
-/// Where bodies touch tools, a line search follows an increment that does not reduce the residual to this fraction.
+/// If the model has tools, a line search follows an increment that does not reduce the residual to this fraction.
 const FAST: f64 = 0.1;
-/// Where bodies touch tools, an increment is halved until the residual no longer increases, from this iteration after
-/// the last multiplier update onwards: friction has no potential whose slope would end a cycle between two states.
+/// If the model has tools, an increment is halved until the residual no longer increases, from this iteration after the
+/// last multiplier update onwards: friction has no potential whose slope would end a cycle between two states.
 const FIRST_BACKTRACK: usize = 8;
 /// Largest number of such halvings.
 const MOST_BACKTRACKS: usize = 5;
@@ -54,7 +54,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             }
         };
         if !is_final && (self.shortens(iteration, found.as_ref().ok()) || self.withdraws(&found)) {
-            // A forecast holds for the whole increment only.
+            // The residual was forecast for the whole increment only.
             self.search.needs_stiffness = true;
             return Ok(None);
         }
@@ -91,7 +91,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             }
             return halves;
         };
-        // A residual that may be mere round-off tells nothing about the length of an increment.
+        // A residual that may be mere round-off says nothing about the length of an increment.
         if residual <= self.context.model.newton.tolerance {
             return false;
         }
@@ -132,7 +132,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         withdraws
     }
 
-    /// Reduces the last iterative increment to this fraction of the part that was taken.
+    /// Shortens the last iterative increment: of what was applied, only the fraction `part` is kept.
     fn shorten(&mut self, part: f64) {
         if std::mem::take(&mut self.course.is_augmented_along) {
             self.system.sum.withdraw_augmentation();
@@ -140,7 +140,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         self.unknowns.shorten(part);
     }
 
-    /// True if bodies touch tools and, in a late iteration, an increment has led to a larger residual.
+    /// True if the model has tools and, in a late iteration, an increment has led to a larger residual.
     fn cycles(&self, iteration: usize, residual: f64) -> bool {
         let before = self.course.residuals.last().copied().unwrap_or(f64::INFINITY);
         !self.context.model.tools.is_empty()
@@ -148,8 +148,8 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             && residual > before.max(self.context.model.newton.tolerance)
     }
 
-    /// True if a line search may shorten the last increment, given the residual to which it has led. Where bodies touch
-    /// tools, any increment may overshoot.
+    /// True if a line search may shorten the last increment, given the residual to which it has led. With tools, any
+    /// increment may overshoot.
     fn may_search(&self, iteration: usize, residual: f64) -> bool {
         let newton = &self.context.model.newton;
         let (damped, touches_tools) = (self.is_damped(), !self.context.model.tools.is_empty());

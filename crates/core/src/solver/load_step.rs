@@ -58,7 +58,8 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
     ) -> Result<Attempt<D>, Box<FailedAttempt<D>>> {
         let at_once = |error| FailedAttempt::at_once(step, error);
         let (model, old) = (self.model, self.old_links());
-        // The grid is undeformed: S_vp, ∇S_vp and the pattern of K are fixed for the step (section 5.1).
+        // The grid is undeformed: S_vp and ∇S_vp are fixed for the step (section 5.1), as is the pattern of K unless
+        // terms outgrow it.
         let link = || old.renew(model.grid.as_ref(), self.points, &model.methods());
         let linked = self.reached.summary.timings.measure(Phase::Basis, link);
         let links = self.complete_links(linked, step).map_err(at_once)?;
@@ -100,7 +101,8 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
     /// Adds the nodes that terms need to the links of all ranks.
     ///
     /// # Errors
-    /// [`SolveError`] if a rank could not link its points, or a body asks for F-bar without a basis at cell centres.
+    /// [`SolveError`] if a rank could not link its points, or a body requests F-bar without basis functions at cell
+    /// centres.
     pub(super) fn complete_links(
         &mut self,
         linked: Result<Connectivity<D>, SupportFailure>,

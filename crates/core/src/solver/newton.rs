@@ -50,8 +50,8 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         }
     }
 
-    /// Lets the terms update their multipliers in equilibrium; the iterations then continue, with as many linear solves
-    /// allowed as at the start.
+    /// Lets the terms update their multipliers in equilibrium; the iterations then continue, and the count of allowed
+    /// linear solves starts again.
     fn augment(&mut self, iteration: usize) -> Result<Augmentation, SolveError> {
         let LoadStep { context, points, system, unknowns, course, .. } = self;
         let StepContext { model, step, .. } = *context;
@@ -116,7 +116,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         self.context.links.halo().ranks()
     }
 
-    /// Adds an increment δd to Δd, either that of Newton's method or a damped one.
+    /// Adds an increment δd to Δd, either from Newton's method or from a damped iteration.
     fn increment(&mut self) -> Result<(), SolveError> {
         if self.is_laid_out_anew {
             self.prepare_equations()?;
@@ -138,8 +138,8 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         Ok(())
     }
 
-    /// An increment of Newton's method; where friction alone holds bodies and all contact points slide, it is found
-    /// with the support of these points.
+    /// An increment of Newton's method; if only friction holds bodies and all contact points slide, it is computed with
+    /// support of these points.
     fn supported_step(&mut self) -> Result<Option<Solved>, NoIncrement> {
         let may_support = self.course.supported < MOST_SUPPORTED;
         match self.newton_step() {
@@ -181,8 +181,9 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             && course.falls_fast()
             && !unknowns.prescribes
             && course.has_factor;
-        // Near the solution, the states of all contact points may be final. Once is enough: contact points that hinder
-        // each other would change their states again and again. After a failed attempt, updates wait for equilibrium.
+        // Near the solution, the states of all contact points may be final, and multipliers are updated along the
+        // increment; only once, because contact points that hinder each other would change their states again and
+        // again. After a failed attempt, updates wait for equilibrium.
         let may_augment = condition.is_none()
             && !equations.is_iterative()
             && !unknowns.prescribes

@@ -43,9 +43,9 @@ pub trait Observer<const D: usize> {
         Ok(())
     }
 
-    /// Called when an attempt at a step has failed; the converged state is that before the step. A further attempt
+    /// Called when an attempt at a step has failed; the converged state is the state before the step. A further attempt
     /// follows, unless this one ends the stage or the run. If it ends the run, `ended` holds the attempt that shows the
-    /// cause, this one or the last before any last resort, and its diagnosis.
+    /// cause, which is either this attempt or the last one before any last resort, and its diagnosis.
     ///
     /// # Errors
     /// Any error stops the run.
@@ -60,7 +60,8 @@ pub trait Observer<const D: usize> {
     }
 
     /// Called when bodies begin to slide in a step in equilibrium while their strength is reduced. Half of the step is
-    /// then attempted instead, to find the factor at which sliding begins; the converged state is that before the step.
+    /// then attempted instead, to find the factor at which sliding begins; the converged state is the state before the
+    /// step.
     ///
     /// # Errors
     /// Any error stops the run.
@@ -76,7 +77,7 @@ pub trait Observer<const D: usize> {
     /// Called when the run has ended, with or without an error; `points.converged` is the last state in equilibrium.
     ///
     /// # Errors
-    /// An error becomes the outcome of a run that had none.
+    /// An error becomes the outcome of a run that ended without one.
     fn finished(
         &mut self,
         _model: &Model<D>,

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// The error of another rank, as this one knows it.
+/// The error of another rank, as this rank knows it.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct OfRank {
     /// Number of the rank; `None` while nothing is known about the error.

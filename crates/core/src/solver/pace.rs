@@ -12,7 +12,7 @@ const PATIENCE: u32 = 2;
 /// is smaller, the last two steps are made equal.
 const REST: f64 = 0.5;
 
-/// The present step size.
+/// The current step size.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Pace {
     /// Size relative to a requested step, [-].
@@ -39,7 +39,7 @@ impl Default for Pace {
     }
 }
 
-/// Smallest size of a step relative to a requested one, [-]; the round-off of time would exceed smaller ones.
+/// Smallest size of a step relative to a requested one, [-]; smaller steps would be lost in the round-off of time.
 const LEAST: f64 = 1e-9;
 
 impl Pace {
@@ -120,7 +120,7 @@ mod tests {
     use super::*;
     use crate::model::Control;
 
-    /// The ends of all steps if those for which `fails` is true fail.
+    /// The end times of all steps, if every attempt for which `fails` is true fails.
     fn ends(stepping: &Stepping, iterations: usize, mut fails: impl FnMut(f64, f64) -> bool) -> Vec<f64> {
         let (mut pace, mut time, mut ends) = (Pace::default(), 0.0, Vec::new());
         while let Some(end) = pace.end_of_step(stepping, time) {

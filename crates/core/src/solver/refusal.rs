@@ -13,7 +13,7 @@ use super::stepper::Stepper;
 use super::summary::Reached;
 
 impl<const D: usize, const N: usize> Stepper<'_, D, N> {
-    /// True if a thorough attempt at the same step follows a failed one: where strength is reduced, the settings must
+    /// True if a thorough attempt at the same step follows a failed one: while strength is reduced, the settings must
     /// not decide whether a step has an equilibrium.
     pub(super) fn is_repeated(&self, failed: &FailedAttempt<D>) -> bool {
         failed.may_succeed_if_smaller && self.model.stepping.strength_factor(failed.step.end).is_some()
@@ -49,8 +49,8 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
             failed.may_succeed_if_smaller && summary.pace.failed(&model.stepping, start, end, is_torn);
         // The last attempt before the last resorts shows why the step fails.
         let diagnosis = (!was_last_resort && (!goes_on || summary.pace.is_last_resort())).then(|| {
-            // Each rank examines only its own data: the errors of the ranks may differ, and with them what each looks
-            // for.
+            // Each rank examines only its own data, because the errors of the ranks may differ, and with them what the
+            // ranks look for.
             let halo = failed.exchange_halo(Halo::default());
             let lost_points = self.lost_points.as_ref();
             let diagnosis = Diagnosis::new(model, points, &failed, lost_points, summary.largest_load_factor);

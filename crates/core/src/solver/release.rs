@@ -16,9 +16,9 @@ use super::agree::agree;
 use super::error::{SolveError, locate_failure};
 use super::reach::{begin, reach_out};
 
-/// The forces on the free unknowns that balance the converged state at a time, by grid node, [force]. As they decrease,
-/// the effect of what was removed from the state is released, and what was added begins to act. The
-/// terms of the model are in the state `saved`.
+/// The forces on the free unknowns that balance the converged state at a time, by grid node, [force]. As these forces
+/// decrease, what was removed from the state gradually ceases to act, and what was added begins to act. The terms of
+/// the model are in the state `saved`.
 ///
 /// # Errors
 /// [`SolveError`] if a point lies outside the grid, constraints contradict each other, or a load is not finite.

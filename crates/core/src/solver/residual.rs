@@ -2,9 +2,9 @@
 //!
 //! Each part is judged by its own forces: a stiff or heavily loaded body elsewhere says nothing about it. If round-off
 //! prevents a part from meeting the tolerance, the step may still be accepted, and is marked, provided that the
-//! out-of-balance force is round-off of each node's own equations and small relative to the forces on the part. Only parts that
-//! carry nothing but round-off do not count in the reported residual, and parts without any force are measured relative
-//! to their internal force.
+//! out-of-balance force is round-off of each node's own equations and small relative to the forces on the part. The
+//! reported residual excludes only parts that carry nothing but round-off; parts without any force are measured
+//! relative to their internal force.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -34,7 +34,7 @@ pub(super) struct Parts {
     n: usize,
     /// Components of each field; the displacement comes first.
     fields: Vec<Range<usize>>,
-    /// The nodes that other ranks include in sums, and the ranks.
+    /// The nodes shared with other ranks, and the ranks.
     halo: Halo,
     /// Numbers of the bodies that each part belongs to, ascending.
     bodies: Vec<Vec<usize>>,
@@ -81,7 +81,7 @@ impl Parts {
         self
     }
 
-    /// Lets a statement about each part hold only if it holds on all ranks.
+    /// Keeps a statement about each part true only if it is true on all ranks.
     fn agree(&self, holds: &mut [bool]) {
         let mut fails: Vec<f64> = holds.iter().map(|holds| f64::from(u8::from(!holds))).collect();
         self.halo.ranks().maximum(&mut fails);
@@ -138,7 +138,7 @@ impl Measured {
         Measured { residual, round_off }
     }
 
-    /// The measure of these and further equations together.
+    /// The measure of these equations and further ones together.
     pub(super) fn and(self, other: Measured, tolerance: f64) -> Measured {
         let is_open = |measured: &Measured| measured.residual > tolerance || measured.residual.is_nan();
         let round_off = match (is_open(&self), is_open(&other)) {
@@ -209,7 +209,7 @@ impl<const N: usize> Forces<'_, N> {
     }
 
     /// The largest residual of each field other than the displacement, [-]: relative to its external forces and
-    /// reactions or, where they are larger, its internal forces.
+    /// reactions or, if these are larger, its internal forces.
     fn of_further_fields(&self, parts: &Parts, internal: &[[f64; N]]) -> impl Iterator<Item = f64> {
         let of_field = move |components: &Range<usize>| {
             let of_parts = self.of_parts(parts, components.clone());
@@ -339,7 +339,7 @@ impl<const N: usize> Forces<'_, N> {
     }
 
     /// Magnitude of the sum of the out-of-balance force over each part, relative to the sum of the magnitudes of all
-    /// forces on the part; only along axes with a balance of forces.
+    /// forces on the part; only along axes along which the forces on the part must balance.
     fn resultants(&self, parts: &Parts, revolved: bool) -> Vec<f64> {
         let mut sums = vec![([0.0; N], 0.0); parts.n];
         for (node, part) in parts.of_node.iter().enumerate().filter(|(node, _)| parts.halo.is_own(*node)) {

@@ -41,7 +41,7 @@ impl<const D: usize, const N: usize> EvaluatedAt<'_, D, N> {
             .fold(0.0, |size, &cell| f64::max(size, model.grid.size(cell as usize)));
         let ranks = links.halo().ranks();
         let [motion, size] = [motion, size].map(|value| ranks.largest(value));
-        // Shared nodes count twice, which raises the bound by little.
+        // Shared nodes count twice, which raises the bound only slightly.
         let entries_of_row = ranks.total((N * delta_d.len()) as f64);
         let strain = IN_STRAIN * NO_SUCH_FORCE * size;
         let of_terms = system.round_off().map_or(0.0, |all| all.iter().copied().fold(0.0, f64::max));
@@ -51,8 +51,8 @@ impl<const D: usize, const N: usize> EvaluatedAt<'_, D, N> {
 
     /// Round-off of the force at each node, [force]: from the products of its row of K with the displacement increment,
     /// and from the strains of its points. A node that carries little material has little stiffness, K_vv ~ |∇S|², but
-    /// its force contains the stresses of points that other nodes hold, and their round-off enters in proportion to
-    /// |∇S|.
+    /// its force contains the stresses of points that other nodes hold, and the round-off of these stresses enters in
+    /// proportion to |∇S|.
     pub(super) fn round_off(&self) -> Vec<f64> {
         let largest_of = |x: &[f64]| x.iter().fold(0.0f64, |a, b| a.max(b.abs()));
         let motion = self.system.magnitudes(self.delta_d);

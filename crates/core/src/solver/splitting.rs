@@ -1,4 +1,4 @@
-//! Splitting of points whose domains have become long, between two steps.
+//! Splitting of points whose domains have become too long, between two steps.
 
 use std::collections::BTreeSet;
 
@@ -16,7 +16,7 @@ struct OfModel<'a, const D: usize> {
 struct Present<'a, const D: usize, const N: usize> {
     of_model: OfModel<'a, D>,
     terms: &'a Terms<D, N>,
-    /// Points of probes stay whole: the displacement of a half is not that of the whole.
+    /// Points of probes stay whole: a half does not move like the whole point.
     probed: BTreeSet<u32>,
 }
 
@@ -39,8 +39,8 @@ pub(super) fn split_long<const D: usize, const N: usize>(
     splits.extend(points.split_long(&Present { of_model: OfModel { model }, terms, probed }, next));
 }
 
-/// Moves the corners of the replaced domains of the points with these permanent numbers out of tools, which the
-/// replacement has not taken into account. A domain that would become invalid stays as it is.
+/// Moves corners out of tools: the domains of the points with these permanent numbers have been replaced without regard
+/// to tools. A domain that would become invalid stays as it is.
 pub(super) fn part_from_tools<const D: usize, const N: usize>(
     model: &Model<D>,
     points: &mut Points<D>,
@@ -57,7 +57,7 @@ pub(super) fn part_from_tools<const D: usize, const N: usize>(
 /// Splits the points that an earlier run of this model has split.
 ///
 /// # Errors
-/// A reason, if no run of this model can have split them.
+/// The reason, if no run of this model can have split them.
 pub(super) fn split_again<const D: usize>(
     model: &Model<D>,
     points: &mut Points<D>,

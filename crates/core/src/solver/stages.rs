@@ -1,6 +1,6 @@
 //! The transition from one stage to the next: bodies are added and removed, boundary conditions are set and released,
-//! and all that these carried is handed over to forces that decrease to zero over the stage, so that every step is in
-//! equilibrium.
+//! and everything that these carried is transferred to forces that decrease to zero over the stage, so that every step
+//! is in equilibrium.
 
 use crate::model::{Control, Model, Present};
 use crate::points::Points;
@@ -18,7 +18,7 @@ use super::splitting::split_again;
 use super::stepper::{Stepper, finish, start};
 use super::summary::{Reached, StageReached, Summary};
 
-/// An out-of-balance force may be round-off below this fraction of the largest force that bodies have carried, [-].
+/// Fraction of the largest force that bodies have carried below which an out-of-balance force may be round-off, [-].
 const LEFT: f64 = 1e-9;
 
 /// Removes and adds the points of the bodies that a stage removes and adds.
@@ -28,11 +28,11 @@ fn change_points<const D: usize>(model: &Model<D>, points: &mut Points<D>, numbe
     points.append(&stage.added);
 }
 
-/// Gives the points of bodies that change their material the elastic strain for which the new law gives their stress,
-/// and the initial history of that law.
+/// Gives the points of bodies that change their material the initial history of the new law and the elastic strain for
+/// which this law yields their stress.
 ///
 /// # Errors
-/// [`SolveError::Term`] if the law cannot give the stress of a point.
+/// [`SolveError::Term`] if the law cannot yield the stress of a point.
 fn keep_stress<const D: usize>(
     model: &Model<D>,
     points: &mut Points<D>,
@@ -49,7 +49,7 @@ fn keep_stress<const D: usize>(
             model.set_initial_stress(points, p, &stress).map_err(|error| {
                 let (stage, body) = (&model.stages[number].name, &model.bodies[body].name);
                 let reason = format!(
-                    "in stage `{stage}`, the new material of `{body}` cannot have its stress: {error}"
+                    "in stage `{stage}`, the new material of `{body}` cannot carry its stress: {error}"
                 );
                 SolveError::Term { term: "stages".to_owned(), reason }
             })?;
@@ -58,10 +58,10 @@ fn keep_stress<const D: usize>(
     Ok(())
 }
 
-/// Begins the next stage; the present one has ended.
+/// Begins the next stage; the current one has ended.
 ///
 /// # Errors
-/// [`SolveError`] if the state of the new stage cannot be evaluated, or a new material cannot give the present stress.
+/// [`SolveError`] if the state of the new stage cannot be evaluated, or a new material cannot carry the current stress.
 fn enter<const D: usize>(
     model: &mut Model<D>,
     points: &mut Points<D>,
@@ -113,7 +113,7 @@ where
         began,
         released_forces: model.present.released_forces.iter().map(|(node, f)| (*node, f.to_vec())).collect(),
     });
-    // A strength reduction ends its stage where equilibrium ceases, before the end time of the stage.
+    // A strength reduction ends its stage when equilibrium is lost, before the end time of the stage.
     reached.step.end = time;
     reached.summary.pace = Pace::default();
     reached.summary.path = Path::default();
@@ -151,7 +151,7 @@ impl Amount {
 /// remains to be restored.
 ///
 /// # Errors
-/// A reason, if no run of this model can have reached the stage.
+/// The reason, if no run of this model can have reached the stage.
 pub fn resume_stage<const D: usize>(
     model: &mut Model<D>,
     points: &mut Points<D>,
@@ -205,7 +205,7 @@ pub type Change<'a, const D: usize> =
 /// and the run goes on if it returns true. The points, the grid and the terms of equilibrium stay as they are.
 ///
 /// # Errors
-/// As [`run_stages`], and those of `change`.
+/// The errors of [`run_stages`] and those of `change`.
 pub fn run_with_changes<const D: usize>(
     model: &mut Model<D>,
     points: &mut Points<D>,
@@ -216,7 +216,7 @@ pub fn run_with_changes<const D: usize>(
 where
     Model<D>: Solvable<D>,
 {
-    // A saved state that does not fit ends the run before anything is reported.
+    // A saved state that does not match ends the run before anything is reported.
     Stepper::new(model, points).resume(reached.clone())?;
     // A grid that cannot move is reported when its step begins.
     let _ = model.place_grid(reached.step.end);
@@ -232,7 +232,7 @@ where
     finish(model, points, reached, outcome, observer)
 }
 
-/// Solves all steps from the present one to the end of the last stage; each stage, and each step on a grid that moves,
+/// Solves all steps from the current one to the end of the last stage; each stage, and each step on a grid that moves,
 /// has its own stepper.
 ///
 /// # Errors

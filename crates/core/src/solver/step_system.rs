@@ -17,7 +17,7 @@ use super::residual::Parts;
 pub(super) struct StepSystem<const D: usize, const N: usize = D> {
     pub(super) dofs: DofMap<N>,
     pub(super) sum: Sum<D, N>,
-    /// The equation of the load factor, if the factor is unknown.
+    /// The equation for the load factor, if the factor is one of the unknowns.
     pub(super) condition: Option<Condition<D, N>>,
     /// The connected parts of the bodies.
     pub(super) parts: Parts,

@@ -37,7 +37,7 @@ use super::summary::{Reached, Summary};
 /// # }
 /// ```
 ///
-/// There are `D` axes, and `N` components at each node: those of the displacement and those of further fields.
+/// There are `D` axes, and `N` components at each node: the components of the displacement and of further fields.
 pub struct Stepper<'a, const D: usize, const N: usize = D> {
     pub(super) model: &'a Model<D>,
     pub(super) points: &'a mut Points<D>,
@@ -48,13 +48,13 @@ pub struct Stepper<'a, const D: usize, const N: usize = D> {
     pub(super) links: Connectivity<D>,
     /// Report of the last step in equilibrium; `None` while a step is attempted.
     pub(super) report: Option<StepReport<D>>,
-    /// The cause of the failure of the present step, kept while last resorts are tried.
+    /// The cause of the failure of the current step, kept while last resorts are tried.
     pub(super) cause: Option<(FailedAttempt<D>, Diagnosis)>,
-    /// The error of the last attempt at the present step that failed although it met the tolerance.
+    /// The error of the last attempt at the current step that failed although it met the tolerance.
     pub(super) lost_points: Option<SolveError>,
     /// The terms of equilibrium.
     pub(super) terms: Terms<D, N>,
-    /// True if terms have been added to those of the model.
+    /// True if terms have been added to the terms of the model.
     is_extended: bool,
     pub(super) reached: Reached,
 }
@@ -108,11 +108,11 @@ impl<'a, const D: usize> Stepper<'a, D> {
 
 impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
     /// An analysis with further fields at the nodes, for terms that are added later. The fields must have `N`
-    /// components in total, those of the displacement first.
+    /// components in total, and the displacement must come first.
     ///
     /// # Errors
-    /// [`SolveError::Term`] if the displacement does not have `D` components, if all fields together do not have `N`, or
-    /// if the kernels are those of another idealisation.
+    /// [`SolveError::Term`] if the displacement does not have `D` components, if all fields together do not have `N`,
+    /// or if the kernels belong to another idealisation.
     pub fn with_fields(
         model: &'a Model<D>,
         points: &'a mut Points<D>,
@@ -123,14 +123,11 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         if first != Some(D) || fields.n_components() != N {
             return Err(refused(
                 "fields",
-                "the fields must have one component for each unknown at a node, those of the displacement first",
+                "the fields must have one component for each unknown at a node, and the displacement must come first",
             ));
         }
         if kernels.revolved != model.revolved {
-            return Err(refused(
-                "kernels",
-                "the kernels are those of another idealisation than that of the model",
-            ));
+            return Err(refused("kernels", "the kernels belong to another idealisation than the model"));
         }
         Ok(Stepper::of_fields(model, points, kernels, fields))
     }
@@ -158,7 +155,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         }
     }
 
-    /// Adds terms of equilibrium to those of the model.
+    /// Adds terms of equilibrium to the terms of the model.
     ///
     /// # Errors
     /// [`SolveError::Term`] if two terms have the same name.
@@ -178,8 +175,8 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         self
     }
 
-    /// Resumes from a step that a run has reached; the points must be in the state at its end, and all terms must have
-    /// been added.
+    /// Resumes from a step that a run has reached; the points must be in the state at the end of that step, and all
+    /// terms must have been added.
     ///
     /// # Errors
     /// [`SolveError::Term`] if a term cannot resume from its saved state.
@@ -199,7 +196,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
     /// placed by [`Model::place_grid`].
     ///
     /// # Errors
-    /// [`SolveError`] when there is no equilibrium; the converged state of the points is then the last one in
+    /// [`SolveError`] if there is no equilibrium; the converged state of the points is then the last state in
     /// equilibrium.
     pub fn step(&mut self, observer: &mut dyn Observer<D>) -> Result<Option<&StepReport<D>>, SolveError> {
         let is_solved = (self.kernels.step)(self, observer)?;
@@ -272,7 +269,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         finish(self.model, self.points, self.reached, outcome, observer)
     }
 
-    /// The points; their converged state is that of the last step in equilibrium.
+    /// The points; their converged state is the state at the end of the last step in equilibrium.
     pub fn points(&self) -> &Points<D> {
         self.points
     }

@@ -1,5 +1,5 @@
-//! Strength reduction: the factors between which equilibrium ceases to be found, and those between which bodies begin
-//! to slide.
+//! Strength reduction: the factors between which equilibrium ceases to be found, and the factors between which bodies
+//! begin to slide.
 
 use std::fmt;
 
@@ -35,11 +35,11 @@ pub struct StrengthBracket {
     /// The factor without equilibrium that ended the stage, [-]; `None` if the stage has not ended in this way.
     pub fails: Option<f64>,
     /// The factors before and after the step at whose end a point had first moved by more than 1 % of the height of the
-    /// bodies, [-], as close to each other as `stands` and `fails`; `None` if no point has. Bodies in equilibrium at
-    /// larger factors stand in another shape.
+    /// bodies, [-], as close to each other as `stands` and `fails`; `None` if no point has moved that far. Bodies in
+    /// equilibrium at larger factors stand in another shape.
     #[serde(default)]
     pub slides: Option<[f64; 2]>,
-    /// Sum over the steps of the stage of the largest displacement of a point in each, [length]: the largest
+    /// Sum, over the steps of the stage, of the largest displacement of a point in each step, [length]: the largest
     /// displacement of a point since the stage began, if the same point moves most in every step and in the same
     /// direction, and an upper bound on it otherwise.
     #[serde(default)]
@@ -134,9 +134,10 @@ impl StrengthBracket {
             value: Some(share),
             threshold: Some(SLIDES),
             message: format!(
-                "points have moved by up to {now:.3e}, {percent:.2} % of the height of the bodies, since the strength is \
-                 reduced, and by {moved:.3e} ({percent_before:.2} %) up to the step before: between the factors {stood:.4} \
-                 and {factor:.4} the bodies begin to slide, and at larger ones they stand in another shape"
+                "points have moved by up to {now:.3e} ({percent:.2} % of the height of the bodies) since the strength \
+                 reduction began, and by {moved:.3e} ({percent_before:.2} %) up to the step before: between the \
+                 factors {stood:.4} and {factor:.4} the bodies begin to slide, and at larger factors they stand in \
+                 another shape"
             ),
             detail: None,
         })
@@ -157,9 +158,9 @@ impl StrengthBracket {
             value: Some(slumped as f64),
             threshold: None,
             message: format!(
-                "the bodies slumped before their strength is reduced: only damped iterations found equilibrium in {slumped} of \
-                 the steps. The factors are those of the shape that was left; the bodies in the shape that was drawn \
-                 may not stand"
+                "the bodies slumped before their strength was reduced: only damped iterations found equilibrium \
+                 in {slumped} of the steps. The factors refer to the shape that was left; in the shape that was drawn, \
+                 the bodies may not stand"
             ),
             detail: None,
         })
@@ -177,7 +178,7 @@ impl StrengthBracket {
             threshold: Some(RUNS_AWAY),
             message: format!(
                 "no equilibrium was found at the factor {fails:.4}, but up to {stands:.4} the bodies did not begin to run \
-                 away: in the last step they moved {growth:.2} times as far, for the change of the factor, as on average"
+                 away: in the last step, they moved {growth:.2} times as far per change of the factor as on average"
             ),
             detail: None,
         })
@@ -186,7 +187,7 @@ impl StrengthBracket {
 
 /// The fewest decimals, at least three, that keep two factors apart.
 fn decimals(low: f64, high: f64) -> usize {
-    // The slack keeps round-off in the difference from costing a decimal.
+    // The slack prevents round-off in the difference from adding a decimal.
     if high > low { (-(high - low).log10() - 1e-6).ceil().clamp(3.0, 12.0) as usize } else { 3 }
 }
 
@@ -200,7 +201,7 @@ impl fmt::Display for StrengthBracket {
             write!(
                 f,
                 "between {stood:.decimals$} (in equilibrium) and {slid:.decimals$} (displacements exceed {percent} % of \
-                 the height); in another shape, "
+                 the height); in its new shape, "
             )?;
         }
         match (self.stands, self.fails) {
@@ -290,6 +291,6 @@ mod tests {
             words.starts_with("between 1.200 (in equilibrium) and 1.300 (displacements exceed 1 % of"),
             "{words}"
         );
-        assert!(words.ends_with("in another shape, at least 1.400, the largest that was tried"), "{words}");
+        assert!(words.ends_with("in its new shape, at least 1.400, the largest that was tried"), "{words}");
     }
 }

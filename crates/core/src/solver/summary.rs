@@ -55,11 +55,11 @@ pub struct Summary {
     pub initial_state: Option<InitialState>,
     /// Number of attempts at a step that did not reach equilibrium.
     pub failed_attempts: usize,
-    /// The present step size.
+    /// The current step size.
     pub pace: Pace,
     /// The position on the path, if the load factor is unknown.
     pub path: Path,
-    /// The present stage; `None` in the first one.
+    /// The current stage; `None` in the first stage.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stage: Option<StageReached>,
     /// The factors of each stage in which the strength is reduced, in the order of the stages.
@@ -70,7 +70,7 @@ pub struct Summary {
     pub kept: Option<Arc<Named>>,
     /// Load factor of the last step in equilibrium, [-]; `None` unless all loads and prescribed motions share one.
     pub load_factor: Option<f64>,
-    /// Load factor of the largest magnitude in equilibrium, [-]; `None` as above.
+    /// Load factor of largest magnitude in equilibrium, [-]; `None` under the same condition.
     pub largest_load_factor: Option<f64>,
     /// The saved states of the terms of equilibrium, by term name, [`crate::terms::Term::save`].
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
@@ -79,9 +79,9 @@ pub struct Summary {
     pub diagnosis: Option<Diagnosis>,
     /// Largest number of faces stabilised in a step.
     pub stabilised_faces: usize,
-    /// Number of evaluations of internal force and stiffness, those of failed steps included.
+    /// Number of evaluations of internal force and stiffness, including those of failed steps.
     pub evaluations: usize,
-    /// Number of linear solves, those of failed steps included.
+    /// Number of linear solves, including those of failed steps.
     pub linear_solves: usize,
     /// Number of linear solves by conjugate gradients or GMRES.
     pub iterative_solves: usize,
@@ -100,8 +100,8 @@ pub struct Summary {
     pub regridding_work: f64,
     /// Work absorbed so far by the stabilisation of faces, and lost at the end of each step, [energy].
     pub stabilisation_work: f64,
-    /// Stored energy and plastic work of bodies that were added, less those of bodies that were removed, and the change
-    /// of both where bodies changed their material, [energy].
+    /// Stored energy and plastic work of bodies that were added, less those of bodies that were removed, plus the
+    /// change of both in bodies that changed their material, [energy].
     #[serde(default)]
     pub exchanged_energy: f64,
     /// Work absorbed so far by damped iterations between grids, [energy].
@@ -113,7 +113,7 @@ pub struct Summary {
     pub strain_energy: f64,
     /// Plastic work, [energy].
     pub plastic_work: f64,
-    /// Plastic work that the history variables of the laws record, but which was not done because the strength was
+    /// Plastic work that the history variables of the laws record but that was not done, because the strength was
     /// reduced, [energy].
     #[serde(default)]
     pub undone_work: f64,

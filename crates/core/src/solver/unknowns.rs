@@ -13,7 +13,7 @@ use super::residual::Forces;
 
 /// The unknowns of a load step and the vectors that an iteration works with.
 pub(super) struct Unknowns<const N: usize> {
-    /// Increments of the active nodes; those of the displacement are Δd, [length].
+    /// Increments at the active nodes; the displacement increments are Δd, [length].
     pub(super) delta_d: Nodal<N>,
     /// Load factor, if it is unknown, [-].
     pub(super) factor: f64,
@@ -34,16 +34,16 @@ pub(super) struct Unknowns<const N: usize> {
     pub(super) rhs: Nodal<N>,
     /// Prediction of the first iterative displacement, used instead of a linear solve, [length].
     pub(super) predicted: Option<Nodal<N>>,
-    /// Inner product (δd, f_ext − f_int + f_react) at the iterate where δd was found: the slope of the potential there,
-    /// [energy].
+    /// Inner product (δd, f_ext − f_int + f_react) at the iterate where δd was computed: the slope of the potential
+    /// there, [energy].
     slope: f64,
-    /// The fraction of δd that has been taken, [-].
+    /// The fraction of δd that has been applied, [-].
     taken: f64,
     /// Number of axes, and of displacement components.
     axes: usize,
     /// A displacement that no equilibrium in this grid can have, [length].
     far: f64,
-    /// The nodes that other ranks include in sums.
+    /// The nodes shared with other ranks.
     pub(super) halo: Halo,
 }
 
@@ -169,7 +169,7 @@ impl<const N: usize> Unknowns<N> {
         self.iterative.fill([0.0; N]);
     }
 
-    /// Reduces the last iterative increment to this fraction of the part that was taken.
+    /// Shortens the last iterative increment: of what was applied, only the fraction `part` is kept.
     pub(super) fn shorten(&mut self, part: f64) {
         let back = 1.0 - part;
         let retreat = |value: &mut f64, change: &mut f64| {
@@ -193,8 +193,9 @@ impl<const N: usize> Unknowns<N> {
         (self.halo.dot(force, &self.iterative) + border.work(&self.iterative_globals)) / self.taken
     }
 
-    /// The factor that scales the part of the last increment that was taken, so that it ends at the zero of a secant of
-    /// the slope of the potential; `None` if the slope is small enough already or no bracket is known.
+    /// The factor by which to scale the applied fraction of the last increment, so that the increment ends where a
+    /// secant of the slope of the potential is zero; `None` if the slope is small enough already or no bracket is
+    /// known.
     pub(super) fn secant_fraction(
         &self,
         out_of_balance: &[[f64; N]],
@@ -208,7 +209,7 @@ impl<const N: usize> Unknowns<N> {
         bracket.factor(start, self.taken, slope)
     }
 
-    /// f_ext − f_int + f_react over all components, constrained ones included; eq. (28) with the sign that eq. (26)
+    /// f_ext − f_int + f_react over all components, including constrained ones; eq. (28) with the sign that eq. (26)
     /// needs.
     pub(super) fn balance(&self, system: &System<N>) -> Nodal<N> {
         let (f_ext, f_int) = (system.external_force(), system.internal_force());

@@ -27,15 +27,15 @@ struct Moved<const D: usize> {
     is_replaced: bool,
 }
 
-/// Largest number of halvings of a domain that replaces a torn one, to make it fit into the grid.
+/// Largest number of times that the size of a replacement domain is halved to make it fit in the grid.
 const MOST_HALVINGS: usize = 10;
 
 /// A task of at most this many groups is not divided between threads.
 const GRAIN: usize = 16;
 
 impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
-    /// Moves the points with the grid, eqs. (9), (31), updates F by eq. (16) and the domains by eqs. (32)-(39); all
-    /// into the trial state, whose stress and strain the last evaluation has written.
+    /// Moves the points with the grid, eqs. (9) and (31); updates F by eq. (16) and the domains by eqs. (32)-(39). All
+    /// results go into the trial state, whose stress and strain the last evaluation has written.
     ///
     /// As a last resort, and in bodies whose long domains are split, domains that are torn or have corners outside the
     /// grid are replaced; returns the permanent numbers of their points on all ranks, ascending.
@@ -144,7 +144,7 @@ impl<const D: usize> Room<'_, D> {
         a.and(b)
     }
 
-    /// The parts before a point and from it onwards.
+    /// Splits the room into the part before a point and the part from this point onwards.
     fn split(&mut self, point: usize, corners_per_point: usize) -> (Room<'_, D>, Room<'_, D>) {
         let n = point - self.first;
         let (position_l, position_r) = self.position.split_at_mut(n);

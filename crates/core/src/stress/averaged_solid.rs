@@ -1,4 +1,5 @@
-//! Points of solids whose volume ratio is the mean of their cell, without fourth-order tensors: see [`super::dilated`].
+//! Points of solids that take the mean volume ratio of their cell, evaluated without fourth-order tensors: see
+//! [`super::dilated`].
 #![allow(non_snake_case)]
 
 use super::products::{MANDEL_INDEX, times};

@@ -2,7 +2,7 @@
 //!
 //! x is the distance r from the axis, y runs along the axis, and the third direction of every tensor is
 //! circumferential, θ. It stays principal. A node represents a ring: an outward displacement u_r stretches the ring,
-//! ΔF_θθ = 1 + Σ S_vp Δu_r/r̃. Forces, masses and volumes are those of the full circle.
+//! ΔF_θθ = 1 + Σ S_vp Δu_r/r̃. Forces, masses and volumes refer to the full circle.
 
 use super::products::MANDEL_INDEX;
 use super::{

@@ -5,9 +5,9 @@ use super::{Lane, Lanes, WeakForm, transposed};
 /// Stress and tangent of a point for `E` components of the gradient of a basis function: those along the `D` axes and,
 /// for a body of revolution, S/r, which is conjugate to the first component of the displacement.
 ///
-/// With `inverse`, `stress` is σ, `tangent` is a, `volume` is V, and gradients refer to the current configuration: the
-/// updated Lagrangian formulation, which all kernels of the program form here. Without it they are P̃, Ã and V_n of the
-/// previously converged formulation.
+/// With `inverse`, `stress` is σ, `tangent` is a, `volume` is V, and gradients refer to the current configuration, as
+/// in the updated Lagrangian formulation; all kernels of the program provide this form. Without `inverse`, `stress`,
+/// `tangent` and `volume` are P̃, Ã and V_n of the previously converged formulation.
 #[derive(Debug, Clone, Copy)]
 pub struct Contribution<const D: usize, const E: usize> {
     /// Stress conjugate to the gradient of the basis, `[i][j]` with the component j of the gradient, [stress].

@@ -123,7 +123,7 @@ pub enum PointError {
     Material(#[from] MaterialError),
 }
 
-/// True if the points of a law can be evaluated several at a time where the idealisation supports this.
+/// True if a law allows the evaluation of several points at a time, provided that the idealisation supports it.
 pub(crate) fn suits_lanes(law: &dyn Material) -> bool {
     let has_form = law.vectorised().is_some() || law.principal().is_some();
     has_form && law.state_fields().len() <= MOST_HISTORY
@@ -142,7 +142,7 @@ pub trait Mechanics<const D: usize>: Copy + Send + Sync + 'static {
     type Isotropic: WeakForm<D>;
     /// A point in the updated Lagrangian formulation.
     type Updated: WeakForm<D>;
-    /// A point in the current configuration, whose volume ratio may be that at the centre of its cell.
+    /// A point in the current configuration, whose volume ratio may be the value at the centre of its cell.
     type Current: Centring<D> + for<'a> From<&'a Self::Updated>;
     /// A point whose volume ratio may be the mean over its cell.
     type Averaging: Averaging<D>;

@@ -78,7 +78,7 @@ fn on_shear(response: &PrincipalResponse, strain: &[f64; 3], b: &[f64; 3], pair:
     0.5 * per_strain * log_divided_difference(b[i], b[j])
 }
 
-/// As [`respond`] for several points, with the same bits, if none of them flows.
+/// As [`respond`] for several points, with bitwise equal results, if none of them flows.
 #[inline(always)]
 fn without_flow(law: &dyn PrincipalLaw, logarithm: &[Lanes; 3], history: &[Lanes]) -> Option<OnAxes<Lanes>> {
     let strain @ [first, second, z] = [logarithm[0] * 0.5, logarithm[1] * 0.5, logarithm[2] * 0.5];
@@ -104,8 +104,8 @@ fn descending([first, second, z]: &[Lanes; 3]) -> [Lanes; 3] {
     [largest, middle, least]
 }
 
-/// As [`respond`] for several points side by side, with the same bits, if the law has such a form and all points
-/// respond. Replaces `history` by its new values.
+/// As [`respond`] for several points side by side, with bitwise equal results, if the law has such a form and all
+/// points respond. Replaces `history` by its new values.
 #[inline(always)]
 fn side_by_side(
     law: &dyn PrincipalLaw,
@@ -187,9 +187,8 @@ pub(super) fn in_plane(
     Ok(in_components(&axes, &response))
 }
 
-/// As [`in_plane`] for several points of one law: axes and tensors for all points at once, the returns to the surface
-/// one by one unless the law has a form for several points. Replaces `history` by its new values. `None` if a point
-/// fails.
+/// As [`in_plane`] for several points of one law: axes and tensors for all points at once, return mappings one by one
+/// unless the law has a form for several points. Replaces `history` by its new values. `None` if a point fails.
 #[inline(always)]
 pub(super) fn in_lanes(
     law: &dyn PrincipalLaw,

@@ -18,8 +18,8 @@ pub struct Solid;
 /// A point in the previously converged formulation, with gradients in the current configuration.
 ///
 /// In V_n ∇S_a·Ã·∇S_b every index that refers to the start of the step is contracted with a ΔF⁻¹. Moving these to the
-/// gradients, g = ∂S/∂X̃ ΔF⁻¹, leaves V_n/J_n g_a·(∂τ/∂ΔF : ΔFᵀ − τ ⊗̄ 1)·g_b, with b in place of ΔF b_n ΔFᵀ. No
-/// fourth-order tensor is mapped, which would be most of the work of eqs. (A.3)-(A.6).
+/// gradients, g = ∂S/∂X̃ ΔF⁻¹, leaves V_n/J_n g_a·(∂τ/∂ΔF : ΔFᵀ − τ ⊗̄ 1)·g_b, with b in place of ΔF b_n ΔFᵀ. This
+/// avoids the mapping of a fourth-order tensor, which is most of the work of eqs. (A.3)-(A.6).
 #[derive(Debug, Clone, Copy)]
 pub struct Spatial {
     /// ΔF⁻¹.
@@ -53,7 +53,7 @@ impl WeakForm<3> for Spatial {
     }
 
     /// V_n Ã·∇S_b with both gradients mapped, `[m][i][k]`: the change of τ due to a motion of node b along k, minus (τ
-    /// g_b)_i if m = k, which is the change of ΔF⁻¹.
+    /// g_b)_i if m = k, the effect of the change of ΔF⁻¹.
     #[inline(always)]
     fn column(&self, gradient: &[f64; 3], force: &mut [f64; 3]) -> [[[f64; 3]; 3]; 3] {
         let traction = times(&self.stress, gradient);

@@ -282,7 +282,7 @@ proptest! {
     }
 
     /// A ring node moves the point in the plane and stretches it circumferentially. Its contribution to force and
-    /// stiffness is that of the solid with the gradient (g_r, g_z, 0) for the motion and S/r̃ on θθ for the radial
+    /// stiffness equals that of the solid with the gradient (g_r, g_z, 0) for the motion and S/r̃ on θθ for the radial
     /// displacement.
     #[test]
     fn the_ring_works_as_the_solid_with_its_stretch((start, dF) in revolved_states(), radius in 0.1..3.0f64,
@@ -359,7 +359,7 @@ fn a_point_turned_inside_out_is_an_error() {
 }
 
 proptest! {
-    /// Points side by side that flow or do not, at principal strains in descending order.
+    /// Points side by side, of which some may flow, at principal strains in descending order.
     #[test]
     fn laws_that_respond_side_by_side_respond_one_by_one_with_the_same_bits(
         strains in proptest::collection::vec(proptest::array::uniform3(-0.02..0.02f64), 4),

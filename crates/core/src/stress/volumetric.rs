@@ -13,14 +13,14 @@ use serde::{Deserialize, Serialize};
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Volumetric {
-    /// The volume ratio of the point itself. Locks where material is nearly incompressible or flows plastically at
-    /// constant volume; gives the results of Coombs et al. (2020).
+    /// The volume ratio of the point itself. Locks if the material is nearly incompressible or flows plastically at
+    /// constant volume; reproduces the results of Coombs et al. (2020).
     #[default]
     Standard,
     /// The mean over the points of the material in the cell, or in a patch of triangles or tetrahedra, weighted by
-    /// volume; its variation is averaged likewise, so that the stiffness stays symmetric. For every method.
+    /// volume; its variation is averaged likewise, so that the stiffness stays symmetric. Available for every method.
     MeanDilatation,
-    /// The volume ratio at the centre of the cell, Coombs, Charlton, Cortis and Augarde (2018), with an unsymmetric
-    /// stiffness. For MPM and GIMP on cells with four or eight corners.
+    /// The volume ratio at the centre of the cell (Coombs, Charlton, Cortis and Augarde, 2018), with an unsymmetric
+    /// stiffness. Available for MPM and GIMP on cells with four or eight corners.
     FBar,
 }

@@ -19,7 +19,7 @@ pub struct Carried<const D: usize> {
     pub trial: Vec<[f64; D]>,
     /// Corners of the facet of each sample.
     facets: Vec<[u32; D]>,
-    /// Basis at each corner in the present step; empty where this rank lacks a node.
+    /// Basis at each corner in the current step; empty for a corner if this rank lacks one of its nodes.
     at_corners: Vec<Support<D>>,
     /// With several ranks, the cell that carries each corner, and the rank that has found this cell.
     found: Vec<(u32, u32)>,
@@ -45,7 +45,7 @@ impl<const D: usize> Carried<D> {
         self.facets.len()
     }
 
-    /// True if there are none.
+    /// True if there are no samples.
     pub fn is_empty(&self) -> bool {
         self.facets.is_empty()
     }
@@ -110,7 +110,7 @@ impl<const D: usize> Carried<D> {
         Ok(())
     }
 
-    /// The grid nodes that carry a sample, with several ranks.
+    /// The grid nodes that carry a sample; none if there is only one rank.
     pub fn nodes_of(&self, grid: &dyn Grid<D>, sample: usize) -> Vec<u32> {
         let cells = self.facets[sample].iter().filter_map(|corner| self.found.get(*corner as usize));
         cells.flat_map(|(cell, _)| grid.corners(*cell as usize).nodes().to_vec()).collect()

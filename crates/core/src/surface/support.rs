@@ -13,7 +13,7 @@ pub type Support<const D: usize> = CellBasis<D>;
 
 /// The basis, at a position x on a surface with the unit normal n, of a cell that has only active nodes.
 ///
-/// A position on the boundary between cells belongs to the cell along −n. Where a node of that cell is inactive (the
+/// A position on the boundary between cells belongs to the cell along −n. If a node of that cell is inactive (the
 /// material points lie inside the surface), the nearest cell along −n that has only active nodes is taken, and its
 /// basis is extrapolated to x: it still reproduces a linear displacement exactly, and forces at x keep their resultant
 /// and their moment. `None` if there is no such cell within the size of a cell.
@@ -53,7 +53,8 @@ pub(super) fn carrying_cell<const D: usize>(
     })
 }
 
-/// A position, then those at a small distance along all diagonals: corners of bodies lie on boundaries between cells.
+/// A position, followed by positions at a small distance from it along all diagonals: corners of bodies lie on
+/// boundaries between cells.
 fn aside<const D: usize>(place: [f64; D], by: f64) -> impl Iterator<Item = [f64; D]> {
     let diagonal =
         move |number: usize| std::array::from_fn(|d| place[d] + if number >> d & 1 == 1 { by } else { -by });

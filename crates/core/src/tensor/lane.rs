@@ -23,7 +23,7 @@ pub trait Lane:
     /// Magnitude.
     fn abs(self) -> Self;
 
-    /// `yes` in the lanes where `self < limit`, `no` in all others, NaN included.
+    /// `yes` in the lanes where `self < limit`, `no` in all others, including lanes with NaN.
     fn where_below(self, limit: Self, yes: Self, no: Self) -> Self;
 
     /// True if every lane is finite and positive.
@@ -35,14 +35,14 @@ pub trait Lane:
     /// Mantissa m in [√½, √2] and integer exponent e with `self` = m·2^e. NaN unless `self` is positive and normal.
     fn split(self) -> (Self, Self);
 
-    /// The nearest integer; of two, the even one. NaN unless |`self`| is below 2⁵¹.
+    /// The nearest integer; in a tie, the even one. NaN unless |`self`| is below 2⁵¹.
     fn rounded(self) -> Self;
 
     /// 2 to the power of `self`, an integer of magnitude below 1023; NaN otherwise.
     fn power_of_two(self) -> Self;
 }
 
-/// 2⁵². All doubles from here on are integers; adding it moves a small integer into the low bits of the mantissa.
+/// 2⁵². All doubles of at least this size are integers; adding 2⁵² moves a small integer into the low mantissa bits.
 const WHOLE: f64 = 4_503_599_627_370_496.0;
 /// Number of mantissa bits stored in a double.
 const MANTISSA: u32 = f64::MANTISSA_DIGITS - 1;

@@ -31,18 +31,18 @@ fn mohr<T: Lane>(b: &[T; 4]) -> (T, T, T, T) {
     (m, d, s, (d * d + s * s).sqrt())
 }
 
-/// Eigenvalues and axes of a positive definite tensor in the plane, and its logarithm on them.
+/// Eigenvalues and axes of a positive definite tensor in the plane, and its logarithm on these axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Axes<T> {
     /// The larger and the smaller eigenvalue in the plane, and zz.
     pub values: [T; 3],
     /// Their logarithms; NaN unless the tensor is positive definite.
     pub logarithm: [T; 3],
-    /// Divided difference of the logarithm on the eigenvalues in the plane.
+    /// Divided difference of the logarithm between the two eigenvalues in the plane.
     pub on_shear: T,
     /// Cosine of twice the angle from x to the axis of the larger eigenvalue; 1 if both are equal.
     pub cosine: T,
-    /// Sine of this angle.
+    /// Sine of twice that angle; 0 if both are equal.
     pub sine: T,
 }
 

@@ -1,6 +1,6 @@
 //! Spectral decomposition of symmetric tensors; logarithm, exponential and their derivatives.
 //!
-//! Repeated and nearly equal eigenvalues, as in every unloaded point, need no special treatment: eigenvectors are
+//! Repeated and nearly equal eigenvalues, as at every unloaded point, need no special treatment: eigenvectors are
 //! orthonormal to round-off for any gap, and divided differences are formed without cancellation.
 #![allow(non_snake_case)]
 
@@ -31,7 +31,7 @@ pub struct PrincipalDerivative {
 }
 
 impl Spectrum {
-    /// Decomposes a tensor. The error is of the order of round-off in its largest entry; NaN gives NaN.
+    /// Decomposes a tensor. The error is of the order of round-off in its largest entry; NaN yields NaN.
     ///
     /// The deviator is scaled to B with eigenvalues 2cos θ, 2cos(θ ± 2π/3). Its sign is chosen so that the largest
     /// eigenvalue is the best separated one (Eberly, *A Robust Eigensolver for 3×3 Symmetric Matrices*). That

@@ -3,9 +3,9 @@
 //! # Equations
 //!
 //! A contact point (a candidate until it touches) is a corner or the centre x_c of the domain of a material point near
-//! a tool, carried by the grid with N_v of its cell (see [`candidates`]). It stands for an area A. With the signed
-//! distance g from the tool, the outward normal n = ∇g and the motion s of the contact point relative to the tool in
-//! the step,
+//! a tool, carried by the grid with the basis N_v of its cell (see [`candidates`]). It stands for an area A. With the
+//! signed distance g from the tool, the outward normal n = ∇g and the motion s of the contact point relative to the
+//! tool in the step,
 //!
 //! | Quantity | Equation |
 //! |---|---|
@@ -23,10 +23,11 @@
 //! rate of rotation, δg = n·δy, δn = ∂n/∂x δy + φ × n, δλ_t = φ × λ_t, and δw_t = (I − n⊗n) δw − (n·w) δn − n (w·δn).
 //! Where a contact point slides, δt = (L/&#124;w_t&#124;)(I − e⊗e) δw_t + ∂L/∂p e δp with e = w_t/&#124;w_t&#124;.
 //!
-//! The free components of the motion of a tool are global unknowns; the equilibrium of the tool gives their equations.
+//! The free components of the motion of a tool are global unknowns; the equilibrium of the tool provides their
+//! equations.
 //!
-//! Contact points whose domains the last update has put into a tool may at first stay as deep there: g is then measured
-//! from this depth (see [`allowance`]).
+//! Contact points that the last domain update has moved into a tool may at first stay at their depth: g is then
+//! measured from this depth (see [`allowance`]).
 //!
 //! # Augmentation
 //!
@@ -34,10 +35,10 @@
 //! become the multipliers and the iterations go on, until an update would change gap and slip by less than the
 //! tolerance. Each update divides the error by about p_f and costs one linear solve. In the end, gap and slip, averaged
 //! over the contact points around each node, are within the tolerance, whatever the penalty. If more contact points
-//! touch than the grid has freedom for, they hinder each other, and updates only shift forces between them. Where an
-//! update leaves more than a quarter of the error, 10⁻⁴ of a cell is therefore enough, or 10⁻³ after six updates, and
-//! single contact points may keep 10⁻³ (see [`multipliers`]). The residual of Newton's method holds for the final
-//! forces, and [`ToolState::overlap`] gives the overlap that is left.
+//! touch than the grid has degrees of freedom for, they hinder each other, and updates only shift forces between them.
+//! Where an update leaves more than a quarter of the error, 10⁻⁴ of a cell is therefore accepted, or 10⁻³ after six
+//! updates, and single contact points may keep 10⁻³ (see [`multipliers`]). The residual of Newton's method holds for
+//! the final forces, and [`ToolState::overlap`] reports the overlap that is left.
 //!
 //! Near the solution, the multipliers are updated along an increment of Newton's method, once per step and without a
 //! change of state (see [`along`]): most steps then need no further update, and no more solves than a step without
@@ -45,11 +46,11 @@
 //!
 //! # Safeguards
 //!
-//! A contact point that moves too far along a tool in one step, emerges on another side of the tool or passes through a
-//! part of it is an error that a smaller step may avoid; so is a part of a tool between the centre of a domain and its
-//! corner. At the start of the iterations, where the tool has moved and the bodies have not, the surface of the tool is
+//! A step fails, and a smaller step is tried, if a contact point moves too far along a tool, emerges on another side of
+//! the tool or passes through a part of it, or if a part of a tool lies between the centre of a domain and its corner.
+//! At the start of the iterations, when the tool has moved and the bodies have not, the surface of the tool is
 //! extrapolated as a plane. Contact points that touch without force, such as those of a block on a slope before its
-//! first step, then have their stiffness, which holds the body.
+//! first step, then contribute their stiffness, which holds the body.
 
 mod agreement;
 mod all_ranks;
@@ -103,23 +104,23 @@ pub use interface::Mode;
 pub use start::{StartOverlap, boxes_on_the_way, overlaps_at_start};
 pub use state::{ContactPoint, PartState, ToolState};
 
-/// Factor on the penalty of contact points whose gaps close slowly over many updates.
+/// Factor applied to the penalty of contact points whose gaps close slowly over many updates.
 const MORE_PENALTY: f64 = 10.0;
 
 /// The rigid tools of a model and their contact with the bodies.
 #[derive(Debug, Clone)]
 pub struct Contact<const D: usize> {
     tools: Vec<Moving<D>>,
-    /// The nodes that the rank shares with others in the present step.
+    /// The nodes that this rank shares with others in the current step.
     halo: Halo,
-    /// The state kept of the contact points that touched at the end of the last step in equilibrium.
+    /// The state kept for the contact points that touched at the end of the last step in equilibrium.
     converged: FxHashMap<Key, Kept<D>>,
     /// For each body, true if it has taken part in a step in equilibrium.
     has_begun: Vec<bool>,
-    /// For each body, true if it has points in the present step.
+    /// For each body, true if it has points in the current step.
     is_there: Vec<bool>,
-    /// The contact points on this rank that may touch a tool in the present step, their multipliers at its start,
-    /// whether they have touched before, their present multipliers, and their state at the last evaluation.
+    /// The contact points on this rank that may touch a tool in the current step, their multipliers at its start,
+    /// whether they have touched before, their current multipliers, and their state at the last evaluation.
     candidates: Vec<Candidate<D>>,
     start: Vec<Multiplier<D>>,
     has_touched: Vec<bool>,
@@ -142,12 +143,12 @@ pub struct Contact<const D: usize> {
     at_rest: bool,
     /// True while no contact point in the step has slid with friction, or stuck to a curved surface.
     is_symmetric: bool,
-    /// Number of updates of the multipliers in the present step.
+    /// Number of updates of the multipliers in the current step.
     updates: usize,
     /// The changes made by the last update, and the largest error among them.
     changes: Vec<Option<Change<D>>>,
     before: Option<Worst>,
-    /// Time at the end of the present step, and the load factor at the last evaluation if it is an unknown.
+    /// Time at the end of the current step, and the load factor at the last evaluation if it is an unknown.
     time: f64,
     factor: f64,
 }
@@ -195,7 +196,7 @@ impl<const D: usize> Contact<D> {
     }
 
     /// All contact points at the linearised end of an increment; `None` if one changes its state on the way, or if the
-    /// equations are not those of the state in which the increment begins.
+    /// equations do not belong to the state in which the increment begins.
     fn followed<const N: usize>(&self, increment: At<N>) -> Option<Vec<Followed<D>>> {
         if self.at_rest {
             return None;
@@ -409,7 +410,7 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
         Augmentation::Updated
     }
 
-    /// Supports contact points that slide, because friction resists no further motion of them.
+    /// Supports contact points that slide, because friction does not resist their further motion.
     fn support(&self, sum: &mut System<N>) -> bool {
         let sliding = || self.touching().filter(|(.., touch)| touch.slides_with_friction());
         sliding().for_each(|(_, candidate, _, touch)| evaluation::support(candidate, &touch.normal(), sum));

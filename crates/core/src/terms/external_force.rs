@@ -51,7 +51,7 @@ pub fn external_force_of_factors<const D: usize>(
     forces_on_points(model, points, factor).map(|(forces, resultants)| on_nodes(links, (&forces, resultants)))
 }
 
-/// The forces that the present stage releases and that still act on the active nodes at a time, [force]; none if
+/// The forces that the current stage releases and that still act on the active nodes at a time, [force]; none if
 /// nothing is released.
 fn not_yet_released<const D: usize>(
     model: &Model<D>,
@@ -84,7 +84,7 @@ fn on_nodes<const D: usize>(
         let nodes = links.nodes_of(group);
         for p in links.points_of(group) {
             if at_points[p] == [0.0; D] {
-                continue; // most points, if forces act on only a few
+                continue; // true of most points if forces act on only a few
             }
             links.for_each_value(p, |local, value| {
                 let node = &mut force[nodes[local] as usize];
@@ -152,7 +152,8 @@ fn forces_on_points<const D: usize>(
                 for p in (0..points.len()).filter(|&p| acts_on(p)) {
                     let density = density_at(p);
                     if !is_finite(density) {
-                        // The error names the point with the lowest number, in whatever order the points are stored.
+                        // The error names the point with the lowest number, regardless of the order in which the points
+                        // are stored.
                         let others = (p..points.len()).filter(|&q| acts_on(q) && !is_finite(density_at(q)));
                         let lowest = others.min_by_key(|&q| points.id[q]).unwrap_or(p);
                         return Err(without_value(model, points, lowest, (load, formula, factor)));
@@ -184,14 +185,16 @@ pub struct ExternalForces<const D: usize> {
     resultants: Vec<[f64; D]>,
     /// The forces whose load factor follows from equilibrium.
     unknown: Option<Unknown<D>>,
-    /// The forces at the end of the step that the stage releases, [force]; none if it releases nothing.
+    /// The forces that the stage releases and that still act at the end of the step, [force]; none if it releases
+    /// nothing.
     released: Option<Nodal<D>>,
 }
 
 /// Forces fixed + λ unit on the active nodes, and their resultants, [force].
 #[derive(Debug)]
 struct Unknown<const D: usize> {
-    /// The force at load factor 0, which is the force in the state in which the stage begins. None if it is zero.
+    /// The force at load factor 0: the loads in the state in which the stage begins, and the forces that are not yet
+    /// released at the end of the step. `None` if it is zero.
     fixed: Option<ExternalForce<D>>,
     unit: ExternalForce<D>,
 }

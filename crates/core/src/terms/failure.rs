@@ -38,8 +38,8 @@ impl From<Box<LoadNotFinite>> for BeginError {
 /// No cell near a position on a surface has material at every node.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error(
-    "surface `{surface}` of body `{body}` has left the material at {}: no cell within one cell of that place has \
-     material at every node",
+    "surface `{surface}` of body `{body}` has left the material at {}: no cell within one cell size of that \
+     position has material at every node",
     coordinates(.position)
 )]
 pub struct SurfaceLost {
@@ -71,7 +71,7 @@ pub struct LoadNotFinite {
     pub factor: f64,
     /// Text of the first formula without a finite value, which may be an intermediate one.
     pub formula: String,
-    /// Its value.
+    /// Value of this formula.
     pub value: f64,
 }
 

@@ -8,10 +8,10 @@
 //! f_G = Σ_faces ∫ γ G h ⟦∂N/∂n⟧ᵀ ⟦∂Δd/∂n⟧ dA,
 //!
 //! with the shear modulus G at rest of the surrounding material, the thickness h of the cells across the face and a
-//! number γ. Like equilibrium, it acts on the displacement increment of the step, in the configuration at the start of
-//! the step. A linear increment (uniform strain, any translation, any linearised rotation) has no jump: patch tests
-//! hold, and the forces have no resultant and no moment. f_G is linear in Δd, so Newton's method still converges
-//! quadratically.
+//! number γ. Like the equations of equilibrium, the penalty is written in the displacement increment of the step and in
+//! the configuration at the start of the step. A linear increment (uniform strain, any translation, any linearised
+//! rotation) has no jump: patch tests hold, and the forces have no resultant and no moment. f_G is linear in Δd, so
+//! Newton's method still converges quadratically.
 #![allow(non_snake_case)]
 
 use std::collections::HashSet;
@@ -28,8 +28,8 @@ use super::failure::{BeginError, EvaluateError};
 use super::held_material::HeldMaterial;
 use super::term::{Ledger, Term};
 
-/// Fraction of the penalty that acts on the faces of cells with few points: enough to resist hourglass motions, which
-/// would otherwise have no stiffness, and too little to carry load where the material flows, [-].
+/// Fraction of the penalty, [-], that acts on the faces of cells with few points: enough to resist hourglass motions,
+/// which would otherwise have no stiffness, and too little to carry load where the material flows.
 const OF_FEW_POINTS: f64 = 0.01;
 
 /// The stiffness of the penalty, face by face. It couples each axis only with itself, and is the same for all axes.
@@ -252,7 +252,7 @@ impl<const D: usize, const N: usize> Term<D, N> for Ghost {
         Ok(())
     }
 
-    /// Its work from zero increment, ½ f_G·Δd, which is lost in the next step.
+    /// Work of the stabilisation from zero increment, ½ f_G·Δd, which is lost in the next step.
     fn ledger(&self, _: &StepContext<D>, _: &Points<D>, at: At<N>) -> Ledger {
         if self.n_faces() == 0 {
             return Ledger::default();
@@ -269,8 +269,8 @@ impl<const D: usize, const N: usize> Term<D, N> for Ghost {
     }
 }
 
-/// Thickness h of two cells normal to the face that they share, [length]: on a structured grid that of the smaller
-/// cell, on a mesh the mean.
+/// Thickness h of two cells normal to the face that they share, [length]: on a structured grid, the thickness of the
+/// smaller cell; on a mesh, the mean.
 fn thickness<const D: usize>(grid: &dyn Grid<D>, cells: [u32; 2], area: f64) -> f64 {
     let [a, b] = cells.map(|cell| grid.volume(cell as usize));
     if grid.structured().is_some() { a.min(b) / area } else { (a + b) / (2.0 * area) }
@@ -297,8 +297,9 @@ struct Face {
     nodes: Vec<u32>,
 }
 
-/// The faces between cells of a list; and for each cell, whether it lies at the boundary of the list: whether it has a
-/// side that no other cell of the list shares and that is not at the edge of a structured grid, where no cell is cut.
+/// The faces between cells of a list; and for each cell, whether it lies at the boundary of the list, that is, whether
+/// it has a side that no other cell of the list shares and that is not at the edge of a structured grid, where no cell
+/// is cut.
 fn faces_of<const D: usize>(grid: &dyn Grid<D>, cells: &[u32]) -> (Vec<Face>, Vec<bool>) {
     let sides = sides_of(grid, cells);
     let mut faces = Vec::new();
@@ -310,7 +311,7 @@ fn faces_of<const D: usize>(grid: &dyn Grid<D>, cells: &[u32]) -> (Vec<Face>, Ve
             _ => {}
         }
     }
-    // Sorted by cells, the order does not depend on the node numbers.
+    // Sorting by cells makes the order independent of the node numbers.
     faces.sort_unstable_by_key(|face| face.cells);
     (faces, at_boundary)
 }

@@ -54,8 +54,8 @@ pub struct MaterialPoints<const D: usize, M> {
     averaged: Vec<bool>,
     /// The points whose laws are evaluated in batches.
     batched: Vec<Batch>,
-    /// The law of each material with its strength reduced, `None` if the law has no strength to reduce; the list is empty at
-    /// full strength.
+    /// The law of each material with reduced strength; `None` if the law has no strength to reduce. The list is empty
+    /// at full strength.
     reduced: Vec<Option<Box<dyn Material>>>,
     mechanics: PhantomData<M>,
 }

@@ -17,7 +17,7 @@ impl Saved {
         Saved(Arc::new(form))
     }
 
-    /// Its value.
+    /// The value of the state.
     pub fn value(&self) -> Value {
         (self.0)()
     }

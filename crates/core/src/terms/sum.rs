@@ -22,7 +22,7 @@ use super::term::{Augmentation, Ledger, NamedForce, Response, SurfaceReaction, T
 /// The terms of a model, in the order in which they are added up.
 pub type Terms<const D: usize, const N: usize = D> = Vec<Box<dyn Term<D, N>>>;
 
-/// The terms of a model: those that every analysis has, its surfaces and its tools.
+/// The terms of a model: the terms that every analysis has, the surfaces and the tools.
 pub fn of_model<const D: usize, const N: usize, M: Mechanics<D>>(model: &Model<D>) -> Terms<D, N> {
     let mut terms: Terms<D, N> = vec![
         Box::new(MaterialPoints::<D, M>::default()),
@@ -61,7 +61,7 @@ pub struct Sum<const D: usize, const N: usize = D> {
 }
 
 impl<const D: usize, const N: usize> Sum<D, N> {
-    /// Sets up the system of a step, which the terms must already have begun.
+    /// Sets up the system of a step; the terms must already have begun this step.
     pub fn new(terms: Terms<D, N>, step: &StepContext<D>, dofs: &DofMap<N>) -> Self {
         let system = Sum::laid_out(&terms, step, dofs);
         Sum { terms, system }
@@ -80,8 +80,8 @@ impl<const D: usize, const N: usize> Sum<D, N> {
         )
     }
 
-    /// Lays out the system anew if its stiffness has ceased to be symmetric at the last evaluation, or if terms couple
-    /// further nodes; true if it has done so.
+    /// Lays out the system anew if its stiffness ceased to be symmetric in the last evaluation, or if terms couple
+    /// further nodes; returns true if it has done so.
     pub fn outgrows(&mut self, step: &StepContext<D>, dofs: &DofMap<N>) -> bool {
         let is_symmetric = || self.terms.iter().all(|term| term.is_symmetric(step));
         let outgrown =
@@ -94,7 +94,7 @@ impl<const D: usize, const N: usize> Sum<D, N> {
         outgrown
     }
 
-    /// The sum of the terms of a model, which begin the step, without constraints.
+    /// Begins a step with the terms of its model; returns their sum, without constraints.
     ///
     /// # Errors
     /// [`BeginError`].
@@ -102,7 +102,7 @@ impl<const D: usize, const N: usize> Sum<D, N> {
         Sum::begun(of_model::<D, N, M>(step.model), step, points)
     }
 
-    /// The sum of terms that begin a step, without constraints.
+    /// Begins a step with these terms; returns their sum, without constraints.
     ///
     /// # Errors
     /// [`BeginError`].
@@ -173,8 +173,8 @@ impl<const D: usize, const N: usize> Sum<D, N> {
         Ok(outcome)
     }
 
-    /// Updates the multipliers of all terms along an increment; `update` is the number of previous updates along it.
-    /// Returns what the update adds to the equations if any multiplier has changed.
+    /// Updates the multipliers of all terms along an increment; `update` is the number of previous updates along this
+    /// increment. Returns what the update adds to the equations if any multiplier has changed.
     pub fn augment_along(&mut self, increment: At<N>, update: usize) -> Option<Response<N>> {
         let (n_nodes, n_globals) = (increment.delta_d.len(), increment.globals.len());
         let mut added = Response::new(n_nodes, n_globals);
@@ -197,7 +197,7 @@ impl<const D: usize, const N: usize> Sum<D, N> {
         Some(added)
     }
 
-    /// Supports the last stiffness where terms leave bodies without resistance; true if there is such a location.
+    /// Adds support to the last stiffness where terms leave bodies without resistance; returns true if it added any.
     pub fn support(&mut self) -> bool {
         let Sum { terms, system } = self;
         let mut supports = false;
@@ -293,8 +293,8 @@ impl<const D: usize, const N: usize> Sum<D, N> {
     }
 }
 
-/// The unknowns at which a term is evaluated, given the index of its first global unknown; and the index of the first
-/// global unknown of the next term.
+/// The unknowns at which a term is evaluated, and the index of the first global unknown of the next term; `first` is
+/// the index of the first global unknown of this term.
 fn of_term<'a, const D: usize, const N: usize>(
     term: &dyn Term<D, N>,
     at: At<'a, N>,

@@ -45,26 +45,26 @@ pub const FURTHER: usize = 1 << 15;
 /// term must not change the state that it keeps between steps before [`commit`](Term::commit).
 ///
 /// With several ranks, each rank has the term and its own points, and adds their contributions; the sum over the ranks
-/// follows. All ranks call the same methods in the same order. Where a term itself exchanges messages, a rank that has
+/// follows. All ranks call the same methods in the same order. If a term itself exchanges messages, a rank that has
 /// found an error must not return before the other ranks have received theirs.
 ///
-/// There are `D` axes and `N` components at each node, of which the first `D` are the displacement.
+/// There are `D` axes and `N` components at each node; the first `D` components are the displacement.
 pub trait Term<const D: usize, const N: usize = D>: Send {
     /// Name in errors and checkpoints.
     fn name(&self) -> &'static str;
 
-    /// True if its stiffness is symmetric. An evaluation may make it unsymmetric: the system of the step is then laid
-    /// out anew.
+    /// True if the stiffness of the term is symmetric. If an evaluation makes it unsymmetric, the system of the step is
+    /// laid out anew.
     fn is_symmetric(&self, step: &StepContext<D>) -> bool;
 
-    /// True if the term may hold parts of the bodies that no boundary condition holds. Only the stiffness shows whether
+    /// True if the term can hold parts of the bodies that no boundary condition holds. Only the stiffness shows whether
     /// it does.
     fn may_hold(&self) -> bool {
         false
     }
 
-    /// Grid nodes that the term needs on this rank beyond those that `links` have; called before
-    /// [`begin`](Term::begin), and only with several ranks, on all of them.
+    /// Grid nodes that the term needs on this rank in addition to the nodes of `links`. Called before
+    /// [`begin`](Term::begin), only if there are several ranks, and then on all ranks.
     ///
     /// # Errors
     /// [`BeginError`].
@@ -93,16 +93,16 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
     fn couples(&self, _couple: &mut dyn FnMut(&[u32])) {}
 
     /// True if the term has come to couple further nodes since the system was laid out; [`couples`](Term::couples) then
-    /// gives them, too.
+    /// lists these nodes, too.
     fn outgrows(&self) -> bool {
         false
     }
 
-    /// Adds constraints on the active nodes of a step: prescribed values of an additional field, or ties. The numbers
-    /// of its conditions start at [`FURTHER`]; the reactions of these conditions are not reported.
+    /// Adds constraints on the active nodes of a step: prescribed values of an additional field, or ties. The term
+    /// numbers its conditions from [`FURTHER`]; their reactions are not reported.
     ///
     /// # Errors
-    /// [`ConstraintError`] if they contradict others.
+    /// [`ConstraintError`] if the constraints contradict other constraints.
     fn constrain(
         &self,
         _step: &StepContext<D>,
@@ -112,7 +112,8 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
         Ok(())
     }
 
-    /// Number of its global unknowns, such as the motions of a rigid body; their increments start each step at 0.
+    /// Number of global unknowns of the term, such as the motions of a rigid body; their increments start each step at
+    /// 0.
     fn n_globals(&self) -> usize {
         0
     }
@@ -123,8 +124,8 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
         None
     }
 
-    /// Adds the force of the term and, if wanted, its stiffness at these unknowns. It may write only the trial state of
-    /// the points.
+    /// Adds the force of the term and, if wanted, its stiffness at these unknowns. The term may change only the trial
+    /// state of the points.
     ///
     /// # Errors
     /// [`EvaluateError`]: the first point that could not follow the increment, or a law that failed.
@@ -151,16 +152,16 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
         Ok(Augmentation::Satisfied)
     }
 
-    /// Updates multipliers to those at the end of an increment from the unknowns of the last evaluation, in the
-    /// linearised equations, where this is possible without a change of state; adds the resulting change of the
-    /// equations to `_added`. The increment and the update together then solve the equations. `_update` is the number
-    /// of previous updates along this increment.
+    /// Updates multipliers to their values at the end of an increment from the unknowns of the last evaluation,
+    /// according to the linearised equations, if this is possible without a change of state. Adds the resulting
+    /// change of the equations to `_added`. The increment and the update together then solve the equations. `_update`
+    /// is the number of previous updates along this increment.
     fn augment_along(&mut self, _increment: At<N>, _update: usize, _added: &mut Response<N>) -> Augmentation {
         Augmentation::Satisfied
     }
 
-    /// Adds stiffness, at the last evaluation, where the state of the term leaves bodies without resistance; true if
-    /// there is such a location. This changes only the path of the iterations, not the solution.
+    /// Adds stiffness, at the last evaluation, where the state of the term leaves bodies without resistance; returns
+    /// true if there is such a location. This changes only the path of the iterations, not the solution.
     fn support(&self, _sum: &mut System<N>) -> bool {
         false
     }
@@ -185,32 +186,33 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
         Vec::new()
     }
 
-    /// The surfaces of the model, in their order, at the last evaluation; only from the term that carries them.
+    /// The surfaces of the model, in order, at the last evaluation; only the term that carries them returns any.
     fn surfaces(&self) -> Vec<SurfaceFields<D>> {
         Vec::new()
     }
 
-    /// The rigid tools of the model, in their order, at the last evaluation; only from the term that moves them.
+    /// The rigid tools of the model, in order, at the last evaluation; only the term that moves them returns any.
     fn tools(&self, _model: &Model<D>) -> Vec<ToolState<D>> {
         Vec::new()
     }
 
-    /// The position nearest to `place`, [length], that the body may take at the last commit: outside all obstacles.
+    /// The position nearest to `place`, [length], that the body can occupy at the last commit: outside all obstacles.
     fn nearest_allowed(&self, _model: &Model<D>, _body: usize, place: [f64; D]) -> [f64; D] {
         place
     }
 
-    /// Further forces on the bodies that reports list by name, [force], such as that of a wall, at the last evaluation.
+    /// Further forces on the bodies that reports list by name, [force], such as the force of a wall, at the last
+    /// evaluation.
     fn named_forces(&self) -> Vec<NamedForce<D>> {
         Vec::new()
     }
 
-    /// Number of faces between cells that it stabilises.
+    /// Number of faces between cells that the term stabilises.
     fn stabilised_faces(&self) -> usize {
         0
     }
 
-    /// Called when the system has been laid out anew: indices of blocks are void.
+    /// Called when the system has been laid out anew: indices of blocks are no longer valid.
     fn forget_layout(&mut self) {}
 
     /// Frees memory that only further evaluations of the step would need.
@@ -227,7 +229,7 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
     /// Restores the state that [`save`](Term::save) returned.
     ///
     /// # Errors
-    /// The reason why it cannot be restored.
+    /// The reason why the state cannot be restored.
     fn restore(&mut self, _saved: &serde_json::Value) -> Result<(), String> {
         Err("it has no state to restore".to_owned())
     }
@@ -241,7 +243,7 @@ pub struct Response<const N: usize> {
     pub(crate) force: Nodal<N>,
     /// The residuals of the global equations of all terms.
     pub(crate) globals: Vec<f64>,
-    /// The first global unknown of the term in turn.
+    /// Index of the first global unknown of the term that is currently processed.
     pub(crate) first: usize,
 }
 
@@ -279,11 +281,11 @@ pub struct Ledger {
     pub stored: f64,
     /// Plastic work since the start of the analysis, [energy].
     pub plastic: f64,
-    /// Part of the growth of `plastic` in this step that was not done: the plastic work of a law follows from its
-    /// history variables at full strength, but the strength was reduced, [energy].
+    /// Part of the growth of `plastic` in this step that is not actual work, [energy]: the plastic work of a law
+    /// follows from its history variables at full strength, but the strength was reduced.
     pub undone: f64,
     /// Work during the step that is lost in the next one, [energy].
     pub lost: f64,
-    /// Work of friction during the step, [energy], which the forces of tools lose on the way to the bodies.
+    /// Energy dissipated by friction during the step, [energy]: work of the tools that does not reach the bodies.
     pub friction: f64,
 }

@@ -8,7 +8,8 @@ use super::shape::largest;
 use crate::region::vector::{along, dot, minus, norm};
 use crate::region::{Bounds, Polygon, Primitive};
 
-/// Sine below which the exact test decides on which side of a pseudonormal a position lies: round-off could falsify it.
+/// Sine below which the exact test decides on which side of a pseudonormal a position lies, because round-off could
+/// falsify the sign.
 pub(super) const UNSURE: f64 = 1e-6;
 /// Distance from a corner, relative to the length of an edge, within which two faces may be equally near, [-].
 const NEAR_CORNER: f64 = 1e-2;
@@ -16,14 +17,14 @@ const NEAR_CORNER: f64 = 1e-2;
 /// are equally near, [-].
 const EQUAL: f64 = 1e-9;
 
-/// The edges of a polygon; a section has none on the axis.
+/// The edges of a polygon; for a meridional section, without the edges on the axis.
 #[derive(Debug, Clone)]
 pub(super) struct Border {
     polygon: Polygon,
     edges: Segments,
     /// Number of each edge in the polygon.
     numbers: Vec<usize>,
-    /// For each edge, the sum of the outward unit normals of the two edges that meet at either end.
+    /// For both ends of each edge, the sum of the outward unit normals of the two edges that meet there.
     pseudonormals: Vec<[[f64; 2]; 2]>,
     /// −1 if the corners are given clockwise, otherwise 1.
     orientation: f64,

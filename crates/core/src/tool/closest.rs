@@ -2,7 +2,8 @@
 
 use crate::region::vector::{along, dot, norm, unit};
 
-/// Distance from a point, relative to the size of the shape, below which the direction from it is only round-off.
+/// Distance from a point, relative to the size of the shape, below which the direction away from that point is only
+/// round-off.
 pub(super) const TOUCHING: f64 = 1e-14;
 
 /// The point on a surface that is closest to a position x.
@@ -57,7 +58,8 @@ impl<const D: usize> Closest<D> {
         self
     }
 
-    /// The same point in a frame with the axes `rotation` × those of this frame; `to` maps positions.
+    /// The same point in another frame: `rotation` converts the components of vectors from this frame to the other, and
+    /// `to` converts positions.
     pub(super) fn turned(&self, rotation: &[[f64; D]; D], to: impl Fn(&[f64; D]) -> [f64; D]) -> Self {
         let mut derivative = [[0.0; D]; D];
         for (i, j) in indices::<D>() {

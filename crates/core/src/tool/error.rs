@@ -23,7 +23,7 @@ pub enum ShapeError {
     NegativeRadius {
         /// Index of the corner, from 0.
         corner: usize,
-        /// Its radius, [length].
+        /// Radius of the corner, [length].
         radius: f64,
     },
     /// A wall has fewer than two corners.

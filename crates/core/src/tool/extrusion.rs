@@ -20,7 +20,7 @@ impl Extrusion {
     /// (0 to 2) between two heights, [length].
     ///
     /// # Errors
-    /// As [`ClosedPolygon::new`]; [`ShapeError::Primitive`] if there is no such axis or the heights do not ascend.
+    /// As for [`ClosedPolygon::new`]; [`ShapeError::Primitive`] if there is no such axis or the heights do not ascend.
     pub fn new(corners: Vec<[f64; 2]>, axis: usize, heights: [f64; 2]) -> Result<Self, ShapeError> {
         let base = ClosedPolygon::new(corners)?;
         Ok(Extrusion { prism: Prism::new(base.polygon().clone(), axis, heights)?, base })

@@ -7,8 +7,8 @@ use crate::region::vector::{along, cross, dot, minus};
 /// regular lattice lie exactly above edges and corners, where round-off would otherwise decide.
 const ROUND: f64 = 1e-12;
 
-/// Squared distances with a relative difference below this are equal; the feature of the highest dimension is then
-/// chosen, because its normal does not change along it.
+/// Squared distances whose relative difference is below this count as equal; the feature of the highest dimension is
+/// then chosen, because the normal is constant along such a feature.
 const TIE: f64 = 1e-13;
 
 /// A feature of a segment or a triangle, from the highest dimension to the lowest.

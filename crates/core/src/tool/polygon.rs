@@ -31,7 +31,7 @@ impl ClosedPolygon {
     /// mirror image.
     ///
     /// # Errors
-    /// As [`ClosedPolygon::new`].
+    /// As for [`ClosedPolygon::new`].
     pub fn section(corners: Vec<[f64; 2]>, axis: f64) -> Result<Self, ShapeError> {
         Ok(Self::beside(border::polygon(corners)?, |ends| ends.iter().all(|x| x[0] == axis)))
     }

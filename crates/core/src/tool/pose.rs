@@ -70,13 +70,13 @@ impl<const D: usize> Pose<D> {
         }
     }
 
-    /// All its numbers, from which [`Pose::from_numbers`] restores it exactly, bit for bit.
+    /// All numbers of the pose, from which [`Pose::from_numbers`] restores it bit for bit.
     pub fn to_numbers(&self) -> Vec<f64> {
         let rotation = self.rotation.as_flattened().iter();
         self.position.iter().chain(rotation).copied().chain([self.angle]).collect()
     }
 
-    /// The pose with these numbers; `None` if they are not those of a pose.
+    /// The pose with these numbers; `None` if they do not describe a pose.
     pub fn from_numbers(numbers: &[f64]) -> Option<Self> {
         let (position, rest) = numbers.split_first_chunk::<D>()?;
         let (angle, matrix) = rest.split_last()?;
@@ -92,22 +92,22 @@ impl<const D: usize> Pose<D> {
         })
     }
 
-    /// The position in space of a point given in the frame of the tool, [length].
+    /// Converts a position from the frame of the tool to space, [length].
     pub fn to_space(&self, x: &[f64; D]) -> [f64; D] {
         along(&self.position, 1.0, &apply(&self.rotation, x))
     }
 
-    /// The position in the frame of the tool of a point given in space, [length].
+    /// Converts a position from space to the frame of the tool, [length].
     pub fn to_tool(&self, x: &[f64; D]) -> [f64; D] {
         self.vector_to_tool(&minus(x, &self.position))
     }
 
-    /// The global components of a vector given in the frame of the tool.
+    /// Converts the components of a vector from the frame of the tool to space.
     pub fn vector_to_space(&self, v: &[f64; D]) -> [f64; D] {
         apply(&self.rotation, v)
     }
 
-    /// The components in the frame of the tool of a vector given in space.
+    /// Converts the components of a vector from space to the frame of the tool.
     pub fn vector_to_tool(&self, v: &[f64; D]) -> [f64; D] {
         apply(&transposed(&self.rotation), v)
     }
@@ -140,8 +140,9 @@ impl<const D: usize> Pose<D> {
     }
 }
 
-/// The first time at which a point meets the surface of a moving tool, as a fraction of the motion. Both move from
-/// their first to their second position such that the path of the point is straight in the frame of the tool.
+/// The first time at which a point meets the surface of a moving tool, as a fraction of the motion. The point and the
+/// tool move from their first to their second positions such that the path of the point is straight in the frame of the
+/// tool.
 pub fn first_contact<const D: usize>(
     shape: &dyn Shape<D>,
     poses: [&Pose<D>; 2],

@@ -51,8 +51,8 @@ impl Axis {
         [minus(&centre, &reach), along(&centre, 1.0, &reach)]
     }
 
-    /// The closest point on a body of revolution, in the half-plane through the axis and x, from that on its section.
-    /// Within `touching` of the axis, [length], x has no radial direction.
+    /// The closest point on a body of revolution, in the half-plane through the axis and x, from the closest point on
+    /// its section. Within `touching` of the axis, [length], x has no radial direction.
     pub(super) fn closest(
         &self,
         x: &[f64; 3],
@@ -90,7 +90,7 @@ impl Revolution {
     /// corners of the section are (r, h): radius and height along the axis from `start`, r ≥ 0, in either order.
     ///
     /// # Errors
-    /// As [`ClosedPolygon::new`](super::ClosedPolygon::new) for the section; [`ShapeError::NegativeRadius`];
+    /// As for [`ClosedPolygon::new`](super::ClosedPolygon::new) for the section; [`ShapeError::NegativeRadius`];
     /// [`ShapeError::Primitive`] if the direction is zero or a number is not finite.
     pub fn new(start: [f64; 3], direction: [f64; 3], section: Vec<[f64; 2]>) -> Result<Self, ShapeError> {
         let start = finite("the start of the axis", start)?;
@@ -118,7 +118,7 @@ impl Revolution {
     /// The position where a path meets the surface swept by an edge, as a fraction of the path.
     ///
     /// Along the path, the distance from the line of the edge in the plane (r, h) is convex or concave, because r is
-    /// convex: it has at most one zero between its extremum and either end.
+    /// convex. The distance therefore has at most one zero between its extremum and either end.
     fn meeting(&self, path: &[[f64; 3]; 2], edge: &[[f64; 2]; 2]) -> Option<f64> {
         let (normal, side) = (right_normal(edge), minus(&edge[1], &edge[0]));
         let way = minus(&path[1], &path[0]);

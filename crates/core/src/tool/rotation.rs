@@ -58,8 +58,8 @@ pub(super) fn turning(v: &[f64; 3], x: &[f64; 3]) -> [f64; 3] {
     along(&once.map(|x| sine * x), second, &cross(v, &once))
 }
 
-/// The left Jacobian J, for which d exp(v̂) = ŵ exp(v̂) with w = J dv; v̂ is the skew matrix of v (Chirikjian, *Stochastic Models, Information Theory, and Lie
-/// Groups* 2, 2012).
+/// The left Jacobian J, for which d exp(v̂) = ŵ exp(v̂) with w = J dv; v̂ is the skew matrix of v (Chirikjian,
+/// *Stochastic Models, Information Theory, and Lie Groups* 2, 2012).
 pub(super) fn left_jacobian(v: &[f64; 3]) -> Matrix {
     let [second, third] = coefficients(norm(v));
     of_columns(|e| {

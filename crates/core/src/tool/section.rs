@@ -8,8 +8,8 @@ use super::outline::Outline;
 use super::shape::{Shape, largest};
 use crate::region::{Bounds, Facet, hull};
 
-/// A shape in the half-plane beside an axis of revolution, and its mirror image beyond the axis: round-off in their
-/// motion may put corners of domains there.
+/// A shape in the half-plane beside an axis of revolution, and its mirror image beyond the axis, because round-off may
+/// move corners of domains beyond the axis.
 #[derive(Debug, Clone)]
 pub struct Section {
     half: Arc<dyn Shape<2>>,

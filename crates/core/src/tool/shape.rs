@@ -18,15 +18,15 @@ pub trait Shape<const D: usize>: Debug + Send + Sync {
     /// Bounding box of the shape, [length]; infinite for half-spaces.
     fn bounds(&self) -> Bounds<D>;
 
-    /// The closest point for a finite position, which may be missing if |gap| exceeds `limit`, [length].
+    /// The closest point on the surface for a finite position; may be `None` if |gap| exceeds `limit`, [length].
     fn search(&self, x: &[f64; D], limit: f64) -> Option<Closest<D>>;
 
     /// The first position where the path between two different finite positions meets the surface, as a fraction of the
     /// path.
     fn crossing(&self, path: &[[f64; D]; 2]) -> Option<f64>;
 
-    /// The surface divided into flat facets, in either orientation, whose edges are about `size` long, [length], and
-    /// hardly longer; `None` if the surface extends to infinity.
+    /// The surface divided into flat facets, in either orientation, whose edges are about as long as `size`, [length],
+    /// or slightly longer; `None` if the surface extends to infinity.
     fn pieces(&self, size: f64) -> Option<Vec<Facet<D>>>;
 
     /// True if the surface has edges, corners or ends, which may enter a domain between its corners.
@@ -37,8 +37,8 @@ pub trait Shape<const D: usize>: Debug + Send + Sync {
     /// The closest point on the surface. `None` only if a coordinate is not finite, or so large that round-off hides
     /// the shape or the square of the coordinate overflows.
     ///
-    /// Where several points are closest (on the surface, at the centre of a circle, along the medial axis), one of them
-    /// is chosen, the same in every call.
+    /// If several points are closest (for a position on the surface, at the centre of a circle or on the medial axis),
+    /// one of them is chosen, the same in every call.
     fn closest(&self, x: [f64; D]) -> Option<Closest<D>> {
         self.closest_within(x, f64::INFINITY)
     }
@@ -97,7 +97,7 @@ pub trait Shape<const D: usize>: Debug + Send + Sync {
     /// around the foot of a position, [length].
     ///
     /// # Errors
-    /// [`NoOutline`], also for a half width that is not positive.
+    /// [`NoOutline`], including a half width that is not positive.
     fn outline_near(&self, _x: [f64; D], _half_width: f64, size: f64) -> Result<Outline<D>, NoOutline> {
         self.outline(size)
     }

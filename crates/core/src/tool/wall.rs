@@ -16,8 +16,8 @@ use crate::region::{
 /// thickness of the polyline. The wall may cross itself. Part k is the segment from corner k to corner k + 1, on both
 /// sides.
 ///
-/// The gap is the distance from the polyline minus half the thickness. Outside, it is the distance from the wall;
-/// inside, where a path has ended within the wall, the normal points to the side on which the point lies.
+/// The gap is the distance from the polyline minus half the thickness; outside, this is the distance from the wall. At
+/// a position inside the wall, where a path may end, the normal points to the side of the polyline on which it lies.
 #[derive(Debug, Clone)]
 pub struct Wall {
     corners: Vec<[f64; 2]>,
@@ -102,7 +102,7 @@ impl Wall {
         let before = minus(&self.corners[corner], &self.corners[corner - 1]);
         let after = minus(&self.corners[corner + 1], &self.corners[corner]);
         let turn = cross_2d(&before, &after).atan2(dot(&before, &after));
-        // Where the inner sides do not meet, each ends within the other segment.
+        // If the inner sides do not meet, each ends within the other segment.
         let length = self.radius * (0.5 * turn.abs()).tan();
         let is_inner = (turn < 0.0) == is_right && turn != 0.0;
         if is_inner && length < norm(&before).min(norm(&after)) { length } else { 0.0 }

@@ -23,8 +23,8 @@ pub fn on_error(error: &SolveError) -> Option<&'static str> {
             Some("use a larger grid, more load steps, or another method where the motion tears domains")
         }
         SolveError::Surface { .. } => Some(
-            "use more points per cell or smaller load steps where the surface leaves the points of its body, or leave \
-             the place out with `part`",
+            "use more points per cell or smaller load steps where the surface leaves the points of its body, or \
+             exclude this part of the surface with `part`",
         ),
         SolveError::Contact { error, .. } => on_contact(error),
         SolveError::Collapsed { .. } => {
@@ -69,12 +69,12 @@ fn on_contact(error: &ContactError) -> Option<&'static str> {
     match error {
         ContactError::Overlap { .. } => Some(
             "move the tool away from the body by this overlap, or subtract its shape from that of the body with a \
-             `difference`; boxes of points at a curved border reach beyond it by up to half their size",
+             `difference`; at a curved boundary, boxes of points reach beyond it by up to half their size",
         ),
         ContactError::Slide { .. } | ContactError::Through { .. } => Some(SMALLER_STEPS),
         ContactError::Between { .. } => Some(
-            "use smaller cells or more points per cell, so that the corners of domains lie closer together than this part of the \
-             tool is thick, or blunt its edge",
+            "use smaller cells or more points per cell, so that the distance between domain corners is less than the \
+             thickness of this part of the tool; or blunt its edge",
         ),
         ContactError::NotSettled { .. } => Some(
             "use smaller steps (`steps: {count, smallest}`), smaller cells, or a larger `overlap` of the tool",
@@ -84,8 +84,8 @@ fn on_contact(error: &ContactError) -> Option<&'static str> {
         }
         ContactError::NotFinite { .. } => Some("the formula divides by zero or leaves its domain there"),
         ContactError::UnknownFactor { .. } => Some(
-            "move the tool by numbers or formulas of `factor`, about one axis at most and in the last stage, or use \
-                 `control: {type: load}`",
+            "prescribe the motion of the tool by numbers or by formulas of `factor`, with rotation about one axis at \
+                 most, and only in the last stage; or use `control: {type: load}`",
         ),
         ContactError::OffAxis { .. } => Some("in axisymmetry, prescribe motions along y only"),
         _ => None,
@@ -98,6 +98,6 @@ pub fn against(obstacle: Obstacle) -> &'static str {
         Obstacle::Conflict => "prescribe each axis of a node with one boundary condition only",
         Obstacle::NotFinite => "the formula divides by zero or leaves its domain there",
         Obstacle::LooseAxis => "add `{name: axis, nodes: {x: 0}, fix: [x]}` to the boundary conditions",
-        Obstacle::Memory => "use a coarser grid, or on a structured one `solver: {linear: iterative}`",
+        Obstacle::Memory => "use a coarser grid or, on a structured grid, `solver: {linear: iterative}`",
     }
 }

@@ -21,8 +21,8 @@ pub fn on_failure(diagnosis: &Diagnosis) -> String {
         ),
         Kind::PlasticCollapse | Kind::LargeSteps if of.precedes_reduction => format!(
             "{advice}. If the bodies fail under this load before their strength is reduced, their factor of safety is below 1: \
-             multiply `cohesion`, the tangent of `friction_angle` and every other strength by a number, and divide by it the \
-             factor that the reduction finds"
+             multiply `cohesion`, the tangent of `friction_angle` and every other strength by a number, and divide the \
+             factor that the reduction finds by this number"
         ),
         Kind::Hourglass | Kind::Locking if of.is_in_collapse => format!(
             "{advice}; since most points have yielded, the load may also exceed what the bodies can carry"
@@ -49,9 +49,9 @@ fn advice(kind: Kind, of: &Circumstances) -> &'static str {
              plastic flow of the bodies"
         }
         Kind::PlasticCollapse => {
-            "the bodies yield at about the largest load factor in equilibrium; check how it changes with more points per \
-             cell and a finer grid. To continue beyond it, prescribe displacements or use `steps: {control: {type: \
-             arc-length}}`"
+            "the bodies yield at about the largest load factor with equilibrium; check how this factor changes with \
+             more points per cell and a finer grid. To continue beyond it, prescribe displacements or use `steps: \
+             {control: {type: arc-length}}`"
         }
         Kind::Instability => {
             "follow the path with `steps: {control: {type: arc-length}}`, or prescribe displacements"
@@ -65,15 +65,15 @@ fn advice(kind: Kind, of: &Circumstances) -> &'static str {
         }
         Kind::Creeping => "allow more iterations, `solver: {max_iterations}`, or use smaller steps",
         Kind::LargeSteps if of.cut_to.is_some() => {
-            "check that the bodies can carry the first part of the load: soil without cohesion yields under any; otherwise use \
-             still smaller steps (`steps: {count, smallest}`)"
+            "check that the bodies can carry the first part of the load: soil without cohesion yields under any load; \
+             otherwise use still smaller steps (`steps: {count, smallest}`)"
         }
         Kind::LargeSteps => {
             "use smaller steps: a larger `steps: {count}`, and a small `smallest` such as 1e-3, so that steps that fail are cut"
         }
         Kind::RefusedByLaw => {
-            "use smaller steps (`steps: {count, smallest}`), and check the properties of the material and the strains that its \
-             law can have: the law decides"
+            "use smaller steps (`steps: {count, smallest}`), and check the properties of the material and the range of \
+             strains that its law accepts"
         }
         Kind::ElementInversion => "use smaller steps (`steps: {count, smallest}`) or a coarser grid",
         Kind::LostDomain => match of.loss {

@@ -9,7 +9,8 @@ pub fn on_warning(warning: &Warning) -> String {
             return format!("use a smaller tolerance, `solver: {{tolerance: {tolerance:.0e}}}`");
         }
         (Code::HiddenResidual, Some(Detail::RoundOff)) => {
-            "analyse this body separately: the forces on the others are so much larger that round-off hides its residual"
+            "analyse this body separately: the forces on the other bodies are so much larger that round-off hides its \
+             residual"
         }
         (Code::HiddenResidual, _) => "use a smaller tolerance, `solver: {tolerance}`",
         (Code::DomainUpdate, _) => "use `domain_update: corners`",
@@ -22,8 +23,8 @@ pub fn on_warning(warning: &Warning) -> String {
              explain W004`)"
         }
         (Code::Apart, _) => {
-            "from this step on, the results are those of separate parts: end the analysis before it, or use a coarser grid, \
-             more points per cell, or `method: cpdi2`, whose domains stretch with the material"
+            "from this step on, the results are those of separate parts: end the analysis before this step, or use a \
+             coarser grid, more points per cell, or `method: cpdi2`, whose domains stretch with the material"
         }
         (Code::LeftNodes, _) => {
             "move a body instead of grid nodes: model the pushing part as a separate, stiff body and prescribe the motion \
@@ -37,25 +38,26 @@ pub fn on_warning(warning: &Warning) -> String {
             "use `method: gimp` or `method: cpdi2`, more points per cell, or a finer grid"
         }
         (Code::Energy, _) => {
-            "use more load steps (`steps: count`): the error of the balance falls with the square of their size"
+            "use more load steps (`steps: count`): the error of the balance decreases with the square of the step size"
         }
         (Code::Crossings, _) => {
             "use `method: gimp` or `method: cpdi2`, or a grid so coarse that points stay in their cells"
         }
         (Code::TurnedBoxes, _) => "use `method: cpdi2`, whose domains turn with the body",
         (Code::Locking, Some(Detail::StandardDilatation)) => {
-            "use `volumetric: mean-dilatation` for the bodies that yield; it frees the cells, with any method and number of \
-             points"
+            "use `volumetric: mean-dilatation` for the bodies that yield; it prevents locking with any method and any \
+             number of points"
         }
         (Code::Locking, _) => {
-            "do not read pressures of single points; look at `output: {fields: [pressure_smoothed]}`, and compare grids"
+            "do not rely on the pressures of single points; use `output: {fields: [pressure_smoothed]}`, and compare \
+             grids"
         }
         (Code::Damped, _) => {
             "note the largest load before this step, and follow the path with `steps: {control: {type: arc-length}}`; with \
              `steps: {damping: false}` the run stops instead"
         }
         (Code::ReplacedDomains, _) => {
-            "inspect this place in the VTU files; use more load steps, a finer grid, or a larger one"
+            "inspect this location in the VTU files; use more load steps, a finer grid, or a larger one"
         }
         (Code::Stiffened, _) => {
             "use a finer grid, because up to one row of cells moves with the stiff body; or replace the stiff body by a \
@@ -72,14 +74,14 @@ pub fn on_warning(warning: &Warning) -> String {
              bodies settle very little before they slide"
         }
         (Code::Slumped, _) => {
-            "the factor of safety of the shape that was drawn is below 1 if the bodies slumped at full strength: multiply \
-             `cohesion` and the tangent of `friction_angle` by a number k for which the bodies stand, and divide the factor \
-             that is found by k"
+            "the factor of safety of the original shape is below 1 if the bodies slumped at full strength: multiply \
+             `cohesion` and the tangent of `friction_angle` by a number k for which the bodies stand, and divide the \
+             resulting factor by k"
         }
         (Code::StoppedShort, _) => {
-            "the factor of safety may be larger: compare a coarser grid, and set `solver: {tolerance: 1e-4}`, since on fine \
-             cells the iterations may stall close to equilibrium where flow is not associated; if the factors with and \
-             without equilibrium lie far apart, use a smaller `tolerance` of the control"
+            "the factor of safety may be larger: compare a coarser grid, and set `solver: {tolerance: 1e-4}`, since \
+             with small cells the iterations may stall close to equilibrium where flow is non-associated; if the \
+             factors with and without equilibrium lie far apart, use a smaller `tolerance` of the control"
         }
     };
     advice.to_owned()

@@ -14,16 +14,17 @@ use mpm_core::points::{Points, coordinates};
 use mpm_core::region::{Intervals, Line, Region, contains_in_cell};
 use mpm_core::tensor::{Mat3, Sym3};
 
-/// Distance between a body and the surface that counts as zero, relative to the height of the body, [-].
+/// Largest distance between a body and the surface that counts as zero, relative to the height of the body, [-].
 const AT_SURFACE: f64 = 1e-9;
 /// Distance between the positions at which a vertical line through groups of cells is probed, relative to the local
 /// cell size, [-].
 const PROBED: f64 = 0.25;
-/// Distance to the level of a node that counts as zero, relative to the cell size, [-].
+/// Largest distance to the level of a node that counts as zero, relative to the cell size, [-].
 const ON_NODE: f64 = 1e-8;
 /// Number of bisections that locate, to round-off, where such a line enters or leaves a group.
 const BISECTIONS: usize = 60;
-/// Change of a stress on its return to the yield surface that counts as round-off, relative to the stress, [-].
+/// Largest change of a stress, on its return to the yield surface, that counts as round-off, relative to the stress,
+/// [-].
 const ON_SURFACE: f64 = 1e-9;
 
 /// The initial stress of a body.
@@ -41,7 +42,7 @@ enum Stress {
 struct Ground<'a, const D: usize> {
     grid: &'a dyn Grid<D>,
     groups: &'a Groups,
-    /// Regions of the bodies with geostatic stress, and the unit weights of these, [force/volume].
+    /// Region and unit weight, [force/volume], of each body with geostatic stress.
     layers: Vec<(&'a Region<D>, f64)>,
 }
 
@@ -161,15 +162,16 @@ where
         let Returned { points, of, largest: (change, before) } = returned;
         let message = format!(
             "the initial stress of the body {} lies outside the yield surface at {points} of its {of} points; it is \
-             brought back to the surface, by at most {change:.3e}, {:.1} % of the stress",
+             returned to the yield surface, and changes by at most {change:.3e}, {:.1} % of the stress",
             quote(&self.deck.bodies[body].name),
             100.0 * change / before
         );
         let at = format!("/bodies/{body}/initial_stress");
         let found = Diagnostic::at(&self.loaded.source, "D052", &at, message).severity(Severity::Warning);
-        self.found.push(
-            found.help("give a stress that the material can carry; the corrected one may be out of balance"),
-        );
+        self.found
+            .push(found.help(
+                "give a stress that the material can carry; the returned stress may be out of balance",
+            ));
     }
 }
 

@@ -35,7 +35,7 @@ where
                 Some(young) => (young, "young"),
                 None => (axial_modulus_at_rest(law.as_ref()), "model"),
             };
-            // A law may have no stiffness, or no response, where nothing confines it.
+            // Without confinement, a law may have no stiffness, or no response.
             if stiffness == 0.0 {
                 continue;
             }

@@ -100,32 +100,33 @@ where
         let (message, help) = match (band, cells) {
             (Some(band), CellSize::Even(size)) => (
                 format!(
-                    "the material {name_in_quotes} softens; its softening strain is multiplied by {:.3}, the width {band} of \
-                     the band over the size {size:.3} of the cells, so that the displacement across a band of one cell is \
-                     that of the band",
+                    "the material {name_in_quotes} softens; its softening strain is multiplied by {:.3}, the ratio of \
+                     the band width {band} to the cell size {size:.3}, so that a band one cell wide softens over the \
+                     same displacement as a band of this width",
                     band / size
                 ),
                 "compare two grids: the direction and the number of bands may still depend on them",
             ),
             (Some(band), CellSize::Mean(size)) => (
                 format!(
-                    "the material {name_in_quotes} softens; its softening strain is multiplied by {:.3}, the width {band} of \
-                     the band over {size:.3}, the mean size of the cells of the mesh, also in cells that are larger or smaller",
+                    "the material {name_in_quotes} softens; its softening strain is multiplied by {:.3}, the ratio of \
+                     the band width {band} to the mean cell size {size:.3} of the mesh, even in cells that are larger \
+                     or smaller",
                     band / size
                 ),
-                "use cells of even size where bands form, and compare two meshes",
+                "use cells of equal size where bands form, and compare two meshes",
             ),
             (Some(band), _) => (
                 format!(
-                    "the material {name_in_quotes} softens; its softening strain is multiplied by the width {band} of the \
-                     band over the size of the cell in which each point starts, the field `cell_size`"
+                    "the material {name_in_quotes} softens; its softening strain is multiplied by the ratio of the \
+                     band width {band} to the size of the cell in which each point starts (field `cell_size`)"
                 ),
                 "compare two grids: the direction and the number of bands may still depend on them",
             ),
             (None, _) => (
                 format!(
                     "the material {name_in_quotes} softens without `band`: bands become as narrow as cells, and results \
-                     depend on their size"
+                     depend on the cell size"
                 ),
                 "add `band` to `softening`, the width of the shear band to which `strain` belongs, and compare two grids",
             ),
@@ -142,32 +143,31 @@ where
             return;
         }
         let message = format!("the strength of the material {} is not reduced", quote(name));
-        let help = "the factor of safety is that of bodies in which it stays as strong as it is; use `tresca`, \
+        let help = "the factor of safety then assumes that this material keeps its full strength; use `tresca`, \
                     `mohr-coulomb`, `drucker-prager` or `von-mises` for the bodies that may fail";
         let at = format!("/materials/{}/model", escape(name));
         let found = Diagnostic::at(&self.loaded.source, "D049", &at, message).severity(Severity::Note);
         self.found.push(found.help(help));
     }
 
-    /// Reports that a factor of safety depends on the cell size where flow is non-associated.
+    /// Reports that a factor of safety depends on the cell size if flow is non-associated.
     fn factor_of_safety(&mut self, name: &str) {
         if !self.deck.nonassociated_with_reduced_strength().contains(&name) {
             return;
         }
         let message = format!(
-            "the flow of the material {} is not associated; the factor of safety of non-associated material depends on \
-             the size of the cells",
+            "the flow of the material {} is non-associated; the factor of safety therefore depends on the cell size",
             quote(name)
         );
-        let help = "compare two grids, for example by `mpm sweep` over the size of the cells, and look at displacement \
-                    against the factor";
+        let help = "compare two grids, for example with `mpm sweep` over the cell size, and plot displacement against \
+                    the factor";
         let at = format!("/materials/{}/dilation_angle", escape(name));
         let found = Diagnostic::at(&self.loaded.source, "D064", &at, message).severity(Severity::Note);
         self.found.push(found.help(help));
     }
 
-    /// Gives points the properties at their positions, and checks these. `room` is the number of history variables
-    /// stored for each point.
+    /// Assigns to each point the properties at its position, and checks these properties. `room` is the number of
+    /// history variables stored for each point.
     pub(super) fn furnish(
         &mut self,
         body: &str,
@@ -241,7 +241,7 @@ where
     }
 }
 
-/// The condition that a value violates besides its range.
+/// The requirement on a value in addition to its range, if the value violates it; empty otherwise.
 fn finite(value: f64) -> &'static str {
     if value.is_finite() { "" } else { "finite and " }
 }

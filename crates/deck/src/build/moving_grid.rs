@@ -63,7 +63,7 @@ where
             FollowError::DependsOnPosition => (
                 "/condition",
                 format!(
-                    "the displacement that {condition} prescribes along {axis} depends on the position, and grid lines \
+                    "the displacement that {condition} prescribes along {axis} depends on the position, but grid lines \
                      move as a whole"
                 ),
                 "use a number, or a formula of `factor` and parameters".to_owned(),

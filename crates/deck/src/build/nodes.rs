@@ -107,8 +107,8 @@ where
     }
 }
 
-/// Describes the grid lines along an axis: the series of an even axis, or the lines of a graded axis next to the middle
-/// of a selection.
+/// Describes the grid lines along an axis: all lines of an evenly spaced axis as a formula, or the lines of a graded
+/// axis next to the middle of a selection.
 fn lines_in_words<const D: usize>(grid: &Structured<D>, axis: usize, selected: &[[f64; D]; 2]) -> String {
     let (lines, name) = (&grid.axes()[axis], AXES[axis]);
     if lines.is_even() {

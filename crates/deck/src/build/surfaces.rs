@@ -69,9 +69,10 @@ where
             match sampled {
                 Ok(surface) if surface.is_empty() => {
                     let message =
-                        format!("the surface {} selects nothing of the boundary", quote(&deck.name));
+                        format!("the surface {} selects no part of the boundary", quote(&deck.name));
                     let help = format!(
-                        "change `part` so that it contains a piece of the boundary of the body {}, whose samples are {} long",
+                        "change `part` so that it contains a piece of the boundary of the body {}, which is sampled \
+                         every {}",
                         quote(&deck.body),
                         mpm_files::shortest(spacing)
                     );
@@ -91,9 +92,10 @@ where
                             format!("{at}/part/edge"),
                             "give the number of a side of a single shape, from 0, or select the part by `box` or `half_space`",
                         ),
-                        NoBoundary::Cells => {
-                            (format!("{at}/body"), "divide the body into one of shape `cells` and others")
-                        }
+                        NoBoundary::Cells => (
+                            format!("{at}/body"),
+                            "divide the body into a body of shape `cells` and other bodies",
+                        ),
                         NoBoundary::TooMany => (at, "give a larger `spacing`"),
                     };
                     self.error("D050", &at, message, help.to_owned());

@@ -134,7 +134,7 @@ where
         let empty = tool.parts.iter().filter(|part| !tool.reaches_into(part, grid));
         for part in empty {
             let message = format!(
-                "the part {} of the tool {} holds none of its surface",
+                "the part {} of the tool {} contains none of its surface",
                 quote(&part.name),
                 quote(&tool.name)
             );
@@ -196,7 +196,7 @@ fn vector(turn: &Turn) -> [f64; 3] {
     }
 }
 
-/// The interface of a tool with a body for which there is a separate entry.
+/// The interface between a tool and a body that has a contact entry of its own.
 fn interface_of_pair(deck: &ToolDeck, own: &ContactDeck) -> Interface {
     interface(
         own.friction.or(deck.friction),

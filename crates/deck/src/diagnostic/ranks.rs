@@ -1,4 +1,4 @@
-//! Messages that the ranks of a run find in their parts of a model.
+//! Messages of the ranks of a run about their parts of a model.
 
 use serde::{Deserialize, Serialize};
 
@@ -38,7 +38,7 @@ impl Sent {
     }
 }
 
-/// The messages of all ranks, on every rank. Where several ranks report the same code with the same severity at the
+/// The messages of all ranks, on every rank. If several ranks report the same code with the same severity at the
 /// same location, only the messages of the lowest rank are kept.
 pub(crate) fn of_all_ranks(ranks: &Ranks, own: Vec<Diagnostic>) -> Vec<Diagnostic> {
     if ranks.is_alone() {

@@ -1,4 +1,4 @@
-//! A law with the properties that vary and their consistency.
+//! A law, its properties that vary in space, and the check that its properties do not contradict each other.
 
 use super::consistency::Consistency;
 use super::property::Varying;
@@ -8,7 +8,7 @@ use mpm_core::material::Material;
 pub struct BuiltLaw {
     /// The law.
     pub law: Box<dyn Material>,
-    /// Its properties that vary in space; they are its last history variables, in this order.
+    /// The properties of the law that vary in space; they are its last history variables, in this order.
     pub varying: Vec<Varying>,
     /// Finds contradictions between the properties at a point, given the values of the varying ones.
     pub consistency: Consistency,

@@ -13,7 +13,7 @@ pub enum CellSize {
     Even(f64),
     /// The mean cell size of a mesh, used everywhere.
     Mean(f64),
-    /// The size varies as in a structured grid with these axes.
+    /// Varies as in a structured grid with these axes.
     Graded(Vec<Axis>),
 }
 
@@ -37,8 +37,8 @@ impl CellSize {
         if axes.iter().all(Axis::is_even) { CellSize::Even(graded.at(&corner)) } else { graded }
     }
 
-    /// The size of the cell at a position: the geometric mean of its sides, which gives a cube (square) of the same
-    /// volume.
+    /// The size of the cell at a position: the geometric mean of its sides, which is the side of a cube (square) of the
+    /// same volume.
     pub(super) fn at(&self, position: &[f64; 3]) -> f64 {
         match self {
             CellSize::Unknown => f64::NAN,

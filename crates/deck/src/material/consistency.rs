@@ -22,13 +22,13 @@ impl Inconsistency {
 /// Finds a contradiction between properties, given the values of the varying ones.
 pub type Consistency = Box<dyn Fn(&[f64]) -> Option<Inconsistency> + Send + Sync>;
 
-/// Two properties of which the first must not exceed the second.
+/// Two properties; the first must not exceed the second.
 pub(super) struct AtMost {
     pub key: &'static str,
     pub value: Setting,
     pub of: &'static str,
     pub most: Setting,
-    /// True if they must not be equal either.
+    /// True if the first must be less than the second.
     pub strictly: bool,
 }
 

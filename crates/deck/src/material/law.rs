@@ -27,7 +27,8 @@ pub struct Surroundings<'a> {
 }
 
 impl MaterialDeck {
-    /// The first property out of its range, or the first contradiction, where the varying properties have these values.
+    /// The first property out of its range, or the first contradiction, at a point where the varying properties have
+    /// these values.
     pub fn fault_at(&self, built: &BuiltLaw, properties: &[f64]) -> Option<String> {
         for (varying, value) in built.varying.iter().zip(properties) {
             let range = self.range(&varying.key);
@@ -38,7 +39,7 @@ impl MaterialDeck {
         (built.consistency)(properties).map(|found| found.message)
     }
 
-    /// The law of the material on its own: its properties must not vary.
+    /// The law of the material, formed without a deck; no property of the material may vary.
     ///
     /// # Errors
     /// The first fault or contradiction.

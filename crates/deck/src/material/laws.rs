@@ -26,8 +26,8 @@ pub(super) fn neo_hookean(mut read: Reading, elasticity: [&Expression; 2]) -> Re
     read.finish(move |p| NeoHookean::new(young.at(p), poisson.at(p)), consistent)
 }
 
-/// `strengths` are the deviatoric yield stress, the yield stress in tension and the undrained strength, of which one
-/// must be stated.
+/// `strengths` are the deviatoric yield stress, the yield stress in tension and the undrained strength; exactly one of
+/// them must be stated.
 pub(super) fn von_mises(
     mut read: Reading,
     elasticity: [&Expression; 2],
@@ -129,7 +129,7 @@ pub(super) fn drucker_prager(
     )
 }
 
-/// The properties of [`CamClay`], in their order.
+/// `given` holds the properties of [`CamClay`], in order.
 pub(super) fn modified_cam_clay(mut read: Reading, given: [&Expression; 7]) -> Result<BuiltLaw, Faults> {
     let [compression, swelling, ratio, shear, growth, overconsolidation, reference] = given;
     let compression = read.get("compression_index", "-", compression);
@@ -153,10 +153,11 @@ pub(super) fn modified_cam_clay(mut read: Reading, given: [&Expression; 7]) -> R
     let soft = move |p: &[f64]| {
         let (most, needed) = (clay(p).largest_stress_ratio(), ratio.at(p));
         if shear.at(p) > 0.0 && !clay(p).carries_critical_state() {
-            let message = "the shear modulus follows the pressure too closely: the elasticity cannot carry the critical \
-                           state"
-                .to_owned();
-            let help = "give `shear_modulus` alone, or more of `shear_modulus` or `shear_modulus_ratio`";
+            let message =
+                "the shear modulus depends too strongly on the pressure: the elastic law cannot reach the \
+                           critical state"
+                    .to_owned();
+            let help = "give `shear_modulus` alone, or a larger `shear_modulus` or `shear_modulus_ratio`";
             return Inconsistency::new("shear_modulus_ratio", message, help);
         }
         if shear.at(p) > 0.0 || most > needed {
@@ -164,8 +165,8 @@ pub(super) fn modified_cam_clay(mut read: Reading, given: [&Expression; 7]) -> R
         }
         if growth.at(p) > 0.0 {
             let message = format!(
-                "the elasticity carries at most q/p = sqrt(1.5 shear_modulus_ratio swelling_index) = {most:.4}, and the \
-                 critical state needs {needed:.4}"
+                "the elastic law reaches at most q/p = sqrt(1.5 shear_modulus_ratio swelling_index) = {most:.4}, but \
+                 the critical state needs {needed:.4}"
             );
             let least = needed * needed / (1.5 * swelling.at(p));
             let help = format!("give more than {least:.4}, or `shear_modulus` instead");
@@ -195,7 +196,7 @@ fn one_strength(stated: &[&str]) -> Option<Inconsistency> {
 }
 
 /// Finds a softening strain so small that an unconfined point loses strength faster than its elastic stress can fall.
-/// `elasticity` is Young's modulus and Poisson's ratio, `strength` the peak and the residual strength.
+/// `elasticity` holds Young's modulus and Poisson's ratio, `strength` the peak and the residual strength.
 fn too_steep(
     decay: &Decay,
     properties: &[f64],

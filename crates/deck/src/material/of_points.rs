@@ -1,4 +1,4 @@
-//! A material as its points need it.
+//! A material in the form that its points need.
 
 use super::consistency::Consistency;
 use super::property::Varying;

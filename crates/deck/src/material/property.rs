@@ -24,7 +24,7 @@ pub enum Setting {
 }
 
 impl Setting {
-    /// Its value at a point with these varying properties.
+    /// The value of the property at a point with these varying properties.
     pub fn at(self, properties: &[f64]) -> f64 {
         match self {
             Setting::Constant(value) => value,
@@ -37,11 +37,11 @@ impl Setting {
 pub(super) struct Settings<'a> {
     parameters: &'a BTreeMap<String, Parameter>,
     dimensions: usize,
-    /// A position at which the properties are typical.
+    /// A position at which the properties have typical values.
     typical: [f64; 3],
     formulas: Vec<Formula>,
     varying: Vec<Varying>,
-    /// Cell size, if it varies; its value follows those of the formulas.
+    /// Cell size, if it varies; its value comes after the values of the formulas.
     cells: Option<CellSize>,
     pub(super) faults: Vec<Fault>,
 }
@@ -157,7 +157,7 @@ impl MaterialDeck {
     }
 }
 
-/// Adds the numbers and strings of a mapping, except words of a fixed choice.
+/// Adds the numbers and strings of a mapping, except words chosen from a fixed list.
 fn collect(prefix: &str, value: &Value, found: &mut Vec<(String, Expression)>) {
     for (key, value) in value.as_object().into_iter().flatten() {
         let path = if prefix.is_empty() { key.clone() } else { format!("{prefix}/{key}") };
@@ -189,7 +189,7 @@ impl Range {
             && limit("exclusiveMaximum").is_none_or(|high| value < high)
     }
 
-    /// Its limits in words, such as "above 0 and below 1"; `finite` without limits.
+    /// The limits of the range in words, such as "above 0 and below 1"; `finite` without limits.
     pub fn in_words(&self) -> String {
         crate::schema::range_in_words(&self.0).unwrap_or_else(|| "finite".to_owned())
     }

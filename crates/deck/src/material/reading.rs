@@ -20,17 +20,17 @@ pub(super) struct Reading<'a> {
 pub(super) type Faults = Vec<Fault>;
 
 impl<'a> Reading<'a> {
-    /// Before the first property.
+    /// Prepares to read the first property.
     pub(super) fn new(settings: Settings<'a>, cells: &'a CellSize) -> Self {
         Reading { settings, limits: Vec::new(), cells }
     }
 
-    /// One property.
+    /// Reads a property.
     pub(super) fn get(&mut self, key: &str, unit: &'static str, given: &Expression) -> Setting {
         self.settings.read(key, unit, given)
     }
 
-    /// Young's modulus and Poisson's ratio.
+    /// Reads Young's modulus and Poisson's ratio.
     pub(super) fn elasticity(&mut self, [young, poisson]: [&Expression; 2]) -> [Setting; 2] {
         [self.get("young", "stress", young), self.get("poisson", "-", poisson)]
     }
@@ -48,7 +48,7 @@ impl<'a> Reading<'a> {
         self.limits.push(AtMost { key, value, of, most, strictly: false });
     }
 
-    /// Cohesion and angles.
+    /// Reads the cohesion and the angles.
     pub(super) fn friction(&mut self, given: [&Expression; 3]) -> FrictionSettings {
         let [cohesion, friction_angle, dilation_angle] = given;
         let friction = FrictionSettings {
@@ -60,7 +60,7 @@ impl<'a> Reading<'a> {
         friction
     }
 
-    /// Residual strength and κ₉₅, with the cell size if κ₉₅ is adapted to it.
+    /// Reads the residual strength and κ₉₅, with the cell size if κ₉₅ is adapted to it.
     pub(super) fn friction_softening(
         &mut self,
         given: &FrictionSofteningDeck,
@@ -112,7 +112,7 @@ impl<'a> Reading<'a> {
         Decay { strain, band, cells }
     }
 
-    /// The law with the settings that have been read; all must have been read before, so that all faults are found.
+    /// The law with the settings that have been read; all settings must be read first, so that all faults are found.
     ///
     /// # Errors
     /// The faults of the formulas.

@@ -43,7 +43,7 @@ impl Check<'_> {
         self.found.push(found.help(help));
     }
 
-    /// Reports an entry that needs a number of dimensions other than that of the deck.
+    /// Reports an entry that needs another number of dimensions than the deck has.
     pub(super) fn of_other_dimension(&mut self, pointer: &str, what: &str, needed: usize) {
         let idealisation = self.deck.analysis.idealisation.name();
         let (place, help) = match needed {
@@ -191,7 +191,7 @@ impl Check<'_> {
         for (at, value) in &values {
             if !(1..=MOST_PER_CELL).contains(value) {
                 let message =
-                    format!("{value} points along an axis of a cell; 1 to {MOST_PER_CELL} are possible");
+                    format!("{value} points along an axis of a cell; 1 to {MOST_PER_CELL} are allowed");
                 self.error("D009", at, message, "give 2 to 4, as is usual");
                 return None;
             }
@@ -300,8 +300,8 @@ impl Check<'_> {
 
     /// Checks that bodies do not overlap; boxes may touch.
     pub(super) fn overlaps(&mut self, mut boxes: Vec<(usize, Extent)>) {
-        // In the order of their lower sides, a box can only overlap boxes that start before its upper side; these are
-        // few along the axis on which the boxes are spread out most.
+        // If the boxes are sorted by their lower sides, each need be compared only with the later boxes that start
+        // before its upper side; these are few along the axis on which the boxes are spread out most.
         let spread = |axis: usize| {
             let low = boxes.iter().map(|(_, b)| b.min[axis]).fold(f64::INFINITY, f64::min);
             let high = boxes.iter().map(|(_, b)| b.max[axis]).fold(f64::NEG_INFINITY, f64::max);

@@ -87,7 +87,7 @@ impl Check<'_> {
         }
     }
 
-    /// Warns of `initial_imbalance` where no body has an initial stress.
+    /// Warns of `initial_imbalance` if no body has an initial stress.
     pub(super) fn imbalance_without_effect(&mut self) {
         let at = "/analysis/initial_imbalance";
         if !is_stressed(self.deck) && self.is_written(at) {

@@ -7,8 +7,8 @@ use crate::{Idealisation, Method};
 impl Check<'_> {
     /// Warns of GIMP bodies of revolution with loads on a surface. GIMP computes the circumferential strain from the
     /// mean of the basis function over the domain. In a uniform state, however, internal forces balance a pressure on a
-    /// side within a cell only if the strain is computed from the mean of the values at both ends of the domain, as in
-    /// CPDI.
+    /// side that lies within a cell only if the strain is computed from the mean of the values at both ends of the
+    /// domain, as in CPDI.
     pub(super) fn loaded_rings(&mut self) {
         let deck = self.deck;
         if deck.analysis.idealisation != Idealisation::Axisymmetric {

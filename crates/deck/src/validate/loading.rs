@@ -139,7 +139,7 @@ impl Check<'_> {
             self.of_other_dimension(&format!("{pointer}/z"), "the coordinate z", 3);
         }
         if let Some(within) = &nodes.within {
-            // A flat box may select nodes, an inverted one may not.
+            // A flat box may select nodes; an inverted one cannot.
             self.ordered(&format!("{pointer}/box"), &within.min, &within.max);
         }
         if let Some(name) = &nodes.outer_layer {

@@ -52,7 +52,8 @@ impl Check<'_> {
             quote(material),
             list(bodies.iter().map(|(_, body)| body.name.as_str()))
         );
-        let help = "use `volumetric: mean-dilatation`; `volumetric: standard` keeps the formulation without this note";
+        let help = "use `volumetric: mean-dilatation`; `volumetric: standard` keeps the formulation and omits this \
+                    note";
         let at = format!("/materials/{}/model", escape(material));
         let found = Diagnostic::at(self.source, "D056", &at, message).severity(Severity::Note);
         self.found.push(found.help(help));

@@ -9,9 +9,9 @@ use crate::quoting::quote;
 use crate::span::escape;
 
 impl Check<'_> {
-    /// Checks the formulas of a material that have one value everywhere; numbers have been checked with the shape of
-    /// the deck, and formulas that vary are checked at the points. Returns true if no number and no such formula is out
-    /// of its range.
+    /// Checks the formulas of a material that have the same value everywhere; numbers have been checked with the shape
+    /// of the deck, and formulas that vary are checked at the points. Returns true if all numbers and all of these
+    /// formulas are in their ranges.
     fn ranges(&mut self, pointer: &str, material: &MaterialDeck) -> bool {
         let mut are_in_range = true;
         for (key, given) in material.properties() {
@@ -74,7 +74,7 @@ impl Check<'_> {
             let material = deck.materials.get(&body.material);
             if material.is_some_and(MaterialDeck::needs_initial_stress) && body.initial_stress.is_none() {
                 let message = format!(
-                    "the body {} has no `initial_stress`, but its material {} has no state without stress",
+                    "the body {} has no `initial_stress`, but its material {} has no stress-free state",
                     quote(&body.name),
                     quote(&body.material)
                 );

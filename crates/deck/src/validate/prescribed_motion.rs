@@ -14,14 +14,14 @@ use mpm_core::formula::Formula;
 use mpm_core::quality::Objection;
 use mpm_core::tensor::Mat3;
 
-/// Samples of a prescribed displacement along each axis of a side of a box.
+/// Number of samples of a prescribed displacement along each axis of a side of a box.
 const SAMPLES: usize = 8;
-/// Largest number of steps in which a motion is followed.
+/// Largest number of steps over which a motion is followed.
 const MOST_STEPS: u32 = 100;
 
 impl Check<'_> {
     /// Warns of bodies whose whole outer layer follows a prescribed motion that their domain update does not support.
-    /// Other motions are known only during the run, whose quality report then warns.
+    /// Other motions are known only during the run; the quality report of the run then warns of them.
     pub(super) fn prescribed_motion(&mut self) {
         match self.dimensions() {
             2 => self.motion_of_outer_layers::<2>(),
@@ -57,8 +57,8 @@ impl Check<'_> {
         }
     }
 
-    /// The largest measure of the mean deformation gradients at the ends of the steps; `None` if a displacement has no
-    /// value or not all are prescribed.
+    /// The largest measure of `objection` for the mean deformation gradients at the ends of the steps; `None` if a
+    /// displacement has no finite value or not all are prescribed.
     fn worst_on_the_way<const D: usize>(
         &self,
         condition: &BoundaryConditionDeck,
@@ -131,7 +131,7 @@ impl<const D: usize> MeanMotion<D> {
         let places = SAMPLES.pow(D as u32 - 1);
         let mut sum = [0.0; D];
         for number in 0..places {
-            // Sample positions spread evenly over the side, from the digits of a number.
+            // The digits of `number` in base `SAMPLES` spread the sample positions evenly over the side.
             let mut rest = number;
             let offset: [f64; D] = std::array::from_fn(|d| {
                 if d == side {

@@ -7,7 +7,7 @@ use crate::region::{Direction, OfDeck, Refusal, WithoutFiles, region};
 use crate::{AXES, GridDeck, Shape};
 use mpm_core::region::{Polygon, Primitive, Region, ShapeError, crossing_sides};
 
-/// Area of a polygon, relative to that of its bounding box, below which it counts as zero.
+/// Area of a polygon, relative to its bounding box, below which it counts as zero.
 const NO_AREA: f64 = 1e-12;
 
 impl Check<'_> {
@@ -143,7 +143,7 @@ impl Check<'_> {
         if let (Some(first), Some(last)) = (first, last)
             && first == last
         {
-            let message = "both ends are at the same place";
+            let message = "both ends are at the same position";
             let help = "move one of them: the line between them is the axis of the body";
             self.error("D016", &format!("{pointer}/end"), message, help);
         }

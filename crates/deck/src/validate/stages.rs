@@ -22,7 +22,7 @@ impl Check<'_> {
                 self.error("D053", "", "the deck has neither `steps` nor `stages`", help);
             }
             (Some(_), false) => {
-                let message = "the deck has `stages` and also `steps`";
+                let message = "the deck has both `stages` and `steps`";
                 self.error("D053", "/steps", message, "remove `steps`: each stage has its own");
             }
             _ => {}
@@ -62,8 +62,10 @@ impl Check<'_> {
                 ("material", !stage.material.is_empty()),
             ];
             for (key, _) in changes.iter().filter(|(_, given)| number == 0 && *given) {
-                let message = format!("`{key}` changes the first stage, before which there is nothing");
-                let help = "describe the start in the rest of the deck, or put a stage before this one";
+                let message =
+                    format!("`{key}` cannot be used in the first stage: there is no earlier stage to change");
+                let help =
+                    "describe the initial state in the rest of the deck, or put a stage before this one";
                 self.error("D053", &format!("/stages/0/{key}"), message, help);
             }
         }
@@ -100,7 +102,7 @@ impl Check<'_> {
                     quote(&probe.body)
                 );
                 let at = format!("/stages/{number}/steps/control/probe");
-                self.error("D053", &at, message, "choose a probe of a body that is there");
+                self.error("D053", &at, message, "choose a probe of a body that is present");
             }
         }
         for name in stage.factors.keys() {
@@ -128,7 +130,7 @@ impl Check<'_> {
         let mut is_there: BTreeMap<&str, bool> =
             names.iter().map(|&name| (name, deck.is_there_at_start(name, begins, ends))).collect();
         for (number, stage) in deck.stages.iter().enumerate() {
-            // Whatever ends does so before anything begins.
+            // Everything that ends in a stage does so before anything begins.
             for (key, list, begins) in [(end, ends(stage), false), (begin, begins(stage), true)] {
                 for (index, name) in list.iter().enumerate() {
                     let at = format!("/stages/{number}/{key}/{index}");
@@ -136,8 +138,8 @@ impl Check<'_> {
                         None => self.unknown_reference(&at, one, several, name, names.to_vec()),
                         Some(there) if *there == begins => {
                             let state = match (one, begins) {
-                                ("body", true) => "already there",
-                                ("body", false) => "not there",
+                                ("body", true) => "already present",
+                                ("body", false) => "not present",
                                 (_, true) => "already acting",
                                 (_, false) => "not acting",
                             };

@@ -84,7 +84,7 @@ impl Check<'_> {
                     );
                     self.error("D049", &format!("{pointer}/tolerance"), message, &help);
                 } else if to <= from {
-                    let message = format!("the factor of the strength cannot grow from {from} to {to}");
+                    let message = format!("the strength reduction factor cannot grow from {from} to {to}");
                     let help = format!("give a factor `to` of at least {}", shortest(from + tolerance));
                     self.error("D049", &format!("{pointer}/to"), message, help);
                 }
@@ -150,7 +150,7 @@ impl Check<'_> {
             name.or(changing_condition.map(|condition| ("boundary condition", condition.name.as_str())));
         if let Some((kind, name)) = name {
             let message = format!("the {kind} {} changes while the strength is reduced", quote(name));
-            let help = "apply it in a stage before this one, or let its curve stand still";
+            let help = "apply it in a stage before this one, or keep its curve constant";
             self.error("D049", control, message, help);
         }
         let changed = stage.and_then(|(stage, _)| {
@@ -162,7 +162,7 @@ impl Check<'_> {
         if let Some(key) = changed {
             let message = format!(
                 "the stage reduces the strength, but its `{key}` takes effect over the whole stage, so that the factor would \
-                 belong to a state in between"
+                 belong to an intermediate state"
             );
             let help = format!("move `{key}` to a stage before this one");
             self.error("D049", control, message, &help);
@@ -180,9 +180,9 @@ impl Check<'_> {
         }
     }
 
-    /// Checks that the bodies carry something while the stage of this number reduces the strength: a load, a prescribed
-    /// motion or an initial stress. Weight that a geostatic stress carries may have been removed since; a motion that
-    /// has been reversed may have left stresses.
+    /// Checks that the bodies carry something while the stage with this number reduces the strength: a load, a
+    /// prescribed motion or an initial stress. An earlier stage may have removed the weight that a geostatic stress
+    /// carries, and a motion that has been reversed may have left stresses.
     fn something_to_carry(&mut self, control: &str, number: usize) {
         let deck = self.deck;
         let so_far = deck.stages.get(..=number).unwrap_or_default();
@@ -216,9 +216,9 @@ impl Check<'_> {
         if is_loaded || is_moved || is_pushed || deck.bodies.iter().any(is_stressed) {
             return;
         }
-        let message = "nothing loads the bodies while their strength is reduced, so that every factor stands";
-        let help = "apply the loads in a stage before, for example with `factors: {weight: 1}`, or give the bodies an \
-                    `initial_stress`";
+        let message = "nothing loads the bodies while their strength is reduced, so they never fail";
+        let help = "apply the loads in an earlier stage, for example with `factors: {weight: 1}`, or give the bodies \
+                    an `initial_stress`";
         self.error("D065", control, message, help);
     }
 
@@ -230,20 +230,21 @@ impl Check<'_> {
         let Some(first) = deck.stages.iter().find(reduces) else { return };
         for (number, stage) in deck.stages.iter().enumerate().filter(|(_, stage)| reduces(stage)).skip(1) {
             let message = format!(
-                "the stage {} reduces the strength of bodies that yielded while {} reduced it, and keep their displacements",
+                "the stage {} reduces the strength of bodies that yielded while {} reduced it and that keep their \
+                 displacements",
                 quote(&stage.name),
                 quote(&first.name)
             );
-            let help = "end the earlier reduction well below failure (`to`), or find this factor in a deck of its own without the \
-                        earlier reduction";
+            let help = "end the earlier reduction well below failure (`to`), or find this factor in a separate deck \
+                        without the earlier reduction";
             let at = format!("/stages/{number}/steps/control");
             let found = Diagnostic::at(self.source, "D066", &at, message).severity(Severity::Note);
             self.found.push(found.help(help));
         }
     }
 
-    /// Checks that the motions of tools can share an unknown factor; only the last stage may have one if there are
-    /// tools.
+    /// Checks that the motions of tools can share an unknown factor. If there are tools, only the last stage may have
+    /// an unknown factor.
     fn tools_of_common_factor(&mut self, stage: Option<(&StageDeck, [f64; 2])>) {
         let deck = self.deck;
         let times = stage.map_or([0.0, deck.end_time()], |(_, times)| times);
@@ -265,7 +266,7 @@ impl Check<'_> {
                     "the tool {} has a curve, but `steps: {{control: ...}}` makes its factor an unknown",
                     quote(&tool.name)
                 );
-                let help = "remove the curve, or let it stand still";
+                let help = "remove the curve, or keep it constant";
                 self.error("D049", &format!("{pointer}/{key}"), message, help);
             }
             let of_time = |e: &Expression| matches!(e, Expression::Formula(text) if names(text).iter().any(|(_, name)| *name == "time"));
@@ -302,7 +303,7 @@ impl Check<'_> {
         let is_idle = |load: &LoadDeck| load.magnitude().1;
         let mut loads = deck.loads.iter().filter(|load| changes(load.name()));
         if loads.all(is_idle) && !deck.tools.iter().any(crate::ToolDeck::acts) {
-            let message = "there is no non-zero load whose factor could be found";
+            let message = "there is no non-zero load whose factor could be determined";
             let help = match stage {
                 None => "add a load under `loads`, or prescribe the load factor (`control: {type: load}`)",
                 Some(_) => {
@@ -320,7 +321,7 @@ impl Check<'_> {
                 );
                 let help = match stage {
                     None => "remove the curve",
-                    Some(_) => "remove the curve, or let it stand still during this stage",
+                    Some(_) => "remove the curve, or keep it constant during this stage",
                 };
                 self.error("D049", &format!("{pointer}/curve"), message, help);
             }

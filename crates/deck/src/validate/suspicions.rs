@@ -83,7 +83,7 @@ impl Check<'_> {
                     "D037",
                     &at,
                     format!("the load {name} is zero"),
-                    "give it a value, or remove the load",
+                    "give it a nonzero value, or remove the load",
                 );
             } else if self.stays_zero(load.curve()) {
                 let message = format!("the factor of the load {name} is zero at all times");
@@ -147,7 +147,7 @@ impl Check<'_> {
                  load is out of balance",
                 100.0 * tolerance
             );
-            let help = "use 1e-6 or less: with quadratic convergence it costs one more iteration";
+            let help = "use 1e-6 or less: with quadratic convergence this costs one more iteration";
             self.warn("D045", "/solver/tolerance", message, help);
         } else if tolerance < OUT_OF_REACH {
             let message =

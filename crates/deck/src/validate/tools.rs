@@ -31,7 +31,7 @@ impl Check<'_> {
             self.curve(&format!("{pointer}/curve"), tool.curve.as_ref());
             if tool.curve.is_some() && tool.motion().is_empty() {
                 let message =
-                    format!("`curve` belongs to a prescribed motion, and {} has none", quote(&tool.name));
+                    format!("`curve` needs a prescribed motion, but the tool {} has none", quote(&tool.name));
                 let help = "remove it; weight and loads have curves of their own";
                 self.error("D068", &format!("{pointer}/curve"), message, help);
             }
@@ -173,12 +173,12 @@ impl Check<'_> {
             );
         }
         if tool.weight_curve.is_some() && tool.weight.is_none() {
-            let message = "`weight_curve` belongs to a `weight`".to_owned();
+            let message = "`weight_curve` needs a `weight`".to_owned();
             self.error(
                 "D068",
                 &format!("{pointer}/weight_curve"),
                 message,
-                "give the `weight`, or remove it",
+                "give `weight`, or remove `weight_curve`",
             );
         }
         self.curve(&format!("{pointer}/weight_curve"), tool.weight_curve.as_ref());

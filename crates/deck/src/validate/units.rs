@@ -14,7 +14,7 @@ const GRAVITY_IN_METRES: std::ops::RangeInclusive<f64> = 9.5..=10.5;
 const FASTEST: f64 = 20e3;
 /// Largest density of a solid in tonnes per cubic metre; values in kilograms are far larger.
 const DENSEST_IN_TONNES: f64 = 12.0;
-/// Strain of a body under its own weight below which stiffness and density seem to be in different units.
+/// Strain of a body under its own weight below which its stiffness and density seem to be in different units.
 const HARDLY_STRAINED: f64 = 1e-3;
 /// Strain under its own weight that no body can sustain.
 const CRUSHED: f64 = 100.0;

@@ -106,7 +106,7 @@ impl Check<'_> {
         }
     }
 
-    /// Warns of `smallest` where the tolerance of a strength reduction decides how far steps are cut.
+    /// Warns of `smallest` if the tolerance of a strength reduction decides how far steps are cut.
     fn smallest_without_effect(&mut self) {
         for (pointer, steps) in self.deck.courses() {
             let at = format!("{pointer}/smallest");

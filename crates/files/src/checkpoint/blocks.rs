@@ -81,7 +81,7 @@ fn compressed(bytes: &[u8]) -> io::Result<Vec<u8>> {
 /// Reads a file written by [`write`].
 ///
 /// # Errors
-/// What is wrong with the file.
+/// The fault of the file.
 pub(super) fn read(path: &Path) -> Result<Vec<u8>, String> {
     check_sum(path)?;
     let mut file = open(path)?;
@@ -101,7 +101,7 @@ pub(super) fn read(path: &Path) -> Result<Vec<u8>, String> {
         let before = content.len();
         let unpacked = ZlibDecoder::new(&block[..]).take(raw as u64 + 1).read_to_end(&mut content);
         if unpacked.is_err() || content.len() - before != raw {
-            return Err("a block cannot be unpacked".to_owned());
+            return Err("a block cannot be decompressed".to_owned());
         }
     }
 }

@@ -20,7 +20,7 @@ pub(super) struct Rows {
 }
 
 impl Rows {
-    /// No points, but with the fields of these points.
+    /// An empty set of points with the same fields as these points.
     pub fn new<const D: usize>(points: &Points<D>, further: &[FieldHandle]) -> Rows {
         let mut components = Vec::new();
         let visited: Result<(), std::convert::Infallible> = points.for_each_field(|field, _| {

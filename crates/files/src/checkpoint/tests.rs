@@ -91,7 +91,7 @@ fn any_number_of_ranks_reads_the_pieces_of_others() {
                 points.converged.kirchhoff_stress[p].0[2] = 0.1 * (step as f64 + f64::from(points.id[p]));
             }
             write(directory.path(), (&deck, "f"), &reached(step), &Findings::default(), &points).unwrap();
-            // A rank may begin the next checkpoint while the first one writes this one.
+            // Without this, a rank may begin the next checkpoint while the first rank still writes this one.
             ranks.any(false);
         }
     });
@@ -109,7 +109,7 @@ fn any_number_of_ranks_reads_the_pieces_of_others() {
     for n in [1, 2, 3, 4] {
         assert_eq!(restored(directory.path(), n), (expected(11.0), 11, Vec::new()), "{n} ranks");
     }
-    // Any number of ranks notices a piece that is damaged, missing or from another checkpoint.
+    // A piece that is damaged, missing or from another checkpoint is noticed, whatever the number of ranks.
     let piece = directory.path().join("checkpoint_0011_r2.mpm");
     let good = fs::read(&piece).unwrap();
     let other = fs::read(directory.path().join("checkpoint_0010_r2.mpm")).unwrap();
@@ -165,7 +165,7 @@ fn damaged_files_are_refused_by_name_and_the_one_before_is_used() {
     assert_eq!(latest(directory.path(), &Ranks::default()).unwrap().0.unwrap().step().index, 2);
 }
 
-/// Offset of the version.
+/// Length of the name of the format, and thus the offset of the version.
 const NAME_LENGTH: usize = "mpm checkpoint ".len();
 
 #[test]

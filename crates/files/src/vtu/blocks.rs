@@ -13,7 +13,7 @@ use rayon::prelude::*;
 /// number size times 1, 3, 6 and 9 components.
 pub(super) const BLOCK: usize = 65_520;
 
-/// How many numbers of a block are examined for a pattern; a power of two.
+/// Number of values in a block that are examined for a pattern; a power of two.
 const SAMPLE: usize = 1024;
 
 /// 2⁶⁴ divided by the golden ratio, a hash multiplier.
@@ -64,7 +64,7 @@ number!(
     u8 => "UInt8", false
 );
 
-/// Memory of written blocks, to be reused for the next file.
+/// Memory of blocks that have been written, reused for the next file.
 #[derive(Debug, Clone, Default)]
 pub struct Room(Arc<Mutex<Vec<Vec<u8>>>>);
 

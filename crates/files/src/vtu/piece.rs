@@ -87,7 +87,7 @@ impl Kind {
 pub struct Array {
     /// Section that contains it.
     pub section: Section,
-    /// Its name.
+    /// Name of the array.
     pub name: String,
     /// Numbers per point or cell.
     pub components: usize,
@@ -96,7 +96,7 @@ pub struct Array {
     kind: Kind,
     /// Number of tuples, if the file states it.
     tuples: Option<usize>,
-    /// Its range among the appended bytes.
+    /// Range of the array in the appended bytes.
     data: Range<usize>,
 }
 
@@ -111,7 +111,7 @@ pub struct Piece {
     pub points: usize,
     /// Number of cells.
     pub cells: usize,
-    /// Its arrays, in the order of the file.
+    /// The arrays, in the order of the file.
     pub arrays: Vec<Array>,
 }
 

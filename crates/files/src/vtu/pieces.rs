@@ -1,4 +1,4 @@
-//! Meshes in pieces (`.pvtu`): a file that names the files of the pieces, each of which one rank of a run has written.
+//! Meshes in pieces (`.pvtu`): a file that names the files of the pieces. Each piece was written by one rank of a run.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ use super::{Encoded, File, Line};
 use crate::escape_xml;
 use crate::replace::replace_file;
 
-/// Extension of the names of such files.
+/// Extension of the names of these files.
 pub const EXTENSION: &str = "pvtu";
 
 /// First bytes of every file.
@@ -65,7 +65,7 @@ impl File {
 /// Paths of the files that a list with this text names; they lie beside it, in `directory`.
 ///
 /// # Errors
-/// A message if the text is cut off or not such a list.
+/// A message if the text is cut off or is not a list of pieces.
 pub(super) fn names(text: &str, directory: &Path) -> Result<Vec<PathBuf>, String> {
     if !text.starts_with(HEAD) {
         return Err("not a list of pieces written by this program".to_owned());

@@ -9,7 +9,7 @@ use crate::error::{Error, check, text_at};
 use crate::ffi::{self, PetscInt};
 use crate::objects::{Matrix, Solver, Vector};
 
-/// Extra working space of MUMPS for pivoting, [%]; it is doubled after each failure for lack of it.
+/// Extra working space of MUMPS for pivoting, [%]; it is doubled after each failure for lack of space.
 const ROOM: PetscInt = 20;
 const MOST_ROOM: PetscInt = 1280;
 
@@ -56,7 +56,7 @@ pub(super) struct Factor {
     mumps: Option<ffi::Mat>,
 }
 
-// SAFETY: As for the objects of which it consists.
+// SAFETY: The reason is the same as for the objects that a factor consists of.
 unsafe impl Send for Factor {}
 
 impl Factor {
@@ -175,7 +175,7 @@ fn information(factor: ffi::Mat, number: PetscInt) -> Result<PetscInt, Error> {
     Ok(value)
 }
 
-/// A number with the sign of the determinant; known on rank 0.
+/// A number with the sign of the determinant; known only on rank 0.
 fn determinant(factor: ffi::Mat) -> Result<f64, Error> {
     let mut value = 0.0;
     // SAFETY: The factor is a MUMPS factor.

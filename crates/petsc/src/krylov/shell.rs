@@ -1,4 +1,4 @@
-//! The functions that the PETSc solvers call: the product with the matrix, and the preconditioner of the caller.
+//! The functions that the PETSc solvers call: the product with the matrix, and the caller's preconditioner.
 
 use std::any::Any;
 use std::ffi::c_void;
@@ -167,7 +167,7 @@ pub(super) unsafe extern "C" fn product<const D: usize, const N: usize>(
     }
 }
 
-/// The preconditioner of the caller, for PETSc.
+/// The caller's preconditioner, for PETSc.
 pub(super) unsafe extern "C" fn apply<const D: usize, const N: usize>(
     pc: ffi::PC,
     x: ffi::Vec_,

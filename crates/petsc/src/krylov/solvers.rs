@@ -35,7 +35,7 @@ pub(super) enum Outcome {
     },
 }
 
-/// Both methods.
+/// Conjugate gradients and GMRES.
 #[derive(Debug)]
 pub(super) struct Solvers {
     conjugate: Solver,
@@ -92,7 +92,7 @@ impl Solvers {
         if reason == 0 { Ok(()) } else { Err(LinearError::Singular { unknown: None }) }
     }
 
-    /// Solves by one of the methods, with the right-hand side `b` and the solution `x`.
+    /// Solves with one of the methods; `b` is the right-hand side and `x` the solution.
     pub fn solve<const D: usize, const N: usize>(
         &mut self,
         use_conjugate: bool,
@@ -126,7 +126,7 @@ impl Solvers {
         }
     }
 
-    /// Runs a solver whose callbacks find the context.
+    /// Runs a solver with a context that its callbacks can reach.
     fn with_context<const D: usize, const N: usize>(
         &self,
         operator: &Matrix,

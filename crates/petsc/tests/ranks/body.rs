@@ -6,7 +6,7 @@ use mpm_core::linear::{
 };
 use mpm_core::ranks::{Halo, Ranks, sharing};
 
-/// What distinguishes the matrices.
+/// The kinds of matrices.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Kind {
     /// Symmetric and positive definite.
@@ -17,13 +17,13 @@ pub enum Kind {
     Unsymmetric,
     /// Not held anywhere.
     Loose,
-    /// With weak elements at the right end that let a motion of their nodes cost nothing.
+    /// With weak elements at the right end that do not resist a certain motion of their nodes.
     Weak,
     /// With an entry that is not a number, on one rank only.
     NotFinite,
 }
 
-/// The part of a rank.
+/// The part of the body that one rank holds.
 pub struct Part<const D: usize> {
     pub nodes: Vec<u32>,
     pub places: Vec<[u32; D]>,
@@ -46,7 +46,8 @@ fn corner<const D: usize>(k: usize, d: usize) -> u32 {
     (k >> (D - 1 - d)) as u32 & 1
 }
 
-/// The stiffness of an element by its corners: linear elasticity with λ = μ = 1, by one or two Gauss points along each axis.
+/// The stiffness of an element by its corners: linear elasticity with λ = μ = 1, with one or two Gauss points along
+/// each axis.
 fn stiffness<const D: usize>(kind: Kind, points: usize) -> Vec<Vec<Block<D>>> {
     let corners = 1 << D;
     let mut blocks = vec![vec![[[0.0; D]; D]; corners]; corners];
@@ -85,7 +86,7 @@ fn stiffness<const D: usize>(kind: Kind, points: usize) -> Vec<Vec<Block<D>>> {
 }
 
 impl<const D: usize> Part<D> {
-    /// The part of this rank of a body of this number of elements along each axis, held at its left end.
+    /// This rank's part of a body with this number of elements along each axis; the body is held at its left end.
     pub fn new(ranks: &Ranks, elements: [u32; D], kind: Kind) -> Self {
         let n_elements = elements.iter().product::<u32>();
         let place_of = |element: u32| -> [u32; D] {
@@ -191,7 +192,7 @@ impl<const D: usize> Part<D> {
         self.solve_for(backend, &b, tolerance)
     }
 
-    /// The same with the factor or preconditioner of an earlier matrix.
+    /// The same as [`Part::solve`], with the factor or preconditioner of an earlier matrix.
     pub fn solve_again(
         &mut self,
         backend: &mut dyn Backend<D, D>,
@@ -201,7 +202,7 @@ impl<const D: usize> Part<D> {
         self.run(backend, &b, tolerance, false)
     }
 
-    /// The same for another load.
+    /// The same as [`Part::solve`], for another load.
     pub fn solve_for(
         &mut self,
         backend: &mut dyn Backend<D, D>,

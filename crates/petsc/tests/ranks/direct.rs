@@ -10,7 +10,7 @@ use crate::print;
 pub fn check(ranks: &Ranks) {
     for kind in [Kind::Definite, Kind::Shifted(1.0), Kind::Unsymmetric] {
         agrees(ranks, [7, 4], kind);
-        // Fewer elements than ranks: one has nothing.
+        // Fewer elements than ranks: one rank has none.
         agrees(ranks, [3, 1], kind);
         agrees(ranks, [5, 3, 3], kind);
     }
@@ -36,7 +36,7 @@ fn agrees<const D: usize>(ranks: &Ranks, elements: [u32; D], kind: Kind) {
     let doubled: Vec<[f64; D]> = half.iter().map(|x| x.map(|x| 2.0 * x)).collect();
     let again = ranks.largest(deviation(&part, &doubled, &solution));
     assert!(again < 1e-10, "{elements:?} {kind:?}: {again:e}");
-    // The factor is that of an earlier matrix, and so is the solution.
+    // The factor belongs to an earlier matrix, and so does the solution.
     part.blocks.iter_mut().flatten().flatten().for_each(|value| *value *= 2.0);
     let (_, earlier) = part.solve_again(&mut backend, 0.0).expect("a factor");
     let earlier: Vec<[f64; D]> = earlier.iter().map(|x| x.map(|x| 2.0 * x)).collect();
@@ -65,7 +65,7 @@ fn fails<const D: usize>(ranks: &Ranks, elements: [u32; D]) {
     }
 }
 
-/// The load is the product of the matrix with some field, so that it does not act on the mechanism; then it does.
+/// The first load is the product of the matrix with a field and does not act on the mechanism; the second load does.
 fn a_weak_mechanism_without_load_is_no_obstacle(ranks: &Ranks) {
     let mut part = Part::new(ranks, [4, 1], Kind::Weak);
     let some = part.load();

@@ -51,7 +51,7 @@ fn agrees<const D: usize>(ranks: &Ranks, elements: [u32; D], kind: Kind, with_ja
     let doubled: Vec<[f64; D]> = half.iter().map(|x| x.map(|x| 2.0 * x)).collect();
     let again = ranks.largest(deviation(&part, &doubled, &solution));
     assert!(again < 1e-9, "{name}: {again:e}");
-    // The preconditioner is that of an earlier matrix.
+    // The preconditioner belongs to an earlier matrix.
     part.blocks.iter_mut().flatten().flatten().for_each(|value| *value *= 2.0);
     let (_, quarter) = part.solve_again(&mut backend, TOLERANCE).expect("a regular matrix");
     let fourfold: Vec<[f64; D]> = quarter.iter().map(|x| x.map(|x| 4.0 * x)).collect();
@@ -70,11 +70,11 @@ enum Failure {
     Panic,
 }
 
-/// Diagonal entries.
+/// The Jacobi preconditioner: the inverse of the diagonal.
 #[derive(Default)]
 struct Jacobi<const N: usize> {
     inverse: Vec<[f64; N]>,
-    /// How this rank fails to apply it.
+    /// How the application of the preconditioner fails on this rank.
     fails: Option<Failure>,
 }
 

@@ -1,5 +1,5 @@
-//! Messages and solvers on one to four ranks. Without `mpirun`, the program starts itself on each number of ranks, twice, and
-//! compares what they print.
+//! Messages and solvers on one to four ranks. Without `mpirun`, the program starts itself twice on each number of
+//! ranks, and compares the two outputs.
 #![allow(clippy::print_stdout, clippy::unwrap_used, reason = "a test")]
 
 mod body;
@@ -13,7 +13,7 @@ use std::sync::Arc;
 use mpm_core::ranks::{Communicator, Ranks};
 use mpm_petsc::Session;
 
-/// Set in the processes of `mpirun`, to what they do.
+/// The variable that tells the processes of `mpirun` what to do.
 const VARIABLE: &str = "MPM_PETSC_RANK";
 
 fn main() {
@@ -87,7 +87,7 @@ fn print(ranks: &Ranks, line: &str) {
 /// Signals that a program may want to handle: hang-up, interrupt, illegal instruction, end.
 const SIGNALS: u64 = 1 | 1 << 1 | 1 << 3 | 1 << 14;
 
-/// The signals that this process handles, as bits; none where the system does not tell.
+/// The signals that this process handles, as bits; none if the system does not report them.
 fn caught_signals() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("SigCgt:"));

@@ -8,13 +8,13 @@ use super::page::escape;
 use super::scale::Scale;
 use super::units::{Naming, Quantity};
 
-/// Width of a chart; lengths are in screen pixels.
+/// Width of a chart; this and the following lengths are in screen pixels.
 const WIDTH: f64 = 720.0;
 /// Space left of the axes.
 const LEFT: f64 = 66.0;
-/// Space above.
+/// Space above the axes.
 const TOP: f64 = 26.0;
-/// Space below.
+/// Space below the axes.
 const BOTTOM: f64 = 48.0;
 /// Distance between the names of curves.
 const LINE: f64 = 15.0;
@@ -22,28 +22,28 @@ const LINE: f64 = 15.0;
 const LETTER: f64 = 6.6;
 /// Largest number of letters of a name that are shown.
 const LONGEST_NAME: usize = 26;
-/// Largest number of points drawn of a curve.
+/// Largest number of points drawn for a curve.
 const MOST_POINTS: usize = 1600;
 
 /// Style of a curve.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Look {
-    /// The colour and dashes with this number.
+    /// The combination of colour and dashes with this number.
     Number(usize),
-    /// One of an ordered family: 0 is the first, 1 the last.
+    /// A member of an ordered family: 0 is the first, 1 the last.
     Family(f64),
-    /// The highlighted curve of such a family.
+    /// The highlighted curve of an ordered family.
     Alarm,
 }
 
 /// A curve.
 #[derive(Debug, Clone)]
 pub(super) struct Curve {
-    /// Its name in plain text; empty if the chart does not name it.
+    /// Name of the curve in plain text; empty if the chart does not name the curve.
     pub name: String,
-    /// Its points.
+    /// Points of the curve.
     pub points: Vec<[f64; 2]>,
-    /// Its style.
+    /// Style of the curve.
     pub look: Look,
 }
 
@@ -56,9 +56,9 @@ pub(super) struct Axis {
     pub quantity: Quantity,
     /// True for a logarithmic axis.
     pub logarithmic: bool,
-    /// Values that it must contain.
+    /// Values that the axis must contain.
     pub contains: Vec<f64>,
-    /// True if its values are whole numbers.
+    /// True if the values on the axis are whole numbers.
     pub whole_numbers: bool,
 }
 
@@ -96,9 +96,9 @@ impl Axis {
 /// A named interval of an axis.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Band {
-    /// Its ends.
+    /// Ends of the interval.
     pub ends: [f64; 2],
-    /// Its name in plain text.
+    /// Name of the interval in plain text.
     pub name: String,
 }
 
@@ -288,7 +288,7 @@ fn compact(value: f64) -> String {
     shortest(format!("{value:.5e}").parse().unwrap_or(value))
 }
 
-/// Writes the names of curves to the right of their ends, apart from each other.
+/// Writes the names of curves to the right of their ends, without overlap.
 fn draw_names(svg: &mut String, mut ends: Vec<([f64; 2], &Curve)>, right: f64, [top, bottom]: [f64; 2]) {
     ends.sort_by(|a, b| a.0[1].total_cmp(&b.0[1]));
     let wanted: Vec<f64> = ends.iter().map(|(end, _)| end[1]).collect();

@@ -327,7 +327,7 @@ fn quality(page: &mut Page, runs: &[Run]) {
         ]
     });
     page.table(
-        "Quality of each run: the worst of all load steps; the median of the observed orders.",
+        "Quality of each run: the worst value over all load steps, and the median of the observed orders.",
         &table,
     );
 }

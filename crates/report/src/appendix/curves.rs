@@ -23,28 +23,28 @@ pub(super) struct Progress {
 }
 
 impl Progress {
-    /// The measure that all runs have in common.
+    /// The abscissa that suits all runs.
     pub fn of(runs: &[Run]) -> Progress {
         Progress { by_factor: runs.iter().all(|run| run.is_ramp() && run.end_time().is_some()) }
     }
 
-    /// True if it is the load factor.
+    /// True if the abscissa is the load factor.
     pub fn is_factor(&self) -> bool {
         self.by_factor
     }
 
-    /// Its name.
+    /// Name of the abscissa.
     pub fn name(&self) -> &'static str {
         if self.by_factor { "load factor" } else { "time" }
     }
 
-    /// The axis.
+    /// The axis of the abscissa.
     pub fn axis(&self) -> Axis {
         let quantity = if self.by_factor { Quantity::Number } else { Quantity::Time };
         Axis { contains: vec![0.0], ..Axis::new(self.name(), quantity) }
     }
 
-    /// Its value at a time.
+    /// Value of the abscissa at a time.
     pub fn at(&self, run: &Run, time: f64) -> f64 {
         match run.end_time() {
             Some(end) if self.by_factor => time / end,
@@ -52,9 +52,9 @@ impl Progress {
         }
     }
 
-    /// Its values at the ends of the steps, each with the value of a column. The first point is the undeformed state,
-    /// since nothing acts at time 0, whatever the load curves are; if the bodies are stressed at time 0, the first
-    /// point is the end of the first step.
+    /// Values of the abscissa at the ends of the steps, each with the value of a column. The first point is the
+    /// undeformed state, since nothing acts at time 0 regardless of the load curves; if the bodies are stressed at time
+    /// 0, the first point is the end of the first step.
     pub fn points(&self, run: &Run, column: &str) -> Vec<[f64; 2]> {
         let times = run.column("time").iter().map(|time| self.at(run, *time));
         let values = times.zip(run.column(column)).map(|(x, y)| [x, *y]);
@@ -70,7 +70,7 @@ pub(super) struct Component {
     pub column: String,
     /// Name of the boundary condition, load or probe.
     pub of: String,
-    /// The axis.
+    /// Axis of the component.
     pub axis: &'static str,
 }
 
@@ -150,8 +150,9 @@ pub(super) fn of_runs(runs: &[Run], column: &str, name: &str, quantity: Quantity
     chart(description, progress.axis(), Axis::new(name, quantity), curves)
 }
 
-/// The load-displacement chart and its caption. Shown against the largest displacement: the largest reaction of the
-/// conditions that move, if any; otherwise the resultant of each load if several act, and the largest reaction if not.
+/// The load-displacement chart and its caption. The ordinate is the largest reaction of the conditions that move, if
+/// any; otherwise the resultant of each load if several act, or else the largest reaction. The abscissa is the largest
+/// displacement.
 pub(super) fn load_displacement(runs: &[Run]) -> Option<(String, Chart)> {
     let size =
         |component: &Component| runs.iter().map(|run| largest(run, &component.column)).fold(0.0, f64::max);
@@ -217,7 +218,7 @@ pub(super) fn energies(run: &Run) -> Chart {
     Chart { bands: bands_over_time(run), height: 240.0, ..chart }
 }
 
-/// The residuals of the steps of a run, one curve per step, with the number of steps drawn and the number of all steps.
+/// The residuals of the steps of a run, one curve per step, with the number of steps drawn and the total number.
 pub(super) fn residuals(run: &Run) -> Option<(Chart, usize, usize)> {
     let steps = run.residuals();
     let failed = match run.state {
@@ -276,7 +277,7 @@ pub(super) fn iterations(runs: &[Run]) -> Chart {
     Chart { bands: bands_of_the_only(runs), height: 220.0, ..chart }
 }
 
-/// Observed order of the iterations of each step of all runs, where it can be determined.
+/// Observed order of the iterations, for all runs and all steps in which it can be determined.
 pub(super) fn orders(runs: &[Run]) -> Option<Chart> {
     let curve = |(number, run): (usize, &Run)| {
         // The order of a failed step is meaningless.

@@ -28,7 +28,7 @@ pub struct ElementReport<'a> {
     pub material: &'a str,
     /// The material in the deck.
     pub parameters: &'a MaterialDeck,
-    /// Its law.
+    /// The law of the material.
     pub law: &'a dyn Material,
     /// Name of the path.
     pub path_name: &'a str,
@@ -102,7 +102,7 @@ fn outcome(page: &mut Page, test: &ElementReport, naming: &Naming) {
         )),
         Some(reason) => page.push(&format!(
             "<p class=\"outcome failed\" role=\"status\"><strong>The test ended early</strong> after {steps} steps: {}. \
-             This page shows only these.</p>\n",
+             This page shows only these steps.</p>\n",
             escape(reason)
         )),
     }
@@ -139,15 +139,15 @@ fn material(page: &mut Page, test: &ElementReport) {
         };
         table.row([Cell::text(&in_plain_words(key)), shown]);
     }
-    page.table("The law and its parameters, in the words of the deck.", &table);
+    page.table("The law and its parameters, as the deck gives them.", &table);
 }
 
-/// A name from a deck or of a file, with its underscores replaced.
+/// A name from a deck or a file, with its underscores replaced.
 fn in_plain_words(name: &str) -> String {
     name.replace('_', " ")
 }
 
-/// A name at the beginning of a line.
+/// A name with a capital first letter.
 fn capitalised(name: &str) -> String {
     let mut letters = name.chars();
     let first: String = letters.next().into_iter().flat_map(char::to_uppercase).collect();
@@ -274,7 +274,7 @@ fn chart(test: &ElementReport, x: &Measure, curves: &[Measure]) -> (String, Char
     (format!("{}.", escape(&capitalised(&description))), chart)
 }
 
-/// An axis that contains 0, without which the size of a change could not be judged.
+/// An axis that contains 0, so that the size of a change can be judged.
 fn axis(name: &str, quantity: Quantity) -> Axis {
     Axis { contains: vec![0.0], ..Axis::new(name, quantity) }
 }

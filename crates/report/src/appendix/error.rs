@@ -9,11 +9,11 @@ use strsim::jaro_winkler;
 /// Why a directory contains no results.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum NoResults {
-    /// It is a file.
+    /// The path is a file.
     File,
-    /// It is the directory of a study, which contains those of its members.
+    /// The directory belongs to a study and contains the directories of the members.
     Study,
-    /// It has no history of a run.
+    /// The directory has no history of a run.
     Other,
 }
 
@@ -21,7 +21,7 @@ pub enum NoResults {
 #[derive(Debug, thiserror::Error)]
 pub enum ReportError {
     /// No directory is given.
-    #[error("a report needs at least one directory of results")]
+    #[error("a report needs at least one results directory")]
     Nothing,
     /// A directory without results.
     #[error("{} {}", shown(path), no_results(path, *hint))]
@@ -34,18 +34,18 @@ pub enum ReportError {
     /// A file or directory that cannot be read.
     #[error("{} cannot be read: {error}", shown(path))]
     Unreadable {
-        /// Its path.
+        /// Path of the file or directory.
         path: PathBuf,
         /// The reason.
         error: io::Error,
     },
     /// A damaged file; the error names it.
-    #[error("a file of the results is damaged: {0}")]
+    #[error("a result file is damaged: {0}")]
     DamagedFile(io::Error),
     /// A damaged file.
-    #[error("a file of the results is damaged: {}: {what}", path.display())]
+    #[error("a result file is damaged: {}: {what}", path.display())]
     Damaged {
-        /// Its path.
+        /// Path of the file.
         path: PathBuf,
         /// The fault.
         what: String,
@@ -53,7 +53,7 @@ pub enum ReportError {
     /// A field that the points do not have.
     #[error("the points have no field {}; {}", quote(name), instead(name, known))]
     NoField {
-        /// Its name.
+        /// Name of the field.
         name: String,
         /// The fields of the points.
         known: Vec<String>,
@@ -79,7 +79,7 @@ pub enum ReportError {
     /// The report cannot be written.
     #[error("{} cannot be written: {error}", shown(path))]
     Unwritable {
-        /// Its path.
+        /// Path of the file.
         path: PathBuf,
         /// The reason.
         error: io::Error,
@@ -112,7 +112,7 @@ fn shown(path: &Path) -> String {
 
 fn no_results(path: &Path, hint: NoResults) -> String {
     match hint {
-        NoResults::File => "is a file, not a directory of results".to_owned(),
+        NoResults::File => "is a file, not a results directory".to_owned(),
         NoResults::Study => {
             let members = path.join("*");
             format!("contains a study, not the results of one run; give its members: {}/", members.display())

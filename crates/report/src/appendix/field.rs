@@ -40,11 +40,11 @@ impl fmt::Display for FieldChoice {
 }
 
 impl FieldChoice {
-    /// The default field of some states: the first of a list of fields that all of them have.
+    /// The default field for some states: the first field of a fixed list that all these states have.
     pub(super) fn usual(snapshots: &[Snapshot]) -> Result<FieldChoice, ReportError> {
         let mut names =
             vec!["von_mises_stress", "equivalent_plastic_strain", "pressure", "J", "displacement"];
-        // One mesh at a time: they may be large.
+        // Reads one mesh at a time, since meshes may be large.
         for snapshot in snapshots {
             let mesh = read_mesh(&snapshot.path)?;
             names.retain(|name| mesh.arrays(Section::PointData).any(|array| array.name == *name));
@@ -134,7 +134,7 @@ impl FromStr for StepChoice {
             other => other
                 .parse()
                 .map(StepChoice::Number)
-                .map_err(|_| "expected numbers of load steps, first, middle or last".to_owned()),
+                .map_err(|_| "expected step numbers, or the words first, middle or last".to_owned()),
         }
     }
 }

@@ -5,7 +5,7 @@
 //!
 //! `run` reads a directory. `chart` (with `scale`) draws curves, `picture` (with `scene`, `view`, `raster` and
 //! `colour`) draws the points; `page` numbers sections, figures and tables. `single` (with `stages` and `tools`) and
-//! `comparison` define the content of the pages about runs, and `element_test` that of the page about an element test.
+//! `comparison` define the pages about runs, and `element_test` the page about an element test.
 
 mod chart;
 mod colour;

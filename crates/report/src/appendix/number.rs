@@ -7,7 +7,7 @@ pub(super) struct Decimal {
     pub whole: String,
     /// Decimal point and the digits after it, or empty.
     pub fraction: String,
-    /// Power of ten by which it is multiplied, or 0.
+    /// Exponent of the power of ten that multiplies the number, or 0.
     pub exponent: i32,
 }
 
@@ -66,7 +66,7 @@ impl Decimal {
         self.fraction.len() + power
     }
 
-    /// The whole number, in HTML.
+    /// The complete number, in HTML.
     pub fn html(&self) -> String {
         format!("{}{}", self.whole, self.tail())
     }

@@ -121,12 +121,12 @@ impl Cell {
         Cell::Html(format!("<code>{}</code>", escape(text)))
     }
 
-    /// A number with `decimals` decimals, including zeros.
+    /// A number with `decimals` decimals, including trailing zeros.
     pub fn fixed(value: Option<f64>, decimals: usize) -> Cell {
         value.map_or(Cell::Empty, |value| Cell::Number(Decimal::fixed(value, decimals)))
     }
 
-    /// A number among others: the largest has `digits` significant digits, and the others have no more decimals.
+    /// One of several numbers: the largest has `digits` significant digits, and none has more decimals than that.
     pub fn beside(value: Option<f64>, largest: f64, digits: usize) -> Cell {
         match value {
             None => Cell::Empty,

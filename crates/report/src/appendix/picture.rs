@@ -1,5 +1,5 @@
 //! Pictures of the deformed points: their domains as polygons, coloured by a field, over the active cells of the grid;
-//! in space, their visible sides.
+//! in space, the visible sides of the domains.
 
 use std::fmt::Write;
 
@@ -25,7 +25,7 @@ const PAGE: f64 = 720.0;
 const HALF: f64 = 352.0;
 /// Largest height of the axes of a picture.
 const HIGHEST: f64 = 520.0;
-/// Margins to the left of the axes, above and below them.
+/// Margins left of, above and below the axes.
 const MARGIN: [f64; 3] = [58.0, 24.0, 44.0];
 /// Colour of outlines.
 const OUTLINE: Rgba = [0, 0, 0, 90];
@@ -59,7 +59,7 @@ impl Frame {
         self.size[1] + MARGIN[1] + MARGIN[2]
     }
 
-    /// Converts a position to pixels of the raster, which counts from the top.
+    /// Converts a position to pixels of the raster, whose rows count from the top.
     fn pixel(&self, position: [f64; 2]) -> [f64; 2] {
         let scale = self.size[0] / (self.extent[1][0] - self.extent[0][0]) * DENSITY;
         [(position[0] - self.extent[0][0]) * scale, (self.extent[1][1] - position[1]) * scale]
@@ -99,9 +99,9 @@ impl<'a> Gallery<'a> {
         let with_points = self.scenes.iter().any(|scene| scene.radii.iter().any(|radius| *radius > 0.0));
         let in_space = self.scenes.iter().any(|scene| scene.space.is_some());
         let shapes = match (with_domains, with_points) {
-            (true, true) if in_space => "domains of the material points, or cubes for those without domain",
+            (true, true) if in_space => "domains of material points, or cubes for points without a domain",
             (false, true) if in_space => "material points, as cubes of their volume",
-            (true, true) => "domains of the material points, or discs for those without domain",
+            (true, true) => "domains of material points, or discs for points without a domain",
             (true, false) => "domains of the material points",
             _ => "material points",
         };
@@ -131,7 +131,7 @@ impl<'a> Gallery<'a> {
         text
     }
 
-    /// The pictures and their colour bar; `id` distinguishes them from those of other figures.
+    /// The pictures and their colour bar; `id` must differ from figure to figure.
     pub fn html(&self, naming: &Naming, id: &str) -> Result<String, ReportError> {
         let extent = self.scenes.iter().fold(NOWHERE, |extent, scene| around(extent, scene.extent()));
         if !extent.iter().flatten().all(|x| x.is_finite()) {
@@ -326,7 +326,7 @@ fn area_of(corners: &[[f64; 2]]) -> f64 {
     0.5 * (0..corners.len()).map(cross).sum::<f64>()
 }
 
-/// The values below and above which half a percent of all values lie.
+/// Smallest and largest value after half a percent of all values is left out at each end.
 fn middle(values: &mut [f64]) -> [f64; 2] {
     let last = values.len() - 1;
     let at = |share: f64| (share * last as f64).round() as usize;

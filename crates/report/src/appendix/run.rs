@@ -20,13 +20,13 @@ use super::error::{NoResults, ReportError};
 pub(super) enum State {
     /// All steps are in equilibrium.
     Completed,
-    /// It failed, with the code of the message and the reason.
+    /// The run failed, with the code of the message and the reason.
     Failed(Option<String>, String),
-    /// The user stopped it.
+    /// The user stopped the run.
     Interrupted,
-    /// It is running.
+    /// The run has not ended.
     Running,
-    /// Its process ended unexpectedly.
+    /// The process of the run ended unexpectedly.
     Died,
     /// Unknown: there is no summary.
     Unknown,
@@ -39,7 +39,7 @@ pub(super) struct Snapshot {
     pub step: usize,
     /// Time, [time].
     pub time: f64,
-    /// Its file.
+    /// Path of the file.
     pub path: PathBuf,
 }
 
@@ -48,9 +48,9 @@ pub(super) struct Snapshot {
 pub(super) struct Run {
     /// The directory.
     pub directory: PathBuf,
-    /// Its name, unique among the runs of a report.
+    /// Name of the run, unique in a report.
     pub name: String,
-    /// Its state.
+    /// State of the run.
     pub state: State,
     /// `summary.json`; null for a run that has not ended.
     pub summary: Value,
@@ -149,7 +149,7 @@ impl Run {
         found.map_or_else(Vec::new, |map| map.iter().map(|(k, v)| (k.clone(), v.clone())).collect())
     }
 
-    /// A fact that both files may state; the summary takes precedence.
+    /// An entry of `summary.json` or `run.json`; the summary takes precedence if both files have it.
     pub fn fact(&self, pointer: &str) -> Option<&Value> {
         let known = |file: &'_ Value| file.pointer(pointer).is_some_and(|value| !value.is_null());
         [&self.summary, &self.start].into_iter().find(|file| known(file))?.pointer(pointer)
@@ -180,14 +180,14 @@ impl Run {
         self.history.column(name).unwrap_or_default()
     }
 
-    /// The names before an ending in the columns of `history.csv`, such as the boundary conditions before `_rx`, but
-    /// not the names of tools.
+    /// The names that precede an ending in the columns of `history.csv`, such as boundary conditions before `_rx`,
+    /// without the names of tools.
     pub fn names_before(&self, ending: &str) -> Vec<&str> {
         let names = self.history.names().iter().filter_map(|name| name.strip_suffix(ending));
         names.filter(|name| !self.is_of_tool(name)).collect()
     }
 
-    /// True if a name before an ending belongs to a tool, or to one of its parts.
+    /// True if such a name belongs to a tool, or to a part of a tool.
     fn is_of_tool(&self, name: &str) -> bool {
         self.deck.iter().flat_map(|deck| &deck.tools).any(|tool| {
             let rest = name.strip_prefix(&tool.name);
@@ -283,7 +283,7 @@ fn state_of(summary: &Value, directory: &Path) -> Result<State, ReportError> {
             State::Failed(text("code"), text("reason").unwrap_or_else(|| "no reason is recorded".to_owned()))
         }
         _ => {
-            let (path, what) = (directory.join("summary.json"), "there is no known `outcome`".to_owned());
+            let (path, what) = (directory.join("summary.json"), "`outcome` is missing or unknown".to_owned());
             return Err(ReportError::Damaged { path, what });
         }
     })

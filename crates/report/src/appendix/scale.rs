@@ -5,18 +5,18 @@ use super::units::superscript;
 /// Kind of an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
-    /// Equal distances are equal differences.
+    /// Equal distances represent equal differences.
     Linear,
-    /// Equal distances are equal ratios.
+    /// Equal distances represent equal ratios.
     Logarithmic,
 }
 
 /// A tick of an axis.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Tick {
-    /// Its value.
+    /// Value at the tick.
     pub value: f64,
-    /// Its text; empty for a minor tick.
+    /// Text at the tick; empty for a minor tick.
     pub label: String,
 }
 

@@ -31,7 +31,7 @@ pub(super) struct Scene {
 /// The domain of a point, or a side of it.
 #[derive(Debug)]
 pub(super) struct Polygon {
-    /// Its corners.
+    /// Corners of the polygon.
     pub corners: Vec<[f64; 2]>,
     /// Point number.
     pub point: usize,
@@ -74,7 +74,7 @@ impl Scene {
         let points = read_mesh(&snapshot.path)?;
         let positions = points.positions().map_err(ReportError::from_reader)?;
         let volumes = values(&points, Section::PointData, "volume")?;
-        // The square of a point that represents a ring is its cross-section.
+        // A point of a body of revolution represents a ring; its square is the cross-section of the ring.
         let round = |x: f64| {
             if run.is_revolved() { std::f64::consts::TAU * x.abs().max(f64::MIN_POSITIVE) } else { 1.0 }
         };
@@ -94,7 +94,7 @@ impl Scene {
             let corners = mesh.corners().map_err(ReportError::from_reader)?;
             let ids = values(&mesh, Section::CellData, "point_id")?;
             for (polygon, id) in polygons(&positions, corners).into_iter().zip(ids) {
-                // Points are in the order of their numbers.
+                // The points are in the order of their numbers.
                 if let Some(radius) = scene.radii.get_mut(id as usize) {
                     *radius = 0.0;
                     scene.domains.push(Polygon { corners: polygon, point: id as usize, shade: 1.0 });

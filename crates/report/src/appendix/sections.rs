@@ -96,7 +96,7 @@ pub(super) fn messages(page: &mut Page, run: &Run) {
     }
 }
 
-/// A message about a deck in HTML.
+/// A message about a deck, as HTML.
 fn of_deck_in_a_line(message: &Value) -> String {
     let text = |key: &str| escape(message[key].as_str().unwrap_or_default());
     let kind = if message["severity"] == "warning" { "Warning" } else { "Note" };
@@ -105,7 +105,7 @@ fn of_deck_in_a_line(message: &Value) -> String {
     format!("<b>{kind} {}.</b> Deck: {}.{help}", text("code"), text("message"))
 }
 
-/// A warning in HTML.
+/// A warning, as HTML.
 fn in_a_line(warning: &Value) -> String {
     let text = |key: &str| escape(warning[key].as_str().unwrap_or_default());
     let (code, message, help) = (text("code"), text("message"), text("help"));

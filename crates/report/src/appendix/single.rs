@@ -104,7 +104,7 @@ const EXTREMES: [(&str, &str, Quantity); 4] = [
     ("highest_pressure", "Highest pressure", Quantity::Stress),
 ];
 
-/// One of these values and its location.
+/// One of the largest values, and its location.
 fn extreme(run: &Run, key: &str, quantity: Quantity, naming: &Naming) -> Option<(String, String)> {
     let found = &run.summary["largest"][key];
     let place: Vec<String> =
@@ -114,7 +114,7 @@ fn extreme(run: &Run, key: &str, quantity: Quantity, naming: &Naming) -> Option<
     Some((with_unit(found["value"].as_f64()?, quantity, naming), remark))
 }
 
-/// Names in a table, with a number for each axis, which may be missing.
+/// Names in a table, each with a number, possibly missing, for each axis.
 type Rows = Vec<(Cell, Vec<Option<f64>>)>;
 
 /// The last values of columns of the history: `r` for reactions, `f` for loads, `u` for probes.
@@ -329,7 +329,7 @@ fn convergence(page: &mut Page, run: &Run, naming: &Naming) {
         let median = order["median"].as_f64().map(|median| format!(" Their median is {}.", html(median, 3)));
         let caption = format!(
             "Observed order of the Newton iterations, from the last three residuals above round-off, where it \
-             can be determined; it is not meaningful where residuals fall unevenly, as when stiff and soft motions alternate.{}",
+             can be determined; it is not meaningful where residuals fall unevenly, as when stiff and soft modes alternate.{}",
             median.unwrap_or_default()
         );
         page.figure(&caption, &chart.svg(naming));
@@ -380,7 +380,7 @@ fn quality(page: &mut Page, run: &Run, naming: &Naming) {
             ]);
         }
     }
-    page.table("Quality of the run: the worst of all load steps.", &table);
+    page.table("Quality of the run: the worst value over all load steps.", &table);
 }
 
 /// Measures with one value each: key, name, factor, meaning.

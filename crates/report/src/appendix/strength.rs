@@ -23,7 +23,7 @@ fn bracket(run: &Run) -> Option<StrengthBracket> {
     serde_json::from_value(run.summary.get("strength_reduction")?.clone()).ok()
 }
 
-/// The factors of all stages that reduced the strength except the last, one sentence each.
+/// One sentence with the factor for each stage that reduced the strength, except the last such stage.
 fn earlier(run: &Run) -> Vec<String> {
     let all = run.summary.get("strength_reductions").and_then(|all| all.as_array());
     let before_last = all.map(|all| &all[..all.len().saturating_sub(1)]).unwrap_or_default();
@@ -70,7 +70,7 @@ fn in_html(found: &StrengthBracket) -> Option<(String, &'static str)> {
         (Some(stands), None) => {
             (format!("at least {}", html(stands, 5)), "the largest factor that was tried")
         }
-        (None, Some(fails)) => (format!("below {}", html(fails, 5)), "no factor had an equilibrium"),
+        (None, Some(fails)) => (format!("below {}", html(fails, 5)), "no equilibrium at any factor"),
         (None, None) => return None,
     })
 }
@@ -80,20 +80,20 @@ fn dependence(run: &Run) -> Option<String> {
     let materials = run.deck.iter().flat_map(|deck| deck.nonassociated_with_reduced_strength());
     let names: Vec<String> = materials.map(|name| format!("<code>{}</code>", escape(name))).collect();
     let names = (!names.is_empty()).then(|| names.join(", "))?;
-    Some(format!("it depends on the size of the cells, because the flow of {names} is not associated"))
+    Some(format!("it depends on the cell size, because the flow of {names} is non-associated"))
 }
 
 /// The part of a run that reduced the strength.
 struct Reduction {
-    /// Its rows of `history.csv`.
+    /// Rows of `history.csv` that belong to this part.
     rows: std::ops::Range<usize>,
-    /// True if it began at full strength.
+    /// True if this part began at full strength.
     begins_whole: bool,
-    /// True if displacements count from its start.
+    /// True if displacements count from the start of this part.
     begins_at_rest: bool,
 }
 
-/// The last stage that reduced the strength, whose factors the summary has; `None` if there is none.
+/// The last stage that reduced the strength, whose factors are in the summary; `None` if there is no such stage.
 fn reduction(run: &Run) -> Option<Reduction> {
     let deck = run.deck.as_ref()?;
     let from = |control: &ControlDeck| match control {
@@ -134,7 +134,7 @@ fn charts(run: &Run, reduction: &Reduction) -> Vec<Chart> {
     let found = bracket(run).unwrap_or_default();
     let bands = bands(&found, if *begins_whole { 1.0 } else { *first });
     let chart = |group: &[Component]| Chart {
-        description: "displacement of the probes against the factor of the strength".to_owned(),
+        description: "displacement of the probes against the factor that divides the strength".to_owned(),
         x: Axis {
             contains: found.fails.into_iter().collect(),
             ..Axis::new("factor by which the strength is divided", Quantity::Number)
@@ -179,9 +179,9 @@ pub(super) fn section(page: &mut Page, run: &Run, naming: &Naming) -> Result<(),
         page.paragraph(&escape(&earlier));
     }
     page.paragraph(
-        "Failure shows as a displacement that grows without bound as the factor approaches the last one with \
-         equilibrium. Where it begins to grow well before, the body has found equilibrium in another shape, and the \
-         factor of the original shape lies where the growth begins.",
+        "Failure shows as a displacement that grows without bound as the factor approaches the last value with \
+         equilibrium. If the growth begins well before that, the body has found equilibrium in another shape, and \
+         the factor of safety of the original shape lies where the growth begins.",
     );
     let charts = charts(run, &reduction);
     if charts.is_empty() {

@@ -21,7 +21,7 @@ const ROUND_OFF: f64 = 1e-9;
 struct Quantified {
     /// The column of `history.csv`.
     column: String,
-    /// Its name in a table, such as `tip: force y`.
+    /// Name of the column in a table, such as `tip: force y`.
     name: String,
     quantity: Quantity,
 }
@@ -47,7 +47,8 @@ pub(super) fn section(page: &mut Page, run: &Run, naming: &Naming) {
     };
     page.section("Tools");
     page.paragraph(
-        "Forces and moments are those of the tools on the bodies; moments are about the reference points of the tools.",
+        "Forces and moments are those that the tools exert on the bodies; moments are about the reference points of \
+         the tools.",
     );
     for tool in &deck.tools {
         page.table(&format!("Tool <code>{}</code>.", escape(&tool.name)), &table(run, tool, naming));
@@ -59,7 +60,7 @@ pub(super) fn section(page: &mut Page, run: &Run, naming: &Naming) {
     }
 }
 
-/// The columns of a tool, then those of its parts; columns that do not exist are left out.
+/// The columns of a tool, then the columns of its parts; columns that do not exist are left out.
 fn columns(run: &Run, tool: &ToolDeck) -> Vec<Quantified> {
     let kinds = [("f", "force", Quantity::Force), ("m", "moment", Quantity::Moment)];
     let motions = [("u", "displacement", Quantity::Length), ("turn_", "rotation", Quantity::Angle)];
@@ -96,7 +97,7 @@ fn table(run: &Run, tool: &ToolDeck, naming: &Naming) -> Table {
         let values = run.column(column);
         let of_kind = columns.iter().filter(|other| other.quantity == *quantity);
         let most = of_kind.map(|other| largest(run, &other.column)).fold(0.0, f64::max);
-        // A component that does not act is 0 but for round-off.
+        // A component that does not act is 0 except for round-off.
         let shown = |value: f64| Cell::rounded(if value.abs() > ROUND_OFF * most { value } else { 0.0 }, 5);
         let at = |row: usize| Cell::maybe(steps.get(row).copied(), 9);
         let rows = 0..values.len();

@@ -11,7 +11,7 @@ const LIGHT: [f64; 3] = [0.25, -0.55, 0.8];
 /// Brightness of a face that faces away from the light.
 const DARKEST: f64 = 0.62;
 
-/// Faces of the cells that a file may hold, for each number of cell corners; the corners are numbered as in VTK and
+/// Faces of a cell, one constant for each cell shape that occurs in a file; the corners are numbered as in VTK and
 /// listed counterclockwise as seen from outside.
 const FACES_OF_TETRAHEDRON: [&[usize]; 4] = [&[0, 2, 1], &[0, 1, 3], &[1, 2, 3], &[2, 0, 3]];
 const FACES_OF_HEXAHEDRON: [&[usize]; 6] =
@@ -29,7 +29,7 @@ pub(super) struct View {
 /// A face in the picture.
 #[derive(Debug, Clone)]
 pub(super) struct Face {
-    /// Its corners in the picture.
+    /// Corners of the face in the picture.
     pub corners: Vec<[f64; 2]>,
     /// Brightness, at most 1.
     pub shade: f64,
@@ -142,7 +142,7 @@ mod tests {
     fn the_faces_of_a_tetrahedron_close_it() {
         let view = View::new();
         let corners = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-        // Seen from both sides, each face is seen once.
+        // In the views from both sides, each face is visible once.
         let mirrored = corners.map(|c| c.map(|x| -x));
         let turned = [mirrored[0], mirrored[2], mirrored[1], mirrored[3]];
         assert_eq!(view.faces(&corners).len() + view.faces(&turned).len(), 4);

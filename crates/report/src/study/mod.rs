@@ -1,7 +1,7 @@
 //! Parameter studies: one deck, run for every combination of lists of values.
 //!
-//! This module has the members of a study, their results, and the table of all results; running them is left to the
-//! caller.
+//! This module defines the members of a study, their results, and the table of all results; the caller runs the
+//! members.
 
 mod record;
 mod strength;
@@ -21,7 +21,7 @@ pub use table::{Outcome, Row, may_be_replaced, write_table};
 /// An invalid study.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum StudyError {
-    /// Input that is not a list of values.
+    /// The input is not a list of values.
     #[error("expected NAME=VALUE,VALUE,..., for example h=1,0.5,0.25")]
     NoList,
     /// No parameter varies.
@@ -41,10 +41,10 @@ pub enum StudyError {
     Unknown {
         /// The name.
         name: String,
-        /// The parameters it has.
+        /// The parameters that the deck has.
         help: String,
     },
-    /// More members than can be counted.
+    /// There are more members than can be counted.
     #[error("the study has too many members")]
     TooLarge,
 }
@@ -84,7 +84,7 @@ pub struct Study {
 }
 
 impl Study {
-    /// A study over some parameters; `fixed` are names and values for all members.
+    /// A study over some parameters; `fixed` holds the names and values of parameters that all members share.
     ///
     /// # Errors
     /// If no parameter varies, or a parameter is given more than once.
@@ -162,8 +162,8 @@ pub struct Member {
 }
 
 impl Member {
-    /// Name of its directory, such as `h=0.25,n=6`; characters that a file system might not accept are written as `%`
-    /// and the hexadecimal value of the byte, so that different members have different names.
+    /// Name of the member's directory, such as `h=0.25,n=6`; characters that a file system might not accept are written
+    /// as `%` and the hexadecimal value of the byte, so that different members have different names.
     pub fn directory_name(&self) -> String {
         let mut text = String::new();
         for (name, value) in &self.settings {

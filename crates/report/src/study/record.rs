@@ -92,12 +92,12 @@ impl Record {
         }
     }
 
-    /// The factors of a strength reduction with and without equilibrium; `None` if the run has made none.
+    /// The factors of a strength reduction with and without equilibrium; `None` if the run reduced no strength.
     pub(super) fn strength(&self) -> Option<StrengthBracket> {
         serde_json::from_value(self.summary.get("strength_reduction")?.clone()).ok()
     }
 
-    /// The entries in [`FACTORS`]; empty where there is no such factor.
+    /// The values of the columns [`FACTORS`]; an entry is empty if there is no such factor.
     pub(super) fn factors(&self) -> [String; FACTORS.len()] {
         let StrengthBracket { stands, fails, slides, .. } = self.strength().unwrap_or_default();
         [stands, fails, slides.map(|[before, _]| before)]

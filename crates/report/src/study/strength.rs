@@ -7,14 +7,15 @@ use super::{Member, Row, Study};
 /// Largest relative deviation of a ratio from 2 at which cells still count as halved, [-].
 const SAME: f64 = 1e-6;
 
-/// The factors between which the bodies of a stage cease to stand in about their original shape; `None` if they have
-/// not ceased to, or have not stood at all.
+/// The factors between which the bodies of a stage cease to stand in about their original shape; `None` if they stand
+/// throughout or have never stood.
 fn ends_of(bracket: &StrengthBracket) -> Option<[f64; 2]> {
     let StrengthBracket { stands, fails, slides, .. } = *bracket;
     slides.or(stands.zip(fails).map(|(stands, fails)| [stands, fails]))
 }
 
-/// True if all cells of one grid are half as large as those of the other, given the sides of both along each axis.
+/// True if all cells of one grid are half as large as the cells of the other; both arguments are cell sides along each
+/// axis.
 fn are_halved(coarse: &[f64], fine: &[f64]) -> bool {
     coarse.len() == fine.len()
         && coarse.iter().zip(fine).all(|(coarse, fine)| (coarse / fine / 2.0 - 1.0).abs() <= SAME)
@@ -58,7 +59,7 @@ pub fn dependence_on_cells<'a>(
                 let percent = |from: f64, to: f64| 100.0 * (to / from - 1.0);
                 sentences.push(format!(
                     "{stage}from {coarse} to {finer} the factor of safety changes by {:+.1} %, from {:.3} to {:.3}, and by \
-                     {:+.1} to {:+.1} % within the brackets: an estimate of its dependence on the size of the cells",
+                     {:+.1} to {:+.1} % within the brackets: an estimate of its dependence on the cell size",
                     percent(before[0], after[0]),
                     before[0],
                     after[0],
@@ -115,7 +116,7 @@ mod tests {
         let sentences = dependence_on_cells(&study, &rows, sides);
         assert_eq!(sentences.len(), 2, "{sentences:?}");
         let first = "from h=1, c=2 to h=0.5 the factor of safety changes by -7.1 %, from 1.400 to 1.300, and by -8.5 to \
-                     -5.0 % within the brackets: an estimate of its dependence on the size of the cells";
+                     -5.0 % within the brackets: an estimate of its dependence on the cell size";
         assert_eq!(sentences[0], first);
         assert!(dependence_on_cells(&study, &rows, |_| None).is_empty(), "the cells of a mesh are unknown");
     }

@@ -15,9 +15,9 @@ use super::{Member, Record, Study};
 pub enum Outcome {
     /// All steps are in equilibrium.
     Completed,
-    /// It failed, with the reason.
+    /// The run failed, with the reason.
     Failed(String),
-    /// The user stopped it.
+    /// The user stopped the run.
     Interrupted,
     /// The deck cannot be used with these values, with the reason.
     Invalid(String),
@@ -47,16 +47,16 @@ impl Outcome {
 pub struct Row {
     /// The member.
     pub member: Member,
-    /// Its outcome.
+    /// Outcome of the member.
     pub outcome: Outcome,
-    /// Its results, if it was started.
+    /// Results of the member, if it was started.
     pub record: Option<Record>,
 }
 
 /// Writes the table of a study, in the order of `rows`. Its columns are the varied parameters, the outcome, the
-/// measures, the factors of a strength reduction if any member has made one, the extents of the bodies, the final
-/// values of the columns of `history.csv` that all members have, and the reason of a failure; an entry is empty where a
-/// member has no such value.
+/// measures, the factors of strength reduction if any member has them, the extents of the bodies, the final values of
+/// the columns of `history.csv` that all members have, and the reason for a failure; an entry is empty if a member has
+/// no such value.
 ///
 /// # Errors
 /// A file-system error; the file is then as it was before.

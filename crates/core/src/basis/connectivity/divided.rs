@@ -1,4 +1,4 @@
-//! Links that are divided between ranks: the nodes and cells that they share.
+//! Links that are divided between ranks: the nodes and cells that the ranks share.
 
 use std::collections::BTreeMap;
 
@@ -7,13 +7,13 @@ use crate::grid::Grid;
 use crate::ranks::{Halo, Ranks, Sharing, sharing};
 
 impl<const D: usize> Connectivity<D> {
-    /// Replaces the halo and returns the previous one. Without a halo, the links are those of this rank alone, and
-    /// nothing is summed over ranks.
+    /// Replaces the halo and returns the previous one. Without a halo, the links are treated as the links of this rank
+    /// alone, and nothing is summed over ranks.
     pub(crate) fn exchange_halo(&mut self, halo: Halo) -> Halo {
         std::mem::replace(&mut self.halo, halo)
     }
 
-    /// Adds active nodes of other ranks, given by their grid numbers, to those of this rank.
+    /// Adds active nodes of other ranks, given by their grid numbers, to the active nodes of this rank.
     pub fn with_nodes(mut self, grid: &dyn Grid<D>, ranks: &Ranks, mut wanted: Vec<u32>) -> Self {
         wanted.retain(|node| self.active_number(*node as usize).is_none());
         if !ranks.any(!wanted.is_empty()) {
@@ -28,7 +28,8 @@ impl<const D: usize> Connectivity<D> {
         self
     }
 
-    /// Adds the cells of other ranks next to those of this rank, and their active nodes. Nodes have their grid numbers.
+    /// Adds the cells of other ranks next to the cells of this rank, and their active nodes. Nodes are identified by
+    /// their grid numbers.
     pub(super) fn add_layer(&mut self, grid: &dyn Grid<D>, ranks: &Ranks, sharing: &Sharing) {
         let Some(communicator) = ranks.communicator() else { return };
         let mut is_touched = vec![false; grid.n_nodes()];
@@ -68,7 +69,7 @@ impl<const D: usize> Connectivity<D> {
     }
 
     /// Makes each node that only slivers touch move with the same node on all ranks, whichever ranks have the points
-    /// that touch it: with the lowest of its carriers on any rank that this rank knows.
+    /// that touch it. The common node is the lowest of the carriers found by all ranks that is active on this rank.
     pub(super) fn agree_on_carriers(&mut self, ranks: &Ranks) {
         if ranks.is_alone() {
             return;
@@ -80,7 +81,7 @@ impl<const D: usize> Connectivity<D> {
         self.carried = all;
     }
 
-    /// The active nodes that other ranks have too.
+    /// The active nodes that other ranks also have.
     pub(super) fn find_halo(&self, ranks: &Ranks, n_nodes: usize) -> Halo {
         if ranks.is_alone() {
             return Halo::default();
@@ -90,8 +91,8 @@ impl<const D: usize> Connectivity<D> {
         Halo::new(ranks, &self.active_nodes, &sharing(ranks, &nodes, n_nodes))
     }
 
-    /// The cells with points or parts of domains that this rank shows: a cell that several ranks have is shown by the
-    /// lowest of them. All ranks must call this together.
+    /// The cells, with points or parts of domains in them, that this rank writes to result files: of several ranks that
+    /// have a cell, the lowest writes it. All ranks must call this together.
     pub fn shown_cells(&self, grid: &dyn Grid<D>) -> Vec<u32> {
         let ranks = self.halo.ranks();
         let mut cells = self.active_cells.clone();
@@ -106,7 +107,7 @@ impl<const D: usize> Connectivity<D> {
         cells
     }
 
-    /// The nodes that groups of both this rank and other ranks touch.
+    /// The nodes that are touched by groups of this rank and also by groups of other ranks.
     pub(super) fn sharing(&self, ranks: &Ranks, n_nodes: usize) -> Sharing {
         if ranks.is_alone() {
             return Vec::new();

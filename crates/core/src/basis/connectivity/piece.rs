@@ -5,12 +5,12 @@ use super::super::factors::Form;
 use super::super::slivers::Touch;
 use crate::grid::Grid;
 
-/// Links of consecutive groups, with grid node numbers, to be appended to those of the previous groups.
+/// Links of consecutive groups, with grid node numbers, to be appended to the links of the previous groups.
 #[derive(Default)]
 pub(super) struct Piece<const D: usize> {
     pub(super) group_node_start: Vec<usize>,
     pub(super) group_nodes: Vec<u32>,
-    /// As in [`Connectivity`](super::Connectivity).
+    /// The same as in [`Connectivity`](super::Connectivity).
     pub(super) touches: Vec<Touch>,
     pub(super) whole: Vec<bool>,
     pub(super) start: Vec<usize>,
@@ -36,7 +36,7 @@ struct Group {
     size: f64,
     /// The nodes that points touch, in the order in which points first touched them.
     nodes: Vec<u32>,
-    /// The nodes of each point, unless equal to those of the previous point.
+    /// The nodes of each point, unless they are the same as for the previous point.
     touched: Vec<u32>,
     /// For each entry of `touched`, how firmly points touch the node.
     touches: Vec<Touch>,
@@ -45,7 +45,7 @@ struct Group {
 }
 
 impl<const D: usize> Piece<D> {
-    /// No links yet; `per_length` is 1/h of an even grid along each axis.
+    /// A piece without links; `per_length` is 1/h of an even grid along each axis.
     pub(super) fn new(per_length: Option<[f64; D]>) -> Self {
         Piece { per_length, ..Piece::default() }
     }
@@ -93,7 +93,7 @@ impl<const D: usize> Piece<D> {
         self.local_start.push(self.local.len() + of_point);
     }
 
-    /// Stores the basis functions of a point, as factors if it has them.
+    /// Stores the basis functions of a point, as factors if they are given in this form.
     #[inline]
     fn keep(&mut self, grid: &dyn Grid<D>, cell: u32, support: &Support<D>) {
         if let (Some(factors), Some(grid)) = (&support.factors, grid.structured()) {

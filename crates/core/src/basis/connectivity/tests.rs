@@ -2,8 +2,8 @@ use super::*;
 use crate::grid::{Axis, Structured};
 use crate::points::Seed;
 
-/// Checks many points of two methods. Some domains end at cell boundaries, so that their nodes are a subset of their
-/// neighbours' nodes.
+/// Checks many points of two methods. Some domains end at cell boundaries, so that their nodes are a subset of the
+/// nodes of neighbouring points.
 fn check<const D: usize>(grid: &Structured<D>, n: usize) {
     let methods = [Method::Mpm, Method::Gimp];
     let mut state = 1u64;
@@ -53,7 +53,8 @@ fn check<const D: usize>(grid: &Structured<D>, n: usize) {
     assert_eq!(links.n_links(), total);
 }
 
-/// One domain in the middle of a cell, and one that overlaps the neighbouring cells by `reach` of a cell.
+/// The links of one point whose domain covers a cell and reaches into the cells above and to the right by the fraction
+/// `reach` of their size.
 fn with_sliver(reach: f64) -> Connectivity<2> {
     let grid = Structured::<2>::new([0.0; 2], [1.0; 2], [4, 4]);
     let seed = Seed {
@@ -71,8 +72,8 @@ fn with_sliver(reach: f64) -> Connectivity<2> {
 
 #[test]
 fn nodes_that_only_slivers_touch_are_not_active() {
-    // The domain touches the row of nodes above along a whole side, and only the corner node by slivers alone. If the
-    // row is touched weakly, it becomes inactive together with the corner.
+    // The domain touches the nodes above and to the right with a whole side, and the node between them, at the upper
+    // right, with its corner only. If it hardly reaches beyond the cell, all five nodes are inactive.
     for (reach, active) in [(1e-9, 4), (1e-4, 4), (0.1, 9)] {
         let links = with_sliver(reach);
         assert_eq!(links.n_active(), active, "{reach}");

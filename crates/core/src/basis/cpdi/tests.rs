@@ -27,7 +27,7 @@ fn moves() -> impl Strategy<Value = [[f64; 3]; 8]> {
     prop::array::uniform8(prop::array::uniform3(-1.0..1.0f64))
 }
 
-/// Weights and volume of a box by eight Gauss points per axis, exact to degree fifteen.
+/// Weights and volume of a box, computed with eight Gauss points per axis: exact up to degree fifteen.
 fn by_quadrature<const D: usize>(corners: &[[f64; D]]) -> (CornerWeights<D>, f64) {
     let mut weights = CornerWeights { value: [0.0; 8], gradient: [[0.0; D]; 8] };
     let mut volume = 0.0;
@@ -77,8 +77,8 @@ fn conforms<const D: usize>(corners: &[[f64; D]], weights: &CornerWeights<D>) {
     }
 }
 
-/// Weights of a simplex, computed as a box with coincident corners: w_c is the sum over these. None of the eight Gauss
-/// points per axis lies on a degenerate side.
+/// Weights of a simplex, computed as a box with coincident corners: each w_c is the sum over the corners that coincide.
+/// None of the eight Gauss points per axis lies on a degenerate side.
 fn check_simplex<const D: usize>(simplex: &[[f64; D]]) {
     let weights = CornerWeights::new(simplex).unwrap();
     // The highest set bit of c selects the corner of the simplex.
@@ -103,7 +103,7 @@ proptest! {
     fn weights_are_the_integrals_over_the_quadrilateral(m in moves()) {
         let corners = distorted::<2>(&m, 0.27);
         check_box(&corners);
-        // By the divergence theorem, the gradients are those of the boundary polygon.
+        // By the divergence theorem, the gradients follow from the boundary polygon.
         let (weights, volume) = (CornerWeights::new(&corners).unwrap(), domain_volume(&corners));
         let ring = [0, 1, 3, 2];
         for k in 0..4 {
@@ -119,7 +119,7 @@ proptest! {
         check_box(&distorted::<3>(&m, 0.2));
     }
 
-    /// Flux of N_c through the bilinear faces (divergence theorem), by quadrature.
+    /// Flux of N_c through the bilinear faces (divergence theorem), computed by quadrature.
     #[test]
     fn gradients_of_a_hexahedron_are_fluxes_through_its_faces(m in moves()) {
         let corners = distorted::<3>(&m, 0.2);
@@ -211,7 +211,7 @@ fn inverted_and_crossing_hexahedra_are_refused() {
     assert!(is_refused(&[cube[0], cube[1], cube[2], cube[3]]), "a flat tetrahedron");
 }
 
-/// A domain with one side outside the grid reproduces linear fields as it does inside, up to the limit.
+/// A domain with one side outside the grid, up to the allowed distance, reproduces linear fields as inside the grid.
 #[test]
 fn a_corner_just_outside_the_grid_loses_nothing() {
     use crate::grid::Structured;

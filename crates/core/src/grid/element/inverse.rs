@@ -43,9 +43,9 @@ fn multilinear<const D: usize>(corners: &[[f64; D]], x: &[f64; D]) -> Option<[f6
 
 /// Local coordinates of a position in a quadrilateral.
 ///
-/// With x = p + (1+ξ)/2 b + (1+η)/2 c + (1+ξ)(1+η)/4 d, elimination of ξ gives a quadratic equation for η. Its
-/// derivative at a root is the determinant of the map, so the root in the element is the one with the positive square
-/// root; no iteration is needed. One Newton step removes the round-off of the formula.
+/// With x = p + (1+ξ)/2 b + (1+η)/2 c + (1+ξ)(1+η)/4 d, elimination of ξ yields a quadratic equation for η. The
+/// derivative of the quadratic at a root is the determinant of the map, so the root in the element is the one with the
+/// positive square root; no iteration is needed. One Newton step removes the round-off of the formula.
 fn bilinear(corners: [[f64; 2]; 4], x: [f64; 2]) -> Option<[f64; 2]> {
     let [p, q, r, s] = corners;
     let (b, c, h) = (minus(q, p), minus(s, p), minus(x, p));
@@ -83,7 +83,7 @@ const SHORTEST: f64 = 1e-6;
 /// Local coordinates larger than this are certainly outside the element.
 const FAR: f64 = 1e3;
 
-/// Local coordinates of a position in a hexahedron, by Newton's method from the centre or, if that fails, from the
+/// Local coordinates of a position in a hexahedron. Newton's method starts from the centre or, if that fails, from the
 /// centres of the eight octants.
 fn trilinear<const D: usize>(corners: &[[f64; D]], x: &[f64; D]) -> Option<[f64; D]> {
     if corners.len() < ElementShape::Box.n_nodes::<D>() || x.iter().any(|x| !x.is_finite()) {

@@ -58,7 +58,7 @@ fn every_shape_function_is_one_at_its_node_and_zero_at_the_others() {
     check::<3>();
 }
 
-/// Sides have outward normals: by the divergence theorem they give D times the volume.
+/// Sides have outward normals: by the divergence theorem, the flux of the position through them is D times the volume.
 #[test]
 fn sides_close_the_element() {
     for shape in SHAPES {
@@ -108,7 +108,7 @@ fn folds_between_the_corners_are_found() {
     }
     assert!(ElementShape::Box.corner_determinants(&turned).iter().all(|d| *d > 0.0));
     assert!(folds(&turned, 0.0));
-    // With a somewhat smaller rotation it does not fold.
+    // With a slightly smaller rotation, it does not fold.
     let (s, c) = 2.9f64.sin_cos();
     for k in 4..8 {
         turned[k] = [c * cube[k][0] - s * cube[k][1], s * cube[k][0] + c * cube[k][1], 1.0];
@@ -152,7 +152,7 @@ fn inverse_goes_back<const D: usize>(m: &[[f64; 3]], angle: f64, size: f64, t: [
     for shape in SHAPES {
         let corners = distorted::<D>(shape, m, 0.4, angle, size);
         let xi = local::<D>(shape, t, 0.1);
-        // Such corners may fold; outside the element, the map may have folded over.
+        // Hexahedra with such corners may fold; outside the element, the map may have folded over.
         let bad = shape == ElementShape::Box && D == 3 && {
             let corners: Vec<[f64; 3]> = corners.iter().map(|x| [x[0], x[1], x[D - 1]]).collect();
             folds(&corners, 1e-3 * size.powi(3))
@@ -237,7 +237,7 @@ proptest! {
         the_centroid_balances::<3>(&m, angle, size);
     }
 
-    /// Every hexahedron with a negative determinant anywhere is refused; every clearly valid one passes.
+    /// Every hexahedron with a negative determinant anywhere is refused; every clearly valid hexahedron is accepted.
     #[test]
     fn folds_agree_with_a_dense_look(m in moves(), by in 0.2..0.9f64) {
         let corners = distorted::<3>(ElementShape::Box, &m, by, 0.0, 1.0);

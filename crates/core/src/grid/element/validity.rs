@@ -11,8 +11,8 @@ const LATTICE: usize = 3;
 /// True if the determinant of the map of a hexahedron is at most `least` somewhere inside, [length³].
 ///
 /// The determinant is a polynomial of degree two along each local axis. If all its Bernstein coefficients exceed the
-/// limit, so does the polynomial; if one of its values does not, the hexahedron folds. Otherwise the hexahedron is
-/// divided into octants. One that stays undecided counts as folded.
+/// limit, so does the polynomial; if one of its values does not exceed it, the hexahedron folds. Otherwise the
+/// hexahedron is divided into octants. A hexahedron that stays undecided counts as folded.
 pub fn folds(corners: &[[f64; 3]], least: f64) -> bool {
     if corners.len() < MAX_NODES {
         return true;

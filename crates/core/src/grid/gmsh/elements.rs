@@ -13,11 +13,11 @@ use super::reader::{Encoding, Reader};
 pub(super) struct Elements {
     pub(super) elements: Vec<Element>,
     pub(super) group_sets: Vec<Vec<GroupKey>>,
-    /// Name in gmsh and number of elements of every unsupported type.
+    /// Name in gmsh and number of elements of each unsupported type.
     pub(super) unsupported: BTreeMap<&'static str, usize>,
 }
 
-/// An element type; `None` as its kind if it is not supported.
+/// An element type; its kind is `None` if the type is not supported.
 #[derive(Clone, Copy)]
 struct Type {
     kind: Option<ElementKind>,
@@ -76,8 +76,8 @@ pub(super) fn read_41(
     let mut sets = SetNumbers::default();
     let mut found = 0;
     for _ in 0..blocks {
-        let dimension = reader.int("the dimension of an entity")?;
-        let entity = reader.int("the number of an entity")?;
+        let dimension = reader.int("an entity dimension")?;
+        let entity = reader.int("an entity number")?;
         let kind = Type::read(reader)?;
         let n = reader.size("the number of elements")?;
         let n = reader.count_of(n, "elements", 1 + kind.n_nodes)?;
@@ -85,8 +85,8 @@ pub(super) fn read_41(
         let groups = key.ok().and_then(|key| entities.get(&key)).map_or(&[][..], |groups| groups);
         let group_set = sets.number(groups);
         for _ in 0..n {
-            let tag = reader.size("the number of an element")?;
-            let element = all.nodes(reader, nodes, (kind, tag), |r| r.size("the number of a node"))?;
+            let tag = reader.size("an element number")?;
+            let element = all.nodes(reader, nodes, (kind, tag), |r| r.size("a node number"))?;
             all.elements.extend(element.map(|element| Element { group_set, ..element }));
         }
         found += n;
@@ -112,7 +112,7 @@ pub(super) fn read_22(reader: &mut Reader<'_>, nodes: &Nodes) -> Result<Elements
         let block = Block::read(reader)?;
         for _ in 0..block.n {
             let (kind, tag, group) = block.head(reader)?;
-            let element = all.nodes(reader, nodes, (kind, tag), |r| r.natural("the number of a node"))?;
+            let element = all.nodes(reader, nodes, (kind, tag), |r| r.natural("a node number"))?;
             let Some(element) = element else { continue };
             let next = all.elements.len() as u32;
             let number = *known.entry((element.kind, element.nodes)).or_insert(next);
@@ -132,7 +132,7 @@ pub(super) fn read_22(reader: &mut Reader<'_>, nodes: &Nodes) -> Result<Elements
     Ok(all)
 }
 
-/// A run of elements in format 2.2: a single element in a text file, elements of one type in a binary file.
+/// A block of elements in format 2.2: a single element in a text file, several elements of one type in a binary file.
 struct Block {
     /// Type and number of tags, if they precede the elements.
     common: Option<(Type, u64)>,
@@ -152,7 +152,7 @@ impl Block {
 
     /// Reads the data before the nodes of an element: type, number and physical group (0 for none).
     fn head(&self, reader: &mut Reader<'_>) -> Result<(Type, u64, u32), GmshError> {
-        let number = reader.natural("the number of an element")?;
+        let number = reader.natural("an element number")?;
         let (kind, n_tags) = match self.common {
             Some(common) => common,
             None => (Type::read(reader)?, reader.natural("the number of tags")?),
@@ -169,7 +169,7 @@ impl Block {
 }
 
 impl Elements {
-    /// Assigns its set of groups to every element, from pairs of element and group.
+    /// Assigns to every element its set of groups, from pairs of element and group.
     fn set_groups(&mut self, mut memberships: Vec<(u32, GroupKey)>) {
         memberships.sort_unstable();
         memberships.dedup();

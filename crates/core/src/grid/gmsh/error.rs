@@ -5,7 +5,7 @@ use std::fmt;
 /// Largest number of physical groups of an element. The number of element-group pairs is the product of two counts in
 /// the file; this limit keeps it proportional to the file size.
 pub(super) const MAX_GROUPS: usize = 1000;
-/// Largest file that is read, [byte]; about 30 million cells.
+/// Size of the largest file that is read, [byte]; it corresponds to about 30 million cells.
 pub(super) const MAX_BYTES: u64 = 4 << 30;
 
 /// Location of an error in a mesh file.
@@ -89,7 +89,7 @@ pub enum GmshError {
         left: usize,
     },
     /// The blocks of a section do not sum to its total.
-    #[error("{location}: the blocks of the section do not hold the announced {declared} {what}")]
+    #[error("{location}: the section announces {declared} {what}, but its blocks contain a different number")]
     Total {
         /// Location of the contradiction.
         location: FileLocation,
@@ -101,7 +101,7 @@ pub enum GmshError {
     /// The mesh has elements that are not linear, or not supported.
     #[error("{}", unsupported(.kinds))]
     Unsupported {
-        /// Name in gmsh and number of elements of every such type.
+        /// Name in gmsh and number of elements of each such type.
         kinds: Vec<(&'static str, usize)>,
     },
     /// An unknown element type; the rest of the section cannot be read.
@@ -109,7 +109,7 @@ pub enum GmshError {
     UnknownType {
         /// Location of the type.
         location: FileLocation,
-        /// Number of the type in gmsh.
+        /// Type code in gmsh.
         code: i32,
     },
     /// An element refers to a node that is not defined.
@@ -153,9 +153,11 @@ pub enum GmshError {
 fn unsupported(kinds: &[(&'static str, usize)]) -> String {
     let found = list(kinds);
     if kinds.iter().all(|(name, _)| ["Prism 6", "Pyramid 5"].contains(name)) {
-        format!("prisms and pyramids are not supported, the file has {found}; use tetrahedra or hexahedra")
+        format!(
+            "prisms and pyramids are not supported, but the file has {found}; use tetrahedra or hexahedra"
+        )
     } else {
-        format!("only linear elements are supported, the file has {found}; save it with order 1")
+        format!("only linear elements are supported, but the file has {found}; save it with order 1")
     }
 }
 

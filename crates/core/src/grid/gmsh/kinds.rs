@@ -1,6 +1,6 @@
 //! The element types of gmsh.
 
-/// A supported element type; all are linear.
+/// A supported element type; all supported types are linear.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum ElementKind {
     /// One node.

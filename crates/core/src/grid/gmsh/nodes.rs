@@ -79,13 +79,13 @@ pub(super) fn read_22(reader: &mut Reader<'_>, parametric: bool) -> Result<Nodes
     let mut positions = Vec::with_capacity(n);
     let mut tags = Vec::with_capacity(n);
     for _ in 0..n {
-        let tag = reader.natural("the number of a node")?;
+        let tag = reader.natural("a node number")?;
         positions.push(position(reader, tag)?);
         tags.push(tag);
         if parametric {
-            let dimension = reader.natural("the dimension of an entity")?;
-            reader.int("the number of an entity")?;
-            // Points have no parameters; those of volumes would be the coordinates.
+            let dimension = reader.natural("an entity dimension")?;
+            reader.int("an entity number")?;
+            // Points have no parameters; the parameters of volumes would be the coordinates.
             for _ in 0..if dimension < 3 { dimension } else { 0 } {
                 reader.real("a parameter")?;
             }
@@ -123,15 +123,15 @@ pub(super) fn read_41(reader: &mut Reader<'_>) -> Result<Nodes, GmshError> {
     let mut positions = Vec::new();
     let mut tags = Vec::new();
     for _ in 0..blocks {
-        let dimension = reader.natural("the dimension of an entity")?;
+        let dimension = reader.natural("an entity dimension")?;
         reader.require(dimension <= 3, "a dimension from 0 to 3")?;
-        reader.int("the number of an entity")?;
+        reader.int("an entity number")?;
         let parameters = if reader.int("0 or 1")? == 0 { 0 } else { dimension };
         let n = reader.size("the number of nodes")?;
         let n = reader.count_of(n, "nodes", 4)?;
         let first = tags.len();
         for _ in 0..n {
-            tags.push(reader.size("the number of a node")?);
+            tags.push(reader.size("a node number")?);
         }
         for tag in &tags[first..] {
             positions.push(position(reader, *tag)?);

@@ -93,7 +93,7 @@ impl<'a> Reader<'a> {
         self.token(expected)?.parse().map_err(|_| self.expected(start, expected))
     }
 
-    /// Reads the text between the next quotation mark and the last one of the line. Gmsh has no escape sequences.
+    /// Reads the text between the next quotation mark and the last one on the line. Gmsh has no escape sequences.
     pub(super) fn quoted(&mut self, expected: &'static str) -> Result<String, GmshError> {
         self.skip_blanks();
         let line = self.rest().split(|b| *b == b'\n').next().unwrap_or_default();
@@ -149,7 +149,7 @@ impl<'a> Reader<'a> {
         })
     }
 
-    /// Checks a count of items of at least `numbers` numbers each against the rest of the file.
+    /// Checks that this count of items, each with at least `numbers` numbers, fits into the rest of the file.
     pub(super) fn count_of(
         &self,
         count: u64,
@@ -160,7 +160,7 @@ impl<'a> Reader<'a> {
         self.bounded(count, what, numbers * if self.encoding == Encoding::Text { 2 } else { 4 })
     }
 
-    /// Checks a count of items of at least `bytes` bytes each against the rest of the file.
+    /// Checks that this count of items, each with at least `bytes` bytes, fits into the rest of the file.
     pub(super) fn bounded(&self, count: u64, what: &'static str, bytes: usize) -> Result<usize, GmshError> {
         let left = self.rest().len();
         match usize::try_from(count) {

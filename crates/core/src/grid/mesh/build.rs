@@ -14,7 +14,7 @@ use crate::tensor::padded;
 const LISTED: usize = 5;
 
 /// Relative volume below which a cell, or a corner of it, counts as having no volume; the reference is a square (cube)
-/// of its longest side.
+/// with the side length of its longest side.
 const NO_VOLUME: f64 = 1e-10;
 
 /// Marks a node of the file that no cell uses.
@@ -24,10 +24,10 @@ impl<const D: usize> Mesh<D> {
     /// Builds the mesh from all triangles and quadrilaterals (tetrahedra and hexahedra) of a file; unused nodes are
     /// dropped.
     ///
-    /// Physical groups become sets. Every group gives a set of its nodes. In the plane, groups of curves also give a
-    /// set of edges and groups of surfaces a set of cells; in space, groups of surfaces give a set of faces and groups
-    /// of volumes a set of cells. Groups without elements on the cells are dropped; groups of equal dimension and name
-    /// are merged.
+    /// Physical groups become sets. Every group yields a set of its nodes. In the plane, curve groups also yield a set
+    /// of edges and surface groups a set of cells; in space, surface groups yield a set of faces and volume groups a
+    /// set of cells. Elements with a node that no cell uses are ignored, and groups without any other element are
+    /// dropped; groups of equal dimension and name are merged.
     ///
     /// # Errors
     /// [`MeshError`] if the file has no valid mesh of dimension `D`.
@@ -121,8 +121,8 @@ fn report<const D: usize>(element: &Element, cell: &Cell<D>) -> CellReport {
     CellReport { element: element.tag, position: position.to_vec() }
 }
 
-/// Checks that all cells have positive volume, quadrilaterals are convex and hexahedra do not fold. Comparisons are
-/// written so that a NaN volume (from huge coordinates) fails the check.
+/// Checks that all cells have positive volume, quadrilaterals are convex and hexahedra do not fold. The comparisons are
+/// written such that a NaN volume (from huge coordinates) fails the check.
 fn check_shapes<const D: usize>(elements: &[Element], cells: &[Cell<D>]) -> Result<(), MeshError> {
     let dimension = D;
     let select = |wrong: &dyn Fn(&Cell<D>) -> bool| {

@@ -26,7 +26,7 @@ impl<const D: usize> Cell<D> {
     /// Edges as pairs of positions; in space each edge occurs twice.
     pub(super) fn edges(&self) -> impl Iterator<Item = ([f64; D], [f64; D])> + '_ {
         self.shape.sides::<D>().iter().flat_map(|side| {
-            // In the plane a side is one edge; do not return it in reverse as well.
+            // In the plane, a side is one edge; it must not be returned in reverse as well.
             let n = if side.len() == 2 { 1 } else { side.len() };
             (0..n).map(|k| (self.x[side[k]], self.x[side[(k + 1) % side.len()]]))
         })
@@ -68,8 +68,8 @@ impl<const D: usize> Cell<D> {
         })
     }
 
-    /// True if a position is inside or at most `tolerance` outside. For a hexahedron, the test is exact up to a factor
-    /// of the order of its distortion.
+    /// True if a position is inside the cell or at most `tolerance` outside it. For a hexahedron, the test is exact up
+    /// to a factor of the order of its distortion.
     pub(super) fn touches(&self, x: &[f64; D], tolerance: f64) -> bool {
         if (self.shape, D) == (ElementShape::Box, 3) {
             return within(&self.bounds(), x, tolerance)
@@ -79,14 +79,14 @@ impl<const D: usize> Cell<D> {
                     inside == xi || dot(away, away) <= tolerance * tolerance
                 });
         }
-        // Near a sharp corner, the lines (planes) of its sides also pass close to positions far beyond it, hence the
-        // third test.
+        // Near a sharp corner, the lines (planes) of the sides also pass close to positions far beyond the corner,
+        // hence the third test.
         self.is_within(x, -tolerance)
             && (self.is_within(x, 0.0) || self.distance_squared(x) <= tolerance * tolerance)
     }
 
-    /// Squared distance of a position; zero inside. The curved faces of a hexahedron are replaced by flat triangles
-    /// between their edges and centres.
+    /// Squared distance of a position from the cell; zero inside. The curved faces of a hexahedron are replaced by flat
+    /// triangles between their edges and centres.
     pub(super) fn distance_squared(&self, x: &[f64; D]) -> f64 {
         let inside = match (self.shape, D) {
             (ElementShape::Box, 3) => self.touches(x, 0.0),
@@ -101,7 +101,7 @@ impl<const D: usize> Cell<D> {
         self.edges().map(|(a, b)| distance_squared(x, a, b)).fold(f64::INFINITY, f64::min)
     }
 
-    /// True if a position is on the inner side of every edge line (face plane), at least `margin` away from it.
+    /// True if a position is on the inner side of every edge line (face plane), at least `margin` away from each.
     fn is_within(&self, x: &[f64; D], margin: f64) -> bool {
         if D == 3 {
             let x = padded(x);
@@ -150,13 +150,13 @@ impl<const D: usize> Cell<D> {
             dot(away, away)
         };
         let corner = (1..self.len()).fold(0, |near, k| if away(k) < away(near) { k } else { near });
-        // The two neighbours around the bottom or top, and the one above or below.
+        // The two neighbours around the bottom or top, and the corner above or below.
         let base = corner & 4;
         [corner, base | (corner + 1) & 3, base | (corner + 3) & 3, corner ^ 4]
     }
 }
 
-/// True if a position is inside a box or at most `tolerance` outside along each axis.
+/// True if a position is inside a box or at most `tolerance` outside it along each axis.
 fn within<const D: usize>([lower, upper]: &Bounds<D>, x: &[f64; D], tolerance: f64) -> bool {
     (0..D).all(|d| lower[d] - tolerance <= x[d] && x[d] <= upper[d] + tolerance)
 }

@@ -24,7 +24,7 @@ pub struct HangingNode {
     pub cell: CellReport,
 }
 
-/// An error in a mesh. Lists hold the first few cells only.
+/// An error in a mesh. Lists contain only the first few cells.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum MeshError {
     /// The file has no elements of the dimension of the analysis.
@@ -104,7 +104,8 @@ pub enum MeshError {
         count(*.n, "pair of cells overlaps", "pairs of cells overlap"), show(&.first[0]), show(&.first[1])
     )]
     Overlap {
-        /// Number of such pairs. If two cells lie on the same side of an edge or face, only such pairs are counted.
+        /// Number of such pairs. If any two cells lie on the same side of a shared edge or face, only pairs of this
+        /// kind are counted.
         n: usize,
         /// The first pair.
         first: [CellReport; 2],
@@ -112,9 +113,9 @@ pub enum MeshError {
     /// Nodes that lie on a side of a connected cell without being one of its corners; the basis functions are
     /// discontinuous there.
     #[error(
-        "{} on a side of a cell without being its corner, for example node {} at ({}) on the side between the nodes {} of \
-         {}; the basis functions are discontinuous there: cut that cell at the node, or give the cells on both sides the \
-         same nodes",
+        "{} on a side of a cell without being one of its corners, for example node {} at ({}) on the side between the \
+         nodes {} of {}; the basis functions are discontinuous there: cut that cell at the node, or give the cells on \
+         both sides the same nodes",
         count(*.n, "node lies", "nodes lie"), .first.node, numbers(&.first.position), tags(&.first.side),
         show(&.first.cell)
     )]
@@ -133,10 +134,10 @@ pub enum MeshError {
     Nonconforming {
         /// Number of such faces.
         n: usize,
-        /// The first tetrahedron and its hexahedron.
+        /// The first such tetrahedron and its hexahedron.
         first: [CellReport; 2],
     },
-    /// Groups of different dimensions with the same name; the set of nodes would be ambiguous.
+    /// Groups of different dimensions with the same name, which would not denote a unique set of nodes.
     #[error("physical groups of dimensions {} and {} are both called `{name}`; give them different names",
         .dimensions[0], .dimensions[1])]
     SharedName {
@@ -159,9 +160,10 @@ pub enum MeshWarning {
         /// Positions of the first of them, [length].
         first: Vec<Vec<f64>>,
     },
-    /// Nodes on sides of a part of the mesh to which they are not connected.
+    /// Nodes that lie on sides of a part of the mesh without being connected to it.
     #[error(
-        "{} on sides of a part to which they are not connected, the first at ({}): bodies separate there",
+        "{} on a side of another part of the mesh without being connected to it, the first at ({}): \
+         bodies separate there",
         count(*.n, "node lies", "nodes lie"),
         numbers(&.first[0])
     )]
@@ -189,7 +191,7 @@ fn no_cells(dimension: usize, n_surface: usize) -> String {
     match (dimension, n_surface) {
         (3, 0) => "the mesh has no tetrahedra or hexahedra".to_owned(),
         (3, n) => format!(
-            "the mesh has no tetrahedra or hexahedra, only {n} surface elements; an analysis in space needs the volume \
+            "the mesh has no tetrahedra or hexahedra, only {n} surface elements; a three-dimensional analysis needs the volume \
              meshed (in gmsh, `Mesh 3`; if the mesh has physical groups, add one for the volume)"
         ),
         _ => "the mesh has no triangles or quadrilaterals".to_owned(),

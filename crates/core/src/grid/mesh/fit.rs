@@ -1,8 +1,8 @@
 //! Check that the cells of a mesh fit together: overlapping cells, hanging nodes, and coincident nodes.
 //!
-//! The number of cells that cover a position changes only at sides that belong to one cell, and is zero far away. So if
-//! two cells overlap, a cell at such a side overlaps another one. A hanging node, like the side it lies on, is at the
-//! boundary. Only the boundary needs to be checked.
+//! The number of cells that cover a position changes only at sides that belong to one cell, and is zero far away. If
+//! two cells overlap, a cell at such a side therefore overlaps another cell. A hanging node and the side on which it
+//! lies are both on the boundary. Only the boundary needs to be checked.
 
 use rayon::prelude::*;
 
@@ -13,7 +13,7 @@ use crate::grid::bins::{Bins, Bounds, bounds};
 use crate::grid::element::{ElementShape, dot, minus, vector_product};
 use crate::tensor::padded;
 
-/// Relative distance, in units of the local cell size, within which cells touch rather than overlap, nodes coincide,
+/// Relative distance, in units of the local cell size, within which cells touch instead of overlapping, nodes coincide,
 /// and nodes lie on a side.
 const TOUCHES: f64 = 1e-6;
 
@@ -110,7 +110,7 @@ impl<const D: usize> Mesh<D> {
         near
     }
 
-    /// True if two cells have a common side; they lie on opposite sides of it.
+    /// True if two cells have a common side; the cells then lie on opposite sides of it.
     fn share_a_side(&self, a: u32, b: u32) -> bool {
         let common = self.cell_nodes(a).iter().filter(|node| self.cell_nodes(b).contains(node)).count();
         let corners = |cell: u32| match (self.cell_shape(cell), D) {
@@ -130,7 +130,7 @@ impl<const D: usize> Mesh<D> {
     fn overlap(&self, a: u32, b: u32) -> bool {
         let origin = self.positions[self.cell_nodes(a)[0] as usize];
         let tolerance = Self::tolerance(self.size(a).min(self.size(b)), &origin);
-        // Coordinates relative to a corner of one of the cells, so that their round-off scales with the cell size.
+        // Coordinates are relative to a corner of one of the cells, so that their round-off scales with the cell size.
         let [a, b] = [a, b].map(|cell| {
             let mut cell = self.cell(cell);
             cell.x.iter_mut().for_each(|x| *x = minus(*x, origin));
@@ -220,7 +220,7 @@ impl<const D: usize> Mesh<D> {
         }
     }
 
-    /// For each node, the lowest node that is connected to it by cells, directly or through others.
+    /// For each node, the lowest node that is connected to it by cells, directly or through other nodes.
     fn parts(&self) -> Vec<u32> {
         fn root(parent: &mut [u32], mut node: u32) -> u32 {
             while parent[node as usize] != node {

@@ -1,4 +1,4 @@
-//! Sides (edges, faces) of cells: the boundary, and errors that show at sides.
+//! Sides (edges, faces) of cells: the boundary, and errors that become apparent at sides.
 
 use std::collections::BTreeSet;
 
@@ -25,8 +25,8 @@ impl Side {
         &self.nodes[..usize::from(self.n)]
     }
 
-    /// The side in a canonical order: from its lowest node towards the lower of its two neighbours. Both cells of a
-    /// side get the same order. The flag is true if the given order has this direction.
+    /// The side in a canonical order: from its lowest node towards the lower of its two neighbours. Both cells at a
+    /// side obtain the same order. The flag is true if the given order has this direction.
     fn undirected(&self) -> (Side, bool) {
         let nodes = self.nodes();
         let n = nodes.len();
@@ -81,7 +81,7 @@ impl<const D: usize> Mesh<D> {
         self.check_faces(report)
     }
 
-    /// Refuses a face where a tetrahedron meets half a face of a hexahedron.
+    /// Refuses a mesh in which a face of a tetrahedron covers half a face of a hexahedron.
     fn check_faces(&self, report: impl Fn(u32) -> CellReport) -> Result<(), MeshError> {
         let sorted = |mut nodes: [u32; 3]| {
             nodes.sort_unstable();

@@ -64,7 +64,7 @@ pub(crate) fn hexahedra(n: usize) -> Mesh<3> {
     mesh(&lattice(n), &elements.collect::<Vec<_>>())
 }
 
-/// As [`hexahedra`], with each hexahedron cut into six tetrahedra along its diagonal.
+/// The same as [`hexahedra`], with each hexahedron cut into six tetrahedra along its diagonal.
 pub(crate) fn tetrahedra(n: usize) -> Mesh<3> {
     const PATHS: [[usize; 2]; 6] = [[1, 3], [3, 2], [2, 6], [6, 4], [4, 5], [5, 1]];
     let cut = |c: [usize; 8]| PATHS.map(|[a, b]| (4, vec![c[0], c[a], c[b], c[7]]));
@@ -80,8 +80,8 @@ fn corners_of_lattice(n: usize) -> impl Iterator<Item = [usize; 8]> {
     })
 }
 
-/// Positions on the sides of every cell, with noise, belong to the same cell as without noise: the lowest of those that
-/// touch the position.
+/// Positions on the sides of every cell, with noise, belong to the same cell as without noise: the lowest cell that
+/// touches the position.
 fn check_borders<const D: usize>(mesh: &Mesh<D>) {
     let hints = |cell| [None, Some(cell), Some(0), Some(7), Some(u32::MAX)];
     for cell in 0..mesh.n_cells() as u32 {
@@ -90,7 +90,7 @@ fn check_borders<const D: usize>(mesh: &Mesh<D>) {
             for weights in [[1.0, 0.0, 0.0, 0.0], [0.7, 0.3, 0.0, 0.0], [0.5, 0.5, 0.0, 0.0], [0.25; 4]] {
                 let n = side.len();
                 let total: f64 = weights[..n].iter().sum();
-                // With these weights, positions on bilinear faces are on the face.
+                // These weights give positions on the face even if the face is bilinear.
                 let x: [f64; D] =
                     std::array::from_fn(|d| (0..n).map(|k| weights[k] / total * corners.x[side[k]][d]).sum());
                 let touching = |c: &u32| mesh.cell(*c).touches(&x, 1e-9 * mesh.size(*c));

@@ -5,37 +5,38 @@
 use crate::linear::multifrontal::{Columns, Multifrontal, Numbers, forget, messages};
 use crate::ranks::{Communicator, Ranks};
 
-/// The bits of a key from this one on hold the stage at which its unknown is eliminated; the lower bits hold the name.
+/// The bits of a key from this bit on contain the stage at which its unknown is eliminated; the lower bits contain the
+/// name.
 const STAGE: u32 = 56;
 
-/// The key, by which shared unknowns are ordered, of the unknown with this name if these ranks couple it.
+/// The key of the unknown with this name, given the ranks that couple it. Shared unknowns are ordered by their keys.
 pub(super) fn key(name: u64, ranks: impl Iterator<Item = u32> + Clone) -> u64 {
     let (low, high) = (ranks.clone().min().unwrap_or(0), ranks.max().unwrap_or(0));
-    // Rank numbers that differ in bit s, and in no higher one, meet at stage s.
+    // Two ranks meet at stage s if bit s is the highest bit in which their numbers differ.
     let stage = u64::from(u32::BITS - (low ^ high).leading_zeros());
     stage.saturating_sub(1) << STAGE | name
 }
 
-/// The part of a rank in the tree, after its own factorisation.
+/// The part of one rank in the tree, after its own factorisation.
 #[derive(Default)]
 pub(super) struct Stages {
     taken: Vec<Stage>,
     given: Option<Given>,
-    /// Number of factors: one of LLᵀ, two of LU.
+    /// Number of factors: one for LLᵀ, two for LU.
     factors: usize,
 }
 
-/// Two matrices become one front.
+/// A stage, at which two matrices are combined into one front.
 struct Stage {
-    /// The rank that gives the other matrix.
+    /// The rank that provides the other matrix.
     from: usize,
-    /// Rows, in the front, of the unknowns of the own matrix and of the other matrix, ascending.
+    /// Row indices in the front for the unknowns of this rank's matrix and of the other matrix, ascending.
     rows: [Vec<u32>; 2],
     /// Number of unknowns that are eliminated.
     pivots: usize,
     front: Multifrontal,
-    /// True if the other matrix adds no unknowns and all are eliminated: the factor then replaces the own matrix in
-    /// place.
+    /// True if the other matrix adds no unknowns and all unknowns are eliminated: the factor then replaces this rank's
+    /// matrix in place.
     is_in_place: bool,
     /// The factor, empty before the first factorisation.
     factor: Vec<f64>,
@@ -43,7 +44,7 @@ struct Stage {
     x: Vec<f64>,
 }
 
-/// The matrix that is left goes to another rank.
+/// The remaining matrix, which is sent to another rank.
 struct Given {
     to: usize,
     /// Order of the matrix.
@@ -114,8 +115,8 @@ impl Stages {
         self.taken.iter_mut().for_each(|stage| stage.factor = Vec::new());
     }
 
-    /// Factorises the matrix that this rank has left. All ranks must call this. False if this rank has met a pivot that
-    /// is not positive or, for LU, one that is zero or not finite.
+    /// Factorises the matrix that this rank has left. All ranks must call this. Returns false if a pivot on this rank
+    /// is not positive or, for LU, is zero or not finite.
     pub fn factorise(&mut self, communicator: &dyn Communicator, mut left: Vec<f64>) -> bool {
         let mut is_good = true;
         for stage in &mut self.taken {
@@ -155,8 +156,8 @@ impl Stages {
 }
 
 impl Stage {
-    /// Replaces the matrix left by the previous factorisation by the one that this stage leaves; false as for
-    /// [`Multifrontal::factorise`].
+    /// Replaces the matrix left by the previous factorisation by the matrix that this stage leaves; returns false as
+    /// for [`Multifrontal::factorise`].
     fn factorise(&mut self, communicator: &dyn Communicator, factors: usize, left: &mut Vec<f64>) -> bool {
         if self.is_in_place {
             self.factor = std::mem::take(left);
@@ -175,13 +176,13 @@ impl Stage {
         is_good
     }
 
-    /// Number of columns with these rows that belong to pivots; the others belong to the border.
+    /// Number of the columns with these row indices that belong to pivots; the other columns belong to the border.
     fn border_of(&self, rows: &[u32]) -> usize {
         rows.partition_point(|row| (*row as usize) < self.pivots)
     }
 
-    /// Adds the columns of the other rank; eliminates the pivots before the columns of the border are added to what is
-    /// left.
+    /// Adds the columns of the other rank; eliminates the pivots before the columns of the border are added to the
+    /// remaining matrix.
     fn take_others(&mut self, communicator: &dyn Communicator, factors: usize, left: &mut [f64]) -> bool {
         let rows = &self.rows[1];
         let border = self.border_of(rows);
@@ -209,8 +210,8 @@ impl Stage {
         self.front.forward(&self.factor, &self.x).to_vec()
     }
 
-    /// Backward substitution, given the solution for the unknowns that were left; returns the solution for the own
-    /// unknowns.
+    /// Backward substitution, given the solution for the unknowns that were left; returns the solution for the unknowns
+    /// of this rank's matrix.
     fn backward(&mut self, communicator: &dyn Communicator, above: &[f64]) -> Vec<f64> {
         self.front.backward(&self.factor, above, &mut self.x);
         let [below, other] =

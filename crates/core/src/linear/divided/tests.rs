@@ -134,8 +134,8 @@ fn a_rank_without_nodes_takes_part() {
     }
 }
 
-/// An analysis is kept as long as the pattern is the same on all ranks, and each matrix gives the same result as with a
-/// new backend, bit for bit.
+/// An analysis is kept as long as the pattern changes on no rank, and each matrix yields the same result as with a new
+/// backend, bit for bit.
 #[test]
 fn ranks_repeat_an_analysis_together() {
     let fill = |cell: [u32; 3]| holes3(cell).filter(|_| cell[0] < 22);
@@ -170,7 +170,7 @@ fn a_rank_keeps_its_share_of_the_factor() {
     }
 }
 
-/// Working space, the matrices left for other ranks, and the fronts of shared unknowns are needed at different times.
+/// Working space, the matrices left for other ranks, and the fronts of shared unknowns are not needed at the same time.
 #[test]
 fn a_rank_takes_its_share_of_the_memory() {
     let body = Body::bar([16, 16, 16]);

@@ -3,12 +3,12 @@
 use crate::linear::LinearError;
 use crate::linear::reduction::{Reduction, add};
 
-/// Largest number of iterations of either method.
+/// Largest number of iterations, of conjugate gradients and of GMRES.
 pub(super) const MOST: usize = 300;
 
-/// Reasons why conjugate gradients end without a solution.
+/// Reasons why the conjugate gradient iterations end without a solution.
 pub(super) enum Failure {
-    /// A direction, or the preconditioner, has shown that the matrix is not positive definite.
+    /// A search direction or the preconditioner has shown that the matrix is not positive definite.
     NotPositiveDefinite {
         /// Number of iterations so far.
         iterations: usize,
@@ -34,7 +34,7 @@ pub(super) struct ConjugateGradients<const N: usize> {
 
 impl<const N: usize> ConjugateGradients<N> {
     /// Solves A x = b to a residual of `tolerance` relative to b; returns the number of iterations. All fields are
-    /// complete, and `over` sums over their nodes.
+    /// complete; `over` forms their scalar products.
     pub(super) fn solve(
         &mut self,
         over: Reduction,

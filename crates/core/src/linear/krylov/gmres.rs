@@ -5,22 +5,22 @@ use crate::linear::reduction::{Reduction, add};
 
 use super::conjugate::MOST;
 
-/// Number of directions after which the iterations restart, which bounds the memory.
+/// Number of directions after which the iterations restart, so that the memory is bounded.
 const RESTART: usize = 40;
 
 /// The vectors of the iterations.
 #[derive(Default)]
 pub(super) struct Gmres<const N: usize> {
-    /// Orthonormal basis of the Krylov space; keeps the vectors of the longest basis so far.
+    /// Orthonormal basis of the Krylov space, with storage for the longest basis so far.
     basis: Vec<Vec<[f64; N]>>,
     work: Vec<[f64; N]>,
     preconditioned: Vec<[f64; N]>,
 }
 
 impl<const N: usize> Gmres<N> {
-    /// Solves A x = b to a residual of `tolerance` relative to b; returns the number of iterations. Preconditioning
-    /// from the right makes the residual that of the equations. All fields are complete, and `over` sums over their
-    /// nodes.
+    /// Solves A x = b to a residual of `tolerance` relative to b; returns the number of iterations. With
+    /// preconditioning from the right, the residual is the residual of the original equations. All fields are complete,
+    /// and `over` sums over their nodes.
     ///
     /// # Errors
     /// [`LinearError::NotConverged`]; errors of the preconditioner.
@@ -118,7 +118,7 @@ impl Projection {
         self.rhs.last().map_or(0.0, |last| last.abs())
     }
 
-    /// Takes the next column of the Hessenberg matrix, with the entry below the diagonal.
+    /// Appends the next column of the Hessenberg matrix, including the entry below the diagonal.
     fn append(&mut self, mut column: Vec<f64>) {
         for (k, [c, s]) in self.rotations.iter().enumerate() {
             [column[k], column[k + 1]] =
@@ -142,7 +142,7 @@ impl Projection {
         let n = self.columns();
         let mut y = self.rhs[..n].to_vec();
         for k in (0..n).rev() {
-            // A direction in the null space of the matrix adds nothing.
+            // A direction in the null space of the matrix contributes nothing.
             y[k] = if self.triangle[k][k] > 0.0 { y[k] / self.triangle[k][k] } else { 0.0 };
             for i in 0..k {
                 y[i] -= self.triangle[k][i] * y[k];

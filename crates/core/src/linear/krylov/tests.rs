@@ -15,7 +15,7 @@ fn check<const D: usize>(body: &Body<D>, factorisation: Factorisation) {
     let alone = body.solve(&Ranks::default(), |_| 0);
     let expected = alone.solved.unwrap();
     assert_eq!(expected.factorisation, factorisation);
-    // Nodes of nearly empty cells move much farther than others.
+    // Nodes of nearly empty cells move much farther than other nodes.
     let mut sizes: Vec<f64> = alone.x.values().flatten().map(|x| x.abs()).collect();
     sizes.sort_by(f64::total_cmp);
     let size = sizes[sizes.len() / 2];
@@ -52,7 +52,7 @@ fn ranks_find_what_one_finds_in_the_plane() {
     check(&Body { ratio: 1.03, ..body }, Factorisation::Multigrid);
     check(&Body { is_wide: true, ..body }, Factorisation::Multigrid);
     check(&Body { skew: 0.02, ..body }, Factorisation::MultigridUnsymmetric);
-    // One level.
+    // The preconditioner has only one level.
     check(&Body { fill: ragged2, ..Body::bar([20, 10]) }, Factorisation::Multigrid);
 }
 

@@ -1,12 +1,13 @@
-//! Dense operations on one front: the columns of its pivots in the factors, and their update of the rest of the matrix.
+//! Dense operations on one front: they compute the columns of its pivots in the factors, and the update of the
+//! remaining matrix by these columns.
 //!
-//! There is one factor L of LLᵀ, or the factors L and Uᵀ of LU, where L has the pivots and U a diagonal of ones. Both
-//! are lower triangular, and each is updated from the right by the other (or L by itself): the columns of L are those
-//! of the matrix minus products of rows of L and rows of Uᵀ, the columns of Uᵀ are the rows of the matrix minus
-//! products of rows of Uᵀ and rows of L. The same operations therefore serve both factorisations.
+//! There is one factor L for LLᵀ, or the two factors L and Uᵀ for LU, where L contains the pivots and U has a diagonal
+//! of ones. Both are lower triangular, and each is updated from the right by the other (or L by itself): the columns of
+//! L are the columns of the matrix minus products of rows of L and rows of Uᵀ; the columns of Uᵀ are the rows of the
+//! matrix minus products of rows of Uᵀ and rows of L. The same operations therefore serve both factorisations.
 //!
-//! Columns are stored one after the other with a stride that is a multiple of [`PAD`], so that whole vectors of rows
-//! can be read and written; values above the diagonal and in padding rows are arbitrary, but finite, and never change a
+//! Columns are stored one after another with a stride that is a multiple of [`PAD`], so that whole vectors of rows can
+//! be read and written. Values above the diagonal and in padding rows are arbitrary but finite, and never change a
 //! result. Every entry is one sum over the columns to the left, in order, whatever the width of a vector.
 
 use std::ops::Range;
@@ -17,27 +18,27 @@ use faer::{Accum, MatMut, MatRef, Par};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
-/// Strides are multiples of this, and this number of values follows the last column.
+/// Strides are multiples of this number, and this number of additional values follows the last column.
 pub(super) const PAD: usize = 8;
 
-/// With at least this many registers, three vectors of rows are processed at once, otherwise two.
+/// With at least this number of registers, three vectors of rows are processed at once; otherwise two.
 const MANY_REGISTERS: usize = 32;
 
-/// Columns that are eliminated together in registers.
+/// Number of columns that are eliminated together in registers.
 const WIDTH: usize = 4;
 
-/// Columns of a large front that are eliminated together before the others are updated.
+/// Number of columns of a large front that are eliminated together before the other columns are updated.
 const BLOCK: usize = 96;
 
-/// A front with more pivots than the first constant, or more values in its columns than the second, is processed by
-/// kernels for large matrices.
+/// A front with more pivots than this is processed by kernels for large matrices.
 const MANY: usize = 128;
+/// A front with more values in its columns than this is processed by kernels for large matrices.
 const MOST: usize = 1 << 15;
 
-/// Columns of the border that are updated together in a large front.
+/// Number of columns of the border that are updated together in a large front.
 const TILE: usize = 512;
 
-/// Rows that are updated together in a large front.
+/// Number of rows that are updated together in a large front.
 const HIGH: usize = 384;
 
 /// A product of fewer operations is computed by one thread.
@@ -57,10 +58,10 @@ fn is_large(rows: usize, pivots: usize) -> bool {
     pivots > MANY || rows * pivots > MOST
 }
 
-/// Replaces the columns of the pivots of a front, with one factor or two, by those of its factors, with the reciprocals
-/// of the pivots on the diagonal of L. Writes their update of the rest of the matrix, −L Lᵀ or −L U, to the lower
-/// triangle of `update`, for LU followed by its upper triangle, transposed. False if a pivot of LLᵀ is not positive, or
-/// one of LU is zero or not finite.
+/// Replaces the matrix columns of the pivots of a front by the columns of its one or two factors, with the reciprocals
+/// of the pivots on the diagonal of L. Writes the update of the remaining matrix, −L Lᵀ or −L U, to `update`: the lower
+/// triangle, for LU followed by the transposed upper triangle. Returns false if a pivot of LLᵀ is not positive, or a
+/// pivot of LU is zero or not finite.
 pub(super) fn eliminate(
     factors: usize,
     (rows, pivots): (usize, usize),
@@ -156,7 +157,7 @@ fn subtract_product(block: MatMut<'_, f64>, left: MatRef<'_, f64>, right: MatRef
     });
 }
 
-/// The lower triangle of `update` = −`left` `right`ᵀ.
+/// Sets the lower triangle of `update` to −`left` `right`ᵀ.
 fn take(update: &mut [f64], left: MatRef<'_, f64>, right: MatRef<'_, f64>) {
     let order = left.nrows();
     let stride = stride(order);
@@ -213,7 +214,7 @@ impl<const F: usize> WithSimd for Dense<'_, F> {
     }
 }
 
-/// Σ over the first `terms` columns of row `offset` + r on the left times row `column` + c on the right.
+/// Sums, over the first `terms` columns, of row `offset` + r on the left times row `column` + c on the right.
 #[derive(Clone, Copy)]
 struct Product<'a> {
     left: &'a [f64],
@@ -343,7 +344,7 @@ impl<const F: usize> WithSimd for Columns<'_, F> {
 type Diagonal<const N: usize> = [[f64; N]; N];
 
 impl<const F: usize> Columns<'_, F> {
-    /// Completes `N` columns, given those before them.
+    /// Completes `N` columns, given the columns before them.
     #[inline(always)]
     fn eliminate<S: Simd, const N: usize>(&mut self, simd: S, first: usize) -> bool {
         let start = first / S::F64_LANES * S::F64_LANES;
@@ -358,8 +359,8 @@ impl<const F: usize> Columns<'_, F> {
         true
     }
 
-    /// Updates the vectors of rows from `start` on that hold the diagonal block, and those below that come at no extra
-    /// cost; returns the row after them.
+    /// Updates the vectors of rows from `start` on that contain the diagonal block, and those below it that can be
+    /// updated at no extra cost; returns the row after them.
     #[inline(always)]
     fn update_first<S: Simd, const N: usize>(
         &mut self,
@@ -496,7 +497,7 @@ impl<const F: usize> Columns<'_, F> {
         self.store::<S, M, N>(factor, row, first, &values);
     }
 
-    /// The diagonal blocks of the factors, with the reciprocals of the pivots in the first.
+    /// The diagonal blocks of the factors, with the reciprocals of the pivots in the first block.
     #[inline(always)]
     fn diagonal<const N: usize>(&self, first: usize) -> Option<[Diagonal<N>; F]> {
         let mut blocks = [[[0.0; N]; N]; F];
@@ -515,7 +516,8 @@ impl<const F: usize> Columns<'_, F> {
         is_regular.then_some(blocks)
     }
 
-    /// Divides rows of a factor by the diagonal block of the other and stores them.
+    /// Divides rows of a factor by the diagonal block of the other factor (for LLᵀ, of the same factor) and stores
+    /// them.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "all are needed in registers")]
     fn finish<S: Simd, const M: usize, const N: usize>(
@@ -546,7 +548,7 @@ impl<const F: usize> Columns<'_, F> {
     }
 }
 
-/// Replaces a block by its Cholesky factor, with the reciprocals of the pivots. False if one is not positive.
+/// Replaces a block by its Cholesky factor, with the reciprocals of the pivots. False if a pivot is not positive.
 #[inline(always)]
 fn llt<const N: usize>(l: &mut Diagonal<N>) -> bool {
     for c in 0..N {
@@ -568,8 +570,8 @@ fn llt<const N: usize>(l: &mut Diagonal<N>) -> bool {
     true
 }
 
-/// Replaces the lower triangle of a block and its transposed upper triangle by L, with the reciprocals of the pivots,
-/// and Uᵀ. False if a pivot is zero or not finite.
+/// Replaces the lower triangle of a block by L, with the reciprocals of the pivots, and its transposed upper triangle
+/// by Uᵀ. False if a pivot is zero or not finite.
 #[inline(always)]
 fn lu<const N: usize>(l: &mut Diagonal<N>, u: &mut Diagonal<N>) -> bool {
     for c in 0..N {

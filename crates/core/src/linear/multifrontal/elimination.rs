@@ -1,6 +1,6 @@
 //! Numerical factorisation: the fronts of each task assemble entries of the matrix and the updates of their children,
 //! eliminate their unknowns, and pass their own update on. With LU, each front has the columns and the update of L,
-//! followed by those of Uᵀ.
+//! followed by the columns and the update of Uᵀ.
 
 use std::ops::Range;
 
@@ -10,8 +10,9 @@ use super::dense;
 use super::fronts::{Front, Fronts};
 use super::tasks::Task;
 
-/// Number of columns that one thread fills at a time, in fronts with more values than the second constant.
+/// Number of columns that one thread fills at a time if threads share a front.
 const COLUMNS: usize = 32;
+/// Threads share fronts with more values than this.
 const SHARED: usize = 1 << 17;
 
 /// A factorisation of the matrix with these values.
@@ -91,8 +92,8 @@ impl Elimination<'_> {
         true
     }
 
-    /// Assembles the matrix left for the kept unknowns: entries of the matrix and updates; that of an only child is
-    /// already there.
+    /// Assembles the matrix left for the kept unknowns from matrix entries and updates; the update of an only child is
+    /// already in place.
     fn assemble_left(self, front: &Front, left: &mut [f64], passed: Passed) {
         let holds_update = self.fronts.before_kept().is_some();
         for_each_factor(front, left, |factor, left| {
@@ -106,7 +107,7 @@ impl Elimination<'_> {
         });
     }
 
-    /// Adds the entries of the matrix to columns of a factor of a front from `first` on.
+    /// Adds the matrix entries to the columns of a factor of a front, starting with column `first`.
     fn take_entries(self, front: &Front, factor: usize, first: usize, columns: &mut [f64]) {
         let start = &self.fronts.column_start[front.first + first..];
         let entry = &self.fronts.entry[factor];
@@ -118,7 +119,7 @@ impl Elimination<'_> {
     }
 }
 
-/// Calls `work` with the number of each factor and its part of the columns or of the update of a front.
+/// Calls `work` with the index of each factor and its part of the columns or of the update of a front.
 fn for_each_factor(front: &Front, numbers: &mut [f64], mut work: impl FnMut(usize, &mut [f64])) {
     let len = numbers.len() / front.factors;
     if len > 0 {
@@ -167,7 +168,7 @@ struct Passed<'a> {
 }
 
 impl Passed<'_> {
-    /// The update of a factor of a child.
+    /// The update of a child for one factor.
     fn of(&self, child: &Front, factor: usize) -> &[f64] {
         let len = child.update_len();
         let update = if child.passed < self.front.update {
@@ -179,7 +180,8 @@ impl Passed<'_> {
         &update[factor * len / child.factors..(factor + 1) * len / child.factors]
     }
 
-    /// Adds the updates to columns of a factor from `first` on, whose first value is in row `offset` of the front.
+    /// Adds the updates to the columns of a factor, starting with column `first`; the first value of each column is in
+    /// row `offset` of the front.
     fn add(&self, factor: usize, first: usize, offset: usize, columns: &mut [f64]) {
         let stride = dense::stride(self.front.rows - offset);
         let end = first + columns.len() / stride;
@@ -202,7 +204,7 @@ impl Passed<'_> {
     }
 }
 
-/// Adds values to these rows, ascending and at least one; the first value of the target is in row `offset`.
+/// Adds values to these rows (ascending, at least one); the first value of the target is in row `offset`.
 pub(super) fn add_rows(source: &[f64], rows: &[u32], offset: usize, target: &mut [f64]) {
     let (first, last) = (rows[0] as usize, rows[rows.len() - 1] as usize);
     if last - first + 1 == rows.len() {

@@ -1,5 +1,5 @@
-//! The layout of the factorisation: the rows of each front, its entries of the matrix, the rows to which it adds the
-//! updates of its children, and its location in memory.
+//! The layout of the factorisation: the rows of each front, its matrix entries, the rows to which it adds the updates
+//! of its children, and its location in memory.
 
 use std::ops::Range;
 
@@ -9,7 +9,7 @@ use super::nodes::{NONE, Nodes};
 use super::tree::{self, Tree};
 use crate::linear::Pattern;
 
-/// A front: unknowns that are eliminated together, and its border, the later unknowns involved.
+/// A front: unknowns that are eliminated together, and a border of the later unknowns to which they are coupled.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Front {
     /// Position of its first unknown in the order of elimination.
@@ -32,9 +32,9 @@ pub(super) struct Front {
     pub parent: u32,
     /// Range of its children in the list of all children.
     pub children: Range<usize>,
-    /// Estimated time for it and all its descendants, [ns].
+    /// Estimated time for this front and all its descendants, [ns].
     pub cost: f64,
-    /// First of its descendants; the others lie between the first and this front.
+    /// First of its descendants; the other descendants lie between it and this front.
     pub descendants: usize,
 }
 
@@ -77,16 +77,16 @@ pub(super) struct Fronts {
     pub relative: Vec<u32>,
     /// Start of the entries of each column.
     pub column_start: Vec<usize>,
-    /// For each factor, the entries of the matrix by columns: those of L, then those of Uᵀ.
+    /// For each factor, the matrix entries by columns: the entries for L, then the entries for Uᵀ.
     pub entry: Vec<Vec<Entry>>,
-    /// Number of unknowns at the end of the order that are kept: the last front has no pivots and these unknowns as its
-    /// border; its update is the matrix left for them.
+    /// Number of unknowns at the end of the order that are kept. The last front has no pivots, and these unknowns are
+    /// its border; its update is the matrix left for them.
     pub kept: usize,
 }
 
 impl Fronts {
-    /// The fronts of the lower triangle of a pattern, with the last `kept` unknowns of the order kept; for LU if the
-    /// mirror images of the entries are given.
+    /// The fronts for the lower triangle of a pattern; the last `kept` unknowns of the order are kept. The fronts are
+    /// for LU if the mirror images of the entries are given.
     pub fn new(pattern: &Pattern, order: &[usize], kept: usize, mirror: Option<&Mirror>) -> Fronts {
         let nodes = Nodes::new(pattern, order, order.len() - kept);
         let tree = Tree::new(&nodes);
@@ -188,8 +188,8 @@ impl Fronts {
         self.kept > 0 && front.first + self.kept == self.unknown.len()
     }
 
-    /// The only child of the front of the kept unknowns, if its border is all of them: its update then becomes, in
-    /// place, the update of the front of the kept unknowns.
+    /// The only child of the front of the kept unknowns, if its border consists of all kept unknowns. The update of
+    /// this child then becomes, in place, the update of the front of the kept unknowns.
     pub fn before_kept(&self) -> Option<&Front> {
         let kept = self.front.last().filter(|front| self.is_kept(front))?;
         let [child] = self.children[kept.children.clone()] else { return None };
@@ -283,7 +283,8 @@ impl Fronts {
         }
     }
 
-    /// Lists an entry of the lower triangle of the matrix, which is in the row of the later unknown or in its column.
+    /// Lists an entry of the lower triangle of the matrix: it lies in the row of the later unknown or, if
+    /// `is_transposed`, in the column of that unknown.
     fn take(&mut self, mirror: Option<&Mirror>, row: u32, source: u32, is_transposed: bool) {
         let Some(Mirror { below, above, .. }) = mirror else {
             self.entry[0].push(Entry { row, source });

@@ -2,7 +2,7 @@
 
 use crate::linear::Pattern;
 
-/// The lower triangle of such a pattern, and for each of its entries (i, j) the indices of a_ij and of its mirror image
+/// The lower triangle of the pattern and, for each of its entries (i, j), the indices of a_ij and of its mirror image
 /// a_ji in the values of the matrix.
 pub(super) struct Mirror {
     pub lower: Pattern,
@@ -11,7 +11,7 @@ pub(super) struct Mirror {
 }
 
 impl Mirror {
-    /// `None` if an entry has no mirror image, or if a diagonal entry is missing.
+    /// The two triangles of a pattern; `None` if an entry has no mirror image, or if a diagonal entry is missing.
     pub fn of(pattern: &Pattern) -> Option<Mirror> {
         let mut lower = Pattern { n: pattern.n, column_start: vec![0], row: Vec::new(), symmetric: true };
         let mut below = Vec::new();
@@ -28,7 +28,7 @@ impl Mirror {
             }
             lower.column_start.push(lower.row.len());
         }
-        // Column by column, row i meets its entries in the order of the lower part of column i.
+        // In a pass column by column, the entries of row i appear in the order of the lower part of column i.
         let mut above = vec![0; below.len()];
         let mut next = lower.column_start.clone();
         for j in 0..pattern.n {

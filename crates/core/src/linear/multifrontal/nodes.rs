@@ -1,5 +1,5 @@
-//! The pattern of a matrix by nodes: neighbouring unknowns that are coupled to the same others, such as the degrees of
-//! freedom of a grid node, are merged.
+//! The pattern of a matrix by nodes: neighbouring unknowns that are coupled to the same other unknowns, such as the
+//! degrees of freedom of a grid node, are merged into one node.
 
 use crate::linear::Pattern;
 
@@ -14,12 +14,12 @@ pub(super) struct Nodes {
     pub width: Vec<u32>,
     /// Number of nodes at the end whose unknowns are kept.
     pub kept: usize,
-    /// Start of the couplings of each node with later ones.
+    /// Start of the couplings of each node with later nodes.
     start: Vec<usize>,
     coupled: Vec<Coupling>,
 }
 
-/// The coupling of a node with a later one.
+/// The coupling of a node with a later node.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Coupling {
     /// The later node.
@@ -29,8 +29,7 @@ pub(super) struct Coupling {
 }
 
 impl Nodes {
-    /// Finds the nodes of a symmetric pattern, of which the unknowns from position `kept_from` of the order on are
-    /// kept.
+    /// Finds the nodes of a symmetric pattern; the unknowns from position `kept_from` of the order on are kept.
     pub fn new(pattern: &Pattern, order: &[usize], kept_from: usize) -> Nodes {
         let mut follows = followers(pattern, order);
         if let Some(&unknown) = order.get(kept_from) {
@@ -69,13 +68,13 @@ impl Nodes {
         self.first.len()
     }
 
-    /// The couplings of a node with later ones.
+    /// The couplings of a node with later nodes.
     pub fn coupled(&self, node: usize) -> &[Coupling] {
         &self.coupled[self.start[node]..self.start[node + 1]]
     }
 
-    /// The elimination tree (Liu, 1990): for each node its parent, the lowest later node coupled to it once all nodes
-    /// before it have been eliminated, or [`NONE`].
+    /// The elimination tree (Liu, 1990): for each node, its parent (the lowest later node coupled to it once all nodes
+    /// before it have been eliminated), or [`NONE`].
     pub fn parents(&self) -> Vec<u32> {
         let n = self.len();
         let mut start = vec![0; n + 1];
@@ -112,8 +111,8 @@ impl Nodes {
         parent
     }
 
-    /// For each node the number of rows of the factor in the column of its first unknown, by counting the leaves of the
-    /// subtrees of rows (Gilbert, Ng and Peyton, 1994).
+    /// For each node, the number of rows of the factor in the column of its first unknown, obtained by counting the
+    /// leaves of the row subtrees (Gilbert, Ng and Peyton, 1994).
     pub fn counts(&self, parent: &[u32]) -> Vec<u32> {
         let n = self.len();
         let post = postorder(parent.len(), |_| true, |node| parent[node]);
@@ -133,7 +132,7 @@ impl Nodes {
             }
         }
         let mut ancestor: Vec<u32> = (0..n as u32).collect();
-        // One more than the index of the last leaf's first descendant, and that leaf.
+        // One more than the index of the first descendant of the last leaf, and the last leaf itself.
         let mut seen = vec![0u32; n];
         let mut leaf = vec![NONE; n];
         for &node in &post {
@@ -175,7 +174,7 @@ impl Nodes {
     }
 }
 
-/// Calls `visit(a, b, entry)` for all pairs of different nodes, where the unknowns of a come first.
+/// Calls `visit(a, b, entry)` for all coupled pairs of different nodes; the unknowns of a come first.
 fn for_each_coupling(pattern: &Pattern, number: &[u32], mut visit: impl FnMut(u32, u32, usize)) {
     for column in 0..pattern.n {
         let a = number[column];
@@ -191,8 +190,8 @@ fn for_each_coupling(pattern: &Pattern, number: &[u32], mut visit: impl FnMut(u3
     }
 }
 
-/// True if an unknown belongs to the same node as the one before it: eliminated right after it, and coupled to the same
-/// unknowns.
+/// True if an unknown belongs to the same node as the previous unknown: it is eliminated directly after that unknown,
+/// and both are coupled to the same unknowns.
 fn followers(pattern: &Pattern, order: &[usize]) -> Vec<bool> {
     let column = |j: usize| &pattern.row[pattern.column_start[j]..pattern.column_start[j + 1]];
     let mut follows = vec![false; pattern.n + 1];
@@ -215,7 +214,7 @@ fn followers(pattern: &Pattern, order: &[usize]) -> Vec<bool> {
 }
 
 /// The numbers below `n` that are nodes of a forest, in postorder: the descendants of each node come directly before
-/// it, with no others in between.
+/// it, without other nodes in between.
 pub(super) fn postorder(
     n: usize,
     is_node: impl Fn(usize) -> bool,

@@ -5,7 +5,7 @@ use std::ops::Range;
 use super::elimination::add_rows;
 use super::{Multifrontal, dense};
 
-/// Largest number of values in a message, unless a single column has more.
+/// Largest number of values in a message, unless a single column has more values.
 const MESSAGE: usize = 1 << 19;
 
 /// Columns of a matrix left for kept unknowns, without the entries above the diagonal: for each factor, column by
@@ -20,9 +20,9 @@ pub(in crate::linear) struct Columns<'a> {
 /// The location of the values of columns.
 #[derive(Clone, Copy)]
 pub(in crate::linear) enum Numbers<'a> {
-    /// In a matrix that begins with the column of this number.
+    /// In a matrix that begins with the column with this index.
     From(usize, &'a [f64]),
-    /// One after the other.
+    /// One after another.
     Packed(&'a [f64]),
 }
 
@@ -49,7 +49,7 @@ impl Columns<'_> {
         }
     }
 
-    /// The values one after the other.
+    /// The values one after another.
     pub fn packed(&self, factors: usize) -> Vec<f64> {
         let mut packed = Vec::with_capacity(factors * self.len());
         (0..factors).for_each(|factor| {
@@ -92,8 +92,8 @@ pub(in crate::linear) fn forget(matrix: &mut Vec<f64>, n: usize, first: usize, f
 }
 
 impl Multifrontal {
-    /// Adds columns to a dense front; `rows` are their rows in it, ascending. Before the elimination, the columns of
-    /// pivots are added to `panel`; after it, the columns of the border to `left`.
+    /// Adds columns to a dense front; `rows` are the row indices of the columns in the front, ascending. Before the
+    /// elimination, the columns of pivots are added to `panel`; after it, the columns of the border to `left`.
     pub fn add_columns(&self, panel: &mut [f64], left: &mut [f64], columns: &Columns, rows: &[u32]) {
         let Some(front) = self.fronts.front.first() else { return };
         let factors = front.factors;
@@ -111,7 +111,7 @@ impl Multifrontal {
         }
     }
 
-    /// Eliminates the pivots of a dense front; false as for [`Multifrontal::factorise`].
+    /// Eliminates the pivots of a dense front; returns false in the same cases as [`Multifrontal::factorise`].
     pub fn eliminate(&self, panel: &mut [f64], left: &mut [f64]) -> bool {
         let Some(front) = self.fronts.front.first() else { return true };
         if front.pivots == 0 {

@@ -6,32 +6,34 @@ use std::ops::Range;
 use super::fronts::{Front, Fronts};
 use super::nodes::NONE;
 
-/// A part of the tree is a separate task if it takes longer than this, [ns]: much longer than waking a thread.
+/// A part of the tree is a separate task if it takes longer than this time, [ns], which is much longer than waking a
+/// thread takes.
 const LEAST: f64 = 60e3;
 
-/// Working space allowed for tasks that run at the same time: this number of values, or …
+/// Tasks may run at the same time if their working spaces together hold at most this number of values.
 const LITTLE: usize = 1 << 19;
 
-/// … this fraction of their factor.
+/// Above [`LITTLE`], tasks may still run at the same time if their working spaces together are at most this fraction of
+/// the part of the factor that the enclosing task computes, [-].
 const SPARE: f64 = 0.2;
 
 /// Deepest nesting of tasks.
 const DEEPEST: usize = 12;
 
-/// Part of the tree: some tasks that are independent of each other, then some fronts one after the other.
+/// Part of the tree: first tasks that are independent of each other, then fronts that are processed one after another.
 #[derive(Debug, Default)]
 pub(super) struct Task {
     /// All its fronts, including those of the tasks within.
     pub fronts: Range<usize>,
-    /// The tasks that are done first.
+    /// The tasks that are completed first.
     pub within: Vec<Task>,
-    /// The fronts that are in none of them.
+    /// The fronts that belong to none of these tasks.
     pub own: Vec<Range<usize>>,
     /// True if the tasks within may run at the same time; each then has its own working space.
     pub apart: bool,
-    /// Start of its working space in that of the enclosing task.
+    /// Start of its working space within the working space of the enclosing task.
     pub base: usize,
-    /// Number of values in its working space, including that of the tasks within.
+    /// Number of values in its working space, including the working space of the tasks within.
     pub room: usize,
 }
 
@@ -55,7 +57,7 @@ fn children(fronts: &Fronts, f: usize) -> Vec<usize> {
     fronts.children[fronts.front[f].children.clone()].iter().map(|&child| child as usize).collect()
 }
 
-/// A task for some fronts, of which `tops` are those without a parent among them.
+/// A task for a range of fronts; `tops` are the fronts in the range whose parents are not in it.
 fn divide(fronts: &Fronts, range: Range<usize>, mut tops: Vec<usize>, depth: usize) -> Task {
     let mut within: Vec<Task> = Vec::new();
     let heavy = |f: &usize| depth > 0 && fronts.front[*f].cost > LEAST;
@@ -77,8 +79,8 @@ fn divide(fronts: &Fronts, range: Range<usize>, mut tops: Vec<usize>, depth: usi
     Task { fronts: range, within, own, ..Task::default() }
 }
 
-/// Gives the fronts of a task their parts of its working space. Every task leaves the data that it passes on at the
-/// start of its own space.
+/// Gives the fronts of a task their parts of its working space. At the end, the data that a task passes on are at the
+/// start of its working space.
 fn plan(task: &mut Task, fronts: &mut Fronts) {
     for within in &mut task.within {
         plan(within, fronts);
@@ -102,7 +104,7 @@ fn plan(task: &mut Task, fronts: &mut Fronts) {
     for f in task.own.iter().cloned().flatten() {
         let len = fronts.front[f].update_len();
         let mut place = 0;
-        // The update of an only child of the front of the kept unknowns stays where it is.
+        // The update of an only child of the front of the kept unknowns remains in place.
         let only_child = if fronts.is_kept(&fronts.front[f]) { fronts.before_kept() } else { None };
         if let Some(child) = only_child {
             place = child.passed;

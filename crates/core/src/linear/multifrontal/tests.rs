@@ -56,7 +56,7 @@ fn coupled(nodes: usize, width: usize, pairs: &[(usize, usize)], numbers: &mut N
     a
 }
 
-/// An unsymmetric matrix with the pattern and the diagonal of a symmetric one.
+/// An unsymmetric matrix with the pattern and the diagonal of a symmetric matrix.
 fn skewed(a: &DMatrix<f64>, numbers: &mut Numbers) -> DMatrix<f64> {
     DMatrix::from_fn(
         a.nrows(),
@@ -96,7 +96,7 @@ fn check(a: &DMatrix<f64>, order: &[usize]) {
     check_factor(&llt, a, &factor);
 }
 
-/// The factor is that of the dense matrix in the order of elimination.
+/// Checks that the factor equals the factor of the dense matrix in the order of elimination.
 fn check_factor(llt: &Multifrontal, a: &DMatrix<f64>, factor: &[f64]) {
     let dense = in_order(llt, a).cholesky().unwrap().unpack();
     let found = columns(llt, 0, factor);
@@ -212,7 +212,7 @@ fn an_empty_matrix_has_an_empty_factor() {
     llt.solve(&[], &mut []);
 }
 
-/// A lattice in space whose nodes are coupled to all around them, with three unknowns per node.
+/// A lattice in space whose nodes are coupled to all surrounding nodes, with three unknowns per node.
 fn lattice(m: usize, numbers: &mut Numbers) -> (Pattern, Vec<f64>, Vec<usize>) {
     let place = |p: usize| [(p % m) as u32, (p / m % m) as u32, (p / m / m) as u32];
     let places: Vec<[u32; 3]> = (0..m * m * m).map(place).collect();
@@ -289,7 +289,7 @@ fn check_threads(pattern: &Pattern, values: &[f64], order: &[usize]) {
     for threads in [1, 2, 3] {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let mut llt = Multifrontal::new(pattern, order).unwrap();
-        // The cases under test: tasks that run at the same time and one after the other, and shared fronts.
+        // The test must cover tasks that run at the same time, tasks that run one after another, and shared fronts.
         assert!(!llt.task.apart && llt.task.within.len() > 1);
         assert!(is_shared(&llt.task));
         assert!(llt.fronts.front.iter().any(|front| front.pivots > 400));

@@ -1,13 +1,16 @@
-//! The fronts, whose columns are eliminated together, and their tree, from the elimination tree of the nodes.
+//! The fronts, whose columns are eliminated together, and their tree, derived from the elimination tree of the nodes.
 
 use super::nodes::{NONE, Nodes, postorder};
 
-/// Time of a front in addition to its operations, [ns]: constant, per entry of its columns, and per entry of its
-/// update; and the number of operations (sums and products) per nanosecond. The values are measured; the results depend
-/// little on them.
+// The following values were measured; the performance depends little on them.
+
+/// Constant part of the time of a front, in addition to the parts below, [ns].
 const FRONT: f64 = 200.0;
+/// Time per entry of the columns of a front, [ns].
 const ENTRY: f64 = 0.1;
+/// Time per entry of the update of a front, [ns].
 const PASSED: f64 = 0.5;
+/// Number of operations (sums and products) per nanosecond.
 const RATE: f64 = 60.0;
 
 /// The fronts of a factorisation, children before their parents.
@@ -16,9 +19,9 @@ pub(super) struct Tree {
     pub start: Vec<usize>,
     /// Nodes in the order of elimination.
     pub node: Vec<u32>,
-    /// Number of unknowns of each front that are eliminated there.
+    /// Number of unknowns that are eliminated in each front.
     pub pivots: Vec<u32>,
-    /// Number of rows of each front, those of the pivots included.
+    /// Number of rows of each front, including the rows of the pivots.
     pub rows: Vec<u32>,
     /// Parent of each front, or [`NONE`].
     pub parent: Vec<u32>,
@@ -32,7 +35,7 @@ pub(super) fn cost(rows: u32, pivots: u32) -> f64 {
 }
 
 impl Tree {
-    /// Merges nodes whose columns have the same rows, and fronts with a child if this saves time.
+    /// Merges nodes whose columns have the same rows, then merges fronts with their children where this saves time.
     pub fn new(nodes: &Nodes) -> Tree {
         let parent = nodes.parents();
         let count = nodes.counts(&parent);
@@ -45,7 +48,7 @@ impl Tree {
 
 /// Groups of nodes that are eliminated together, each identified by its last node.
 struct Groups {
-    /// The group that a node belongs to, directly or through others.
+    /// The group to which a node belongs, directly or through other nodes.
     into: Vec<u32>,
     pivots: Vec<u32>,
     rows: Vec<u32>,
@@ -54,7 +57,7 @@ struct Groups {
 }
 
 impl Groups {
-    /// Groups each node with the child, if any, whose rows are those of the node plus the child itself.
+    /// Groups each node with the child, if any, whose rows are the rows of the node plus the child itself.
     fn chains(nodes: &Nodes, parent: &[u32], count: &[u32]) -> Groups {
         let n = nodes.len();
         let kept_from = n - nodes.kept;

@@ -15,9 +15,9 @@ pub(super) enum Claim {
     Same,
 }
 
-/// The ranks of coarse nodes, given their position numbers, ascending, with the claims of this rank. A node belongs to
-/// the rank of the fine node at its position or, without one, to the lowest rank that has one of its children. Each
-/// node has a home rank, which all ranks that know the node ask.
+/// The ranks of coarse nodes, given the position numbers of the nodes, ascending, with the claims of this rank. A node
+/// belongs to the rank of the fine node at its position or, if there is no such fine node, to the lowest rank that has
+/// one of its children. Each node has a home rank, which all ranks that know the node query.
 pub(super) fn coarse_owners(ranks: &Ranks, claims: &[(u64, Claim)], places: u64) -> Vec<u32> {
     let per_home = places.div_ceil(ranks.count() as u64).max(1);
     let home = |key: u64| (key / per_home) as usize;
@@ -32,7 +32,7 @@ pub(super) fn coarse_owners(ranks: &Ranks, claims: &[(u64, Claim)], places: u64)
         for node in nodes {
             let (key, claim) = (node / 3, node % 3);
             let best = owner.entry(key).or_insert((claim, *rank as u32));
-            // Ranks ascend.
+            // Claims arrive in ascending order of ranks.
             if claim > best.0 {
                 *best = (claim, *rank as u32);
             }
@@ -41,6 +41,6 @@ pub(super) fn coarse_owners(ranks: &Ranks, claims: &[(u64, Claim)], places: u64)
     let owner_of = |node: &u64| owner.get(&(node / 3)).map_or(0, |(_, rank)| *rank);
     let answers: Vec<(usize, Vec<u32>)> =
         asked.iter().map(|(rank, nodes)| (*rank, nodes.iter().map(owner_of).collect())).collect();
-    // Home ranks ascend with the nodes.
+    // Home ranks are in the same order as the nodes.
     ranks.exchange(answers).into_iter().flat_map(|(_, owners)| owners).collect()
 }

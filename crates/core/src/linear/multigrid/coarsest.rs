@@ -1,4 +1,4 @@
-//! The direct solution on the coarsest level. If there are several ranks, each has the whole matrix of this level.
+//! The direct solution on the coarsest level. If there are several ranks, each rank has the whole matrix of this level.
 
 use super::super::reduction::agree;
 use super::super::{Direct, LinearError, LinearSolver, Pattern, ordering};
@@ -9,9 +9,9 @@ use super::level::Level;
 pub(super) struct Coarsest {
     direct: Direct,
     values: Vec<f64>,
-    /// The number of each node of this rank and of its ghosts among all nodes.
+    /// The index, among all nodes, of each node of this rank and of each of its ghosts.
     number: Vec<u32>,
-    /// The numbers of the own nodes of each rank, if there are several.
+    /// The indices of the own nodes of each rank, if there are several ranks.
     of_ranks: Vec<Vec<u32>>,
     /// The start of the entries of each node.
     start: Vec<usize>,
@@ -64,8 +64,8 @@ impl Coarsest {
         }
     }
 
-    /// The columns of the row of an own node from the diagonal on: the number of each, ascending, and its index in the
-    /// row.
+    /// The columns, from the diagonal on, of the row of an own node: the number of each column, ascending, and its
+    /// index in the row.
     fn entries<const D: usize, const N: usize>(&self, level: &Level<D, N>, node: usize) -> Vec<(u32, usize)> {
         let columns = level.rows.columns(node).iter().enumerate();
         let mut entries: Vec<(u32, usize)> = columns
@@ -117,7 +117,7 @@ impl Coarsest {
         }
     }
 
-    /// Solves for the field of the level, given the right-hand side there.
+    /// Solves for the field of the level, given the right-hand side on that level.
     ///
     /// # Errors
     /// [`LinearError`], on all ranks.
@@ -146,8 +146,8 @@ impl Coarsest {
     }
 }
 
-/// The lower triangle by columns, given the columns of each row from the diagonal on; as the matrix is symmetric, rows
-/// and columns are interchanged.
+/// The lower triangle by columns, given the columns of each row from the diagonal on. Rows and columns can be
+/// interchanged because the matrix is symmetric.
 fn lower_triangle<const N: usize>(rows: &[Vec<u32>]) -> Pattern {
     let n = N * rows.len();
     let mut pattern = Pattern { n, column_start: vec![0], row: Vec::new(), symmetric: true };

@@ -8,41 +8,41 @@ use crate::ranks::Ranks;
 
 use super::ghosts::{Find, Known, Messages};
 
-/// The columns of a part of a row, by their position numbers and with their ranks.
+/// The columns of a part of a row: their position numbers and ranks.
 type Columns = Vec<(u64, u32)>;
 
 /// The part of a row that comes from another rank.
 #[derive(Debug, Clone)]
 struct Part {
     row: u32,
-    /// Index of its rank among the senders, and index of its first block in the message.
+    /// Index of the sending rank among all senders, and index of the first block of the part in the message.
     from: usize,
     first: usize,
-    /// The index in the row of each of its columns.
+    /// For each column of the part, its index in the complete row.
     places: Vec<u32>,
 }
 
 /// The parts of rows that pass between ranks.
 #[derive(Debug, Clone)]
 pub(super) struct Contributions {
-    /// The rows that are sent and received: messages with one value for each.
+    /// The rows that are sent and received, as messages with one value per row.
     pub rows: Messages,
     /// Columns of the rows that are sent to each rank.
     columns: Vec<Vec<Vec<u32>>>,
     /// Parts that are received, by row and then by rank.
     parts: Vec<Part>,
-    /// The first of the parts of each own row.
+    /// For each own row, the index of its first part in `parts`.
     part_start: Vec<u32>,
     /// Number of blocks that are received from each rank.
     blocks: Vec<usize>,
 }
 
-/// A matrix of zeros by rows: the start of each row, and columns.
+/// The pattern of a matrix by rows: the start of each row, and the columns of all rows.
 pub(super) type RowColumns = (Vec<usize>, Vec<u32>);
 
 impl Contributions {
-    /// Tells the other ranks which entries this one contributes to rows of known nodes. Returns the columns of the own
-    /// rows, ascending, diagonal included; columns received from others become ghosts.
+    /// Tells the other ranks which entries this rank contributes to rows of known nodes. Returns the columns of the own
+    /// rows, ascending, including the diagonal; columns received from other ranks become ghosts.
     pub(super) fn new(
         ranks: &Ranks,
         (known, find): (&mut Known, &mut Find),

@@ -1,10 +1,11 @@
-//! The nodes of a level that several ranks know: each node belongs to one rank; others keep copies of it, its ghosts.
+//! The nodes of a level that several ranks know: each node belongs to one rank; other ranks keep copies of the node,
+//! its ghosts.
 
 use rustc_hash::FxHashMap;
 
 use crate::ranks::Ranks;
 
-/// The nodes of a level that this rank knows: its own first, then ghosts.
+/// The nodes of a level that this rank knows: first its own nodes, then ghosts.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Known {
     /// Number of nodes of this rank.
@@ -19,7 +20,8 @@ pub(super) struct Known {
 pub(super) type Find = FxHashMap<u64, u32>;
 
 impl Known {
-    /// Nodes with their ranks, those of this rank first; both kinds keep their order.
+    /// The known nodes, given with their ranks and reordered such that the nodes of this rank come first; both kinds
+    /// keep their order.
     pub(super) fn new(rank: usize, nodes: &[(u64, u32)]) -> (Self, Find) {
         let is_own = |node: &&(u64, u32)| node.1 as usize == rank;
         let own = nodes.iter().filter(is_own).count();
@@ -37,7 +39,7 @@ impl Known {
         self.key.len()
     }
 
-    /// The node at this position, which becomes a ghost if it was not known.
+    /// The node at this position; it becomes a ghost if it was not known.
     pub(super) fn find_or_add(&mut self, find: &mut Find, key: u64, owner: u32) -> u32 {
         *find.entry(key).or_insert_with(|| {
             self.key.push(key);
@@ -63,14 +65,15 @@ impl Known {
 pub(super) struct Messages {
     /// The other ranks, ascending.
     pub with: Vec<usize>,
-    /// Nodes whose values are sent to each of them.
+    /// Nodes whose values are sent to each of these ranks.
     pub send: Vec<Vec<u32>>,
-    /// Nodes whose values are received from each of them.
+    /// Nodes whose values are received from each of these ranks.
     pub receive: Vec<Vec<u32>>,
 }
 
 impl Messages {
-    /// Messages to and from some ranks, both ascending; ranks with which nothing is exchanged do not appear.
+    /// Messages to and from other ranks, both in ascending order of ranks; ranks with which nothing is exchanged do not
+    /// appear.
     pub(super) fn new(send: Vec<(usize, Vec<u32>)>, receive: Vec<(usize, Vec<u32>)>) -> Self {
         let mut with: Vec<usize> = send.iter().chain(&receive).map(|(rank, _)| *rank).collect();
         with.sort_unstable();
@@ -87,7 +90,7 @@ impl Messages {
         Messages { send: of_ranks(send), receive: of_ranks(receive), with }
     }
 
-    /// Sends the values of nodes, and calls `take(node, value)` for those received, in rank order.
+    /// Sends the values of nodes, and calls `take(node, value)` for the values received, in rank order.
     fn pass<const N: usize>(
         &self,
         ranks: &Ranks,
@@ -107,7 +110,7 @@ impl Messages {
         }
     }
 
-    /// Replaces values by those received.
+    /// Replaces values by the received values.
     fn copy<const N: usize>(&self, ranks: &Ranks, values: &mut [[f64; N]]) {
         self.pass(ranks, values, |value, new| value.copy_from_slice(new));
     }
@@ -118,7 +121,7 @@ impl Messages {
     }
 }
 
-/// Renews the ghosts of a level.
+/// Renews the values at the ghosts of a level.
 #[derive(Debug, Clone)]
 pub(super) struct Ghosts {
     pub ranks: Ranks,

@@ -10,18 +10,18 @@ use super::of_ranks::Shared;
 use super::rows::{Rows, in_parts};
 use super::stencil::{Stencil, inverse_of};
 
-/// A level: Â = S A S with the matrix A of the level and a diagonal S that makes the entries about one, however little
-/// of a cell a body fills. Held degrees of freedom have only a one on the diagonal. If there are several ranks, each
-/// has the rows of its own nodes, which come first, and fields also have values at the ghosts that follow.
+/// A level: Â = S A S with the matrix A of the level and a diagonal S that makes the entries about one, even if a body
+/// fills only a small part of a cell. Held degrees of freedom have only a one on the diagonal. If there are several
+/// ranks, each rank has the rows of its own nodes, which come first; fields also have values at the ghosts that follow.
 #[derive(Debug, Clone)]
 pub(super) struct Level<const D: usize, const N: usize> {
     pub lattice: Lattice<D>,
     pub rows: Rows<N>,
-    /// The diagonal of S, zero where held.
+    /// The diagonal of S; zero for held degrees of freedom.
     pub scale: Vec<[f64; N]>,
-    /// Its inverse, zero where held.
+    /// The inverse of S; zero for held degrees of freedom.
     pub unscale: Vec<[f64; N]>,
-    /// Prescribed degrees of freedom of own nodes.
+    /// True for the prescribed degrees of freedom of own nodes.
     pub held: Vec<[bool; N]>,
     /// Inverses of the diagonal blocks of Â.
     pub inverse: Vec<Block<N>>,
@@ -69,7 +69,7 @@ impl<const D: usize, const N: usize> Level<D, N> {
         Level::new(lattice, Rows::new(start, column), held, None)
     }
 
-    /// The level above this one.
+    /// The next coarser level.
     pub(super) fn coarser(&self) -> (Level<D, N>, Transfer) {
         if let Some(shared) = &self.shared {
             return self.coarser_shared(shared);
@@ -102,7 +102,7 @@ impl<const D: usize, const N: usize> Level<D, N> {
         self.held == held && self.lattice == *lattice && same_columns()
     }
 
-    /// Takes the values of the matrix; returns true if its whole diagonal is positive.
+    /// Takes over the values of a matrix; returns true if its whole diagonal is positive.
     ///
     /// # Errors
     /// [`LinearError::Singular`] if a free degree of freedom has no stiffness.
@@ -133,7 +133,7 @@ impl<const D: usize, const N: usize> Level<D, N> {
         Ok(positive)
     }
 
-    /// Scales own nodes by the diagonal of the finest level; returns true if it is positive.
+    /// Scales own nodes with the diagonal of the finest level; returns true if this diagonal is positive.
     ///
     /// # Errors
     /// [`LinearError::Singular`] if a free degree of freedom has no stiffness.
@@ -153,7 +153,7 @@ impl<const D: usize, const N: usize> Level<D, N> {
         Ok(positive)
     }
 
-    /// Takes the values of the Galerkin product Tᵀ A T of a finer level.
+    /// Computes the values of the Galerkin product Tᵀ A T of a finer level.
     pub(super) fn take_product(&mut self, fine: &Level<D, N>, transfer: &Transfer) {
         let mut stiffness: Vec<[f64; N]> = vec![[0.0; N]; self.lattice.len()];
         for (n, stiffness) in stiffness.iter_mut().enumerate() {
@@ -215,7 +215,7 @@ impl<const D: usize, const N: usize> Level<D, N> {
     }
 }
 
-/// The columns of all rows of a matrix, ascending, with both triangles.
+/// The columns of all rows of a matrix, ascending, for both triangles.
 pub(super) fn whole_rows<const N: usize>(matrix: &BlockMatrix<N>) -> RowColumns {
     let n = matrix.column_start.len().saturating_sub(1);
     let mut start = vec![0; n + 1];

@@ -1,20 +1,21 @@
-//! The matrix of a level by rows, in single precision: every cycle reads it several times.
+//! The matrix of a level by rows, in single precision because every cycle reads it several times.
 
-/// Entries that are processed at once.
+/// Number of entries that are processed at once.
 const LANES: usize = 4;
 
-/// Rows of a task that is not divided further.
+/// Largest number of rows in a task that is not divided further.
 const GRAIN: usize = 128;
 
-/// A square matrix of N×N blocks by rows. In a row, the entries of its first component stand side by side, followed by
-/// those of the second and so on; each component is padded with zeros to a multiple of [`LANES`].
+/// A square matrix of N×N blocks by rows. In a row, the entries of its first component are stored contiguously,
+/// followed by the entries of the second component, and so on; each component is padded with zeros to a multiple of
+/// [`LANES`].
 #[derive(Debug, Clone, Default)]
 pub(super) struct Rows<const N: usize> {
     start: Vec<usize>,
     column: Vec<u32>,
     value_start: Vec<usize>,
     value: Vec<f32>,
-    /// Most entries of a component of a row.
+    /// Largest number of entries of a component of a row.
     width: usize,
 }
 
@@ -40,7 +41,7 @@ impl<const N: usize> Rows<N> {
         &self.column[self.start[row]..self.start[row + 1]]
     }
 
-    /// Entries of component i of a row: of the first column, of the second, and so on.
+    /// Entries of component i of a row: for the first column, for the second, and so on.
     #[inline(always)]
     pub(super) fn component(&self, row: usize, i: usize) -> &[f32] {
         let values = &self.value[self.value_start[row]..self.value_start[row + 1]];
@@ -54,7 +55,7 @@ impl<const N: usize> Rows<N> {
         std::array::from_fn(|i| std::array::from_fn(|k| f64::from(self.component(row, i)[place * N + k])))
     }
 
-    /// Calls `work` to write the rows, one after the other in each piece; a piece is `(first row, its values)`.
+    /// Calls `work` to write the rows, one after another in each piece; a piece is `(first row, its values)`.
     pub(super) fn fill(&mut self, work: &(impl Fn(Piece<N>) + Sync)) {
         let n = self.len();
         let piece = Piece {
@@ -67,7 +68,7 @@ impl<const N: usize> Rows<N> {
         piece.divide(work);
     }
 
-    /// A row times a vector; `entries` is working space for [`Rows::width`] numbers.
+    /// The product of a row and a vector; `entries` is working space for [`Rows::width`] numbers.
     #[inline(always)]
     pub(super) fn times(&self, row: usize, x: &[[f64; N]], entries: &mut [f64]) -> [f64; N] {
         let columns = self.columns(row);
@@ -78,7 +79,7 @@ impl<const N: usize> Rows<N> {
         entries[columns.len() * N..width].fill(0.0);
         let entries = entries[..width].as_chunks::<LANES>().0;
         let mut product = [0.0; N];
-        // Plain loops are compiled for the same vector instructions as the enclosing function.
+        // Plain loops are compiled with the same vector instructions as the enclosing function.
         for i in 0..N {
             let mut lanes = [0.0; LANES];
             for (a, x) in self.component(row, i).as_chunks::<LANES>().0.iter().zip(entries) {
@@ -91,13 +92,13 @@ impl<const N: usize> Rows<N> {
         product
     }
 
-    /// Most entries of a component of a row.
+    /// Largest number of entries of a component of a row.
     pub(super) fn width(&self) -> usize {
         self.width
     }
 }
 
-/// Some consecutive rows that are written.
+/// A range of consecutive rows to be written.
 pub(super) struct Piece<'a, const N: usize> {
     first: usize,
     start: &'a [usize],
@@ -134,7 +135,7 @@ impl<'a, const N: usize> Piece<'a, N> {
     }
 }
 
-/// Calls `work(first, part)` to write all parts of a vector; the division into parts has no influence on the result.
+/// Calls `work(first, part)` to write all parts of a vector; the division into parts does not affect the result.
 pub(super) fn in_parts<T: Send>(first: usize, out: &mut [T], work: &(impl Fn(usize, &mut [T]) + Sync)) {
     if out.len() <= GRAIN {
         return work(first, out);

@@ -1,4 +1,5 @@
-//! Levels of several ranks: each rank has the rows of its own nodes, and copies of what it needs of other ranks.
+//! Levels that several ranks share: each rank has the rows of its own nodes, and copies of the data that it needs from
+//! other ranks.
 
 use pulp::Arch;
 use rayon::prelude::*;
@@ -17,7 +18,7 @@ use super::of_ranks::Shared;
 use super::rows::Rows;
 use super::stencil::Stencil;
 
-/// The input of an analysis, which need not be repeated for the same input.
+/// The input of an analysis; the analysis need not be repeated for the same input.
 #[derive(PartialEq)]
 pub(super) struct Input<const D: usize, const N: usize> {
     places: Vec<[u32; D]>,
@@ -75,7 +76,7 @@ impl<const D: usize, const N: usize> Level<D, N> {
         Level::shared(ranks, lattice, held, (known, find), &rows, active)
     }
 
-    /// A level to whose known nodes this rank contributes rows with these columns.
+    /// A level some of whose nodes this rank knows; `rows` are the columns that it contributes to their rows.
     fn shared(
         ranks: &Ranks,
         mut lattice: Lattice<D>,
@@ -94,7 +95,7 @@ impl<const D: usize, const N: usize> Level<D, N> {
         Level::new(lattice, Rows::new(start, column), held, Some(shared))
     }
 
-    /// The level above this one.
+    /// The next coarser level.
     pub(super) fn coarser_shared(&self, shared: &Shared) -> (Level<D, N>, Transfer) {
         let ranks = &shared.ghosts.ranks;
         let mut lattice = self.lattice.above();
@@ -131,7 +132,7 @@ impl<const D: usize, const N: usize> Level<D, N> {
         (level, transfer)
     }
 
-    /// The columns of the rows of Tᵀ A T to which own rows of this level contribute.
+    /// The columns that the own rows of this level contribute to each row of Tᵀ A T.
     fn columns_above(&self, lattice: &Lattice<D>, transfer: &Transfer) -> RowColumns {
         let stencil = Stencil::new(lattice);
         let columns = |is_seen: &mut Vec<bool>, row: usize| {
@@ -155,7 +156,7 @@ impl<const D: usize, const N: usize> Level<D, N> {
         (start, of_rows.into_iter().flatten().collect())
     }
 
-    /// Takes the values of the matrix of which each rank has a part.
+    /// Uses the values of the matrix, of which each rank has a part.
     ///
     /// # Errors
     /// [`LinearError::Singular`] on all ranks if a free degree of freedom on any rank has no stiffness.
@@ -182,7 +183,7 @@ impl<const D: usize, const N: usize> Level<D, N> {
         Ok(ranks.all(positive))
     }
 
-    /// Takes the values of the Galerkin product of which each rank has the part of its finer nodes.
+    /// Computes the values of the Galerkin product, to which each rank contributes the part of its finer nodes.
     pub(super) fn take_shared_product(&mut self, shared: &Shared, fine: &Level<D, N>, transfer: &Transfer) {
         let stencil = Stencil::new(&self.lattice);
         self.fill_shared(shared, &|row, columns, blocks| {

@@ -6,11 +6,11 @@ use super::super::lattice::Transfer;
 use super::level::Level;
 use super::rows::{Rows, in_parts};
 
-/// Entries of a row that fit into working space without allocation.
+/// Number of row entries that fit in the working space without allocation.
 const NEAR: usize = 3 * 343 + 4;
 
 impl<const D: usize, const N: usize> Level<D, N> {
-    /// One block Gauss–Seidel sweep over the colours, forwards or backwards; `afresh` starts from zero.
+    /// One block Gauss–Seidel sweep over the colours, forwards or backwards; it starts from zero if `afresh`.
     pub(super) fn sweep(&mut self, forwards: bool, afresh: bool) {
         if afresh {
             self.x.fill([0.0; N]);
@@ -89,7 +89,7 @@ impl<const D: usize, const N: usize> Level<D, N> {
         }
     }
 
-    /// Adds the correction found on the coarser level, also at ghosts.
+    /// Adds the correction computed on the coarser level, at ghost nodes too.
     pub(super) fn prolong(&mut self, transfer: &Transfer, coarse: &Level<D, N>) {
         let unscale = &self.unscale;
         in_parts(0, &mut self.x, &|first, part: &mut [[f64; N]]| {
@@ -106,7 +106,7 @@ impl<const D: usize, const N: usize> Level<D, N> {
     }
 }
 
-/// Runs `work` with working space for the vector entries of any row.
+/// Calls `work` with working space for the vector entries of any row.
 fn with_room<const N: usize>(rows: &Rows<N>, work: impl FnOnce(&mut [f64])) {
     let width = rows.width();
     let mut near = [0.0; NEAR];

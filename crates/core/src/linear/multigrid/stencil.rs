@@ -4,13 +4,13 @@ use super::super::blocks::Block;
 use super::super::lattice::{Lattice, Transfer};
 use super::rows::Rows;
 
-/// Smallest pivot of a scaled diagonal block; smaller ones are replaced by it. The iterations around the cycle resolve
-/// such weak motions.
+/// Smallest pivot of a scaled diagonal block; smaller pivots are replaced by it. The outer iterations resolve the weak
+/// motions to which such pivots belong.
 const WEAKEST: f64 = 1e-4;
 
 /// Numbers the positions around a node of a level.
 pub(super) struct Stencil {
-    /// A key of each node; the difference of two keys gives their relative position.
+    /// A key of each node; the difference between two keys determines the relative position of the nodes.
     key: Vec<usize>,
     centre: usize,
     /// Number of positions.
@@ -26,7 +26,7 @@ impl Stencil {
         Stencil { key: lattice.place.iter().map(number).collect(), centre: number(&lattice.reach), len }
     }
 
-    /// The number of the position of a column around the node of a row.
+    /// The position number of the node of a column, relative to the node of a row.
     #[inline(always)]
     pub(super) fn place(&self, row: usize, column: usize) -> usize {
         self.key[column] + self.centre - self.key[row]
@@ -68,7 +68,7 @@ impl Stencil {
     }
 }
 
-/// The inverse of a symmetric block whose pivots are kept away from zero, with the sign of the diagonal.
+/// The inverse of a symmetric block, with its pivots kept away from zero and given the sign of the diagonal.
 pub(super) fn inverse_of<const N: usize>(block: &Block<N>) -> Block<N> {
     let mut factor = *block; // L below the diagonal, pivots on it
     for k in 0..N {

@@ -1,6 +1,6 @@
-//! The response of modified Cam-clay to principal trial strains, at one point or at several side by side.
+//! The response of modified Cam-clay to principal trial strains, at one point or at several points at once.
 //!
-//! Where the trial stress lies beyond the ellipse, Newton's method finds the elastic strain invariants ε_v^e, ε_s^e and
+//! If the trial stress lies outside the ellipse, Newton's method finds the elastic strain invariants ε_v^e, ε_s^e and
 //! the multiplier Γ = Δγ P_cn that satisfy
 //! ε_v^e − ε_v^tr = Γ (2P − P_c)/P_cn, ε_s^e − ε_s^tr = −2Γ q/(M² P_cn) and f = 0,
 //! Borja and Tamagnini (1998). The direction of the deviator is that of the trial strain.
@@ -14,7 +14,7 @@ use crate::tensor::{Lane, exp, ln};
 const MOST_ITERATIONS: usize = 50;
 /// Tolerance of the equations, [-].
 const TOLERANCE: f64 = 1e-13;
-/// Norm of the residual below which one iteration reaches round-off, [-].
+/// Norm of the residual below which one more iteration reaches round-off, [-].
 const NEARLY: f64 = 1e-9;
 /// Largest number of halvings of a step in the line search.
 const MOST_TRIALS: usize = 30;
@@ -55,11 +55,11 @@ struct Start<T> {
     first: T,
     /// 1/P_c at this guess, by which the yield function is scaled, [1/stress].
     per_size: T,
-    /// Norm of the residual up to which a solution is accepted, [-]; infinite where a point does not flow.
+    /// Largest norm of the residual at which a solution is accepted, [-]; infinite for a point that does not flow.
     tolerance: T,
 }
 
-/// The state after the return mapping: that of the trial strain where a point does not flow.
+/// The state after the return mapping; for a point that does not flow, the state at the trial strain.
 struct Returned<T> {
     elastic: Elastic<T>,
     /// P_c, [stress].
@@ -70,12 +70,12 @@ struct Returned<T> {
     kept: T,
     /// Derivatives of P with respect to ε_v^tr and ε_s^tr, [stress].
     pressure_rates: [T; 2],
-    /// The same of q, [stress].
+    /// Derivatives of q with respect to ε_v^tr and ε_s^tr, [stress].
     shear_rates: [T; 2],
 }
 
 impl<T: Lane> Elastic<T> {
-    /// The derivative of (P, q) along a change of ε_v and ε_s, [stress].
+    /// The derivative of (P, q) in the direction of a change of ε_v and ε_s, [stress].
     #[inline(always)]
     fn rates(&self, volumetric: T, shear: T) -> [T; 2] {
         let Elastic { modulus, bulk, coupling, .. } = *self;
@@ -83,7 +83,7 @@ impl<T: Lane> Elastic<T> {
         [pressure, coupling * volumetric + modulus * shear * 3.0]
     }
 
-    /// True if the elastic stiffness is positive definite at all points. Where μ grows with the pressure, this no
+    /// True if the elastic stiffness is positive definite at all points. If μ grows with the pressure, this no
     /// longer holds beyond some ε_s, and the stress falls without flow.
     #[inline(always)]
     fn is_stable(&self) -> bool {
@@ -130,7 +130,7 @@ impl CamClay {
         size * exp(change * self.hardening())
     }
 
-    /// 1/(λ̂ − κ̂): the growth of ln P_c per plastic ε_v.
+    /// 1/(λ̂ − κ̂): the increase of ln P_c per unit of plastic ε_v.
     fn hardening(&self) -> f64 {
         1.0 / (self.compression_index - self.swelling_index)
     }
@@ -171,7 +171,7 @@ impl CamClay {
         let mut x = [start.first, start.shear, zero];
         let mut now = self.equations(start, &x);
         let mut norm = now.norm();
-        // 1 where a point needs a further iteration.
+        // 1 for each point that needs a further iteration.
         let mut open = start.tolerance.where_below(T::splat(f64::INFINITY), one, zero);
         for _ in 0..MOST_ITERATIONS {
             if open.is_below(0.5) {
@@ -206,8 +206,8 @@ impl CamClay {
         is_solution.then_some((x, now))
     }
 
-    /// Initial guess of the elastic volumetric strain: that of the trial state or, if its pressure exceeds P_c, that of
-    /// isotropic compression along the virgin line.
+    /// Initial guess of the elastic volumetric strain: the value in the trial state or, if the trial pressure exceeds
+    /// P_c, the value for isotropic compression along the virgin line.
     #[inline(always)]
     fn first<T: Lane>(&self, volumetric: T, size: T) -> T {
         let CamClay { compression_index, swelling_index, reference_pressure, .. } = *self;
@@ -217,13 +217,13 @@ impl CamClay {
         beyond.where_below(T::splat(0.0), along, volumetric)
     }
 
-    /// The state at the end of the flow; `None` if a point has no such state.
+    /// The state after the plastic flow; `None` if a point has no such state.
     #[inline(always)]
     fn flow<T: Lane>(&self, start: &Start<T>) -> Option<Returned<T>> {
         let ([volumetric, shear, gamma], equations) = self.solve(start)?;
         let Equations { jacobian, elastic, size, .. } = equations;
         let (one, zero) = (T::splat(1.0), T::splat(0.0));
-        // The trial strains enter the first two equations as well as P_c, which depends on ε_v^e − ε_v^tr.
+        // The trial strains enter the first two equations, and also P_c, which depends on ε_v^e − ε_v^tr.
         let per = one / start.size;
         let solved = inverse(&jacobian);
         let size_rate = size * self.hardening();
@@ -242,7 +242,7 @@ impl CamClay {
         })
     }
 
-    /// As [`PrincipalLaw::respond`](crate::material::PrincipalLaw::respond).
+    /// The same as [`PrincipalLaw::respond`](crate::material::PrincipalLaw::respond).
     ///
     /// # Errors
     /// If a point has no response.
@@ -304,7 +304,7 @@ impl CamClay {
 }
 
 impl<T: Lane> Returned<T> {
-    /// Takes over the state of the points that flow.
+    /// Replaces the state of the points that flow.
     #[inline(always)]
     fn replace(&mut self, flowed: &Returned<T>, flows: T) {
         let zero = T::splat(0.0);

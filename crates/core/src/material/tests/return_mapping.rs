@@ -50,7 +50,7 @@ fn mohr_coulomb(tau: [f64; 3], friction: Friction, tensile: f64, factor: f64) ->
     let sine = friction.friction_angle.to_radians().sin();
     let cosine = friction.friction_angle.to_radians().cos();
     let cohesion = factor * friction.cohesion;
-    // In the form of textbooks: (σ₁ − σ₃)/2 + (σ₁ + σ₃)/2 sin φ − c cos φ.
+    // The textbook form: (σ₁ − σ₃)/2 + (σ₁ + σ₃)/2 sin φ − c cos φ.
     let shear = 0.5 * (high - low) + 0.5 * (high + low) * sine - cohesion * cosine;
     shear.max(high - factor * tensile) / (cohesion * cosine + high.abs() + low.abs())
 }
@@ -121,7 +121,8 @@ impl Case {
         self.law.respond(trial, old, &mut new).ok().map(|response| (response, new))
     }
 
-    /// Error of the modulus at these strains against central differences, relative to the stiffness at zero strain.
+    /// Error of the modulus at these strains compared with central differences, relative to the stiffness at zero
+    /// strain.
     fn error_of_modulus(&self, trial: [f64; 3], old: &[f64], h: f64) -> f64 {
         let (response, _) = self.respond(trial, old).expect("a response");
         let (at_rest, _) = self.respond([0.0; 3], &self.old).expect("a response");
@@ -190,7 +191,7 @@ fn the_modulus_is_consistent_in_all_regions_and_near_their_borders() {
                 continue;
             }
             if case.jump(a, b, &old) > JUMP {
-                // The boundary between the two regions, by bisection.
+                // Bisection locates the boundary between the two regions.
                 while (a[0] - b[0]).abs() + (a[1] - b[1]).abs() + (a[2] - b[2]).abs() > 1e-6 * size {
                     let middle = between(a, b, 0.5);
                     let is_first = case.jump(a, middle, &old) > case.jump(middle, b, &old);
@@ -216,7 +217,7 @@ fn the_modulus_is_consistent_in_all_regions_and_near_their_borders() {
 #[test]
 fn equal_strains_have_the_limit_of_the_modulus() {
     for law in laws().iter().map(AsRef::as_ref).filter(|law| !law.state_fields().is_empty()) {
-        // Softening has no tangent where the deviatoric flow changes its sign.
+        // Softening has no tangent where the deviatoric flow changes sign.
         let at_apex = (!format!("{law:?}").contains("Softening")).then_some([0.03, 0.03, 0.03]);
         let others = [[0.02, 0.02, -0.03], [0.02, -0.01, -0.01], [-0.02, -0.02, -0.02]];
         for strain in others.into_iter().chain(at_apex) {
@@ -230,10 +231,11 @@ fn equal_strains_have_the_limit_of_the_modulus() {
 
 /// Plastic work τ : Δε^p is never negative, even where flow is not associated, since no dilation angle exceeds the
 /// friction angle: on the Mohr-Coulomb surface τ · m = 2c√N − (N − N_ψ) τ₁, and on the cone ξ c − (η − η̄) p; τ₁ and p
-/// are at most those of the apex, 2c√N/(N − 1) and ξ c/η, where both expressions would still be positive for N_ψ = 1
-/// and η̄ = 0. If the strength limits the Cauchy stress, c is multiplied by J, and softening takes the strength at the
-/// end of the step; neither changes this result. On the ellipse of Cam-clay τ · m = P P_c. Part of this work is stored
-/// in the hardening of Cam-clay, so only the sum is tested, not what turns into heat.
+/// do not exceed their values at the apex, 2c√N/(N − 1) and ξ c/η, at which both expressions are at least zero (equal
+/// to zero for N_ψ = 1 and η̄ = 0). If the strength limits the Cauchy stress, c is multiplied by J, and with softening,
+/// the strength at the end of the step is used; neither changes this result. On the ellipse of Cam-clay, τ · m = P P_c.
+/// Part of the work is stored in the hardening of Cam-clay, so for this law the test covers only the sum, not the part
+/// that is dissipated as heat.
 #[test]
 fn stresses_return_to_the_surface_and_plastic_work_is_never_negative() {
     let mut random = Random(2);
@@ -266,8 +268,8 @@ fn stresses_return_to_the_surface_and_plastic_work_is_never_negative() {
     }
 }
 
-/// An unconfined point that flows from its peak: the stress falls gradually just above the least strain of softening,
-/// and jumps, or has no solution, just below it.
+/// An unconfined point that flows from its peak: if the softening strain is just above its least value, the stress
+/// falls gradually; just below it, the stress jumps or has no solution.
 #[test]
 fn softening_has_a_solution_down_to_the_least_strain() {
     let angles =

@@ -2,9 +2,9 @@
 //!
 //! In a sector of ordered stresses τ₁ ≥ τ₂ ≥ τ₃ (tension positive) the surface consists of the shear plane N τ₁ − τ₃ =
 //! s and the tension plane τ₁ = T. Their mirror images in the neighbouring sectors, N τ₂ − τ₃ = s, N τ₁ − τ₂ = s and τ₂
-//! = T, meet them in edges and vertices. Stresses and moduli of all faces and edges follow from one formula with one or
+//! = T, meet them in edges and vertices. Stresses and moduli on all faces and edges follow from one formula with one or
 //! two planes (Koiter 1953; de Souza Neto, Perić and Owen 2008, chapter 8; Clausen, Damkilde and Andersen 2007, doi
-//! 10.1016/j.compstruc.2006.10.010): nothing iterates.
+//! 10.1016/j.compstruc.2006.10.010), without iteration.
 
 use crate::material::Elasticity;
 
@@ -13,7 +13,7 @@ use crate::material::Elasticity;
 pub struct Strength {
     /// N = (1 + sin φ)/(1 − sin φ), [-].
     pub ratio: f64,
-    /// The same of the dilation angle, [-].
+    /// The same ratio for the dilation angle, [-].
     pub flow_ratio: f64,
     /// Uniaxial compressive strength s = 2c√N, [stress].
     pub compressive: f64,
@@ -21,7 +21,7 @@ pub struct Strength {
     pub tensile: f64,
 }
 
-/// The stress on the surface and what it depends on, for `R` parameters of the strength.
+/// The stress on the surface and its derivatives, for `R` parameters of the strength.
 pub struct Returned<const R: usize> {
     /// Principal stresses, [stress].
     pub tau: [f64; 3],
@@ -40,7 +40,7 @@ enum Plane {
     Tension(usize),
 }
 
-/// Relative error of stresses and flow up to which a face or edge is accepted at once, [-].
+/// Largest relative error of stresses and flow at which a face or edge is accepted at once, [-].
 const ACCEPTED: f64 = 1e-13;
 
 type Vector = [f64; 3];
@@ -51,7 +51,7 @@ fn dot(a: &Vector, b: &Vector) -> f64 {
 }
 
 impl Plane {
-    /// Its gradient.
+    /// Normal to the plane: the gradient of its left-hand side.
     #[inline(always)]
     fn normal(self, ratio: f64) -> Vector {
         let mut normal = [0.0; 3];
@@ -70,7 +70,7 @@ impl Plane {
         }
     }
 
-    /// Derivative of the gradient with respect to a parameter, given that of the ratio.
+    /// Derivative of the gradient with respect to a parameter, given the derivative of the ratio.
     #[inline(always)]
     fn normal_rate(self, ratio_rate: f64) -> Vector {
         let mut rate = [0.0; 3];
@@ -94,7 +94,7 @@ impl Strength {
         self.tensile < self.apex()
     }
 
-    /// By how much ordered stresses violate the strength, [stress]; negative inside.
+    /// Amount by which ordered stresses violate the strength, [stress]; negative inside the surface.
     #[inline(always)]
     pub fn excess(&self, tau: &Vector) -> f64 {
         let shear = self.ratio * tau[0] - tau[2] - self.compressive;
@@ -109,8 +109,8 @@ impl Strength {
         self.excess(&[largest, 0.0, smallest])
     }
 
-    /// Returns ordered trial stresses from beyond the surface to the surface. `rates` are the derivatives of the
-    /// strength with respect to the parameters, if the derivatives of the stresses are wanted.
+    /// Returns ordered trial stresses from outside the surface to the surface. `rates` are the derivatives of the
+    /// strength with respect to the parameters, if the derivatives of the stresses are required.
     pub fn returned<const R: usize>(
         &self,
         elasticity: &Elasticity,
@@ -120,7 +120,7 @@ impl Strength {
         use Plane::{Shear, Tension};
         let scale = trial[0].abs().max(trial[2].abs()).max(self.compressive);
         let (mut least, mut best) = (f64::INFINITY, 0);
-        // Each face and edge is compiled separately. The last round returns the one with the smallest error.
+        // Each face and edge is compiled separately. The last round returns the result with the smallest error.
         macro_rules! attempt {
             ($number:literal, $planes:expr, $is_last:expr) => {
                 let face = Face::new(self, elasticity, trial, $planes);
@@ -144,7 +144,7 @@ impl Strength {
                 attempt!(5, [Shear(0, 2), Tension(0)], is_last);
                 attempt!(6, [Tension(0), Tension(1)], is_last);
             }
-            // With round-off, an edge may fail by a little where a vertex fails by more.
+            // Because of round-off, a face or edge may be rejected by a small margin, and every vertex by a larger one.
             let vertex = Vertex::nearest(self, elasticity, trial);
             if is_last || vertex.violation / scale <= least {
                 return vertex.finish(self, rates);
@@ -163,7 +163,7 @@ struct Face<const M: usize> {
     /// D A and D G, [stress].
     normal_stress: [Vector; M],
     flow_stress: [Vector; M],
-    /// Inverse of Aᵀ D G, A the normals and G the directions of flow.
+    /// Inverse of Aᵀ D G, where A contains the normals and G the flow directions.
     inverse: [[f64; M]; M],
 }
 
@@ -194,8 +194,8 @@ impl<const M: usize> Face<M> {
         Face { planes, tau, flow, normal_stress, flow_stress, inverse }
     }
 
-    /// The larger of the stress beyond other planes and the flow against its direction, [stress]; infinite if it is
-    /// NaN.
+    /// The larger of two violations, [stress]: the amount by which the stress exceeds the strength, and flow against
+    /// its direction, times the shear modulus. Infinite if the result is NaN.
     #[inline(always)]
     fn violation(&self, strength: &Strength, elasticity: &Elasticity) -> f64 {
         let back = self.flow.iter().fold(f64::NEG_INFINITY, |most, flow| most.max(-elasticity.shear * flow));
@@ -203,8 +203,8 @@ impl<const M: usize> Face<M> {
         if violation.is_nan() || self.tau[0].is_nan() { f64::INFINITY } else { violation }
     }
 
-    /// Stress with the derivatives. With the multipliers Λ = (AᵀDG)⁻¹ (Aᵀτ^tr − b), τ = τ^tr − D G Λ, a change of the
-    /// parameters changes τ by −D G (AᵀDG)⁻¹ (A'ᵀτ − b' − AᵀDG'Λ) − D G'Λ.
+    /// The stress and its derivatives. With the multipliers Λ = (AᵀDG)⁻¹ (Aᵀτ^tr − b), τ = τ^tr − D G Λ, a change of
+    /// the parameters changes τ by −D G (AᵀDG)⁻¹ (A'ᵀτ − b' − AᵀDG'Λ) − D G'Λ.
     #[inline(always)]
     fn finish<const R: usize>(&self, elasticity: &Elasticity, rates: Option<&[Strength; R]>) -> Returned<R> {
         let Face { planes, flow, normal_stress, flow_stress, inverse, tau } = self;
@@ -283,7 +283,7 @@ impl Vertex {
         let tau = place.stress(strength);
         let flow = elasticity.principal_strain(std::array::from_fn(|i| trial[i] - tau[i]));
         let ratio = strength.flow_ratio;
-        // The flow must be a sum of those of the planes that meet here, with positive multipliers.
+        // The flow must be a sum of the flow directions of the planes that meet here, with positive multipliers.
         let multipliers = match place {
             Place::Apex => [flow[0] + flow[1] + ratio * flow[2], flow[0] + ratio * (flow[1] + flow[2]), 0.0],
             Place::Tension => flow,

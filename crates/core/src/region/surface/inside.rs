@@ -106,7 +106,8 @@ pub(super) fn intervals(triangles: &[Triangle], tree: &BoxTree<3>, line: &Line<3
     Intervals::from_crossings(crossings)
 }
 
-/// Parameter at which the line, projected onto the origin, crosses a facet.
+/// Parameter at which the line crosses a facet, given for each corner its projection across the line, in which the line
+/// is the origin, and its parameter along the line.
 fn parameter_along(corners: &[([f64; 2], f64); 3]) -> f64 {
     let area = |k: usize| {
         let ((a, _), (b, _)) = (corners[(k + 1) % 3], corners[(k + 2) % 3]);

@@ -95,8 +95,8 @@ pub(super) fn text(triangles: &[Triangle]) -> Vec<u8> {
 #[test]
 fn volumes_are_those_of_the_polyhedra() {
     assert_eq!(Surface::new(&cube([1.0, 2.0, 3.0], 2.0)).unwrap().volume(), 8.0);
-    // The area of a regular polygon of n corners is n/2 sin(2π/n) times the squared radius. A ring of n prisms mitred
-    // at the bisectors has the volume of area × path of the centroid, which runs along chords.
+    // The area of a regular polygon of n corners is n/2 sin(2π/n) times the squared radius. The volume of a ring of n
+    // prisms mitred at the bisectors is the area times the length of the path of the centroid, which runs along chords.
     let (n, m) = (24, 13);
     let polygon = |n: usize| 0.5 * n as f64 * (TAU / n as f64).sin();
     let ring = Surface::new(&torus(2.0, 0.5, n, m)).unwrap();

@@ -14,7 +14,7 @@ use crate::region::{hull, nothing};
 /// round-off of single precision.
 const SAME: f64 = 1e-6;
 
-/// Indexes the corners; corners with equal coordinates are one corner.
+/// Indexes the corners; corners with equal coordinates count as one corner.
 pub(super) fn by_equality(triangles: &[Triangle]) -> Facets {
     let (positions, corners) = indexed(triangles);
     Facets { positions, corners }

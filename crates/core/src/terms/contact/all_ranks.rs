@@ -1,9 +1,9 @@
 //! Contact of bodies whose points are divided between ranks.
 //!
 //! Each rank treats the contact points of its own material points. A corner shared by domains on several ranks belongs
-//! to the rank whose domain comes first in the order of the grid: the ranks tell each other the corners near shared
-//! nodes, and join them in the same way. All ranks know what contact points keep from step to step, because material
-//! points migrate. All ranks decide together about errors and multipliers.
+//! to the rank whose domain comes first in the order of the grid: the ranks send each other the corners near shared
+//! nodes, and join them in the same way. All ranks know the data that contact points keep from step to step, because
+//! material points migrate. All ranks decide together about errors and multipliers.
 
 use super::candidates::{CENTRE, Key, Near, Search};
 use super::plain::{Plain, exchange};
@@ -83,8 +83,8 @@ impl<const D: usize> Search<'_, D> {
         pieces[0].places.extend(places.into_iter().map(|(_, place)| place));
     }
 
-    /// True if the cell that holds a contact point has one of these active nodes, which ascend. Domains that share a
-    /// corner touch the same nodes of its cell.
+    /// True if the cell that holds a contact point has one of these active nodes, given in ascending order. Domains
+    /// that share a corner touch the same nodes of its cell.
     fn touches_one_of(&self, place: &Near<D>, shared: &[u32]) -> bool {
         let grid = self.model.grid.as_ref();
         let hint = place.p.map(|p| self.points.cell[p]);
@@ -111,7 +111,7 @@ fn of_other<const D: usize>(corner: Corner<D>) -> Near<D> {
 type AtNode<const D: usize> = ((u32, usize), ([f64; D], f64));
 
 /// Adds the contributions of other ranks to sums at nodes of this rank. A sum belongs to a tool and an active node, for
-/// which `place` gives its index if this rank has it.
+/// which `place` returns the index of the sum if this rank has it.
 pub(super) fn add_others<const D: usize>(
     halo: &Halo,
     sums: &mut [([f64; D], f64)],

@@ -1,15 +1,15 @@
 //! Overlap that contact points may keep in a step.
 //!
 //! The boxes of GIMP and of standard points keep their sides along the axes, whatever their corners do, and CPDI1
-//! domains stay parallelograms: the corner of the new domain may lie inside a tool although that of the old one only
-//! touched it. A step that removed all of this overlap would begin far from equilibrium, and forces would depend on the
-//! step size. A contact point therefore starts with the overlap it has, and loses it along its path.
+//! domains stay parallelograms: the corner of the new domain may lie inside a tool although the corner of the old
+//! domain only touched it. A step that removed all of this overlap would begin far from equilibrium, and forces would
+//! depend on the step size. A contact point therefore starts with the overlap it has, and loses it along its path.
 
 use super::multipliers::MOST_OF_PLACE;
 
-/// Path length over which the overlap of a contact point ends, relative to the size of a cell, [-]. With half of it,
-/// the force on a pipe in clay differs by 1.1 % from the mean of the steps before and after instead of 0.7 %, and is 1
-/// % smaller.
+/// Path length over which the overlap of a contact point vanishes, relative to the size of a cell, [-]. With half this
+/// length, the force on a pipe in clay differs from the mean of the steps before and after by 1.1 % instead of 0.7 %,
+/// and is 1 % smaller.
 const WAY: f64 = 2.0;
 
 /// Overlap that a contact point may keep, [length], beyond what updates of the multipliers may leave. Its gap is `gap`

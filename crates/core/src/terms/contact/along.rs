@@ -4,7 +4,7 @@
 //! end follow from one linear system: K δd = r + Σ N_v δf, where δf is the force added by an update λ ← p, λ_t ← t at
 //! the linearised end of the increment. Each update costs one substitution with the factors of K and divides the error
 //! by about p_f. As long as it does, Newton's method converges quadratically to the displacements and the multipliers
-//! together; where contact points hinder each other, further updates would only shift forces between them.
+//! together; if contact points hinder each other, further updates would only shift forces between them.
 
 use super::candidates::Candidate;
 use super::evaluation::Trial;

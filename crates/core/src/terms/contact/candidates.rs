@@ -4,15 +4,15 @@
 //! |---|---|---|
 //! | GIMP | corners of the box x_p ± l_p | N_v of the cell that holds the corner |
 //! | CPDI1 | corners of the domain | the same |
-//! | CPDI2 | corners of the domain, counted once where domains share them | the same |
-//! | MPM | corners of the box x_p ± l_p, or x_p where the point has no box | N_v of the cell of x_p, extrapolated |
-//! | all | x_p, for thin tools between the corners; not below a flat surface without edges | S_vp |
+//! | CPDI2 | corners of the domain, counted once if domains share them | the same |
+//! | MPM | corners of the box x_p ± l_p, or x_p if the point has no box | N_v of the cell of x_p, extrapolated |
+//! | all | x_p, to detect thin tools between the corners; not below a flat surface without edges | S_vp |
 //!
 //! Corners inside the body are contact points, too: surfaces of the body that have come together may open again. The
 //! area of a contact point is its share of the side of the domain that lies along the tool; for boxes, its share of the
 //! side of a cube of their volume.
 //!
-//! A corner on the boundary between cells belongs to the cell towards its material point. Where a node of that cell is
+//! A corner on the boundary between cells belongs to the cell towards its material point. If a node of that cell is
 //! inactive, the next cell towards the material point is taken, and its basis is extrapolated to the corner.
 
 use rayon::prelude::*;
@@ -27,14 +27,15 @@ use crate::points::Points;
 use crate::region::vector::{along, dot, minus, norm};
 use crate::tool::{Closest, Shape};
 
-/// Cosine of the angle between the normals at a contact point inside the tool, at the start of a step and now, beyond
-/// which the contact point is on another side, [-]. It may thus slide around a corner of more than 60 degrees in one
-/// step.
+/// Cosine of the angle between the normals at the start of a step and now, at a contact point inside the tool, below
+/// which the contact point is on another side, [-]. In one step, a contact point may thus slide around a corner with an
+/// angle of more than 60 degrees.
 pub(super) const OTHER_SIDE: f64 = -0.5;
 
 /// Overlap or gap at the start of a step up to which surfaces count as touching, relative to the size of a cell, [-].
 pub(super) const TOUCHING: f64 = 1e-6;
-/// Least area of a contact point for its penalty if updates close it slowly, relative to a side of its cell, [-].
+/// Smallest area that the penalty of a contact point assumes if updates close its gap slowly, relative to a side of its
+/// cell, [-].
 const LEAST_AREA: f64 = 0.1;
 /// Fractions of the distance from a corner to its material point at which a cell for the corner is sought.
 const INWARDS: [f64; 5] = [1e-6, 0.25, 0.5, 0.75, 1.0];
@@ -52,7 +53,7 @@ pub(super) struct Key {
     pub(super) corner: u32,
 }
 
-/// A contact point on a body that may touch a tool in the present step.
+/// A contact point on a body that may touch a tool in the current step.
 #[derive(Debug, Clone)]
 pub(super) struct Candidate<const D: usize> {
     pub(super) key: Key,
@@ -85,13 +86,13 @@ pub(super) struct Candidate<const D: usize> {
     pub(super) shared_by: Vec<u32>,
 }
 
-/// The active nodes that carry a contact point, with their basis functions there: N_v, or S_vp at the position of a
-/// material point.
+/// The active nodes that carry a contact point, with the values of their basis functions there: S_vp if the contact
+/// point is a material point, N_v otherwise.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Carriers(Vec<(u32, f64)>);
 
 impl Carriers {
-    /// Each node with its basis function.
+    /// Each node with the value of its basis function.
     pub(super) fn iter(&self) -> impl Iterator<Item = (usize, f64)> + Clone {
         self.0.iter().map(|&(node, value)| (node as usize, value))
     }
@@ -112,7 +113,7 @@ impl Carriers {
 }
 
 impl<const D: usize> Candidate<D> {
-    /// Its displacement in the step, [length].
+    /// The displacement of the contact point in the step, [length].
     pub(super) fn displacement<const N: usize>(&self, delta_d: &[[f64; N]]) -> [f64; D] {
         let mut u = [0.0; D];
         for (node, value) in self.basis.iter() {
@@ -139,13 +140,13 @@ impl<const D: usize> Candidate<D> {
         found.is_some_and(|found| dot(&found.normal, &at_start) < OTHER_SIDE)
     }
 
-    /// The contact point as an error names it.
+    /// The contact point, as named in an error.
     pub(super) fn place(&self, model: &Model<D>) -> ContactPlace {
         named(model, &model.tools[self.key.tool as usize], self.body, self.key.point, &self.start)
     }
 }
 
-/// A contact point as an error names it.
+/// A contact point, as named in an error.
 pub(super) fn named<const D: usize>(
     model: &Model<D>,
     tool: &Tool<D>,
@@ -163,8 +164,8 @@ pub(super) struct Search<'a, const D: usize> {
     pub(super) points: &'a Points<D>,
     pub(super) links: &'a Connectivity<D>,
     pub(super) tools: &'a [Moving<D>],
-    /// For each body, true if it has taken part in a previous step: it may then overlap tools by what the motion of its
-    /// domains has left.
+    /// For each body, true if it has taken part in a previous step: it may then overlap tools, because domain updates
+    /// may have left overlaps.
     pub(super) has_begun: &'a [bool],
     /// For each tool, the distance from its surface beyond which contact points under a flat part sleep in the step,
     /// [length].
@@ -184,7 +185,7 @@ pub(super) struct Near<const D: usize> {
     /// Size of its cell, [length].
     pub(super) size: f64,
     pub(super) closest: Closest<D>,
-    /// True if the surface of the tool is flat over all domains that it belongs to.
+    /// True if the surface of the tool is flat over all domains to which the contact point belongs.
     pub(super) is_flat: bool,
     pub(super) area: f64,
     pub(super) area_of_corner: f64,
@@ -199,7 +200,7 @@ impl<const D: usize> Near<D> {
         place
     }
 
-    /// Joins the same corner of another domain.
+    /// Joins this corner with the same corner of another domain.
     pub(super) fn join(&mut self, other: Self) {
         self.shared_by.push(self.key.point.max(other.key.point));
         self.key = self.key.min(other.key);
@@ -210,8 +211,8 @@ impl<const D: usize> Near<D> {
 }
 
 impl<const D: usize> Search<'_, D> {
-    /// Shear moduli of the materials at rest times 4, [stress]: the stiffness of a half-space under a strip is between
-    /// this value and half of it, even for nearly incompressible bodies.
+    /// Four times the shear moduli of the materials at rest, [stress]: the stiffness of a half-space under a strip is
+    /// between this value and half of it, even for nearly incompressible bodies.
     pub(super) fn moduli(&self) -> Vec<f64> {
         self.model.materials.iter().map(|m| 4.0 * shear_modulus_at_rest(m.law.as_ref())).collect()
     }
@@ -242,7 +243,7 @@ impl<const D: usize> Search<'_, D> {
         } else {
             self.basis(&start, &points.converged.position[p], points.cell[p], body.method)
         };
-        // Beside the axis of a body of revolution, a contact point stands for hardly any area, but moves a whole cell.
+        // Near the axis of a body of revolution, a contact point stands for hardly any area, but moves a whole cell.
         let mut in_cell = start;
         in_cell[0] = in_cell[0].max(0.5 * size);
         let of_cell = size.powi(D as i32 - 1) * model.depth(&in_cell);
@@ -297,7 +298,7 @@ impl<const D: usize> Search<'_, D> {
     }
 
     /// A basis in terms of active-node numbers; `None` if a node is inactive. If `is_last`, nodes that move with active
-    /// ones count.
+    /// nodes are accepted as well.
     fn active(&self, basis: &CellBasis<D>, is_last: bool) -> Option<Carriers> {
         let mut active = Carriers(Vec::with_capacity(basis.nodes().len()));
         for (&node, &value) in basis.nodes().iter().zip(basis.value()) {

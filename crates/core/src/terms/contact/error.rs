@@ -2,7 +2,7 @@
 
 use crate::points::coordinates;
 
-/// A contact point on a body, as an error names it.
+/// A contact point on a body, as named in errors.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ContactPlace {
     /// Name of the tool.
@@ -35,9 +35,7 @@ pub enum ContactError {
         overlap: f64,
     },
     /// A contact point slides too far along a tool in one step.
-    #[error(
-        "{place} move by {motion:.3e} relative to each other in one step, and at most {most:.3e} is allowed"
-    )]
+    #[error("{place} move by {motion:.3e} relative to each other in one step; at most {most:.3e} is allowed")]
     Slide {
         /// The contact point.
         place: ContactPlace,
@@ -47,7 +45,7 @@ pub enum ContactError {
         most: f64,
     },
     /// A contact point passes through a part of a tool in one step.
-    #[error("{place}: the place passes through the tool in one step")]
+    #[error("{place}: the contact point passes through the tool in one step")]
     Through {
         /// The contact point.
         place: ContactPlace,
@@ -55,7 +53,8 @@ pub enum ContactError {
     /// A part of a tool lies between the centre and a corner of the domain of a material point, where no contact point
     /// touches it.
     #[error(
-        "{place}: a part of the tool lies between this corner of the domain and its centre, where nothing touches it"
+        "{place}: a part of the tool lies between this corner of the domain and its centre, where no contact point \
+         touches it"
     )]
     Between {
         /// The corner.
@@ -63,8 +62,8 @@ pub enum ContactError {
     },
     /// The updates of the multipliers have not reduced the error to the tolerance.
     #[error(
-        "{place}: after {augmentations} updates, the overlap is {overlap:.3e} and the slip of places that stick {slip:.3e}; \
-         {most:.3e} is tolerated"
+        "{place}: after {augmentations} updates, the overlap is {overlap:.3e} and the slip of sticking contact points \
+         is {slip:.3e}; the tolerance is {most:.3e}"
     )]
     NotSettled {
         /// The contact point with the largest error.
@@ -86,7 +85,7 @@ pub enum ContactError {
         /// The free component.
         component: &'static str,
     },
-    /// A prescribed motion has no finite value.
+    /// A prescribed motion is not finite.
     #[error(
         "the motion of tool `{tool}` along {component} is not finite: the formula `{formula}` gives {value} at load \
          factor {factor} and time {time}"

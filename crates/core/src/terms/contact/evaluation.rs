@@ -20,7 +20,7 @@ pub(super) struct Trial<const D: usize> {
     /// Position, [length]; the position at the start of the step if the contact point cannot have reached the tool and
     /// no part of the tool can lie within its domain.
     pub(super) position: [f64; D],
-    /// Motion relative to the tool since the start of the step, [length]; 0 in the same case.
+    /// Motion relative to the tool since the start of the step, [length]; 0 if `position` is that at the start.
     pub(super) slip: [f64; D],
     /// The force, if the contact point touches the tool. Most contact points are open.
     pub(super) touch: Option<Box<Touch<D>>>,
@@ -125,7 +125,7 @@ impl<const D: usize, const N: usize> Trials<'_, D, N> {
     }
 }
 
-/// The index of the first unknown motion of each tool among all of them.
+/// For each tool, the index of its first unknown component among the unknown components of all tools.
 pub(super) fn first_unknowns<const D: usize>(tools: &[Moving<D>]) -> Vec<usize> {
     let first = |next: &mut usize, tool: &Moving<D>| {
         let first = *next;
@@ -176,7 +176,7 @@ pub(super) fn add<const D: usize, const N: usize>(
 }
 
 /// Supports the unknown motions of tools whose contact points all slide, by the stiffness of the cells below: friction
-/// then resists no further motion along the surface, until one of them sticks.
+/// then does not resist further motion along the surface, until a contact point sticks.
 fn support_sliding<const D: usize, const N: usize>(
     tools: &[Moving<D>],
     pairs: &[(&Candidate<D>, &Trial<D>)],
@@ -296,8 +296,8 @@ impl<const D: usize> Balance<'_, D> {
     }
 }
 
-/// Adds the loads on free tools to their equilibrium, and the equations of tools that follow the load factor. `globals`
-/// are the increments of the global unknowns. With several ranks, only the first adds them.
+/// Adds the loads on free tools to their equilibrium, and the equations for tools that follow the load factor.
+/// `globals` are the increments of the global unknowns. With several ranks, only the first rank adds them.
 pub(super) fn add_loads<const D: usize, const N: usize>(
     model: &Model<D>,
     moving: &[Moving<D>],

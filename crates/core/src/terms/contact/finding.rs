@@ -19,7 +19,8 @@ use crate::step::StepContext;
 /// [force/length].
 type Awake<const D: usize> = ([Multiplier<D>; 2], f64);
 
-/// Distance from a flat surface beyond which contact points sleep: in cells, and in motions of the tool in the step.
+/// Contact points sleep if they are farther from a flat surface than these multiples of the size of the smallest cell
+/// and of the motion of the tool in the step.
 const AWAKE: f64 = 0.1;
 const AWAKE_AFTER: f64 = 10.0;
 
@@ -122,7 +123,8 @@ impl<const D: usize> Contact<D> {
         Ok(())
     }
 
-    /// True if, at the start of a step, contact points with friction only stick to flat surfaces.
+    /// True if, at the start of a step, every contact point with friction sticks to a flat surface or transfers no
+    /// force.
     fn begins_symmetric(&self, model: &Model<D>) -> bool {
         let of_place = |k: usize| {
             let candidate = &self.candidates[k];

@@ -8,9 +8,9 @@
 //!
 //! with the gap g, the outward normal n of the tool, the motion s relative to the tool in the step, the multipliers λ
 //! and λ_t, the penalty ε, the largest tension T = A σ_t, and the adhesion c = A a. Without tension, the contact point
-//! is open where λ − ε g ≤ 0. Rough surfaces have L = m (p + T) with m = 10. For others m = 1 + μ: adhesion acts fully
-//! as soon as the pressure equals it. The bound m (p + T) keeps forces continuous where surfaces open: a shear that
-//! vanished abruptly would leave some states without equilibrium, and the iterations without a limit.
+//! is open if λ − ε g ≤ 0. Rough surfaces have L = m (p + T) with m = 10. Other surfaces have m = 1 + μ: adhesion
+//! acts fully as soon as the pressure equals it. The bound m (p + T) keeps forces continuous where surfaces open: a
+//! shear that vanished abruptly would leave some states without equilibrium, and the iterations would not converge.
 
 use crate::model::{Interface, Shear};
 use crate::region::vector::{along, dot, minus, norm};
@@ -155,7 +155,7 @@ pub(super) struct Touch<const D: usize> {
     pub(super) mode: Mode,
     /// λ_t − ε s, [force].
     trial: [f64; D],
-    /// L/|w_t| and the direction of w_t where the surfaces slide.
+    /// L/|w_t| and the direction of w_t if the surfaces slide.
     sliding: Option<(f64, [f64; D])>,
 }
 
@@ -206,14 +206,14 @@ impl<const D: usize> Touch<D> {
         along(&self.shear, self.pressure, &self.approach.normal)
     }
 
-    /// Round-off of the force if the gap from a curved surface has the round-off of coordinates of this magnitude,
-    /// [force].
+    /// Round-off of the force that the round-off of the gap from a curved surface causes, for coordinates of this
+    /// magnitude, [force].
     pub(super) fn round_off(&self, coordinates: f64) -> f64 {
         let is_flat = self.approach.normal_derivative == [[0.0; D]; D];
         if is_flat { 0.0 } else { OF_CLOSEST * f64::EPSILON * self.law.penalty * coordinates }
     }
 
-    /// True if the derivative of the force with respect to position is symmetric: without friction, or where a flat
+    /// True if the derivative of the force with respect to position is symmetric: without friction, or if a flat
     /// surface sticks.
     pub(super) fn is_symmetric(&self) -> bool {
         let is_flat = self.approach.normal_derivative == [[0.0; D]; D];
@@ -239,9 +239,9 @@ impl<const D: usize> Touch<D> {
         along(s, -dot(n, s), n)
     }
 
-    /// The change of the force, [force], for given velocities of the contact point, relative to the tool at the contact
-    /// point and relative to the point of the tool where it was at the start of the step, and for a rate of rotation of
-    /// the tool.
+    /// The change of the force, [force], for given velocities of the contact point and a rate of rotation of the tool:
+    /// `relative` is the velocity relative to the tool at the current position of the contact point, `slipping` the
+    /// velocity relative to the point of the tool at which the contact point was at the start of the step.
     pub(super) fn change(&self, relative: &[f64; D], slipping: &[f64; D], rate: &[f64; 3]) -> [f64; D] {
         let Touch { approach, law, .. } = self;
         let n = &approach.normal;

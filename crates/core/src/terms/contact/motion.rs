@@ -6,10 +6,11 @@ use crate::region::vector::{along, cross, minus, norm};
 use crate::step::{Step, displacement};
 use crate::tool::{Closest, Increment, Pose, Shape};
 
-/// Change of the load factor, relative to 1 plus its value, over which a prescribed motion is differentiated, [-].
+/// Change of the load factor, relative to 1 plus its value, with which a prescribed motion is differentiated
+/// numerically, [-].
 const NEARBY: f64 = 1e-6;
 
-/// A tool in a step: its pose at the start, and where the unknowns have moved it.
+/// A tool in a step: its pose at the start, and the pose to which the unknowns have moved it.
 #[derive(Debug, Clone)]
 pub(super) struct Moving<const D: usize> {
     /// Pose at the start of the analysis.
@@ -65,7 +66,7 @@ impl<const D: usize> Moving<D> {
             return Err(ContactError::OffAxis { tool: name(), component: Tool::<D>::component_name(k) });
         }
         let at = |time: f64| values(tool, tool.curve.factor_of_tool(&model.stepping, time, factor), time);
-        // Where the load factor follows from equilibrium, driven components begin the step at rest, too.
+        // If the load factor follows from equilibrium, driven components begin the step at rest, too.
         let [before, after] = [at(step.start)?, at(step.end)?];
         let is_driven = |&k: &usize| is_unknown && tool.is_driven(k);
         self.free = Tool::<D>::components().filter(|k| tool.freedom(*k).is_free() || is_driven(k)).collect();
@@ -96,7 +97,7 @@ impl<const D: usize> Moving<D> {
     }
 
     /// The closest point, in space, for a contact point that started at `start` and has moved by `slip` relative to the
-    /// tool, both [length]. The coordinates are formed in the frame of the tool, where they are small.
+    /// tool, both [length]. The coordinates are computed in the frame of the tool, where they are small.
     pub(super) fn closest(
         &self,
         shape: &dyn Shape<D>,
@@ -108,7 +109,7 @@ impl<const D: usize> Moving<D> {
         Some(self.end.in_space(&found))
     }
 
-    /// An upper bound of the prescribed motion in the step of the part of the tool within a distance of a position,
+    /// An upper bound on the prescribed motion, in the step, of the part of the tool within a distance of a position,
     /// [length].
     pub(super) fn prescribed_reach(&self, x: &[f64; D], distance: f64) -> f64 {
         if self.prescribed.rotation == [0.0; 3] {
@@ -128,8 +129,8 @@ impl<const D: usize> Moving<D> {
         norm(&minus(x, &self.start.position()))
     }
 
-    /// The velocity at a position, [length], of the tool as free component number `k` of its motion grows: the
-    /// derivative of the position of a point of the tool, and the rate of rotation.
+    /// The velocity of the tool at a position, [length], with respect to component `k` of its motion: the derivative of
+    /// the position of a point of the tool, and the rate of rotation.
     pub(super) fn velocity(&self, k: usize, x: &[f64; D]) -> ([f64; D], [f64; 3]) {
         if k < D {
             return (std::array::from_fn(|d| if d == k { 1.0 } else { 0.0 }), [0.0; 3]);
@@ -170,7 +171,8 @@ impl<const D: usize> Moving<D> {
 }
 
 /// True if a load factor that follows from equilibrium can drive and load a tool: its motion is not a formula of time,
-/// it turns about one axis at most, and no later stage follows, whose curves would begin elsewhere.
+/// it turns about one axis at most, and no later stage follows, because the curves of that stage would begin elsewhere.
+/// True also if nothing drives or loads the tool.
 fn may_follow<const D: usize>(tool: &Tool<D>, model: &Model<D>) -> bool {
     let depends_on_time = |k: &usize| {
         let freedom = tool.freedom(*k);

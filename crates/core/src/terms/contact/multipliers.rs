@@ -1,4 +1,4 @@
-//! The multipliers of the augmented Lagrangian: the forces that hold when gaps and slips vanish.
+//! The multipliers of the augmented Lagrangian: the contact forces at which gaps and slips vanish.
 
 use rustc_hash::FxHashMap;
 
@@ -15,14 +15,14 @@ of_parts!([] Worst, { tool, named, rank, size, place, mean, overlap, slip });
 of_parts!([const D: usize] Kept<D>, { multiplier, motion });
 
 /// Largest error of a single contact point, relative to the size of a cell, [-]. Contact points that touch may hinder
-/// each other: a cell has freedom for two on an edge, and the domains of GIMP points leave gaps of this order at the
-/// start of a step. In this case only the mean error that the nodes see meets the tolerance.
+/// each other: along an edge, a cell has degrees of freedom for only two of them, and the domains of GIMP points leave
+/// gaps of this order at the start of a step. In this case, only the mean error that the nodes see meets the tolerance.
 pub(super) const MOST_OF_PLACE: f64 = 1e-3;
 /// Contact points hinder each other if an update leaves more than this fraction of the error, [-]: normally it leaves
 /// about 1/p_f.
 const SLOW: f64 = 0.25;
 /// Largest error seen by the nodes that is accepted where contact points hinder each other, relative to the size of a
-/// cell, [-]; after `MANY` updates, [`MOST_OF_PLACE`].
+/// cell, [-]; after `MANY` updates, [`MOST_OF_PLACE`] is accepted.
 const MOST_WHERE_SLOW: f64 = 1e-4;
 /// Number of updates after which further ones hardly help where contact points hinder each other.
 pub(super) const MANY: usize = 6;
@@ -39,7 +39,7 @@ pub(super) fn forces_of<const D: usize>(trial: &Trial<D>, moving: &Moving<D>) ->
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Kept<const D: usize> {
     pub(super) multiplier: Multiplier<D>,
-    /// How far the contact point has moved in the step, in space or along the tool, whichever is farther, [length].
+    /// How far the contact point has moved in the step, in space or along the tool, whichever is larger, [length].
     pub(super) motion: f64,
 }
 
@@ -48,13 +48,13 @@ pub(super) struct Kept<const D: usize> {
 pub(super) struct Worst {
     /// The tool of the contact point with the largest mean error relative to its tolerance.
     pub(super) tool: usize,
-    /// The contact point that an error names: its index among the candidates of a rank, this rank, and the size of its
-    /// cell, [length].
+    /// The contact point that an error names: its index among the candidates of its rank, this rank, and the size of
+    /// its cell, [length].
     pub(super) named: usize,
     pub(super) rank: usize,
     pub(super) size: f64,
-    /// Largest error of a contact point, and largest mean error seen by the nodes around one, relative to the size of a
-    /// cell, [-].
+    /// Largest error of a contact point, and largest mean error seen by the nodes around a contact point, relative to
+    /// the size of a cell, [-].
     pub(super) place: f64,
     pub(super) mean: f64,
     /// What an update changes at the contact point that an error names, divided by the penalty, [length]: the pressure
@@ -113,7 +113,8 @@ impl<const D: usize> Change<D> {
 
 /// Numbers of the pairs of a tool and a node that carries contact points of this tool.
 struct NodeNumbers {
-    /// For each contact point, where its numbers begin in `numbers`; neighbours with the same nodes share them.
+    /// For each contact point, the index in `numbers` at which its numbers begin; consecutive contact points with the
+    /// same nodes share their numbers.
     first: Vec<usize>,
     numbers: Vec<usize>,
     known: FxHashMap<(u32, usize), usize>,
@@ -150,7 +151,8 @@ impl NodeNumbers {
         pairs
     }
 
-    /// The numbers of the nodes of a contact point, in their order, followed by those of later contact points.
+    /// The numbers of the nodes of a contact point, in the order of these nodes, followed by the numbers of later
+    /// contact points.
     fn of_place(&self, place: usize) -> &[usize] {
         &self.numbers[self.first[place]..]
     }
@@ -158,8 +160,8 @@ impl NodeNumbers {
 
 /// The largest errors on all ranks; `None` if no multiplier would change.
 ///
-/// An update changes the force at a contact point by ε e. The nodes see ē = Σ |N_v| ē_v at the contact point, with
-/// their means ē_v = Σ |N_v| ε e/Σ |N_v| ε over the contact points around them. Both |e| and |ē| must be small.
+/// An update changes the force at a contact point by ε e. The nodes see ē = Σ |N_v| ē_v at the contact point, with the
+/// nodal means ē_v = Σ |N_v| ε e/Σ |N_v| ε over the contact points around node v. Both |e| and |ē| must be small.
 pub(super) fn worst<const D: usize>(
     candidates: &[Candidate<D>],
     changes: &[Option<Change<D>>],
@@ -214,8 +216,8 @@ pub(super) fn worst<const D: usize>(
     Some(Worst { tool: of_means.tool, place: of_places.place, mean: of_means.mean, ..named })
 }
 
-/// The contact point with the largest mean error relative to its tolerance, and the one with the largest error of its
-/// own.
+/// The contact point with the largest mean error relative to its tolerance, and the contact point with the largest
+/// individual error.
 struct Largest<'a> {
     tolerances: &'a [f64],
     of_means: Option<Worst>,
@@ -223,7 +225,7 @@ struct Largest<'a> {
 }
 
 impl Largest<'_> {
-    /// Includes two further contact points: one for the mean error, and one for the error of its own.
+    /// Includes two further contact points: one for the mean error and one for the individual error.
     fn include(&mut self, [of_means, of_places]: [Worst; 2]) {
         let relative = |worst: &Worst| worst.mean / self.tolerances[worst.tool];
         if self.of_means.is_none_or(|other| relative(&of_means) > relative(&other)) {
@@ -240,7 +242,7 @@ impl Largest<'_> {
 }
 
 impl Worst {
-    /// True if an update helps that follows one with the error `before`.
+    /// True if an update is worthwhile; `before` is the error at the previous update.
     pub(super) fn is_worth_it(&self, tolerance: f64, before: Option<&Worst>) -> bool {
         let falls = |before: &Worst| self.place <= SLOW * before.place;
         self.mean > tolerance && before.is_none_or(falls)

@@ -22,7 +22,8 @@ pub(super) fn of_all_ranks<T: Plain>(ranks: &Ranks, own: Vec<T>) -> Vec<T> {
     ranks.gather_all(in_numbers(&own)).into_iter().flat_map(from_numbers).collect()
 }
 
-/// Sends values to some ranks, each at most once; returns those for this rank with the ranks they come from, ascending.
+/// Sends values to some ranks, each at most once; returns the values for this rank with the ranks that sent them,
+/// ascending.
 pub(super) fn exchange<T: Plain>(ranks: &Ranks, messages: Vec<(usize, Vec<T>)>) -> Vec<(usize, Vec<T>)> {
     let messages = messages.into_iter().map(|(rank, values)| (rank, in_numbers(&values))).collect();
     let received = ranks.exchange(messages).into_iter();

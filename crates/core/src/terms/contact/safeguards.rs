@@ -1,4 +1,5 @@
-//! Checks of a step: how far contact points have moved, and whether a tool has come between them.
+//! Checks of a step: how far contact points have moved, and whether a tool has come between the centre of a domain and
+//! one of its corners.
 
 use rustc_hash::FxHashMap;
 
@@ -15,7 +16,7 @@ use crate::step::{At, StepContext};
 use crate::tool::{Closest, Shape};
 
 /// Gap at the start of a step, relative to the size of a cell, above which the straight path of a contact point tells
-/// whether it has passed through a tool, [-]: the paths of nearer ones may cut a rounded surface of the tool.
+/// whether it has passed through a tool, [-]: the paths of closer contact points may cut a rounded surface of the tool.
 const APART: f64 = 1e-3;
 /// Depth below the surface, relative to the size of a cell, down to which a straight path may cut a corner of a tool,
 /// [-]; anything thinner than twice this depth is no obstacle.
@@ -67,8 +68,8 @@ impl<const D: usize> Contact<D> {
                 }
             };
             if touch.is_none() && may_have_passed() {
-                // The path starts outside, because round-off may put a contact point that touches on either side of the
-                // surface.
+                // The path starts outside the tool, because round-off may put a contact point that touches on either
+                // side of the surface.
                 let start = along(&candidate.start, APART * candidate.size, &candidate.near.normal);
                 let path = [moving.start.to_tool(&start), moving.end.to_tool(position)];
                 if depth_of_passage(tool.shape.as_ref(), path) > GRAZING * candidate.size {
@@ -153,7 +154,7 @@ impl<const D: usize> Contact<D> {
 }
 
 /// Distance from the surface, [length], halfway along the part of a straight path that lies inside a tool, in the frame
-/// of the tool; 0 if the path does not meet it.
+/// of the tool; 0 if the path does not meet the tool.
 fn depth_of_passage<const D: usize>(shape: &dyn Shape<D>, [from, to]: [[f64; D]; 2]) -> f64 {
     let (Some(first), Some(last)) = (shape.first_contact(from, to), shape.first_contact(to, from)) else {
         return 0.0;

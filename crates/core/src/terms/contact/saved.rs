@@ -46,7 +46,7 @@ pub(super) fn restore<const D: usize>(
     let poses = poses.filter(|poses| poses.len() == tools).ok_or("its poses are not those of the tools")?;
     let n = motions.len();
     if keys.len() != 3 * n || forces.len() != (1 + D) * n || has_begun.len() != bodies {
-        return Err("its places are not those of the bodies".to_owned());
+        return Err("its contact points are not those of the bodies".to_owned());
     }
     let mut converged = FxHashMap::default();
     for ((key, force), motion) in keys.chunks_exact(3).zip(forces.chunks_exact(1 + D)).zip(motions) {
@@ -54,7 +54,7 @@ pub(super) fn restore<const D: usize>(
         let multiplier = Multiplier { normal: force[0], shear: std::array::from_fn(|d| force[1 + d]) };
         let is_known = (key.tool as usize) < tools && motion >= 0.0;
         if !is_known || !force.iter().all(|f| f.is_finite()) {
-            return Err("a force on its places is invalid".to_owned());
+            return Err("a force on its contact points is invalid".to_owned());
         }
         converged.insert(key, Kept { multiplier, motion });
     }

@@ -16,7 +16,7 @@ use crate::tool::Closest;
 /// Distance within which domains share a corner, relative to the size of a cell, [-].
 const SHARED: f64 = 1e-8;
 /// Largest sine of the angle between the surface of a tool and the edges of a side of a domain that lies along it, [-]:
-/// of the domains around a corner, those that touch the tool only with the corner bear no part of its area.
+/// of the domains around a corner, those that touch the tool only with the corner get no share of its area.
 const ALONG: f64 = 0.5;
 /// Cosine of the angle between normals within which the surface of a tool without edges counts as flat over a domain,
 /// [-]: its radius is then many times the size of the domain.
@@ -41,13 +41,13 @@ pub(super) struct Far<const D: usize> {
     distance: f64,
 }
 
-/// What the search has found among a piece of the material points.
+/// What the search has found in a piece of the material points.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Found<const D: usize> {
     pub(super) places: Vec<Near<D>>,
     candidates: Vec<Candidate<D>>,
     error: Option<ContactError>,
-    /// For each tool.
+    /// For each tool, the last position whose distance from the tool was computed.
     far: Vec<Option<Far<D>>>,
 }
 
@@ -55,7 +55,7 @@ impl<const D: usize> Search<'_, D> {
     /// Finds the candidates, in the order of the material points.
     ///
     /// # Errors
-    /// [`ContactError::Overlap`] for a body that begins inside a tool; on all ranks if one rank has such a body.
+    /// [`ContactError::Overlap`] for a body that begins inside a tool; all ranks fail if one rank has such a body.
     pub(super) fn run(
         &self,
         pieces: &mut Vec<Found<D>>,
@@ -106,7 +106,7 @@ impl<const D: usize> Search<'_, D> {
             if far[k].is_some_and(|far| far.distance - norm(&minus(x, &far.from)) > reach + radius) {
                 continue;
             }
-            // A material point deep inside a tool is far from the surface of the tool, too.
+            // A material point deep inside a tool is also far from the surface of the tool.
             let limit = if self.has_begun[number] { reach + radius + AHEAD * size } else { f64::INFINITY };
             let of_point = moving.start.closest(tool.shape.as_ref(), *x, limit);
             let distance = of_point.as_ref().map_or(limit, |found| found.gap);
@@ -144,7 +144,7 @@ impl<const D: usize> Search<'_, D> {
                 self.add_place(of, (corner, is_flat), *start, *of_corner, found)?;
             }
         }
-        // Where the surface is flat over the domain, it meets the corners first.
+        // A surface that is flat over the domain meets the corners first; otherwise the centre may touch it, too.
         if of.corners.len() > 1 && !is_flat {
             let centre = points.converged.position[of.p];
             self.add_place(of, (CENTRE as usize, false), centre, near, found)?;
@@ -196,7 +196,7 @@ impl<const D: usize> Search<'_, D> {
         Ok(())
     }
 
-    /// Joins the corners that domains share; the first of them keeps the area of the others.
+    /// Joins the corners that domains share; the first of them takes over the area of the others.
     fn join_shared(&self, pieces: &mut Vec<Found<D>>) {
         let is_shared = |body: usize| self.model.bodies[body].method == Method::Cpdi2;
         if !self.model.bodies.iter().any(|body| body.method == Method::Cpdi2) {

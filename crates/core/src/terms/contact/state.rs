@@ -16,26 +16,26 @@ pub struct ToolState<const D: usize> {
     pub pose: Pose<D>,
     /// Displacement of the reference point since the start of the analysis, [length].
     pub displacement: [f64; D],
-    /// Rotation vector since the start of the analysis, [rad]; in the plane with all full turns.
+    /// Rotation vector since the start of the analysis, [rad]; in the plane, including full turns.
     pub rotation: [f64; 3],
     /// Force of the tool on the bodies, [force].
     pub force: [f64; D],
     /// Moment of these forces about the reference point and the axes x, y and z, [force·length].
     pub moment: [f64; 3],
-    /// Force of its loads on the tool, [force].
+    /// Force that the loads of the tool exert on it, [force].
     pub load: [f64; D],
-    /// Moment of its loads about the reference point, [force·length].
+    /// Moment of these loads about the reference point, [force·length].
     pub load_moment: [f64; 3],
     /// Largest overlap with a body that contact forces have left, [length]; 0 if there is none.
     pub overlap: f64,
-    /// Largest further overlap of a contact point that touches, [length]: the update of boxes has left it, and it ends
-    /// along the path of the contact point.
+    /// Largest further overlap of a contact point that touches, [length]: the update of boxes has left it, and it
+    /// vanishes along the path of the contact point.
     pub allowed_overlap: f64,
     /// Largest slip in the step of a contact point that sticks, [length].
     pub slip: f64,
-    /// Number of updates of the multipliers in the step, of all tools together.
+    /// Number of updates of the multipliers in the step, for all tools together.
     pub augmentations: usize,
-    /// The contact points that touch it.
+    /// The contact points that touch the tool.
     pub contacts: Vec<ContactPoint<D>>,
     /// The forces on its named parts, in the order of the model.
     pub parts: Vec<PartState<D>>,
@@ -59,7 +59,7 @@ pub struct ContactPoint<const D: usize> {
     pub body: usize,
     /// Permanent number of the material point to whose domain the contact point belongs.
     pub point: u32,
-    /// Number of the part of the tool surface, as [`crate::tool::Closest::part`].
+    /// Number of the part of the tool surface, as in [`crate::tool::Closest::part`].
     pub part: usize,
     /// Position, [length].
     pub position: [f64; D],

@@ -1,4 +1,4 @@
-//! What the ranks of a run find out together about all contact points.
+//! What the ranks of a run determine together about all contact points.
 
 use super::Contact;
 use super::agreement::any_of_each;

@@ -1,8 +1,8 @@
 //! Points whose laws are evaluated in batches.
 //!
 //! Such a law is not called point by point. The points are evaluated twice, with stand-ins for the law: the first
-//! stand-ins note the trial strain of each point, then the law is evaluated once for all points, and the second
-//! stand-ins answer with its responses. The strains therefore come from the same kinematics as for any other law.
+//! stand-ins record the trial strain of each point; then the law is evaluated once for all points, and the second
+//! stand-ins return its responses. The strains therefore come from the same kinematics as for any other law.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -15,7 +15,7 @@ use crate::stress::PointError;
 use crate::tensor::{Sym3, Tangent};
 use crate::terms::failure::{EvaluateError, LawFailure, PointFailure};
 
-/// The points of a law that is evaluated in batches, in their present order.
+/// The points of a law that is evaluated in batches, in their current order.
 pub(super) struct Batch {
     /// Number of the material.
     material: usize,
@@ -43,7 +43,7 @@ pub(super) fn batches<const D: usize>(model: &Model<D>, points: &Points<D>) -> V
     batches.filter(|batch| !batch.points.is_empty()).collect()
 }
 
-/// A law that notes the strain for which a point calls it.
+/// A law that records the strain for which a point calls it.
 #[derive(Debug)]
 pub(super) struct Noting<'a> {
     law: &'a dyn Material,
@@ -51,7 +51,7 @@ pub(super) struct Noting<'a> {
     trial: [AtomicU64; 6],
 }
 
-/// A law that answers a point with a known response.
+/// A law that returns a known response to a point.
 #[derive(Debug)]
 pub(super) struct Answering<'a> {
     law: &'a dyn Material,
@@ -64,14 +64,14 @@ pub(super) struct Answering<'a> {
 struct Mute;
 
 impl Batch {
-    /// Stand-ins that note the strain of each point.
+    /// Stand-ins that record the strain of each point.
     pub(super) fn noting<'a, const D: usize>(&self, model: &'a Model<D>) -> Vec<Noting<'a>> {
         let law = model.materials[self.material].law.as_ref();
         let unknown = || std::array::from_fn(|_| AtomicU64::new(f64::NAN.to_bits()));
         self.points.iter().map(|_| Noting { law, trial: unknown() }).collect()
     }
 
-    /// Evaluates the law at the strains that these stand-ins have noted.
+    /// Evaluates the law at the strains that these stand-ins have recorded.
     ///
     /// # Errors
     /// [`EvaluateError`] if the law rejects a strain or cannot be evaluated.
@@ -110,7 +110,7 @@ impl Batch {
         law.energies(&strain, &history, &volume)
     }
 
-    /// Stand-ins that answer each point with its response.
+    /// Stand-ins that return to each point its response.
     pub(super) fn answering<'a, const D: usize>(&'a self, model: &'a Model<D>) -> Vec<Answering<'a>> {
         let law = model.materials[self.material].law.as_ref();
         let kept = law.state_fields().len();
@@ -119,7 +119,8 @@ impl Batch {
     }
 }
 
-/// The laws of all points: stand-ins for laws evaluated in batches, and mute laws for the other points.
+/// The laws of all points: stand-ins for laws evaluated in batches; for the other points, laws whose answers do not
+/// matter.
 pub(super) fn laws_that_note<'a>(
     batches: &[Batch],
     stand_ins: &'a [Vec<Noting>],

@@ -2,7 +2,8 @@
 //! centre.
 //!
 //! The points of a material in a group are those of one cell, or of one patch of triangles or tetrahedra. First the
-//! increments of all these points give the ratio, then each point responds, and finally all add their contributions.
+//! ratio is computed from the increments of all these points, then each point responds, and finally all points add
+//! their contributions.
 #![allow(non_snake_case)]
 
 use std::ops::Range;
@@ -30,8 +31,8 @@ fn stretch<const D: usize, M: Mechanics<D>>(ratio: f64) -> f64 {
 impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
     Vectorised<'_, '_, '_, '_, D, M, K, UPDATED>
 {
-    /// Adds the points of a group by the method of their bodies. Points of one material are averaged together, even
-    /// across bodies.
+    /// Adds the points of a group as the volumetric treatment of their bodies requires. Points of one material are
+    /// averaged together, even across bodies.
     #[inline(always)]
     pub(super) fn add_dilated(&mut self, points: Range<usize>) -> Result<(), PointFailure> {
         let task = self.task;
@@ -130,7 +131,7 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         Ok(())
     }
 
-    /// Responds at points whose law has isotropic moduli; returns whether it did.
+    /// Evaluates the responses of points whose law has isotropic moduli; returns true if it did so.
     #[inline(always)]
     fn respond_isotropic(
         &mut self,
@@ -154,7 +155,7 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         Ok(true)
     }
 
-    /// Keeps stress and strain of a point, and returns its contribution to Σ V⁰π n over its cell.
+    /// Stores the stress and strain of a point, and returns its contribution to Σ V⁰π n over its cell.
     #[inline(always)]
     fn keep<W>(&mut self, p: usize, response: &PointResponse<W>) -> f64 {
         self.trial.keep(p, response);
@@ -164,7 +165,7 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         start.volume_n / start.J_n * trace
     }
 
-    /// Responds at several points at once, if their law supports this; returns whether it did.
+    /// Evaluates the responses of several points at once, if their law supports this; returns true if it did so.
     #[inline(always)]
     fn respond_side_by_side(
         &mut self,
@@ -315,7 +316,7 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
 
     /// The volume ratio at the centre of the cell of a point, and the derivative of its logarithm with respect to the
     /// displacements of the nodes of the point, [1/length]; if the domain spans several cells, the mean of the ratios,
-    /// weighted by its shares.
+    /// weighted by the shares of the domain in the cells.
     fn at_centres(&mut self, p: usize) -> Result<(f64, Vec<[f64; D]>), PointFailure> {
         let (task, grid) = (self.task, self.task.model.grid.as_ref());
         let nodes = task.links.nodes_of(self.group);
@@ -348,7 +349,7 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
 }
 
 /// Values and gradients of the basis of a cell at the nodes that a point touches; `nodes` are the nodes of its group.
-/// Other nodes, which the point would touch only by slivers, move with its displacement field.
+/// Other nodes, which the point would touch only by slivers of its basis functions, move with its displacement field.
 fn on_nodes_of_point<const D: usize, M>(
     task: &Task<D, M>,
     nodes: &[u32],

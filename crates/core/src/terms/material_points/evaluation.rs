@@ -49,7 +49,7 @@ pub(super) struct Task<'a, const D: usize, M> {
 
 /// The output of the points of consecutive groups.
 pub(super) struct Trial<'a, const D: usize> {
-    /// The first of these points.
+    /// Index of the first of these points.
     pub(super) first: usize,
     pub(super) elastic_strain: &'a mut [Sym3],
     pub(super) kirchhoff_stress: &'a mut [Sym3],
@@ -58,8 +58,8 @@ pub(super) struct Trial<'a, const D: usize> {
 }
 
 impl<'a, const D: usize> Trial<'a, D> {
-    /// The output before a point, and the output from that point on; the groups before it touch `n_nodes` nodes in
-    /// total.
+    /// The output before a point, and the output from that point on; the groups before that point touch `n_nodes` nodes
+    /// in total.
     fn split(self, point: usize, n_nodes: usize, history_len: usize) -> (Trial<'a, D>, Trial<'a, D>) {
         let n = point - self.first;
         let (strain_l, strain_r) = self.elastic_strain.split_at_mut(n);
@@ -218,8 +218,8 @@ impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
     }
 }
 
-/// The points of one group, to be compiled for several instruction sets. The choice does not change the result:
-/// products and sums are rounded one by one.
+/// The evaluation of the points of one group, to be compiled for several instruction sets. The choice of
+/// instruction set does not change the result: products and sums are rounded one by one.
 pub(super) struct Vectorised<'t, 'a, 's, 'r, const D: usize, M: Mechanics<D>, K, const UPDATED: bool> {
     pub(super) task: &'t Task<'a, D, M>,
     pub(super) group: usize,
@@ -337,7 +337,7 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
 }
 
 impl<const D: usize> Trial<'_, D> {
-    /// Keeps stress and strain of a point.
+    /// Stores the stress and strain of a point.
     #[inline(always)]
     pub(super) fn keep<W>(&mut self, p: usize, response: &PointResponse<W>) {
         let here = p - self.first;
@@ -346,7 +346,7 @@ impl<const D: usize> Trial<'_, D> {
     }
 }
 
-/// Keeps the response of a point and adds its contribution.
+/// Stores the response of a point and adds its contribution.
 #[inline(always)]
 fn keep<const D: usize, W: WeakForm<D>>(
     p: usize,

@@ -1,8 +1,8 @@
 //! Motions prescribed weakly on a surface, by an augmented Lagrangian.
 //!
-//! A condition prescribes the component along a direction d (an axis, a given direction, or the original normal N of
-//! the surface) of the displacement u of the surface since the start, as ū. The surface is divided into patches, about
-//! three cells wide, each with constant and linear functions q_k, orthonormal over its original area:
+//! A condition requires the displacement u of the surface since the start to equal ū along a direction d: an axis, a
+//! given direction, or the original normal N of the surface. The surface is divided into patches, about three cells
+//! wide, each with constant and linear functions q_k, orthonormal over its original area:
 //!
 //! m_k = Σ q_k d · (u − ū) A = 0,   f_v = −Σ_k B_kv (λ_k + β m_k),   B_kv = Σ q_k N_v d A.
 //!
@@ -31,12 +31,12 @@ use super::super::term::SurfaceReaction;
 
 /// Width of a patch in cells, [-].
 const WIDTH: f64 = 3.0;
-/// A function is omitted if its part orthogonal to the functions before it is smaller than this fraction of the largest
+/// A function is omitted if its part orthogonal to the earlier functions is smaller than this fraction of the largest
 /// possible part, [-].
 const INDEPENDENT: f64 = 1e-3;
-/// Softening of each equation m = 0 relative to the penalty, [-]: it determines multipliers that the displacements
-/// leave undetermined where conditions repeat each other, and leaves this fraction of the error in displacement that
-/// the penalty alone would leave.
+/// Softening of each equation m = 0 relative to the penalty, [-]. It fixes multipliers that the displacements leave
+/// undetermined if conditions repeat each other. The error in displacement that remains is this fraction of the
+/// error with the penalty alone.
 const SOFTENING: f64 = 1e-10;
 
 /// A patch of a surface: its samples, and the functions q_k A at each of them, `[k][sample]`.
@@ -48,7 +48,7 @@ struct Patch {
 }
 
 impl Patch {
-    /// True if this rank treats the patch.
+    /// True if this rank evaluates the patch.
     fn is_own<const D: usize>(&self, carried: &Carried<D>) -> bool {
         self.samples.first().is_none_or(|sample| carried.is_own(*sample as usize))
     }
@@ -68,7 +68,7 @@ struct Equation<const D: usize> {
 
 /// A condition on a surface.
 pub(super) struct Condition<const D: usize> {
-    /// Its number in the model.
+    /// Number of the condition in the model.
     number: usize,
     on: OnSurface,
     /// β, [stress/length].
@@ -77,8 +77,8 @@ pub(super) struct Condition<const D: usize> {
     components: Vec<usize>,
     patches: Vec<Patch>,
     equations: Vec<Equation<D>>,
-    /// m of each equation when the condition began to act, the value at which it then holds the surface: for the last
-    /// step in equilibrium and for the present step. None while the condition does not act.
+    /// m of each equation when the condition began to act, the value at which the condition holds the surface: as of
+    /// the last step in equilibrium, and in the current step. `None` while the condition does not act.
     origins: Option<Vec<f64>>,
     trial_origins: Option<Vec<f64>>,
     /// λ of the last step in equilibrium and of the last evaluation; zero while the condition does not act.
@@ -121,12 +121,12 @@ impl<const D: usize> Condition<D> {
         })
     }
 
-    /// Number of equations in the present step: none while the condition does not act.
+    /// Number of equations in the current step; 0 while the condition does not act.
     pub(super) fn len(&self) -> usize {
         self.equations.len()
     }
 
-    /// Its number in the model.
+    /// Number of the condition in the model.
     pub(super) fn number(&self) -> usize {
         self.number
     }
@@ -162,11 +162,11 @@ impl<const D: usize> Condition<D> {
         }
         let carried = &carried[self.on.surface];
         let surface = &step.model.surfaces[self.on.surface];
-        // At this stage, the trial positions are the converged ones.
+        // The trial positions still equal the converged ones.
         let mut gaps = self.sums(&self.gaps(step, carried, step.step.end)?);
         let origins = match &self.origins {
             Some(origins) => origins.clone(),
-            // A condition that acts from time 0 on prescribes the displacement since then.
+            // A condition that acts from the start prescribes the displacement since time 0.
             None if step.step.index == 1 => vec![0.0; gaps.len()],
             None => self.sums(&self.gaps(step, carried, step.step.start)?),
         };
@@ -367,7 +367,7 @@ impl<const D: usize> Condition<D> {
             numbers.len() == self.converged.len() && numbers.iter().all(|x| x.is_finite())
         };
         if !fits(&multipliers) || !origins.as_ref().is_none_or(fits) {
-            return Err("its state is not that of the condition".to_owned());
+            return Err("its state does not belong to the condition".to_owned());
         }
         (self.converged, self.origins) = (multipliers, origins);
         Ok(())
@@ -389,7 +389,7 @@ impl<const D: usize> Equation<D> {
     }
 }
 
-/// A prescribed displacement at a position; a displacement that does not depend on the load factor is multiplied by it.
+/// A prescribed displacement at a position; a formula without the load factor is multiplied by this factor.
 fn at_place<const D: usize>(formula: &Formula, x: &[f64; D], original: &[f64; D], factor: f64) -> f64 {
     crate::dofs::displacement_increment(formula, x, original, [None, Some(factor)])
 }

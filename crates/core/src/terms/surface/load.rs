@@ -22,7 +22,7 @@ use super::super::failure::{BeginError, LoadNotFinite};
 
 /// A load on a surface in a step.
 pub(super) struct SurfaceLoad<const D: usize> {
-    /// Its number in the model.
+    /// Number of the load in the model.
     number: usize,
     /// Index of the surface.
     surface: usize,
@@ -30,7 +30,7 @@ pub(super) struct SurfaceLoad<const D: usize> {
     values: Values<D>,
     /// Further values per unit load factor, if the load factor follows from equilibrium.
     per_factor: Option<Values<D>>,
-    /// True if the load is a pressure that grows with depth, which may hold a floating body.
+    /// True if the load is a pressure that grows with depth and therefore can hold a floating body.
     pub(super) is_hydrostatic: bool,
     resultant: [f64; D],
 }
@@ -177,7 +177,7 @@ impl<const D: usize> SurfaceLoad<D> {
         };
         if !model.stepping.control.has_unknown_factor() {
             self.values = at(load.curve.factor(step.step.end))?;
-            // Without initial stress, no load acts yet at time 0, whatever the values of the curves.
+            // Without initial stress, no load acts at time 0, whatever the values of the curves.
             if step.step.start > 0.0 || model.initial_imbalance.is_some() {
                 add(&at(load.curve.factor(step.step.start))?, 1.0);
             }
@@ -240,7 +240,7 @@ impl<const D: usize> SurfaceLoad<D> {
         }
     }
 
-    /// Adds the resultant to that of the load in the model.
+    /// Adds the resultant to the entry of this load in `sum`.
     pub(super) fn add_resultant(&self, sum: &mut [[f64; D]]) {
         (0..D).for_each(|d| sum[self.number][d] += self.resultant[d]);
     }

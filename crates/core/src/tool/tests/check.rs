@@ -9,7 +9,7 @@ use crate::tool::{Closest, Pose, Shape, first_contact};
 pub(super) struct Check<const D: usize> {
     /// Box in which the positions lie.
     pub(super) within: Bounds<D>,
-    /// True if the depth is the distance from the surface inside, too.
+    /// True if the depth equals the distance from the surface even inside the shape.
     pub(super) depth_is_distance: bool,
     pub(super) positions: usize,
 }
@@ -102,8 +102,8 @@ fn check_point<const D: usize>(
         assert!(inside(&within), "{x:?} {found:?}");
     }
     if found.gap > 0.0 || *depth_is_distance {
-        // The surface passes within round-off of the point: positions on the other side occur near it, in few
-        // directions at sharp tips.
+        // The surface passes within round-off of the point: positions on the other side occur near it, though only in
+        // few directions at sharp tips.
         let mut near =
             (0..5000).map(|_| along(&found.point, 1e-9 * size, &random.inside(&[[-1.0; D], [1.0; D]])));
         assert!(near.any(|near| inside(&near) != inside(x)), "{x:?} {found:?}");
@@ -194,7 +194,7 @@ fn check_pose<const D: usize>(shape: &dyn Shape<D>, x: &[f64; D], found: &Closes
     }
 }
 
-/// Compares the first contact with samples of containment along a path, and also for a moving tool.
+/// Compares the first contact with samples of containment along a path, for a fixed and for a moving tool.
 fn check_path<const D: usize>(
     shape: &dyn Shape<D>,
     inside: &dyn Fn(&[f64; D]) -> bool,

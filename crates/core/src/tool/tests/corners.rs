@@ -86,14 +86,15 @@ fn at_centres_the_choice_is_fixed() {
 
 #[test]
 fn corners_and_edges_have_the_curvature_of_rounded_surfaces() {
-    // The position is beyond the corner (1, 1) by (0.3, 0.4): a circle of radius 0.5. Beside the edge: a cylinder.
+    // The position is beyond the corner (1, 1) by (0.3, 0.4), so the normals are those of a circle of radius 0.5;
+    // beyond the edge of the brick, they are the normals of a cylinder of this radius.
     let square = ClosedPolygon::new(vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]).unwrap();
     let corner = square.closest([1.3, 1.4]).unwrap();
     let close = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-14);
     assert!(close(&corner.normal, &[0.6, 0.8]) && (corner.gap - 0.5).abs() < 1e-15);
     let expected = [[0.64, -0.48], [-0.48, 0.36]].map(|row| row.map(|x| x / 0.5));
     assert!(close(corner.normal_derivative.as_flattened(), expected.as_flattened()), "{corner:?}");
-    // Inside a reentrant corner the circle is seen from within.
+    // At a reentrant corner, the position is inside the tool, and the normals point to the centre of the circle.
     let corners = vec![[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [1.0, 2.0], [1.0, 1.0], [0.0, 1.0]];
     let reentrant = ClosedPolygon::new(corners).unwrap().closest([1.03, 0.96]).unwrap();
     assert!((reentrant.gap + 0.05).abs() < 1e-15 && close(&reentrant.normal, &[-0.6, 0.8]), "{reentrant:?}");
@@ -104,7 +105,7 @@ fn corners_and_edges_have_the_curvature_of_rounded_surfaces() {
     );
 }
 
-/// All descriptions of the unit cube agree, also on a lattice through its edges, corners and diagonals.
+/// All descriptions of the unit cube agree, even on a lattice through its edges, corners and diagonals.
 #[test]
 fn a_box_is_an_extrusion_and_a_triangulated_surface() {
     let brick = Brick::new([0.0; 3], [1.0; 3]).unwrap();
@@ -125,7 +126,8 @@ fn a_box_is_an_extrusion_and_a_triangulated_surface() {
         for shape in &others {
             let found = shape.closest(x).unwrap();
             assert!((found.gap - expected.gap).abs() < 1e-14, "{x:?} {found:?} {expected:?}");
-            // Inside, the lattice lies on the medial axis; on an edge, any of its normals is right.
+            // Inside, the lattice lies on the medial axis; on an edge, any normal between those of its faces is
+            // correct.
             if expected.gap > 1e-9 {
                 assert!(
                     norm(&minus(&found.normal, &expected.normal)) < 1e-12,

@@ -248,7 +248,7 @@ fn wedges_push_along_their_middle() {
     }
 }
 
-/// A corner on a straight side has no effect: the gap beside it is that of the side.
+/// A corner on a straight side has no effect: the gap beside it is the gap of the side.
 #[test]
 fn corners_on_straight_sides_change_nothing() {
     let square = ClosedPolygon::new(vec![[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]]).unwrap();

@@ -48,8 +48,8 @@ where
     run(builder.steps(steps)).unwrap()
 }
 
-/// Under uniform stress, parts bear the forces of the contact points in their boxes, which move with the tool: 9 and 7
-/// of 16 corners.
+/// Under uniform stress, each part bears the forces of the contact points in its box, which moves with the tool: 9 and
+/// 7 of 16 corners.
 #[test]
 fn parts_bear_their_share() {
     let part = |name: &str, from: f64, to: f64| ToolPart {
@@ -104,7 +104,7 @@ fn a_platen_compresses_a_cube_uniformly() {
     for method in [Method::Gimp, Method::Cpdi1, Method::Cpdi2] {
         check_platen(&platen::<2>(method, 20, 0.1), 1e-6);
     }
-    // Standard points leave the equilibrium under uniform stress when they cross cells.
+    // When standard points cross cells, a uniform stress is no longer in equilibrium.
     check_platen(&platen::<2>(Method::Mpm, 1, 0.1), 1e-6);
     for method in [Method::Gimp, Method::Cpdi2] {
         check_platen(&platen::<3>(method, 20, 0.2), 1e-6);
