@@ -2,13 +2,12 @@
 
 /// Tolerance of the first solve in a step, [-].
 const FIRST: f64 = 1e-3;
-/// Largest tolerance, [-].
+/// Largest tolerance, [-]. It is so small that the safeguard of choice 2, which keeps large tolerances from falling at
+/// once, could never act.
 const LARGEST: f64 = 1e-2;
 /// γ and α of choice 2.
 const GAMMA: f64 = 0.9;
 const ALPHA: i32 = 2;
-/// Safeguard: the tolerance falls gradually while the value predicted from the previous tolerance is above this, [-].
-const SAFE: f64 = 0.1;
 /// A solve need not reduce the residual below this fraction of the tolerance of the Newton iterations, [-].
 const ENOUGH: f64 = 0.01;
 
@@ -30,10 +29,8 @@ impl Forcing {
     pub(super) fn next(&mut self, norm: f64, residual: f64, tolerance: f64) -> f64 {
         let mut eta = match self.last {
             None => FIRST,
-            Some([before, eta]) => {
-                let safeguard = GAMMA * eta.powi(ALPHA);
+            Some([before, _]) => {
                 let wanted = GAMMA * (norm / before).powi(ALPHA);
-                let wanted = if safeguard > SAFE { wanted.max(safeguard) } else { wanted };
                 // The first residual does not contain the reactions yet.
                 wanted.max(ENOUGH * tolerance / residual)
             }
