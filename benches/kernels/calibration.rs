@@ -49,7 +49,7 @@ const TRIAD: usize = 1 << 23;
 const CHAINS: usize = 12;
 const ROUNDS: usize = 1 << 20;
 
-/// x ← x a + b on several registers; returns the numbers per register.
+/// x ← x a + b on several registers; returns how many numbers a register holds.
 struct Chains {
     rounds: usize,
     fused: bool,

@@ -8,7 +8,7 @@ use cpu_time::ThreadTime;
 const ENOUGH: Duration = Duration::from_millis(400);
 
 /// Smallest CPU time among repeated calls of `work`, [s]: the cost with the least interference from other programs. CPU
-/// time excludes other programs, but they share the caches and the memory.
+/// time does not count other programs, but these programs share the caches and the memory.
 ///
 /// Each call takes a few milliseconds, so calls need not be timed in batches.
 pub fn least(mut work: impl FnMut()) -> f64 {

@@ -31,7 +31,7 @@ pub enum Kernel {
 }
 
 impl Kernel {
-    /// Operations of a point itself, per node that it touches, and per pair of nodes, without eq. (7).
+    /// Operations for a point itself, for each node that it touches, and for each pair of these nodes, without eq. (7).
     fn flops(self) -> [f64; 3] {
         match self {
             Kernel::Plane => [370.0, 34.0, 16.0],

@@ -1,4 +1,5 @@
-//! Equations of linear elasticity on whole grids of quadrilaterals or hexahedra, a common benchmark for direct solvers.
+//! Equations of linear elasticity on complete grids of quadrilaterals or hexahedra, a common benchmark for direct
+//! solvers.
 
 use mpm::linear::{Direct, LinearSolver, Pattern, ordering};
 

@@ -29,7 +29,7 @@ pub fn print(directory: &Path) -> std::io::Result<()> {
 
 fn seconds(directory: &Path, n: usize) -> std::io::Result<f64> {
     let mut number = numbers();
-    // Smooth fields with all digits significant, like computed fields.
+    // Smooth fields whose digits are all significant, as in computed fields.
     let mut field = |components: usize| -> Vec<f64> {
         let phase = number();
         (0..n * components)

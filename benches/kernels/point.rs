@@ -14,7 +14,7 @@ use pulp::{Arch, Simd, WithSimd};
 
 use crate::clock::least;
 
-/// Number of points in a measurement: few enough that their data remain in the fastest cache, and that a call takes a
+/// Number of points in a measurement: few enough that their data remain in the fastest cache and that a call takes a
 /// few tenths of a millisecond.
 const N: usize = 1000;
 /// Number of calls in a measurement.
@@ -47,7 +47,7 @@ fn row<T>(name: &str, mut work: impl FnMut(usize) -> T) {
     println!("| {name} | {:.1} |", seconds * 1e9 / (N * TIMES) as f64);
 }
 
-/// Strains up to 0.2; if `in_plane`, without out-of-plane shear.
+/// Strains with components up to 0.2; without out-of-plane shear if `in_plane`.
 fn strains(in_plane: bool) -> Vec<Sym3> {
     let mut number = numbers();
     let across = if in_plane { 0.0 } else { 0.2 };
@@ -112,7 +112,7 @@ fn laws() {
     }
 }
 
-/// States and increments of points; for bodies of revolution, the third direction is stretched.
+/// States and increments of points. The increments also stretch the third direction, for bodies of revolution.
 fn states<const D: usize>(in_plane: bool) -> (Vec<StartOfStep>, Vec<Increment<D>>) {
     let mut number = numbers();
     let starts = strains(in_plane)

@@ -249,7 +249,7 @@ fn measure<const D: usize, M: Mechanics<D>>(
 }
 
 /// Shrinks the bodies towards the lowest corner of the grid, so that the domains of points do not end at cell sides. In
-/// an analysis, they do so only in the first step.
+/// an analysis, they end there only in the first step.
 fn shrink<const D: usize>(grid: &dyn Grid<D>, points: &mut Points<D>) {
     const BY: f64 = 0.96;
     let [low, _] = grid.bounds();

@@ -85,7 +85,7 @@ impl Laws {
         Ok(Laws { list: laws.iter().map(law).collect::<PyResult<_>>()?, calls: Calls::default() })
     }
 
-    /// Replaces laws of a deck by these laws.
+    /// Replaces laws of a deck with these laws.
     pub fn replace(&self, deck: &mut LoadedDeck) -> Result<(), Raised> {
         for (name, facts, adapter) in &self.list {
             if !deck.deck.materials.contains_key(name) {

@@ -47,7 +47,7 @@ pub fn prepared(loaded: LoadedDeck, pool: &ThreadPool) -> Result<Prepared, Raise
     built.map_err(Raised::Deck)
 }
 
-/// The parts of a run that its methods change.
+/// The parts of a run that the methods of [`Session`] change.
 struct Running {
     events: Receiver<Event>,
     requests: Option<Sender<Request>>,

@@ -30,7 +30,7 @@ pub struct Files {
 }
 
 impl Files {
-    /// The status serves only to watch a run, so the run continues if it cannot be written.
+    /// Writes the status. It serves only to watch the run, which continues if the status cannot be written.
     fn tell(&mut self) {
         let _ = self.status.update(&self.progress);
     }

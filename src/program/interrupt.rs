@@ -11,8 +11,8 @@ use crate::program::exit::INTERRUPTED;
 #[cfg(unix)]
 const STACK: usize = 128 << 10;
 
-/// Returns a flag that Ctrl-C, SIGTERM or a closed terminal sets; a second signal ends the program at once. Each prints
-/// a message if `speaks` is true.
+/// Returns a flag that Ctrl-C, SIGTERM or a closed terminal sets; a second signal ends the program at once. Each
+/// signal prints a message if `speaks` is true.
 #[cfg(unix)]
 pub fn stop_on_interrupt(speaks: bool) -> anyhow::Result<Arc<AtomicBool>> {
     use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};

@@ -47,8 +47,8 @@ impl Machines {
         }
     }
 
-    /// The ranks that a launcher has started; `options` are PETSc options; if they are given, PETSc also solves the
-    /// equations of a single rank.
+    /// The ranks that a launcher has started. `options` are PETSc options; if they are given, PETSc solves the
+    /// equations even of a single rank.
     ///
     /// # Errors
     /// If this build cannot divide a run between ranks, or MPI and PETSc cannot start.

@@ -7,7 +7,7 @@
 #[cfg(unix)]
 pub use unix::{limits_are_errors, wait_for_lack_of_memory};
 
-/// Other systems have no such signal.
+/// Does nothing: other systems raise no signal when a file reaches its largest size.
 ///
 /// # Errors
 /// None.

@@ -323,7 +323,7 @@ fn unusable_solids_are_found() {
     assert_eq!(cubes("1 1 0 1 2\n").unwrap_err(), MeshError::NoCells { dimension: 3, n_surface: 0 });
     let surface = message("1 2 0 1 2 3\n2 3 0 1 2 3 4\n");
     assert!(
-        surface.contains("only 2 surface elements; a three-dimensional analysis needs the volume"),
+        surface.contains("only 2 surface elements; a three-dimensional analysis needs a mesh of the volume"),
         "{surface}"
     );
     let solid = Mesh::<2>::from_gmsh(&text(CUBES, &format!("{low}7 3 0 1 2 3 4\n")).unwrap()).unwrap_err();

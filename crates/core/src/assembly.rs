@@ -26,8 +26,8 @@ pub(crate) use reduced::with_ties;
 pub enum Wanted {
     /// Forces and stiffness.
     Stiffness,
-    /// Only the forces, the same to the last bit as with stiffness; the stiffness remains that of the previous
-    /// evaluation.
+    /// Only the forces, equal to the last bit to those computed with the stiffness; the stiffness remains that of the
+    /// previous evaluation.
     Force,
 }
 
@@ -43,8 +43,8 @@ pub struct System<const N: usize> {
     /// The part of the external force that holds bodies as reactions do: the forces of conditions on surfaces, and the
     /// forces that a stage releases, [force]. `None` if there are no such forces.
     holding: Option<Nodal<N>>,
-    /// Round-off of the external force at each node in addition to that of increments and stresses, [force]; `None` if
-    /// there is none.
+    /// Round-off of the external force at each node in addition to the round-off of increments and stresses, [force];
+    /// `None` if there is none.
     round_off: Option<Vec<f64>>,
     /// Rate of change of the external force with the load factor, if this factor follows from equilibrium, [force].
     pub(crate) per_factor: Option<Nodal<N>>,
@@ -169,7 +169,7 @@ impl<const N: usize> System<N> {
         &self.internal
     }
 
-    /// Internal force on the active nodes, to which terms add, [force].
+    /// Internal force on the active nodes, [force], for terms to add their contributions.
     pub fn internal_force_mut(&mut self) -> &mut [[f64; N]] {
         &mut self.internal
     }
@@ -179,7 +179,7 @@ impl<const N: usize> System<N> {
         &self.external
     }
 
-    /// External force on the active nodes, to which terms add, [force].
+    /// External force on the active nodes, [force], for terms to add their contributions.
     pub fn external_force_mut(&mut self) -> &mut [[f64; N]] {
         &mut self.external
     }
@@ -202,8 +202,8 @@ impl<const N: usize> System<N> {
         }
     }
 
-    /// Round-off of the external force at each node in addition to that of increments and stresses, [force]; `None` if
-    /// there is none.
+    /// Round-off of the external force at each node in addition to the round-off of increments and stresses, [force];
+    /// `None` if there is none.
     pub fn round_off(&self) -> Option<&[f64]> {
         self.round_off.as_deref()
     }

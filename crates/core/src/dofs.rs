@@ -38,7 +38,7 @@ pub(crate) const AXES: [&str; 3] = ["x", "y", "z"];
 enum Bound {
     /// Prescribed by a boundary condition.
     Held { condition: u16, increment: f64 },
-    /// Follows from other components by the tie with this number.
+    /// Determined by other components through the tie with this number.
     Tied(u32),
 }
 
@@ -104,7 +104,7 @@ impl<const N: usize> DofMap<N> {
         self.numbering.n_nodes()
     }
 
-    /// The numbering of the unknowns; at a turned node, unknowns belong to its directions.
+    /// The numbering of the unknowns; at a turned node, the unknowns are components along its directions.
     pub fn numbering(&self) -> &Numbering<N> {
         &self.numbering
     }
@@ -164,8 +164,8 @@ impl<const N: usize> DofMap<N> {
         }
     }
 
-    /// A part of the bodies, and one of `axes` along which nothing holds the part: all nodes of the part, on all ranks,
-    /// are free along this axis.
+    /// The first part of the bodies that nothing holds along one of `axes`, and this axis: all nodes of the part, on
+    /// all ranks, are free along it. `None` if there is no such part.
     pub fn unheld(
         &self,
         parts: &JoinedParts,
@@ -224,7 +224,7 @@ impl<const N: usize> DofMap<N> {
         }
     }
 
-    /// Writes the remaining increment of the prescribed and tied components into `motion`, and zero into other
+    /// Writes the remaining increment of the prescribed and tied components into `motion`, and zero into all other
     /// components. Returns true if any remaining increment is not zero.
     pub fn remaining(&self, increment: &[[f64; N]], motion: &mut [[f64; N]]) -> bool {
         motion.fill([0.0; N]);
@@ -272,7 +272,7 @@ impl<const N: usize> DofMap<N> {
         turned && self.ties.iter().all(|tie| motion[tie.node as usize][tie.component as usize] == 0.0)
     }
 
-    /// Replaces condensed forces by the forces on the unknowns, Cᵀ f, with zeros for other components.
+    /// Replaces condensed forces by the forces on the unknowns, Cᵀ f, with zeros for all other components.
     pub fn on_unknowns(&self, force: &mut [[f64; N]]) {
         for turned in &self.turned {
             let force = &mut force[turned.node as usize];

@@ -32,7 +32,7 @@ pub enum DomainUpdate {
 pub struct DomainMotion<'a, const D: usize> {
     /// Deformation gradient F at the end of the step.
     pub F: &'a Mat3,
-    /// Its increment ΔF over the step.
+    /// Increment ΔF of the deformation gradient over the step.
     pub dF: &'a Mat3,
     /// Original half lengths l_p0, [length].
     pub original: &'a [f64; D],

@@ -6,7 +6,7 @@
 //! components of e that are then unknown follow from Newton's method with the consistent tangent of the law, including
 //! the change of J.
 //!
-//! A law need not have a stress-free state: a test begins at an initial stress.
+//! A test begins at an initial stress, because a law need not have a stress-free state.
 #![allow(non_snake_case)]
 
 mod error;
@@ -121,7 +121,7 @@ impl<'a> ElementTest<'a> {
     }
 
     /// The states at the ends of the steps along a sequence of targets. Each target is approached in `steps` equal
-    /// steps (at least one). Ends after the first error.
+    /// steps (at least one). The sequence of states ends after the first error.
     pub fn follow(
         mut self,
         targets: impl IntoIterator<Item = Target>,

@@ -19,7 +19,7 @@
 //!
 //! Read `examples/load_step.rs` first: it solves one load step in plain loops, equation by equation. Then start with
 //! [`solver`], which follows the algorithm of the paper from top to bottom. `docs/theory.md` ends with a list of where
-//! each equation is implemented, and with the steps to add a law, a term, a method or a grid.
+//! each equation is implemented, and with the steps for adding a law, a term, a method or a grid.
 //!
 //! | Task | Modules |
 //! |---|---|

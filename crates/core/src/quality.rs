@@ -49,7 +49,7 @@ const MOST_OUTSIDE: f64 = 0.01;
 /// The worst value of a measure so far, with its step, body and point.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Worst {
-    /// The value.
+    /// The worst value.
     pub value: f64,
     /// Step number.
     pub step: usize,

@@ -25,15 +25,15 @@ pub trait Communicator: Send + Sync + std::fmt::Debug {
     /// The bytes that every rank supplies, in the order of the ranks.
     fn gather_all(&self, own: &[u8]) -> Vec<Vec<u8>>;
 
-    /// The same on rank 0; nothing on the other ranks.
+    /// On rank 0, the bytes that every rank supplies, in the order of the ranks; nothing on the other ranks.
     fn gather(&self, own: &[u8]) -> Vec<Vec<u8>>;
 
-    /// Sends messages to some ranks, each at most once; returns the messages for this rank with the ranks that sent
-    /// them, ascending.
+    /// Sends messages to some ranks, at most one to each; returns the messages for this rank, each with the rank that
+    /// sent it, in ascending order of these ranks.
     fn exchange(&self, messages: Vec<(usize, Vec<u8>)>) -> Vec<(usize, Vec<u8>)>;
 
-    /// Swaps numbers with some other ranks, in ascending order: `send[k]` goes to rank `with[k]`, which fills
-    /// `receive[k]`. Both sides must call this, and agree on the lengths, which may be 0.
+    /// Swaps numbers with some other ranks, in ascending order: `send[k]` goes to rank `with[k]`, whose own numbers
+    /// fill `receive[k]`. Both sides must call this, and agree on the lengths, which may be 0.
     fn swap(&self, with: &[usize], send: &[Vec<f64>], receive: &mut [Vec<f64>]);
 }
 
@@ -108,8 +108,8 @@ impl Ranks {
         }
     }
 
-    /// Sends values to some ranks, each at most once; returns the values for this rank with the ranks that sent them,
-    /// ascending.
+    /// Sends values to some ranks, at most one to each; returns the values for this rank, each with the rank that sent
+    /// it, in ascending order of these ranks.
     pub fn exchange<T: Serialize + DeserializeOwned>(&self, messages: Vec<(usize, T)>) -> Vec<(usize, T)> {
         let Some(ranks) = &self.0 else { return messages };
         let messages = messages.iter().map(|(rank, value)| (*rank, encode(value))).collect();

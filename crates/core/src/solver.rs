@@ -107,7 +107,7 @@ impl Solvable<3> for Model<3> {
 /// Runs an analysis from the converged state of `points` to the end and reports every event to `observer`.
 ///
 /// # Errors
-/// [`SolveError`] if a step has no equilibrium, however small; `points.converged` is then the last equilibrated state.
+/// [`SolveError`] if a step, however small, has no equilibrium; `points.converged` is then the last equilibrated state.
 pub fn run<const D: usize>(
     model: &Model<D>,
     points: &mut Points<D>,
@@ -130,7 +130,7 @@ where
 /// Continues an analysis to the end from a step that has been reached; `points` must be in the state of that step.
 ///
 /// # Errors
-/// As [`run`].
+/// As for [`run`].
 pub fn go_on<const D: usize>(
     model: &Model<D>,
     points: &mut Points<D>,

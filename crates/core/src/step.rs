@@ -18,7 +18,7 @@ pub struct Step {
     pub end: f64,
 }
 
-/// A vector on the active nodes, one entry per component.
+/// A vector at each active node, with one entry per component.
 pub type Nodal<const N: usize> = Vec<[f64; N]>;
 
 /// The initial data of a load step, constant during the step.
@@ -54,7 +54,7 @@ pub struct At<'a, const N: usize> {
 }
 
 impl<'a, const N: usize> At<'a, N> {
-    /// These increments at the nodes, without load factor and global unknowns.
+    /// These increments at the nodes, without a load factor or global unknowns.
     pub fn new(delta_d: &'a [[f64; N]]) -> Self {
         At { delta_d, factor: 0.0, globals: &[] }
     }

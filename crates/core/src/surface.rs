@@ -66,7 +66,7 @@ impl<const D: usize> Part<D> {
 /// A surface of a body, as sampled at the start; constant during a run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Surface<const D: usize> {
-    /// Name.
+    /// Name of the surface.
     pub name: String,
     /// Index of the body.
     pub body: usize,

@@ -466,7 +466,7 @@ where
             let what = if D > 2 { "a volume" } else { "an area" };
             let word = if part > 0.0 { "more" } else { "less" };
             let message = format!(
-                "the points of the body {} represent {what} of {volume:.6}, {:.3} % {word} than its region",
+                "the points of the body {} represent {what} of {volume:.6}, {:.3} % {word} than that of its region",
                 quote(&deck.name),
                 100.0 * part.abs()
             );
@@ -530,7 +530,7 @@ where
         conditions
     }
 
-    /// For each body, true if a load acts on it.
+    /// For each body, true if a load on the chosen bodies acts on it; without a choice, the load acts on all bodies.
     fn acts_on(&self, chosen: Option<&[String]>) -> Vec<bool> {
         let Some(chosen) = chosen else { return vec![true; self.deck.bodies.len()] };
         let mut acts_on = vec![false; self.deck.bodies.len()];

@@ -71,8 +71,9 @@ pub fn changes_during_run(old: &Deck, new: &Deck) -> Vec<String> {
     found
 }
 
-/// The number, in this deck, of the step that ends at `time`: `own` or, if larger, the number of the requested step
-/// that ends at that time, so that no file of an earlier step is overwritten. `None` after the end of the analysis.
+/// The number, in this deck, of the step that ends at `time`: its number `own` in the run so far or, if larger, the
+/// number of the requested step that ends at that time, so that no file of an earlier step is overwritten. `None` after
+/// the end of the analysis.
 pub fn step_at(deck: &Deck, time: f64, own: usize) -> Option<usize> {
     let end = deck.end_time();
     if time > end * (1.0 + SAME) {

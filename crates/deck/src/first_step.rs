@@ -1,6 +1,6 @@
 //! Gate three, feasibility, second half: sets up the first load step without solving it.
 //!
-//! Faults that prevent the first step are reported with their location in the deck; the solver finds the same faults in
+//! Faults that prevent the first step are reported with their location in the deck; the solver finds such faults in
 //! later steps.
 
 use super::advice::against;
@@ -158,7 +158,7 @@ impl Check<'_> {
         self.found.push(found.help(against(Obstacle::from(error))));
     }
 
-    /// Notes a boundary condition on nodes that no point touches: perhaps a wall that a body will reach.
+    /// Adds a note about a boundary condition on nodes that no point touches: perhaps a wall that a body reaches later.
     fn touches_nothing(&mut self, number: usize, name: &str) {
         let message =
             format!("the boundary condition {} acts on no node of a cell that contains points", quote(name));
@@ -168,7 +168,7 @@ impl Check<'_> {
         self.found.push(found.severity(Severity::Note).help(help));
     }
 
-    /// Warns of boundary conditions all of whose nodes other conditions already fix along an axis.
+    /// Warns of each boundary condition whose nodes are all fixed already by other conditions along an axis.
     fn held_already<const D: usize>(&mut self, model: &Model<D>) {
         for Covered { condition, axis, by } in covered(&model.boundary_conditions) {
             let name = |number: usize| model.boundary_conditions[number].name.as_str();

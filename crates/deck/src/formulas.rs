@@ -103,7 +103,7 @@ fn parse_all<'a>(
 pub struct Displacement<'a> {
     /// Key of the displacement, relative to the boundary condition.
     pub key: &'static str,
-    /// Index of the direction; the axis if the condition states no direction of its own.
+    /// Index of the direction, or of the axis if the condition states no direction of its own.
     pub direction: usize,
     /// Number or formula.
     pub value: &'a Expression,

@@ -28,8 +28,8 @@ pub(crate) trait Checks {
     fn weight(&mut self, pointer: &str, load: &str, bodies: Option<&[String]>);
     /// Checks that a surface of this name exists.
     fn surface(&mut self, pointer: &str, name: &str);
-    /// Checks the formulas of a load on a surface, `components` with their key: one for each axis, or a single one if
-    /// `is_scalar`.
+    /// Checks the formulas of a load on a surface. `components` holds their key and the formulas: one for each axis, or
+    /// a single one if `is_scalar`.
     fn formulas_at_places(
         &mut self,
         pointer: &str,

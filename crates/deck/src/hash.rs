@@ -1,7 +1,7 @@
 //! Hashes of decks and of the files they name.
 
-/// The 128-bit FNV-1a hash: its algorithm is short, it never changes (the standard library does not promise this of its
-/// hashes), and it is long enough that two decks never share one by chance.
+/// The 128-bit FNV-1a hash: its algorithm is short and never changes (the standard library does not promise this of its
+/// hashes), and the hash is long enough that two decks never share one by chance.
 pub(super) fn fnv1a(bytes: &[u8]) -> u128 {
     const BASIS: u128 = 0x6c62_272e_07bb_0142_62b8_2175_6295_c58d;
     const PRIME: u128 = 0x0000_0000_0100_0000_0000_0000_0000_013b;

@@ -104,7 +104,7 @@ impl StressDeck {
     /// The given components as formulas of the original position, each with its row and column.
     ///
     /// # Errors
-    /// The first fault of each formula.
+    /// The first fault in each formula.
     pub fn formulas(
         &self,
         parameters: &BTreeMap<String, Parameter>,

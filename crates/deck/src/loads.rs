@@ -177,7 +177,7 @@ impl LoadDeck {
         }
     }
 
-    /// Names of the bodies on whose points it acts; `None` for all of them.
+    /// Names of the bodies on whose points the load acts; `None` for all of them.
     pub(crate) fn bodies(&self) -> Option<&[String]> {
         match self {
             LoadDeck::Gravity { bodies, .. } | LoadDeck::BodyForce { bodies, .. } => bodies.as_deref(),
@@ -186,7 +186,7 @@ impl LoadDeck {
         }
     }
 
-    /// Name of the surface on which it acts; `None` if it acts on points.
+    /// Name of the surface on which the load acts; `None` if it acts on points.
     pub(crate) fn surface(&self) -> Option<&str> {
         match self {
             LoadDeck::Traction { surface, .. } | LoadDeck::Pressure { surface, .. } => Some(surface),

@@ -352,7 +352,7 @@ impl MaterialDeck {
         matches!(self, MaterialDeck::ModifiedCamClay { .. })
     }
 
-    /// Width of the shear band, if it is stated, [length]; `None` if the material does not soften.
+    /// Width of the shear band, [length]: `Some(None)` if it is not stated, `None` if the material does not soften.
     pub fn softening(&self) -> Option<Option<f64>> {
         match self {
             MaterialDeck::Tresca { softening, .. } => softening.as_ref().map(|softening| softening.band),

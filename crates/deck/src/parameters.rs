@@ -15,8 +15,8 @@ use mpm_core::formula::{self, Formula, FormulaError, closest};
 
 /// Largest number of parameters of a deck; this also limits the depth of dependencies between them.
 const MOST: usize = 500;
-/// Largest number of bytes that expressions may add to one string. Without a limit, parameters that contain each other
-/// several times would grow without bound.
+/// Largest number of bytes that expressions may add to one string. Without a limit, a chain of parameters, each of
+/// which contains the previous one several times, would grow exponentially.
 const MOST_IN_TEXT: usize = 10_000;
 /// Largest number of bytes that expressions may add to all strings of a deck.
 const MOST_IN_ALL: usize = 16 << 20;
@@ -469,7 +469,7 @@ impl Parameter {
 impl Display for Parameter {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            // Numbers of moderate size have no exponent; whole numbers have no fraction, either.
+            // Numbers of moderate size are written without an exponent, and whole numbers also without a fraction.
             Parameter::Number(number) if number.abs() >= 1e-5 && number.abs() < 1e9 || *number == 0.0 => {
                 write!(f, "{number}")
             }

@@ -12,7 +12,7 @@ use mpm_core::points::{Points, coordinates};
 use mpm_core::ranks::Ranks;
 use mpm_core::region::{Region, contains_in_cell};
 
-/// Message and help for a physical group that does not exist, or has no cells although it needs some.
+/// Message and help for a physical group that does not exist, or has no cells although cells are required.
 pub(super) fn unknown_group<const D: usize>(
     grid: &dyn Grid<D>,
     name: &str,
@@ -94,7 +94,8 @@ pub(super) fn overlaps<const D: usize>(
             in_cell.entry(cell).or_default().push(p);
         }
     }
-    // Points inside the region of another body, by later and earlier body: their number, and the first with its cell.
+    // For each pair of a later and an earlier body that overlap: the number of points of one body in the region of the
+    // other, and the cell and position of the first such point.
     let mut found: BTreeMap<(u16, u16), (usize, u32, Vec<f64>)> = BTreeMap::new();
     let in_group = |key: usize, cell: usize| groups.holds(key, cell);
     for (cell, of_cell) in &in_cell {

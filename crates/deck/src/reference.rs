@@ -20,7 +20,7 @@ text such as `gamma*y`. Expressions and formulas may contain `+ - * / ^`, the co
 `-(x^2)`, and `2^3^2` is `2^(3^2)`.
 ";
 
-/// Sections in the order of the document: title and definition in the schema; the deck itself comes first.
+/// Title of each section and its definition in the schema, in the order of the document; the deck itself comes first.
 const SECTIONS: &[(&str, &str)] = &[
     ("`analysis`", "Analysis"),
     ("`stabilisation` of an analysis", "Stabilisation"),

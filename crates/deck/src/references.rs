@@ -8,7 +8,7 @@ use super::source::Source;
 use mpm_core::formula::closest;
 
 /// Help for a name that refers to no entry of the deck: the names of the entries that exist, or the most similar of
-/// these names. The pair is the word for this kind of entry, singular and plural.
+/// these names. The pair contains the word for this kind of entry in the singular and in the plural.
 pub fn known_names((one, several): (&str, &str), name: &str, names: &[&str]) -> String {
     match (closest(name, names.iter().copied()), names.len()) {
         (_, 0) => format!("the deck has no {several}"),

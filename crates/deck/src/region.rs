@@ -44,7 +44,7 @@ pub enum Shape {
         #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [1.5]))]
         radius: f64,
     },
-    /// The region between two circles in the plane with the same centre.
+    /// The region between two concentric circles in the plane.
     Annulus {
         /// Centre, [length].
         #[schemars(with = "Vector", extend("examples" = [[2, 2]]))]

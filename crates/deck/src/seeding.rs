@@ -22,7 +22,7 @@ const ON_LINE: f64 = 1e-6;
 
 /// Number of divisions of a cut cell along each axis in the plane, to measure the share of the cell in a region.
 const FINE: usize = 32;
-/// The same in space.
+/// Number of divisions of a cut cell along each axis in space, to measure the share of the cell in a region.
 const FINE_IN_SPACE: usize = 10;
 /// Number of divisions of a cell along each axis, to find out whether the cell is cut.
 const PROBED: usize = 8;
@@ -62,7 +62,7 @@ pub(super) struct Filling<'a, const D: usize> {
     pub(super) method: Method,
     pub(super) density: f64,
     pub(super) history: Vec<f64>,
-    /// True if the model has tools, which standard points touch with a box.
+    /// True if the model has tools, with which standard points make contact through a box.
     pub(super) touches_tools: bool,
     /// The ranks, each of which creates a share of the points.
     pub(super) ranks: &'a Ranks,
@@ -334,7 +334,7 @@ impl<const D: usize> Filling<'_, D> {
         Ok(seeds)
     }
 
-    /// Marks the points of cells that are not full, or share a node with the boundary of the full ones.
+    /// Marks the points of cells that are not full, or share a node with the boundary of the full cells.
     fn mark_outer_layer(&self, seeds: &mut [Seed<D>], filled: &[FilledCell]) {
         let own_full = || filled.iter().filter(|filled| filled.full).map(|filled| filled.cell);
         let full: Vec<u32> = if self.ranks.is_alone() {

@@ -17,9 +17,9 @@ use mpm_files::fields::PointField;
 const PROGRAM: f64 = 24e6;
 /// Memory per grid node, [byte].
 const PER_NODE: f64 = 10.0;
-/// Memory per unknown of the stiffness and the preconditioner of an iterative solution, [byte]: first in the plane
-/// (counted), then in space (measured). Each pair is for points that reach only the nodes of their cell, and for
-/// domains that reach beyond it.
+/// Memory of the stiffness and the preconditioner of an iterative solution per unknown, [byte]: first in the plane
+/// (counted), then in space (measured). The first value of each pair is for points that reach only the nodes of their
+/// cell, the second for domains that reach beyond it.
 const ITERATIVE: [[f64; 2]; 2] = [[450.0, 850.0], [1200.0, 4500.0]];
 
 /// Memory of an iterative solution on a mesh, on several ranks, relative to that on a structured grid: the algebraic
@@ -29,7 +29,7 @@ const ALGEBRAIC: f64 = 4.0;
 const MAKING: f64 = 50.0;
 /// Required accuracy of the volume of a region.
 const ROUGHLY: Accuracy = Accuracy { relative: 1e-2, lines: 20_000 };
-/// Share of the memory above which there is a warning.
+/// Fraction of the memory limit above which the estimate causes a warning.
 const MUCH: f64 = 0.8;
 /// Address space that each thread reserves for products of dense matrices, [byte]; hardly any of it is used.
 const PER_THREAD: f64 = 67_108_864.0;

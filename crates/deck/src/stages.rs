@@ -79,7 +79,7 @@ pub enum Reset {
 }
 
 impl Deck {
-    /// The load steps of the only stage, or of each stage, with their JSON pointers in the deck.
+    /// The load steps of an analysis without stages, or of each stage, with their JSON pointers in the deck.
     pub fn courses(&self) -> Vec<(String, &StepsDeck)> {
         let only = self.steps.iter().map(|steps| ("/steps".to_owned(), steps));
         let stages = self.stages.iter().enumerate();

@@ -346,7 +346,7 @@ pub struct ContactDeck {
 }
 
 impl ToolShape {
-    /// Name of its type in decks.
+    /// Name of the type of the shape in decks.
     pub(crate) fn word(&self) -> &'static str {
         match self {
             ToolShape::HalfSpace { .. } => "half-space",
@@ -482,12 +482,12 @@ impl ToolDeck {
 }
 
 impl FreeDeck {
-    /// True for rotations.
+    /// True if the component is a rotation.
     pub(crate) fn is_rotation(self) -> bool {
         !matches!(self, FreeDeck::X | FreeDeck::Y | FreeDeck::Z)
     }
 
-    /// Name in decks.
+    /// Name of the component in decks.
     pub(crate) fn word(self) -> &'static str {
         ["x", "y", "z", "rotation", "rx", "ry", "rz"][self as usize]
     }

@@ -12,14 +12,14 @@ use super::diagnostic::Diagnostic;
 use super::quoting::quote;
 use super::span::{EntrySpan, Span, escape};
 
-/// Largest number of levels of nesting; the deepest valid deck needs a tenth of it.
+/// Largest number of levels of nesting; the deepest valid deck needs a tenth of this number.
 const MAX_DEPTH: usize = 64;
 /// Largest number of values in a deck.
 const MAX_VALUES: usize = 2_000_000;
 /// Largest number of values that aliases may add to the values written out.
 const MAX_COPIED: usize = 100_000;
 /// Largest number of bytes of all values of a deck, including copies by aliases, and of the pointers to these values.
-/// Only a long string that is copied often, or a long key above many values, exceeds it.
+/// Only a long string that is copied often, or a long key above many values, can exceed it.
 const MAX_BYTES: usize = 256 << 20;
 
 /// A deck read from text, before its keys are interpreted.

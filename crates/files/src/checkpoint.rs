@@ -70,7 +70,7 @@ pub struct Head {
 pub struct Refused {
     /// The file.
     pub path: PathBuf,
-    /// The fault.
+    /// Why the file cannot be used.
     pub reason: String,
 }
 
@@ -90,7 +90,7 @@ pub struct Checkpoint {
     /// The arrays of the points that this rank reads, not yet decoded: for each piece, its number of points and its
     /// bytes.
     arrays: Vec<(usize, Vec<u8>)>,
-    /// The paths in these pieces.
+    /// The solution paths in these pieces.
     paths: Vec<SolutionPath>,
 }
 

@@ -131,7 +131,8 @@ impl Kind {
         if name.ends_with(".pvtu") { Kind::Pieces } else { Kind::Mesh }
     }
 
-    /// True if a run wrote a file that begins with this text; `whole` if the text is the whole file.
+    /// True if a file that begins with this text is one that a run wrote; `whole` states whether the text is the whole
+    /// file.
     fn fits(&self, begin: &str, whole: bool) -> bool {
         match self {
             Kind::Mesh => begin.starts_with(vtu::HEAD),

@@ -72,7 +72,7 @@ impl PointField {
         Self::ALL.into_iter().filter(|field| *field != PointField::PressureSmoothed).collect()
     }
 
-    /// Name in files and decks.
+    /// Name of the field in files and decks.
     pub fn name(self) -> &'static str {
         match self {
             PointField::Displacement => "displacement",
@@ -169,8 +169,8 @@ const WELL_CONDITIONED: f64 = 1e-3;
 
 /// Logarithmic plastic strain −½ ln(F⁻¹ b^e F⁻ᵀ) in the original configuration.
 ///
-/// At large strain it follows from the singular values of F⁻¹ √b^e, because round-off could make their squares
-/// negative.
+/// At large strain it follows from the singular values of F⁻¹ √b^e, because round-off could make their squares, the
+/// eigenvalues of F⁻¹ b^e F⁻ᵀ, negative.
 fn plastic_strain(f: &Mat3, b: &Sym3) -> Sym3 {
     let inverse = f.try_inverse().unwrap_or_else(Mat3::identity);
     let squares = Sym3::symmetric_part(&(inverse * b.to_matrix() * inverse.transpose())).spectrum();
@@ -228,12 +228,12 @@ pub struct Of<'a, const D: usize> {
     pub model: &'a Model<D>,
     /// All points.
     pub points: &'a Points<D>,
-    /// Indices of the points of the file, in its order.
+    /// Indices of the points of the file, in the order of the file.
     pub order: &'a [usize],
-    /// J and current volume of each of these points, see [`volumes`].
+    /// J and current volume of each point of the file, see [`volumes`].
     pub volumes: &'a [[f64; 2]],
-    /// Pressure of each of these points, see [`smoothed_pressures`](super::smoothed_pressure::smoothed_pressures);
-    /// empty unless requested.
+    /// Smoothed pressure of each point of the file, see
+    /// [`smoothed_pressures`](super::smoothed_pressure::smoothed_pressures); empty unless requested.
     pub smoothed: &'a [f64],
     /// Precision of floating-point numbers.
     pub precision: Precision,

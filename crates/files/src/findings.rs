@@ -101,7 +101,7 @@ impl ForceBalance {
 /// An extreme value of a field, and its location.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Extreme {
-    /// The value.
+    /// The extreme value.
     pub value: f64,
     /// Name of the body.
     pub body: String,
@@ -187,7 +187,7 @@ pub struct Errors {
 /// Key results of a run.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Findings {
-    /// Fewest and most linear solves of a step.
+    /// Smallest and largest number of linear solves in a step.
     pub iterations: Option<[usize; 2]>,
     /// Largest residual of a step in equilibrium, eq. (40), and the step, [-].
     pub worst_residual: Option<(f64, usize)>,

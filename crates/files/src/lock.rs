@@ -8,7 +8,7 @@ use std::time::Duration;
 /// Name of the file that is locked. It is empty and is not removed: only the lock on it matters.
 pub(super) const NAME: &str = ".lock";
 
-/// Number of attempts to take the lock, and the pause between them: `mpm status` holds it briefly.
+/// Number of attempts to take the lock, and the pause between them; `mpm status` may hold the lock briefly.
 const TRIES: usize = 20;
 const PAUSE: Duration = Duration::from_millis(10);
 
@@ -56,7 +56,7 @@ impl Lock {
     }
 }
 
-/// True if the lock is a file or does not exist; opening a pipe would block forever.
+/// True if the lock is a regular file or does not exist; opening a pipe would block forever.
 fn is_possible(directory: &Path) -> bool {
     std::fs::metadata(directory.join(NAME)).map_or(true, |about| about.is_file())
 }

@@ -69,7 +69,7 @@ pub struct Results {
     written: Option<usize>,
     /// The step that is being written.
     shown: Option<usize>,
-    /// The first failure of a table that could not be reported at once.
+    /// The first failure to write a table that could not be reported at once.
     failure: Option<io::Error>,
     account: Account,
     findings: Findings,
@@ -99,7 +99,7 @@ impl Results {
     /// VTU files and checkpoints are written as `asked` states.
     ///
     /// # Errors
-    /// If the directory cannot be created or written; `ResourceBusy` if another run writes there.
+    /// If the directory cannot be created or written to; `ResourceBusy` if another run writes there.
     pub fn create<const D: usize>(
         directory: &Path,
         asked: &Request,
@@ -163,7 +163,7 @@ impl Results {
     /// are removed. `reached` is that step, with its number in this run.
     ///
     /// # Errors
-    /// If the directory cannot be written, or does not contain the results up to the checkpoint; in the latter case
+    /// If the directory cannot be written to, or does not contain the results up to the checkpoint; in the latter case
     /// nothing in it is changed.
     pub fn resume<const D: usize>(
         (directory, lock): (&Path, Lock),

@@ -15,7 +15,7 @@ pub(super) fn check([history, quality, convergence]: [&Kept; 3], steps: usize) -
         .filter_map(|[step, iterations, _]| Some(((*step)?, (*iterations)?)))
         .collect();
     if accepted.len() != steps {
-        // Step numbers may have gaps if a run was resumed with another number of steps.
+        // Step numbers may have gaps if a run was resumed with a different number of steps.
         let mut before = 0;
         let gap = accepted.iter().find_map(|(step, _)| {
             let expected = before + 1;
@@ -38,7 +38,7 @@ pub(super) fn check([history, quality, convergence]: [&Kept; 3], steps: usize) -
     for (step, iterations) in accepted {
         let n = rest.iter().take_while(|row| row[0] == Some(step)).count();
         let (of_step, later) = rest.split_at(n);
-        // Failed attempts precede the converged one.
+        // The rows of failed attempts precede those of the converged attempt.
         let last =
             of_step.iter().rposition(|row| row[1] == Some(0)).map_or(&[][..], |first| &of_step[first..]);
         // A multiplier update evaluates the residual of an iteration once more.

@@ -40,7 +40,7 @@ pub enum Outcome {
 }
 
 impl Outcome {
-    /// The outcome of a run that has ended with this error, or without.
+    /// The outcome of a run that has ended with this error, or without an error.
     pub fn of(error: Option<&SolveError>) -> Outcome {
         match error {
             None => Outcome::Completed,
@@ -59,12 +59,12 @@ pub struct Start {
 }
 
 impl Start {
-    /// For the only run of a program, which started at `wall`.
+    /// The start of the only run of a program, at `wall`.
     pub fn of_program(wall: Instant) -> Start {
         Start { wall, cpu: Duration::ZERO }
     }
 
-    /// For one of several runs, starting now. The peak memory is reset as well, if the system allows it; it includes
+    /// The start, now, of one of several runs. The peak memory is reset as well, if the system allows it; it includes
     /// memory that the program still holds from earlier runs.
     pub fn now() -> Start {
         // This works on Linux only; elsewhere, the peak memory covers the whole program.
@@ -113,7 +113,7 @@ pub struct DeckMessage {
     pub code: String,
     /// `warning` or `note`.
     pub severity: String,
-    /// The fact.
+    /// Text of the message, without the remedy.
     pub message: String,
     /// The remedy.
     pub help: Option<String>,

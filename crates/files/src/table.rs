@@ -158,7 +158,7 @@ impl Table {
         self.columns.len()
     }
 
-    /// Appends a row with one entry per column; it is in the file when this returns.
+    /// Appends a row with one entry per column; it is in the file when this function returns.
     ///
     /// Errors: file-system errors; `InvalidInput` if the number of entries is wrong or an entry is not finite. No part
     /// of the row is then in the file.

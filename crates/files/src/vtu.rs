@@ -40,7 +40,7 @@ pub(super) const HEAD: &str = concat!(
     "\n"
 );
 
-/// Text before the first appended array, and after the last.
+/// Text before the first appended array; `END` is the text after the last.
 const BEGIN: &str = "<AppendedData encoding=\"raw\">\n_";
 const END: &str = "\n</AppendedData>\n</VTKFile>\n";
 
@@ -337,7 +337,7 @@ impl File {
     }
 }
 
-/// The fields of `count` points or cells, if each has its own name.
+/// The fields as lines of the XML, if each has its own name and `count` values.
 fn checked(
     owner: &str,
     count: usize,

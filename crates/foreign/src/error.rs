@@ -33,9 +33,9 @@ pub enum LibraryError {
     /// The library implements another version of the interface.
     #[error("it implements version {found} of the interface; this program needs version {needed}")]
     Version {
-        /// Version of the library.
+        /// Version that the library implements.
         found: i32,
-        /// Version of this program.
+        /// Version that this program needs.
         needed: i32,
     },
     /// The structure `mpm_sizes` of the library differs in size.
@@ -51,9 +51,9 @@ pub enum LibraryError {
     Count {
         /// What is counted.
         kind: Kind,
-        /// The count.
+        /// The count that the library states.
         count: i64,
-        /// The largest count.
+        /// The largest count allowed.
         most: i64,
     },
     /// A name is missing.
@@ -95,7 +95,7 @@ pub enum LibraryError {
     /// An initial value is not finite.
     #[error("the initial value of the history variable {name:?} is {value}")]
     NotFinite {
-        /// The variable.
+        /// Name of the history variable.
         name: String,
         /// The value.
         value: f64,

@@ -128,7 +128,7 @@ impl Loaded {
         self.function(name).ok_or(LibraryError::NoFunction(name))
     }
 
-    /// The functions, after a check of the version and the sizes.
+    /// The functions of the library, after a check of the version and the sizes.
     ///
     /// # Errors
     /// Faults in the version, the sizes or the functions.

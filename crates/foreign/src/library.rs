@@ -28,7 +28,7 @@ pub struct Library {
     pub(crate) measure: StrainMeasure,
 }
 
-/// A library that was loaded: the hash of its file, and the outcome.
+/// The hash of the file of a library, and the outcome of loading it.
 type Known = (u128, Result<Arc<Library>, LibraryError>);
 
 /// All libraries that were loaded. If a path is requested again, the system returns the library that it already has,

@@ -16,13 +16,13 @@ pub const MOST_RANKS: usize = 4;
 /// Factorises with the core, divided between ranks, or with MUMPS if there are many unknowns and ranks.
 pub struct ByExtent<const D: usize, const N: usize = D> {
     divided: Divided<D, N>,
-    /// `None` if PETSc has no MUMPS.
+    /// `None` while the core factorises.
     mumps: Option<Direct<N>>,
     uses_mumps: bool,
 }
 
 impl<const D: usize, const N: usize> ByExtent<D, N> {
-    /// A backend; without MUMPS, the core factorises all systems.
+    /// A backend; if PETSc has no MUMPS, the core factorises all systems.
     pub fn new() -> Self {
         ByExtent { divided: Divided::default(), mumps: None, uses_mumps: false }
     }

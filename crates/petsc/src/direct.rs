@@ -12,7 +12,7 @@ use crate::session::is_running;
 
 use factor::{Factor, Pivots};
 
-/// Unknowns whose diagonal entry is below this fraction of the largest are weak: they belong to nodes that points
+/// Unknowns whose diagonal entry is below this fraction of the largest one are weak: they belong to nodes that points
 /// hardly touch.
 const WEAK: f64 = 1e-2;
 
@@ -23,10 +23,10 @@ const SHIFT: f64 = 1e-9;
 /// factor of the shifted matrix.
 const ENOUGH: [f64; 2] = [1e-6, 1e-12];
 
-/// Largest number of steps of iterative refinement in these two cases.
+/// Largest number of steps of iterative refinement, without and with a shift of the matrix.
 const REFINEMENTS: [usize; 2] = [2, 4];
 
-/// Relative residual above which the matrix is singular, in these two cases.
+/// Relative residual above which the matrix counts as singular, without and with a shift.
 const SINGULAR: [f64; 2] = [1e-3, 1e-10];
 
 /// Largest relative residual of a trial solution at which a shift has evidently only compensated for round-off.
@@ -287,7 +287,7 @@ impl<const N: usize> System<N> {
         self.largest = self.largest.max(size);
         let (x, residual) = self.refine(ranks, b)?;
         let case = usize::from(self.shift.is_some());
-        // Near equilibrium, a right-hand side consists of the round-off of earlier, larger ones.
+        // Near equilibrium, a right-hand side consists of the round-off of earlier, larger right-hand sides.
         let allowed =
             if self.shift.is_some() { SINGULAR[case] * self.largest / size } else { SINGULAR[case] };
         let is_solved = residual <= allowed && x.iter().all(|x| x.is_finite());

@@ -17,7 +17,7 @@ const NONE: PetscInt = -1;
 pub(crate) struct GlobalNumbers<const N: usize> {
     /// Number at each component of each active node of this rank, or [`NONE`].
     number: Vec<[PetscInt; N]>,
-    /// The numbers of the unknowns at own nodes.
+    /// The numbers of the unknowns at the own nodes of this rank.
     own: Range<usize>,
     /// Number of unknowns of all ranks.
     count: usize,
@@ -58,14 +58,14 @@ impl<const N: usize> GlobalNumbers<N> {
         self.count
     }
 
-    /// Copies the values at own unknowns out of a complete field.
+    /// Copies the values at the own unknowns of this rank out of a complete field.
     pub fn take(&self, field: &[[f64; N]], own: &mut [f64]) {
         let field = field.as_flattened();
         own.iter_mut().zip(&self.places).for_each(|(value, place)| *value = field[*place as usize]);
     }
 
-    /// Makes a complete field from the values at own unknowns; it is zero where there is no unknown. All ranks must
-    /// call this.
+    /// Makes a complete field from the values at the own unknowns of each rank; it is zero where there is no unknown.
+    /// All ranks must call this.
     pub fn spread(&self, halo: &Halo, own: &[f64], field: &mut [[f64; N]]) {
         field.fill([0.0; N]);
         let flat = field.as_flattened_mut();

@@ -29,7 +29,7 @@ pub enum Error {
         "this MPI library cannot be called by several threads in turn; it was built without support for threads"
     )]
     Threads,
-    /// PETSc was built without a solver.
+    /// PETSc was built without this library.
     #[error("this PETSc library was built without {0}, which the direct solver needs")]
     Without(&'static str),
     /// A PETSc function has failed.

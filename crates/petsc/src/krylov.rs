@@ -81,7 +81,7 @@ struct System<const D: usize, const N: usize> {
     known: Known<N>,
     /// True at components that are not unknowns.
     held: Vec<[bool; N]>,
-    /// Diagonal entries at these components, zero elsewhere.
+    /// Diagonal entries at components that are not unknowns, zero elsewhere.
     held_diagonal: Vec<[f64; N]>,
     /// The product with the current matrix.
     operator: Matrix,
@@ -275,7 +275,7 @@ impl<const D: usize, const N: usize> System<D, N> {
     }
 }
 
-/// The data with which a solution works.
+/// The data that a solution uses.
 struct Run<'a> {
     operator: &'a Matrix,
     solvers: &'a mut Solvers,

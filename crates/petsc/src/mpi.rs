@@ -91,7 +91,7 @@ impl Mpi {
         receive
     }
 
-    /// Gathers the bytes of all ranks in rank order, in one message; `lengths` are the numbers of bytes.
+    /// Gathers the bytes of all ranks in rank order, in one message; `lengths` are their numbers of bytes.
     fn gather_few(&self, own: &[u8], lengths: &[usize], all: &mut [u8]) {
         let counts: Vec<c_int> = lengths.iter().map(|length| *length as c_int).collect();
         let starts: Vec<c_int> = (0..counts.len()).map(|rank| counts[..rank].iter().sum()).collect();

@@ -1,4 +1,4 @@
-//! `mpm element`: drives one point, of a material in a deck, along a strain or stress path.
+//! `mpm element`: drives one point of a material in a deck along a strain or stress path.
 
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
@@ -220,7 +220,7 @@ fn beginning(
             let key = &built.varying[0].key;
             bail!(
                 "`{key}` of the material {} varies in space, and the position of the point is unknown\n  help: give its \
-                 coordinates, `--at {}`",
+                 coordinates, for example `--at {}`",
                 quote(material),
                 ["1,2", "1,2,3"][usize::from(n == 3)]
             );
@@ -284,7 +284,7 @@ fn material_name<'a>(loaded: &'a LoadedDeck, wanted: Option<&str>) -> anyhow::Re
     }
 }
 
-/// The route that the point follows, from arguments that fit together.
+/// The route that the point follows; an error if the arguments do not fit together.
 fn route(args: &ElementArgs) -> anyhow::Result<Route> {
     use element_test::Path as Way;
     let (word, constant_normal_stress) = (args.path.word(), args.constant_normal_stress);

@@ -60,7 +60,7 @@ pub fn find(
     if checkpoint.head.files != loaded.hash_of_files() {
         changed.push("a mesh, surface or library that it names has changed".to_owned());
     }
-    // The files may differ on the machine of only one rank.
+    // The files may have changed on the machine of only one rank.
     let changed = machines.ranks().first((!changed.is_empty()).then_some(changed)).unwrap_or_default();
     if !changed.is_empty() {
         bail!(

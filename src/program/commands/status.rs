@@ -12,7 +12,7 @@ use anyhow::bail;
 use clap::Args;
 use jiff::Timestamp;
 
-/// Exit code of a run that has not ended.
+/// Exit code of `mpm status` for a run that has not ended.
 const RUNNING: u8 = 3;
 
 /// Arguments of `mpm status`.

@@ -35,7 +35,7 @@ pub enum View {
 const FRAME: Duration = Duration::from_millis(100);
 /// Approximate number of progress lines of a run without a terminal.
 const LINES: usize = 20;
-/// Longest time between two such lines.
+/// Longest time between two progress lines.
 const SILENCE: Duration = Duration::from_secs(30);
 
 /// Writes the results of a run and shows its progress.
@@ -349,7 +349,8 @@ fn initial_balance(state: &InitialState) -> String {
     }
 }
 
-/// The current step out of those requested or, once a step has been cut, the share of the end time reached.
+/// The current step, with the number of steps requested or, once a step has been cut, with the share of the end time
+/// reached.
 fn step_of(status: &Status) -> String {
     let Status { step, steps_requested, time, end_time, .. } = status;
     let reached = time / end_time;

@@ -16,7 +16,7 @@ pub struct Border<const N: usize> {
     pub(crate) rows: Vec<Nodal<N>>,
     /// C, `[i][j]`.
     pub(crate) corner: Vec<Vec<f64>>,
-    /// r.
+    /// Residuals r of the global equations.
     pub(crate) residual: Vec<f64>,
     /// Derivative of r with respect to the load factor, if this factor follows from equilibrium.
     pub(crate) per_factor: Vec<f64>,

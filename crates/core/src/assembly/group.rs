@@ -48,7 +48,7 @@ impl<const D: usize> Coupling<'_, D> {
     }
 }
 
-/// No stiffness, only forces.
+/// Adds only forces, no stiffness.
 pub(crate) struct Forces;
 
 impl<const D: usize> Dense<D> for Forces {
@@ -70,7 +70,7 @@ impl<const D: usize> Dense<D> for Forces {
     fn couple(&mut self, _: &Coupling<D>) {}
 }
 
-/// The lower triangle, by rows.
+/// The lower triangle of the stiffness, by rows.
 pub(crate) struct Triangle<'a, const D: usize>(pub &'a mut [Block<D>]);
 
 impl<const D: usize> Dense<D> for Triangle<'_, D> {
@@ -110,7 +110,7 @@ impl<const D: usize> Dense<D> for Triangle<'_, D> {
 /// The same as [`Triangle`], for a group in the plane whose points all touch its `N` nodes, as standard points do. Each
 /// block is one vector of numbers at a fixed position, so no index has to be looked up.
 pub(crate) struct Whole<const D: usize, const N: usize> {
-    /// `[b][a]`, with the column b.
+    /// The block of row a and column b is at `[b][a]`.
     blocks: [[Block<D>; N]; N],
 }
 

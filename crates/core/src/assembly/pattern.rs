@@ -11,7 +11,7 @@ pub(crate) const UNCOUPLED: u32 = u32::MAX;
 /// Calls its argument with ascending lists of active nodes; all nodes of a list are coupled with one another.
 pub type Couples<'a> = dyn Fn(&mut dyn FnMut(&[u32])) + 'a;
 
-/// The coupled pairs of active nodes, by columns; in a symmetric system, only the pairs with row ≥ column.
+/// The coupled pairs of active nodes, column by column; in a symmetric system, only the pairs with row ≥ column.
 pub(crate) struct NodePairs {
     symmetric: bool,
     column_start: Vec<usize>,
@@ -81,7 +81,7 @@ impl NodePairs {
         }
     }
 
-    /// Calls `visit(row, column, dense pair)` for the marked pairs of a group, by columns.
+    /// Calls `visit(row, column, dense pair)` for the marked pairs of a group, column by column.
     fn coupled_in<const D: usize>(
         &self,
         links: &Connectivity<D>,

@@ -57,7 +57,7 @@ fn variants(grid_is_structured: bool) -> Vec<(Method, ElementShape)> {
     METHODS.into_iter().filter(fits).flat_map(shapes).collect()
 }
 
-/// Checks partition of unity, linear reproduction, the gradients of both, and that no value is negative.
+/// Checks partition of unity, linear reproduction and the gradients of both, and that no value is negative.
 fn conforms<const D: usize>(grid: &dyn Grid<D>, variant: (Method, ElementShape), x: [f64; D], l: [f64; D]) {
     let s = support(variant, grid, x, l);
     let n = s.nodes.len();

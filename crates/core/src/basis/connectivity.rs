@@ -68,10 +68,11 @@ pub struct Connectivity<const D: usize> {
     active_nodes: Vec<u32>,
     active_of: Vec<u32>,
     active_cells: Vec<u32>,
-    /// Grid nodes touched only by slivers, ascending, each with its carrier node.
+    /// Grid nodes touched only by slivers of basis functions, ascending, each with its carrier node.
     carried: Vec<[u32; 2]>,
-    /// Cells of other ranks next to the cells of this rank, ascending, and their active nodes.
+    /// Cells of other ranks next to the cells of this rank, ascending.
     layer_cells: Vec<u32>,
+    /// Active nodes of these cells, and further nodes that terms need on this rank; grid numbers.
     layer_nodes: Vec<u32>,
     /// The active nodes that other ranks also have.
     halo: Halo,
@@ -82,7 +83,7 @@ pub struct Connectivity<const D: usize> {
 pub struct SupportFailure {
     /// Index of the point.
     pub point: usize,
-    /// The reason.
+    /// Reason for the failure.
     pub error: SupportError,
 }
 
@@ -390,7 +391,7 @@ impl<const D: usize> Connectivity<D> {
     }
 
     /// The active nodes that other ranks also have. If there are other ranks, this rank has the nodes that its points
-    /// touch and the nodes of one layer of adjacent cells.
+    /// touch, the active nodes of one layer of adjacent cells, and those that [`Connectivity::with_nodes`] has added.
     pub fn halo(&self) -> &Halo {
         &self.halo
     }
@@ -406,8 +407,8 @@ impl<const D: usize> Connectivity<D> {
         &self.active_cells
     }
 
-    /// Active number of the node that moves with a grid node: the node itself, or its carrier if only slivers of basis
-    /// functions touch it; `None` if no point is near.
+    /// Number, among the active nodes, of the node that moves with a grid node: the node itself, or its carrier if only
+    /// slivers of basis functions touch it; `None` if no point is near.
     #[inline(always)]
     pub fn moves_with(&self, node: usize) -> Option<usize> {
         match self.active_of[node] {
@@ -417,14 +418,15 @@ impl<const D: usize> Connectivity<D> {
         }
     }
 
-    /// Number, among the active nodes, of the node that carries a grid node touched only by slivers.
+    /// Number, among the active nodes, of the node that carries a grid node touched only by slivers; `None` if there
+    /// is no such node.
     #[cold]
     fn carrier(&self, node: usize) -> Option<usize> {
         let index = self.carried.binary_search_by_key(&(node as u32), |pair| pair[0]).ok()?;
         self.active_number(self.carried[index][1] as usize)
     }
 
-    /// Active number of a grid node; `None` if points touch it only by slivers, or not at all.
+    /// Number of a grid node among the active nodes; `None` if points touch it only by slivers, or not at all.
     #[inline]
     pub fn active_number(&self, node: usize) -> Option<usize> {
         match self.active_of[node] {

@@ -1,6 +1,6 @@
 //! Convected particle domain interpolation, CPDI1 and CPDI2 (Sadeghirad et al., 2011 and 2013), derived from its
-//! definition because the formulas first printed for CPDI2 were wrong (footnote 6). Domains are quadrilaterals
-//! (hexahedra) or triangles (tetrahedra).
+//! definition because the formulas first printed for CPDI2 were wrong (footnote 6 of the paper). Domains are
+//! quadrilaterals (hexahedra) or triangles (tetrahedra).
 //!
 //! Inside the domain of a point, the grid basis is replaced by an interpolation of its values at the corners, N_v(x) ≈
 //! Σ_c N_c(x) N_v(x_c), so that

@@ -16,8 +16,8 @@ pub(super) struct AxisFactors {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Factors<const D: usize>([AxisFactors; D]);
 
-/// Storage format of a point. For each axis, there are four bits for the number of nodes and one bit that marks a point
-/// inside one cell, for which only the local coordinate is stored.
+/// Storage format of the basis functions of a point. For each axis, there are four bits for the number of nodes and one
+/// bit that marks a point inside one cell, for which only the local coordinate is stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Form(u32);
 
@@ -65,7 +65,7 @@ impl Form {
 }
 
 impl<const D: usize> Factors<D> {
-    /// Factors from values and slopes of consecutive nodes along each axis; `None` if there are too many nodes.
+    /// Factors from the values and slopes at consecutive nodes along each axis; `None` if there are too many nodes.
     pub fn new(axes: &[(usize, &[(f64, f64)]); D]) -> Option<Self> {
         if axes.iter().any(|(_, line)| line.len() > MOST) {
             return None;
@@ -188,7 +188,7 @@ fn for_each_corner<const D: usize>(
     }
 }
 
-/// The products for any other point.
+/// The products for a point that is not inside one cell.
 #[inline(always)]
 fn for_each_node<const D: usize>(
     form: Form,

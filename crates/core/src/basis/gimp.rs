@@ -105,7 +105,7 @@ fn for_each_offset<const D: usize>(counts: [usize; D], mut visit: impl FnMut([us
     }
 }
 
-/// Values and slopes of consecutive nodes along one axis. Domains up to 6 cells long need no heap memory.
+/// Basis functions, with slopes, at consecutive nodes along one axis. Domains up to 6 cells long need no heap memory.
 #[derive(Debug, Default)]
 struct AxisSupport {
     few: [(f64, f64); 8],

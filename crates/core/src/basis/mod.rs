@@ -62,7 +62,7 @@ impl Method {
         }
     }
 
-    /// Name in decks.
+    /// Name of the method in decks.
     pub fn name(self) -> &'static str {
         match self {
             Method::Mpm => "mpm",
@@ -72,12 +72,12 @@ impl Method {
         }
     }
 
-    /// True if its points have basis functions at the centres of cells, which F-bar needs.
+    /// True if the points of the method have basis functions at the centres of cells, which F-bar needs.
     pub fn has_centres(self) -> bool {
         matches!(self, Method::Mpm | Method::Gimp)
     }
 
-    /// Kind of domain of its points.
+    /// Kind of domain of the points of the method.
     pub fn domain(self) -> DomainKind {
         match self {
             Method::Mpm => DomainKind::None,
@@ -172,12 +172,12 @@ pub enum SupportError {
     CornerOffGrid {
         /// Index of the corner.
         corner: usize,
-        /// Its position, [length]; entries beyond the dimension are zero.
+        /// Position of the corner, [length]; entries beyond the dimension are zero.
         position: [f64; 3],
         /// Number of coordinates.
         dimension: usize,
     },
-    /// The domain is inverted, a bow-tie, or has no volume.
+    /// The domain is inverted or a bow-tie, or has no volume.
     #[error("its domain is inverted or crosses itself")]
     Distorted,
     /// GIMP requires a structured grid.
@@ -186,7 +186,7 @@ pub enum SupportError {
     /// F-bar requires a method with basis functions at the centres of cells.
     #[error("the method has no basis at the centres of cells, which F-bar needs")]
     NoCentre,
-    /// A point of another rank cannot be supported.
+    /// The basis functions of a point of another rank cannot be formed.
     #[error("a point of another rank cannot be supported")]
     OnRank,
 }

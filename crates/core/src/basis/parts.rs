@@ -12,8 +12,8 @@ pub struct JoinedParts {
 }
 
 impl JoinedParts {
-    /// The parts, given for each node the lowest active node of its part as from [`Connectivity::parts`]; active node
-    /// numbers replace grid node numbers.
+    /// The parts on a single rank, from the lowest active node of each node's part, as [`Connectivity::parts`] returns
+    /// it; active node numbers take the place of grid node numbers.
     pub fn of_one_rank(lowest: &[usize]) -> Self {
         let mut parts = JoinedParts { of_node: vec![0; lowest.len()], lowest: Vec::new() };
         for (node, &first) in lowest.iter().enumerate() {
@@ -62,7 +62,7 @@ impl<const D: usize> Connectivity<D> {
                 }
             }
         }
-        // Every root is lower than its nodes, so one pass is sufficient.
+        // Every root has a lower number than the nodes below it, so one pass is sufficient.
         for node in 0..root.len() {
             root[node] = root[root[node]];
         }

@@ -175,7 +175,8 @@ impl<'a, const N: usize> Constraints<'a, N> {
         Ok(DofMap { numbering, bound: bound.collect(), shared, turned, ties })
     }
 
-    /// Turns the nodes with prescribed directions. The unknowns of a turned node are stored in place of its components.
+    /// Turns the axes of the nodes with prescribed directions: the unknowns along the directions of such a node are
+    /// stored in place of its components.
     fn turn(&mut self) -> Result<Vec<Turned<N>>, ConstraintError> {
         let mut turned = Vec::new();
         for (node, along) in std::mem::take(&mut self.along) {

@@ -7,7 +7,7 @@ use crate::model::{BoundaryCondition, NodeSet};
 pub struct Covered {
     /// Index of the condition.
     pub condition: usize,
-    /// The axis.
+    /// Axis along which the nodes are already held.
     pub axis: usize,
     /// Indices of the conditions that hold its nodes, ascending.
     pub by: Vec<usize>,

@@ -11,9 +11,9 @@ pub enum ConstraintError {
         "boundary conditions `{first}` and `{second}` prescribe the increments {a:e} and {b:e} along {axis} at node {node:?}"
     )]
     Conflict {
-        /// The first condition.
+        /// Name of the first condition.
         first: String,
-        /// The second condition.
+        /// Name of the second condition.
         second: String,
         /// Position of the grid node, [length].
         node: Vec<f64>,
@@ -30,7 +30,7 @@ pub enum ConstraintError {
          gives {value} at load factor {factor}", coordinates(.node)
     )]
     NotFinite {
-        /// The boundary condition.
+        /// Name of the boundary condition.
         name: String,
         /// Name of the axis.
         axis: &'static str,
@@ -46,7 +46,7 @@ pub enum ConstraintError {
     /// Nodes on the axis of a body of revolution can leave the axis, or are moved off it.
     #[error("{loose} of the {all} grid nodes of the body on the axis x = 0 can move off it")]
     LooseAxis {
-        /// Number of these nodes.
+        /// Number of nodes that can leave the axis or are moved off it.
         loose: usize,
         /// Number of active nodes on the axis.
         all: usize,

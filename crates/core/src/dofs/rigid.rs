@@ -1,4 +1,4 @@
-//! Rigid-body motions that boundary conditions leave free, determined from the degrees of freedom that they hold.
+//! Rigid-body motions that boundary conditions leave free, determined from the degrees of freedom that these hold.
 //!
 //! The grid represents every translation and every small rotation exactly, so a part of the bodies whose held degrees
 //! of freedom do not prevent such a motion has a singular stiffness as long as it is free of stress.

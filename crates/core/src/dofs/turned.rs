@@ -129,7 +129,7 @@ impl<const N: usize> Turned<N> {
         (0..N).for_each(|axis| motion[axis] += self.along(delta_q, axis));
     }
 
-    /// The part of the prescribed motion that is still missing from an increment.
+    /// The part of the prescribed motion that an increment does not contain yet.
     pub(super) fn remaining(&self, increment: &[f64; N]) -> [f64; N] {
         let size = dot(increment, increment).sqrt();
         let mut motion = [0.0; N];

@@ -213,7 +213,7 @@ fn the_error_of_incremental_updates_falls_with_the_increment() {
     }
 }
 
-/// Quarter turn in a single step: with (37), the face centres move to each other's axes, so the lengths are swapped.
+/// A quarter turn in a single step: with (37), the face centres move to each other's axes, so the lengths are swapped.
 #[test]
 fn mid_faces_follow_a_quarter_turn() {
     let turned = stretched_and_turned(Corners, 1, 90.0);

@@ -17,7 +17,7 @@ pub enum ElementTestError {
         step: usize,
         /// Fraction of the step up to which there are solutions, [-].
         reached: f64,
-        /// The reason.
+        /// Why there is no solution beyond this fraction.
         cause: Cause,
     },
 }
@@ -35,7 +35,7 @@ pub enum Cause {
     NoStrain {
         /// Largest difference between the prescribed stress and the nearest stress found, [stress].
         difference: f64,
-        /// The axis of this difference.
+        /// The axis along which this difference occurs.
         axis: char,
     },
 }

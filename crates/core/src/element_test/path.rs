@@ -21,7 +21,7 @@ pub struct Target {
     pub is_axisymmetric: bool,
     /// Shear components yz, xz and xy of e, [-].
     pub shears: [f64; 3],
-    /// γ, [-].
+    /// Amount γ of simple shear, [-].
     pub shear: f64,
 }
 

@@ -21,7 +21,7 @@ const REACHED: f64 = 1e-9;
 const ROUND_OFF: f64 = 1e-14;
 /// First distance at which a bracket is sought, [-].
 const FIRST_DISTANCE: f64 = 1e-6;
-/// Largest such distance, [-].
+/// Largest distance at which a bracket is sought, [-].
 const LARGEST_DISTANCE: f64 = 2.0;
 /// Largest number of bisections.
 const MOST_BISECTIONS: usize = 200;

@@ -31,8 +31,8 @@ pub struct Energy {
     pub strain_energy: f64,
     /// Plastic work since the start of the analysis, [energy].
     pub plastic_work: f64,
-    /// Plastic work that the history variables of the laws record for this step although it was not done, because the
-    /// strength was reduced, [energy].
+    /// Plastic work that the history variables of the laws record for this step at full strength, but that was not done
+    /// because the strength was reduced, [energy].
     pub undone_work: f64,
     /// Work of friction between tools and bodies during the step, [energy]. The external work contains it, because the
     /// work of a tool is the work of its forces on its own motion.
@@ -123,7 +123,7 @@ impl Energy {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ReactionMoment<const D: usize> {
     /// Reference point: the mean position, at the end of the step, of the active nodes of the condition, [length];
-    /// `None` if it has no active node.
+    /// `None` if the condition has no active node.
     pub about: Option<[f64; D]>,
     /// Moment on the body about the axes x, y and z, positive by the right-hand rule, [force·length]. In the plane only
     /// the z component is non-zero; it is positive from x towards y.
@@ -202,7 +202,7 @@ fn deformed_nodes<const D: usize>(
 
 /// Imbalance of moments: the resultant moment of loads and reactions about the centre of the active nodes, relative to
 /// the sum of the magnitudes of all moments, [-]. Evaluated in the deformed configuration. `None` for bodies of
-/// revolution, whose hoop stresses contribute to the balance; 0 without forces.
+/// revolution, whose hoop stresses contribute to the balance; 0 if there are no forces.
 pub fn moment_error<const D: usize, const N: usize>(
     model: &Model<D>,
     links: &Connectivity<D>,

@@ -12,7 +12,7 @@ const FLATTEN: &str = "use fewer parentheses, or define intermediate values unde
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Token {
     Number(f64, usize),
-    /// A name and its length, [byte].
+    /// A name, given by its length, [byte].
     Name(usize),
     /// An operator or parenthesis.
     Symbol(&'static str),

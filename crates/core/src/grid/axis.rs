@@ -31,7 +31,7 @@ pub struct Interval {
     pub ratio: f64,
 }
 
-/// Two successive grid lines that are not in ascending order, or no farther apart than the round-off of their
+/// Two successive grid lines that are not in ascending order, or are no farther apart than the round-off of their
 /// coordinates.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[error("the grid lines {number} and {} at {at} cannot be told apart by their coordinates", number + 1)]
@@ -43,7 +43,7 @@ pub struct CoincidentLines {
 }
 
 impl Axis {
-    /// `n_cells` cells of equal size `spacing`, [length], from `origin` on, [length].
+    /// `n_cells` cells of equal size `spacing`, starting at the coordinate `origin`, both [length].
     pub fn even(origin: f64, spacing: f64, n_cells: usize) -> Axis {
         Axis { n_cells, lines: Lines::Even { origin, spacing } }
     }
@@ -68,11 +68,11 @@ impl Axis {
         Ok(Axis { n_cells: lines.len() - 1, lines: Lines::Graded(lines.into()) })
     }
 
-    /// Consecutive intervals from `origin` on, [length]. With the ratio r, line k of an interval of n cells and length
-    /// L lies L (1 + r + … + r^(k−1)) / (1 + r + … + r^(n−1)) beyond its start.
+    /// Consecutive intervals, starting at `origin`, [length]. With the ratio r, line k of an interval of n cells and
+    /// length L lies L (1 + r + … + r^(k−1)) / (1 + r + … + r^(n−1)) beyond its start.
     ///
     /// # Errors
-    /// The same as for [`Axis::graded`], also if an interval ends before it starts.
+    /// As for [`Axis::graded`]; in particular, if an interval ends before it starts.
     pub fn from_intervals(origin: f64, intervals: &[Interval]) -> Result<Axis, CoincidentLines> {
         let mut lines = vec![origin];
         let mut start = origin;

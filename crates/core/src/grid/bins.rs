@@ -116,7 +116,7 @@ impl<const D: usize> Bins<D> {
         self.items(self.row(&index) + index[0])
     }
 
-    /// Visits the boxes in every bin that a box overlaps, possibly repeatedly.
+    /// Visits the boxes in every bin that the given box overlaps; a box may be visited more than once.
     pub(super) fn meeting(&self, bounds: &Bounds<D>, mut visit: impl FnMut(&[u32])) {
         self.for_each_met(bounds, |bin| visit(self.items(bin)));
     }

@@ -13,11 +13,11 @@ pub struct CarriedLines {
     pub first: usize,
     /// Index of the last line, at least `first`.
     pub last: usize,
-    /// The displacement, [length].
+    /// Displacement of the lines, [length].
     pub by: f64,
 }
 
-/// Lines that cannot be carried to their required positions.
+/// Reason why lines cannot be carried to their required positions.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum CarryError {
     /// Cells would become smaller than [`LEAST_SIZE`] times their original size, or be inverted.
@@ -25,7 +25,7 @@ pub enum CarryError {
     Squeezed {
         /// Indices of the lines between which the cells lie.
         lines: [usize; 2],
-        /// Their size, relative to the original size, [-].
+        /// Size of the cells, relative to their original size, [-].
         ratio: f64,
     },
     /// Two lines can no longer be told apart.
@@ -46,9 +46,9 @@ fn squeezed(ratio: f64) -> String {
 }
 
 impl Axis {
-    /// The axis after groups of lines have been carried along; the groups must ascend without overlap. All other lines
-    /// keep their relative position between the carried lines on either side, or between a carried line and an end of
-    /// the axis, which stays unless it is carried itself.
+    /// The axis after these groups of lines have been carried; the groups must be in ascending order, without overlap.
+    /// All other lines keep their relative position between the carried lines on either side, or between a carried line
+    /// and an end of the axis, which stays unless it is carried itself.
     ///
     /// # Errors
     /// [`CarryError`] as for [`Axis::check_carried`].
@@ -75,7 +75,8 @@ impl Axis {
         Ok(Axis::graded(moved)?)
     }
 
-    /// Checks the sizes of the cells after lines have been carried along, and that the coordinates resolve these sizes.
+    /// Checks the sizes of the cells after these lines have been carried, and checks that the coordinates resolve these
+    /// sizes.
     ///
     /// # Errors
     /// [`CarryError`] for the first cells that would be too small, or for lines too far from the origin to be told

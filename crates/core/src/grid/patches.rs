@@ -27,7 +27,7 @@ const NONE: u32 = u32::MAX;
 
 impl Patches {
     /// Forms the patches of a mesh from its cells in order: each patch repeatedly adds the neighbour that shares the
-    /// most sides with it; of several such neighbours, the nearest. Patches of at most half the full size are then
+    /// most sides with it, or the nearest of several such neighbours. Patches of at most half the full size are then
     /// joined to their smallest neighbouring patch.
     pub fn new<const D: usize>(grid: &dyn Grid<D>) -> Self {
         let neighbours = neighbours(grid);

@@ -99,14 +99,15 @@ impl<const D: usize> Structured<D> {
         Some(index)
     }
 
-    /// Local coordinates, 0 to 1, of a position in the cell with these indices; continued outside it.
+    /// Local coordinates of a position relative to the cell with these indices: from 0 to 1 inside the cell, and beyond
+    /// this range outside it.
     #[inline(always)]
     pub fn local(&self, index: [usize; D], position: &[f64; D]) -> [f64; D] {
         std::array::from_fn(|d| self.axes[d].local(index[d], position[d]))
     }
 
-    /// Indices of the cell nearest to a position, and the local coordinates of the position; continued outside the
-    /// cell.
+    /// Indices of the cell nearest to a position, and the local coordinates of the position, which are continued
+    /// outside the cell.
     #[inline(always)]
     fn nearest(&self, position: &[f64; D]) -> ([usize; D], [f64; D]) {
         let coordinates: [f64; D] = std::array::from_fn(|d| self.axes[d].coordinate(position[d]));
@@ -114,7 +115,7 @@ impl<const D: usize> Structured<D> {
         (index, std::array::from_fn(|d| coordinates[d] - index[d] as f64))
     }
 
-    /// Basis of the cell with these indices at local coordinates; continued outside the cell.
+    /// Basis of the cell with these indices at these local coordinates; the functions are continued outside the cell.
     #[inline(always)]
     pub fn basis_in(&self, base: [usize; D], local: [f64; D]) -> CellBasis<D> {
         let mut basis = CellBasis::default();

@@ -98,7 +98,7 @@ pub fn subdivide_tetrahedron(corners: &[[f64; 3]; 4], n: usize) -> Option<Vec<El
 
 /// Divides a triangle as [`subdivide_triangle`] does, or a tetrahedron as [`subdivide_tetrahedron`] does.
 ///
-/// `corners` are the `D` + 1 corners of the element, [length]. `None` for any other `n`.
+/// `corners` are the `D` + 1 corners of the element, [length]. `None` if `n` is none of the numbers listed there.
 pub fn subdivide_simplex<const D: usize>(corners: &[[f64; D]], n: usize) -> Option<Vec<ElementPart<D>>> {
     let shape = ElementShape::Simplex;
     let local = |x: &[f64]| std::array::from_fn::<f64, D, _>(|d| x[d]);
@@ -173,9 +173,9 @@ fn cubed(n: usize) -> Option<Vec<[[f64; 3]; 4]>> {
 ///
 /// `n` is the number of parts along each local axis: from the first to the second corner, from the second to the third
 /// and, in space, from the bottom to the top. The parts are quadrilaterals (hexahedra) whose volumes sum to the volume
-/// of the element. Points are the centroids of the parts, so that linear fields are integrated exactly and the basis
-/// functions of a domain with corners, which are means over the domain, reproduce linear fields at its point. The first
-/// axis varies fastest.
+/// of the element. The points are the centroids of the parts, so that linear fields are integrated exactly. If the
+/// domain of a point is given by its corners, its basis functions are means over this domain, and they reproduce linear
+/// fields at the point. The first axis varies fastest.
 ///
 /// `corners` are in VTK order, [length]. `None` if their number is wrong.
 pub fn subdivide_box<const D: usize>(corners: &[[f64; D]], n: [usize; D]) -> Option<Vec<ElementPart<D>>> {

@@ -25,7 +25,7 @@ pub trait Backend<const D: usize, const N: usize = D>: Send {
     /// Factorises a matrix, or sets up a preconditioner for it.
     ///
     /// # Errors
-    /// [`LinearError`].
+    /// [`LinearError`] if this fails.
     fn factorise(&mut self, layout: &Layout<D, N>, matrix: &BlockMatrix<N>) -> Result<(), LinearError>;
 
     /// Solves for `x` to a residual of `tolerance` relative to `b`, [-], or better. Only the components of `b` that are
@@ -33,7 +33,7 @@ pub trait Backend<const D: usize, const N: usize = D>: Send {
     /// backend then solves the earlier equations, an iterative backend the equations of `stiffness`.
     ///
     /// # Errors
-    /// [`LinearError`].
+    /// [`LinearError`] if the backend does not find the solution.
     fn solve(
         &mut self,
         layout: &Layout<D, N>,

@@ -10,7 +10,7 @@ pub type Block<const N: usize> = [[f64; N]; N];
 /// Smallest number of columns in a task.
 const COLUMNS: usize = 2048;
 
-/// Rows that one thread sums at a time.
+/// Number of rows that one thread sums at a time.
 const ROWS: usize = 1024;
 
 /// A square matrix of N×N blocks, stored by columns as assembled; a symmetric matrix has only the blocks with row ≥
@@ -151,7 +151,7 @@ impl<const N: usize> BlockMatrix<'_, N> {
     }
 }
 
-/// Sums the working spaces of all tasks, in task order, on the rows of `out`, which start at row `first`.
+/// Sums the working spaces of all tasks, in task order, into the rows of `out`, which start at row `first`.
 fn collect<const N: usize>(tasks: &[Task], room: &[[f64; N]], first: usize, out: &mut [[f64; N]]) {
     if out.len() > ROWS {
         let middle = out.len() / 2;

@@ -8,7 +8,7 @@ use super::{
 };
 use crate::ranks::{Halo, Ranks, sharing};
 
-/// Relative residual of solutions.
+/// Tolerance of the solutions, as a relative residual.
 const TOLERANCE: f64 = 1e-10;
 
 pub fn ragged2(cell: [u32; 2]) -> Option<f64> {
@@ -38,7 +38,7 @@ pub fn pieces<const D: usize>(cell: [u32; D], _: [u32; D], n: usize) -> usize {
     (cell[0] / 5 * 3 + cell[1] / 3 * 2 + cell[D - 1] / 4 + cell[0] * cell[1] / 40) as usize % n
 }
 
-/// Neighbouring cells hardly ever have the same rank.
+/// A [`Rule`] by which neighbouring cells hardly ever have the same rank.
 pub fn scattered<const D: usize>(cell: [u32; D], cells: [u32; D], n: usize) -> usize {
     let number = cell.iter().zip(cells).fold(0, |number, (c, n)| number * u64::from(n) + u64::from(*c));
     (number.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 33) as usize % n
@@ -72,7 +72,7 @@ pub struct Body<const D: usize> {
     pub skew: f64,
     /// Factor of a lumped mass matrix that is subtracted from the stiffness.
     pub shift: f64,
-    /// True if nodes are coupled over two cells.
+    /// True if nodes are also coupled across two cells.
     pub is_wide: bool,
 }
 
@@ -80,7 +80,7 @@ pub struct Body<const D: usize> {
 pub struct Found<const D: usize> {
     /// Solution by grid node.
     pub x: BTreeMap<u32, [f64; D]>,
-    /// The outcome.
+    /// Outcome of the solution.
     pub solved: Result<Solved, LinearError>,
     /// Number of nodes of each level, over all ranks.
     pub levels: Vec<usize>,

@@ -22,11 +22,11 @@ pub enum Choice {
 /// Number of operations of a factorisation, divided by the cube of the number of columns of its last separator.
 const WORK_OF_SEPARATOR: f64 = 5.0;
 
-/// Number of operations that a factorisation performs in twice the time that conjugate gradients take per block,
-/// including set-up and all iterations; measured, see `docs/performance.md`.
+/// Number of operations that a factorisation performs in twice the time that conjugate gradients take per block of the
+/// matrix, including set-up and all iterations; measured, see `docs/performance.md`.
 const WORK_OF_BLOCK: f64 = 40e3;
 
-/// Number of unknowns in the plane up to which a factorisation is faster.
+/// Number of unknowns up to which a factorisation is faster in the plane.
 const MOST_IN_PLANE: f64 = 1e6;
 
 /// Time of an iterative solution with an algebraic multigrid, divided by the time with a geometric multigrid; measured,

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Pattern;
 
-/// A pattern is reused only if it has at most this factor times the unknowns of the new pattern, [-].
+/// A pattern is reused only if it has at most this factor times as many unknowns as the new pattern, [-].
 const MOST: f64 = 1.25;
 
 /// The analysed pattern of a symmetric matrix. The names of its unknowns remain valid from step to step: grid node
@@ -20,8 +20,8 @@ pub struct Named {
 }
 
 impl Named {
-    /// True if this pattern can belong to a grid with this number of nodes in `D` dimensions. A pattern from a file may
-    /// not satisfy this.
+    /// True if this pattern can belong to a grid with this number of nodes in `D` dimensions. A pattern from a file
+    /// need not satisfy this.
     pub fn can_be_of<const D: usize>(&self, nodes: usize) -> bool {
         let Pattern { n, column_start, row, symmetric } = &self.pattern;
         let of_column = |j: usize| {
@@ -137,7 +137,7 @@ mod tests {
     use super::super::{Direct, LinearSolver};
     use super::*;
 
-    /// Nodes in a row with two unknowns each, coupled with their neighbours.
+    /// A row of nodes with two unknowns each, coupled with their neighbours.
     fn row(nodes: &[u64]) -> Named {
         let names: Vec<u64> = nodes.iter().flat_map(|node| [2 * node, 2 * node + 1]).collect();
         let mut pattern = Pattern { n: names.len(), column_start: vec![0], row: Vec::new(), symmetric: true };

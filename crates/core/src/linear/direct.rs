@@ -11,10 +11,10 @@ use super::{FactorSize, Factorisation, LinearError, LinearSolver, Pattern};
 /// Largest relative residual at which a solution from a factorisation without pivoting is accepted.
 pub(super) const UNPIVOTED_RESIDUAL: f64 = 1e-8;
 
-/// A factor of at most this size, [byte], is allocated without checking the available memory.
+/// A factor of at most this size, [byte], is allocated without a check of the available memory.
 const LITTLE: u64 = 64 << 20;
 
-/// Unknowns whose diagonal entry is below this multiple of the largest are weak: they belong to nodes that points
+/// Unknowns whose diagonal entry is below this fraction of the largest one are weak: they belong to nodes that points
 /// hardly touch.
 pub(super) const WEAK: f64 = 1e-2;
 
@@ -30,7 +30,7 @@ const SINGULAR_RESIDUAL: f64 = 1e-10;
 
 /// Largest number of steps of iterative refinement after a shift.
 pub(super) const REFINEMENTS: usize = 4;
-/// Relative residual that these steps must reach.
+/// Relative residual that iterative refinement after a shift must reach.
 const REFINED_RESIDUAL: f64 = 1e-12;
 
 /// Relative residual at which iterative refinement aims if pivots are not exchanged, to match the accuracy of LU with
@@ -41,9 +41,9 @@ pub(super) const ROUND_OFF: f64 = 1e-14;
 /// other matrix by LU. If the result is not accurate, it uses LU with pivoting.
 ///
 /// If weak unknowns leave the matrix singular to working precision, their diagonal entries are shifted and solutions
-/// refined until they solve the original equations. This happens if only a corner of a domain touches two nodes: both
-/// nodes then have the same basis function at every point, so that one combination of the two nodal motions causes no
-/// strain and no displacement, and carries no load.
+/// are refined until they solve the original equations. This happens if only a corner of a domain touches two nodes:
+/// both nodes then have the same basis function at every point, so that one combination of the two nodal motions causes
+/// no strain and no displacement, and carries no load.
 ///
 /// Threads share the fronts of LLᵀ and LU in a way that leaves the factor the same to the last bit; everything else
 /// runs on one thread.
@@ -179,7 +179,8 @@ impl Direct {
     /// Replaces the right-hand side by the solution; `given` is a copy of the right-hand side.
     fn solve_unshifted(&mut self, given: &[f64], rhs: &mut [f64]) -> Result<(), LinearError> {
         if self.shifted {
-            // In this case, a load acts on a motion with zero, little or negative resistance.
+            // If the shifted factor does not solve the equations, a load acts on a motion with zero, little or negative
+            // resistance.
             self.shifted = false;
             if self.pattern.symmetric { self.factorise_ldlt()? } else { self.factorise_pivoted()? }
         }
@@ -227,8 +228,8 @@ impl Direct {
         weak > LOST * strong
     }
 
-    /// Replaces a lost solution by one computed with the factor of the shifted matrix, provided that this one satisfies
-    /// the original equations.
+    /// Replaces a lost solution by one computed with the factor of the shifted matrix, provided that the new solution
+    /// satisfies the original equations.
     fn find(&mut self, solution: &mut [f64], given: &[f64]) -> Result<(), LinearError> {
         let kind = self.kind;
         if self.factorise_shifted() {

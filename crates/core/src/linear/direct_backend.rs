@@ -10,7 +10,7 @@ use super::{Direct, Factorisation, LinearError, LinearSolver, Numbering, Pattern
 /// The entries of a block matrix that belong to unknowns.
 #[derive(Debug, Default)]
 pub struct FreeEntries {
-    /// Their pattern.
+    /// Pattern of these entries.
     pub pattern: Pattern,
     /// The index of each entry among all values of all blocks.
     source: Vec<u32>,
@@ -41,7 +41,7 @@ impl FreeEntries {
         FreeEntries { pattern, source }
     }
 
-    /// Their values, in the order of the pattern.
+    /// Values of these entries, in the order of the pattern.
     pub fn values<const N: usize>(&self, matrix: &BlockMatrix<N>, values: &mut Vec<f64>) {
         let flat = matrix.blocks.as_flattened().as_flattened();
         values.clear();

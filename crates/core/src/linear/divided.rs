@@ -23,7 +23,7 @@ const FEWEST: f64 = 2e4;
 /// Solves the equations by a factorisation that is divided between the ranks.
 pub struct Divided<const D: usize, const N: usize = D> {
     gathered: Gathered<D, N>,
-    /// `None` while rank 0 factorises.
+    /// The divided factorisation; `None` while rank 0 factorises.
     parts: Option<Parts<N>>,
     /// Rank 0 factorises systems with fewer unknowns than this.
     fewest: f64,
@@ -37,7 +37,7 @@ struct Parts<const N: usize> {
     numbering: Numbering<N>,
     entries: FreeEntries,
     pattern: Pattern,
-    /// Keys, ascending, and indices of the unknowns that are left to the stages.
+    /// Keys, ascending, and indices of the unknowns that this rank leaves to the stages on several ranks.
     left: Vec<(u64, usize)>,
     /// True for unknowns whose right-hand side is taken from this rank.
     is_own: Vec<bool>,
@@ -50,9 +50,9 @@ struct Parts<const N: usize> {
 /// The factorised matrix.
 #[derive(Default)]
 struct Matrix {
-    /// Values of the entries of this rank.
+    /// Values of the matrix entries of this rank.
     values: Vec<f64>,
-    /// Diagonal entries of the whole matrix at the unknowns of this rank, and the limit below which they are weak.
+    /// Diagonal entries of the whole matrix at the unknowns of this rank, and the limit below which an unknown is weak.
     diagonal: Vec<f64>,
     limit: f64,
     factorised: Option<Factorisation>,
@@ -65,12 +65,12 @@ impl<const D: usize, const N: usize> Default for Divided<D, N> {
 }
 
 impl<const D: usize, const N: usize> Divided<D, N> {
-    /// A backend that starts with a pattern that rank 0 has analysed.
+    /// A backend that starts from a pattern analysed by rank 0.
     pub fn with(kept: Option<Arc<Named>>) -> Self {
         Divided { gathered: Gathered::with(kept), parts: None, fewest: FEWEST, is_indefinite: false }
     }
 
-    /// The same backend, which divides only systems with at least this number of unknowns.
+    /// This backend, set to divide only systems with at least this number of unknowns.
     #[must_use]
     pub fn from(self, fewest: f64) -> Self {
         Divided { fewest, ..self }
@@ -334,8 +334,8 @@ fn bytes(own: &Multifrontal, stages: &Stages) -> u64 {
     own.bytes() - own.working_bytes() + own.working_bytes().max(stages.bytes(own.left_len()))
 }
 
-/// The multifrontal layout of a rank, which keeps the unknowns that other ranks also couple; `None` if its pattern has
-/// no such layout.
+/// The multifrontal layout of a rank, without elimination of the unknowns that other ranks also couple; `None` if the
+/// pattern of the rank has no such layout.
 fn fronts_of<const D: usize, const N: usize>(
     layout: &Layout<D, N>,
     matrix: &BlockMatrix<N>,

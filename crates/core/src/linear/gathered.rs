@@ -48,7 +48,7 @@ struct OfRank {
 /// The failures of the direct backend, as rank 0 reports them to the other ranks.
 #[derive(Serialize, Deserialize)]
 enum Told {
-    /// Grid node and component of the unknown, if known.
+    /// Grid node and component of the unknown, if it can be identified.
     Singular(Option<(u32, usize)>),
     /// Size of the factor, [byte], if known.
     OutOfMemory(Option<u64>),

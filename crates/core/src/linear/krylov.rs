@@ -43,7 +43,8 @@ impl<const D: usize, const N: usize> Krylov<D, N> {
 }
 
 impl<const D: usize, const N: usize> Backend<D, N> for Krylov<D, N> {
-    /// Does nothing if nodes, pattern and unknowns are the same as in the last call.
+    /// Sets up the levels of the preconditioner; does nothing if nodes, pattern and unknowns are the same as in the
+    /// last call.
     ///
     /// # Errors
     /// [`LinearError::Unsymmetric`] if the pattern is not symmetric; [`LinearError::OutOfMemory`].
@@ -52,7 +53,7 @@ impl<const D: usize, const N: usize> Backend<D, N> for Krylov<D, N> {
         self.preconditioner.prepare(layout, matrix)
     }
 
-    /// Sets up the preconditioner.
+    /// Computes the preconditioner from the values of the matrix.
     ///
     /// # Errors
     /// [`LinearError::Singular`] if an unknown has no diagonal stiffness, or the coarsest level has no diagonal

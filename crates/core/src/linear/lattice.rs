@@ -188,7 +188,7 @@ impl<const D: usize> Lattice<D> {
     }
 
     /// Calls `visit(place, weight)` for the positions of the coarser lattice around a position of this one. The weights
-    /// are linear interpolation weights for any line spacings.
+    /// interpolate linearly for any spacing of the lines.
     pub(super) fn for_each_parent(&self, place: &[u32; D], mut visit: impl FnMut([u32; D], f32)) {
         let weights: [[f32; 2]; D] = std::array::from_fn(|d| {
             if place[d].is_multiple_of(2) {

@@ -69,7 +69,7 @@ impl Pattern {
 pub enum Factorisation {
     /// LLᵀ: the matrix is positive definite.
     Cholesky,
-    /// LDLᵀ: symmetric but not positive definite.
+    /// LDLᵀ: the matrix is symmetric but not positive definite.
     Ldlt,
     /// LU of an unsymmetric matrix, with positive pivots only.
     Lu,
@@ -117,7 +117,7 @@ pub enum LinearError {
     /// The matrix is singular to working precision.
     #[error("the matrix is singular")]
     Singular {
-        /// An unknown involved in the singular motion, if known.
+        /// An unknown involved in the singular motion, if one can be identified.
         unknown: Option<usize>,
     },
     /// The matrix is regular, but a global unknown remains undetermined.
@@ -180,7 +180,7 @@ pub trait LinearSolver {
     /// the pattern is the one analysed last; returns true if the pattern was analysed.
     ///
     /// # Errors
-    /// [`LinearError::OutOfMemory`].
+    /// [`LinearError::OutOfMemory`] if the factor does not fit in memory.
     fn analyse(&mut self, pattern: Pattern, order: &dyn Fn() -> Vec<usize>) -> Result<bool, LinearError>;
 
     /// Factorises the matrix with these values, in the order of the pattern.

@@ -4,7 +4,7 @@ use crate::ranks::{Halo, Ranks};
 
 use super::LinearError;
 
-/// Number of terms that one thread sums.
+/// Largest number of terms that one thread sums.
 pub(super) const TERMS: usize = 1024;
 
 /// Scalar products over the nodes of all ranks.

@@ -24,9 +24,9 @@ pub trait BatchLaw {
     ) -> Result<(), BatchError>;
 
     /// Batch form of [`Material::energy`](super::Material::energy) and
-    /// [`Material::plastic_work`](super::Material::plastic_work), summed over points of these original volumes: stored
-    /// elastic energy and plastic work, [energy]. `history` is laid out as in [`BatchLaw::respond`]. The result is NaN
-    /// if the law cannot be evaluated, which ends the run.
+    /// [`Material::plastic_work`](super::Material::plastic_work), summed over points with these original volumes:
+    /// stored elastic energy and plastic work, [energy]. `history` is laid out as in [`BatchLaw::respond`]. The result
+    /// is NaN if the law cannot be evaluated, which ends the run.
     fn energies(&self, elastic_strain: &[Sym3], history: &[f64], volume: &[f64]) -> [f64; 2];
 }
 
@@ -94,8 +94,8 @@ fn are_finite(values: &[f64]) -> bool {
     values.iter().all(|x| x.is_finite())
 }
 
-/// The response of a law that is evaluated in batches at one point, computed as a batch of one point. It serves to
-/// implement [`Material::update`](super::Material::update).
+/// The response, at one point, of a law that is evaluated in batches; the point forms a batch of its own. This function
+/// serves to implement [`Material::update`](super::Material::update).
 ///
 /// # Errors
 /// [`MaterialError`] if the point has no response; [`MaterialError::Failed`] if the law cannot be evaluated.

@@ -13,7 +13,7 @@ pub enum Property {
     Purity,
     /// D^alg is the derivative of τ with respect to the trial strain, according to central differences.
     Tangent,
-    /// The tangent is symmetric, if the law states so.
+    /// The tangent is symmetric, if the law states that it is.
     Symmetry,
     /// A rotated strain gives the rotated stress.
     Isotropy,
@@ -37,7 +37,7 @@ pub enum Property {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error("{property:?} at the logarithmic strain {:?}: relative error {error:.1e}, tolerated {tolerance:.1e}", strain.0)]
 pub struct Nonconformity {
-    /// The property.
+    /// The property that the law lacks.
     pub property: Property,
     /// Logarithmic trial strain where the error is largest, [-].
     pub strain: Sym3,
@@ -210,7 +210,7 @@ impl<'a> At<'a> {
             m.0[c] -= h;
             let [p, m] = [p, m].map(|trial| stress(self.law, &trial, &self.old));
             let column = Sym3(std::array::from_fn(|r| self.response.tangent[(r, c)]));
-            // If the tangent jumps within the interval of the difference, it equals the slope on one side.
+            // If the tangent jumps within the interval of the finite difference, it equals the slope on one side.
             let tau = self.response.tau;
             let slopes = [(p - m) * (0.5 / h), (p - tau) * (1.0 / h), (tau - m) * (1.0 / h)];
             slopes.map(|slope| (slope - column).norm()).into_iter().fold(f64::INFINITY, f64::min)

@@ -22,7 +22,7 @@ pub enum Match {
 }
 
 impl Match {
-    /// η and ξ for a friction angle with this sine and a flow with η̄.
+    /// η and ξ for the friction angle with this sine and the flow parameter η̄.
     fn cone(self, sine: f64, flow: f64) -> [f64; 2] {
         let cosine = (1.0 - sine * sine).sqrt();
         let through = |sign: f64| {
@@ -44,7 +44,7 @@ impl Match {
         }
     }
 
-    /// η̄ for a dilation angle with this sine.
+    /// η̄ for the dilation angle with this sine.
     fn flow(self, sine: f64) -> f64 {
         match self {
             Match::PlaneStrain => Match::Inscribed.cone(sine, 0.0)[0],
@@ -91,7 +91,7 @@ impl DruckerPrager {
         }
     }
 
-    /// Sets the stress that the strength limits.
+    /// Sets the stress measure that the strength limits.
     pub fn limiting(self, measure: StrengthMeasure) -> Self {
         DruckerPrager { measure, ..self }
     }
@@ -103,7 +103,7 @@ impl PrincipalLaw for DruckerPrager {
         let trace = trial[0] + trial[1] + trial[2];
         let mut factor = Lanes::splat(1.0);
         if self.measure == StrengthMeasure::Cauchy {
-            factor += trace + old[1]; // at most the exponential
+            factor += trace + old[1]; // 1 + x, at most exp(x)
         }
         let mean = trace * (1.0 / 3.0);
         let [x, y, z] = [trial[0] - mean, trial[1] - mean, trial[2] - mean];

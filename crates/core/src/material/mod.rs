@@ -208,7 +208,8 @@ pub trait Material: Send + Sync + std::fmt::Debug {
         self.state_fields().iter().map(|field| field.initial).collect()
     }
 
-    /// The same for a point at this original position, for laws whose properties vary in space.
+    /// History variables of a point without initial stress at this original position, for laws whose properties vary in
+    /// space.
     fn initial_history_at(&self, _position: &[f64; 3]) -> Vec<f64> {
         self.initial_history()
     }

@@ -4,7 +4,7 @@ use super::strength::EQUIVALENT;
 use super::wedge::{Strength, WedgeLaw, WedgeSettings};
 use super::{Elasticity, Softening, StrengthMeasure};
 
-/// Mohr-Coulomb shear strength and its plastic flow.
+/// Mohr-Coulomb shear strength, with the dilation angle of the plastic flow.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Friction {
     /// Cohesion c, [stress].
@@ -15,7 +15,7 @@ pub struct Friction {
     pub dilation_angle: f64,
 }
 
-/// The same properties, with the tangents of the angles in place of the angles.
+/// The properties of [`Friction`], with the tangents of the angles in place of the angles.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Slopes {
     cohesion: f64,
@@ -111,7 +111,8 @@ impl MohrCoulomb {
     }
 
     /// Limits principal stresses to this tensile strength, [stress], which is zero or positive. It has no effect if it
-    /// exceeds the tensile strength of the cone, c cot φ. With softening, it decays with the cohesion.
+    /// exceeds the tensile strength of the cone, c cot φ. With softening, the tensile strength decays with the
+    /// cohesion.
     pub fn tensile_strength(self, tensile: f64) -> Self {
         MohrCoulomb { tensile, ..self }.prepared()
     }
@@ -122,12 +123,12 @@ impl MohrCoulomb {
         MohrCoulomb { settings, softening: Some((residual.into(), softening)), ..self }
     }
 
-    /// Sets the stress that the strength limits.
+    /// Sets the stress measure that the strength limits.
     pub fn limiting(self, measure: StrengthMeasure) -> Self {
         MohrCoulomb { settings: WedgeSettings { measure, ..self.settings }, ..self }
     }
 
-    /// The strength at the properties `now`, and its derivative, where `rate` is the derivative of the properties.
+    /// The strength for the properties `now`, and its derivative, where `rate` is the derivative of the properties.
     fn strength_of(&self, now: &Slopes, rate: &Slopes) -> [Strength; 2] {
         let peak = &self.peak;
         let [root, root_by_slope] = root_of_ratio(now.friction);

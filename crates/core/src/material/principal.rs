@@ -4,7 +4,8 @@
 use super::{Elasticity, MaterialError, Response};
 use crate::tensor::{Lane, Lanes, PrincipalDerivative, Sym3};
 
-/// Response of a law to the principal values of a trial elastic strain; `T` is one number or one SIMD lane per point.
+/// Response of a law to the principal values of a trial elastic strain; `T` is a number for one point, or a vector with
+/// one SIMD lane for each of several points.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PrincipalResponse<T = f64> {
     /// Principal Kirchhoff stresses, [stress].

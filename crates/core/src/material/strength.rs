@@ -19,6 +19,6 @@ pub enum StrengthMeasure {
 /// select its elastic or plastic tangent and so change the course of the Newton iterations.
 pub(super) const ON_SURFACE: f64 = 1e-10;
 
-/// √(2/3): increment of the equivalent plastic strain, relative to the norm of the deviatoric plastic strain increment,
-/// [-].
+/// √(2/3): ratio of the increment of the equivalent plastic strain to the norm of the deviatoric plastic strain
+/// increment, [-].
 pub(super) const EQUIVALENT: f64 = 0.816_496_580_927_726;

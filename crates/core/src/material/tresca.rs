@@ -16,7 +16,7 @@ pub struct Tresca {
 
 impl Tresca {
     /// Perfect plasticity with Young's modulus, [stress], Poisson's ratio, [-], and the undrained shear strength,
-    /// [stress], of the Kirchhoff stress.
+    /// [stress], which limits the Kirchhoff stress.
     pub fn new(young: f64, poisson: f64, cohesion: f64) -> Self {
         let elasticity = Elasticity::from_young_poisson(young, poisson);
         let settings = WedgeSettings { elasticity, measure: StrengthMeasure::Kirchhoff, softens: false };
@@ -29,7 +29,7 @@ impl Tresca {
         Tresca { settings, softening: Some((residual, softening)), ..self }
     }
 
-    /// Sets the stress that the strength limits.
+    /// Sets the measure of stress that the strength limits.
     pub fn limiting(self, measure: StrengthMeasure) -> Self {
         Tresca { settings: WedgeSettings { measure, ..self.settings }, ..self }
     }

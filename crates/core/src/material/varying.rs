@@ -39,8 +39,8 @@ pub struct Varying<L> {
     is_symmetric: bool,
 }
 
-/// Relative change of a property that is used to detect whether the symmetry of the tangent depends on it, as it does
-/// if the angles of friction and dilation are equal, [-].
+/// Relative change applied to a property to detect whether the symmetry of the tangent depends on that property, as it
+/// does if the angles of friction and dilation are equal, [-].
 const CHANGE: f64 = 1e-3;
 
 impl<L: Material> Varying<L> {

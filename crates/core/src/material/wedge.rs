@@ -23,7 +23,7 @@ pub(super) struct WedgeSettings {
     pub(super) softens: bool,
 }
 
-/// A law with this surface: the parts in which it differs from other laws of this kind.
+/// The parts in which a law with this surface differs from other laws of this kind.
 pub(super) trait WedgeLaw: std::fmt::Debug + Send + Sync + Sized + 'static {
     fn settings(&self) -> &WedgeSettings;
 

@@ -1,4 +1,4 @@
-//! Arrays of the points whose meaning depends on the laws of the model.
+//! Point arrays whose meaning depends on the laws of the model.
 
 use super::Model;
 use crate::points::{PointArray, PointValues, Points};
@@ -11,7 +11,7 @@ pub struct HistoryVariable {
 }
 
 impl HistoryVariable {
-    /// The history variable with a name.
+    /// The history variable with this name.
     pub fn new<const D: usize>(model: &Model<D>, name: &str) -> HistoryVariable {
         let law = |material: usize| &model.materials[material].law;
         let place = |material| law(material).state_fields().iter().position(|field| field.name == name);

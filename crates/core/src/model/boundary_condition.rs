@@ -37,9 +37,9 @@ pub struct BoundaryCondition<const D: usize> {
     pub name: String,
     /// Nodes with prescribed displacement.
     pub nodes: NodeSet,
-    /// Prescribed displacement along each axis, or each direction of `axes`, [length]; `None` if the axis is free. It
-    /// is a formula of the coordinates of the node (`D` values), the original position of the material at the node (`D`
-    /// values) and the load factor. A formula that does not contain the load factor is multiplied by it.
+    /// Prescribed displacement along each axis, or along each direction of `axes`, [length]; `None` if the axis is
+    /// free. It is a formula of the coordinates of the node (`D` values), the original position of the material at the
+    /// node (`D` values) and the load factor. A formula that does not contain the load factor is multiplied by it.
     pub displacement: [Option<Formula>; D],
     /// Directions to which `displacement` refers if they are not the axes: orthonormal vectors, `[direction][axis]`.
     pub axes: Option<[[f64; D]; D]>,
@@ -57,7 +57,7 @@ impl<const D: usize> BoundaryCondition<D> {
         }
     }
 
-    /// A condition along the axes.
+    /// A condition that prescribes displacements along the axes.
     pub fn new(
         name: impl Into<String>,
         nodes: NodeSet,

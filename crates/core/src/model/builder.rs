@@ -20,7 +20,7 @@ pub enum BuildError {
     /// Two materials, bodies, boundary conditions, loads or tools have the same name.
     #[error("there are two {kind} with the name `{name}`")]
     Repeated {
-        /// Materials, bodies, boundary conditions, loads or tools.
+        /// Kind of the repeated entries: materials, bodies, boundary conditions, loads or tools.
         kind: &'static str,
         /// The name.
         name: String,
@@ -106,7 +106,7 @@ pub struct Builder<const D: usize> {
 }
 
 impl<const D: usize> Builder<D> {
-    /// A builder that starts with a grid only.
+    /// A builder with this grid and nothing else.
     pub fn new(grid: Structured<D>) -> Self {
         Builder { model: Model::new(Box::new(grid.clone())), grid, seeds: Vec::new(), fault: None }
     }
@@ -193,8 +193,8 @@ impl<const D: usize> Builder<D> {
         }
     }
 
-    /// Makes all bodies bodies of revolution about the axis where the first coordinate is zero. Call this before adding
-    /// bodies.
+    /// Turns all bodies into bodies of revolution about the axis where the first coordinate is zero. Call this before
+    /// adding bodies.
     pub fn revolved(mut self) -> Self {
         self.model.revolved = true;
         self
@@ -256,7 +256,7 @@ impl<const D: usize> Builder<D> {
     /// The model and its points, whose permanent numbers follow the order of bodies and cells.
     ///
     /// # Errors
-    /// The first error.
+    /// The first error in the calls that set up the builder.
     pub fn build(mut self) -> Result<(Model<D>, Points<D>), BuildError> {
         let bodies = self.model.bodies.len();
         if self.model.tools.is_empty() {

@@ -8,7 +8,7 @@ use crate::formula::{Formula, MOST_INTERMEDIATE};
 pub struct LoadCurve(Vec<[f64; 2]>);
 
 impl LoadCurve {
-    /// A ramp from 0 at time 0 to 1 at the end.
+    /// A ramp from 0 at time 0 to 1 at the end time.
     pub fn ramp(end_time: f64) -> Self {
         LoadCurve(vec![[0.0, 0.0], [end_time, 1.0]])
     }
@@ -50,11 +50,11 @@ impl LoadCurve {
 #[non_exhaustive]
 #[derive(Debug, Clone)]
 pub enum Action<const D: usize> {
-    /// Acceleration of each point, whose mass is constant, [length/time²].
+    /// Gravitational acceleration, [length/time²]; the mass of each point is constant.
     Gravity([f64; D]),
     /// Force per unit volume at the start of the step, [force/volume], eq. (24).
     BodyForce(VectorFormula<D>),
-    /// Force per unit of the constant mass of each point, [length/time²].
+    /// Force per unit mass, [length/time²]; the mass of each point is constant.
     MassForce(VectorFormula<D>),
     /// The same force on each listed point, [force], eq. (25).
     PointForce {
@@ -67,7 +67,7 @@ pub enum Action<const D: usize> {
     Traction {
         /// Index of the surface.
         surface: usize,
-        /// The traction.
+        /// Formula of the traction.
         traction: VectorFormula<D>,
     },
     /// Pressure on a surface, [stress].
@@ -80,7 +80,7 @@ pub enum Action<const D: usize> {
 }
 
 impl<const D: usize> Action<D> {
-    /// Index of the surface on which it acts; `None` if it acts on material points.
+    /// Index of the surface on which the load acts; `None` if it acts on material points.
     pub fn surface(&self) -> Option<usize> {
         match self {
             Action::Traction { surface, .. } | Action::Pressure { surface, .. } => Some(*surface),
@@ -94,7 +94,7 @@ impl<const D: usize> Action<D> {
 pub enum Pressure<const D: usize> {
     /// A formula of the position at the start of the step, of the original position, and of the load factor.
     Given(VectorFormula<D, 1>),
-    /// The same formula, but the pressure acts along the original normal on the original area.
+    /// A formula as in [`Pressure::Given`], but the pressure acts along the original normal on the original area.
     Dead(VectorFormula<D, 1>),
     /// The load factor times `unit_weight` max(`level` − y, 0) at the current position, with y along the last axis.
     Hydrostatic {
@@ -120,8 +120,8 @@ pub struct VectorFormula<const D: usize, const C: usize = D> {
 }
 
 impl<const D: usize, const C: usize> VectorFormula<D, C> {
-    /// Builds the vector from formulas of the variables listed above; only the first [`MOST_INTERMEDIATE`] intermediate
-    /// values are kept.
+    /// Builds the vector from formulas of the variables that [`VectorFormula`] lists; only the first
+    /// [`MOST_INTERMEDIATE`] intermediate values are kept.
     pub fn new(mut intermediate: Vec<Formula>, components: [Formula; C]) -> Self {
         intermediate.truncate(MOST_INTERMEDIATE);
         let fixed = 2 * D + 1;
@@ -172,9 +172,9 @@ impl<const D: usize, const C: usize> VectorFormula<D, C> {
 /// A named external force.
 #[derive(Debug, Clone)]
 pub struct Load<const D: usize> {
-    /// Name.
+    /// Name of the load.
     pub name: String,
-    /// Kind and magnitude.
+    /// Kind and magnitude of the load.
     pub action: Action<D>,
     /// For each body, true if the load acts on it.
     pub acts_on: Vec<bool>,
@@ -183,8 +183,8 @@ pub struct Load<const D: usize> {
 }
 
 impl LoadCurve {
-    /// The factor of a tool at a time, [-]. If the common load factor follows from equilibrium, `unknown` is its value:
-    /// the fraction, reached so far, of the change of the curve over the stage.
+    /// Load factor of a tool at a time, [-]. If the common load factor follows from equilibrium, `unknown` is its
+    /// value: the fraction, reached so far, of the change of the curve over the stage.
     pub fn factor_of_tool(&self, stepping: &Stepping, time: f64, unknown: f64) -> f64 {
         if stepping.control.has_unknown_factor() {
             self.factor(stepping.start_time) + unknown * self.factor_per_unknown(stepping)
@@ -193,8 +193,8 @@ impl LoadCurve {
         }
     }
 
-    /// Derivative of the tool's factor with respect to the common load factor, [-]; 0 if the common load factor does
-    /// not follow from equilibrium.
+    /// Derivative of the load factor of a tool with respect to the common load factor, [-]; 0 if the common load factor
+    /// does not follow from equilibrium.
     pub fn factor_per_unknown(&self, stepping: &Stepping) -> f64 {
         if stepping.control.has_unknown_factor() {
             self.factor(stepping.end_time) - self.factor(stepping.start_time)

@@ -37,7 +37,7 @@ pub struct MovingGrid<const D: usize> {
     time: f64,
 }
 
-/// Lines that cannot follow a boundary condition.
+/// Reason why lines cannot follow a boundary condition.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum FollowError {
     /// The grid has no lines.
@@ -63,20 +63,20 @@ pub enum FollowError {
     OnAxis,
 }
 
-/// A motion of the grid that is impossible.
+/// Reason why a motion of the grid is impossible.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum GridMotionError {
     /// The load factors of the conditions are unknown before the step.
     #[error("the grid follows prescribed displacements, but the load factor is an unknown")]
     UnknownFactor,
-    /// A displacement is not a number.
+    /// A displacement is not finite.
     #[error("at time {time}, the displacement of the grid lines is {value}")]
     NotFinite {
         /// Index of the entry.
         entry: usize,
         /// Time, [time].
         time: f64,
-        /// The value.
+        /// Displacement of the lines, [length].
         value: f64,
     },
     /// Cells would become too small.
@@ -224,7 +224,7 @@ impl<const D: usize> Model<D> {
     /// The grid of a step of the current stage that starts at this time; `None` if the grid does not move.
     ///
     /// # Errors
-    /// [`GridMotionError`] if it cannot move there.
+    /// [`GridMotionError`] if the grid cannot move to its position for this step.
     pub fn grid_at(&self, time: f64) -> Result<Option<Structured<D>>, GridMotionError> {
         let Some(moving) = &self.moving_grid else { return Ok(None) };
         if self.stepping.control.has_unknown_factor() {

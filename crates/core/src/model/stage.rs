@@ -1,4 +1,4 @@
-//! Stages: an analysis whose bodies, materials, boundary conditions and loads change during the analysis.
+//! The stages of an analysis whose bodies, materials, boundary conditions and loads change as it proceeds.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,7 +9,7 @@ use super::{Control, Load, LoadCurve, Model, Newton, Stepping};
 /// A stage of an analysis: the changes at its beginning, and its load steps.
 #[derive(Debug, Clone)]
 pub struct Stage<const D: usize> {
-    /// Name.
+    /// Name of the stage.
     pub name: String,
     /// Its load steps; they start where the previous stage ends.
     pub stepping: Stepping,
@@ -31,7 +31,7 @@ pub struct Stage<const D: usize> {
     pub removed: Vec<usize>,
     /// Bodies that get a different material, each with the index of that material. Their stress does not change.
     pub materials: Vec<(usize, usize)>,
-    /// True if the displacements are set to zero at the end.
+    /// True if the displacements are set to zero at the end of the stage.
     pub resets_displacement: bool,
 }
 

@@ -39,16 +39,16 @@ pub struct Tool<const D: usize> {
     pub pairs: Vec<(usize, Option<Interface>)>,
     /// Control of the contact.
     pub control: ContactControl,
-    /// Named parts of its surface; the forces on each part are summed separately.
+    /// Named parts of the surface of the tool; the forces on each part are summed separately.
     pub parts: Vec<ToolPart<D>>,
 }
 
 /// One component of the motion of a tool.
 #[derive(Debug, Clone)]
 pub enum Freedom {
-    /// The displacement, [length], or rotation, [rad], since time 0. A formula of the load factor and the time, in this
-    /// order; a formula that depends on neither is multiplied by the load factor. In space, three prescribed rotations
-    /// are the components of a rotation vector.
+    /// The displacement, [length], or rotation, [rad], since time 0, as a formula of the load factor and the time, in
+    /// this order; a formula that depends on neither is multiplied by the load factor. In space, three prescribed
+    /// rotations are the components of a rotation vector.
     Prescribed(Formula),
     /// The component follows from equilibrium.
     Free,
@@ -168,7 +168,7 @@ impl<const D: usize> Tool<D> {
         }
     }
 
-    /// Component `k` of its motion: the translations, then the rotations about x, y and z.
+    /// Component `k` of the motion of the tool: the translations, then the rotations about x, y and z.
     pub fn freedom(&self, k: usize) -> &Freedom {
         if k < D { &self.translation[k] } else { &self.rotation[(k - D) % 3] }
     }
@@ -178,7 +178,7 @@ impl<const D: usize> Tool<D> {
         (0..D + 3).filter(|&k| k < D || D == 3 || k == D + 2)
     }
 
-    /// Name of component `k` of its motion.
+    /// Name of component `k` of the motion of a tool.
     pub fn component_name(k: usize) -> &'static str {
         let names = ["x", "y", "z", "the rotation about x", "the rotation about y", "the rotation about z"];
         names[if k < D { k } else { (k + 3 - D) % 6 }]
@@ -190,17 +190,17 @@ impl<const D: usize> Tool<D> {
         listed.map_or(self.interface, |(_, interface)| *interface)
     }
 
-    /// True if component `k` of its motion is prescribed and is not always 0.
+    /// True if component `k` of the motion of the tool is prescribed and is not always 0.
     pub fn is_driven(&self, k: usize) -> bool {
         !self.freedom(k).is_free() && !self.freedom(k).is_fixed()
     }
 
-    /// The curves of its motion and its loads.
+    /// The curves of the motion of the tool and of the loads on it.
     pub fn curves(&self) -> impl Iterator<Item = &LoadCurve> {
         self.loads.iter().map(|load| &load.curve).chain([&self.curve])
     }
 
-    /// Force and moment of its loads, with a factor for each curve, [force] and [force·length].
+    /// Force and moment of the loads on the tool, with a factor for each curve, [force] and [force·length].
     pub fn load_at(&self, factor: impl Fn(&LoadCurve) -> f64) -> ([f64; D], [f64; 3]) {
         let (mut force, mut moment) = ([0.0; D], [0.0; 3]);
         for load in &self.loads {
@@ -231,14 +231,15 @@ impl<const D: usize> Tool<D> {
         outline.unwrap_or_default()
     }
 
-    /// The indices of the named parts to which a position on its surface belongs. The position is given by the index of
-    /// the side and by coordinates in the frame of the tool, [length].
+    /// The indices of the named parts to which a position on the surface of the tool belongs. The position is given by
+    /// the index of the side and by coordinates in the frame of the tool, [length].
     pub fn parts_at(&self, side: usize, x: &[f64; D]) -> impl Iterator<Item = usize> {
         let at_start = self.pose.to_space(x);
         self.parts.iter().enumerate().filter(move |(_, part)| part.holds(side, &at_start)).map(|(k, _)| k)
     }
 
-    /// True if its surface, divided into facets of about the size of the grid cells, reaches into the box of a part.
+    /// True if the surface of the tool, divided into facets of about the size of the grid cells, reaches into the box
+    /// of a part.
     pub fn reaches_into(&self, part: &ToolPart<D>, grid: &dyn Grid<D>) -> bool {
         let Outline { vertices, facets, parts, .. } = self.outline(grid, SOUGHT);
         facets.iter().zip(&parts).any(|(facet, side)| {

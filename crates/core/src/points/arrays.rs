@@ -27,7 +27,7 @@ pub enum PointArray {
     /// [`Model::array`](crate::model::Model::array) returns the logarithmic strain.
     ElasticStrain,
     /// Volume J V_p0 of eq. (22), [volume]. [`Model::array`](crate::model::Model::array) returns the volume of the
-    /// domain if the model uses it.
+    /// domain if the model uses that volume.
     Volume,
     /// Mass, [mass].
     Mass,

@@ -29,7 +29,7 @@ pub struct StoredField {
     pub label: &'static str,
     /// Unit, `-` for plain numbers.
     pub unit: &'static str,
-    /// When it changes.
+    /// When the field changes.
     pub kind: FieldKind,
     /// Number of components per point.
     pub components: usize,
@@ -42,10 +42,10 @@ pub struct StoredField {
 /// name: Type = shape(|seed| start value), in "unit", called "name in messages";
 /// ```
 ///
-/// The shape is `one` (one value per point), `one_or_none` (the same, but without memory if all initial values are
-/// zero) or `up_to[count]` (several values per point, the same number for all points). The macro generates both
-/// structures, `Points::new`, the code that reorders fields, commits trial values and checks array lengths, and the
-/// visitors of all fields for checkpoints and arrays.
+/// The shape is `one` (one value per point), `one_or_none` (the same, but the field takes no memory if all initial
+/// values are zero) or `up_to[count]` (several values per point, the same number for all points). The macro generates
+/// both structures, `Points::new`, the code that reorders fields, commits trial values and checks array lengths, and
+/// the visitors of all fields for checkpoints and arrays.
 macro_rules! point_fields {
     (@per $self:ident) => { 1 };
     (@per $self:ident $per:ident) => { $self.$per };
@@ -96,7 +96,7 @@ macro_rules! point_fields {
                 $State { $($answer: self.$answer.clone(),)* ..$State::default() }
             }
 
-            /// Swaps the responses of laws with another state.
+            /// Swaps the responses of laws with those of another state.
             pub(super) fn swap_answers(&mut self, other: &mut Self) {
                 $(std::mem::swap(&mut self.$answer, &mut other.$answer);)*
             }
@@ -160,8 +160,8 @@ macro_rules! point_fields {
                 $Points::numbered(seeds, numbers, &$crate::ranks::Ranks::default())
             }
 
-            /// The same, with these permanent numbers; other ranks create the other points. All ranks store the same
-            /// number of values per point.
+            /// Stress-free, undeformed points with these permanent numbers; other ranks create the other points. All
+            /// ranks store the same number of values per point.
             pub fn numbered(
                 seeds: &[$crate::points::Seed<D>],
                 id: Vec<u32>,

@@ -7,8 +7,8 @@ point_fields! {
     /// All material points of an analysis, as a structure of arrays.
     ///
     /// Newton iterations write only `trial`, and only [`Points::commit`] makes it the converged state; an abandoned
-    /// load step therefore needs no undoing. Points are kept grouped by the grid cell that holds them; `id` is the
-    /// permanent number of a point.
+    /// load step therefore leaves nothing to undo. Points are kept grouped by the grid cell that holds them; `id` is
+    /// the permanent number of a point.
     struct Points {
         counts {
             /// Number of history variables kept per point: the largest number that any law needs.
@@ -32,7 +32,7 @@ point_fields! {
             /// True if the point belongs to the outer layer of its body at the start.
             outer_layer: bool = one(|seed| seed.outer_layer), in "-";
             /// Number of corners of the domain of the point: 2^D for quadrilaterals and hexahedra, D + 1 for triangles
-            /// and tetrahedra, 0 for points whose domain is not given by corners; empty if there are no corners.
+            /// and tetrahedra, 0 for points whose domain is not given by corners. Empty if no point has corners.
             corner_count: u8 = one_or_none(|seed| seed.corners.len() as u8), in "-";
         }
     }

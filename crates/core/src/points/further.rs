@@ -19,7 +19,7 @@ pub struct PointFieldSpec {
     /// Number of components per point. Files treat 3 components as a vector, 6 as a symmetric tensor in the order xx,
     /// yy, zz, xy, yz, xz without factors √2, and 9 as a tensor row by row.
     pub components: usize,
-    /// When it changes.
+    /// When the field changes.
     pub kind: FieldKind,
     /// Initial values: all components of the point with the lowest permanent number, then those of the next point, and
     /// so on.
@@ -29,13 +29,13 @@ pub struct PointFieldSpec {
 /// Name, shape and kind of a further field, as stored in checkpoints.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FurtherField {
-    /// Name.
+    /// Name of the field.
     pub name: String,
     /// Unit, `-` for plain numbers.
     pub unit: String,
     /// Number of components per point.
     pub components: usize,
-    /// When it changes.
+    /// When the field changes.
     pub kind: FieldKind,
 }
 

@@ -6,10 +6,10 @@ use super::{PIECE, Points, State};
 use crate::grid::Grid;
 
 impl<const D: usize> Points<D> {
-    /// Moves points to the ranks in whose parts they lie, and sorts the points of this rank by the grid cell that holds
-    /// them, then by body; points of the same cell and body keep their order. Returns the index of the first point of
-    /// every occupied cell, followed by the number of points. The cells of a patch follow one another and count as one.
-    /// Trial values of further fields are reset.
+    /// Moves points to the ranks in whose parts of the grid they lie, and sorts the points of this rank by the grid
+    /// cell that holds them, then by body; points of the same cell and body keep their order. Returns the index of the
+    /// first point of every occupied cell, followed by the number of points. The cells of a patch follow one another
+    /// and count as one. Trial values of further fields are reset.
     ///
     /// # Errors
     /// The index of the first point that lies outside the grid; `None` if only other ranks have such points.
@@ -119,7 +119,7 @@ impl<const D: usize> Points<D> {
         order
     }
 
-    /// The same, written to `order`.
+    /// Writes the indices of the points, in the order of their permanent numbers, to `order`.
     pub fn order_by_id(&self, order: &mut Vec<usize>) {
         let most = self.id.iter().max().map_or(0, |&id| id as usize + 1);
         order.clear();

@@ -303,7 +303,7 @@ impl<const D: usize> Points<D> {
         of_cells.map(of_cell).collect()
     }
 
-    /// What `of` returns for the cell of each point; points of a cell mostly follow one another.
+    /// The value that `of` returns for the cell of each point; points of a cell mostly follow one another.
     fn of_cells<T: Copy>(&self, of: impl Fn(u32) -> T) -> Vec<T> {
         let mut last: Option<(u32, T)> = None;
         let mut of_point = |cell: u32| match last {

@@ -39,7 +39,8 @@ pub(crate) trait Splitting<const D: usize> {
     /// Edge length above which the domain of a point is split, [length].
     fn longest(&self, points: &Points<D>, p: usize) -> f64;
 
-    /// Volume per unit of area at a position in the plane: for bodies of revolution, the circumference of its circle.
+    /// Volume per unit of area at a position in the plane: for bodies of revolution, the circumference of the circle
+    /// through the position.
     fn depth(&self, position: &[f64; D]) -> f64;
 
     /// The position nearest to `place` that a new corner of this body may take, [length].
@@ -116,7 +117,7 @@ impl<const D: usize> Points<D> {
     /// Repeats cuts of an earlier run; cuts of points that no longer exist are skipped.
     ///
     /// # Errors
-    /// The reason, if a point cannot have been cut in this way.
+    /// The reason why a point cannot have been cut in this way.
     pub(crate) fn split_again(&mut self, splits: &[Split], rules: &impl Splitting<D>) -> Result<(), String> {
         for split in splits {
             let place = |id: u32| self.id.iter().position(|of| *of == id);

@@ -97,7 +97,7 @@ impl Restored for Sym3 {
     }
 }
 
-/// Implements [`Value`] for number types that only fixed fields use.
+/// Implements [`Value`] and [`Restored`] for number types that only fixed fields use.
 macro_rules! whole {
     ($($number:ty),*) => {$(
         impl Value for $number {

@@ -14,7 +14,7 @@ use crate::points::{Points, coordinates};
 const CONTRAST: f64 = 20.0;
 /// A body holds a node if its stiffness there exceeds the stiffness of a softer body by this factor, [-].
 const HOLDS: f64 = 3.0;
-/// Share of the stress of a soft body, measured as energy, at points that cannot strain; a larger share causes a
+/// Largest share of the stress of a soft body, measured as energy, that points unable to strain may carry without a
 /// warning, [-].
 const MOST_STIFFENED: f64 = 0.1;
 
@@ -113,7 +113,7 @@ pub fn watch<const D: usize>(
     taken.into_iter().filter_map(warning).collect()
 }
 
-/// The first body, much stiffer than `body`, that holds all of the nodes.
+/// The first body that is much stiffer than `body` and holds all of the nodes.
 fn holder<'a>(nodes: impl Iterator<Item = &'a Vec<(u16, f64)>>, body: u16, moduli: &[f64]) -> Option<u16> {
     let holders = |node: &[(u16, f64)]| -> Vec<u16> {
         let own = node.iter().find(|(other, _)| *other == body).map_or(0.0, |(_, own)| *own);

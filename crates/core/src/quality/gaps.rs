@@ -11,7 +11,7 @@ use crate::points::{Points, coordinates};
 
 /// Largest gap at which bodies count as touching, relative to the spacing of their points, [-].
 const TOUCHING: f64 = 0.5;
-/// Basis functions below this are round-off from domains that end at the node, and do not join points, [-].
+/// Values of basis functions below this are round-off from domains that end at the node, and do not join points, [-].
 const LEAST_SHARE: f64 = 1e-6;
 
 /// The box around the points of a body at a node, and the largest extent of these points.
@@ -23,7 +23,7 @@ struct Reach<const D: usize> {
 }
 
 impl<const D: usize> Reach<D> {
-    /// Largest distance along an axis between two boxes, negative where they overlap, [length].
+    /// Distance between two boxes, the largest over the axes; negative where they overlap, [length].
     fn distance(&self, other: &Reach<D>) -> f64 {
         let apart = |d: usize| (other.low[d] - self.high[d]).max(self.low[d] - other.high[d]);
         (0..D).map(apart).fold(f64::NEG_INFINITY, f64::max)

@@ -10,7 +10,8 @@ use crate::basis::Connectivity;
 use crate::model::{Model, NodeSet};
 use crate::points::{Points, coordinates};
 
-/// Material at the nodes, relative to the most that they have ever held, below which a warning is raised, [-].
+/// Material at the nodes, relative to the largest amount that they have ever held, below which a warning is raised,
+/// [-].
 const LEAST_HELD: f64 = 0.5;
 
 /// The material at the nodes of one boundary condition.
@@ -18,16 +19,17 @@ const LEAST_HELD: f64 = 0.5;
 pub struct Held {
     /// Largest sum Σ S_vp V_p over the nodes and all points in any step so far, [volume].
     most: f64,
-    /// Current value of this sum, [volume].
+    /// Current value of the sum Σ S_vp V_p over the nodes and all points, [volume].
     now: f64,
     /// Length of the prescribed motion, averaged over the material at the nodes, [length].
     prescribed: f64,
-    /// Motion of that material along the prescribed motion, [length].
+    /// Motion of the material at the nodes along the prescribed motion, [length].
     followed: f64,
 }
 
 impl Held {
-    /// Material at the nodes, relative to the most that they have ever held, [-]; `None` if they have never held any.
+    /// Material at the nodes, relative to the largest amount that they have ever held, [-]; `None` if they have never
+    /// held any.
     pub fn share(&self) -> Option<f64> {
         (self.most > 0.0).then(|| self.now / self.most)
     }
@@ -100,7 +102,7 @@ fn warn<const D: usize>(
 struct AtNodes {
     /// Volume at each active node, [volume].
     volume_of: Vec<f64>,
-    /// Volume at all of these nodes, [volume].
+    /// Volume at all nodes of the condition, [volume].
     volume: f64,
     /// Mean prescribed motion times the volume, [length·volume].
     prescribed: f64,

@@ -99,11 +99,12 @@ const MOST_VOLUME_CHANGE: f64 = 0.05;
 /// Ratio of principal stretches beyond which the update with det F is unsuitable, [-].
 const MOST_STRETCH_RATIO: f64 = 1.2;
 
-/// The objection of Table 2 to a domain update: a measure of the motion that the update does not suit, and its limit.
+/// The objection of Table 2 to a domain update: a measure of the departure of the motion from those that the update can
+/// follow, and its limit.
 #[derive(Debug, Clone, Copy)]
 pub struct Objection {
     measure: fn(&Mat3) -> f64,
-    /// Largest measure without objection.
+    /// Largest value of the measure at which there is no objection.
     pub limit: f64,
     /// The measure as text.
     pub describe: fn(f64) -> String,
@@ -146,21 +147,21 @@ impl Objection {
         }
     }
 
-    /// The measure of the unsuitable motion in a deformation gradient.
+    /// Value of the measure for a deformation gradient.
     pub fn measure(&self, F: &Mat3) -> f64 {
         (self.measure)(F)
     }
 }
 
-/// True if the lengths along the axes change differently. False in simple shear, which the update with det F suits
+/// True if the lengths along the axes change differently. False in simple shear, which the update with det F can follow
 /// although the principal stretches differ.
 fn axes_differ<const D: usize>(F: &Mat3) -> bool {
     let lengths = || (0..D).map(|d| F[(d, d)].abs());
     lengths().fold(0.0, f64::max) > MOST_STRETCH_RATIO * lengths().fold(f64::INFINITY, f64::min)
 }
 
-/// True if the product of the F_ii differs from det F. False in simple shear, which the update with F_ii suits although
-/// the polar decomposition contains a rotation.
+/// True if the product of the F_ii differs from det F. False in simple shear, which the update with F_ii can follow
+/// although the polar decomposition contains a rotation.
 pub fn diagonal_misses_volume<const D: usize>(F: &Mat3) -> bool {
     let product: f64 = (0..D).map(|d| F[(d, d)]).product();
     (product / ratio_of_volume::<D>(F) - 1.0).abs() > MOST_VOLUME_CHANGE
@@ -188,7 +189,7 @@ mod tests {
         *Rotation3::from_axis_angle(&Unit::new_normalize(Vector3::from(axis)), degrees.to_radians()).matrix()
     }
 
-    /// The same motion with the axes permuted.
+    /// The motion F with the axes permuted.
     fn permuted(F: &Mat3, shift: usize) -> Mat3 {
         Mat3::from_fn(|i, j| F[((i + shift) % 3, (j + shift) % 3)])
     }

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 /// The subject of a warning.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Code {
-    /// A domain update does not suit the motion.
+    /// A domain update cannot follow the motion.
     #[serde(rename = "W001")]
     DomainUpdate,
     /// A part of a domain is outside the grid.
@@ -31,7 +31,7 @@ pub enum Code {
     /// Bodies act on each other across a gap.
     #[serde(rename = "W007")]
     AcrossGap,
-    /// Fresh grids do much work.
+    /// Changing to fresh grids does a large amount of work.
     #[serde(rename = "W008")]
     Regridding,
     /// Work and energy do not balance.
@@ -128,7 +128,7 @@ impl Location {
         Location { point: Some(point), ..Location::body(body) }
     }
 
-    /// A body.
+    /// The location of a warning about a body.
     pub fn body(body: &str) -> Location {
         Location { bodies: vec![body.to_owned()], ..Location::default() }
     }
@@ -151,7 +151,7 @@ pub enum Detail {
 /// A measure that is out of bounds for the first time, or an event that may spoil the result.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Warning {
-    /// The subject.
+    /// The subject of the warning.
     pub code: Code,
     /// Load step number.
     pub step: usize,

@@ -171,7 +171,7 @@ impl Quality {
     }
 }
 
-/// Energy of all points under the strain of round-off, [energy].
+/// Energy of all points under the largest strain that counts as round-off, [energy].
 fn work_of_round_off<const D: usize>(model: &Model<D>, points: &Points<D>) -> f64 {
     let strain = Sym3([STRAIN_OF_ROUND_OFF, STRAIN_OF_ROUND_OFF, STRAIN_OF_ROUND_OFF, 0.0, 0.0, 0.0]);
     let energy = |law: &dyn Material| law.energy(&strain, &law.initial_history());

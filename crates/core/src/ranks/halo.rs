@@ -17,7 +17,7 @@ pub struct Halo {
     border: Vec<u32>,
     /// Active nodes that belong to another rank, each with that rank, ascending.
     foreign: Vec<(u32, u32)>,
-    /// True for each active node of this rank; empty without other ranks.
+    /// For each active node, true if it belongs to this rank; empty without other ranks.
     is_own: Vec<bool>,
 }
 
@@ -128,7 +128,7 @@ impl Halo {
         self.is_own.is_empty() || self.is_own[node]
     }
 
-    /// The rank that a node belongs to.
+    /// The rank to which a node belongs.
     pub fn owner(&self, node: usize) -> usize {
         match self.foreign.binary_search_by_key(&(node as u32), |(node, _)| *node) {
             Ok(place) => self.foreign[place].1 as usize,

@@ -18,7 +18,7 @@ impl<const D: usize> Ball<D> {
     /// A ball with this centre and radius, [length].
     ///
     /// # Errors
-    /// [`ShapeError::NotFinite`], [`ShapeError::NotPositive`].
+    /// [`ShapeError::NotFinite`]; [`ShapeError::NotPositive`] for the radius.
     pub fn new(center: [f64; D], radius: f64) -> Result<Self, ShapeError> {
         Ok(Ball { center: finite("the centre", center)?, radius: positive("the radius", radius)? })
     }

@@ -22,7 +22,7 @@ impl<const D: usize> Line<D> {
         along(&self.origin, t, &self.direction)
     }
 
-    /// The interval in which a coordinate lies between two values.
+    /// The interval of t in which a coordinate lies between two values.
     pub(super) fn slab(&self, axis: usize, low: f64, high: f64) -> Intervals {
         between(self.origin[axis], self.direction[axis], low, high)
     }
@@ -54,17 +54,17 @@ impl Intervals {
         &self.0
     }
 
-    /// True if a parameter lies in an interval.
+    /// True if a parameter lies in one of the intervals.
     pub fn contains(&self, t: f64) -> bool {
         self.0.iter().any(|[low, high]| *low <= t && t <= *high)
     }
 
-    /// Total length.
+    /// Total length of the intervals.
     pub fn length(&self) -> f64 {
         self.0.iter().map(|[low, high]| high - low).sum()
     }
 
-    /// Union.
+    /// Union with other intervals.
     pub fn union(&self, other: &Intervals) -> Intervals {
         let (mut a, mut b) = (self.0.iter().peekable(), other.0.iter().peekable());
         let mut all: Vec<[f64; 2]> = Vec::with_capacity(self.0.len() + other.0.len());
@@ -82,7 +82,7 @@ impl Intervals {
         }
     }
 
-    /// Intersection.
+    /// Intersection with other intervals.
     pub fn intersection(&self, other: &Intervals) -> Intervals {
         let (mut i, mut j) = (0, 0);
         let mut both = Vec::new();
@@ -101,7 +101,7 @@ impl Intervals {
         self.intersection(&other.complement())
     }
 
-    /// Complement.
+    /// Complement: the rest of the line.
     pub fn complement(&self) -> Intervals {
         let mut gaps = Vec::with_capacity(self.0.len() + 1);
         let mut low = f64::NEG_INFINITY;
@@ -134,7 +134,7 @@ pub(super) fn not_positive(a: f64, b: f64, c: f64) -> Intervals {
     }
     let discriminant = b * b - a * c;
     if discriminant > 0.0 {
-        // The root without cancellation first; the other follows from the product of the roots, c / a.
+        // First the root that is free of cancellation; the other follows from the product of the roots, c / a.
         let q = -(b + discriminant.sqrt().copysign(b));
         let (s, t) = (q / a, c / q);
         let inner = Intervals::one(s.min(t), s.max(t));

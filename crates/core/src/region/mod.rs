@@ -42,7 +42,7 @@ pub use prism::Prism;
 pub use surface::Surface;
 pub use volume::{Accuracy, Volume};
 
-/// Axis-aligned box given by its lowest and highest corner, [length]. Empty if a lowest coordinate exceeds the highest.
+/// Axis-aligned box given by its lowest and highest corner, [length]. Empty if low > high on an axis.
 pub type Bounds<const D: usize> = [[f64; D]; 2];
 
 /// Predicate: true if the group of cells with this key contains a position. The position is given in the frame of the
@@ -63,19 +63,19 @@ pub enum ShapeError {
     NotPositive {
         /// The quantity.
         what: &'static str,
-        /// Its value.
+        /// Value of the length.
         value: f64,
     },
     /// A polygon has fewer than three corners.
     #[error("a polygon needs at least 3 corners, not {corners}")]
     Corners {
-        /// Number of its corners.
+        /// Number of corners of the polygon.
         corners: usize,
     },
     /// A polygon crosses or touches itself.
     #[error("the side from corner {} meets the side from corner {}", .sides[0] + 1, .sides[1] + 1)]
     SelfCrossing {
-        /// Indices of the first corners of two sides, from 0.
+        /// Indices of the first corners of the two sides that meet, from 0.
         sides: [usize; 2],
     },
     /// The axis index is out of range.
@@ -145,12 +145,12 @@ enum Node<const D: usize> {
 }
 
 impl<const D: usize> Region<D> {
-    /// A primitive.
+    /// The region that a primitive fills.
     pub fn new(primitive: impl Primitive<D> + 'static) -> Self {
         Self::placed(Arc::new(primitive), Motion::identity())
     }
 
-    /// A group of mesh cells.
+    /// The region that a group of mesh cells fills.
     pub fn group(group: Group<D>) -> Self {
         Self::placed_group(group, Motion::identity())
     }

@@ -39,7 +39,7 @@ const WEIGHTS: [f64; 8] = [
 /// Number of nodes.
 const N: usize = 15;
 
-/// Number of function values per panel: the nodes and both ends.
+/// Number of function values per panel: at the nodes and at both ends.
 pub(super) const VALUES_PER_PANEL: usize = N + 2;
 
 /// Distance of the outermost node from the end; features in this gap show only in the value at the end.

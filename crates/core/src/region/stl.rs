@@ -11,7 +11,7 @@ use super::surface::Triangle;
 /// Largest file that is read, [byte]; about 20 million facets.
 const MAX_BYTES: u64 = 1 << 30;
 
-/// Layout of a binary file, [byte]: header, header with facet count, one facet.
+/// Sizes in a binary file, [byte]: the header, the header with the facet count, and one facet.
 const HEADER: usize = 80;
 const BEFORE_FACETS: usize = HEADER + 4;
 const FACET: usize = 50;
@@ -47,7 +47,7 @@ pub enum StlError {
     /// A text file violates the format.
     #[error("line {line}: expected {expected}, found {found}")]
     Expected {
-        /// Line, from 1.
+        /// Number of the line, from 1.
         line: usize,
         /// The word required by the format.
         expected: &'static str,
@@ -57,7 +57,7 @@ pub enum StlError {
     /// A text file ends too early.
     #[error("the file ends at line {line}; {expected} is missing there")]
     Truncated {
-        /// Last line, from 1.
+        /// Number of the last line, from 1.
         line: usize,
         /// The missing word.
         expected: &'static str,
@@ -67,7 +67,7 @@ pub enum StlError {
     NotFinite {
         /// Number of the facet, from 1.
         facet: usize,
-        /// Number of its corner, 1 to 3.
+        /// Number of the corner of the facet, 1 to 3.
         corner: usize,
     },
     /// The file has no facets.
@@ -78,7 +78,7 @@ pub enum StlError {
 /// Reads an STL file.
 ///
 /// # Errors
-/// [`StlError::Io`], [`StlError::NotAFile`] or [`StlError::TooLarge`] if the file cannot be read, otherwise as
+/// [`StlError::Io`], [`StlError::NotAFile`] or [`StlError::TooLarge`] if the file cannot be read, otherwise as for
 /// [`read`].
 pub fn read_file(path: &Path) -> Result<Vec<Triangle>, StlError> {
     // Reading a device or a pipe might never end.
@@ -228,7 +228,7 @@ fn text(bytes: &[u8]) -> Result<Vec<Triangle>, StlError> {
 fn facet(words: &mut Words<'_>) -> Result<Triangle, StlError> {
     words.keyword("normal")?;
     for _ in 0..3 {
-        // Any word: some programs write `nan` if they cannot form a normal.
+        // Any word is accepted: some programs write `nan` if they cannot form a normal.
         words.required("the normal of a facet")?;
     }
     words.keyword("outer")?;

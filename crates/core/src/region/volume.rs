@@ -118,7 +118,7 @@ struct Lines<'a, const D: usize> {
 
 impl<'a, const D: usize> Lines<'a, D> {
     fn new(region: &'a Region<D>, most: usize) -> Self {
-        // A quarter of the lines for the initial division, which has the same number of panels in every coordinate
+        // A quarter of the lines is for the initial division, which has the same number of panels in every coordinate
         // except the first.
         let per_coordinate = (most as f64 / 4.0).powf(1.0 / (D.max(2) - 1) as f64);
         let most_panels = (per_coordinate as usize / VALUES_PER_PANEL).max(FEWEST_PANELS);
@@ -140,7 +140,7 @@ impl<'a, const D: usize> Lines<'a, D> {
             return Estimate { value: inside.length(), error: 0.0 };
         }
         let [low, high] = [0, 1].map(|side| self.region.bounds[side][axis]);
-        // Half of the tolerance for the rule, half for the values. Lengths of lines are exact.
+        // Half of the tolerance is for the rule, half for the values; lengths of lines are exact.
         let (of_rule, of_values) =
             if axis == 1 { (tolerance, 0.0) } else { (0.5 * tolerance, 0.5 * tolerance / (high - low)) };
         // No slice may use up the lines of the others.

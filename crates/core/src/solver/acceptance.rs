@@ -15,7 +15,7 @@ use super::strength::Movement;
 use super::summary::{Reached, Summary};
 
 impl<const D: usize, const N: usize> Stepper<'_, D, N> {
-    /// The trial state of a step in equilibrium becomes the converged state.
+    /// Makes the trial state of a step in equilibrium the converged state.
     pub(super) fn accept(
         &mut self,
         report: StepReport<D>,
@@ -54,8 +54,8 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         splitting::part_from_tools(model, points, terms, replaced);
     }
 
-    /// Splits the points whose domains have become too long. The next step then begins in the same way as a run that is
-    /// resumed here.
+    /// Splits the points whose domains have become too long. The next step then begins as it would in a run resumed
+    /// from this state.
     fn split_long_domains(&mut self) {
         let Stepper { model, points, reached, terms, .. } = self;
         splitting::split_long(model, points, terms, &mut reached.summary.splits);

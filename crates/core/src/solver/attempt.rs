@@ -81,7 +81,7 @@ pub(super) struct OnTheWay {
 }
 
 impl OnTheWay {
-    /// Prepends the account of the slump so far to this one.
+    /// Prepends the account of the slump so far to this account.
     pub(super) fn after(mut self, before: OnTheWay) -> OnTheWay {
         self.replaced_domains.extend(before.replaced_domains);
         OnTheWay { energy: self.energy.after(before.energy), ..self }
@@ -131,7 +131,7 @@ pub struct FailedAttempt<const D: usize> {
     pub load_factor: Option<f64>,
     /// True if the stiffness of an iteration was not positive definite.
     pub indefinite: bool,
-    /// The fields where the iterations ended, if they began.
+    /// The fields at which the iterations ended; `None` if they did not begin.
     pub iterate: Option<Iterate<D>>,
 }
 

@@ -142,7 +142,7 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
         self.system.sum.into_terms()
     }
 
-    /// Load factor at the end of the step, [-]; `None` unless all loads and prescribed motions share one.
+    /// Load factor at the end of the step, [-]; `None` unless all loads and prescribed motions share one factor.
     fn load_factor(&self, context: &StepContext<D>) -> Option<f64> {
         if !context.model.stages.is_empty() {
             return None;

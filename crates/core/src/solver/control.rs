@@ -22,7 +22,7 @@ pub struct Path {
     pub factor: f64,
     /// Arc length of the path per unit of time, [length·volume^½/time]; known from the first step on.
     pub rate: Option<f64>,
-    /// Motion in the last step, if the next one uses it.
+    /// Motion in the last step, if the next step uses it.
     pub(super) motion: Motion,
 }
 
@@ -46,11 +46,11 @@ pub(super) struct Field<'a, const N: usize> {
     pub(super) globals: &'a [f64],
 }
 
-/// The condition of one step.
+/// The condition that determines the load factor of a step.
 pub(super) enum Condition<const D: usize, const N: usize> {
     /// Σ c·Δd over the nodes equals the increment `by`.
     Displacement { weight: Vec<[f64; N]>, by: f64, halo: Halo },
-    /// The increment of the global unknown with this number equals `by`; `None` if there is no such unknown.
+    /// The increment of the global unknown `number` equals `by`; `None` if there is no such unknown.
     Global { number: Option<usize>, by: f64 },
     /// (Δd − c, Δd − c) equals the square of `length`, in the inner product weighted by the volume that each node
     /// carries. The centre c is the motion due to the out-of-balance forces of a fresh grid, without the part that the

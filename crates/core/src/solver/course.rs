@@ -15,10 +15,11 @@ const STALLS: f64 = 0.5;
 /// The data of the iterations of a step, apart from the unknowns.
 pub(super) struct Course<const N: usize> {
     pub(super) residuals: Vec<f64>,
-    /// The role of round-off in the last residual.
+    /// How round-off affects the last residual.
     pub(super) round_off: RoundOff,
     pub(super) solved: Vec<Solved>,
-    /// Number of increments with support of sliding contact points, and the last failure without support.
+    /// Number of increments solved with sliding contact points supported, and the last failure of a solve without this
+    /// support.
     pub(super) supported: usize,
     pub(super) singular: Option<LinearError>,
     /// True if the current layout of the system has a factor.
@@ -32,11 +33,11 @@ pub(super) struct Course<const N: usize> {
     /// Number of multiplier updates, and number of linear solves before the last update.
     pub(super) augmentations: usize,
     pub(super) solves_before: usize,
-    /// Largest number of linear solves before an update, counted from the previous update.
+    /// Largest number of linear solves from one multiplier update to the next.
     pub(super) most_solves: usize,
     /// True if no increment has followed the last multiplier update.
     pub(super) is_augmented: bool,
-    /// Two flags: multipliers were updated along the last increment, and along any increment of the step.
+    /// Whether multipliers were updated along the last increment, and along any increment of the step.
     pub(super) is_augmented_along: bool,
     pub(super) was_augmented_along: bool,
 }
@@ -44,7 +45,7 @@ pub(super) struct Course<const N: usize> {
 /// What has been tried at the current iterate.
 #[derive(Debug, Default)]
 pub(super) struct Search {
-    /// True if the forces alone, without the stiffness, did not suffice.
+    /// True if the forces alone did not suffice, so that the stiffness is needed.
     pub(super) needs_stiffness: bool,
     pub(super) halvings: usize,
     pub(super) searches: usize,

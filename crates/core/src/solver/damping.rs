@@ -20,7 +20,7 @@ pub(super) const MORE_ITERATIONS: usize = 10;
 /// Largest number of evaluations in the line search of a damped iteration, and of halvings of an increment that turns a
 /// point inside out.
 pub(super) const MOST_TRIALS: usize = 10;
-/// Largest number of factorisations in search of a positive definite stiffness.
+/// Largest number of factorisations in the search for a positive definite stiffness.
 pub(super) const MOST_FACTORISATIONS: usize = 30;
 
 /// Largest undamped displacement of bodies at rest, relative to the cell size; a larger one means that nothing resists
@@ -45,10 +45,10 @@ const LEAST: f64 = 1e-6;
 /// Factor by which μ changes from iteration to iteration.
 const CHANGE: f64 = 4.0;
 
-/// True if collapsing bodies may slump until they come to rest: they must yield, and weight must be the only load. A
-/// prescribed motion would be applied again on every grid; whether bodies can carry other loads is a result that the
-/// run must show; surfaces are not carried along; and bodies that do not yield do not collapse: they buckle or have an
-/// hourglass mode.
+/// True if collapsing bodies may slump until they come to rest: they must yield, weight must be the only load, and
+/// there must be no surfaces, tools or prescribed motions. A prescribed motion would be applied again on every grid;
+/// whether bodies can carry other loads is a result that the run must show; surfaces would not be carried along with
+/// the bodies; and bodies that do not yield do not collapse: they buckle or have an hourglass mode.
 pub(super) fn may_slump<const D: usize>(model: &Model<D>, points: &Points<D>) -> bool {
     let is_weight = |load: &Load<D>| matches!(load.action, Action::Gravity(_));
     model.loads.iter().all(is_weight)

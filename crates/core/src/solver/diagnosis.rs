@@ -27,7 +27,7 @@ const MOST: f64 = 0.5;
 /// Oscillation of pressures, relative to the deviatoric stress, above which cells count as locking although most points
 /// have yielded, [-].
 const OSCILLATES_IN_COLLAPSE: f64 = 5.0;
-/// The same if fewer points have yielded, [-].
+/// The same threshold if fewer points have yielded, [-].
 const OSCILLATES: f64 = 1.0;
 /// Displacements without strain at the points, relative to displacements with strain, above which there is an hourglass
 /// mode, [-].
@@ -37,8 +37,8 @@ const HOURGLASS: f64 = 10.0;
 const RUNS_AWAY: f64 = 100.0;
 /// Mean number of points per cell below which bodies may yield at too small a load.
 const FEW: f64 = 1.5;
-/// Stiffness ratio of the stiffest to the softest material above which sums of both retain hardly a digit of the softer
-/// one, [-].
+/// Stiffness ratio of the stiffest to the softest material above which a sum of both stiffnesses retains hardly a digit
+/// of the smaller one, [-].
 const TOO_FAR_APART: f64 = 1e12;
 
 /// The kind of a failure.
@@ -152,8 +152,8 @@ pub struct Circumstances {
     /// True if a later stage reduces the strength.
     #[serde(default)]
     pub precedes_reduction: bool,
-    /// Number of iterations that steps would need at the current rate, rounded up to a multiple of ten; `None` if
-    /// residuals do not fall steadily.
+    /// Number of iterations that steps would need at the current rate of convergence, rounded up to a multiple of ten;
+    /// `None` if residuals do not fall steadily.
     pub enough_iterations: Option<usize>,
     /// The way in which a point or its domain was lost.
     pub loss: Option<Loss>,
@@ -317,15 +317,17 @@ fn loss_of(error: &SolveError, stepping: &Stepping) -> Option<Loss> {
 
 /// The evidence at the location of the failure and in the state of the bodies.
 struct Found {
-    /// True if a cell there holds hardly any material.
+    /// True if a cell at the location of the failure holds hardly any material.
     is_cut: bool,
-    /// Displacement of the nodes of the cells there, relative to the displacement of the points, [-].
+    /// Displacement of the nodes of the cells at the location of the failure, relative to the displacement of the
+    /// points, [-].
     runaway: f64,
     /// Share of the points that have yielded, [-].
     flowing: f64,
     /// Displacements without strain at the points, relative to displacements with strain, [-].
     hourglass: f64,
-    /// True if the fullest cell there holds one point, and no part of the bodies can move as a rigid body.
+    /// True if the fullest cell at the location of the failure holds one point, and no part of the bodies can move as a
+    /// rigid body.
     is_single: bool,
     /// True if the step is so small that smaller ones would not help.
     is_small_step: bool,

@@ -42,7 +42,7 @@ pub(super) struct OfEngine<const D: usize, const N: usize> {
 enum Method {
     Direct,
     Iterative,
-    /// Iterative without coarser grids.
+    /// Iterative, without coarser grids.
     Algebraic,
     Own,
 }
@@ -153,7 +153,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
     /// Chooses the backend for a step and prepares it for the pattern of the equations.
     ///
     /// # Errors
-    /// [`LinearError`].
+    /// [`LinearError`] if the backend cannot solve equations of this kind, or if its factor does not fit in memory.
     pub(super) fn prepare(&mut self, place: Place<D, N>, system: &System<N>) -> Result<(), LinearError> {
         self.solution.resize(place.links.n_active(), [0.0; N]);
         if self.own.is_some() {
@@ -278,7 +278,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
     /// As [`Equations::solve`], but with the existing factor or preconditioner.
     ///
     /// # Errors
-    /// [`LinearError`].
+    /// [`LinearError`] if the backend does not find the solution.
     pub(super) fn solve_with_last_factor(
         &mut self,
         place: Place<D, N>,
@@ -357,7 +357,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         }
         let halo = place.links.halo();
         let along = |row: &[[f64; N]], field: &[[f64; N]]| halo.dot(row, field);
-        // All ranks form the products in the same order: the order of the loops of a plain sum.
+        // All ranks form the products in the same order, that of the loops of a plain sum.
         let influences: Vec<f64> =
             (0..n * n).map(|place| along(&border.rows[place % n], &influence[place / n])).collect();
         let matrix = nalgebra::DMatrix::from_fn(n, n, |i, j| {

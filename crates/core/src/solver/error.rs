@@ -173,7 +173,7 @@ pub enum SolveError {
         step: usize,
         /// Position of a node of the part, [length].
         node: Vec<f64>,
-        /// The axis.
+        /// The axis along which the part is free to move.
         axis: usize,
     },
     /// The factorised stiffness matrix does not fit in memory.
@@ -293,7 +293,7 @@ pub const CODES: &[(&str, &str)] = &[
     ("S011", "results that cannot be written"),
     ("S012", "equations that the iterative solver cannot solve"),
     ("S013", "a path that cannot be followed"),
-    ("S014", "a stiffness that drowns the loads in round-off"),
+    ("S014", "a stiffness so large that its round-off hides the loads"),
     ("S015", "a term of the equilibrium equations that cannot be used"),
     ("S016", "a surface that has left the material"),
     ("S017", "an initial state out of balance"),

@@ -1,5 +1,5 @@
 //! Evidence for the cause of a failed run: the filling of cells, the share of points that flow, displacements without
-//! strain at the points, and the rate of the residuals.
+//! strain at the points, and the rate at which the residuals fall.
 
 use nalgebra::SMatrix;
 
@@ -86,8 +86,8 @@ pub(super) fn is_isochoric<const D: usize>(points: &Points<D>) -> bool {
     shape > 0.0 && volume <= ISOCHORIC.powi(2) * shape
 }
 
-/// True if the failed step is a small part of the stage and of its time so far, so that smaller steps would hardly
-/// help.
+/// True if the failed step is short relative to the stage and to the time from the start of the stage to the end of the
+/// step, so that smaller steps would hardly help.
 pub(super) fn is_small_step<const D: usize>(model: &Model<D>, failed: &FailedAttempt<D>) -> bool {
     let Step { start, end, .. } = failed.step;
     end - start <= SMALL_STEP * model.stepping.duration()

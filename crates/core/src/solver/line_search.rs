@@ -17,18 +17,18 @@ use super::unknowns::Bracket;
 const MOST_HALVINGS: usize = 5;
 /// Largest number of evaluations of a line search.
 const MOST_SEARCHES: usize = 3;
-/// The same if the model has tools, because contact forces have kinks.
+/// Largest number of these evaluations if the model has tools, because contact forces have kinks.
 const MOST_SEARCHES_OF_CONTACT: usize = 6;
 /// If the model has tools, a line search follows an increment that does not reduce the residual to this fraction.
 const FAST: f64 = 0.1;
-/// If the model has tools, an increment is halved until the residual no longer increases, from this iteration after the
-/// last multiplier update onwards: friction has no potential whose slope would end a cycle between two states.
+/// If the model has tools, from this iteration after the last multiplier update onwards, an increment is halved until
+/// the residual no longer increases: friction has no potential whose slope would end a cycle between two states.
 const FIRST_BACKTRACK: usize = 8;
 /// Largest number of such halvings.
 const MOST_BACKTRACKS: usize = 5;
 /// First iteration with a line search after a failed attempt.
 const FIRST_SEARCH: usize = 3;
-/// First iteration with a line search otherwise, as a fraction of the iterations allowed, so that iterations that
+/// First iteration with a line search in other cases, as a fraction of the iterations allowed, so that iterations that
 /// converge are left alone.
 const LATE: f64 = 0.75;
 
@@ -132,7 +132,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         withdraws
     }
 
-    /// Shortens the last iterative increment: of what was applied, only the fraction `part` is kept.
+    /// Shortens the last iterative increment: only the fraction `part` of what was applied is kept.
     fn shorten(&mut self, part: f64) {
         if std::mem::take(&mut self.course.is_augmented_along) {
             self.system.sum.withdraw_augmentation();

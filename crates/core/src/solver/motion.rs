@@ -33,8 +33,8 @@ impl Motion {
         }
     }
 
-    /// The motion over all ranks, joined from the motions of the ranks on their active nodes; shared nodes move alike
-    /// on all ranks.
+    /// The motion over all ranks, assembled from the motions of the active nodes of each rank; a shared node has the
+    /// same motion on all ranks.
     pub(super) fn joined(of_ranks: &[Motion]) -> Motion {
         let mut nodes: BTreeMap<u32, &[f64]> = BTreeMap::new();
         for motion in of_ranks.iter().filter(|motion| !motion.nodes.is_empty()) {

@@ -182,8 +182,8 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             && !unknowns.prescribes
             && course.has_factor;
         // Near the solution, the states of all contact points may be final, and multipliers are updated along the
-        // increment; only once, because contact points that hinder each other would change their states again and
-        // again. After a failed attempt, updates wait for equilibrium.
+        // increment. This is done only once, because contact points that hinder each other would change their states
+        // again and again. After a failed attempt, updates wait for equilibrium.
         let may_augment = condition.is_none()
             && !equations.is_iterative()
             && !unknowns.prescribes

@@ -29,7 +29,7 @@ pub(super) fn reach_out<const D: usize, const N: usize>(
     Ok(links.with_nodes(model.grid.as_ref(), ranks, wanted))
 }
 
-/// Begins a step with all terms. The ranks agree after each term, because a term may need all ranks.
+/// Begins a step with all terms. After each term, the ranks share any error, because the next term may need all ranks.
 pub(super) fn begin<const D: usize, const N: usize>(
     terms: &mut Terms<D, N>,
     context: &StepContext<D>,

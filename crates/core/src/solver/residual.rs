@@ -171,9 +171,9 @@ pub(super) enum RoundOff {
 pub(super) struct Forces<'a, const N: usize> {
     /// f_ext − f_int + f_react, [force].
     pub(super) out_of_balance: &'a Nodal<N>,
-    /// [force].
+    /// f_ext, [force].
     pub(super) f_ext: &'a Nodal<N>,
-    /// [force].
+    /// f_react, [force].
     pub(super) reaction: &'a Nodal<N>,
     /// The part of `f_ext` that holds bodies as reactions do, [force].
     pub(super) holding: Option<&'a Nodal<N>>,
@@ -275,7 +275,7 @@ impl<const N: usize> Forces<'_, N> {
             return told(&residuals, RoundOff::NoMatter);
         }
         let (mut carries_nothing, mut is_round_off) = (open.clone(), open.clone());
-        // Equilibrium may leave a fraction, up to the tolerance, of the force that a body has carried before.
+        // Equilibrium may leave out of balance a fraction, up to the tolerance, of the force that a body has carried.
         let left: Vec<f64> = parts.carried.iter().map(|f| tolerance.min(MOST_OF_ROUND_OFF) * f).collect();
         self.exclude_beyond(at.round_off_at_most(), &left, parts, &mut is_round_off);
         if is_round_off.contains(&true) {

@@ -16,7 +16,7 @@ struct OfModel<'a, const D: usize> {
 struct Present<'a, const D: usize, const N: usize> {
     of_model: OfModel<'a, D>,
     terms: &'a Terms<D, N>,
-    /// Points of probes stay whole: a half does not move like the whole point.
+    /// Points of probes, which stay whole: a half does not move like the whole point.
     probed: BTreeSet<u32>,
 }
 
@@ -39,8 +39,8 @@ pub(super) fn split_long<const D: usize, const N: usize>(
     splits.extend(points.split_long(&Present { of_model: OfModel { model }, terms, probed }, next));
 }
 
-/// Moves corners out of tools: the domains of the points with these permanent numbers have been replaced without regard
-/// to tools. A domain that would become invalid stays as it is.
+/// Moves the corners of the domains of the points with these permanent numbers out of tools, because these domains have
+/// been replaced without regard to tools. A domain that would become invalid stays as it is.
 pub(super) fn part_from_tools<const D: usize, const N: usize>(
     model: &Model<D>,
     points: &mut Points<D>,

@@ -184,7 +184,7 @@ pub fn resume_stage<const D: usize>(
 /// `observer`.
 ///
 /// # Errors
-/// As [`super::run`].
+/// As for [`super::run`].
 pub fn run_stages<const D: usize>(
     model: &mut Model<D>,
     points: &mut Points<D>,
@@ -201,8 +201,9 @@ where
 pub type Change<'a, const D: usize> =
     &'a mut dyn FnMut(&mut Model<D>, &Points<D>, &Reached) -> Result<bool, SolveError>;
 
-/// As [`run_stages`]; whenever the observer has interrupted the run between two steps, `change` may alter the model,
-/// and the run goes on if it returns true. The points, the grid and the terms of equilibrium stay as they are.
+/// Like [`run_stages`], but whenever the observer has interrupted the run between two steps, `change` may alter the
+/// model, and the run goes on if `change` returns true. The points, the grid and the terms of equilibrium stay as they
+/// are.
 ///
 /// # Errors
 /// The errors of [`run_stages`] and those of `change`.
@@ -236,7 +237,7 @@ where
 /// has its own stepper.
 ///
 /// # Errors
-/// As [`Stepper::step`].
+/// As for [`Stepper::step`].
 fn all_stages<const D: usize>(
     model: &mut Model<D>,
     points: &mut Points<D>,

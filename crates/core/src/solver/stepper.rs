@@ -231,7 +231,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
     /// [`super::run_stages`] moves it.
     ///
     /// # Errors
-    /// As [`Stepper::step`]; [`SolveError::GridMotion`] if the grid moves.
+    /// As for [`Stepper::step`]; [`SolveError::GridMotion`] if the grid moves.
     pub fn run(mut self, observer: &mut dyn Observer<D>) -> Result<Summary, SolveError> {
         self.expect_fixed_grid()?;
         let started = self.start(observer);

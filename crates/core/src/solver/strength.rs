@@ -26,8 +26,8 @@ pub struct StageStrength {
 }
 
 /// Factors by which the strength of the materials was divided in a stage of
-/// [`Control::StrengthReduction`](crate::model::Control::StrengthReduction). The factor of safety lies between the
-/// first two, unless bodies slid before.
+/// [`Control::StrengthReduction`](crate::model::Control::StrengthReduction). The factor of safety lies between
+/// `stands` and `fails`, unless bodies slid at smaller factors.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct StrengthBracket {
     /// The largest factor with equilibrium, [-]; `None` if none was found.
@@ -45,7 +45,7 @@ pub struct StrengthBracket {
     #[serde(default)]
     pub moved: f64,
     /// Displacement per change of the factor in the last step in equilibrium, relative to the mean over the stage, [-]:
-    /// near 1 for bodies that deform evenly, large for bodies that begin to run away. `None` before the first step.
+    /// close to 1 for bodies that deform evenly, large for bodies that begin to run away. `None` before the first step.
     #[serde(default)]
     pub growth: Option<f64>,
     /// Number of steps before the stage whose equilibrium was found only by damped iterations: the bodies slumped, and
@@ -159,8 +159,8 @@ impl StrengthBracket {
             threshold: None,
             message: format!(
                 "the bodies slumped before their strength was reduced: only damped iterations found equilibrium \
-                 in {slumped} of the steps. The factors refer to the shape that was left; in the shape that was drawn, \
-                 the bodies may not stand"
+                 in {slumped} of the steps. The factors refer to the slumped shape; in the original shape, the bodies \
+                 may not stand"
             ),
             detail: None,
         })
@@ -194,7 +194,10 @@ fn decimals(low: f64, high: f64) -> usize {
 impl fmt::Display for StrengthBracket {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.slumped > 0 {
-            write!(f, "of the shape drawn, below that at which the bodies slumped; of the slumped shape, ")?;
+            write!(
+                f,
+                "for the original shape, below the factor at which the bodies slumped; for the slumped shape, "
+            )?;
         }
         if let Some([stood, slid]) = self.slides {
             let (decimals, percent) = (decimals(stood, slid), 100.0 * SLIDES);
@@ -263,9 +266,12 @@ mod tests {
         assert_eq!((warning.code, warning.step, bracket.slumped), (Code::Slumped, 3, 2));
         let bracket = StrengthBracket { stands: Some(1.04), fails: Some(1.05), ..bracket };
         let words = bracket.to_string();
-        assert!(words.starts_with("of the shape drawn, below that at which the bodies slumped;"), "{words}");
+        assert!(
+            words.starts_with("for the original shape, below the factor at which the bodies slumped;"),
+            "{words}"
+        );
         assert!(words.ends_with(
-            "of the slumped shape, between 1.040 (in equilibrium) and 1.050 (no equilibrium found)"
+            "for the slumped shape, between 1.040 (in equilibrium) and 1.050 (no equilibrium found)"
         ));
         assert!({ bracket }.begins(2, 4).is_none(), "one warning for a stage");
     }

@@ -35,10 +35,10 @@ pub struct StageReached {
 pub struct Summary {
     /// Number of steps in equilibrium.
     pub steps: usize,
-    /// Number of these steps that were accepted at the limit of round-off rather than at the tolerance.
+    /// Number of steps accepted at the limit of round-off rather than at the tolerance.
     #[serde(default)]
     pub rounding_limited: usize,
-    /// Number of these steps whose equilibrium was found only by damped iterations.
+    /// Number of steps whose equilibrium was found only by damped iterations.
     #[serde(default)]
     pub damped: usize,
     /// The points that were split, in the order of the splits.
@@ -70,7 +70,7 @@ pub struct Summary {
     pub kept: Option<Arc<Named>>,
     /// Load factor of the last step in equilibrium, [-]; `None` unless all loads and prescribed motions share one.
     pub load_factor: Option<f64>,
-    /// Load factor of largest magnitude in equilibrium, [-]; `None` under the same condition.
+    /// Load factor of largest magnitude in equilibrium, [-]; `None` unless all loads and prescribed motions share one.
     pub largest_load_factor: Option<f64>,
     /// The saved states of the terms of equilibrium, by term name, [`crate::terms::Term::save`].
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
@@ -85,7 +85,7 @@ pub struct Summary {
     pub linear_solves: usize,
     /// Number of linear solves by conjugate gradients or GMRES.
     pub iterative_solves: usize,
-    /// Number of iterations of these solves.
+    /// Number of iterations of conjugate gradients and GMRES.
     pub linear_iterations: usize,
     /// Number of linear solves whose matrix was not positive definite.
     pub indefinite_solves: usize,
@@ -156,11 +156,11 @@ impl Reached {
 /// Relative round-off of a stored energy, [-].
 const ROUND_OFF: f64 = 1e-13;
 
-/// Upper bound on all counts of a run.
+/// Upper bound on each count of a run.
 const MOST_COUNTED: usize = 1 << 48;
 
 impl Reached {
-    /// True if a run of this model can have reached this step.
+    /// True if a run of this model could have reached this step.
     pub fn fits<const D: usize>(&self, model: &Model<D>) -> bool {
         let of = &self.summary;
         let counts = [

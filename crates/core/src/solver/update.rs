@@ -106,7 +106,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
     }
 }
 
-/// The part of the trial state of consecutive points that is written here.
+/// The part of the trial state that the update of consecutive points writes.
 struct Room<'a, const D: usize> {
     first: usize,
     position: &'a mut [[f64; D]],
@@ -334,8 +334,8 @@ fn carry_corners<const D: usize>(
     }
 }
 
-/// A quadrilateral (hexahedron) whose departure from a parallelogram (parallelepiped) is scaled. Sides (faces) keep
-/// their mid-points, and quadrilaterals their area.
+/// A quadrilateral (hexahedron) after its departure from a parallelogram (parallelepiped) is scaled by `size`. Sides
+/// (faces) keep their mid-points, and quadrilaterals their area.
 fn straightened<const D: usize>(corners: &[[f64; D]; 8], n: usize, size: f64) -> [[f64; D]; 8] {
     let sign = |corner: usize, axis: usize| if corner >> axis & 1 == 1 { 1.0 } else { -1.0 };
     let mean = |weight: &dyn Fn(usize) -> f64| -> [f64; D] {

@@ -1,8 +1,8 @@
 //! The kernel for bodies of revolution.
 //!
 //! x is the distance r from the axis, y runs along the axis, and the third direction of every tensor is
-//! circumferential, θ. It stays principal. A node represents a ring: an outward displacement u_r stretches the ring,
-//! ΔF_θθ = 1 + Σ S_vp Δu_r/r̃. Forces, masses and volumes refer to the full circle.
+//! circumferential, θ. This direction stays principal. A node represents a ring: an outward displacement u_r stretches
+//! the ring, ΔF_θθ = 1 + Σ S_vp Δu_r/r̃. Forces, masses and volumes refer to the full circle.
 
 use super::products::MANDEL_INDEX;
 use super::{
@@ -32,7 +32,7 @@ const AROUND: usize = 2;
 impl WeakForm<2> for Revolved {
     /// ∂S/∂r, ∂S/∂z, S/r in the current configuration.
     type Gradient<T: Lane> = [T; 3];
-    /// `[m][i][k]` with the component m of the gradient.
+    /// Entries `[m][i][k]`, where m is the component of the gradient.
     type Column = [[[f64; 2]; 2]; 3];
 
     #[inline(always)]

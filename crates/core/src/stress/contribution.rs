@@ -3,7 +3,7 @@
 use super::{Lane, Lanes, WeakForm, transposed};
 
 /// Stress and tangent of a point for `E` components of the gradient of a basis function: those along the `D` axes and,
-/// for a body of revolution, S/r, which is conjugate to the first component of the displacement.
+/// for a body of revolution, S/r, which multiplies the first component of the displacement.
 ///
 /// With `inverse`, `stress` is σ, `tangent` is a, `volume` is V, and gradients refer to the current configuration, as
 /// in the updated Lagrangian formulation; all kernels of the program provide this form. Without `inverse`, `stress`,

@@ -49,7 +49,7 @@ impl<const D: usize, const E: usize> Current<D, E> {
         Current { stress, tangent, inverse, per_radius }
     }
 
-    /// The same response, for a deformation increment divided by `factor` in the directions of the volumetric split.
+    /// This response, for a deformation increment divided by `factor` in the directions of the volumetric split.
     #[inline(always)]
     pub(super) fn shrunk(mut self, factor: f64) -> Self {
         self.inverse.as_flattened_mut().iter_mut().for_each(|x| *x *= factor);
@@ -95,7 +95,7 @@ impl Current<2, 2, Lanes> {
 
 impl<const D: usize, const E: usize> WeakForm<D> for Current<D, E> {
     type Gradient<T: Lane> = [T; E];
-    /// `[j][i][k]`.
+    /// The contraction of the moduli with one gradient, `[j][i][k]`.
     type Column = [[[f64; D]; D]; E];
 
     #[inline(always)]

@@ -42,7 +42,8 @@ pub trait Averaged<const D: usize>: WeakForm<D> {
     /// The contribution of a node to b as a column of the stiffness.
     fn column_of_coupling(&self, gradient: &Self::Gradient<f64>) -> [f64; D];
 
-    /// The same as a row, which differs if the tangent of the law is unsymmetric.
+    /// The contribution of a node to b as a row of the stiffness; it differs from the column if the tangent of the law
+    /// is unsymmetric.
     fn row_of_coupling(&self, gradient: &Self::Gradient<f64>) -> [f64; D];
 }
 

@@ -31,7 +31,7 @@ impl InPlane<Lanes> {
 
 impl WeakForm<2> for InPlane {
     type Gradient<T: Lane> = [T; 2];
-    /// `[j][i][k]`.
+    /// The contraction of V Ã with one gradient, `[j][i][k]`.
     type Column = [[[f64; 2]; 2]; 2];
 
     #[inline(always)]

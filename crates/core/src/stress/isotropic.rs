@@ -30,7 +30,7 @@ impl Isotropic {
     }
 }
 
-/// Contribution of node b to its pairs.
+/// Contribution of node b to the stiffness of all pairs with this node.
 #[derive(Debug, Clone, Copy)]
 pub struct Vectors {
     /// λ̂ g_b.

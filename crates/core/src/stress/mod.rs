@@ -179,7 +179,7 @@ pub trait Mechanics<const D: usize>: Copy + Send + Sync + 'static {
     }
 
     /// As [`Mechanics::respond`] without fourth-order tensors, for a law with isotropic spatial moduli. `None` for
-    /// other laws, and if the idealisation gains nothing from it.
+    /// other laws, and if the idealisation gains nothing from this form.
     #[inline(always)]
     fn respond_isotropic(
         _start: &StartOfStep,
@@ -225,7 +225,8 @@ pub trait Mechanics<const D: usize>: Copy + Send + Sync + 'static {
         new: &mut [f64],
     ) -> Result<PointResponse<Self::Averaging>, PointError>;
 
-    /// The same for several points of one law at once, as [`Mechanics::respond_vectorised`].
+    /// As [`Mechanics::respond_averaging`] for several points of one law at once; see
+    /// [`Mechanics::respond_vectorised`].
     #[inline(always)]
     fn respond_averaging_vectorised(
         _starts: [&StartOfStep; Lanes::WIDTH],
@@ -236,7 +237,7 @@ pub trait Mechanics<const D: usize>: Copy + Send + Sync + 'static {
         None
     }
 
-    /// As [`Mechanics::respond_isotropic`].
+    /// As [`Mechanics::respond_averaging`], in the form of [`Mechanics::respond_isotropic`].
     #[inline(always)]
     fn respond_averaging_isotropic(
         _start: &StartOfStep,
@@ -246,7 +247,7 @@ pub trait Mechanics<const D: usize>: Copy + Send + Sync + 'static {
         None
     }
 
-    /// b^e from an elastic strain in the measure `measure`.
+    /// b^e from an elastic strain in this measure.
     fn elastic_left_cauchy_green(measure: StrainMeasure, elastic_strain: &Sym3) -> Sym3 {
         measure.left_cauchy_green(elastic_strain)
     }

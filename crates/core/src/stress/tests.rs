@@ -18,8 +18,8 @@ fn determinant(dF: &[[f64; 3]; 3]) -> f64 {
 
 type Rows = [[f64; 3]; 3];
 
-/// Random states at the start of a step, and increments: in three dimensions; with z a principal direction that the
-/// increment stretches; in plane strain.
+/// Random states at the start of a step, with increments, of three kinds: three-dimensional; with z as a principal
+/// direction along which the increment stretches; and in plane strain.
 fn states(free: fn(Rows) -> Rows, out_of_plane: f64) -> impl Strategy<Value = (StartOfStep, Rows)> {
     let increment = prop::array::uniform3(prop::array::uniform3(-0.5..0.5f64));
     let strain = prop::array::uniform6(-0.3..0.3f64);

@@ -28,7 +28,7 @@ pub struct Carried<const D: usize> {
 }
 
 impl<const D: usize> Carried<D> {
-    /// A surface at the start.
+    /// This surface at the start of the analysis.
     pub fn new(surface: &Surface<D>) -> Self {
         Carried {
             converged: surface.corners.clone(),
@@ -50,7 +50,7 @@ impl<const D: usize> Carried<D> {
         self.facets.is_empty()
     }
 
-    /// Finds the cells that carry the corners in a step from the converged state, to which `links` belong.
+    /// Finds the cells that carry the corners in the step from the converged state; `links` must belong to this state.
     ///
     /// # Errors
     /// The position of the first corner near which no cell has only active nodes, [length].

@@ -48,7 +48,8 @@ impl Spectrum {
         let mut least = f64::MIN_POSITIVE;
         let trace = d[0] + d[1] + d[2];
         if trace.abs() > 1e-3 * size {
-            // If the entries differ by a few units in the last place only, the rounding error of the mean is as large.
+            // If the entries differ by a few units in the last place only, the rounding error of the mean is as large
+            // as these differences.
             least = least.max(1e-8 * size);
             d = std::array::from_fn(|k| d[k] - trace / 3.0);
             mean += trace / 3.0;
@@ -84,7 +85,7 @@ impl Spectrum {
         sum
     }
 
-    /// The same with the eigenvalues in descending order.
+    /// This decomposition with the eigenvalues in descending order.
     #[inline]
     pub fn descending(mut self) -> Spectrum {
         for (a, b) in [(0, 1), (1, 2), (0, 1)] {

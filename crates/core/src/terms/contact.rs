@@ -154,7 +154,7 @@ pub struct Contact<const D: usize> {
 }
 
 impl<const D: usize> Contact<D> {
-    /// The tools of a model at the start.
+    /// Contact with the tools of a model, at the start of the analysis.
     pub fn new(model: &Model<D>) -> Self {
         Contact {
             tools: model.tools.iter().map(Moving::new).collect(),
@@ -410,7 +410,7 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
         Augmentation::Updated
     }
 
-    /// Supports contact points that slide, because friction does not resist their further motion.
+    /// Adds stiffness to contact points that slide, because friction does not resist their further motion.
     fn support(&self, sum: &mut System<N>) -> bool {
         let sliding = || self.touching().filter(|(.., touch)| touch.slides_with_friction());
         sliding().for_each(|(_, candidate, _, touch)| evaluation::support(candidate, &touch.normal(), sum));

@@ -99,8 +99,8 @@ impl EvaluateError {
     }
 }
 
-/// Lets the evaluation of a term succeed only if it succeeds on all ranks. Errors that no smaller increment avoids come
-/// first.
+/// Lets the evaluation of a term succeed only if it succeeds on all ranks. Errors that a smaller increment cannot avoid
+/// take precedence.
 pub(super) fn agree<T>(ranks: &Ranks, outcome: Result<T, EvaluateError>) -> Result<T, EvaluateError> {
     if ranks.is_alone() {
         return outcome;

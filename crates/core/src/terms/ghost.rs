@@ -35,7 +35,7 @@ const OF_FEW_POINTS: f64 = 0.01;
 /// The stiffness of the penalty, face by face. It couples each axis only with itself, and is the same for all axes.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Ghost {
-    /// Start of the nodes of each face in `nodes`.
+    /// Index, in `nodes`, of the first node of each face.
     node_start: Vec<usize>,
     /// Active nodes of the two cells of each face, ascending.
     nodes: Vec<u32>,
@@ -163,7 +163,7 @@ impl Ghost {
         &self.nodes[self.node_start[face]..self.node_start[face + 1]]
     }
 
-    /// Stiffness between these nodes along each axis: the lower triangle by rows, [force/length].
+    /// Stiffness between the nodes of a face along each axis: the lower triangle by rows, [force/length].
     pub fn stiffness_of(&self, face: usize) -> &[f64] {
         &self.stiffness[self.stiffness_start[face]..self.stiffness_start[face + 1]]
     }
@@ -316,7 +316,7 @@ fn faces_of<const D: usize>(grid: &dyn Grid<D>, cells: &[u32]) -> (Vec<Face>, Ve
     (faces, at_boundary)
 }
 
-/// True if all nodes lie on the same side of a structured grid.
+/// True if all nodes lie on the same boundary side of a structured grid.
 fn is_at_edge<const D: usize>(grid: &dyn Grid<D>, nodes: &[u32]) -> bool {
     let Some(structured) = grid.structured() else { return false };
     let indices = || nodes.iter().map(|n| structured.node_index(*n as usize));

@@ -33,8 +33,8 @@ use evaluation::{Task, Trial, Work};
 /// Groups are evaluated in batches of about this many node-pair blocks, so that the dense blocks stay in cache.
 const BATCH: usize = 1 << 14;
 
-/// Point data smaller than this are kept from step to step, [bytes]. In small analyses, allocating them anew costs more
-/// than it saves.
+/// Point data that take no more memory than this are kept from step to step, [bytes]: in small analyses, allocating
+/// them anew costs more than it saves.
 const KEPT: usize = 1 << 22;
 
 /// The material points, with the mechanics of an idealisation.

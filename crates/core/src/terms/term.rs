@@ -15,13 +15,13 @@ use crate::dofs::{ConstraintError, Constraints};
 /// A force on the bodies, and the name under which it is reported.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NamedForce<const D: usize> {
-    /// Name.
+    /// Name of the force.
     pub name: String,
     /// Force, [force].
     pub force: [f64; D],
 }
 
-/// The reaction on the body of a boundary condition of the model that acts on a surface.
+/// The reaction that a boundary condition of the model, imposed on a surface, exerts on the body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SurfaceReaction<const D: usize> {
     /// Number of the condition.
@@ -67,7 +67,7 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
     /// [`begin`](Term::begin), only if there are several ranks, and then on all ranks.
     ///
     /// # Errors
-    /// [`BeginError`].
+    /// [`BeginError`] if the term cannot begin the step.
     fn reach(
         &mut self,
         _model: &Model<D>,
@@ -80,7 +80,7 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
     /// Begins a step from the converged state of the points.
     ///
     /// # Errors
-    /// [`BeginError`].
+    /// [`BeginError`] if the term cannot begin the step.
     fn begin(&mut self, step: &StepContext<D>, points: &Points<D>) -> Result<(), BeginError>;
 
     /// True if the term couples all nodes of a group of points with each other, not only those that share a point.
@@ -169,7 +169,7 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
     /// Withdraws the updates along the last increment, which is about to be shortened.
     fn withdraw_augmentation(&mut self) {}
 
-    /// Adds the external force of the state from which the step starts to `force` on the active nodes, [force].
+    /// Adds to `force`, on the active nodes, the external force of the state from which the step starts, [force].
     fn force_at_start(&self, _force: &mut Nodal<N>) {}
 
     /// Work and energy at the end of the step, which is in equilibrium at these unknowns but not yet committed.
@@ -201,8 +201,8 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
         place
     }
 
-    /// Further forces on the bodies that reports list by name, [force], such as the force of a wall, at the last
-    /// evaluation.
+    /// Further forces on the bodies at the last evaluation, [force], each of which reports list under its own name; for
+    /// example, the force from a wall.
     fn named_forces(&self) -> Vec<NamedForce<D>> {
         Vec::new()
     }

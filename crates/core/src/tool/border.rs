@@ -8,8 +8,8 @@ use super::shape::largest;
 use crate::region::vector::{along, dot, minus, norm};
 use crate::region::{Bounds, Polygon, Primitive};
 
-/// Sine below which the exact test decides on which side of a pseudonormal a position lies, because round-off could
-/// falsify the sign.
+/// Sine of the angle between an offset and the plane normal to a pseudonormal, below which the exact test decides on
+/// which side a position lies, because round-off could falsify the sign.
 pub(super) const UNSURE: f64 = 1e-6;
 /// Distance from a corner, relative to the length of an edge, within which two faces may be equally near, [-].
 const NEAR_CORNER: f64 = 1e-2;

@@ -29,7 +29,7 @@ pub enum ShapeError {
     /// A wall has fewer than two corners.
     #[error("a wall needs at least 2 corners, not {corners}")]
     Corners {
-        /// Number of its corners.
+        /// Number of corners of the wall.
         corners: usize,
     },
 }

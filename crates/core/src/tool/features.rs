@@ -3,8 +3,8 @@
 use crate::region::surface::Triangle;
 use crate::region::vector::{along, cross, dot, minus};
 
-/// A position beyond the end of an edge by less than this fraction of its length counts as beside the edge: points of a
-/// regular lattice lie exactly above edges and corners, where round-off would otherwise decide.
+/// A position beyond the end of an edge by less than this fraction of the length of the edge counts as beside the edge:
+/// points of a regular lattice lie exactly above edges and corners, where round-off would otherwise decide.
 const ROUND: f64 = 1e-12;
 
 /// Squared distances whose relative difference is below this count as equal; the feature of the highest dimension is
@@ -52,7 +52,8 @@ impl<const D: usize> Feature<D> {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Nearest<const D: usize> {
     limit: f64,
-    /// The feature, the index of its segment or triangle in the order of the tree, and the original index of this item.
+    /// The feature, the index of its segment or triangle in the order of the tree, and the original index of this
+    /// segment or triangle.
     pub(super) found: Option<(Feature<D>, usize, u32)>,
 }
 
@@ -67,7 +68,7 @@ impl<const D: usize> Nearest<D> {
         self.limit
     }
 
-    /// Takes a feature if it is closer, or if it is equally close with a higher dimension or a lower index.
+    /// Takes a feature if it is closer or, at an equal distance, if it has a higher dimension or a lower index.
     pub(super) fn offer(&mut self, feature: Feature<D>, item: usize, index: u32) {
         if feature.squared > self.limit {
             return;

@@ -14,7 +14,7 @@ impl<const D: usize> Shape<D> for Ball<D> {
         [-1.0, 1.0].map(|side| self.center().map(|x| x + side * self.radius()))
     }
 
-    /// At the centre, the normal is the first axis.
+    /// At the centre, the normal points along the first axis.
     fn search(&self, x: &[f64; D], _: f64) -> Option<Closest<D>> {
         let from_centre = minus(x, &self.center());
         let centre = if norm(&from_centre) > TOUCHING * largest(&Shape::bounds(self)) {

@@ -44,7 +44,7 @@ impl Axis {
         [norm(&across), height]
     }
 
-    /// Bounding box of the disc with this radius and height.
+    /// Bounding box of the disc with this radius at this height.
     pub(super) fn disc(&self, [r, h]: &[f64; 2]) -> Bounds<3> {
         let centre = along(&self.start, *h, &self.direction);
         let reach = self.direction.map(|a| r * (1.0 - a * a).max(0.0).sqrt());
@@ -86,8 +86,9 @@ impl Axis {
 }
 
 impl Revolution {
-    /// The body swept by a closed section around the axis from `start`, [length], along `direction`, of any length. The
-    /// corners of the section are (r, h): radius and height along the axis from `start`, r ≥ 0, in either order.
+    /// The body that a closed section sweeps around the axis from `start`, [length], along `direction`, a vector of any
+    /// length. The corners of the section are (r, h): radius and height along the axis from `start`, r ≥ 0, in either
+    /// order.
     ///
     /// # Errors
     /// As for [`ClosedPolygon::new`](super::ClosedPolygon::new) for the section; [`ShapeError::NegativeRadius`];

@@ -97,13 +97,13 @@ pub trait Shape<const D: usize>: Debug + Send + Sync {
     /// around the foot of a position, [length].
     ///
     /// # Errors
-    /// [`NoOutline`], including a half width that is not positive.
+    /// [`NoOutline`], also if the half width is not positive.
     fn outline_near(&self, _x: [f64; D], _half_width: f64, size: f64) -> Result<Outline<D>, NoOutline> {
         self.outline(size)
     }
 }
 
-/// The first end of an interval on a path from 0 to 1.
+/// The first interval end on a path, as a fraction of the path, 0 to 1.
 pub(super) fn first_end(intervals: &Intervals) -> Option<f64> {
     intervals.as_slice().as_flattened().iter().copied().find(|t| (0.0..=1.0).contains(t))
 }

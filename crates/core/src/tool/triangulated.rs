@@ -11,7 +11,7 @@ use crate::region::surface::{Neighbours, Triangle};
 use crate::region::vector::{along, cross, dot, minus, norm};
 use crate::region::{Bounds, Facet, Primitive, Surface, area_vector, divided};
 
-/// A closed triangulated surface, for example from an STL file. Part k is facet k of the given triangles.
+/// A closed triangulated surface, for example from an STL file. Part k of it is triangle k of those given.
 ///
 /// The sign of the gap follows from angle-weighted pseudonormals (Bærentzen and Aanæs, *IEEE Trans. Vis. Comput.
 /// Graph.* 11 (2005) 243), and from the exact test of [`Surface`] where round-off could falsify it or sheets touch at a
@@ -38,7 +38,7 @@ impl TriangulatedSurface {
         Ok(Self::of(Arc::new(Surface::new(triangles)?)))
     }
 
-    /// The tool with a closed surface.
+    /// The tool with this closed surface.
     pub fn of(surface: Arc<Surface>) -> Self {
         let Neighbours { corners, number, beyond, touching } = surface.neighbours();
         let normals: Vec<[f64; 3]> = surface.triangles().iter().map(unit_normal).collect();

@@ -115,7 +115,7 @@ impl Shape<2> for Wall {
         [low.map(|x| x - self.radius), high.map(|x| x + self.radius)]
     }
 
-    /// On the polyline, the normal points to the right of its direction.
+    /// At a position on the polyline, the normal points to the right of the direction of the polyline.
     fn search(&self, x: &[f64; 2], limit: f64) -> Option<Closest<2>> {
         let (feature, item, part) = self.segments.nearest(x, limit + self.radius).found?;
         let (part, right) = (part as usize, self.segments.normal(item));

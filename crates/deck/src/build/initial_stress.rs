@@ -14,14 +14,15 @@ use mpm_core::points::{Points, coordinates};
 use mpm_core::region::{Intervals, Line, Region, contains_in_cell};
 use mpm_core::tensor::{Mat3, Sym3};
 
-/// Largest distance between a body and the surface that counts as zero, relative to the height of the body, [-].
+/// Largest distance between a body and the surface of its ground that counts as zero, relative to the height of the
+/// body, [-].
 const AT_SURFACE: f64 = 1e-9;
 /// Distance between the positions at which a vertical line through groups of cells is probed, relative to the local
 /// cell size, [-].
 const PROBED: f64 = 0.25;
 /// Largest distance to the level of a node that counts as zero, relative to the cell size, [-].
 const ON_NODE: f64 = 1e-8;
-/// Number of bisections that locate, to round-off, where such a line enters or leaves a group.
+/// Number of bisections that locate, to round-off, where a vertical line enters or leaves a group of cells.
 const BISECTIONS: usize = 60;
 /// Largest change of a stress, on its return to the yield surface, that counts as round-off, relative to the stress,
 /// [-].

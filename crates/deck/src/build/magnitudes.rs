@@ -16,8 +16,8 @@ impl<const D: usize> Builder<'_, D>
 where
     Region<D>: OfDeck<D>,
 {
-    /// Refuses materials whose forces on a cell or on the whole grid leave that range. Within the range, results do not
-    /// depend on the units: in units that differ by powers of four, they are identical to the last bit.
+    /// Refuses materials whose forces on a cell or on the whole grid leave the range `POSSIBLE`. Within it, results do
+    /// not depend on the units: in units that differ by powers of four, they are identical to the last bit.
     pub(super) fn magnitudes(&mut self, grid: &dyn Grid<D>, materials: &[MaterialOfPoints]) {
         let [low, high] = grid.bounds();
         let whole = low.iter().chain(&high).fold(0.0, |most: f64, x| most.max(x.abs()));

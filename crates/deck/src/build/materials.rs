@@ -241,7 +241,7 @@ where
     }
 }
 
-/// The requirement on a value in addition to its range, if the value violates it; empty otherwise.
+/// The words that a message puts before the range of a property if the value is not finite; empty otherwise.
 fn finite(value: f64) -> &'static str {
     if value.is_finite() { "" } else { "finite and " }
 }

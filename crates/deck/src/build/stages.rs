@@ -54,7 +54,7 @@ where
             ..Stepping::fixed(count as usize, end_time)
         };
         if let ControlDeck::StrengthReduction { from, to, tolerance } = control {
-            // A step that fails is halved unless it is below twice the smallest.
+            // A step that fails is halved unless it is below twice the smallest size.
             stepping.smallest = (0.5 * tolerance * stepping.count as f64 / (to - from)).min(1.0);
         }
         // Without intermediate output, steps may grow freely.

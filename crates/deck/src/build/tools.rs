@@ -141,7 +141,7 @@ where
             let help = match (&part.sides, &part.bounds) {
                 (Some(_), Some(_)) => "the `edges` do not reach into the `box`: change one of the two",
                 (_, Some(_)) => {
-                    "change the `box`, whose coordinates refer to the start of the analysis, so that it contains part of the surface"
+                    "change the `box` so that it contains part of the surface in its position at the start of the analysis"
                 }
                 _ => "give edges that do not lie on the axis of revolution",
             };

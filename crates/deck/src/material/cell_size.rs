@@ -9,11 +9,11 @@ pub enum CellSize {
     /// No cells are known: softening is not adapted to them.
     #[default]
     Unknown,
-    /// The same everywhere.
+    /// The same size everywhere.
     Even(f64),
     /// The mean cell size of a mesh, used everywhere.
     Mean(f64),
-    /// Varies as in a structured grid with these axes.
+    /// The size varies as in a structured grid with these axes.
     Graded(Vec<Axis>),
 }
 

@@ -26,8 +26,8 @@ pub(super) fn neo_hookean(mut read: Reading, elasticity: [&Expression; 2]) -> Re
     read.finish(move |p| NeoHookean::new(young.at(p), poisson.at(p)), consistent)
 }
 
-/// `strengths` are the deviatoric yield stress, the yield stress in tension and the undrained strength; exactly one of
-/// them must be stated.
+/// The von Mises law; `strengths` holds the deviatoric yield stress, the yield stress in tension and the undrained
+/// strength, exactly one of which must be stated.
 pub(super) fn von_mises(
     mut read: Reading,
     elasticity: [&Expression; 2],
@@ -85,7 +85,7 @@ pub(super) fn tresca(
     read.finish(law, steep)
 }
 
-/// `strength` is the cohesion, the friction angle and the dilation angle.
+/// The Mohr-Coulomb law; `strength` holds the cohesion, the friction angle and the dilation angle.
 pub(super) fn mohr_coulomb(
     mut read: Reading,
     elasticity: [&Expression; 2],
@@ -113,7 +113,7 @@ pub(super) fn mohr_coulomb(
     read.finish(law, move |p| friction.without_strength(p).or_else(|| steep(p)))
 }
 
-/// `strength` is the cohesion, the friction angle and the dilation angle.
+/// The Drucker-Prager law; `strength` holds the cohesion, the friction angle and the dilation angle.
 pub(super) fn drucker_prager(
     mut read: Reading,
     elasticity: [&Expression; 2],
@@ -129,7 +129,7 @@ pub(super) fn drucker_prager(
     )
 }
 
-/// `given` holds the properties of [`CamClay`], in order.
+/// Modified Cam-clay; `given` holds the properties of [`CamClay`], in order.
 pub(super) fn modified_cam_clay(mut read: Reading, given: [&Expression; 7]) -> Result<BuiltLaw, Faults> {
     let [compression, swelling, ratio, shear, growth, overconsolidation, reference] = given;
     let compression = read.get("compression_index", "-", compression);

@@ -11,7 +11,8 @@ pub(crate) struct MaterialOfPoints {
     pub name: String,
     /// The law.
     pub law: Box<dyn Material>,
-    /// Properties that vary, and their consistency; none for a law that the deck does not describe.
+    /// Properties that vary, and the check that properties are consistent; none for a law that the deck does not
+    /// describe.
     pub varying: Vec<Varying>,
     pub consistency: Option<Consistency>,
     /// Initial density, if it varies.

@@ -22,7 +22,7 @@ pub(crate) struct FromFiles<'a, const D: usize> {
 }
 
 impl<const D: usize> FromFiles<'_, D> {
-    /// Lowest and highest coordinates of some cells, and their volume.
+    /// Lowest and highest coordinates of these cells, and the sum of their volumes.
     fn extent(&self, cells: &[u32]) -> ([[f64; D]; 2], f64) {
         let mut bounds = [[f64::INFINITY; D], [f64::NEG_INFINITY; D]];
         for &cell in cells {

@@ -5,7 +5,7 @@ use serde_json::Value;
 
 use crate::schema::strict_schema;
 
-/// The part of the schema with the keyword that a value does not meet.
+/// The part of the schema with the keyword that a value does not satisfy.
 pub(super) fn subschema(error: &ValidationError<'_>) -> Option<&'static Value> {
     let path = error.schema_path().as_str();
     strict_schema().pointer(&path[..path.rfind('/')?])

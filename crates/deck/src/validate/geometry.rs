@@ -43,7 +43,7 @@ impl Check<'_> {
         self.found.push(found.help(help));
     }
 
-    /// Reports an entry that needs another number of dimensions than the deck has.
+    /// Reports an entry that needs a number of dimensions other than that of the deck.
     pub(super) fn of_other_dimension(&mut self, pointer: &str, what: &str, needed: usize) {
         let idealisation = self.deck.analysis.idealisation.name();
         let (place, help) = match needed {

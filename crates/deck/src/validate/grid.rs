@@ -104,7 +104,12 @@ impl Check<'_> {
                 self.error("D027", &at("to"), message, format!("give a coordinate above {start}"));
             }
             if *cells == 0 {
-                self.error("D009", &at("cells"), "0 is not at least 1", "give a number of cells");
+                self.error(
+                    "D009",
+                    &at("cells"),
+                    "an interval needs at least 1 cell",
+                    "give the number of cells",
+                );
             }
             self.is_positive(&at("ratio"), *ratio, "ratio");
             start = *to;

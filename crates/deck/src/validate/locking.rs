@@ -16,7 +16,7 @@ impl Check<'_> {
     pub(super) fn locking(&mut self) {
         let deck = self.deck;
         for (name, material) in &deck.materials {
-            // Nothing is known about the law of a library before it is loaded.
+            // Nothing is known about the law of a library before the library is loaded.
             let poisson = material.poisson().unwrap_or(0.0);
             let bodies = standard_bodies(deck, name);
             if poisson >= NEARLY_INCOMPRESSIBLE

@@ -58,7 +58,7 @@ impl Check<'_> {
     }
 
     /// The largest measure of `objection` for the mean deformation gradients at the ends of the steps; `None` if a
-    /// displacement has no finite value or not all are prescribed.
+    /// component of the displacement is not prescribed or has no finite value.
     fn worst_on_the_way<const D: usize>(
         &self,
         condition: &BoundaryConditionDeck,

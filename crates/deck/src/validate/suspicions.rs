@@ -11,9 +11,9 @@ use crate::{
 };
 use mpm_core::formula::names;
 
-/// Tolerance above which a step is not really in equilibrium.
+/// Tolerances above this accept steps that are not really in equilibrium.
 const LOOSE: f64 = 1e-4;
-/// Tolerance that round-off makes unreachable.
+/// Tolerances below this are out of reach because of round-off.
 const OUT_OF_REACH: f64 = 1e-14;
 
 impl Check<'_> {
@@ -87,7 +87,7 @@ impl Check<'_> {
                 );
             } else if self.stays_zero(load.curve()) {
                 let message = format!("the factor of the load {name} is zero at all times");
-                let help = "give a factor other than 0 within the analysis, or remove the load";
+                let help = "give a factor that is not zero at some time of the analysis, or remove the load";
                 self.warn("D037", &format!("/loads/{index}/curve"), message, help);
             } else {
                 any = true;
@@ -98,7 +98,7 @@ impl Check<'_> {
             if moves && self.stays_zero(condition.curve.as_ref()) {
                 let name = quote(&condition.name);
                 let message = format!("the factor of the boundary condition {name} is zero at all times");
-                let help = "give a factor other than 0 within the analysis, or fix the nodes with `fix`";
+                let help = "give a factor that is not zero at some time of the analysis, or fix the nodes with `fix`";
                 self.warn("D037", &format!("/boundary_conditions/{index}/curve"), message, help);
             }
             any |= moves;

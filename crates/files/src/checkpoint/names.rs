@@ -38,7 +38,7 @@ pub(super) fn all(directory: &Path) -> io::Result<Vec<(usize, Option<usize>, Pat
     for entry in std::fs::read_dir(directory)? {
         let path = entry?.path();
         let of = path.file_name().and_then(|name| name.to_str()).and_then(step_and_rank);
-        // Anything else of this name, for example a directory, was not written by a run.
+        // Anything else with such a name, for example a directory, was not written by a run.
         found.extend(of.filter(|_| path.is_file()).map(|(step, rank)| (step, rank, path)));
     }
     Ok(found)

@@ -81,7 +81,7 @@ impl Room {
 
 /// The blocks of an array.
 pub(super) struct Blocks {
-    /// Bytes of all numbers, and bytes of a block.
+    /// Number of bytes of all numbers, and of a full block before compression.
     bytes: usize,
     of_block: usize,
     streams: Vec<Vec<u8>>,

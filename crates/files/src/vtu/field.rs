@@ -15,11 +15,11 @@ const PIECE: usize = 256;
 pub enum Values<'a> {
     /// Floating-point numbers, all finite.
     Float64(&'a [f64]),
-    /// Whole numbers.
+    /// Whole numbers of 64 bits.
     Int64(&'a [i64]),
-    /// Whole numbers of half the size.
+    /// Whole numbers of 32 bits.
     Int32(&'a [i32]),
-    /// Small whole numbers.
+    /// Whole numbers of 8 bits without a sign.
     UInt8(&'a [u8]),
     /// Floating-point numbers, all finite, computed on demand, each once.
     Computed(&'a dyn Compute),
@@ -107,7 +107,8 @@ pub struct Encoded {
 }
 
 impl Encoded {
-    /// Encodes a field of `count` points or cells, named `owner` in messages, in a precision.
+    /// Encodes a field of `count` points or cells in this precision; `owner` is the word for a point or cell in
+    /// messages.
     ///
     /// # Errors
     /// A message about lengths that do not match, or numbers that are not finite.

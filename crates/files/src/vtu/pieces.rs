@@ -10,7 +10,7 @@ use super::{Encoded, File, Line};
 use crate::escape_xml;
 use crate::replace::replace_file;
 
-/// Extension of the names of these files.
+/// File-name extension of meshes in pieces.
 pub const EXTENSION: &str = "pvtu";
 
 /// First bytes of every file.

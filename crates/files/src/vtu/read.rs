@@ -8,7 +8,7 @@ use super::pieces;
 
 pub use super::piece::{Array, Section};
 
-/// Name of the permanent numbers of the points.
+/// Name of the array of permanent numbers.
 const NUMBER: &str = "point_id";
 
 /// A mesh, whose arrays are decoded on demand. It consists of one piece, or of the pieces that the ranks of a run have

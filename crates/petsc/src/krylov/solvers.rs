@@ -1,4 +1,4 @@
-//! Conjugate gradients and GMRES with one preconditioner.
+//! Conjugate gradients and GMRES, which share one preconditioner.
 
 use std::ffi::c_int;
 use std::ptr::null_mut;

@@ -117,7 +117,7 @@ pub(super) struct Chart {
     pub levels: Vec<(f64, String)>,
     /// Named intervals of x one after the other, drawn as bands behind the curves.
     pub bands: Vec<Band>,
-    /// Height.
+    /// Height of the chart.
     pub height: f64,
 }
 
@@ -183,7 +183,7 @@ impl Chart {
     }
 
     /// Writes the name of each band: along the upper side of the chart if there is room, otherwise downwards if there
-    /// is room, otherwise not at all; it then appears only under the pointer.
+    /// is room, otherwise not at all; the name then appears only under the pointer.
     fn name_bands(&self, svg: &mut String, x: &Scale, sides: [f64; 2], bottom: f64) {
         for Band { ends, name } in &self.bands {
             let [left, right] = within(x, *ends, sides);

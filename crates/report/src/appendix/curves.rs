@@ -12,7 +12,7 @@ use super::units::Quantity;
 const MOST_CURVES: usize = 12;
 /// Largest number of steps whose residuals are drawn.
 const MOST_STEPS: usize = 40;
-/// Forces and displacements below this share of the largest are round-off.
+/// Forces and displacements below this share of the largest count as round-off.
 const ROUND_OFF: f64 = 1e-9;
 /// Names of the axes.
 pub(super) const AXES: [&str; 3] = ["x", "y", "z"];
@@ -264,7 +264,7 @@ fn bands_of_the_only(runs: &[Run]) -> Vec<Band> {
     if let [run] = runs { bands_over_steps(run) } else { Vec::new() }
 }
 
-/// Linear solves of each step of all runs.
+/// Number of linear solves in each step, for all runs.
 pub(super) fn iterations(runs: &[Run]) -> Chart {
     let curve = |(number, run): (usize, &Run)| Curve {
         name: if runs.len() > 1 { run.name.clone() } else { String::new() },

@@ -14,7 +14,7 @@ use super::units::{Naming, Quantity, Units};
 
 /// Height of a chart.
 const HEIGHT: f64 = 300.0;
-/// Changes of strain below this are round-off, [-].
+/// Changes of strain below this count as round-off, [-].
 const ROUND_OFF: f64 = 1e-12;
 
 /// An element test and its results.

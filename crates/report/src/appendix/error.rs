@@ -63,7 +63,7 @@ pub enum ReportError {
     NoComponent {
         /// Name of the field.
         field: String,
-        /// The component.
+        /// The component; `None` if none is given.
         component: Option<String>,
         /// The components of the field.
         known: Vec<String>,

@@ -112,11 +112,11 @@ impl FieldChoice {
 /// A load step among those that were written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum StepChoice {
-    /// The first one, usually the undeformed state.
+    /// The first step written, usually the undeformed state.
     First,
-    /// The one nearest to the middle between the first and the last.
+    /// The step closest to the middle between the first and the last.
     Middle,
-    /// The last one.
+    /// The last step written.
     Last,
     /// A step by its number.
     Number(usize),

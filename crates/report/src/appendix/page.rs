@@ -126,7 +126,7 @@ impl Cell {
         value.map_or(Cell::Empty, |value| Cell::Number(Decimal::fixed(value, decimals)))
     }
 
-    /// One of several numbers: the largest has `digits` significant digits, and none has more decimals than that.
+    /// One of several numbers: the largest has `digits` significant digits, and none has more decimals than it.
     pub fn beside(value: Option<f64>, largest: f64, digits: usize) -> Cell {
         match value {
             None => Cell::Empty,

@@ -73,12 +73,12 @@ pub(super) struct Gallery<'a> {
     map: ColourMap,
     /// For each end of the colour map, true if values lie beyond it.
     beyond: [bool; 2],
-    /// Smallest and largest value.
+    /// Smallest and largest value of the field.
     range: [f64; 2],
 }
 
 impl<'a> Gallery<'a> {
-    /// Prepares the pictures of some states.
+    /// Prepares the pictures of these states.
     pub fn new(scenes: &'a [Scene], field: &'a FieldChoice) -> Gallery<'a> {
         let mut all: Vec<f64> =
             scenes.iter().flat_map(|scene| &scene.values).copied().filter(|v| v.is_finite()).collect();

@@ -18,7 +18,7 @@ pub(super) struct Raster {
 }
 
 impl Raster {
-    /// An empty picture; at least one pixel.
+    /// An empty picture of at least one pixel.
     pub fn new(width: usize, height: usize) -> Raster {
         let (width, height) = (width.max(1), height.max(1));
         Raster { width, height, samples: vec![[0; 4]; width * height * SAMPLES * SAMPLES] }

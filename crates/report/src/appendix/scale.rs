@@ -20,7 +20,7 @@ pub(super) struct Tick {
     pub label: String,
 }
 
-/// An axis between two positions of a drawing.
+/// An axis between two positions in a drawing.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Scale {
     kind: Kind,
@@ -181,7 +181,7 @@ mod tests {
 
     #[test]
     fn places_are_between_the_ends() {
-        // A drawing counts from the top.
+        // Positions in a drawing are counted from the top.
         let scale = Scale::linear([0.0, 4.0], [300.0, 100.0], 4, true);
         assert_eq!([0.0, 1.0, 4.0].map(|v| scale.place(v)), [300.0, 250.0, 100.0]);
         let scale = Scale::logarithmic([2e-13, 3.0], [280.0, 0.0], 7);

@@ -83,7 +83,7 @@ impl Scene {
             title,
             values: field.values(&points)?,
             positions: positions.iter().copied().map(plane).collect(),
-            // Half sides of squares with the volume of the points, slightly shrunk.
+            // Half the side of a square with the area of each point, slightly shrunk.
             radii: areas.map(|area| 0.45 * area.sqrt()).collect(),
             domains: Vec::new(),
             sides: Vec::new(),
@@ -184,7 +184,7 @@ impl Scene {
 /// An empty extent.
 pub(super) const NOWHERE: [[f64; 2]; 2] = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
 
-/// The smallest extent around two others.
+/// The smallest extent that contains two others.
 pub(super) fn around(a: [[f64; 2]; 2], b: [[f64; 2]; 2]) -> [[f64; 2]; 2] {
     [[a[0][0].min(b[0][0]), a[0][1].min(b[0][1])], [a[1][0].max(b[1][0]), a[1][1].max(b[1][1])]]
 }

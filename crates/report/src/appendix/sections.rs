@@ -10,7 +10,7 @@ use super::page::{Page, escape};
 use super::run::{Run, State};
 use super::units::{Naming, Quantity};
 
-/// The unit names for some runs.
+/// The unit names for these runs.
 pub(super) fn naming(runs: &[Run], options: &Options) -> Naming {
     let per_thickness = runs.iter().all(|run| run.is_plane() && !run.is_revolved());
     Naming { units: options.units.clone(), per_thickness }

@@ -143,7 +143,7 @@ fn table_by_axis(
         std::iter::once(name).chain(numbers)
     };
     rows.into_iter().for_each(|row| table.row(cells(row)));
-    // Small differences of large numbers would otherwise not be visible.
+    // Small differences between large numbers would otherwise not be visible.
     for (name, values) in last {
         let numbers = values.into_iter().map(|value| Cell::maybe(value, 3));
         table.total(std::iter::once(name).chain(numbers));
@@ -406,7 +406,7 @@ const MEASURES: [(&str, &str, f64, &str); 7] = [
     ),
     ("domain_overlap", "Overlap of domains [%]", 100.0, "volume shared by domains at the end of the run"),
     ("rotation", "Largest rotation [°]", 1.0, "of R in F = R U, in the plane"),
-    ("shear", "Largest shear", 1.0, "tangent of the loss of a right angle"),
+    ("shear", "Largest shear", 1.0, "tangent of the decrease of an initially right angle"),
 ];
 
 fn cost(page: &mut Page, run: &Run) {

@@ -14,7 +14,7 @@ use super::units::{Naming, Quantity};
 
 /// Largest number of curves in one chart.
 const MOST_CURVES: usize = 12;
-/// Values below this share of the largest are round-off.
+/// Values below this share of the largest count as round-off.
 const ROUND_OFF: f64 = 1e-9;
 
 /// A column of a tool, or of one of its parts.

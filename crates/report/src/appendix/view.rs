@@ -63,7 +63,7 @@ impl View {
         faces.iter().filter_map(|face| self.face(face.iter().map(|&k| corners[k]).collect())).collect()
     }
 
-    /// A cube with its sides along the axes.
+    /// The faces, turned towards the viewer, of a cube with its edges along the axes.
     pub fn cube(&self, centre: [f64; 3], side: f64) -> Vec<Face> {
         let corner = |k: usize| {
             // The corners of a face are in order around it.
@@ -142,7 +142,7 @@ mod tests {
     fn the_faces_of_a_tetrahedron_close_it() {
         let view = View::new();
         let corners = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-        // In the views from both sides, each face is visible once.
+        // Seen from two opposite sides, each face is visible once.
         let mirrored = corners.map(|c| c.map(|x| -x));
         let turned = [mirrored[0], mirrored[2], mirrored[1], mirrored[3]];
         assert_eq!(view.faces(&corners).len() + view.faces(&turned).len(), 4);

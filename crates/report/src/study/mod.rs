@@ -36,10 +36,10 @@ pub enum StudyError {
     /// A value is repeated in a list.
     #[error("the value {} appears twice in the list of {}", quote(.1), quote(.0))]
     RepeatedValue(String, String),
-    /// The deck does not have a parameter.
+    /// The deck lacks a parameter that the study changes.
     #[error("the deck has no parameter {}; {help}", quote(.name))]
     Unknown {
-        /// The name.
+        /// Name of the parameter.
         name: String,
         /// The parameters that the deck has.
         help: String,

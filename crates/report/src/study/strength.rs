@@ -14,8 +14,8 @@ fn ends_of(bracket: &StrengthBracket) -> Option<[f64; 2]> {
     slides.or(stands.zip(fails).map(|(stands, fails)| [stands, fails]))
 }
 
-/// True if all cells of one grid are half as large as the cells of the other; both arguments are cell sides along each
-/// axis.
+/// True if all cell sides of the fine grid are half as long as those of the coarse grid; both arguments are cell sides
+/// along each axis.
 fn are_halved(coarse: &[f64], fine: &[f64]) -> bool {
     coarse.len() == fine.len()
         && coarse.iter().zip(fine).all(|(coarse, fine)| (coarse / fine / 2.0 - 1.0).abs() <= SAME)

@@ -24,7 +24,7 @@ pub enum Outcome {
 }
 
 impl Outcome {
-    /// Name in the table.
+    /// Name of the outcome in the table.
     pub fn word(&self) -> &'static str {
         match self {
             Outcome::Completed => "completed",

@@ -69,7 +69,8 @@ impl<const D: usize> Connectivity<D> {
     }
 
     /// Makes each node that only slivers touch move with the same node on all ranks, whichever ranks have the points
-    /// that touch it. The common node is the lowest of the carriers found by all ranks that is active on this rank.
+    /// that touch it. Of the carriers that any rank has found for such a node, the lowest that is active on this rank
+    /// is taken.
     pub(super) fn agree_on_carriers(&mut self, ranks: &Ranks) {
         if ranks.is_alone() {
             return;

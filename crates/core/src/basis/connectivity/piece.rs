@@ -10,7 +10,7 @@ use crate::grid::Grid;
 pub(super) struct Piece<const D: usize> {
     pub(super) group_node_start: Vec<usize>,
     pub(super) group_nodes: Vec<u32>,
-    /// The same as in [`Connectivity`](super::Connectivity).
+    /// This field and the next ones have the same meaning as in [`Connectivity`](super::Connectivity).
     pub(super) touches: Vec<Touch>,
     pub(super) whole: Vec<bool>,
     pub(super) start: Vec<usize>,
@@ -27,12 +27,12 @@ pub(super) struct Piece<const D: usize> {
     group: Group,
 }
 
-/// The group to which points are added.
+/// The group to which points are being added.
 #[derive(Default)]
 struct Group {
     n_points: usize,
     n_links: usize,
-    /// Size of its cell, [length].
+    /// Size of the cell of the group, [length].
     size: f64,
     /// The nodes that points touch, in the order in which points first touched them.
     nodes: Vec<u32>,

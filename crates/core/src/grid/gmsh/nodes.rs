@@ -3,7 +3,7 @@
 use super::error::GmshError;
 use super::reader::{Encoding, Reader};
 
-/// Marks a number without a node.
+/// Marks a number that no node has.
 const NONE: u32 = u32::MAX;
 
 /// Node positions and the map from node numbers in the file to indices.
@@ -16,7 +16,7 @@ pub(super) struct Nodes {
 
 /// Map from node numbers in the file to indices.
 enum Index {
-    /// Table indexed by the difference from the lowest number.
+    /// The lowest number, and a table indexed by the difference from it.
     Dense(u64, Vec<u32>),
     /// Pairs of number and index, ascending.
     Sparse(Vec<(u64, u32)>),
@@ -85,7 +85,7 @@ pub(super) fn read_22(reader: &mut Reader<'_>, parametric: bool) -> Result<Nodes
         if parametric {
             let dimension = reader.natural("an entity dimension")?;
             reader.int("an entity number")?;
-            // Points have no parameters; the parameters of volumes would be the coordinates.
+            // Nodes on points have no parameters, nor do nodes in volumes, whose parameters would be the coordinates.
             for _ in 0..if dimension < 3 { dimension } else { 0 } {
                 reader.real("a parameter")?;
             }
@@ -100,7 +100,7 @@ pub(super) fn total_22(
     what: &'static str,
     numbers: usize,
 ) -> Result<usize, GmshError> {
-    let n = reader.text::<u64>("a number of nodes or elements")?;
+    let n = reader.text::<u64>("the number of nodes or elements")?;
     let n = reader.count_of(n, what, numbers)?;
     if reader.encoding != Encoding::Text {
         reader.end_of_line()?;
@@ -111,7 +111,7 @@ pub(super) fn total_22(
 /// Reads the header of `$Nodes` or `$Elements` of format 4.1: the number of blocks and the total number of items.
 pub(super) fn totals_41(reader: &mut Reader<'_>, what: &'static str) -> Result<(usize, usize), GmshError> {
     let blocks = reader.size("the number of blocks")?;
-    let total = reader.size("a number of nodes or elements")?;
+    let total = reader.size("the number of nodes or elements")?;
     reader.size("the lowest number")?;
     reader.size("the highest number")?;
     Ok((reader.count_of(blocks, "blocks", 4)?, reader.count_of(total, what, 1)?))

@@ -14,7 +14,7 @@ use crate::tensor::padded;
 const LISTED: usize = 5;
 
 /// Relative volume below which a cell, or a corner of it, counts as having no volume; the reference is a square (cube)
-/// with the side length of its longest side.
+/// on the longest side of the cell.
 const NO_VOLUME: f64 = 1e-10;
 
 /// Marks a node of the file that no cell uses.
@@ -30,7 +30,7 @@ impl<const D: usize> Mesh<D> {
     /// dropped; groups of equal dimension and name are merged.
     ///
     /// # Errors
-    /// [`MeshError`] if the file has no valid mesh of dimension `D`.
+    /// [`MeshError`] if the file contains no valid mesh of dimension `D`.
     pub fn from_gmsh(file: &GmshFile) -> Result<Self, MeshError> {
         let elements = elements::<D>(file)?;
         let cells: Vec<Cell<D>> = elements.iter().map(|element| cell(file, element)).collect();

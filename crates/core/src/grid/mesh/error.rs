@@ -7,7 +7,7 @@ use crate::grid::ON_LINE;
 pub struct CellReport {
     /// Element number in the file.
     pub element: u64,
-    /// Mean position of its nodes, [length].
+    /// Mean position of the nodes of the cell, [length].
     pub position: Vec<f64>,
 }
 
@@ -16,11 +16,11 @@ pub struct CellReport {
 pub struct HangingNode {
     /// Node number in the file.
     pub node: u64,
-    /// Its position, [length].
+    /// Position of the node, [length].
     pub position: Vec<f64>,
     /// Node numbers, in the file, of the corners of the side.
     pub side: Vec<u64>,
-    /// The cell with that side.
+    /// The cell that has this side.
     pub cell: CellReport,
 }
 
@@ -51,14 +51,14 @@ pub enum MeshError {
         /// Highest z of a cell, [length].
         high: f64,
     },
-    /// Cells with negligible volume relative to the length of their sides.
+    /// Cells whose volume is negligible relative to the lengths of their sides.
     #[error("{} no {}: {}", count(*.n, "cell has", "cells have"), measure(*.dimension), list(.first))]
     NoVolume {
         /// Dimension of the analysis.
         dimension: usize,
         /// Number of such cells.
         n: usize,
-        /// The first of them.
+        /// The first of these cells.
         first: Vec<CellReport>,
     },
     /// Some cells have negative volume.
@@ -68,7 +68,7 @@ pub enum MeshError {
         dimension: usize,
         /// Number of such cells.
         n: usize,
-        /// The first of them.
+        /// The first of these cells.
         first: Vec<CellReport>,
     },
     /// All cells have negative volume.
@@ -84,7 +84,7 @@ pub enum MeshError {
         dimension: usize,
         /// Number of such cells.
         n: usize,
-        /// The first of them.
+        /// The first of these cells.
         first: Vec<CellReport>,
     },
     /// Cells so far from the origin that their coordinates have too few significant digits.
@@ -95,7 +95,7 @@ pub enum MeshError {
     FarAway {
         /// Number of such cells.
         n: usize,
-        /// The first of them.
+        /// The first of these cells.
         first: CellReport,
     },
     /// Overlapping cells.
@@ -122,7 +122,7 @@ pub enum MeshError {
     Hanging {
         /// Number of such nodes.
         n: usize,
-        /// The first of them.
+        /// The first of these nodes.
         first: Box<HangingNode>,
     },
     /// Tetrahedra that share half a face with a hexahedron; the basis functions do not match there.
@@ -137,11 +137,11 @@ pub enum MeshError {
         /// The first such tetrahedron and its hexahedron.
         first: [CellReport; 2],
     },
-    /// Groups of different dimensions with the same name, which would not denote a unique set of nodes.
+    /// Groups of different dimensions with the same name, so that the name would not denote a unique set of nodes.
     #[error("physical groups of dimensions {} and {} are both called `{name}`; give them different names",
         .dimensions[0], .dimensions[1])]
     SharedName {
-        /// The name.
+        /// The name that the groups share.
         name: String,
         /// Dimensions of the groups.
         dimensions: [u8; 2],
@@ -157,7 +157,7 @@ pub enum MeshWarning {
     Unmerged {
         /// Number of such pairs.
         n: usize,
-        /// Positions of the first of them, [length].
+        /// Positions of the first of these pairs, [length].
         first: Vec<Vec<f64>>,
     },
     /// Nodes that lie on sides of a part of the mesh without being connected to it.
@@ -170,7 +170,7 @@ pub enum MeshWarning {
     Apart {
         /// Number of such nodes.
         n: usize,
-        /// Positions of the first of them, [length].
+        /// Positions of the first of these nodes, [length].
         first: Vec<Vec<f64>>,
     },
 }
@@ -191,8 +191,8 @@ fn no_cells(dimension: usize, n_surface: usize) -> String {
     match (dimension, n_surface) {
         (3, 0) => "the mesh has no tetrahedra or hexahedra".to_owned(),
         (3, n) => format!(
-            "the mesh has no tetrahedra or hexahedra, only {n} surface elements; a three-dimensional analysis needs the volume \
-             meshed (in gmsh, `Mesh 3`; if the mesh has physical groups, add one for the volume)"
+            "the mesh has no tetrahedra or hexahedra, only {n} surface elements; a three-dimensional analysis needs a mesh of \
+             the volume (in gmsh, `Mesh 3`; if the mesh has physical groups, add one for the volume)"
         ),
         _ => "the mesh has no triangles or quadrilaterals".to_owned(),
     }

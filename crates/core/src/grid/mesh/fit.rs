@@ -1,4 +1,4 @@
-//! Check that the cells of a mesh fit together: overlapping cells, hanging nodes, and coincident nodes.
+//! Checks that the cells of a mesh fit together: finds overlapping cells, hanging nodes and coincident nodes.
 //!
 //! The number of cells that cover a position changes only at sides that belong to one cell, and is zero far away. If
 //! two cells overlap, a cell at such a side therefore overlaps another cell. A hanging node and the side on which it
@@ -13,8 +13,8 @@ use crate::grid::bins::{Bins, Bounds, bounds};
 use crate::grid::element::{ElementShape, dot, minus, vector_product};
 use crate::tensor::padded;
 
-/// Relative distance, in units of the local cell size, within which cells touch instead of overlapping, nodes coincide,
-/// and nodes lie on a side.
+/// Distance, relative to the local cell size, within which cells count as touching rather than overlapping, nodes as
+/// coincident, and nodes as lying on a side, [-].
 const TOUCHES: f64 = 1e-6;
 
 /// Number of positions listed in warnings.

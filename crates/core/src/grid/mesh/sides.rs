@@ -12,7 +12,7 @@ pub struct Side {
 }
 
 impl Side {
-    /// A side with these nodes, in order around it; at most four are used.
+    /// The side with these nodes, listed in order around it; only the first four are used.
     pub fn new(list: &[u32]) -> Self {
         let mut nodes = [0; 4];
         let n = list.len().min(4);

@@ -1,6 +1,6 @@
 //! The fronts of the unknowns that several ranks couple, along a binary tree of the ranks: at stage s, rank r with r
-//! mod 2ˢ⁺¹ = 0 takes the matrix that rank r + 2ˢ has left, and eliminates the unknowns that only ranks from r to r +
-//! 2ˢ⁺¹ − 1 couple.
+//! mod 2ˢ⁺¹ = 0 takes over the matrix that remains on rank r + 2ˢ, and eliminates the unknowns that only ranks from r
+//! to r + 2ˢ⁺¹ − 1 couple.
 
 use crate::linear::multifrontal::{Columns, Multifrontal, Numbers, forget, messages};
 use crate::ranks::{Communicator, Ranks};
@@ -115,7 +115,7 @@ impl Stages {
         self.taken.iter_mut().for_each(|stage| stage.factor = Vec::new());
     }
 
-    /// Factorises the matrix that this rank has left. All ranks must call this. Returns false if a pivot on this rank
+    /// Factorises the matrix that remains on this rank. All ranks must call this. Returns false if a pivot on this rank
     /// is not positive or, for LU, is zero or not finite.
     pub fn factorise(&mut self, communicator: &dyn Communicator, mut left: Vec<f64>) -> bool {
         let mut is_good = true;
@@ -136,7 +136,8 @@ impl Stages {
         self.taken.iter().all(|stage| stage.front.has_positive_pivots(&stage.factor))
     }
 
-    /// Replaces the right-hand sides of the unknowns that this rank has left by the solution. All ranks must call this.
+    /// Replaces the right-hand sides of the unknowns that remain on this rank by the solution. All ranks must call
+    /// this.
     pub fn solve(&mut self, communicator: &dyn Communicator, x: &mut [f64]) {
         let mut below = x.to_vec();
         for stage in &mut self.taken {
@@ -156,8 +157,8 @@ impl Stages {
 }
 
 impl Stage {
-    /// Replaces the matrix left by the previous factorisation by the matrix that this stage leaves; returns false as
-    /// for [`Multifrontal::factorise`].
+    /// Replaces the matrix left by the previous factorisation by the matrix that this stage leaves; returns false in
+    /// the same cases as [`Multifrontal::factorise`].
     fn factorise(&mut self, communicator: &dyn Communicator, factors: usize, left: &mut Vec<f64>) -> bool {
         if self.is_in_place {
             self.factor = std::mem::take(left);
@@ -176,7 +177,7 @@ impl Stage {
         is_good
     }
 
-    /// Number of the columns with these row indices that belong to pivots; the other columns belong to the border.
+    /// Number of columns that belong to pivots, among columns with these row indices; the others belong to the border.
     fn border_of(&self, rows: &[u32]) -> usize {
         rows.partition_point(|row| (*row as usize) < self.pivots)
     }

@@ -3,7 +3,7 @@
 use crate::linear::LinearError;
 use crate::linear::reduction::{Reduction, add};
 
-/// Largest number of iterations, of conjugate gradients and of GMRES.
+/// Largest number of iterations of conjugate gradients or GMRES.
 pub(super) const MOST: usize = 300;
 
 /// Reasons why the conjugate gradient iterations end without a solution.

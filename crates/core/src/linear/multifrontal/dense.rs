@@ -18,7 +18,7 @@ use faer::{Accum, MatMut, MatRef, Par};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
-/// Strides are multiples of this number, and this number of additional values follows the last column.
+/// Strides are multiples of this number, and as many additional values follow the last column.
 pub(super) const PAD: usize = 8;
 
 /// With at least this number of registers, three vectors of rows are processed at once; otherwise two.
@@ -41,7 +41,7 @@ const TILE: usize = 512;
 /// Number of rows that are updated together in a large front.
 const HIGH: usize = 384;
 
-/// A product of fewer operations is computed by one thread.
+/// A product with fewer operations than this is computed by one thread.
 const SHARED: usize = 4 << 20;
 
 /// The stride of columns with this number of rows.
@@ -60,7 +60,7 @@ fn is_large(rows: usize, pivots: usize) -> bool {
 
 /// Replaces the matrix columns of the pivots of a front by the columns of its one or two factors, with the reciprocals
 /// of the pivots on the diagonal of L. Writes the update of the remaining matrix, −L Lᵀ or −L U, to `update`: the lower
-/// triangle, for LU followed by the transposed upper triangle. Returns false if a pivot of LLᵀ is not positive, or a
+/// triangle, followed for LU by the transposed upper triangle. Returns false if a pivot of LLᵀ is not positive, or a
 /// pivot of LU is zero or not finite.
 pub(super) fn eliminate(
     factors: usize,
@@ -76,7 +76,7 @@ pub(super) fn eliminate(
     Dense { panels: [lower, upper], rows, pivots, updates: [below, right] }.eliminate()
 }
 
-/// The factor that updates the factor with this number from the right.
+/// Number of the factor that updates, from the right, the factor with this number.
 const fn other<const F: usize>(factor: usize) -> usize {
     F - 1 - factor
 }
@@ -214,7 +214,8 @@ impl<const F: usize> WithSimd for Dense<'_, F> {
     }
 }
 
-/// Sums, over the first `terms` columns, of row `offset` + r on the left times row `column` + c on the right.
+/// Sums, over the first `terms` columns, of the products of row `offset` + r on the left and row `column` + c on the
+/// right.
 #[derive(Clone, Copy)]
 struct Product<'a> {
     left: &'a [f64],

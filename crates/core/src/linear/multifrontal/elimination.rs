@@ -119,7 +119,7 @@ impl Elimination<'_> {
     }
 }
 
-/// Calls `work` with the index of each factor and its part of the columns or of the update of a front.
+/// Calls `work` for each factor, with its index and its part of these columns, or this update, of a front.
 fn for_each_factor(front: &Front, numbers: &mut [f64], mut work: impl FnMut(usize, &mut [f64])) {
     let len = numbers.len() / front.factors;
     if len > 0 {
@@ -139,7 +139,8 @@ fn cut(slice: &mut [f64], origin: usize, pieces: impl Iterator<Item = Range<usiz
     pieces.map(piece).collect()
 }
 
-/// Calls `work` with the values of all columns, or with pieces of them, and the index of the first column.
+/// Calls `work` for all columns at once or for each of several pieces, with the index of the first column and the
+/// values.
 fn for_each_column(
     numbers: &mut [f64],
     stride: usize,

@@ -196,7 +196,7 @@ impl Fronts {
         Some(&self.front[child as usize]).filter(|child| child.border_len() == self.kept)
     }
 
-    /// Lists rows, entries and the rows of updates.
+    /// Lists, for all fronts, the rows, the entries and the rows of the updates.
     fn fill(
         &mut self,
         pattern: &Pattern,

@@ -132,7 +132,7 @@ impl Nodes {
             }
         }
         let mut ancestor: Vec<u32> = (0..n as u32).collect();
-        // One more than the index of the first descendant of the last leaf, and the last leaf itself.
+        // For each row: one more than the index of the first descendant of its last leaf, and the last leaf itself.
         let mut seen = vec![0u32; n];
         let mut leaf = vec![NONE; n];
         for &node in &post {

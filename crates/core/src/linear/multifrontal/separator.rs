@@ -32,7 +32,7 @@ impl Columns<'_> {
         self.range.clone().map(|column| self.n - column).sum()
     }
 
-    /// Calls `visit` with the columns of a factor.
+    /// Calls `visit` with the index and the values of each column of a factor.
     fn for_each(&self, (factor, factors): (usize, usize), mut visit: impl FnMut(usize, &[f64])) {
         let mut place = factor * self.len();
         let stride = dense::stride(self.n);

@@ -73,7 +73,7 @@ impl Substitution<'_> {
     #[inline(always)]
     fn backward<S: Simd>(&mut self, simd: S, front: &Front) {
         let stride = dense::stride(front.rows);
-        // The columns of the last factor: L again for LLᵀ, or Uᵀ for LU.
+        // The columns of the last factor of the front: those of L for LLᵀ, or those of Uᵀ for LU.
         let end = front.panel + front.panel_len();
         let panel = &self.factor[end - front.panel_len() / front.factors..end];
         let y = &mut self.y[..stride];
@@ -115,7 +115,7 @@ fn eliminate<S: Simd, const N: usize>(simd: S, columns: &[f64], stride: usize, f
     }
     let below = first + N;
     let factor: [S::f64s; N] = std::array::from_fn(|c| simd.splat_f64s(-x[c]));
-    // The end consists of whole vectors, because `stride` is a multiple of the vector width.
+    // After the head, the range consists of whole vectors, because `stride` is a multiple of the vector width.
     let (head, y) = S::as_mut_rsimd_f64s(&mut y[below..stride]);
     let parts: [(&[f64], &[S::f64s]); N] = std::array::from_fn(|c| S::as_rsimd_f64s(&column[c][below..]));
     for (r, y) in head.iter_mut().enumerate() {

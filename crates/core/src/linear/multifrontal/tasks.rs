@@ -6,8 +6,8 @@ use std::ops::Range;
 use super::fronts::{Front, Fronts};
 use super::nodes::NONE;
 
-/// A part of the tree is a separate task if it takes longer than this time, [ns], which is much longer than waking a
-/// thread takes.
+/// A part of the tree is a separate task if it takes longer than this time, [ns], which is much longer than the time
+/// needed to wake a thread.
 const LEAST: f64 = 60e3;
 
 /// Tasks may run at the same time if their working spaces together hold at most this number of values.
@@ -17,17 +17,17 @@ const LITTLE: usize = 1 << 19;
 /// the part of the factor that the enclosing task computes, [-].
 const SPARE: f64 = 0.2;
 
-/// Deepest nesting of tasks.
+/// Greatest depth to which tasks are nested.
 const DEEPEST: usize = 12;
 
 /// Part of the tree: first tasks that are independent of each other, then fronts that are processed one after another.
 #[derive(Debug, Default)]
 pub(super) struct Task {
-    /// All its fronts, including those of the tasks within.
+    /// All fronts of this task, including those of the tasks within.
     pub fronts: Range<usize>,
     /// The tasks that are completed first.
     pub within: Vec<Task>,
-    /// The fronts that belong to none of these tasks.
+    /// The fronts that belong to none of the tasks within.
     pub own: Vec<Range<usize>>,
     /// True if the tasks within may run at the same time; each then has its own working space.
     pub apart: bool,

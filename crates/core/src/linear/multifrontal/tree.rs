@@ -48,7 +48,7 @@ impl Tree {
 
 /// Groups of nodes that are eliminated together, each identified by its last node.
 struct Groups {
-    /// The group to which a node belongs, directly or through other nodes.
+    /// For each node, its group, or another node that leads to its group.
     into: Vec<u32>,
     pivots: Vec<u32>,
     rows: Vec<u32>,

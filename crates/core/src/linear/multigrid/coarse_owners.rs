@@ -15,9 +15,9 @@ pub(super) enum Claim {
     Same,
 }
 
-/// The ranks of coarse nodes, given the position numbers of the nodes, ascending, with the claims of this rank. A node
-/// belongs to the rank of the fine node at its position or, if there is no such fine node, to the lowest rank that has
-/// one of its children. Each node has a home rank, which all ranks that know the node query.
+/// The rank to which each coarse node belongs, given the position numbers of the nodes, ascending, and the claims of
+/// this rank. A node belongs to the rank of the fine node at its position or, if there is no such fine node, to the
+/// lowest rank that has one of its children. Each node has a home rank; all ranks that know the node query this rank.
 pub(super) fn coarse_owners(ranks: &Ranks, claims: &[(u64, Claim)], places: u64) -> Vec<u32> {
     let per_home = places.div_ceil(ranks.count() as u64).max(1);
     let home = |key: u64| (key / per_home) as usize;

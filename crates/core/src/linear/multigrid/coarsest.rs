@@ -13,7 +13,7 @@ pub(super) struct Coarsest {
     number: Vec<u32>,
     /// The indices of the own nodes of each rank, if there are several ranks.
     of_ranks: Vec<Vec<u32>>,
-    /// The start of the entries of each node.
+    /// The start of the entries of each node among the entries of the matrix.
     start: Vec<usize>,
 }
 
@@ -64,8 +64,8 @@ impl Coarsest {
         }
     }
 
-    /// The columns, from the diagonal on, of the row of an own node: the number of each column, ascending, and its
-    /// index in the row.
+    /// The columns of the row of an own node, from the diagonal on: the number of each column, ascending, and its index
+    /// in the row.
     fn entries<const D: usize, const N: usize>(&self, level: &Level<D, N>, node: usize) -> Vec<(u32, usize)> {
         let columns = level.rows.columns(node).iter().enumerate();
         let mut entries: Vec<(u32, usize)> = columns

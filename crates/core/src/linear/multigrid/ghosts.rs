@@ -12,7 +12,7 @@ pub(super) struct Known {
     pub own: usize,
     /// The position number of each node, which is the same on all ranks.
     pub key: Vec<u64>,
-    /// The rank of each node.
+    /// The rank to which each node belongs.
     pub owner: Vec<u32>,
 }
 
@@ -60,7 +60,7 @@ impl Known {
     }
 }
 
-/// Values at nodes that are exchanged between ranks.
+/// The nodes whose values are exchanged between ranks.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Messages {
     /// The other ranks, ascending.

@@ -55,7 +55,7 @@ impl<const N: usize> Rows<N> {
         std::array::from_fn(|i| std::array::from_fn(|k| f64::from(self.component(row, i)[place * N + k])))
     }
 
-    /// Calls `work` to write the rows, one after another in each piece; a piece is `(first row, its values)`.
+    /// Calls `work` with pieces of consecutive rows, in parallel; [`Piece::for_each`] visits the rows to be written.
     pub(super) fn fill(&mut self, work: &(impl Fn(Piece<N>) + Sync)) {
         let n = self.len();
         let piece = Piece {
@@ -122,7 +122,8 @@ impl<'a, const N: usize> Piece<'a, N> {
         rayon::join(|| left.divide(work), || right.divide(work));
     }
 
-    /// Calls `work(row, its columns, its values)` for every row; the values of component i are the i-th of N parts.
+    /// Calls `work(row, its columns, its values)` for every row; the values of component i are the i-th of N equal
+    /// parts.
     #[inline(always)]
     pub(super) fn for_each(self, mut work: impl FnMut(usize, &[u32], &mut [f32])) {
         let mut value = self.value;

@@ -76,7 +76,8 @@ impl<const D: usize, const N: usize> Level<D, N> {
         Level::shared(ranks, lattice, held, (known, find), &rows, active)
     }
 
-    /// A level some of whose nodes this rank knows; `rows` are the columns that it contributes to their rows.
+    /// A level of which this rank knows some nodes; `rows` lists the columns that this rank contributes to the rows of
+    /// these nodes.
     fn shared(
         ranks: &Ranks,
         mut lattice: Lattice<D>,
@@ -111,7 +112,7 @@ impl<const D: usize, const N: usize> Level<D, N> {
                 claims.push((lattice.key(parent), claim));
             });
         }
-        // The strongest claim on each node.
+        // Only the strongest claim on each node counts.
         claims.sort_unstable_by_key(|(key, claim)| (*key, std::cmp::Reverse(*claim)));
         claims.dedup_by_key(|(key, _)| *key);
         let owners = coarse_owners(ranks, &claims, lattice.places());
@@ -132,7 +133,7 @@ impl<const D: usize, const N: usize> Level<D, N> {
         (level, transfer)
     }
 
-    /// The columns that the own rows of this level contribute to each row of Tᵀ A T.
+    /// The columns that the rows of this level on this rank contribute to each row of Tᵀ A T.
     fn columns_above(&self, lattice: &Lattice<D>, transfer: &Transfer) -> RowColumns {
         let stencil = Stencil::new(lattice);
         let columns = |is_seen: &mut Vec<bool>, row: usize| {
@@ -156,7 +157,7 @@ impl<const D: usize, const N: usize> Level<D, N> {
         (start, of_rows.into_iter().flatten().collect())
     }
 
-    /// Uses the values of the matrix, of which each rank has a part.
+    /// Takes over the values of the matrix, of which each rank has a part.
     ///
     /// # Errors
     /// [`LinearError::Singular`] on all ranks if a free degree of freedom on any rank has no stiffness.
@@ -228,7 +229,7 @@ impl<const D: usize, const N: usize> Level<D, N> {
         self.invert();
     }
 
-    /// Number of nodes over all ranks.
+    /// Number of nodes of the level on all ranks together.
     pub(super) fn count(&self) -> usize {
         match &self.shared {
             None => self.lattice.len(),

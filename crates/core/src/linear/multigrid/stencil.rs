@@ -68,7 +68,7 @@ impl Stencil {
     }
 }
 
-/// The inverse of a symmetric block, with its pivots kept away from zero and given the sign of the diagonal.
+/// The inverse of a symmetric block, whose pivots are kept away from zero and given the sign of the diagonal entry.
 pub(super) fn inverse_of<const N: usize>(block: &Block<N>) -> Block<N> {
     let mut factor = *block; // L below the diagonal, pivots on it
     for k in 0..N {

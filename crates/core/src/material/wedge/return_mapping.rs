@@ -17,7 +17,7 @@ pub struct Strength {
     pub flow_ratio: f64,
     /// Uniaxial compressive strength s = 2c√N, [stress].
     pub compressive: f64,
-    /// Tensile strength T, [stress]; infinite without cut-off.
+    /// Tensile strength T, [stress]; infinite without a cut-off.
     pub tensile: f64,
 }
 
@@ -101,7 +101,7 @@ impl Strength {
         if self.is_cut() { shear.max(tau[0] - self.tensile) } else { shear }
     }
 
-    /// The same for stresses in any order.
+    /// As [`Self::excess`], for stresses in any order.
     #[inline(always)]
     fn excess_unordered(&self, tau: &Vector) -> f64 {
         let largest = tau[0].max(tau[1]).max(tau[2]);
@@ -260,7 +260,7 @@ fn inverted<const M: usize>(matrix: [[f64; M]; M]) -> [[f64; M]; M] {
 /// A vertex of the surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Place {
-    /// The apex of the cone, without cut-off.
+    /// The apex of the cone, if there is no cut-off.
     Apex,
     /// T, T, T.
     Tension,

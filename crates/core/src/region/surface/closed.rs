@@ -97,7 +97,8 @@ fn connected(n: usize, pairs: impl Iterator<Item = [u32; 2]>) -> Shells {
     shells
 }
 
-/// First facet of the connected part, as far as it is known (union-find); halves the path for later searches.
+/// First facet of the connected part that contains `facet`, as far as this part is known (union-find); halves the path
+/// for later searches.
 fn root(parent: &mut [u32], mut facet: u32) -> u32 {
     while parent[facet as usize] != facet {
         let above = parent[parent[facet as usize] as usize];

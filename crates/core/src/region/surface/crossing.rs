@@ -112,7 +112,7 @@ pub(super) fn plane_axis(t: &Triangle) -> Option<usize> {
     })
 }
 
-/// The other two coordinates of a position.
+/// The coordinates of a position along the two axes other than `axis`.
 fn across(x: &[f64; 3], axis: usize) -> [f64; 2] {
     [x[(axis + 1) % 3], x[(axis + 2) % 3]]
 }

@@ -83,7 +83,7 @@ pub enum SurfaceError {
     Branched {
         /// Number of such edges.
         n: usize,
-        /// The first of them.
+        /// The first of these edges.
         first: Vec<EdgeReport>,
     },
     /// A facet with the opposite orientation to its neighbours.

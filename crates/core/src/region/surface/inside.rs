@@ -10,7 +10,7 @@ use crate::region::vector::{dot, frame, minus};
 use crate::region::{Intervals, Line};
 
 /// Visits the facets above a position. `visit` receives the index in tree order, and +1 if the upward ray leaves
-/// through the facet, −1 if it enters. A ray through an edge meets exactly one of its facets. A facet through the
+/// through the facet, −1 if the ray enters. A ray through an edge meets exactly one of its facets. A facet through the
 /// position counts as above.
 fn each_above(triangles: &[Triangle], tree: &BoxTree<3>, x: &[f64; 3], mut visit: impl FnMut(usize, i32)) {
     let flat = |x: &[f64; 3]| [x[0], x[1]];
@@ -106,8 +106,8 @@ pub(super) fn intervals(triangles: &[Triangle], tree: &BoxTree<3>, line: &Line<3
     Intervals::from_crossings(crossings)
 }
 
-/// Parameter at which the line crosses a facet, given for each corner its projection across the line, in which the line
-/// is the origin, and its parameter along the line.
+/// Parameter at which the line crosses a facet. Each corner is given by its projection across the line, in which the
+/// line is the origin, and by its parameter along the line.
 fn parameter_along(corners: &[([f64; 2], f64); 3]) -> f64 {
     let area = |k: usize| {
         let ((a, _), (b, _)) = (corners[(k + 1) % 3], corners[(k + 2) % 3]);

@@ -7,7 +7,7 @@ use crate::region::vector::{cross, dot, minus};
 /// Corners of a triangle, counterclockwise as seen from outside, [length].
 pub type Triangle = [[f64; 3]; 3];
 
-/// Enclosed volume by the divergence theorem: the sum of the signed tetrahedra of all facets.
+/// Enclosed volume by the divergence theorem: the sum of the signed volumes of the tetrahedra over all facets.
 pub(super) fn volume(triangles: &[Triangle]) -> f64 {
     // Relative to a corner of the surface: far from the origin the tetrahedra would be large and cancel.
     let about = triangles[0][0];

@@ -20,13 +20,13 @@ pub(super) fn by_equality(triangles: &[Triangle]) -> Facets {
     Facets { positions, corners }
 }
 
-/// Merges corners at open edges that are close to each other, each into the first of its neighbourhood. Returns the
-/// number of corners removed.
+/// Merges corners that lie at open edges and are close to each other, each into the first corner in its neighbourhood.
+/// Returns the number of corners removed.
 pub(super) fn by_distance(facets: &mut Facets) -> usize {
     let [low, high] = facets.positions.iter().map(|x| [*x, *x]).fold(nothing(), hull);
     let reach = SAME * norm(&minus(&high, &low));
     let mut same: Vec<u32> = (0..facets.positions.len() as u32).collect();
-    // First corner in every cell of a lattice whose cell size is the merging distance.
+    // The first corner in each cell of a lattice whose cell size is the merging distance.
     let mut first: HashMap<[i64; 3], u32> = HashMap::new();
     for corner in closed::corners_of_open_edges(&facets.corners) {
         let x = facets.positions[corner as usize];

@@ -8,12 +8,12 @@
 use super::multipliers::MOST_OF_PLACE;
 
 /// Path length over which the overlap of a contact point vanishes, relative to the size of a cell, [-]. With half this
-/// length, the force on a pipe in clay differs from the mean of the steps before and after by 1.1 % instead of 0.7 %,
-/// and is 1 % smaller.
+/// length, the force on a pipe in clay differs by 1.1 % instead of 0.7 % from the mean of the forces in the steps
+/// before and after, and is 1 % smaller.
 const WAY: f64 = 2.0;
 
-/// Overlap that a contact point may keep, [length], beyond what updates of the multipliers may leave. Its gap is `gap`
-/// at the start of the step, the size of its cell is `size`, and it moved by `motion` in the previous step, all
+/// Overlap that a contact point may keep, [length], beyond what updates of the multipliers may leave. Its gap at the
+/// start of the step is `gap`, the size of its cell is `size`, and it moved by `motion` in the previous step, all
 /// [length].
 pub(super) fn allowance(gap: f64, size: f64, motion: f64) -> f64 {
     let overlap = (-gap - MOST_OF_PLACE * size).max(0.0);
@@ -30,7 +30,7 @@ mod tests {
         assert_eq!(allowance(-1e-3, 1.0, 0.0), 0.0);
         assert_eq!(allowance(-0.201, 2.0, 2.0), 0.5 * (0.201 - 2e-3));
         assert_eq!(allowance(-0.2, 1.0, 2.0), 0.0);
-        // Many small steps remove as much overlap as a few larger ones, except for second-order terms.
+        // Many small steps remove as much overlap as a few larger steps, except for second-order terms.
         let after = |steps: usize| {
             (0..steps).fold(0.1, |overlap, _| allowance(-overlap - MOST_OF_PLACE, 1.0, 1.0 / steps as f64))
         };

@@ -27,9 +27,9 @@ use crate::points::Points;
 use crate::region::vector::{along, dot, minus, norm};
 use crate::tool::{Closest, Shape};
 
-/// Cosine of the angle between the normals at the start of a step and now, at a contact point inside the tool, below
-/// which the contact point is on another side, [-]. In one step, a contact point may thus slide around a corner with an
-/// angle of more than 60 degrees.
+/// Cosine of the angle between the normal at the start of a step and the current normal, at a contact point inside the
+/// tool, below which the contact point counts as being on another side, [-]. In one step, a contact point may thus
+/// slide around a corner with an angle of more than 60 degrees.
 pub(super) const OTHER_SIDE: f64 = -0.5;
 
 /// Overlap or gap at the start of a step up to which surfaces count as touching, relative to the size of a cell, [-].
@@ -73,7 +73,7 @@ pub(super) struct Candidate<const D: usize> {
     pub(super) size: f64,
     /// Stiffness of the cell below the contact point, ε/p_f, [force/length].
     pub(super) stiffness: f64,
-    /// ε, [force/length].
+    /// Penalty ε, [force/length].
     pub(super) penalty: f64,
     /// ε once updates have closed the gap slowly: contact points with hardly any area would otherwise have too small a
     /// penalty, [force/length].
@@ -101,7 +101,7 @@ impl Carriers {
         self.0.push((node, value));
     }
 
-    /// True if these are the same nodes in the same order.
+    /// True if both have the same nodes in the same order.
     pub(super) fn has_same_nodes(&self, other: &Self) -> bool {
         self.0.len() == other.0.len() && self.0.iter().zip(&other.0).all(|(a, b)| a.0 == b.0)
     }
@@ -193,7 +193,7 @@ pub(super) struct Near<const D: usize> {
 }
 
 impl<const D: usize> Near<D> {
-    /// Takes the contact point, leaving one without area.
+    /// Takes the contact point, leaving one without area in its place.
     pub(super) fn take(&mut self) -> Near<D> {
         let place = self.clone();
         (self.area, self.area_of_corner) = (0.0, 0.0);
@@ -305,7 +305,7 @@ impl<const D: usize> Search<'_, D> {
             let node = node as usize;
             match self.links.active_number(node) {
                 Some(number) => active.push(number as u32, value),
-                // The contact point is on the boundary of the body: nodes beyond have no influence.
+                // The contact point is on the boundary of the body: nodes beyond it have no influence.
                 None if value == 0.0 => {}
                 None if is_last => {
                     if let Some(number) = self.links.moves_with(node) {
@@ -350,9 +350,9 @@ pub(super) fn radius_of<const D: usize>(points: &Points<D>, p: usize) -> f64 {
     }
 }
 
-/// A material point that was far from a tool at the start of the step and has come so near, or has passed through a
-/// part of the tool, that corners of its domain without a candidate may be inside: the number of the tool and the index
-/// of the point.
+/// The number of a tool and the index of a material point that was far from the tool at the start of the step: the
+/// point has come so close that corners of its domain without a candidate may be inside, or it has passed through a
+/// part of the tool.
 pub(super) fn missed<const D: usize, const N: usize>(
     search: &Search<D>,
     delta_d: &[[f64; N]],

@@ -68,11 +68,11 @@ pub enum ContactError {
     NotSettled {
         /// The contact point with the largest error.
         place: ContactPlace,
-        /// Number of updates.
+        /// Number of updates of the multipliers.
         augmentations: usize,
-        /// Overlap there, [length]; negative for a gap that still transfers a force.
+        /// Overlap at this point, [length]; negative for a gap that still transfers a force.
         overlap: f64,
-        /// Slip there, [length].
+        /// Slip at this point, [length].
         slip: f64,
         /// Largest overlap and slip tolerated, [length].
         most: f64,
@@ -82,7 +82,7 @@ pub enum ContactError {
     Loose {
         /// Name of the tool.
         tool: String,
-        /// The free component.
+        /// The component along which the tool is free.
         component: &'static str,
     },
     /// A prescribed motion is not finite.
@@ -93,18 +93,18 @@ pub enum ContactError {
     NotFinite {
         /// Name of the tool.
         tool: String,
-        /// The component.
+        /// The component of the motion.
         component: &'static str,
         /// Text of the formula.
         formula: String,
-        /// Its value.
+        /// Value of this formula.
         value: f64,
         /// The load factor.
         factor: f64,
         /// The time.
         time: f64,
     },
-    /// The load factor is unknown, but the tool cannot follow it.
+    /// A tool cannot follow an unknown load factor.
     #[error(
         "tool `{tool}` cannot follow an unknown load factor: it moves with time, turns about several axes, or acts before the \
          last stage"
@@ -118,7 +118,7 @@ pub enum ContactError {
     OffAxis {
         /// Name of the tool.
         tool: String,
-        /// The component.
+        /// The component of the motion off the axis.
         component: &'static str,
     },
 }

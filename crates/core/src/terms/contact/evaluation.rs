@@ -20,7 +20,7 @@ pub(super) struct Trial<const D: usize> {
     /// Position, [length]; the position at the start of the step if the contact point cannot have reached the tool and
     /// no part of the tool can lie within its domain.
     pub(super) position: [f64; D],
-    /// Motion relative to the tool since the start of the step, [length]; 0 if `position` is that at the start.
+    /// Motion relative to the tool since the start of the step, [length]; 0 if `position` is the one at the start.
     pub(super) slip: [f64; D],
     /// The force, if the contact point touches the tool. Most contact points are open.
     pub(super) touch: Option<Box<Touch<D>>>,
@@ -41,7 +41,7 @@ pub(super) struct Trials<'a, const D: usize, const N: usize> {
     pub(super) delta_d: &'a [[f64; N]],
     /// The largest displacement of a node, [length].
     pub(super) farthest: f64,
-    /// True at the start of the iterations, where no node has moved yet.
+    /// True at the start of the iterations, when no node has moved yet.
     pub(super) at_rest: bool,
 }
 
@@ -175,8 +175,8 @@ pub(super) fn add<const D: usize, const N: usize>(
     }
 }
 
-/// Supports the unknown motions of tools whose contact points all slide, by the stiffness of the cells below: friction
-/// then does not resist further motion along the surface, until a contact point sticks.
+/// Supports the unknown motions of tools whose contact points all slide, with the stiffness of the cells below: as long
+/// as no contact point sticks, friction does not resist further motion along the surface.
 fn support_sliding<const D: usize, const N: usize>(
     tools: &[Moving<D>],
     pairs: &[(&Candidate<D>, &Trial<D>)],
@@ -195,7 +195,7 @@ fn support_sliding<const D: usize, const N: usize>(
     }
 }
 
-/// Supports a contact point along the surface with this normal, by the stiffness of the cell below.
+/// Supports a contact point along the surface with this normal, with the stiffness of the cell below.
 pub(super) fn support<const D: usize, const N: usize>(
     candidate: &Candidate<D>,
     normal: &[f64; D],

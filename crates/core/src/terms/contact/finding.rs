@@ -1,4 +1,4 @@
-//! The contact points of a step: those that are awake at its start, and all of them once the grid has moved far.
+//! The contact points of a step: those that are awake at its start, and all of them once the nodes have moved far.
 
 use rustc_hash::FxHashMap;
 
@@ -19,8 +19,8 @@ use crate::step::StepContext;
 /// [force/length].
 type Awake<const D: usize> = ([Multiplier<D>; 2], f64);
 
-/// Contact points sleep if they are farther from a flat surface than these multiples of the size of the smallest cell
-/// and of the motion of the tool in the step.
+/// Contact points sleep if their distance from a flat surface exceeds these multiples both of the size of the smallest
+/// cell and of the motion of the tool in the step.
 const AWAKE: f64 = 0.1;
 const AWAKE_AFTER: f64 = 10.0;
 

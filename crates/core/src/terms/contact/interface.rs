@@ -58,7 +58,7 @@ pub(super) struct Added<const D: usize> {
     pub(super) multiplier: Multiplier<D>,
     /// The force on the body, [force].
     pub(super) force: [f64; D],
-    /// The changes of the multipliers divided by the penalty, [length].
+    /// The change of the normal multiplier, here, and of the shear, below, divided by the penalty, [length].
     pub(super) overlap: f64,
     pub(super) slip: [f64; D],
 }
@@ -129,8 +129,8 @@ pub(super) struct Approach<const D: usize> {
     pub(super) pressure: f64,
     /// λ_t, in global axes, [force].
     pub(super) shear: [f64; D],
-    /// True if the surfaces touch at the start of the step and transfer no force yet: their stiffness must act all the
-    /// same.
+    /// True if the surfaces touch at the start of the step and transfer no force yet: their stiffness must act
+    /// nevertheless.
     pub(super) is_fresh: bool,
     /// True at the start of the iterations: contact points that did not slide in the previous step then stick, whatever
     /// the shear, so that they hold the body.
@@ -233,7 +233,7 @@ impl<const D: usize> Touch<D> {
         self.approach.gap
     }
 
-    /// The motion relative to the tool in the step, tangential to it, [length].
+    /// The motion relative to the tool in the step, tangential to its surface, [length].
     pub(super) fn slip(&self) -> [f64; D] {
         let (n, s) = (&self.approach.normal, &self.approach.slip);
         along(s, -dot(n, s), n)

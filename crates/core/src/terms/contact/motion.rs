@@ -212,12 +212,12 @@ pub(super) fn farthest<const D: usize, const N: usize>(delta_d: &[[f64; N]]) -> 
     displacement::<D, N>(delta_d).iter().map(norm).fold(0.0, f64::max)
 }
 
-/// A vector with three components.
+/// The vector with three components; missing ones are zero.
 pub(super) fn in_space<const D: usize>(v: &[f64; D]) -> [f64; 3] {
     std::array::from_fn(|d| if d < D { v[d % D] } else { 0.0 })
 }
 
-/// A rate of rotation times a vector.
+/// The vector product of a rate of rotation and a vector.
 pub(super) fn turn<const D: usize>(rate: &[f64; 3], v: &[f64; D]) -> [f64; D] {
     let turned = cross(rate, &in_space(v));
     std::array::from_fn(|d| turned[d])

@@ -35,7 +35,7 @@ pub(super) fn forces_of<const D: usize>(trial: &Trial<D>, moving: &Moving<D>) ->
     })
 }
 
-/// What a contact point that touches keeps for the next step.
+/// What a contact point that touches a tool keeps for the next step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Kept<const D: usize> {
     pub(super) multiplier: Multiplier<D>,

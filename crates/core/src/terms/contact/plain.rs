@@ -7,7 +7,7 @@ use crate::tool::Closest;
 
 /// A value that can be written as a few numbers. Whole numbers must be below 2⁵³.
 pub(super) trait Plain: Sized {
-    /// Appends its numbers.
+    /// Appends the numbers that represent the value.
     fn tell(&self, numbers: &mut Vec<f64>);
 
     /// The value that the next numbers represent; `None` if there are none left.
@@ -22,8 +22,8 @@ pub(super) fn of_all_ranks<T: Plain>(ranks: &Ranks, own: Vec<T>) -> Vec<T> {
     ranks.gather_all(in_numbers(&own)).into_iter().flat_map(from_numbers).collect()
 }
 
-/// Sends values to some ranks, each at most once; returns the values for this rank with the ranks that sent them,
-/// ascending.
+/// Sends values to some ranks, at most one message to each; returns the values for this rank, each message with the
+/// rank that sent it, in ascending order of these ranks.
 pub(super) fn exchange<T: Plain>(ranks: &Ranks, messages: Vec<(usize, Vec<T>)>) -> Vec<(usize, Vec<T>)> {
     let messages = messages.into_iter().map(|(rank, values)| (rank, in_numbers(&values))).collect();
     let received = ranks.exchange(messages).into_iter();

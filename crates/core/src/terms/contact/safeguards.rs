@@ -42,7 +42,7 @@ impl<const D: usize> Contact<D> {
         agreed(self.halo.ranks(), self.check_own_motion(step, points, at, &centres))
     }
 
-    /// The same for the contact points of this rank.
+    /// Checks how far the contact points of this rank have moved.
     fn check_own_motion<const N: usize>(
         &self,
         step: &StepContext<D>,

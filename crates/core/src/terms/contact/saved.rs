@@ -8,7 +8,7 @@ use super::interface::Multiplier;
 use super::multipliers::Kept;
 use crate::tool::Pose;
 
-/// Poses, what contact points keep, and whether each body has begun.
+/// The poses of the tools, the state kept for the contact points, and whether each body has begun.
 type State<const D: usize> = (Vec<Pose<D>>, FxHashMap<Key, Kept<D>>, Vec<bool>);
 
 /// The state at the end of the last step in equilibrium.

@@ -15,11 +15,11 @@ use crate::tool::Closest;
 
 /// Distance within which domains share a corner, relative to the size of a cell, [-].
 const SHARED: f64 = 1e-8;
-/// Largest sine of the angle between the surface of a tool and the edges of a side of a domain that lies along it, [-]:
-/// of the domains around a corner, those that touch the tool only with the corner get no share of its area.
+/// Sine of the angle between the surface of a tool and the edges of a side of a domain up to which this side counts as
+/// lying along the surface, [-]. A domain that touches the tool only with a corner adds nothing to the corner's area.
 const ALONG: f64 = 0.5;
 /// Cosine of the angle between normals within which the surface of a tool without edges counts as flat over a domain,
-/// [-]: its radius is then many times the size of the domain.
+/// [-]: the radius of the surface is then many times the size of the domain.
 const FLAT: f64 = 0.99;
 /// Additional search distance, in cells, which lets the search skip the next material points.
 const AHEAD: f64 = 4.0;
@@ -34,14 +34,15 @@ struct OfPoint<'a, const D: usize> {
     reach: f64,
 }
 
-/// A position outside a tool, with a lower bound of its distance, [length]; negative if the position is inside.
+/// A position, and a lower bound on its distance from the surface of a tool, [length]; negative for a position that was
+/// found inside the tool.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Far<const D: usize> {
     from: [f64; D],
     distance: f64,
 }
 
-/// What the search has found in a piece of the material points.
+/// What the search has found for a part of the material points.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Found<const D: usize> {
     pub(super) places: Vec<Near<D>>,
@@ -258,7 +259,7 @@ struct Vertex<const D: usize> {
 }
 
 impl<const D: usize> Vertex<D> {
-    /// `None` for a point whose domain is not given by corners.
+    /// The corner with this index; `None` for a point whose domain is not given by corners.
     fn of(corners: &[[f64; D]], corner: usize) -> Option<Self> {
         let start = corners.get(corner)?;
         let is_box = corners.len() == 1 << D;
@@ -267,7 +268,7 @@ impl<const D: usize> Vertex<D> {
         Some(Vertex { edges, of_side: if is_box { 1 << (D - 1) } else { D } })
     }
 
-    /// Its share of the side that is most parallel to the surface with this normal, projected along the normal,
+    /// The share of the corner in the side most parallel to the surface with this normal, projected along the normal,
     /// [length^(D−1)], and the largest sine of the angle between an edge of that side and the surface.
     fn area(&self, normal: &[f64; D]) -> (f64, f64) {
         let slope = |e: &[f64; D]| dot(e, normal).abs() / norm(e);

@@ -68,7 +68,7 @@ pub fn overlaps_at_start<const D: usize>(model: &Model<D>, points: &Points<D>) -
 /// A material point whose domain reaches into a tool.
 struct Inside<const D: usize> {
     p: usize,
-    /// Its deepest corner, [length].
+    /// The corner of its domain that lies deepest in the tool, [length].
     corner: [f64; D],
     overlap: f64,
 }
@@ -139,7 +139,8 @@ impl<const D: usize> Placed<'_, D> {
         Some(points.ranks.largest(length.unwrap_or(f64::INFINITY))).filter(|length| length.is_finite())
     }
 
-    /// A length greater than the grid and the tool together, [length]; twice the grid for unbounded tools.
+    /// Twice the diagonal of the box around the grid and the tool, [length]; of the grid alone if the tool is
+    /// unbounded.
     fn reach(&self, grid: Bounds<D>) -> f64 {
         let around = at_pose(self.tool, &self.tool.pose).map_or(grid, |bounds| hull(grid, bounds));
         2.0 * norm(&minus(&around[1], &around[0]))

@@ -12,7 +12,7 @@ of_parts!([const D: usize] Touching<D>, { tool, contact, moment, parts, overlap,
 /// A tool at the end of a step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ToolState<const D: usize> {
-    /// Pose.
+    /// Pose of the tool.
     pub pose: Pose<D>,
     /// Displacement of the reference point since the start of the analysis, [length].
     pub displacement: [f64; D],
@@ -20,15 +20,16 @@ pub struct ToolState<const D: usize> {
     pub rotation: [f64; 3],
     /// Force of the tool on the bodies, [force].
     pub force: [f64; D],
-    /// Moment of these forces about the reference point and the axes x, y and z, [force·length].
+    /// Moment of the forces of the tool on the bodies about the reference point and the axes x, y and z,
+    /// [force·length].
     pub moment: [f64; 3],
     /// Force that the loads of the tool exert on it, [force].
     pub load: [f64; D],
-    /// Moment of these loads about the reference point, [force·length].
+    /// Moment of the loads of the tool about the reference point, [force·length].
     pub load_moment: [f64; 3],
     /// Largest overlap with a body that contact forces have left, [length]; 0 if there is none.
     pub overlap: f64,
-    /// Largest further overlap of a contact point that touches, [length]: the update of boxes has left it, and it
+    /// Largest further overlap of a contact point that touches, [length]; the update of box domains has left it, and it
     /// vanishes along the path of the contact point.
     pub allowed_overlap: f64,
     /// Largest slip in the step of a contact point that sticks, [length].
@@ -37,7 +38,7 @@ pub struct ToolState<const D: usize> {
     pub augmentations: usize,
     /// The contact points that touch the tool.
     pub contacts: Vec<ContactPoint<D>>,
-    /// The forces on its named parts, in the order of the model.
+    /// The forces on the named parts of the tool, in the order of the model.
     pub parts: Vec<PartState<D>>,
 }
 
@@ -46,9 +47,10 @@ pub struct ToolState<const D: usize> {
 pub struct PartState<const D: usize> {
     /// Force of the part on the bodies, [force].
     pub force: [f64; D],
-    /// Moment of these forces about the reference point of the tool and the axes x, y and z, [force·length].
+    /// Moment of the forces of the part on the bodies about the reference point of the tool and the axes x, y and z,
+    /// [force·length].
     pub moment: [f64; 3],
-    /// Number of contact points that touch it.
+    /// Number of contact points that touch the part.
     pub contacts: usize,
 }
 
@@ -82,9 +84,9 @@ pub struct ContactPoint<const D: usize> {
 pub(super) struct Touching<const D: usize> {
     pub(super) tool: usize,
     pub(super) contact: ContactPoint<D>,
-    /// Moment of its force about the reference point, [force·length].
+    /// Moment of the force of the contact point about the reference point, [force·length].
     pub(super) moment: [f64; 3],
-    /// The named parts that it touches.
+    /// The named parts that the contact point touches.
     pub(super) parts: Vec<usize>,
     /// Overlap, the further overlap that the contact point may keep, and slip if it sticks, [length].
     pub(super) overlap: f64,

@@ -40,14 +40,14 @@ pub(super) struct Task<'a, const D: usize, M> {
     /// True if at least one body does not have [`Volumetric::Standard`](crate::stress::Volumetric::Standard).
     pub(super) dilated: bool,
     pub(super) wanted: Wanted,
-    /// The law of each point, if some are stand-ins for laws that are evaluated in batches.
+    /// The law of each point, if some laws are stand-ins for laws that are evaluated in batches.
     pub(super) laws: Option<&'a [&'a dyn Material]>,
     /// The laws of the materials with reduced strength; empty at full strength.
     pub(super) reduced: &'a [Option<Box<dyn Material>>],
     pub(super) mechanics: std::marker::PhantomData<M>,
 }
 
-/// The output of the points of consecutive groups.
+/// The output for the points of consecutive groups.
 pub(super) struct Trial<'a, const D: usize> {
     /// Index of the first of these points.
     pub(super) first: usize,
@@ -84,7 +84,7 @@ impl<'a, const D: usize> Trial<'a, D> {
     }
 }
 
-/// The output of consecutive groups, with their working space.
+/// The output for consecutive groups, with their working space.
 pub(super) struct Work<'a, const D: usize> {
     pub(super) trial: Trial<'a, D>,
     pub(super) dense: &'a mut [Block<D>],

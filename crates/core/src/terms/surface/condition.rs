@@ -73,12 +73,12 @@ pub(super) struct Condition<const D: usize> {
     on: OnSurface,
     /// β, [stress/length].
     penalty: f64,
-    /// Axes, or directions of the condition, that are prescribed.
+    /// Axes, or directions of the condition, along which the displacement is prescribed.
     components: Vec<usize>,
     patches: Vec<Patch>,
     equations: Vec<Equation<D>>,
-    /// m of each equation when the condition began to act, the value at which the condition holds the surface: as of
-    /// the last step in equilibrium, and in the current step. `None` while the condition does not act.
+    /// m of each equation when the condition began to act; the condition holds the surface at this value. First as of
+    /// the last step in equilibrium, then in the current step. `None` while the condition does not act.
     origins: Option<Vec<f64>>,
     trial_origins: Option<Vec<f64>>,
     /// λ of the last step in equilibrium and of the last evaluation; zero while the condition does not act.
@@ -86,7 +86,7 @@ pub(super) struct Condition<const D: usize> {
     trial: Vec<f64>,
     /// Reaction on the body at each sample, [force].
     reaction: Vec<[f64; D]>,
-    /// Directions at each sample, for each component.
+    /// For each component, its direction at each sample.
     directions: Vec<Vec<[f64; D]>>,
 }
 

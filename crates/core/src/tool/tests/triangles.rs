@@ -82,7 +82,7 @@ fn cavities_and_sheets_that_touch_at_a_corner() {
     }
 }
 
-/// A single sheet has a pseudonormal at its corner; at a corner of two sheets, the exact test decides.
+/// A single sheet has a pseudonormal at its corner; where two sheets meet at a corner, the exact test decides.
 #[test]
 fn beyond_a_corner_of_two_sheets_is_outside() {
     let spike = |mirrored: bool| {
