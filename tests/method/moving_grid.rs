@@ -277,8 +277,8 @@ fn motions_that_squeeze_cells_are_found_before_the_run() {
     let message = refused("[2, 0.8]", "[1.5, -7], [2, 0]");
     assert_eq!(
         message,
-        "at time 1.44, the grid lines between y = 2 and 4 cannot follow: the cells shrink to 0.094 of their size; the least \
-         possible is 0.1"
+        "at time 1.44, the grid lines between y = 2 and 4 cannot follow: the cells shrink to 0.094 of their original size; \
+         the smallest allowed ratio is 0.1"
     );
     // The second stage begins where the first one ends.
     let by_factors = slump("gimp", follow)
