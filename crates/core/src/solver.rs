@@ -92,13 +92,16 @@ pub trait Solvable<const D: usize> {
     fn kernels(&self) -> Kernels<D>;
 }
 
+// Callers in other crates would compile the whole solver again if these functions were inlined there.
 impl Solvable<2> for Model<2> {
+    #[inline(never)]
     fn kernels(&self) -> Kernels<2> {
         if self.revolved { Kernels::of::<Axisymmetric>() } else { Kernels::of::<PlaneStrain>() }
     }
 }
 
 impl Solvable<3> for Model<3> {
+    #[inline(never)]
     fn kernels(&self) -> Kernels<3> {
         Kernels::of::<Solid>()
     }
