@@ -10,7 +10,8 @@ use mpm::deck::load::{load, load_text};
 use mpm::model::{Control, Controlled, Model, PatternReuse, Predictor, StabilisationMode, StiffnessUpdate};
 use mpm::points::Points;
 use mpm::solver::{
-    self, Diagnosis, FailedAttempt, Kind, Observer, Reached, SolveError, Step, StepReport, Summary,
+    self, Diagnosis, FailedAttempt, Kind, Observer, Reached, Silent, SolveError, Step, StepReport, Stepper,
+    Summary,
 };
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
@@ -483,4 +484,19 @@ fn an_analysis_serves_for_the_patterns_that_it_contains() {
     let (mut stopped, reached) = recorder.reached.unwrap();
     solver::go_on(&model, &mut stopped, reached, &mut Recorder::default()).unwrap();
     assert!(stopped.converged.position == points.converged.position);
+}
+
+/// After the last step, no report of it is returned again.
+#[test]
+fn no_step_follows_the_end_of_the_analysis() {
+    let (model, mut points) =
+        deck("beam.yaml", &[("h", "0.5"), ("n", "3"), ("method", "mpm"), ("steps", "50")]);
+    let mut stepper = Stepper::new(&model, &mut points);
+    for index in 1..=50 {
+        assert_eq!(stepper.step(&mut Silent).unwrap().unwrap().step.index, index);
+    }
+    for _ in 0..2 {
+        assert!(stepper.step(&mut Silent).unwrap().is_none());
+        assert_eq!(stepper.reached().step.index, 50);
+    }
 }

@@ -4,6 +4,8 @@ import collections
 import json
 import pathlib
 import re
+import shutil
+import subprocess
 
 import pytest
 
@@ -158,6 +160,26 @@ def test_circles_and_arrows_upwards_are_found(tmp_path):
     assert circles(found.arrows()) == [["crate_of_test::a", "crate_of_test::b"]]
     (tmp_path / "b.rs").write_text("pub struct Beta;\n#[cfg(test)]\nmod tests {\n    use super::Alpha;\n}\n")
     assert circles(Sources({"crate_of_test": tmp_path / "lib.rs"}).arrows()) == []
+
+
+# Functions of the solver that a step cannot do without.
+SOLVER = re.compile(r"mpm_core::solver::\S*(?:<impl .*>|Stepper<.*>)::(solve_step|attempt|newton_step|evaluate)$", re.M)
+
+
+@pytest.mark.skipif(shutil.which("nm") is None, reason="nm is not installed")
+def test_the_solver_is_compiled_in_the_core_alone(program):
+    compiled = {}
+    for crate in CRATES:
+        library = program.parent / f"lib{crate}.rlib"
+        if crate != "program" and library.exists():
+            command = ["nm", "--demangle", "--defined-only", library]
+            symbols = subprocess.run(command, capture_output=True, text=True, timeout=300).stdout
+            compiled[crate] = collections.Counter(SOLVER.findall(symbols))
+    if not {"mpm_core", "mpm"} <= compiled.keys():
+        pytest.skip("the program under test has no libraries beside it")
+    core = compiled.pop("mpm_core")
+    assert set(core) >= {"solve_step", "attempt"} and core["solve_step"] == 2, "for two axes and for three"
+    assert all(not functions for functions in compiled.values()), compiled
 
 
 def keys_of_decks():

@@ -66,9 +66,14 @@ mod summary;
 mod unknowns;
 mod update;
 
+use std::collections::BTreeMap;
+
 use crate::model::Model;
 use crate::points::Points;
 use crate::stress::{Axisymmetric, PlaneStrain, Solid};
+use crate::terms::Saved;
+
+use release::balancing_forces;
 
 pub use crate::equilibrium::{GridFields, InitialState, ReactionMoment, StepReport};
 pub use crate::step::Step;
@@ -90,13 +95,39 @@ pub use summary::{Reached, StageReached, Summary};
 pub trait Solvable<const D: usize> {
     /// The solver code compiled for the mechanics of this model.
     fn kernels(&self) -> Kernels<D>;
+
+    /// The forces on the free unknowns that balance the converged state of `points` at the start of `step`, by grid
+    /// node, [force]. The terms of the model are in the state `saved`.
+    ///
+    /// # Errors
+    /// [`SolveError`] if a point lies outside the grid, constraints contradict each other, or a load is not finite.
+    fn balancing_forces(
+        &self,
+        points: &mut Points<D>,
+        step: Step,
+        saved: &BTreeMap<String, Saved>,
+    ) -> Result<Vec<(u32, [f64; D])>, SolveError>;
 }
 
-// Callers in other crates would compile the whole solver again if these functions were inlined there.
+// If other crates inlined these functions, they would compile the whole solver again.
 impl Solvable<2> for Model<2> {
     #[inline(never)]
     fn kernels(&self) -> Kernels<2> {
         if self.revolved { Kernels::of::<Axisymmetric>() } else { Kernels::of::<PlaneStrain>() }
+    }
+
+    #[inline(never)]
+    fn balancing_forces(
+        &self,
+        points: &mut Points<2>,
+        step: Step,
+        saved: &BTreeMap<String, Saved>,
+    ) -> Result<Vec<(u32, [f64; 2])>, SolveError> {
+        if self.revolved {
+            balancing_forces::<2, Axisymmetric>(self, points, step, saved)
+        } else {
+            balancing_forces::<2, PlaneStrain>(self, points, step, saved)
+        }
     }
 }
 
@@ -104,6 +135,16 @@ impl Solvable<3> for Model<3> {
     #[inline(never)]
     fn kernels(&self) -> Kernels<3> {
         Kernels::of::<Solid>()
+    }
+
+    #[inline(never)]
+    fn balancing_forces(
+        &self,
+        points: &mut Points<3>,
+        step: Step,
+        saved: &BTreeMap<String, Saved>,
+    ) -> Result<Vec<(u32, [f64; 3])>, SolveError> {
+        balancing_forces::<3, Solid>(self, points, step, saved)
     }
 }
 

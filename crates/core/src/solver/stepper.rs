@@ -1,6 +1,6 @@
 //! Stepping: the choice of each load step, the response to a failed one, and the commit of a converged one.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
 use crate::basis::Connectivity;
 use crate::equilibrium::StepReport;
@@ -9,7 +9,7 @@ use crate::model::{GridMotionError, Model};
 use crate::points::Points;
 use crate::step::Step;
 use crate::stress::Mechanics;
-use crate::terms::{Saved, Terms, of_model, restore};
+use crate::terms::{Terms, of_model, restore};
 use crate::timing::Phase;
 
 use super::Solvable;
@@ -21,7 +21,6 @@ use super::equations::{Equations, OfEngine};
 use super::error::SolveError;
 use super::fields::Fields;
 use super::observer::Observer;
-use super::release::balancing_forces;
 use super::summary::{Reached, Summary};
 
 /// An analysis, load step by load step.
@@ -59,25 +58,22 @@ pub struct Stepper<'a, const D: usize, const N: usize = D> {
     pub(super) reached: Reached,
 }
 
-/// The code of an analysis, compiled once for each number of axes; its terms are compiled for the mechanics of the
+/// The code of an analysis, compiled for `N` components at each node; its terms are compiled for the mechanics of the
 /// idealisation.
 ///
-/// Because steps are solved through a function of this struct, [`super::Solvable`] compiles the solver in this crate,
-/// with full optimisation, rather than in each program that runs an analysis.
+/// Because steps are solved through a function of this struct, [`super::Solvable`] compiles the solver for `N = D` in
+/// this crate, once and with full optimisation. Kernels with further fields are compiled where they are asked for.
 #[derive(Clone, Copy)]
 pub struct Kernels<const D: usize, const N: usize = D> {
     terms: fn(&Model<D>) -> Terms<D, N>,
     /// Solves the next step; false at the end of the analysis.
     pub(super) step: StepFunction<D, N>,
-    pub(super) balancing_forces: BalancingFunction<D>,
     /// True for bodies of revolution.
     revolved: bool,
 }
 
 type StepFunction<const D: usize, const N: usize> =
     fn(&mut Stepper<'_, D, N>, &mut dyn Observer<D>) -> Result<bool, SolveError>;
-type BalancingFunction<const D: usize> =
-    fn(&Model<D>, &mut Points<D>, Step, &BTreeMap<String, Saved>) -> Result<Vec<(u32, [f64; D])>, SolveError>;
 
 impl<const D: usize, const N: usize> Kernels<D, N> {
     /// The kernels for a kind of mechanics.
@@ -85,7 +81,6 @@ impl<const D: usize, const N: usize> Kernels<D, N> {
         Kernels {
             terms: of_model::<D, N, M>,
             step: |stepper, observer| stepper.solve_step(observer),
-            balancing_forces: balancing_forces::<D, M>,
             revolved: M::REVOLVED,
         }
     }

@@ -145,3 +145,61 @@ pub(super) fn in_parts<T: Send>(first: usize, out: &mut [T], work: &(impl Fn(usi
     let (left, right) = out.split_at_mut(middle);
     rayon::join(|| in_parts(first, left, work), || in_parts(first + middle, right, work));
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Products of rows with 0 to 5 entries, which fill lanes partly and fully, equal plain sums. The working space is
+    /// full of NaN, so that every entry that is read must have been written.
+    fn products_equal_plain_sums<const N: usize>() {
+        let columns = [vec![], vec![2], vec![0, 3], vec![0, 1, 4], vec![1, 2, 3, 5], vec![0, 1, 2, 3, 4]];
+        let mut start = vec![0];
+        start.extend(columns.iter().scan(0, |end, row: &Vec<u32>| {
+            *end += row.len();
+            Some(*end)
+        }));
+        let mut rows = Rows::<N>::new(start, columns.concat());
+        let entry = |row: usize, i: usize, column: u32, k: usize| {
+            ((row + 1) * 7 + i * 5 + column as usize * 3 + k * 11) as f32 / 8.0
+        };
+        rows.fill(&|piece: Piece<N>| {
+            piece.for_each(|row, columns, values| {
+                let width = values.len() / N;
+                for i in 0..N {
+                    for (place, &column) in columns.iter().enumerate() {
+                        for k in 0..N {
+                            values[i * width + place * N + k] = entry(row, i, column, k);
+                        }
+                    }
+                }
+            });
+        });
+        let x: Vec<[f64; N]> =
+            (0..6).map(|c| std::array::from_fn(|k| f64::from(2 * c + 1) / (k as f64 + 2.0))).collect();
+        for (row, columns) in columns.iter().enumerate() {
+            let mut working_space = vec![f64::NAN; rows.width() + 1];
+            let product = rows.times(row, &x, &mut working_space);
+            for i in 0..N {
+                let sum: f64 = columns
+                    .iter()
+                    .flat_map(|&c| (0..N).map(move |k| (c, k)))
+                    .map(|(c, k)| f64::from(entry(row, i, c, k)) * x[c as usize][k])
+                    .sum();
+                assert!(
+                    (product[i] - sum).abs() <= 1e-13 * sum.abs(),
+                    "N = {N}, row {row}: {} {sum}",
+                    product[i]
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn products_of_rows_equal_plain_sums() {
+        products_equal_plain_sums::<1>();
+        products_equal_plain_sums::<2>();
+        products_equal_plain_sums::<3>();
+        products_equal_plain_sums::<4>();
+    }
+}
