@@ -16,11 +16,11 @@ impl<const D: usize> Basis<D> for Gimp {
         out: &mut Support<D>,
     ) -> Result<(), SupportError> {
         let grid = grid.structured().ok_or(SupportError::Unstructured)?;
-        let mut axes: [(usize, AxisSupport); D] = std::array::from_fn(|_| (0, AxisSupport::default()));
+        let mut axes: [AxisSupport; D] = std::array::from_fn(|_| AxisSupport::default());
         for d in 0..D {
-            axes[d] = mean_hats(&grid.axes()[d], point.position[d], point.half_lengths[d]);
+            mean_hats(&grid.axes()[d], point.position[d], point.half_lengths[d], &mut axes[d]);
         }
-        let axes = std::array::from_fn(|d| (axes[d].0, axes[d].1.entries()));
+        let axes = std::array::from_fn(|d| (axes[d].first, axes[d].entries()));
         tensor_product(grid, &axes, out);
         if D > 2 {
             out.factors = Factors::new(&axes);
@@ -108,17 +108,14 @@ fn for_each_offset<const D: usize>(counts: [usize; D], mut visit: impl FnMut([us
 /// Basis functions, with slopes, at consecutive nodes along one axis. Domains up to 6 cells long need no heap memory.
 #[derive(Debug, Default)]
 struct AxisSupport {
+    /// The first of the nodes.
+    first: usize,
     few: [(f64, f64); 8],
     many: Vec<(f64, f64)>,
     n: usize,
 }
 
 impl AxisSupport {
-    fn with_len(n: usize) -> AxisSupport {
-        let many = if n > 8 { vec![(0.0, 0.0); n] } else { Vec::new() };
-        AxisSupport { few: [(0.0, 0.0); 8], many, n }
-    }
-
     fn entries(&self) -> &[(f64, f64)] {
         if self.n > 8 { &self.many } else { &self.few[..self.n] }
     }
@@ -137,7 +134,9 @@ impl AxisSupport {
 /// so their mean over the part of the domain in a cell is the value at the middle of that part, and there is no
 /// cancellation for small domains. Outside the grid there are no nodes, so the values at the nodes of a domain that
 /// extends beyond the grid sum to less than one.
-fn mean_hats(axis: &Axis, x: f64, half_length: f64) -> (usize, AxisSupport) {
+///
+/// `out` is empty before.
+fn mean_hats(axis: &Axis, x: f64, half_length: f64, out: &mut AxisSupport) {
     let n_cells = axis.n_cells() as i64;
     let n = n_cells as f64;
     let a = axis.coordinate(x - half_length);
@@ -147,8 +146,11 @@ fn mean_hats(axis: &Axis, x: f64, half_length: f64) -> (usize, AxisSupport) {
     let first = a.floor().clamp(-1.0, n) as i64;
     let last = ((b.ceil() - 1.0).clamp(-1.0, n) as i64).max(first);
     let (low, high) = (first.max(0), (last + 1).min(n_cells));
-    let mut line = AxisSupport::with_len((high - low + 1) as usize);
-    let entries = line.entries_mut();
+    (out.first, out.n) = (low as usize, (high - low + 1) as usize);
+    if out.n > out.few.len() {
+        out.many.resize(out.n, (0.0, 0.0));
+    }
+    let entries = out.entries_mut();
     let length = axis.distance(a, b);
     for cell in first..=last {
         let (start, end) = (a.max(cell as f64), b.min(cell as f64 + 1.0));
@@ -163,5 +165,4 @@ fn mean_hats(axis: &Axis, x: f64, half_length: f64) -> (usize, AxisSupport) {
             }
         }
     }
-    (low as usize, line)
 }

@@ -2,7 +2,7 @@
 
 use super::factors::Factors;
 use super::{Basis, PointGeometry, Support, SupportError};
-use crate::grid::Grid;
+use crate::grid::{CellBasis, Grid};
 
 /// Standard material points: S_vp is the linear basis of the cell that contains the point.
 #[derive(Debug, Clone, Copy)]
@@ -17,30 +17,35 @@ impl<const D: usize> Basis<D> for Mpm {
     ) -> Result<(), SupportError> {
         out.clear();
         out.cells.push(point.cell);
-        let basis = match grid.structured() {
+        match grid.structured() {
             Some(grid) => {
                 let base = grid.cell_index(point.cell as usize);
                 let local = grid.local(base, point.position);
                 if D > 2 {
                     out.factors = Some(Factors::in_cell(&local, &grid.sides(base).map(|h| 1.0 / h)));
                 }
-                grid.basis_in(base, local)
+                append(&grid.basis_in(base, local), out);
             }
-            None => grid.basis_at(point.cell, point.position),
-        };
-        if basis.nodes().is_sorted() {
-            out.nodes.extend_from_slice(basis.nodes());
-            out.value.extend_from_slice(basis.value());
-            out.gradient.extend_from_slice(basis.gradient());
-            return Ok(());
-        }
-        for ((&node, &value), &gradient) in basis.nodes().iter().zip(basis.value()).zip(basis.gradient()) {
-            out.add(node, value, gradient);
+            None => append(&grid.basis_at(point.cell, point.position), out),
         }
         Ok(())
     }
 
     fn shares(&self, _: &dyn Grid<D>, point: &PointGeometry<D>) -> Vec<(u32, f64)> {
         vec![(point.cell, 1.0)]
+    }
+}
+
+/// Adds the basis of a cell to an empty support.
+#[inline(always)]
+fn append<const D: usize>(basis: &CellBasis<D>, out: &mut Support<D>) {
+    if basis.nodes().is_sorted() {
+        out.nodes.extend_from_slice(basis.nodes());
+        out.value.extend_from_slice(basis.value());
+        out.gradient.extend_from_slice(basis.gradient());
+        return;
+    }
+    for ((&node, &value), &gradient) in basis.nodes().iter().zip(basis.value()).zip(basis.gradient()) {
+        out.add(node, value, gradient);
     }
 }

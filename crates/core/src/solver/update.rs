@@ -17,7 +17,8 @@ use crate::step::{Step, StepContext, displacement};
 use crate::tensor::Mat3;
 use crate::timing::{Phase, Timings};
 
-/// The new position, deformation and domain of one point.
+/// The new position, deformation and domain of one point. It is written anew for each point of a task, since copies of
+/// it would take a good part of the update; only the corners that the point has are valid.
 struct Moved<const D: usize> {
     position: [f64; D],
     deformation_gradient: Mat3,
@@ -25,6 +26,18 @@ struct Moved<const D: usize> {
     corners: [[f64; D]; 8],
     /// True if the domain was torn and has been replaced.
     is_replaced: bool,
+}
+
+impl<const D: usize> Moved<D> {
+    fn new() -> Self {
+        Moved {
+            position: [0.0; D],
+            deformation_gradient: Mat3::identity(),
+            half_lengths: [0.0; D],
+            corners: [[0.0; D]; 8],
+            is_replaced: false,
+        }
+    }
 }
 
 /// Largest number of times that the size of a replacement domain is halved to make it fit in the grid.
@@ -63,8 +76,8 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             let mut trial = std::mem::take(&mut self.points.trial);
             trial.make_room_for_motion(&self.points.converged);
             let points = &*self.points;
-            let move_point = |nodes: &[u32], products: &mut Products<D>, p: usize| {
-                let moved = move_point(
+            let move_point = |nodes: &[u32], products: &mut Products<D>, p: usize, moved: &mut Moved<D>| {
+                move_point(
                     model,
                     next_grid,
                     points,
@@ -77,11 +90,12 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
                     p,
                     step,
                     replaces,
+                    moved,
                 )?;
                 if moved.is_replaced {
                     replaced.lock().unwrap_or_else(PoisonError::into_inner).push(points.id[p]);
                 }
-                Ok(moved)
+                Ok(())
             };
             let room = Room {
                 first: 0,
@@ -122,15 +136,17 @@ impl<const D: usize> Room<'_, D> {
         points: &Points<D>,
         links: &Connectivity<D>,
         groups: Range<usize>,
-        move_point: &(impl Fn(&[u32], &mut Products<D>, usize) -> Result<Moved<D>, SolveError> + Sync),
+        move_point: &(impl Fn(&[u32], &mut Products<D>, usize, &mut Moved<D>) -> Result<(), SolveError> + Sync),
     ) -> Result<(), SolveError> {
         if groups.len() <= GRAIN {
             let most = groups.clone().map(|g| links.nodes_of(g).len()).max().unwrap_or(0);
             let (mut value, mut gradient) = (vec![0.0; most], vec![[0.0; D]; most]);
             let mut products = Products { value: &mut value, gradient: &mut gradient };
+            let mut moved = Moved::new();
             for group in groups {
                 for p in links.points_of(group) {
-                    self.keep(points, p, &move_point(links.nodes_of(group), &mut products, p)?);
+                    move_point(links.nodes_of(group), &mut products, p, &mut moved)?;
+                    self.keep(points, p, &moved);
                 }
             }
             return Ok(());
@@ -195,7 +211,8 @@ fn move_point<const D: usize>(
     p: usize,
     step: Step,
     replaces: bool,
-) -> Result<Moved<D>, SolveError> {
+    moved: &mut Moved<D>,
+) -> Result<(), SolveError> {
     let of_point = links.links(p, products);
     let mut position = points.converged.position[p];
     for (&local, value) in of_point.local.iter().zip(of_point.value) {
@@ -215,13 +232,10 @@ fn move_point<const D: usize>(
     let dF = Increment::new(model.revolved, nodes, &of_point, delta_d, start).in_space();
     let F = dF * points.converged.deformation_gradient[p];
     let body = &model.bodies[points.body[p] as usize];
-    let mut moved = Moved {
-        position,
-        deformation_gradient: F,
-        half_lengths: points.half_lengths(p),
-        corners: [[0.0; D]; 8],
-        is_replaced: false,
-    };
+    moved.position = position;
+    moved.deformation_gradient = F;
+    moved.half_lengths = points.half_lengths(p);
+    moved.is_replaced = false;
     match body.method.domain() {
         DomainKind::None => moved.half_lengths = box_of_standard_point(model, points, p, (&F, &dF), &nodal),
         DomainKind::Box => {
@@ -240,8 +254,8 @@ fn move_point<const D: usize>(
         }
         DomainKind::Corners => {
             match body.method {
-                Method::Cpdi2 => carry_corners(points, p, displacement, &mut moved),
-                _ => deform_corners(points, p, 1.0, &mut moved),
+                Method::Cpdi2 => carry_corners(points, p, displacement, moved),
+                _ => deform_corners(points, p, 1.0, moved),
             }
             // Without this check, only the next step, if there is one, would notice an invalid domain.
             let n = points.corner_range(p).len();
@@ -249,7 +263,7 @@ fn move_point<const D: usize>(
                 Some(grid) => check_domain(grid, &moved.corners[..n], points.cell[p]),
                 None => check_domain(next_grid, &moved.corners[..n], points.cell[p]),
             };
-            let mut checked = check(&moved);
+            let mut checked = check(moved);
             if checked.is_err() && body.split_above.is_some() && n == 1 << D {
                 moved.is_replaced = true;
                 let carried = moved.corners;
@@ -258,7 +272,7 @@ fn move_point<const D: usize>(
                     && let Some(size) = sizes.next()
                 {
                     moved.corners = straightened(&carried, n, size);
-                    checked = check(&moved);
+                    checked = check(moved);
                 }
             }
             if (replaces || body.split_above.is_some()) && checked.is_err() {
@@ -267,14 +281,14 @@ fn move_point<const D: usize>(
                 while checked.is_err()
                     && let Some(size) = sizes.next()
                 {
-                    deform_corners(points, p, size, &mut moved);
-                    checked = check(&moved);
+                    deform_corners(points, p, size, moved);
+                    checked = check(moved);
                 }
             }
             checked.map_err(|error| SolveError::domain(model, points, p, position, step, error))?;
         }
     }
-    Ok(moved)
+    Ok(())
 }
 
 /// The updated half lengths of the box of a standard point, which only contact with tools uses; zero for points without
