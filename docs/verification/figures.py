@@ -1,4 +1,4 @@
-"""Draws results of mpm in the style of Coombs et al. (2020): points, domains and the active grid cells.
+"""Draws mpm results in the style of Coombs et al. (2020): points, domains and the active grid cells.
 
     python docs/verification/figures.py RESULTS --field cauchy_stress --component XX --out beam.png
     python docs/verification/figures.py RESULTS --step 20 --domains --out domains.png

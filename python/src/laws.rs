@@ -259,7 +259,7 @@ impl BatchLaw for PythonLaw {
     }
 }
 
-/// Calls an adapter for stored energy and plastic work per initial volume of each point.
+/// Asks an adapter for the stored energy and the plastic work of each point, per unit initial volume.
 fn call_energies(
     py: Python<'_>,
     adapter: &Py<PyAny>,

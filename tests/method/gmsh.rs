@@ -273,8 +273,14 @@ fn contradictions_are_found_where_they_are() {
     assert!(matches!(read(many.as_bytes()), Err(GmshError::Count { count: 4_000_000_000, .. })));
     let error = read(format!("{HEAD}$Nodes\n1\n1 0 0 0\n$EndNodes\n$Other\n").as_bytes());
     assert!(matches!(error, Err(GmshError::Unclosed { .. })));
-    let early = read(format!("{HEAD}$Elements\n0\n$EndElements\n").as_bytes());
-    assert!(matches!(early, Err(GmshError::Expected { .. })));
+    let early = read(format!("{HEAD}$Elements\n0\n$EndElements\n").as_bytes()).unwrap_err();
+    assert_eq!(early.to_string(), "line 5: expected the nodes before the elements, found the elements first");
+    let nodes = "$Nodes\n1\n1 0 0 0\n$EndNodes\n";
+    let twice = read(format!("{HEAD}{nodes}{nodes}").as_bytes()).unwrap_err();
+    assert_eq!(twice.to_string(), "line 9: expected only one section of nodes, found a second one");
+    let names = format!("{HEAD}$PhysicalNames\n1\n4 1 \"soil\"\n$EndPhysicalNames\n");
+    let error = read(names.as_bytes()).unwrap_err();
+    assert_eq!(error.to_string(), "line 6: expected a dimension from 0 to 3, found `4`");
 }
 
 #[test]

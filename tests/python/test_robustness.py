@@ -87,7 +87,7 @@ def test_reports_and_tables_of_studies_replace_only_their_like(mpm, tmp_path):
     page = out / "report.html"
     page.write_text("<!DOCTYPE html>\n<html>mine</html>")
     process = mpm("report", out)
-    assert process.returncode == 2 and "is not a report of mpm" in process.stderr and "mine" in page.read_text()
+    assert process.returncode == 2 and "is not an mpm report" in process.stderr and "mine" in page.read_text()
     page.unlink()
     assert mpm("report", out).returncode == 0 and mpm("report", out).returncode == 0
     assert mpm("report", out, "--out", "/dev/null").returncode == 2

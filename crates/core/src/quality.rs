@@ -380,12 +380,12 @@ fn warn<const D: usize>(
     }
     let is_box = body.method.domain() == DomainKind::Box;
     let detail = (is_box && body.domain_update != DomainUpdate::Corners).then_some(Detail::ReachingBox);
-    let of = match body.method.domain() {
-        DomainKind::Corners => "the corners of the domain",
-        DomainKind::Box | DomainKind::None => "the domain",
+    let (of, are) = match body.method.domain() {
+        DomainKind::Corners => ("the corners of the domain", "are"),
+        DomainKind::Box | DomainKind::None => ("the domain", "is"),
     };
     let message = |PointValue { value, point }| {
-        format!("{:.1} % of {of} of point {point} is outside the grid", 100.0 * value)
+        format!("{:.1} % of {of} of point {point} {are} outside the grid", 100.0 * value)
     };
     exceeds(Code::DomainOutside, measures.outside, MOST_OUTSIDE, &message, detail);
     let message = |PointValue { value, point }| {

@@ -428,7 +428,7 @@ impl Outputs {
         }
         if let Some(path) = report.as_ref().filter(|path| !may_be_replaced(path, REPORT)) {
             bail!(
-                "`{}` exists, but is not a report of mpm; choose another name with `--report`",
+                "`{}` exists, but is not an mpm report; choose another name with `--report`",
                 path.display()
             );
         }

@@ -40,7 +40,7 @@ pub fn report(args: ReportArgs) -> anyhow::Result<u8> {
         _ => PathBuf::from("comparison.html"),
     });
     if !may_be_replaced(&path, REPORT) {
-        bail!("`{}` exists, but is not a report of mpm; choose another name with `--out`", path.display());
+        bail!("`{}` exists, but is not an mpm report; choose another name with `--out`", path.display());
     }
     appendix::write(&path, &page)?;
     message!("the report is {}", path.display());

@@ -59,7 +59,7 @@ impl LogFile {
         let _ = File::open(path).and_then(|file| file.take(FIRST).read_to_end(&mut first));
         let is_log = String::from_utf8_lossy(&first).contains("  mpm ");
         if !first.is_empty() && !is_log {
-            bail!("`{}` exists, but is not a log of mpm; choose another name with `--log`", path.display());
+            bail!("`{}` exists, but is not an mpm log; choose another name with `--log`", path.display());
         }
         let file = OpenOptions::new()
             .create(true)

@@ -10,7 +10,7 @@ pub enum ElementTestError {
     Initial(MaterialError),
     /// A step has no solution.
     #[error(
-        "step {step} has no solution beyond {reached} of its length, even in parts of 1/1024 of the step: {cause}"
+        "step {step} has no solution beyond {reached} of its length, even in increments of 1/1024 of the step: {cause}"
     )]
     Step {
         /// Step number, from 1.

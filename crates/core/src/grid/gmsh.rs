@@ -122,16 +122,16 @@ impl Sections {
             ("Entities", Version::V41) => self.entities = entities(reader)?,
             ("PartitionedEntities", _) => return Err(GmshError::Partitioned { location: reader.location() }),
             ("Nodes" | "ParametricNodes", _) => {
-                reader.require(self.nodes.is_none(), "only one section of nodes")?;
+                reader.require(self.nodes.is_none(), "only one section of nodes", "a second one")?;
                 self.nodes = Some(match version {
                     Version::V22 => nodes::read_22(reader, section == "ParametricNodes")?,
                     Version::V41 => nodes::read_41(reader)?,
                 });
             }
             ("Elements", _) => {
-                reader.require(self.elements.is_none(), "only one section of elements")?;
+                reader.require(self.elements.is_none(), "only one section of elements", "a second one")?;
                 let Some(nodes) = &self.nodes else {
-                    return reader.require(false, "the nodes before the elements");
+                    return reader.require(false, "the nodes before the elements", "the elements first");
                 };
                 self.elements = Some(match version {
                     Version::V22 => elements::read_22(reader, nodes)?,
@@ -179,7 +179,7 @@ fn physical_names(reader: &mut Reader<'_>) -> Result<BTreeMap<GroupKey, String>,
     let mut names = BTreeMap::new();
     for _ in 0..n {
         let dimension = reader.text::<u8>("a group dimension")?;
-        reader.require(dimension <= 3, "a dimension from 0 to 3")?;
+        reader.require(dimension <= 3, "a dimension from 0 to 3", format_args!("`{dimension}`"))?;
         let tag = reader.text::<i32>("a group tag")?.unsigned_abs();
         let name = reader.quoted("a group name in quotes")?;
         if !name.is_empty() {

@@ -28,8 +28,8 @@ const FIRST_BACKTRACK: usize = 8;
 const MOST_BACKTRACKS: usize = 5;
 /// First iteration with a line search after a failed attempt.
 const FIRST_SEARCH: usize = 3;
-/// First iteration with a line search in other cases, as a fraction of the iterations allowed, so that iterations that
-/// converge are left alone.
+/// In all other cases, the line search begins after this fraction of the iterations allowed: late enough to leave
+/// iterations that converge alone.
 const LATE: f64 = 0.75;
 
 impl<const D: usize, const N: usize> LoadStep<'_, D, N> {

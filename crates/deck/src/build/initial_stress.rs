@@ -206,7 +206,7 @@ impl Stress {
 }
 
 impl<const D: usize> Ground<'_, D> {
-    /// Weight per area of the ground between a position and the surface above it, [stress].
+    /// Weight per unit area of the ground between a position and the surface above it, [stress].
     fn weight_above(&self, x: &[f64; D], surface: f64) -> f64 {
         let height = surface - x[D - 1];
         let line = Line::along_axis(*x, D - 1);

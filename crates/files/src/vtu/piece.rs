@@ -40,7 +40,7 @@ impl Section {
     }
 }
 
-/// Size and meaning of the numbers of an array.
+/// Number type of an array: integer or floating point, and its width in bits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Kind {
     Float64,

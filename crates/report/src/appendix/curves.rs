@@ -146,7 +146,7 @@ pub(super) fn of_runs(runs: &[Run], column: &str, name: &str, quantity: Quantity
     };
     let curves =
         runs.iter().enumerate().filter(|(_, run)| !run.column(column).is_empty()).map(curve).collect();
-    let description = format!("{name} against {} of each run", progress.name());
+    let description = format!("{name} against {}, for each run", progress.name());
     chart(description, progress.axis(), Axis::new(name, quantity), curves)
 }
 

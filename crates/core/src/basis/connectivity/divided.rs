@@ -28,8 +28,8 @@ impl<const D: usize> Connectivity<D> {
         self
     }
 
-    /// Adds the cells of other ranks next to the cells of this rank, and their active nodes. Nodes are identified by
-    /// their grid numbers.
+    /// Adds those cells of other ranks that adjoin cells of this rank, together with the active nodes of the added
+    /// cells. Nodes are identified by their grid numbers.
     pub(super) fn add_layer(&mut self, grid: &dyn Grid<D>, ranks: &Ranks, sharing: &Sharing) {
         let Some(communicator) = ranks.communicator() else { return };
         let mut is_touched = vec![false; grid.n_nodes()];

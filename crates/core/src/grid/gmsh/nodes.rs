@@ -124,7 +124,7 @@ pub(super) fn read_41(reader: &mut Reader<'_>) -> Result<Nodes, GmshError> {
     let mut tags = Vec::new();
     for _ in 0..blocks {
         let dimension = reader.natural("an entity dimension")?;
-        reader.require(dimension <= 3, "a dimension from 0 to 3")?;
+        reader.require(dimension <= 3, "a dimension from 0 to 3", format_args!("`{dimension}`"))?;
         reader.int("an entity number")?;
         let parameters = if reader.int("0 or 1")? == 0 { 0 } else { dimension };
         let n = reader.size("the number of nodes")?;

@@ -1,5 +1,6 @@
 //! Low-level reader: numbers, words and sections in any encoding.
 
+use std::fmt::Display;
 use std::str::FromStr;
 
 use super::error::{FileLocation, GmshError};
@@ -64,13 +65,17 @@ impl<'a> Reader<'a> {
         GmshError::Expected { location: self.location_of(at), expected, found }
     }
 
-    /// Returns an error at the current location unless the condition holds.
-    pub(super) fn require(&self, condition: bool, expected: &'static str) -> Result<(), GmshError> {
+    /// Returns an error at the current location unless the condition holds; `found` says what is there instead.
+    pub(super) fn require(
+        &self,
+        condition: bool,
+        expected: &'static str,
+        found: impl Display,
+    ) -> Result<(), GmshError> {
         if condition {
             return Ok(());
         }
-        let found = "something else".into();
-        Err(GmshError::Expected { location: self.location(), expected, found })
+        Err(GmshError::Expected { location: self.location(), expected, found: found.to_string() })
     }
 
     /// Reads the next word of text.
