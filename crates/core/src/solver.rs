@@ -97,7 +97,8 @@ pub trait Solvable<const D: usize> {
     fn kernels(&self) -> Kernels<D>;
 
     /// The forces on the free unknowns that balance the converged state of `points` at the start of `step`, by grid
-    /// node, [force]. The terms of the model are in the state `saved`.
+    /// node, [force]. The terms of the model are in the state `saved`. The transition to the next stage releases these
+    /// forces.
     ///
     /// # Errors
     /// [`SolveError`] if a point lies outside the grid, constraints contradict each other, or a load is not finite.
@@ -109,7 +110,7 @@ pub trait Solvable<const D: usize> {
     ) -> Result<Vec<(u32, [f64; D])>, SolveError>;
 }
 
-// If other crates inlined these functions, they would compile the whole solver again.
+// Crates that inlined the functions of these implementations would compile the solution of a step again.
 impl Solvable<2> for Model<2> {
     #[inline(never)]
     fn kernels(&self) -> Kernels<2> {

@@ -105,23 +105,26 @@ fn for_each_offset<const D: usize>(counts: [usize; D], mut visit: impl FnMut([us
     }
 }
 
-/// Basis functions, with slopes, at consecutive nodes along one axis. Domains up to 6 cells long need no heap memory.
+/// Number of nodes along an axis whose basis functions need no heap memory: domains may be 6 cells long.
+const FEW: usize = 8;
+
+/// Basis functions, with slopes, at consecutive nodes along one axis.
 #[derive(Debug, Default)]
 struct AxisSupport {
-    /// The first of the nodes.
+    /// Index of the first node.
     first: usize,
-    few: [(f64, f64); 8],
+    few: [(f64, f64); FEW],
     many: Vec<(f64, f64)>,
     n: usize,
 }
 
 impl AxisSupport {
     fn entries(&self) -> &[(f64, f64)] {
-        if self.n > 8 { &self.many } else { &self.few[..self.n] }
+        if self.n > FEW { &self.many } else { &self.few[..self.n] }
     }
 
     fn entries_mut(&mut self) -> &mut [(f64, f64)] {
-        if self.n > 8 { &mut self.many } else { &mut self.few[..self.n] }
+        if self.n > FEW { &mut self.many } else { &mut self.few[..self.n] }
     }
 }
 
@@ -135,7 +138,7 @@ impl AxisSupport {
 /// cancellation for small domains. Outside the grid there are no nodes, so the values at the nodes of a domain that
 /// extends beyond the grid sum to less than one.
 ///
-/// `out` is empty before.
+/// `out` must be empty: the values are added to its entries.
 fn mean_hats(axis: &Axis, x: f64, half_length: f64, out: &mut AxisSupport) {
     let n_cells = axis.n_cells() as i64;
     let n = n_cells as f64;
@@ -147,7 +150,7 @@ fn mean_hats(axis: &Axis, x: f64, half_length: f64, out: &mut AxisSupport) {
     let last = ((b.ceil() - 1.0).clamp(-1.0, n) as i64).max(first);
     let (low, high) = (first.max(0), (last + 1).min(n_cells));
     (out.first, out.n) = (low as usize, (high - low + 1) as usize);
-    if out.n > out.few.len() {
+    if out.n > FEW {
         out.many.resize(out.n, (0.0, 0.0));
     }
     let entries = out.entries_mut();

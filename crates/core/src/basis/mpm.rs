@@ -36,7 +36,8 @@ impl<const D: usize> Basis<D> for Mpm {
     }
 }
 
-/// Adds the basis of a cell to an empty support.
+/// Adds the nodes of a cell, with values and gradients, to a support without nodes. It is inlined so that the basis is
+/// not copied.
 #[inline(always)]
 fn append<const D: usize>(basis: &CellBasis<D>, out: &mut Support<D>) {
     if basis.nodes().is_sorted() {

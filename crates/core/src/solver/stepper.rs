@@ -61,8 +61,8 @@ pub struct Stepper<'a, const D: usize, const N: usize = D> {
 /// The code of an analysis, compiled for `N` components at each node; its terms are compiled for the mechanics of the
 /// idealisation.
 ///
-/// Because steps are solved through a function of this struct, [`super::Solvable`] compiles the solver for `N = D` in
-/// this crate, once and with full optimisation. Kernels with further fields are compiled where they are asked for.
+/// Because a step is solved through a function of this struct, the solution of a step for `N = D` is compiled in this
+/// crate, with full optimisation. Kernels with further fields are compiled in the crate that asks for them.
 #[derive(Clone, Copy)]
 pub struct Kernels<const D: usize, const N: usize = D> {
     terms: fn(&Model<D>) -> Terms<D, N>,

@@ -150,7 +150,7 @@ pub(super) fn in_parts<T: Send>(first: usize, out: &mut [T], work: &(impl Fn(usi
 mod tests {
     use super::*;
 
-    /// Products of rows with 0 to 5 entries, which fill lanes partly and fully, equal plain sums. The working space is
+    /// Products of rows with 0 to 5 blocks, which fill lanes partly and fully, equal plain sums. The working space is
     /// full of NaN, so that every entry that is read must have been written.
     fn products_equal_plain_sums<const N: usize>() {
         let columns = [vec![], vec![2], vec![0, 3], vec![0, 1, 4], vec![1, 2, 3, 5], vec![0, 1, 2, 3, 4]];
@@ -178,7 +178,7 @@ mod tests {
         let x: Vec<[f64; N]> =
             (0..6).map(|c| std::array::from_fn(|k| f64::from(2 * c + 1) / (k as f64 + 2.0))).collect();
         for (row, columns) in columns.iter().enumerate() {
-            let mut working_space = vec![f64::NAN; rows.width() + 1];
+            let mut working_space = vec![f64::NAN; rows.width()];
             let product = rows.times(row, &x, &mut working_space);
             for i in 0..N {
                 let sum: f64 = columns
