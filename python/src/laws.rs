@@ -89,11 +89,14 @@ impl Laws {
     pub fn replace(&self, deck: &mut LoadedDeck) -> Result<(), Raised> {
         for (name, facts, adapter) in &self.list {
             if !deck.deck.materials.contains_key(name) {
-                let known: Vec<&str> = deck.deck.materials.keys().map(String::as_str).collect();
-                let known = known.join(", ");
-                return Err(Raised::misuse(format!(
-                    "there is no material {name:?}; the materials are {known}"
-                )));
+                let known: Vec<String> =
+                    deck.deck.materials.keys().map(|known| format!("{known:?}")).collect();
+                let known = match &known[..] {
+                    [] => "the deck has none".to_owned(),
+                    [one] => format!("the only material is {one}"),
+                    several => format!("the materials are {}", several.join(", ")),
+                };
+                return Err(Raised::misuse(format!("there is no material {name:?}; {known}")));
             }
             let law =
                 PythonLaw { facts: facts.clone(), adapter: Arc::clone(adapter), calls: self.calls.clone() };

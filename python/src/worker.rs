@@ -203,7 +203,7 @@ fn exchange<const D: usize>(
 ) -> Result<LoadedDeck, String> {
     let fixed = changes_during_run(&deck.deck, &changed.loaded.deck);
     if !fixed.is_empty() {
-        return Err(format!("these cannot change during a run: {}", fixed.join("; ")));
+        return Err(format!("what earlier steps depend on cannot change during a run: {}", fixed.join("; ")));
     }
     let mut next = model_of(changed.analysis).ok_or("the number of axes cannot change during a run")?;
     // The points stay; only the model must know its stage.

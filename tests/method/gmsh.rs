@@ -207,6 +207,8 @@ fn prisms_and_pyramids_are_refused() {
         "prisms and pyramids are not supported, but the file has 1 × `Prism 6`, 1 × `Pyramid 5`; use tetrahedra or \
          hexahedra"
     );
+    let mixed = text(nodes, "1 6 2 1 1 1 2 3 4 5 6\n2 9 2 1 1 1 2 3 4 5 6\n").unwrap_err().to_string();
+    assert!(mixed.ends_with("mesh it without prisms and pyramids, and save it with order 1"), "{mixed}");
 }
 
 #[test]
@@ -396,7 +398,7 @@ fn nodes_on_sides_of_connected_cells_are_refused_with_their_position() {
     let hanging = "2 3 0 2 5 6 8\n3 3 0 8 6 7 3\n";
     assert_eq!(
         refusal::<2>(STEP, &format!("1 3 0 1 2 3 4\n{hanging}")),
-        "1 node lies on a side of a cell without being one of its corners, for example node 8 at (2, 1) on the side \
+        "1 node lies on a side of a cell without being one of its corners: node 8 at (2, 1) on the side \
          between the nodes 2 and 3 of element 1 at (1, 1); the basis functions are discontinuous there: cut that cell at \
          the node, or give the cells on both sides the same nodes"
     );
@@ -492,7 +494,7 @@ fn overlapping_cells_are_refused_even_if_no_node_is_inside_another() {
     let nodes = "1 0 0 0\n2 1 0 0\n3 1 1 0\n4 0 1 0\n5 .5 0 0\n6 1.5 0 0\n7 1.5 1 0\n8 .5 1 0\n";
     assert_eq!(
         refusal::<2>(nodes, "1 3 0 1 2 3 4\n2 3 0 5 6 7 8\n"),
-        "1 pair of cells overlaps, for example element 1 at (0.5, 0.5) and element 2 at (1, 0.5); remove one of the two, \
+        "1 pair of cells overlaps: element 1 at (0.5, 0.5) and element 2 at (1, 0.5); remove one of the two, \
          or mesh both bodies as one part"
     );
     // Crossing triangles and tetrahedra, each with all its nodes outside the other.

@@ -247,10 +247,10 @@ fn refuses_inconsistent_data() {
     refused(0.0, Mesh { kinds: Kinds::All(CellKind::Triangle), ..good }, &[], &[], "2 indices");
     let field = scalar("a", Values::Float64(&ones));
     refused(0.0, good, &[field, field], &[], "two point fields are named `a`");
-    refused(0.0, good, &[Field { components: 2, ..field }], &[], "has 2 values, not 2 for each of 2");
+    refused(0.0, good, &[Field { components: 2, ..field }], &[], "needs 2 for each of 2 points");
     refused(0.0, good, &[Field { components: 0, ..field }], &[], "for each of 2");
-    refused(0.0, good, &[Field { component_names: &["X", "Y"], ..field }], &[], "1 components but 2 names");
-    refused(0.0, good, &[], &[scalar("b", Values::Int64(&[1]))], "cell field `b` has 1 values");
+    refused(0.0, good, &[Field { component_names: &["X", "Y"], ..field }], &[], "1 component, but 2");
+    refused(0.0, good, &[], &[scalar("b", Values::Int64(&[1]))], "cell field `b` has 1 value, but");
     refused(0.0, good, &[scalar("a", Values::Float64(&[0.0, f64::NAN]))], &[], "not finite at point 1");
     assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 0, "a refused file leaves nothing");
     vtu::write(&path, 0.0, 0, &good, &[field], &[field]).unwrap();

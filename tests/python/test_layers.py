@@ -22,7 +22,7 @@ CRATES = {
 }
 # From the lowest layer to the highest; a module of the core may use those before it, as a crate may.
 LAYERS = """
-    tensor formula memory timing ranks grid region tool material element_test linear points basis kinematics domain stress surface model step dofs assembly terms
+    counted tensor formula memory timing ranks grid region tool material element_test linear points basis kinematics domain stress surface model step dofs assembly terms
     equilibrium quality solver
 """.split()
 USE = re.compile(r"(?:^|\n)[ \t]*(pub(?:\([^)]*\))?[ \t]+)?use\s+([^;]+);")

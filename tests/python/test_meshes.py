@@ -72,4 +72,4 @@ def test_cells_that_overlap_are_named(mpm, tmp_path):
     nodes |= {5: (0.5, 0.0), 6: (1.5, 0.0), 7: (1.5, 1.0), 8: (0.5, 1.0)}
     process = mpm("check", write(tmp_path, nodes, [(1, 2, 3, 4), (5, 6, 7, 8)]))
     assert process.returncode == 2 and "error[D032]" in process.stderr, process.stderr
-    assert "1 pair of cells overlaps, for example element 1 at (0.5, 0.5) and element 2 at (1, 0.5)" in process.stderr
+    assert "1 pair of cells overlaps: element 1 at (0.5, 0.5) and element 2 at (1, 0.5)" in process.stderr

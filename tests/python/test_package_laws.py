@@ -382,7 +382,7 @@ def test_a_row_that_is_no_number_cuts_the_step():
 
 def test_laws_are_refused_before_the_run():
     deck = column()
-    with pytest.raises(mpm.UsageError, match="no material \"iron\"; the materials are clay"):
+    with pytest.raises(mpm.UsageError, match="no material \"iron\"; the only material is \"clay\""):
         deck.start(laws={"iron": law("numpy", "hencky")})
     for bad, text in [
         (None, "no method `update`"),

@@ -391,7 +391,7 @@ def test_points_in_space_without_domain_are_cubes(page_of, analyse):
 def test_a_failed_run_says_so(page_of, failed):
     text = text_of(page_of(failed).read_text())
     summary = json.loads((failed / "summary.json").read_text())
-    said = f"The analysis failed with {summary['code']} after 1 of 2 load steps: {summary['reason']}"
+    said = f"The analysis failed with {summary['code']}: {summary['reason']}. Load steps in equilibrium: 1 of 2."
     assert re.sub(r"\s+", " ", said).replace("\u2212", "-") in text
     assert "This page shows only steps in equilibrium." in text
     assert "step 2, failed" in text
@@ -409,7 +409,7 @@ def test_a_run_that_goes_on_or_was_killed_says_so(page_of, program, beam, tmp_pa
     process.kill()
     process.wait(timeout=60)
     text = text_of(page_of(out).read_text())
-    assert re.search(r"The analysis was killed: its process ended unexpectedly after \d+ of 2000 load steps", text)
+    assert re.search(r"was killed: its process ended unexpectedly. Load steps in equilibrium: \d+ of 2000", text)
 
 
 def test_a_run_without_summary_and_status(page_of, beam, tmp_path):
@@ -418,14 +418,14 @@ def test_a_run_without_summary_and_status(page_of, beam, tmp_path):
     (directory / "summary.json").unlink()
     (directory / "status.json").unlink()
     text = text_of(page_of(directory).read_text())
-    assert "The outcome of the analysis is unknown" in text and "20 of 20 load steps are in equilibrium" in text
+    assert "The outcome of the analysis is unknown" in text and "Load steps in equilibrium: 20 of 20." in text
     # Before the first step is in equilibrium there is next to nothing to show.
     header = (directory / "history.csv").read_text().splitlines()[0]
     (directory / "history.csv").write_text(header + "\n")
     (directory / "convergence.csv").write_text("step,iteration,residual\n")
     for path in [*directory.glob("*.vtu"), *directory.glob("*.pvd")]:
         path.unlink()
-    assert "0 of 20 load steps" in text_of(page_of(directory).read_text())
+    assert "Load steps in equilibrium: 0 of 20." in text_of(page_of(directory).read_text())
 
 
 def test_results_of_an_earlier_version_have_no_deck(page_of, beam, tmp_path):
@@ -445,7 +445,7 @@ def test_a_comparison_tells_the_runs_apart(comparison, beam):
     text = text_of(html)
     names = [re.escape(name) for name in re.findall(r'<polyline [^>]*data-name="([^"]+)"', html)]
     assert len(set(names)) >= 2
-    assert re.search(r"The analysis failed with S00[12] after 1 of 2 load steps", text)
+    assert re.search(r"The analysis failed with S00[12]: .* Load steps in equilibrium: 1 of 2\.", text)
     assert "Parameters that differ." in text and "gimp" in text and "cpdi2" in text
     assert "- title: Elastic cantilever" in text and "+ title: Elasto-plastic collapse" in text
     tips = [y for name, x, y in curves(html) if np.allclose(y[-1], beam.history["tip_uy"][-1], rtol=1e-5)]

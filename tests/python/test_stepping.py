@@ -126,7 +126,7 @@ def diagnosis_of(mpm, tmp_path):
         process = mpm("run", tmp_path / "deck.yaml", "--out", tmp_path / "out")
         assert process.returncode == 1, process.stderr
         diagnosis = summary_of(Results(tmp_path / "out"))["diagnosis"]
-        assert f"  try: {diagnosis['advice']}" in process.stderr
+        assert f"  help: {diagnosis['advice']}" in process.stderr
         return diagnosis
 
     return run

@@ -46,7 +46,7 @@ pub struct DomainMotion<'a, const D: usize> {
 
 /// The updated half length of a domain is not positive.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-#[error("the domain collapses along axis {axis}: half length {half_length:e}")]
+#[error("the domain collapses along {}: half length {half_length:e}", ["x", "y", "z"][axis % 3])]
 pub struct Collapsed {
     /// Axis of the half length.
     pub axis: usize,

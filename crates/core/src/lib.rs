@@ -83,6 +83,7 @@
 
 pub mod assembly;
 pub mod basis;
+pub mod counted;
 pub mod dofs;
 pub mod domain;
 pub mod element_test;

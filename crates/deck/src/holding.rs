@@ -11,7 +11,7 @@ use mpm_core::points::{Points, coordinates};
 use super::AXES;
 use super::diagnostic::Severity;
 use super::first_step::Check;
-use super::quoting::{list, quote};
+use super::quoting::{either, list, quote};
 
 /// Largest number of parts of the bodies that are reported.
 const MOST_PARTS: usize = 20;
@@ -119,13 +119,16 @@ impl Check<'_> {
             };
             self.at("D035", &pointer, message).severity(Severity::Warning).help(help)
         } else {
-            let axes: Vec<&str> = part.axes.iter().map(|&axis| AXES[axis % 3]).collect();
+            let axes: Vec<String> = part.axes.iter().map(|&axis| AXES[axis % 3].to_owned()).collect();
             let turning = if part.rotations > 0 { ", or against rotation" } else { "" };
-            let axes = axes.join(" and ");
             let message = format!(
-                "{when}no boundary condition holds {bodies} at the node {place} along {axes}{turning}"
+                "{when}no boundary condition holds {bodies} at the node {place} along {}{turning}",
+                either(&axes)
             );
-            let help = "fix or prescribe the displacement along that axis at one or more nodes of each separate part";
+            let which = if axes.len() == 1 { "that axis" } else { "these axes" };
+            let help = format!(
+                "fix or prescribe the displacement along {which} at one or more nodes of each separate part"
+            );
             self.at("D035", &pointer, message).help(help)
         };
         self.found.push(found);

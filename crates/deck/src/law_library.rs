@@ -5,7 +5,8 @@ use std::path::Path;
 
 use super::diagnostic::{Diagnostic, Severity};
 use super::hash::fnv1a;
-use super::quoting::{list, quote};
+use super::quoting::quote;
+use super::references::existing;
 use super::source::Source;
 use super::span::escape;
 use mpm_core::formula::closest;
@@ -94,7 +95,7 @@ impl OfLibrary<'_> {
         let names = || known.iter().map(|parameter| parameter.name.as_str());
         let all = match known {
             [] => "the law has no parameters".to_owned(),
-            _ => format!("the parameters of the law are {}", list(names())),
+            _ => existing(("parameter of the law", "parameters of the law"), &names().collect::<Vec<_>>()),
         };
         let (mut found, mut meant) = (Vec::new(), Vec::new());
         for given in self.parameters.keys().filter(|given| !names().any(|name| name == *given)) {

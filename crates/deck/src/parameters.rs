@@ -7,11 +7,12 @@ use serde_json::{Map, Value};
 
 use super::Parameter;
 use super::diagnostic::Diagnostic;
-use super::quoting::{list, quote};
+use super::quoting::quote;
+use super::references::known_names;
 use super::source::{Source, Substitution};
 use super::span::escape;
 use super::yaml;
-use mpm_core::formula::{self, Formula, FormulaError, closest};
+use mpm_core::formula::{self, Formula, FormulaError};
 
 /// Largest number of parameters of a deck; this also limits the depth of dependencies between them.
 const MOST: usize = 500;
@@ -161,13 +162,7 @@ impl Table<'_> {
                     "{} overrides a parameter that the deck does not have",
                     quote(&format!("--set {name}={text}"))
                 );
-                let known = || self.definitions.keys().map(String::as_str);
-                let help = match closest(name, known()) {
-                    Some(best) => format!("did you mean {}?", quote(best)),
-                    None if self.definitions.is_empty() => "the deck has no parameters".into(),
-                    None => format!("the parameters are {}", list(known())),
-                };
-                let mut diagnostic = Diagnostic::error("D013", message).help(help);
+                let mut diagnostic = Diagnostic::error("D013", message).help(self.known(name));
                 diagnostic.span = self.source.key_span_of("/parameters");
                 self.diagnostics.push(diagnostic);
             }
@@ -430,15 +425,16 @@ impl Table<'_> {
             help = Some("write the name of a parameter, `${name}`".into());
         } else if message.starts_with("unknown name") {
             let name = &inner[error.offset..error.offset + error.length];
-            let known = || self.definitions.keys().map(String::as_str);
             message = format!("unknown parameter {}", quote(name));
-            help = Some(match closest(name, known()) {
-                Some(best) => format!("did you mean {}?", quote(best)),
-                None if self.definitions.is_empty() => "the deck has no parameters".into(),
-                None => format!("the parameters are {}", list(known())),
-            });
+            help = Some(self.known(name));
         }
         Fault::Here { message, offset: start + error.offset, length: error.length.max(1), help }
+    }
+
+    /// Help for the name of a parameter that does not exist.
+    fn known(&self, name: &str) -> String {
+        let names: Vec<&str> = self.definitions.keys().map(String::as_str).collect();
+        known_names(("parameter", "parameters"), name, &names)
     }
 }
 

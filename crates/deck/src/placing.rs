@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 
 use super::Deck;
-use super::quoting::{list, quote};
+use super::quoting::{counted, quote};
+use super::references::known_names;
 use super::region::Groups;
 use super::seeding::{Fault, Filled};
-use mpm_core::formula::closest;
 use mpm_core::grid::Grid;
 use mpm_core::points::{Points, coordinates};
 use mpm_core::ranks::Ranks;
@@ -25,12 +25,11 @@ pub(super) fn unknown_group<const D: usize>(
     let kind = if of_cells { " of cells" } else { "" };
     let names: Vec<&str> =
         grid.set_names().into_iter().filter(|name| !of_cells || grid.cell_set(name).is_some()).collect();
-    let help = match closest(name, names.iter().copied()) {
-        _ if names.is_empty() => format!("the mesh has no physical groups{kind}"),
-        Some(best) => {
-            format!("did you mean {}? the physical groups{kind} are {}", quote(best), list(names))
-        }
-        None => format!("the physical groups{kind} are {}", list(names)),
+    let (one, several) = (format!("physical group{kind}"), format!("physical groups{kind}"));
+    let help = if names.is_empty() {
+        format!("the mesh has no {several}")
+    } else {
+        known_names((&one, &several), name, &names)
     };
     let message = if of_cells && grid.node_set(name).is_some() {
         format!("the physical group {} has no cells", quote(name))
@@ -65,12 +64,15 @@ pub(super) fn inside_grid<const D: usize>(
     let count = ranks.count_all(usize::from(first.is_some()) + lost.count());
     let Some((first, is_outside)) = ranks.first(first) else { return Ok(()) };
     let part = if is_outside { "" } else { " (a corner of its domain)" };
-    let message = format!(
-        "{count} of the {} points of the body {} lie outside the grid, the first at {}{part}",
-        filled.all,
-        quote(body),
-        coordinates(&first)
-    );
+    let (body, place) = (quote(body), coordinates(&first));
+    let lost = match (count, filled.all) {
+        (1, 1) => format!("the only point of the body {body} lies outside the grid, at"),
+        (1, all) => format!("1 of the {all} points of the body {body} lies outside the grid, at"),
+        (_, all) => {
+            format!("{count} of the {all} points of the body {body} lie outside the grid, the first at")
+        }
+    };
+    let message = format!("{lost} {place}{part}");
     let help =
         "move the body, make the grid larger, or cut off the part outside with a `difference`".to_owned();
     Err(Fault { code: "D028", key: "/shape".to_owned(), message, help })
@@ -127,10 +129,12 @@ pub(super) fn overlaps<const D: usize>(
     }
     let name = |body: u16| quote(&bodies[body as usize].name);
     let message = |((later, earlier), (count, _, place)): ((u16, u16), (usize, u32, Vec<f64>))| {
+        let (lie, at) = if count == 1 { ("lies", "at") } else { ("lie", "the first at") };
         let text = format!(
-            "the body {} overlaps the body {}: {count} points of one lie in the region of the other, the first at {}",
+            "the body {} overlaps the body {}: {} of one {lie} in the region of the other, {at} {}",
             name(later),
             name(earlier),
+            counted(count, "point", "points"),
             coordinates(&place)
         );
         (later as usize, text)

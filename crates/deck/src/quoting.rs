@@ -1,5 +1,7 @@
 //! Text of a deck, formatted for messages.
 
+pub use mpm_core::counted::counted;
+
 /// Formats text of a deck for a message: in backquotes, short, without control characters.
 pub fn quote(text: &str) -> String {
     let mut shown: String = text
@@ -11,6 +13,20 @@ pub fn quote(text: &str) -> String {
         shown.push('…');
     }
     format!("`{shown}`")
+}
+
+/// A number without the round-off of the arithmetic that has led to it.
+pub fn rounded(value: f64) -> f64 {
+    format!("{value:.9e}").parse().unwrap_or(value)
+}
+
+/// Formats alternatives for a message: `a, b or c`.
+pub fn either(words: &[String]) -> String {
+    match words {
+        [] => String::new(),
+        [only] => only.clone(),
+        [others @ .., last] => format!("{} or {last}", others.join(", ")),
+    }
 }
 
 /// Formats names as a list for a message: `` `a`, `b` and `c` ``; long lists are truncated.

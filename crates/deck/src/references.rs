@@ -11,14 +11,17 @@ use mpm_core::formula::closest;
 /// these names. The pair contains the word for this kind of entry in the singular and in the plural.
 pub fn known_names((one, several): (&str, &str), name: &str, names: &[&str]) -> String {
     match (closest(name, names.iter().copied()), names.len()) {
-        (_, 0) => format!("the deck has no {several}"),
+        (_, 0) => format!("the deck has no {}", several.replace(" and ", " or ")),
         (Some(best), 1) => format!("did you mean {}?", quote(best)),
-        (Some(best), _) => {
-            format!("did you mean {}? the {several} are {}", quote(best), list(names.iter().copied()))
-        }
-        (None, 1) => format!("the only {one} is {}", list(names.iter().copied())),
-        (None, _) => format!("the {several} are {}", list(names.iter().copied())),
+        (Some(best), _) => format!("did you mean {}? {}", quote(best), existing((one, several), names)),
+        (None, _) => existing((one, several), names),
     }
+}
+
+/// States which names exist: `` the only key is `a` ``, `` the keys are `a` and `b` ``.
+pub(crate) fn existing((one, several): (&str, &str), names: &[&str]) -> String {
+    let known = list(names.iter().copied());
+    if names.len() == 1 { format!("the only {one} is {known}") } else { format!("the {several} are {known}") }
 }
 
 /// Message about a name that refers to no entry of the deck.

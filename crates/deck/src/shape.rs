@@ -17,7 +17,8 @@ use serde_json::Value;
 use self::words::{count_in_words, number_help, subschema};
 use super::Deck;
 use super::diagnostic::Diagnostic;
-use super::quoting::{list, quote};
+use super::quoting::{either, list, quote};
+use super::references::{existing, known_names};
 use super::schema::{resolve, shortest, strict_schema};
 use super::source::Source;
 use super::span::escape;
@@ -29,6 +30,8 @@ pub(crate) use words::written_number;
 const PASSES: usize = 3;
 /// Largest number of unknown keys that are corrected; in a deck with more, most have the same cause.
 const MOST_CORRECTED: usize = 100;
+/// The keys of a mapping, as messages name them, in the singular and in the plural.
+const KEYS: (&str, &str) = ("key here", "keys here");
 
 /// Checks a deck against the schema once its parameters have been substituted; adds a message for every fault. Returns
 /// the deck if it can be read, even if a number is out of range or a key is misspelt, so that later checks can run;
@@ -176,20 +179,17 @@ impl Gate<'_> {
             let at = format!("{pointer}/{}", escape(key));
             let mut diagnostic =
                 Diagnostic::at_key(self.source, "D006", &at, format!("unknown key {}", quote(key)));
-            let keys = list(allowed.iter().map(String::as_str));
-            diagnostic.expected = Some(format!("one of the keys {}", alternatives(allowed.iter())));
-            let best = closest(key, allowed.iter().map(String::as_str));
+            let keys: Vec<&str> = allowed.iter().map(String::as_str).collect();
+            diagnostic.expected = Some(format!("one of the keys {}", alternatives(allowed)));
+            let best = closest(key, keys.iter().copied());
             let meant = best.map(str::to_owned);
             self.unknown.push(UnknownKey { parent: pointer.to_owned(), key: key.clone(), meant });
-            diagnostic.help = Some(match best {
-                None if key.bytes().all(|b| b.is_ascii_digit()) => {
-                    format!("a comma separates entries and does not group digits; the keys here are {keys}")
-                }
-                Some(best) => {
-                    self.meant.insert(format!("{pointer}/{best}"));
-                    format!("did you mean {}? the keys here are {keys}", quote(best))
-                }
-                None => format!("the keys here are {keys}"),
+            self.meant.extend(best.map(|best| format!("{pointer}/{best}")));
+            diagnostic.help = Some(if best.is_none() && key.bytes().all(|b| b.is_ascii_digit()) {
+                let known = existing(KEYS, &keys);
+                format!("a comma separates entries and does not group digits; {known}")
+            } else {
+                known_names(KEYS, key, &keys)
             });
             self.found.push(diagnostic);
         }
@@ -238,6 +238,9 @@ impl Gate<'_> {
                 "on a `surface`, write `fix: normal` without brackets; for nodes, give the normal of a wall, such as `fix: \
                  {normal: [1, 0]}`"
                     .to_owned()
+            }
+            _ if pointer.ends_with("/fix") && matches!(found, "x" | "y" | "z") => {
+                format!("write axes as a list, `fix: [{found}]`")
             }
             (_, 1) => format!("the only possible word here is {known}"),
             (Some(best), _) => format!("did you mean {}? the words here are {known}", quote(best)),
@@ -294,33 +297,31 @@ fn allowed_keys(error: &ValidationError<'_>) -> Vec<String> {
 
 fn choices_in_words(error: &ValidationError<'_>) -> String {
     let text = match error.schema_path().as_str() {
-        "/definitions/Expression/anyOf" => "a formula",
+        "/definitions/Expression/anyOf" | "/definitions/RotationDeck/anyOf" => "a formula",
         "/definitions/Parameter/anyOf" => "a word",
         _ => "text",
     };
     let list = match error.schema_path().as_str() {
         "/definitions/AxisSpacing/anyOf" => "a list of intervals",
+        "/definitions/FixDeck/anyOf" => "a list of axes",
         _ => "a list with one per axis",
     };
     let choices = subschema(error).and_then(|schema| schema.get("anyOf")).and_then(Value::as_array);
-    let words: Vec<&str> = choices
-        .into_iter()
-        .flatten()
-        .filter_map(|choice| {
-            let choice = resolve(choice);
-            if choice.get("enum").is_some() {
-                return Some("a word");
-            }
-            Some(match choice.get("type")?.as_str()? {
-                "number" => "a number",
-                "integer" => "a whole number",
-                "array" => list,
-                "string" => text,
-                _ => "a mapping",
-            })
+    let word = |choice| {
+        let choice = resolve(choice);
+        if choice.get("enum").is_some() {
+            return Some("a word");
+        }
+        Some(match choice.get("type")?.as_str()? {
+            "number" => "a number",
+            "integer" => "a whole number",
+            "array" => list,
+            "string" => text,
+            _ => "a mapping",
         })
-        .collect();
-    words.join(" or ")
+    };
+    let words: Vec<String> = choices.into_iter().flatten().filter_map(word).map(str::to_owned).collect();
+    either(&words)
 }
 
 fn kind_in_words(kind: &TypeKind) -> String {
@@ -329,8 +330,9 @@ fn kind_in_words(kind: &TypeKind) -> String {
             "number" => "a number".into(),
             "integer" => "a whole number".into(),
             "string" => "text".into(),
-            "array" => "a list, `[ ... ]`".into(),
+            "array" => "a list `[ ... ]`".into(),
             "object" => "a mapping of keys to values".into(),
+            "boolean" => "`true` or `false`".into(),
             other => other.into(),
         },
         TypeKind::Multiple(_) => "a value of another type".into(),
@@ -355,11 +357,8 @@ fn expected(error: &ValidationError<'_>) -> Option<String> {
 
 /// Formats words of which one is expected: `` `a`, `b` or `c` ``.
 fn alternatives<S: AsRef<str>>(words: impl IntoIterator<Item = S>) -> String {
-    let mut words: Vec<String> = words.into_iter().map(|word| quote(word.as_ref())).collect();
-    match words.pop() {
-        Some(last) if !words.is_empty() => format!("{} or {last}", words.join(", ")),
-        last => last.unwrap_or_default(),
-    }
+    let words: Vec<String> = words.into_iter().map(|word| quote(word.as_ref())).collect();
+    either(&words)
 }
 
 fn found(value: &Value) -> String {

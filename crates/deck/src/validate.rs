@@ -28,7 +28,7 @@ pub(super) use suspicions::expressions;
 use std::collections::HashMap;
 
 use super::diagnostic::{Diagnostic, Gate, Severity, assign};
-use super::quoting::quote;
+use super::quoting::{counted, quote};
 use super::references::unknown_reference;
 use super::source::Source;
 use super::{BodyDeck, Deck, Method, OutputDeck, Volumetric};
@@ -131,7 +131,7 @@ impl Check<'_> {
                 "D026",
                 pointer,
                 message,
-                format!("shorten it by {} characters", name.len() - LONGEST_NAME),
+                format!("shorten it by {}", counted(name.len() - LONGEST_NAME, "character", "characters")),
             );
         }
     }
@@ -190,7 +190,8 @@ impl Check<'_> {
             serde_json::to_value(update).ok().and_then(|word| word.as_str().map(quote)).unwrap_or_default();
         let wanted = ("gimp", "whose points have a box for a domain");
         let lacks = "have no domain to update";
-        self.needs_domains(pointer, body, &format!("domain update {word}"), ("domain_update", wanted, lacks));
+        let what = format!("the domain update {word}");
+        self.needs_domains(pointer, body, &what, ("domain_update", wanted, lacks));
     }
 
     /// Only domains given by their corners become long and can be split.
@@ -213,7 +214,7 @@ impl Check<'_> {
         let method = body.method.name();
         let at = format!("{pointer}/{key}");
         let diagnostic = if self.source.is_from_parameter(&at) {
-            let message = format!("the {what} is ignored: points with `method: {method}` {lacks}");
+            let message = format!("{what} is ignored: points with `method: {method}` {lacks}");
             let help = format!("keep it if a parameter selects other methods, or remove `{key}`");
             Diagnostic::at(self.source, "D014", &at, message).severity(Severity::Note).help(help)
         } else {

@@ -2,6 +2,8 @@
 
 use std::io;
 
+use mpm_core::counted::counted;
+
 use super::table::Kept;
 
 /// Checks that `history.csv`, `quality.csv` and `convergence.csv` have the rows of all `steps` steps in equilibrium.
@@ -25,7 +27,8 @@ pub(super) fn check([history, quality, convergence]: [&Kept; 3], steps: usize) -
         return Err(match gap {
             Some(step) => missing(history, step),
             None => {
-                wrong(history, &format!("has {} steps in equilibrium instead of {steps}", accepted.len()))
+                let found = counted(accepted.len(), "step", "steps");
+                wrong(history, &format!("has {found} in equilibrium instead of {steps}"))
             }
         });
     }

@@ -317,7 +317,9 @@ fn check(path: &Path, summary: &Summary, findings: &Findings) -> io::Result<()> 
         }
     }
     match numbers.iter().find(|(_, value)| !value.is_finite()) {
-        Some((name, value)) => Err(invalid(format!("`{}`: {name} is {value}", path.display()))),
+        Some((name, value)) => {
+            Err(invalid(format!("`{}`: a number under `{name}` would be {value}", path.display())))
+        }
         None => Ok(()),
     }
 }
@@ -568,7 +570,7 @@ mod tests {
         check(path, &Summary::default(), &findings).unwrap();
         let summary = Summary { strain_energy: f64::NAN, ..Summary::default() };
         let error = check(path, &summary, &findings).unwrap_err();
-        assert_eq!(error.to_string(), "`out/summary.json`: strain_energy is NaN");
+        assert_eq!(error.to_string(), "`out/summary.json`: a number under `strain_energy` would be NaN");
         let findings = Findings { worst_residual: Some((f64::INFINITY, 3)), ..Findings::default() };
         assert!(
             check(path, &Summary::default(), &findings).unwrap_err().to_string().contains("worst_residual")

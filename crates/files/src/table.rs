@@ -4,6 +4,8 @@ use std::fs::{self, File};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 
+use mpm_core::counted::counted;
+
 use super::replace::replace_file;
 use super::{invalid, shortest};
 
@@ -205,7 +207,8 @@ fn header(columns: &[String]) -> Result<String, String> {
 /// The line of a row.
 fn line(row: &[Entry], columns: &[String]) -> Result<String, String> {
     if row.len() != columns.len() {
-        return Err(format!("{} entries for the {} columns", row.len(), columns.len()));
+        let entries = counted(row.len(), "entry", "entries");
+        return Err(format!("{entries} for the {}", counted(columns.len(), "column", "columns")));
     }
     let mut line = String::new();
     for (number, (entry, column)) in row.iter().zip(columns).enumerate() {
@@ -297,8 +300,8 @@ impl Columns {
             let number = index + 2;
             let entries: Vec<&str> = line.split(',').collect();
             if entries.len() != names.len() {
-                let (found, wanted) = (entries.len(), names.len());
-                return Err(format!("line {number} has {found} entries, but the header has {wanted}"));
+                let (found, wanted) = (counted(entries.len(), "entry", "entries"), names.len());
+                return Err(format!("line {number} has {found}, but the header has {wanted}"));
             }
             for (entry, column) in entries.iter().zip(&mut values) {
                 match entry.parse::<f64>() {
@@ -420,11 +423,11 @@ mod tests {
         for (text, complaint) in [
             ("", "header"),
             ("step,a", "header"),
-            ("step,a\n1,2\n3", "line 3 has 1 entries"),
+            ("step,a\n1,2\n3", "line 3 has 1 entry, but"),
             ("step,a\n1,2\n3,4", "line 3 is cut off"),
             ("step,a\n1,2\n3,x\n", "line 3: \"x\" is not a number"),
             ("step,a\n1,NaN\n", "line 2"),
-            ("step,a\n\n1,2\n", "line 2 has 1 entries"),
+            ("step,a\n\n1,2\n", "line 2 has 1 entry, but"),
         ] {
             let error = Columns::parse(text).unwrap_err();
             assert!(error.contains(complaint), "{text:?}: {error}");

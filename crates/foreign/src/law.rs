@@ -6,6 +6,7 @@
 use std::f64::consts::SQRT_2;
 use std::sync::Arc;
 
+use mpm_core::counted::counted;
 use mpm_core::material::{Material, MaterialError, Response, StateField, StrainMeasure};
 use mpm_core::tensor::{Sym3, Tangent};
 
@@ -43,7 +44,9 @@ impl LibraryLaw {
     pub fn new(library: Arc<Library>, parameters: Vec<f64>) -> Result<LibraryLaw, String> {
         let (needed, given) = (library.parameters.len(), parameters.len());
         if given != needed {
-            return Err(format!("{needed} parameters are needed, but {given} are given"));
+            let needed = counted(needed, "parameter", "parameters");
+            let were = if given == 1 { "was" } else { "were" };
+            return Err(format!("the law needs {needed}, but {given} {were} given"));
         }
         if let Some(reason) = library.interface.refusal(&parameters) {
             return Err(reason);

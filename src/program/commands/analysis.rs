@@ -8,6 +8,7 @@ use std::sync::atomic::AtomicBool;
 use crate::deck::advice;
 use crate::deck::diagnostic::{self, Diagnostic, as_json, render_all};
 use crate::deck::load::{LoadFailure, LoadedDeck, load};
+use crate::deck::quoting::counted;
 use crate::deck::ready::{self, Analysis, Prepared};
 use crate::deck::source::Source;
 use crate::memory::Memory;
@@ -179,8 +180,9 @@ pub fn run_into(run: Run, ready: Prepared, set_up: Timings) -> anyhow::Result<Op
             match checkpoint_in(directory, &loaded, (&mut analysis, machines), begin)? {
                 Some((_, Found::End(steps))) => {
                     message!(
-                        "the run in `{}` is complete: {steps} steps in equilibrium; nothing is left to do",
-                        directory.display()
+                        "the run in `{}` is complete: {} in equilibrium; nothing is left to do",
+                        directory.display(),
+                        counted(steps, "step", "steps")
                     );
                     return Ok(None);
                 }

@@ -197,9 +197,13 @@ pub fn element(args: ElementArgs) -> anyhow::Result<u8> {
     }
     let Some(failure) = failure else { return Ok(DONE) };
     message!(
-        "error: {failure}\n  the table has the {} steps before the failure\n  help: the law may have no state beyond \
+        "error: {failure}\n  the table has {}\n  help: the law may have no state beyond \
          this point of the path; otherwise, take more steps with `--steps`",
-        states.len() - 1
+        match states.len() - 1 {
+            0 => "only the initial state".to_owned(),
+            1 => "the step before the failure".to_owned(),
+            steps => format!("the {steps} steps before the failure"),
+        }
     );
     Ok(FAILED)
 }

@@ -2,6 +2,7 @@
 
 use crate::deck::load::{LoadFailure, load};
 use crate::deck::plan::{EVALUATIONS, ITERATIONS, Plan};
+use crate::deck::quoting::counted;
 use crate::memory::in_words;
 use crate::program::commands::analysis;
 use crate::program::commands::arguments::{DeckArgs, Format};
@@ -49,11 +50,11 @@ pub fn plan(args: &DeckArgs, ranks: usize) -> anyhow::Result<u8> {
         _ => "  the equations are factorised; the time for this is not predicted\n".to_owned(),
     };
     print(&format!(
-        "{} on {} ranks, predicted from its size:\n  {:.3e} points and {:.3e} unknowns, {:.3e} and {:.3e} on each rank, \
+        "{} on {}, predicted from its size:\n  {:.3e} points and {:.3e} unknowns, {:.3e} and {:.3e} on each rank, \
          and {:.0} % more nodes shared with others\n  {} of memory for each rank\n  \
          {} s for an evaluation of all points\n{time}",
         loaded.source.name(),
-        plan.ranks,
+        counted(plan.ranks, "rank", "ranks"),
         plan.points,
         plan.unknowns,
         plan.points / plan.ranks as f64,

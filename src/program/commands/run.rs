@@ -4,6 +4,7 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use crate::deck::quoting::counted;
 use crate::memory::in_words;
 use crate::output::summary::Start;
 use crate::program::commands::analysis::{
@@ -13,7 +14,6 @@ use crate::program::commands::arguments::{DeckArgs, Format};
 use crate::program::exit::{DONE, FAILED, INTERRUPTED, USAGE};
 use crate::program::interrupt::stop_on_interrupt;
 use crate::program::machines::Machines;
-use crate::program::screen::closing::counted;
 use crate::program::screen::log::{self, LogFile};
 use crate::program::screen::print::print;
 use crate::program::screen::progress::View;
@@ -150,10 +150,15 @@ fn heading(deck: &DeckArgs, command_line: &[OsString], ranks: usize) -> String {
 fn conclude(error: &SolveError, directory: &Path) -> (String, u8) {
     let directory = directory.display();
     if let SolveError::Interrupted { step } = error {
-        let text = format!(
-            "interrupted: all steps before step {step} are in equilibrium and written to {directory}; the same \
-             command with `--resume` continues from there"
-        );
+        let text = match step {
+            0 | 1 => {
+                "interrupted before the first step was in equilibrium: there is nothing to resume".to_owned()
+            }
+            _ => format!(
+                "interrupted: all steps before step {step} are in equilibrium and written to {directory}; the same \
+                 command with `--resume` continues from there"
+            ),
+        };
         return (text, INTERRUPTED);
     }
     let text =
@@ -196,15 +201,17 @@ pub fn check(args: &DeckArgs) -> anyhow::Result<u8> {
     let libraries = ready.loaded.law_libraries();
     let libraries: String = libraries.iter().map(|library| format!("  {library}\n")).collect();
     print(&format!(
-        "{}: ready\n  {} points in {}, {} cells, {} active nodes, {} unknowns in the first of {} steps, \
-         about {} of memory\n{libraries}",
+        "{}: ready\n  {} in {}, {}, {}, {} in {}, about {} of memory\n{libraries}",
         ready.loaded.source.name(),
-        extent.points,
+        counted(extent.points, "point", "points"),
         counted(extent.bodies, "body", "bodies"),
-        extent.cells,
-        extent.first.active_nodes,
-        extent.first.unknowns,
-        extent.steps,
+        counted(extent.cells, "cell", "cells"),
+        counted(extent.first.active_nodes, "active node", "active nodes"),
+        counted(extent.first.unknowns, "unknown", "unknowns"),
+        match extent.steps {
+            1 => "the only step".to_owned(),
+            steps => format!("the first of {steps} steps"),
+        },
         in_words(extent.memory),
     ))
 }

@@ -3,6 +3,7 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
+use crate::deck::quoting::counted;
 use crate::output::status::{self, State, Status};
 use crate::program::commands::arguments::Format;
 use crate::program::exit::{DONE, FAILED, INTERRUPTED};
@@ -56,8 +57,14 @@ fn in_words(directory: &Path, status: &Status) -> String {
     }
     let stage = status.stage.as_ref().map(|name| format!(", stage `{name}`")).unwrap_or_default();
     let steps = match status.steps <= status.steps_requested {
-        true => format!("{} of {} steps{stage}", status.steps, status.steps_requested),
-        false => format!("{} steps{stage}, up to time {}", status.steps, significant(status.time, 4)),
+        true => {
+            let of = counted(status.steps_requested, "step", "steps");
+            format!("{} of {of}{stage}", status.steps)
+        }
+        false => {
+            let steps = counted(status.steps, "step", "steps");
+            format!("{steps}{stage}, up to time {}", significant(status.time, 4))
+        }
     };
     rows.push(("equilibrium", steps));
     if status.state != State::Completed && status.evaluations > 0 {
@@ -82,7 +89,9 @@ fn in_words(directory: &Path, status: &Status) -> String {
     }
     rows.push(("elapsed", elapsed));
     rows.extend(
-        status.points_per_second.map(|of| ("rate", format!("{} ({} points)", rate(of), status.points))),
+        status
+            .points_per_second
+            .map(|of| ("rate", format!("{} ({})", rate(of), counted(status.points, "point", "points")))),
     );
     if let Some(memory) = status.memory_bytes {
         let peak = status.peak_memory_bytes.map(|peak| format!(", at most {}", bytes(peak)));

@@ -8,6 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::deck::diagnostic::Diagnostic;
 use crate::deck::load::{self, LoadFailure, load_text};
+use crate::deck::quoting::counted;
 use crate::output::summary::Start;
 use crate::program::commands::analysis::{
     self, Begin, Ended, Run, describe_failure, messages, not_writable, prepare, print_messages, run_into,
@@ -176,9 +177,9 @@ impl Sweep {
             Ok(None) => Outcome::Completed,
             Ok(Some(Ended { outcome: Ok(summary), .. })) => {
                 message!(
-                    "  completed: {} steps in equilibrium, {} evaluations, {:.1} s",
-                    summary.steps,
-                    summary.evaluations,
+                    "  completed: {} in equilibrium, {}, {:.1} s",
+                    counted(summary.steps, "step", "steps"),
+                    counted(summary.evaluations, "evaluation", "evaluations"),
                     start.elapsed().wall.as_secs_f64()
                 );
                 if let Some(bracket) = summary.last_strength() {
@@ -187,7 +188,10 @@ impl Sweep {
                 Outcome::Completed
             }
             Ok(Some(Ended { outcome: Err(SolveError::Interrupted { step }), .. })) => {
-                message!("  interrupted: all steps before step {step} are in equilibrium");
+                match step {
+                    0 | 1 => message!("  interrupted before the first step was in equilibrium"),
+                    _ => message!("  interrupted: all steps before step {step} are in equilibrium"),
+                }
                 Outcome::Interrupted
             }
             Ok(Some(Ended { outcome: Err(error), .. })) => {

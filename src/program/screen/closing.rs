@@ -3,7 +3,7 @@
 use std::fmt::Write;
 use std::path::PathBuf;
 
-use crate::deck::quoting::list;
+use crate::deck::quoting::{counted, list};
 use crate::model::Model;
 use crate::output::findings::{Extreme, Findings, ForceBalance};
 use crate::output::results::{Picture, Results};
@@ -59,22 +59,27 @@ impl Closing {
         error: Option<&SolveError>,
     ) -> Option<Closing> {
         let (steps, asked) = (summary.steps, model.steps_requested());
+        let in_equilibrium = format!("{} in equilibrium", counted(steps, "step", "steps"));
+        // Cut steps are more than the steps requested.
+        let of_all = match asked {
+            0 | 1 => in_equilibrium.clone(),
+            _ if steps > asked => in_equilibrium.clone(),
+            _ => format!("{steps} of {asked} steps in equilibrium"),
+        };
         let outcome = match error {
             None if summary.failed_attempts > 0 => format!(
-                "completed: {steps} steps in equilibrium after {}",
+                "completed: {in_equilibrium} after {}",
                 counted(summary.failed_attempts, "failed attempt", "failed attempts")
             ),
-            None => format!("completed: {steps} steps in equilibrium"),
-            Some(SolveError::Interrupted { .. }) => {
-                format!("interrupted: {steps} of {asked} steps in equilibrium")
-            }
+            None => format!("completed: {in_equilibrium}"),
+            Some(SolveError::Interrupted { .. }) => format!("interrupted: {of_all}"),
             Some(_) => match &summary.diagnosis {
                 Some(diagnosis) if summary.failed_attempts > 1 => format!(
-                    "failed: {steps} steps in equilibrium, up to time {} of {}",
+                    "failed: {in_equilibrium}, up to time {} of {}",
                     significant(diagnosis.time, 4),
                     significant(model.end_time(), 4)
                 ),
-                _ => format!("failed: {steps} of {asked} steps in equilibrium"),
+                _ => format!("failed: {of_all}"),
             },
         };
         (steps > 0).then(|| Closing {
@@ -119,11 +124,11 @@ impl Closing {
         table.row(
             "model",
             &format!(
-                "{}, {} cells, {}, {} unknowns",
+                "{}, {}, {}, {}",
                 counted(self.points, "point", "points"),
-                self.cells,
+                counted(self.cells, "cell", "cells"),
                 counted(self.bodies, "body", "bodies"),
-                self.unknowns
+                counted(self.unknowns, "unknown", "unknowns")
             ),
         );
         self.convergence(&mut table);
@@ -135,14 +140,14 @@ impl Closing {
         let shown = [("energy", errors.energy), ("forces", errors.force), ("moments", errors.moment)];
         let shown: Vec<String> = (shown.iter())
             .filter_map(|(name, error)| {
-                error.map(|(value, step)| format!("{name} {value:.1e} (step {step})"))
+                error.map(|(value, step)| format!("{name} within {value:.1e} (step {step})"))
             })
             .collect();
         if !shown.is_empty() {
             let most = 100.0 * MOST_ENERGY_ERROR;
             table.row(
                 "balances",
-                &format!("within {} (warning for energy above {most} % from step 5 on)", shown.join(", ")),
+                &format!("{}; warning for energy above {most} % from step 5 on", shown.join(", ")),
             );
         }
         let [value, most] = [self.balance.regridding(), MOST_REGRIDDING].map(|share| 100.0 * share);
@@ -178,7 +183,10 @@ impl Closing {
             let order = self.newton_order.map(|order| format!(", of order {order:.2}")).unwrap_or_default();
             table.row(
                 "iterations",
-                &format!("{range} in a step{order}; {} evaluations in all", self.evaluations),
+                &format!(
+                    "{range} in a step{order}; {} in all",
+                    counted(self.evaluations, "evaluation", "evaluations")
+                ),
             );
         }
         if self.iterative_solves > 0 {
@@ -245,11 +253,6 @@ fn safety<const D: usize>(model: &Model<D>, summary: &Summary) -> Vec<String> {
         format!("{stage}{}", of.bracket)
     };
     summary.strength.iter().map(in_words).collect()
-}
-
-/// Formats a number with the singular or plural of its noun.
-pub fn counted(number: usize, one: &str, many: &str) -> String {
-    format!("{number} {}", if number == 1 { one } else { many })
 }
 
 /// Rows, each with a label and some text.

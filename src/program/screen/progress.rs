@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use crate::deck::advice;
+use crate::deck::quoting::counted;
 use crate::model::Model;
 use crate::output::checkpoint::Checkpoint;
 use crate::output::results::Results;
@@ -112,9 +113,10 @@ impl Watch {
                 watch.say(&model.title);
             }
             watch.say(&format!(
-                "{points} points, {} cells, {} load steps",
-                model.grid.n_cells(),
-                model.steps_requested()
+                "{}, {}, {}",
+                counted(points, "point", "points"),
+                counted(model.grid.n_cells(), "cell", "cells"),
+                counted(model.steps_requested(), "load step", "load steps")
             ));
         }
         watch
@@ -169,7 +171,7 @@ impl Watch {
         });
         let time = significant(diagnosis.time, 6);
         self.say(&format!("  in equilibrium up to time {time}{factor}"));
-        self.say(&format!("  try: {}", advice::on_failure(diagnosis)));
+        self.say(&format!("  help: {}", advice::on_failure(diagnosis)));
     }
 
     fn update_status(&mut self) {
@@ -363,10 +365,10 @@ fn step_of(status: &Status) -> String {
 
 /// One line about a step in equilibrium.
 fn in_equilibrium<const D: usize>(report: &StepReport<D>, status: &Status) -> String {
-    let solves = report.solves();
+    let solves = counted(report.solves(), "iteration", "iterations");
     let residual = report.residuals.last().copied().unwrap_or(0.0);
     let factor = status.strength_factor.map(|factor| format!(", strength factor {}", significant(factor, 5)));
-    format!("{}{}: {solves} iterations, residual {residual:.2e}", step_of(status), factor.unwrap_or_default())
+    format!("{}{}: {solves}, residual {residual:.2e}", step_of(status), factor.unwrap_or_default())
 }
 
 /// Text beside the bar: two lines, each shorter than 80 columns including the bar.
@@ -388,7 +390,7 @@ fn on_the_bar(status: &Status) -> String {
 fn in_the_log(status: &Status) -> String {
     let mut parts = Vec::new();
     parts.extend(status.load_factor.map(|factor| format!("load factor {}", significant(factor, 4))));
-    parts.push(format!("{} unknowns", status.unknowns));
+    parts.push(counted(status.unknowns, "unknown", "unknowns"));
     parts.extend(status.points_per_second.map(rate));
     parts.extend(status.memory_bytes.map(bytes));
     parts.extend(status.seconds_left.map(|left| format!("{} left", duration(left))));

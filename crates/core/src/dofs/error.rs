@@ -8,7 +8,8 @@ use crate::points::coordinates;
 pub enum ConstraintError {
     /// Two boundary conditions prescribe different displacements of one node.
     #[error(
-        "boundary conditions `{first}` and `{second}` prescribe the increments {a:e} and {b:e} along {axis} at node {node:?}"
+        "boundary conditions `{first}` and `{second}` prescribe the increments {a:e} and {b:e} along {axis} at node {}",
+        coordinates(.node)
     )]
     Conflict {
         /// Name of the first condition.
@@ -44,7 +45,7 @@ pub enum ConstraintError {
         value: f64,
     },
     /// Nodes on the axis of a body of revolution can leave the axis, or are moved off it.
-    #[error("{loose} of the {all} grid nodes of the body on the axis x = 0 can move off it")]
+    #[error("{}", loose_axis(*.loose, *.all))]
     LooseAxis {
         /// Number of nodes that can leave the axis or are moved off it.
         loose: usize,
@@ -52,7 +53,9 @@ pub enum ConstraintError {
         all: usize,
     },
     /// A tied component is already prescribed or tied, or is tied to itself through other ties.
-    #[error("the motion along {axis} at node {node:?} cannot be tied to that of other nodes: {reason}")]
+    #[error(
+        "the motion along {axis} at node {} cannot be tied to that of other nodes: {reason}", coordinates(.node)
+    )]
     Tie {
         /// Position of the grid node, [length].
         node: Vec<f64>,
@@ -61,4 +64,12 @@ pub enum ConstraintError {
         /// The reason.
         reason: &'static str,
     },
+}
+
+fn loose_axis(loose: usize, all: usize) -> String {
+    let nodes = match all {
+        1 => "the grid node".to_owned(),
+        _ => format!("{loose} of the {all} grid nodes"),
+    };
+    format!("{nodes} of the body on the axis x = 0 can move off it")
 }

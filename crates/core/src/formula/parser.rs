@@ -265,7 +265,10 @@ impl<'a> Parser<'a> {
                 .unwrap_or_else(|| format!("the functions are {}", FUNCTIONS.join(", ")))
         } else {
             closest(name, quantities()).map(|best| format!("did you mean `{best}`?")).unwrap_or_else(|| {
-                format!("the names known here are {}", quantities().collect::<Vec<_>>().join(", "))
+                match &quantities().collect::<Vec<_>>()[..] {
+                    [only] => format!("the only name known here is {only}"),
+                    names => format!("the names known here are {}", names.join(", ")),
+                }
             })
         };
         self.fault(start, name.len(), format!("unknown {what} `{name}`"), help)
@@ -291,7 +294,10 @@ impl<'a> Parser<'a> {
         self.expect(")", opened_at)?;
         let wrong = |expected: &str| {
             let message = format!("`{name}` takes {expected}, {arguments} given");
-            let help = format!("give {expected}, with `,` between them");
+            let help = match function {
+                Function::One(_) => format!("give {expected}"),
+                _ => format!("give {expected}, with `,` between them"),
+            };
             self.fault(start, self.at - start, message, help)
         };
         match function {

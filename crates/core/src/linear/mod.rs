@@ -24,6 +24,8 @@ mod symmetric_part;
 
 use serde::{Deserialize, Serialize};
 
+use crate::counted::counted;
+
 pub use backend::{Backend, Engine, Engines, Layout, Solved, Stiffness};
 pub use blocks::{Block, BlockMatrix, Division};
 pub use choice::{ALGEBRAIC, Choice, Extent};
@@ -139,7 +141,9 @@ pub enum LinearError {
     #[error("the matrix is not symmetric")]
     Unsymmetric,
     /// An iterative solver has not reached its tolerance.
-    #[error("a relative residual of {residual:.1e} remains after {iterations} iterations")]
+    #[error(
+        "a relative residual of {residual:.1e} remains after {}", counted(*iterations, "iteration", "iterations")
+    )]
     NotConverged {
         /// Number of iterations.
         iterations: usize,

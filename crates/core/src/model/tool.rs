@@ -178,9 +178,16 @@ impl<const D: usize> Tool<D> {
         (0..D + 3).filter(|&k| k < D || D == 3 || k == D + 2)
     }
 
-    /// Name of component `k` of the motion of a tool.
+    /// Component `k` of the motion of a tool, with its preposition.
     pub fn component_name(k: usize) -> &'static str {
-        let names = ["x", "y", "z", "the rotation about x", "the rotation about y", "the rotation about z"];
+        let names = [
+            "along x",
+            "along y",
+            "along z",
+            "in rotation about x",
+            "in rotation about y",
+            "in rotation about z",
+        ];
         names[if k < D { k } else { (k + 3 - D) % 6 }]
     }
 

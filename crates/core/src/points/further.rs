@@ -5,6 +5,7 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 
 use super::declare::{FieldKind, append, gather};
+use crate::counted::counted;
 
 /// Largest number of components per point of a further field.
 const MOST_COMPONENTS: usize = 1 << 10;
@@ -71,7 +72,9 @@ pub enum FieldError {
         components: usize,
     },
     /// The number of initial values does not match the number of points.
-    #[error("the field `{name}` has {found} initial values, but needs {wanted}")]
+    #[error(
+        "the field `{name}` has {}, but needs {wanted}", counted(*.found, "initial value", "initial values")
+    )]
     Length {
         /// Name of the field.
         name: String,

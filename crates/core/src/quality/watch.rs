@@ -270,17 +270,25 @@ fn replaced_domains<const D: usize>(
         position: Some(position.to_vec()),
         ..Location::point(&model.bodies[points.body[p] as usize].name, first)
     };
+    let (at, shape) = (coordinates(&position), if D == 3 { "parallelepiped" } else { "parallelogram" });
+    let message = if count == 1 {
+        format!(
+            "the motion has torn the domain of point {first}, {at}, or carried it off the grid; a {shape} that follows \
+             the deformation gradient now replaces it"
+        )
+    } else {
+        format!(
+            "the motion has torn the domains of {count} points or carried them off the grid, first at point {first}, \
+             {at}; {shape}s that follow the deformation gradient now replace them"
+        )
+    };
     Some(Warning {
         code: Code::ReplacedDomains,
         step: report.step.index,
         location,
         value: Some(count as f64),
         threshold: Some(0.0),
-        message: format!(
-            "the motion has torn the domains of {count} points or carried them off the grid, first at point {first}, \
-             {}; parallelograms that follow the deformation gradient now replace them",
-            coordinates(&position)
-        ),
+        message,
         detail: None,
     })
 }

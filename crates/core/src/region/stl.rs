@@ -7,6 +7,7 @@
 use std::path::Path;
 
 use super::surface::Triangle;
+use crate::counted::counted;
 
 /// Largest file that is read, [byte]; about 20 million facets.
 const MAX_BYTES: u64 = 1 << 30;
@@ -35,7 +36,10 @@ pub enum StlError {
     #[error("not an STL file: it does not begin with `solid` and is too short for a binary one")]
     NotStl,
     /// The size of a binary file does not match its facet count.
-    #[error("the header announces {announced} facets, which take {needed} bytes, but the file has {bytes}")]
+    #[error(
+        "the header announces {} {needed} bytes, but the file has {bytes}",
+        counted(*.announced as usize, "facet, which takes", "facets, which take")
+    )]
     Size {
         /// Facet count in the header.
         announced: u32,
@@ -186,9 +190,11 @@ impl<'a> Words<'a> {
         StlError::Expected { line: self.line, expected, found }
     }
 
-    fn keyword(&mut self, expected: &'static str) -> Result<(), StlError> {
-        let word = self.required(expected)?;
-        if word.eq_ignore_ascii_case(expected.as_bytes()) { Ok(()) } else { Err(self.not(expected, word)) }
+    /// Reads a word that is given between backticks, as messages show it.
+    fn keyword(&mut self, quoted: &'static str) -> Result<(), StlError> {
+        let word = self.required(quoted)?;
+        let is_it = word.eq_ignore_ascii_case(quoted.trim_matches('`').as_bytes());
+        if is_it { Ok(()) } else { Err(self.not(quoted, word)) }
     }
 
     fn number(&mut self) -> Result<f64, StlError> {
@@ -201,47 +207,47 @@ impl<'a> Words<'a> {
 fn text(bytes: &[u8]) -> Result<Vec<Triangle>, StlError> {
     let mut words = Words { bytes: without_mark(bytes), at: 0, line: 1 };
     let mut facets = Vec::new();
-    words.keyword("solid")?;
+    words.keyword("`solid`")?;
     loop {
         // The rest of the line is the name of the solid.
         words.skip_line();
         loop {
-            let word = words.required("facet or endsolid")?;
+            let word = words.required("`facet` or `endsolid`")?;
             if word.eq_ignore_ascii_case(b"facet") {
                 facets.push(facet(&mut words)?);
             } else if word.eq_ignore_ascii_case(b"endsolid") {
                 break;
             } else {
-                return Err(words.not("facet or endsolid", word));
+                return Err(words.not("`facet` or `endsolid`", word));
             }
         }
         words.skip_line();
         match words.next() {
             None => return Ok(facets),
             Some(word) if word.eq_ignore_ascii_case(b"solid") => {}
-            Some(word) => return Err(words.not("solid or the end of the file", word)),
+            Some(word) => return Err(words.not("`solid` or the end of the file", word)),
         }
     }
 }
 
 /// Reads a facet after its first word.
 fn facet(words: &mut Words<'_>) -> Result<Triangle, StlError> {
-    words.keyword("normal")?;
+    words.keyword("`normal`")?;
     for _ in 0..3 {
         // Any word is accepted: some programs write `nan` if they cannot form a normal.
         words.required("the normal of a facet")?;
     }
-    words.keyword("outer")?;
-    words.keyword("loop")?;
+    words.keyword("`outer`")?;
+    words.keyword("`loop`")?;
     let mut triangle = [[0.0; 3]; 3];
     for corner in &mut triangle {
-        words.keyword("vertex")?;
+        words.keyword("`vertex`")?;
         for x in corner {
             *x = words.number()?;
         }
     }
-    words.keyword("endloop")?;
-    words.keyword("endfacet")?;
+    words.keyword("`endloop`")?;
+    words.keyword("`endfacet`")?;
     Ok(triangle)
 }
 
@@ -304,7 +310,7 @@ mod tests {
         assert!(message(&binary_file(b"solid", 2, &[corners])).contains("announces 2 facets"));
         let mut longer = binary_file(b"", 1, &[corners]);
         longer.push(0);
-        assert!(message(&longer).contains("announces 1 facets"));
+        assert!(message(&longer).contains("announces 1 facet, which takes 134 bytes"));
         assert_eq!(message(&binary_file(b"", 0, &[])), "the file has no facets");
         let mut strange = corners;
         strange[5] = f32::NAN;
@@ -320,7 +326,7 @@ mod tests {
         );
         assert_eq!(
             message(TEXT.replace("endloop", "vertex").as_bytes()),
-            "line 7: expected endloop, found `vertex`"
+            "line 7: expected `endloop`, found `vertex`"
         );
         assert_eq!(
             message(TEXT.replace("1e0", "inf").as_bytes()),
@@ -328,9 +334,11 @@ mod tests {
         );
         assert_eq!(
             message(TEXT.split("endfacet").next().unwrap().as_bytes()),
-            "the file ends at line 8; endfacet is missing there"
+            "the file ends at line 8; `endfacet` is missing there"
         );
-        assert!(message(format!("{TEXT}rubbish").as_bytes()).contains("line 10: expected solid or the end"));
+        assert!(
+            message(format!("{TEXT}rubbish").as_bytes()).contains("line 10: expected `solid` or the end")
+        );
         assert!(matches!(read_file(Path::new("/")), Err(StlError::NotAFile)));
         assert!(matches!(read_file(Path::new("/no such file")), Err(StlError::Io(_))));
     }

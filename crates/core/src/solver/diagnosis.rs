@@ -97,7 +97,9 @@ impl Kind {
             Kind::PlasticCollapse => {
                 "plastic collapse: the load is probably beyond what the bodies can carry"
             }
-            Kind::Instability => "instability: the stiffness is not positive definite, though nothing yields",
+            Kind::Instability => {
+                "instability: the stiffness is not positive definite, though hardly any point has yielded"
+            }
             Kind::Locking => "volumetric locking: pressures alternate while volumes hardly change",
             Kind::Hourglass => {
                 "hourglass mode: neighbouring nodes move in opposite directions, which too few points resist"
@@ -219,7 +221,9 @@ impl std::fmt::Display for Diagnosis {
             write!(f, ", point {point}")?;
         }
         if self.flowing > 0.0 {
-            write!(f, ", {:.0} % of the points have yielded", 100.0 * self.flowing)?;
+            let percent = 100.0 * self.flowing;
+            let share = if percent < 1.0 { "less than 1".to_owned() } else { format!("{percent:.0}") };
+            write!(f, ", {share} % of the points have yielded")?;
         }
         Ok(())
     }

@@ -6,6 +6,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::basis::{Connectivity, SupportError, SupportFailure};
+use crate::counted::counted;
 use crate::dofs::ConstraintError;
 use crate::domain::Collapsed;
 use crate::linear::LinearError;
@@ -48,8 +49,9 @@ impl std::fmt::Display for PointPlace {
 pub enum SolveError {
     /// The residual has not reached the tolerance.
     #[error(
-        "step {step} is not in equilibrium after {} iterations: residual {:.3e}, largest out-of-balance force at \
-         {}", residuals.len() - 1, residuals.last().copied().unwrap_or(f64::NAN), worst_node(worst)
+        "step {step} is not in equilibrium after {}: residual {:.3e}, largest out-of-balance force at {}",
+        counted(residuals.len() - 1, "iteration", "iterations"), residuals.last().copied().unwrap_or(f64::NAN),
+        worst_node(worst)
     )]
     NotConverged {
         /// Step number.
@@ -185,7 +187,9 @@ pub enum SolveError {
         needed: Option<u64>,
     },
     /// The iterative solver has failed, and the factor of the direct one does not fit in memory.
-    #[error("step {step}: iterations have failed and the stiffness is too large to factorise: {error}")]
+    #[error(
+        "step {step}: the stiffness is too large to factorise, and iterations cannot solve the equations: {error}"
+    )]
     Iterative {
         /// Step number.
         step: usize,

@@ -127,6 +127,7 @@ impl StrengthBracket {
         self.slides = Some([stood, factor]);
         let (now, [percent, percent_before]) =
             (self.moved, [share, moved / height].map(|share| 100.0 * share));
+        let decimals = decimals(stood, factor);
         Some(Warning {
             code: Code::Slides,
             step,
@@ -136,8 +137,8 @@ impl StrengthBracket {
             message: format!(
                 "points have moved by up to {now:.3e} ({percent:.2} % of the height of the bodies) since the strength \
                  reduction began, and by {moved:.3e} ({percent_before:.2} %) up to the step before: between the \
-                 factors {stood:.4} and {factor:.4} the bodies begin to slide, and at larger factors they stand in \
-                 another shape"
+                 factors {stood:.decimals$} and {factor:.decimals$} the bodies begin to slide, and at larger factors \
+                 they stand in another shape"
             ),
             detail: None,
         })
@@ -159,8 +160,8 @@ impl StrengthBracket {
             threshold: None,
             message: format!(
                 "the bodies slumped before their strength was reduced: only damped iterations found equilibrium \
-                 in {slumped} of the steps. The factors refer to the slumped shape; in the original shape, the bodies \
-                 may not stand"
+                 in {slumped} of the steps; the factors refer to the slumped shape, and in the original shape the \
+                 bodies may not stand"
             ),
             detail: None,
         })
@@ -170,6 +171,7 @@ impl StrengthBracket {
     pub(super) fn stopped_short(&self, step: usize) -> Option<Warning> {
         let (growth, stands, fails) = (self.growth?, self.stands?, self.fails?);
         let is_short = self.slides.is_none() && growth < RUNS_AWAY;
+        let decimals = decimals(stands, fails);
         is_short.then(|| Warning {
             code: Code::StoppedShort,
             step,
@@ -177,8 +179,9 @@ impl StrengthBracket {
             value: Some(growth),
             threshold: Some(RUNS_AWAY),
             message: format!(
-                "no equilibrium was found at the factor {fails:.4}, but up to {stands:.4} the bodies did not begin to run \
-                 away: in the last step, they moved {growth:.2} times as far per change of the factor as on average"
+                "no equilibrium was found at the factor {fails:.decimals$}, but up to {stands:.decimals$} the bodies did \
+                 not begin to run away: in the last step, they moved {growth:.2} times as far per change of the factor as \
+                 on average"
             ),
             detail: None,
         })

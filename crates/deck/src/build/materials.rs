@@ -9,7 +9,7 @@ use crate::quoting::quote;
 use crate::region::OfDeck;
 use crate::span::escape;
 use mpm_core::grid::Grid;
-use mpm_core::points::Seed;
+use mpm_core::points::{Seed, coordinates};
 use mpm_core::region::Region;
 use mpm_core::tensor::padded;
 
@@ -188,7 +188,8 @@ where
             }
         };
         for seed in seeds {
-            let place = || format!("at the point {:?} of the body {}", seed.position, quote(body));
+            let place =
+                || format!("at the point {} of the body {}", coordinates(&seed.position), quote(body));
             if let (Some(density), Some(range)) = (density, &density_range) {
                 let value = density.evaluate(&seed.position);
                 if range.contains(value) {
@@ -229,7 +230,7 @@ where
             if let Some(found) =
                 consistency.as_ref().filter(|_| is_in_range).and_then(|check| check(properties))
             {
-                let message = format!("material {}: {} {}", quote(name), found.message, place());
+                let message = format!("material {} {}: {}", quote(name), place(), found.message);
                 fault(&found.key, "D057", message, found.help);
             }
             history.resize(room, 0.0);

@@ -8,7 +8,7 @@ use crate::diagnostic::{Diagnostic, Severity};
 use crate::formulas::Fault;
 use crate::gates::{Builds, Ties};
 use crate::per_axis::array;
-use crate::quoting::quote;
+use crate::quoting::{counted, quote};
 use crate::region::OfDeck;
 use mpm_core::grid::Grid;
 use mpm_core::points::{Points, coordinates};
@@ -58,10 +58,12 @@ where
             found = points.nearest_with_ties(number, &at, count as usize, SAME * cell);
         }
         if found.len() < count as usize {
-            let message = format!("the body {} has only {} points", quote(body), found.len());
+            let points = counted(found.len(), "point", "points");
+            let message = format!("the body {} has only {points}", quote(body));
             self.error("D030", &format!("{pointer}/count"), message, "lower `count`".to_owned());
         } else if !clear && ties == Ties::Refused {
-            let message = format!("more than {count} points are equally near {place:?}");
+            let several = if count == 1 { "several".to_owned() } else { format!("more than {count}") };
+            let message = format!("{several} points are equally near {}", coordinates(place));
             let help = "change `count`, or move the location so that the choice is unique".to_owned();
             self.error("D030", &format!("{pointer}/nearest"), message, help);
         } else if let Some(first) = found.first() {

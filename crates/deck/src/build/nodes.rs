@@ -4,7 +4,8 @@ use super::Builder;
 use crate::grid::line_at;
 use crate::per_axis::array;
 use crate::placing;
-use crate::quoting::{list, quote};
+use crate::quoting::quote;
+use crate::references::existing;
 use crate::region::OfDeck;
 use crate::{AXES, NodeSelector};
 use mpm_core::grid::{Grid, Structured};
@@ -71,12 +72,12 @@ where
         if nodes.is_empty() && !off_line {
             let message = format!("the boundary condition {} selects no grid node", quote(name));
             let help = grid.structured().map_or_else(
-                || {
-                    let names = grid.set_names();
-                    format!(
-                        "select a physical group of the mesh with `group`; the groups are {}",
-                        list(names)
-                    )
+                || match grid.set_names().as_slice() {
+                    [] => "give coordinates of nodes of the mesh; it has no physical groups".to_owned(),
+                    names => {
+                        let known = existing(("group", "groups"), names);
+                        format!("select a physical group of the mesh with `group`; {known}")
+                    }
                 },
                 |grid| {
                     let along: Vec<String> = (0..D).map(|d| lines_in_words(grid, d, &bounds)).collect();

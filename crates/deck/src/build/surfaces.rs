@@ -70,13 +70,22 @@ where
                 Ok(surface) if surface.is_empty() => {
                     let message =
                         format!("the surface {} selects no part of the boundary", quote(&deck.name));
-                    let help = format!(
-                        "change `part` so that it contains a piece of the boundary of the body {}, which is sampled \
-                         every {}",
-                        quote(&deck.body),
-                        mpm_files::shortest(spacing)
-                    );
-                    let at = if deck.part.is_some() { format!("{at}/part") } else { at };
+                    let (body, spacing) = (quote(&deck.body), mpm_files::shortest(spacing));
+                    let (at, help) = match deck.part {
+                        None => (
+                            at,
+                            format!(
+                                "give a `spacing` below {spacing}, or check the region of the body {body}"
+                            ),
+                        ),
+                        Some(_) => (
+                            format!("{at}/part"),
+                            format!(
+                                "change `part` so that it contains a piece of the boundary of the body {body}, which is \
+                                 sampled every {spacing}"
+                            ),
+                        ),
+                    };
                     self.error("D050", &at, message, help);
                 }
                 Ok(surface) if self.has_no_area(&surface) => {

@@ -6,6 +6,7 @@ use super::property::Setting;
 use super::reading::{Decay, Faults, FrictionSettings, Reading};
 use super::{CohesionSofteningDeck, FrictionSofteningDeck};
 use crate::Expression;
+use crate::quoting::list;
 use mpm_core::material::{
     CamClay, DruckerPrager, Friction, Hencky, Match, ModifiedCamClay, MohrCoulomb, NeoHookean,
     StrengthMeasure, Tresca, VonMises, least_softening_strain,
@@ -185,12 +186,8 @@ fn one_strength(stated: &[&str]) -> Option<Inconsistency> {
         [_] => None,
         [] => Inconsistency::new("", "no key states its strength".to_owned(), help),
         [.., last] => {
-            let keys: Vec<String> = stated.iter().map(|key| format!("`{key}`")).collect();
-            Inconsistency::new(
-                last,
-                format!("{} state its strength more than once", keys.join(" and ")),
-                help,
-            )
+            let keys = list(stated.iter().copied());
+            Inconsistency::new(last, format!("{keys} state its strength more than once"), help)
         }
     }
 }

@@ -97,11 +97,11 @@ impl<const D: usize> Given<D> for FromFiles<'_, D> {
         match Surface::new(&triangles) {
             Ok(surface) => {
                 if surface.welded() > 0 {
-                    let message = format!(
-                        "the surface {} was open until {} corners were merged with others nearby",
-                        quote(file),
-                        surface.welded()
-                    );
+                    let merged = match surface.welded() {
+                        1 => "1 corner was merged with another".to_owned(),
+                        n => format!("{n} corners were merged with others"),
+                    };
+                    let message = format!("the surface {} was open until {merged} nearby", quote(file));
                     let note = Diagnostic::at(self.source, "D047", &place, message).severity(Severity::Note);
                     let help = "check that no gap is wider than intended, or close the gaps where the surface \
                         was made";

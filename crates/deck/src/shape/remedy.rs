@@ -3,8 +3,10 @@
 use jsonschema::error::{ValidationError, ValidationErrorKind};
 use serde_json::Value;
 
+use super::KEYS;
 use super::words::{count_in_words, number_help, range_help, subschema};
 use crate::quoting::{list, quote};
+use crate::references::existing;
 use crate::schema::{resolve, shortest};
 
 /// The remedy for a value that does not meet a keyword of the schema.
@@ -36,18 +38,23 @@ pub(super) fn of_type(pointer: &str, value: &Value, kind: &str, schema: Option<&
         Value::Number(_) | Value::Bool(_) if kind == "text" => {
             format!("put it in quotes: `\"{value}\"`")
         }
-        Value::String(_) | Value::Number(_) if kind.starts_with("a list,") => {
+        Value::String(_) | Value::Number(_) if kind.starts_with("a list `") && may_be_single(schema) => {
             let entry = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
             format!("write it as a list of one entry: `[{}]`", quote(&entry).trim_matches('`'))
         }
         _ if kind.starts_with("a mapping") => {
             let keys = schema.and_then(|schema| schema.get("properties")).and_then(Value::as_object);
-            let known = keys.map(|keys| list(keys.keys().map(String::as_str)));
-            let known = known.map(|known| format!("; the keys here are {known}")).unwrap_or_default();
+            let known: Option<Vec<&str>> = keys.map(|keys| keys.keys().map(String::as_str).collect());
+            let known = known.map(|known| format!("; {}", existing(KEYS, &known))).unwrap_or_default();
             format!("write `key: value` on lines below it, or `{{key: value}}` beside it{known}")
         }
         _ => format!("write {kind} instead{such_as}"),
     }
+}
+
+/// True if a list may have a single entry.
+fn may_be_single(schema: Option<&Value>) -> bool {
+    schema.and_then(|schema| schema.get("minItems")?.as_u64()).is_none_or(|least| least <= 1)
 }
 
 /// Help for a list with the wrong number of entries.

@@ -3,7 +3,7 @@
 use jsonschema::error::{ValidationError, ValidationErrorKind};
 use serde_json::Value;
 
-use crate::schema::strict_schema;
+use crate::schema::{shortest, strict_schema};
 
 /// The part of the schema with the keyword that a value does not satisfy.
 pub(super) fn subschema(error: &ValidationError<'_>) -> Option<&'static Value> {
@@ -15,9 +15,12 @@ pub(super) fn subschema(error: &ValidationError<'_>) -> Option<&'static Value> {
 pub(super) fn count_in_words(error: &ValidationError<'_>) -> String {
     let limit = |key: &str| subschema(error).and_then(|schema| schema.get(key)).and_then(Value::as_u64);
     let entries = |n: u64| if n == 1 { "1 entry".to_owned() } else { format!("{n} entries") };
-    // Lists of a fixed length are vectors, except the pairs of load curves.
-    let each =
-        if error.schema_path().as_str().contains("LoadCurve") { "[time, factor]" } else { "one per axis" };
+    // Lists of a fixed length are vectors, except the pairs of load curves and the radii of cones.
+    let each = match error.schema_path().as_str() {
+        path if path.contains("LoadCurve") => "[time, factor]",
+        path if path.contains("/radii/") => "one per end",
+        _ => "one per axis",
+    };
     match (limit("minItems"), limit("maxItems"), error.kind()) {
         (Some(2), Some(3), _) => format!("2 or 3 entries, {each}"),
         (Some(least), Some(most), _) if least == most => format!("{}, {each}", entries(least)),
@@ -39,7 +42,13 @@ pub(super) fn range_help(error: &ValidationError<'_>) -> Option<String> {
         return None;
     }
     let schema = subschema(error)?;
-    let range = crate::schema::range_in_words(schema)?;
+    let mut range = crate::schema::range_in_words(schema)?;
+    // The words leave out the largest number of the type.
+    if let ValidationErrorKind::Maximum { limit } = error.kind()
+        && limit.as_u64() == Some(u32::MAX.into())
+    {
+        range.push_str(&format!(" and at most {}", shortest(limit)));
+    }
     // Only the description of a key gives the meaning of the number.
     let path = error.schema_path().as_str();
     let of_key = path.rsplit('/').nth(2) == Some("properties");

@@ -8,7 +8,7 @@ use crate::formulas::{Displacement, Fault, at_nodes, at_places, at_points};
 use crate::gates::Checks;
 use crate::quoting::quote;
 use crate::shape::written_number;
-use crate::{Expression, LoadCurve, LoadDeck, NodeSelector};
+use crate::{AXES, Expression, LoadCurve, LoadDeck, NodeSelector};
 
 impl Checks for Check<'_> {
     fn dimensions(&self) -> usize {
@@ -154,7 +154,10 @@ impl Check<'_> {
         for axis in 0..min.len() {
             if min[axis] > max[axis] {
                 let message = format!("the min {} of the box is above its max {}", min[axis], max[axis]);
-                let help = format!("swap the two; both may be {} for nodes on a line", min[axis]);
+                let help = format!(
+                    "swap the two; both may be {} for a box without extent along {}",
+                    min[axis], AXES[axis]
+                );
                 self.error("D016", &format!("{pointer}/max/{axis}"), message, help);
             }
         }

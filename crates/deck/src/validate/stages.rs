@@ -78,10 +78,12 @@ impl Check<'_> {
         for (number, stage) in deck.stages.iter().enumerate() {
             let step = stage.steps.end_time / f64::from(stage.steps.count.max(1));
             if step < SHORTEST * start {
-                let message = format!(
-                    "the steps of this stage last {step:e} each, too short to be told apart after time {}",
-                    Parameter::Number(start)
-                );
+                let last = match stage.steps.count {
+                    1 => format!("the step of this stage lasts {step:e}"),
+                    _ => format!("the steps of this stage last {step:e} each"),
+                };
+                let start = Parameter::Number(start);
+                let message = format!("{last}, too short to be told apart after time {start}");
                 let help =
                     "give the stages similar durations (`steps: {end_time}`): time only orders the loading";
                 self.error("D053", &format!("/stages/{number}/steps"), message, help);
@@ -111,10 +113,18 @@ impl Check<'_> {
             let of_surface = surface.map(|surface| std::slice::from_ref(&surface.body));
             let Some(bodies) = of_surface.or_else(|| load.bodies()) else { continue };
             if !bodies.is_empty() && bodies.iter().all(|body| is_absent(body)) {
-                let message =
-                    format!("the load {} acts on bodies that are absent in this stage", quote(name));
-                let at = format!("/stages/{number}/factors/{name}");
-                self.warn("D037", &at, message, "remove its factor, or add the body");
+                let (what, help) = match bodies {
+                    [body] => (
+                        format!("on the body {}, which is absent", quote(body)),
+                        "remove its factor, or add the body",
+                    ),
+                    _ => (
+                        "only on bodies that are absent".to_owned(),
+                        "remove its factor, or add one of the bodies",
+                    ),
+                };
+                let message = format!("the load {} acts {what} in this stage", quote(name));
+                self.warn("D037", &format!("/stages/{number}/factors/{name}"), message, help);
             }
         }
     }

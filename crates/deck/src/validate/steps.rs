@@ -4,13 +4,16 @@ use super::Check;
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::formulas::Displacement;
 use crate::initial_stress::{InitialStressDeck, curve_of, initial_factor};
-use crate::quoting::{list, quote};
+use crate::quoting::{quote, rounded};
+use crate::references::known_names;
 use crate::{BodyDeck, ControlDeck, Expression, GridDeck, LoadCurve, LoadDeck, MaterialDeck, StageDeck};
 use mpm_core::formula::names;
 use mpm_files::shortest;
 
 /// A displacement below this share of the grid size is round-off, [-].
 const LEAST: f64 = 1e-12;
+/// A usual tolerance of the strength reduction factor, [-].
+const USUAL: f64 = 0.005;
 
 /// True if the factor of a curve is constant between two times, [time].
 fn stands_still(LoadCurve(pairs): &LoadCurve, [start, end]: [f64; 2]) -> bool {
@@ -78,9 +81,11 @@ impl Check<'_> {
                     let message = format!(
                         "a tolerance of {tolerance} exceeds the whole range of the factor, from {from} to {to}"
                     );
+                    let range = rounded(to - from);
+                    let such_as = if range > USUAL { format!(", such as {USUAL}") } else { String::new() };
                     let help = format!(
-                        "give a `tolerance` of at most {}, such as 0.005, or a larger factor `to`",
-                        shortest(to - from)
+                        "give a `tolerance` below {}{such_as}, or a larger factor `to`",
+                        shortest(range)
                     );
                     self.error("D049", &format!("{pointer}/tolerance"), message, &help);
                 } else if to <= from {
@@ -99,7 +104,7 @@ impl Check<'_> {
             let help = if probes.is_empty() {
                 "add one: `output: {probes: [{name, body, nearest}]}`".to_owned()
             } else {
-                format!("the probes are {}", list(probes))
+                known_names(("probe", "probes"), probe, &probes)
             };
             self.error("D049", &format!("{pointer}/probe"), message, help);
         }
@@ -109,10 +114,11 @@ impl Check<'_> {
         let deck = self.deck;
         let Some(found) = deck.tools.iter().find(|other| other.name == tool) else {
             let message = format!("there is no tool {}", quote(tool));
-            let help = if deck.tools.is_empty() {
+            let tools: Vec<&str> = deck.tools.iter().map(|tool| tool.name.as_str()).collect();
+            let help = if tools.is_empty() {
                 "add one under `tools`, or control a `probe`".to_owned()
             } else {
-                format!("the tools are {}", list(deck.tools.iter().map(|tool| tool.name.as_str())))
+                known_names(("tool", "tools"), tool, &tools)
             };
             return self.error("D049", &format!("{pointer}/tool"), message, help);
         };

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use super::Check;
 use crate::diagnostic::{Diagnostic, Severity};
-use crate::quoting::quote;
+use crate::quoting::{quote, rounded};
 use crate::span::escape;
 use crate::{
     BoundaryConditionDeck, Deck, Expression, InitialStressDeck, LoadCurve, LoadDeck, MaterialDeck, ToolDeck,
@@ -145,7 +145,7 @@ impl Check<'_> {
             let message = format!(
                 "with the tolerance {tolerance} a step is accepted as in equilibrium although {} % of its \
                  load is out of balance",
-                100.0 * tolerance
+                rounded(100.0 * tolerance)
             );
             let help = "use 1e-6 or less: with quadratic convergence this costs one more iteration";
             self.warn("D045", "/solver/tolerance", message, help);

@@ -76,7 +76,7 @@ impl Check<'_> {
 
     fn of_rotation(&mut self, pointer: &str, is_angle: bool) {
         let (found, expected) = match (self.dimensions(), is_angle) {
-            (3, true) => ("one number", "a list of three, about x, y and z"),
+            (3, true) => ("a single value", "a list of three, about x, y and z"),
             (2, false) => ("a list", "one number, counter-clockwise"),
             _ => return,
         };
@@ -106,8 +106,7 @@ impl Check<'_> {
             let word = component.word();
             let prescribed = motion.iter().find(|(_, other, _)| other == component);
             if !component.exists(dimensions) {
-                let needed = if *component == FreeDeck::Rotation { 2 } else { 3 };
-                self.of_other_dimension(&at, &format!("the component `{word}`"), needed);
+                self.component_of_other_dimension(&at, *component);
             } else if tool.free[..index].contains(component) {
                 self.error(
                     "D068",
@@ -128,6 +127,17 @@ impl Check<'_> {
         }
     }
 
+    fn component_of_other_dimension(&mut self, pointer: &str, component: FreeDeck) {
+        if component == FreeDeck::Rotation {
+            let message =
+                "the component `rotation` exists in the plane only, but the idealisation is `solid`";
+            let help = "use `rx`, `ry` or `rz` in space; `rotation` needs `idealisation: plane-strain`";
+            self.error("D048", pointer, message, help);
+        } else {
+            self.of_other_dimension(pointer, &format!("the component `{}`", component.word()), 3);
+        }
+    }
+
     /// In axisymmetry, a tool moves along the axis only.
     fn along_the_axis(&mut self, pointer: &str, tool: &ToolDeck) {
         let help = "in axisymmetry, a tool moves along y only; use `idealisation: solid` for other motions";
@@ -139,7 +149,12 @@ impl Check<'_> {
         let free = tool.free.iter().enumerate().filter(|(_, component)| **component != FreeDeck::Y);
         let free = free.map(|(index, component)| (format!("{pointer}/free/{index}"), *component));
         for (at, component) in moved.chain(free).collect::<Vec<_>>() {
-            let message = format!("the tool {} cannot move along `{}`", quote(&tool.name), component.word());
+            let motion = if component.is_rotation() {
+                "rotate".to_owned()
+            } else {
+                format!("move along `{}`", component.word())
+            };
+            let message = format!("the tool {} cannot {motion}", quote(&tool.name));
             self.error("D068", &at, message, help);
         }
         if tool.shape.is_lopsided() {
@@ -161,7 +176,7 @@ impl Check<'_> {
         let is_free = |component: FreeDeck| tool.free.contains(&component);
         if tool.weight.is_some() && !is_free(up) {
             let message = format!(
-                "the weight of the tool {} has no effect: it is not free along `{}`",
+                "the weight of the tool {} has no effect: the tool is not free along `{}`",
                 quote(&tool.name),
                 up.word()
             );
@@ -216,11 +231,20 @@ impl Check<'_> {
             let message = "a load on a tool is a force, a moment, or both".to_owned();
             self.error("D019", pointer, message, "give `force`, `moment`, or both");
         } else if !acting.iter().any(|component| tool.free.contains(component)) {
-            let words = list(acting.iter().map(|component| component.word()));
-            let message =
-                format!("the load has no effect: the tool {} is not free along {words}", quote(&tool.name));
-            self.error("D068", pointer, message, "add the component to `free`, or remove the load");
+            self.load_without_effect(pointer, tool, &acting);
         }
+    }
+
+    /// Reports a load that is zero or has only components along which the tool is not free.
+    fn load_without_effect(&mut self, pointer: &str, tool: &ToolDeck, acting: &[FreeDeck]) {
+        let words = list(acting.iter().map(|component| component.word()));
+        let held = |are: &str| format!("{words} of the tool {} {are} not free", quote(&tool.name));
+        let (reason, help) = match acting {
+            [] => ("it is zero".to_owned(), "give a force or moment other than 0, or remove the load"),
+            [_] => (held("is"), "add the component to `free`, or remove the load"),
+            _ => (held("are"), "add at least one of these components to `free`, or remove the load"),
+        };
+        self.error("D068", pointer, format!("the load has no effect: {reason}"), help);
     }
 
     fn interfaces_of_tool(&mut self, pointer: &str, tool: &ToolDeck) {

@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use mpm_core::counted::counted;
 use serde::{Deserialize, Serialize};
 
 use super::blocks::{Blocks, Number, Room};
@@ -120,16 +121,16 @@ impl Encoded {
     ) -> Result<Encoded, String> {
         let Field { name, components, component_names, values } = field;
         if *components == 0 || count.checked_mul(*components) != Some(field.numbers()) {
-            let found = field.numbers();
+            let found = counted(field.numbers(), "value", "values");
+            let all = counted(count, owner, &format!("{owner}s"));
             return Err(format!(
-                "{owner} field `{name}` has {found} values, not {components} for each of {count}"
+                "{owner} field `{name}` has {found}, but needs {components} for each of {all}"
             ));
         }
         if !component_names.is_empty() && component_names.len() != *components {
-            let found = component_names.len();
-            return Err(format!(
-                "{owner} field `{name}` has {components} components but {found} names for them"
-            ));
+            let components = counted(*components, "component", "components");
+            let names = counted(component_names.len(), "component name", "component names");
+            return Err(format!("{owner} field `{name}` has {components}, but {names}"));
         }
         let not_finite = |tuple: usize| format!("{owner} field `{name}` is not finite at {owner} {tuple}");
         let (kind, blocks) = match values {

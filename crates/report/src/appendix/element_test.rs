@@ -5,6 +5,7 @@ use serde_json::Value;
 use mpm_core::element_test::{ElementState, Path};
 use mpm_core::material::Material;
 use mpm_deck::MaterialDeck;
+use mpm_deck::quoting::counted;
 
 use super::chart::{Axis, Chart, Curve, Look};
 use super::number::html;
@@ -97,12 +98,16 @@ fn outcome(page: &mut Page, test: &ElementReport, naming: &Naming) {
     let steps = test.states.len().saturating_sub(1);
     match test.failure {
         None => page.push(&format!(
-            "<p class=\"outcome completed\" role=\"status\"><strong>Completed.</strong> All {steps} steps have a \
-             solution.</p>\n"
+            "<p class=\"outcome completed\" role=\"status\"><strong>Completed.</strong> {}.</p>\n",
+            match steps {
+                1 => "The only step has a solution".to_owned(),
+                _ => format!("All {steps} steps have a solution"),
+            }
         )),
         Some(reason) => page.push(&format!(
-            "<p class=\"outcome failed\" role=\"status\"><strong>The test ended early</strong> after {steps} steps: {}. \
-             This page shows only these steps.</p>\n",
+            "<p class=\"outcome failed\" role=\"status\"><strong>The test ended early</strong> after {}: {}. \
+             This page shows nothing beyond them.</p>\n",
+            counted(steps, "step", "steps"),
             escape(reason)
         )),
     }

@@ -69,7 +69,7 @@ pub enum ReportError {
         known: Vec<String>,
     },
     /// A load step for which no points were written.
-    #[error("load step {step} was not written; the steps written are {}", numbers(known))]
+    #[error("load step {step} was not written; {}", written(known))]
     NoStep {
         /// The step.
         step: usize,
@@ -144,11 +144,14 @@ fn no_component(field: &str, component: Option<&str>, known: &[String]) -> Strin
     }
 }
 
-fn numbers(known: &[usize]) -> String {
+fn written(known: &[usize]) -> String {
     const SHOWN: usize = 30;
+    if let [only] = known {
+        return format!("the only step written is {only}");
+    }
     let mut text: Vec<String> = known.iter().take(SHOWN).map(usize::to_string).collect();
     if let Some(last) = known.last().filter(|_| known.len() > SHOWN) {
         text.extend(["…".to_owned(), last.to_string()]);
     }
-    text.join(", ")
+    format!("the steps written are {}", text.join(", "))
 }

@@ -70,7 +70,7 @@ impl FieldChoice {
         };
         match &self.component {
             Some(component) => format!("{words} {}", component.to_uppercase()),
-            None if self.name == "displacement" => format!("{words}, magnitude"),
+            None if self.name == "displacement" => format!("{words} magnitude"),
             None => words,
         }
     }

@@ -123,7 +123,8 @@ impl<'a> Gallery<'a> {
             let unit = escape(&naming.unit(Quantity::Length));
             let _ = write!(
                 text,
-                " The last picture shows the box from ({}) to ({})\u{a0}{unit}.",
+                " The {}picture shows the box from ({}) to ({})\u{a0}{unit}.",
+                if self.scenes.len() > 1 { "last " } else { "" },
                 place(low),
                 place(high)
             );

@@ -103,7 +103,7 @@ impl Run {
         if let Some(steps) = summary["steps"].as_u64()
             && steps != rows
         {
-            let what = format!("it has {rows} rows, but the run made {steps} steps");
+            let what = format!("its number of rows is {rows}, but the number of steps is {steps}");
             return Err(ReportError::Damaged { path: directory.join("history.csv"), what });
         }
         let state = state_of(&summary, directory)?;

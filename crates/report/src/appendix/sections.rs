@@ -32,6 +32,9 @@ pub(super) fn state_in_words(state: &State) -> &'static str {
 pub(super) fn steps_in_words(run: &Run) -> String {
     let wanted = run.number("/steps_requested").or_else(|| Some(run.deck.as_ref()?.step_count() as f64));
     match wanted {
+        Some(wanted) if run.steps() as f64 > wanted => {
+            format!("{} ({} requested)", run.steps(), html(wanted, 9))
+        }
         Some(wanted) => format!("{} of {}", run.steps(), html(wanted, 9)),
         None => run.steps().to_string(),
     }
@@ -40,33 +43,31 @@ pub(super) fn steps_in_words(run: &Run) -> String {
 /// A box with the state of a run.
 pub(super) fn banner(page: &mut Page, run: &Run, name: Option<&str>) {
     let of = name.map_or_else(String::new, |name| format!("<code>{}</code>: ", escape(name)));
-    let (steps, class) = (steps_in_words(run), state_in_words(&run.state));
+    let class = state_in_words(&run.state);
+    let so_far = format!("Load steps in equilibrium: {}.", steps_in_words(run));
     let only = "This page shows only steps in equilibrium.";
     let text = match &run.state {
         State::Completed => {
-            format!("<strong>{of}Completed.</strong> All {} load steps are in equilibrium.", run.steps())
+            let all = match run.steps() {
+                1 => "The only load step is in equilibrium.".to_owned(),
+                steps => format!("All {steps} load steps are in equilibrium."),
+            };
+            format!("<strong>{of}Completed.</strong> {all}")
         }
         State::Failed(code, reason) => {
             let code = code.as_ref().map_or_else(String::new, |code| format!(" with {}", escape(code)));
             let reason = escape(reason);
-            format!(
-                "<strong>{of}The analysis failed{code}</strong> after {steps} load steps: {reason}. {only}"
-            )
+            format!("<strong>{of}The analysis failed{code}:</strong> {reason}. {so_far} {only}")
         }
         State::Interrupted => {
-            format!("<strong>{of}The analysis was interrupted</strong> after {steps} load steps. {only}")
+            format!("<strong>{of}The analysis was interrupted.</strong> {so_far} {only}")
         }
-        State::Running => format!(
-            "<strong>{of}The analysis is still running.</strong> {steps} load steps are in equilibrium so far. {only}"
-        ),
+        State::Running => format!("<strong>{of}The analysis is still running.</strong> {so_far} {only}"),
         State::Died => format!(
-            "<strong>{of}The analysis was killed:</strong> its process ended unexpectedly after {steps} load \
-             steps. {only}"
+            "<strong>{of}The analysis was killed:</strong> its process ended unexpectedly. {so_far} {only}"
         ),
         State::Unknown => format!(
-            "<strong>{of}The outcome of the analysis is unknown:</strong> there is no summary. {steps} load \
-             steps are in \
-             equilibrium. {only}"
+            "<strong>{of}The outcome of the analysis is unknown:</strong> there is no summary. {so_far} {only}"
         ),
     };
     page.push(&format!("<p class=\"outcome {class}\" role=\"status\">{text}</p>\n"));
@@ -165,7 +166,10 @@ pub(super) fn program(run: &Run) -> Option<String> {
 pub(super) fn machine(run: &Run) -> Option<String> {
     let text = |key: &str| run.text(&format!("/machine/{key}")).map(escape);
     let mut parts: Vec<String> = text("processor").into_iter().collect();
-    parts.extend(run.number("/machine/cores").map(|cores| format!("{cores}\u{a0}cores")));
+    parts.extend(
+        run.number("/machine/cores")
+            .map(|cores| format!("{cores}\u{a0}{}", if cores == 1.0 { "core" } else { "cores" })),
+    );
     parts.extend(run.number("/machine/memory_bytes").map(super::number::memory));
     parts.extend(text("system"));
     (!parts.is_empty()).then(|| parts.join(", "))
@@ -223,7 +227,13 @@ pub(super) fn in_words(value: &Value) -> String {
         Value::Array(items) => {
             let words: Vec<String> = items.iter().map(in_words).collect();
             let is_list = items.iter().all(Value::is_string);
-            if is_list { words.join(" and ") } else { format!("({})", words.join(", ")) }
+            match words.split_last() {
+                Some((last, [_, ..])) if is_list => {
+                    format!("{} and {last}", words[..words.len() - 1].join(", "))
+                }
+                Some((only, [])) if is_list => only.clone(),
+                _ => format!("({})", words.join(", ")),
+            }
         }
         Value::Number(number) => number.as_f64().map_or_else(|| number.to_string(), |value| html(value, 9)),
         Value::String(text) => escape(text),

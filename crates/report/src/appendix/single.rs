@@ -433,9 +433,10 @@ fn cost(page: &mut Page, run: &Run) {
     table.total(cells("total", total, seconds("cpu_seconds", "total")));
     page.table("Time spent in each phase.", &table);
     let mut facts = vec![format!("Wall time {}", duration(total))];
-    facts.extend(
-        run.number("/threads").map(|n| format!("{n} threads (the number does not change the results)")),
-    );
+    facts.extend(run.number("/threads").map(|n| {
+        let noun = if n == 1.0 { "thread" } else { "threads" };
+        format!("{n} {noun} (the number does not change the results)")
+    }));
     facts.extend(run.number("/peak_memory_bytes").map(|bytes| format!("peak memory {}", memory(bytes))));
     let cost = "/cpu_microseconds_per_point_and_evaluation/all";
     facts

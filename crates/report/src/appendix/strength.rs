@@ -29,7 +29,7 @@ fn earlier(run: &Run) -> Vec<String> {
     let before_last = all.map(|all| &all[..all.len().saturating_sub(1)]).unwrap_or_default();
     let sentence = |of: &serde_json::Value| {
         let found: StrengthBracket = serde_json::from_value(of.clone()).ok()?;
-        Some(format!("In stage {} it is {found}.", of["stage"].as_str().unwrap_or_default()))
+        Some(format!("In stage {}: {found}.", of["stage"].as_str().unwrap_or_default()))
     };
     before_last.iter().filter_map(sentence).collect()
 }
@@ -79,8 +79,13 @@ fn in_html(found: &StrengthBracket) -> Option<(String, &'static str)> {
 fn dependence(run: &Run) -> Option<String> {
     let materials = run.deck.iter().flat_map(|deck| deck.nonassociated_with_reduced_strength());
     let names: Vec<String> = materials.map(|name| format!("<code>{}</code>", escape(name))).collect();
-    let names = (!names.is_empty()).then(|| names.join(", "))?;
-    Some(format!("it depends on the cell size, because the flow of {names} is non-associated"))
+    let names = match names.split_last()? {
+        (only, []) => only.clone(),
+        (last, others) => format!("{} and {last}", others.join(", ")),
+    };
+    Some(format!(
+        "the factor of safety depends on the cell size, because the flow of {names} is non-associated"
+    ))
 }
 
 /// The part of a run that reduced the strength.
@@ -171,7 +176,7 @@ pub(super) fn section(page: &mut Page, run: &Run, naming: &Naming) -> Result<(),
     let dependence = dependence(run);
     let dependence = dependence.map(|text| format!(" Here {text}: compare another grid."));
     page.paragraph(&format!(
-        "The factor of safety is {}.{}",
+        "Factor of safety: {}.{}",
         escape(&bracket.to_string()),
         dependence.unwrap_or_default()
     ));

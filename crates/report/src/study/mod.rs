@@ -117,7 +117,8 @@ impl Study {
             let known = || known.iter().map(String::as_str);
             let help = match closest(name, known()) {
                 Some(best) => format!("did you mean {}?", quote(best)),
-                None if known().next().is_none() => "it has none".to_owned(),
+                None if known().next().is_none() => "it has no parameters".to_owned(),
+                None if known().nth(1).is_none() => format!("its only parameter is {}", list(known())),
                 None => format!("its parameters are {}", list(known())),
             };
             return Err(StudyError::Unknown { name: name.clone(), help });

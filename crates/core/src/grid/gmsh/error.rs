@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use crate::counted::counted;
+
 /// Largest number of physical groups of an element. The number of element-group pairs is the product of two counts in
 /// the file; this limit keeps it proportional to the file size.
 pub(super) const MAX_GROUPS: usize = 1000;
@@ -77,7 +79,10 @@ pub enum GmshError {
         section: String,
     },
     /// A count exceeds the size of the rest of the file.
-    #[error("{location}: {count} {what} cannot fit into the {left} bytes that follow")]
+    #[error(
+        "{location}: the count of {what}, {count}, is too large for the rest of the file ({})",
+        counted(*.left, "byte", "bytes")
+    )]
     Count {
         /// Location of the count.
         location: FileLocation,
@@ -89,7 +94,9 @@ pub enum GmshError {
         left: usize,
     },
     /// The blocks of a section do not sum to its total.
-    #[error("{location}: the section announces {declared} {what}, but its blocks contain a different number")]
+    #[error(
+        "{location}: the section announces another number of {what} ({declared}) than its blocks contain"
+    )]
     Total {
         /// Location of the contradiction.
         location: FileLocation,
@@ -152,9 +159,16 @@ pub enum GmshError {
 
 fn unsupported(kinds: &[(&'static str, usize)]) -> String {
     let found = list(kinds);
-    if kinds.iter().all(|(name, _)| ["Prism 6", "Pyramid 5"].contains(name)) {
+    let is_other_shape =
+        |(name, _): &(&'static str, usize)| name.starts_with("Prism") || name.starts_with("Pyramid");
+    if kinds.iter().all(is_other_shape) {
         format!(
             "prisms and pyramids are not supported, but the file has {found}; use tetrahedra or hexahedra"
+        )
+    } else if kinds.iter().any(is_other_shape) {
+        format!(
+            "only tetrahedra, hexahedra, triangles and quadrilaterals of order 1 are supported, but the file has \
+             {found}; mesh it without prisms and pyramids, and save it with order 1"
         )
     } else {
         format!("only linear elements are supported, but the file has {found}; save it with order 1")

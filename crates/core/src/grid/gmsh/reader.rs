@@ -141,6 +141,9 @@ impl<'a> Reader<'a> {
 
     /// Reads a signed integer that must not be negative.
     pub(super) fn natural(&mut self, expected: &'static str) -> Result<u64, GmshError> {
+        if self.encoding == Encoding::Text {
+            self.skip_blanks();
+        }
         let at = self.at;
         u64::try_from(self.int(expected)?).map_err(|_| self.expected(at, expected))
     }

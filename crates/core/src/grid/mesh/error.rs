@@ -37,7 +37,8 @@ pub enum MeshError {
     },
     /// The mesh has volume elements but the analysis is in the plane.
     #[error(
-        "the mesh has {n} solid elements; an analysis in the plane needs triangles or quadrilaterals only"
+        "the mesh has {}; an analysis in the plane needs triangles or quadrilaterals only",
+        count(*.n, "solid element", "solid elements")
     )]
     Solid {
         /// Number of such elements.
@@ -89,8 +90,8 @@ pub enum MeshError {
     },
     /// Cells so far from the origin that their coordinates have too few significant digits.
     #[error(
-        "the round-off error of the coordinates exceeds {ON_LINE:e} of the size of {}, for example {}; move the origin of \
-         the coordinates closer to the bodies", count(*.n, "cell", "cells"), show(.first)
+        "the round-off error of the coordinates exceeds {ON_LINE:e} of the size of {}{} {}; move the origin of \
+         the coordinates closer to the bodies", count(*.n, "cell", "cells"), example(*.n), show(.first)
     )]
     FarAway {
         /// Number of such cells.
@@ -100,8 +101,9 @@ pub enum MeshError {
     },
     /// Overlapping cells.
     #[error(
-        "{}, for example {} and {}; remove one of the two, or mesh both bodies as one part",
-        count(*.n, "pair of cells overlaps", "pairs of cells overlap"), show(&.first[0]), show(&.first[1])
+        "{}{} {} and {}; remove one of the two, or mesh both bodies as one part",
+        count(*.n, "pair of cells overlaps", "pairs of cells overlap"), example(*.n), show(&.first[0]),
+        show(&.first[1])
     )]
     Overlap {
         /// Number of such pairs. If any two cells lie on the same side of a shared edge or face, only pairs of this
@@ -113,11 +115,11 @@ pub enum MeshError {
     /// Nodes that lie on a side of a connected cell without being one of its corners; the basis functions are
     /// discontinuous there.
     #[error(
-        "{} on a side of a cell without being one of its corners, for example node {} at ({}) on the side between the \
+        "{} on a side of a cell without being one of its corners{} node {} at ({}) on the side between the \
          nodes {} of {}; the basis functions are discontinuous there: cut that cell at the node, or give the cells on \
          both sides the same nodes",
-        count(*.n, "node lies", "nodes lie"), .first.node, numbers(&.first.position), tags(&.first.side),
-        show(&.first.cell)
+        count(*.n, "node lies", "nodes lie"), example(*.n), .first.node, numbers(&.first.position),
+        tags(&.first.side), show(&.first.cell)
     )]
     Hanging {
         /// Number of such nodes.
@@ -127,9 +129,10 @@ pub enum MeshError {
     },
     /// Tetrahedra that share half a face with a hexahedron; the basis functions do not match there.
     #[error(
-        "{} three nodes with a face of a hexahedron, for example of {} and {}; the basis functions are discontinuous \
+        "{} three nodes with a face of a hexahedron{} the faces of {} and {}; the basis functions are discontinuous \
          there: use one kind of element, or keep the two kinds apart",
-        count(*.n, "face of a tetrahedron shares", "faces of tetrahedra share"), show(&.first[0]), show(&.first[1])
+        count(*.n, "face of a tetrahedron shares", "faces of tetrahedra share"), example(*.n), show(&.first[0]),
+        show(&.first[1])
     )]
     Nonconforming {
         /// Number of such faces.
@@ -152,8 +155,10 @@ pub enum MeshError {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum MeshWarning {
     /// Nodes of different cells at the same position; the cells are not connected there.
-    #[error("{} but not merged, the first at ({})", count(*.n, "pair of nodes is coincident", "pairs of nodes are coincident"),
-        numbers(&.first[0]))]
+    #[error(
+        "{} but not merged, {} ({})",
+        count(*.n, "pair of nodes is coincident", "pairs of nodes are coincident"), first_at(*.n), numbers(&.first[0])
+    )]
     Unmerged {
         /// Number of such pairs.
         n: usize,
@@ -162,9 +167,10 @@ pub enum MeshWarning {
     },
     /// Nodes that lie on sides of a part of the mesh without being connected to it.
     #[error(
-        "{} on a side of another part of the mesh without being connected to it, the first at ({}): \
+        "{} on a side of another part of the mesh without being connected to it, {} ({}): \
          bodies separate there",
         count(*.n, "node lies", "nodes lie"),
+        first_at(*.n),
         numbers(&.first[0])
     )]
     Apart {
@@ -191,8 +197,9 @@ fn no_cells(dimension: usize, n_surface: usize) -> String {
     match (dimension, n_surface) {
         (3, 0) => "the mesh has no tetrahedra or hexahedra".to_owned(),
         (3, n) => format!(
-            "the mesh has no tetrahedra or hexahedra, only {n} surface elements; a three-dimensional analysis needs a mesh of \
-             the volume (in gmsh, `Mesh 3`; if the mesh has physical groups, add one for the volume)"
+            "the mesh has no tetrahedra or hexahedra, only {}; a three-dimensional analysis needs a mesh of \
+             the volume (in gmsh, `Mesh 3`; if the mesh has physical groups, add one for the volume)",
+            count(n, "surface element", "surface elements")
         ),
         _ => "the mesh has no triangles or quadrilaterals".to_owned(),
     }
@@ -200,6 +207,16 @@ fn no_cells(dimension: usize, n_surface: usize) -> String {
 
 fn count(n: usize, one: &str, many: &str) -> String {
     format!("{n} {}", if n == 1 { one } else { many })
+}
+
+/// Introduces one of `n` cases.
+fn example(n: usize) -> &'static str {
+    if n == 1 { ":" } else { ", for example" }
+}
+
+/// Introduces the position of the first of `n` cases.
+fn first_at(n: usize) -> &'static str {
+    if n == 1 { "at" } else { "the first at" }
 }
 
 fn measure(dimension: usize) -> &'static str {

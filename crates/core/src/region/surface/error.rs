@@ -45,7 +45,7 @@ impl fmt::Display for EdgeReport {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum SurfaceError {
     /// Fewer facets than a tetrahedron has.
-    #[error("the surface has {facets} facets; a closed one has at least 4")]
+    #[error("the surface has {}; a closed one has at least 4", count(*.facets, "facet", "facets"))]
     TooFewFacets {
         /// Number of facets.
         facets: usize,

@@ -1,5 +1,6 @@
 //! Reasons why contact cannot be evaluated.
 
+use crate::counted::counted;
 use crate::points::coordinates;
 
 /// A contact point on a body, as named in errors.
@@ -53,8 +54,8 @@ pub enum ContactError {
     /// A part of a tool lies between the centre and a corner of the domain of a material point, where no contact point
     /// touches it.
     #[error(
-        "{place}: a part of the tool lies between this corner of the domain and its centre, where no contact point \
-         touches it"
+        "{place}: a part of the tool lies between the corner of the domain at this position and the centre of the \
+         domain, where no contact point touches it"
     )]
     Between {
         /// The corner.
@@ -62,8 +63,8 @@ pub enum ContactError {
     },
     /// The updates of the multipliers have not reduced the error to the tolerance.
     #[error(
-        "{place}: after {augmentations} updates, the overlap is {overlap:.3e} and the slip of sticking contact points \
-         is {slip:.3e}; the tolerance is {most:.3e}"
+        "{place}: after {}, {} and the slip of sticking contact points is {slip:.3e}; the tolerance is {most:.3e}",
+        counted(*augmentations, "update", "updates"), overlap_in_words(*overlap)
     )]
     NotSettled {
         /// The contact point with the largest error.
@@ -78,22 +79,22 @@ pub enum ContactError {
         most: f64,
     },
     /// Nothing resists a free motion of a tool.
-    #[error("nothing holds tool `{tool}` along {component}: it touches no body")]
+    #[error("nothing holds tool `{tool}` {component}: it touches no body")]
     Loose {
         /// Name of the tool.
         tool: String,
-        /// The component along which the tool is free.
+        /// The component in which the tool is free, such as "along x".
         component: &'static str,
     },
     /// A prescribed motion is not finite.
     #[error(
-        "the motion of tool `{tool}` along {component} is not finite: the formula `{formula}` gives {value} at load \
+        "the motion of tool `{tool}` {component} is not finite: the formula `{formula}` gives {value} at load \
          factor {factor} and time {time}"
     )]
     NotFinite {
         /// Name of the tool.
         tool: String,
-        /// The component of the motion.
+        /// The component of the motion, such as "along x".
         component: &'static str,
         /// Text of the formula.
         formula: String,
@@ -114,13 +115,21 @@ pub enum ContactError {
         tool: String,
     },
     /// A tool in contact with bodies of revolution moves off the axis.
-    #[error("tool `{tool}` can only move along the axis of revolution, not along {component}")]
+    #[error("tool `{tool}` can only move along the axis of revolution, not {component}")]
     OffAxis {
         /// Name of the tool.
         tool: String,
-        /// The component of the motion off the axis.
+        /// The component of the motion off the axis, such as "along x".
         component: &'static str,
     },
+}
+
+fn overlap_in_words(overlap: f64) -> String {
+    if overlap < 0.0 {
+        format!("a gap of {:.3e} still transfers a force", -overlap)
+    } else {
+        format!("the overlap is {overlap:.3e}")
+    }
 }
 
 impl ContactError {

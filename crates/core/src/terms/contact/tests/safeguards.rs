@@ -69,7 +69,7 @@ fn a_tool_without_support_is_refused() {
     let mut tool = plate("plate", 1.2, -1.0);
     tool.translation[1] = Freedom::Free;
     let error = contact_error(block(Method::Gimp, tool, 1));
-    assert!(matches!(error, ContactError::Loose { component: "y", .. }), "{error}");
+    assert!(matches!(error, ContactError::Loose { component: "along y", .. }), "{error}");
     let mut tool = plate("plate", 1.2, -1.0);
     tool.translation[1] = Freedom::Prescribed(Formula::parse("1/(factor - 1)", &["factor", "t"]).unwrap());
     let error = contact_error(block(Method::Gimp, tool, 1));
