@@ -14,7 +14,7 @@ use jsonschema::{Draft, Validator};
 use serde::Deserialize;
 use serde_json::Value;
 
-use self::words::{count_in_words, number_help, subschema};
+use self::words::{KEYS, count_in_words, number_help, subschema};
 use super::Deck;
 use super::diagnostic::Diagnostic;
 use super::quoting::{either, list, quote};
@@ -30,8 +30,6 @@ pub(crate) use words::written_number;
 const PASSES: usize = 3;
 /// Largest number of unknown keys that are corrected; in a deck with more, most have the same cause.
 const MOST_CORRECTED: usize = 100;
-/// The keys of a mapping, as messages name them, in the singular and in the plural.
-const KEYS: (&str, &str) = ("key here", "keys here");
 
 /// Checks a deck against the schema once its parameters have been substituted; adds a message for every fault. Returns
 /// the deck if it can be read, even if a number is out of range or a key is misspelt, so that later checks can run;

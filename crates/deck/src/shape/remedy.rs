@@ -3,8 +3,7 @@
 use jsonschema::error::{ValidationError, ValidationErrorKind};
 use serde_json::Value;
 
-use super::KEYS;
-use super::words::{count_in_words, number_help, range_help, subschema};
+use super::words::{KEYS, count_in_words, number_help, range_help, subschema};
 use crate::quoting::{list, quote};
 use crate::references::existing;
 use crate::schema::{resolve, shortest};

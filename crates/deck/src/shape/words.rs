@@ -5,6 +5,9 @@ use serde_json::Value;
 
 use crate::schema::{shortest, strict_schema};
 
+/// The keys of a mapping, as messages name them, in the singular and in the plural.
+pub(super) const KEYS: (&str, &str) = ("key here", "keys here");
+
 /// The part of the schema with the keyword that a value does not satisfy.
 pub(super) fn subschema(error: &ValidationError<'_>) -> Option<&'static Value> {
     let path = error.schema_path().as_str();
