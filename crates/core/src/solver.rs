@@ -20,7 +20,7 @@
 //! | `forcing`, `damping`, `damped_step` | beyond the paper: inexact solves, damping |
 //! | `control`, `motion` | beyond the paper: unknown load factor, prediction |
 //! | `agree`, `of_rank`, `reach` | what all ranks of a run decide together |
-//! | `attempt`, `error` | how attempts end |
+//! | `attempt`, `error`, `located` | how attempts end, and the point or node at fault |
 //! | `diagnosis`, `evidence`, `stiffness` | why attempts fail; stiffness contrasts between materials |
 //!
 //! A step that fails leaves no trace in the converged state. It is retried in two halves, down to the smallest step
@@ -46,6 +46,7 @@ mod forcing;
 mod initial_state;
 mod line_search;
 mod load_step;
+mod located;
 mod motion;
 mod newton;
 mod observer;
@@ -66,12 +67,9 @@ mod summary;
 mod unknowns;
 mod update;
 
-use std::collections::BTreeMap;
-
 use crate::model::Model;
 use crate::points::Points;
 use crate::stress::{Axisymmetric, PlaneStrain, Solid};
-use crate::terms::Saved;
 
 use release::balancing_forces;
 
@@ -86,6 +84,7 @@ pub use motion::Motion;
 pub use observer::{Observer, Silent};
 pub use of_rank::OfRank;
 pub use pace::Pace;
+pub use release::BalancingForces;
 pub use stages::{Change, resume_stage, run_stages, run_with_changes};
 pub use stepper::{Kernels, Stepper};
 pub use strength::{StageStrength, StrengthBracket};
@@ -96,18 +95,8 @@ pub trait Solvable<const D: usize> {
     /// The solver code compiled for the mechanics of this model.
     fn kernels(&self) -> Kernels<D>;
 
-    /// The forces on the free unknowns that balance the converged state of `points` at the start of `step`, by grid
-    /// node, [force]. The terms of the model are in the state `saved`. The transition to the next stage releases these
-    /// forces.
-    ///
-    /// # Errors
-    /// [`SolveError`] if a point lies outside the grid, constraints contradict each other, or a load is not finite.
-    fn balancing_forces(
-        &self,
-        points: &mut Points<D>,
-        step: Step,
-        saved: &BTreeMap<String, Saved>,
-    ) -> Result<Vec<(u32, [f64; D])>, SolveError>;
+    /// The function that computes the forces which a stage releases, compiled for the mechanics of this model.
+    fn balancing_forces(&self) -> BalancingForces<D>;
 }
 
 // Crates that inlined the functions of these implementations would compile the solution of a step again.
@@ -118,17 +107,8 @@ impl Solvable<2> for Model<2> {
     }
 
     #[inline(never)]
-    fn balancing_forces(
-        &self,
-        points: &mut Points<2>,
-        step: Step,
-        saved: &BTreeMap<String, Saved>,
-    ) -> Result<Vec<(u32, [f64; 2])>, SolveError> {
-        if self.revolved {
-            balancing_forces::<2, Axisymmetric>(self, points, step, saved)
-        } else {
-            balancing_forces::<2, PlaneStrain>(self, points, step, saved)
-        }
+    fn balancing_forces(&self) -> BalancingForces<2> {
+        if self.revolved { balancing_forces::<2, Axisymmetric> } else { balancing_forces::<2, PlaneStrain> }
     }
 }
 
@@ -139,13 +119,8 @@ impl Solvable<3> for Model<3> {
     }
 
     #[inline(never)]
-    fn balancing_forces(
-        &self,
-        points: &mut Points<3>,
-        step: Step,
-        saved: &BTreeMap<String, Saved>,
-    ) -> Result<Vec<(u32, [f64; 3])>, SolveError> {
-        balancing_forces::<3, Solid>(self, points, step, saved)
+    fn balancing_forces(&self) -> BalancingForces<3> {
+        balancing_forces::<3, Solid>
     }
 }
 

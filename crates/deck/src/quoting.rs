@@ -22,10 +22,15 @@ pub fn rounded(value: f64) -> f64 {
 
 /// Formats alternatives for a message: `a, b or c`.
 pub fn either(words: &[String]) -> String {
+    joined(words, "or")
+}
+
+/// Formats words as a list with a conjunction before the last: `a, b and c`.
+pub fn joined(words: &[String], conjunction: &str) -> String {
     match words {
         [] => String::new(),
         [only] => only.clone(),
-        [others @ .., last] => format!("{} or {last}", others.join(", ")),
+        [others @ .., last] => format!("{} {conjunction} {last}", others.join(", ")),
     }
 }
 
@@ -37,9 +42,5 @@ pub fn list<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
         names.truncate(20);
         return format!("{} and {more} more", names.join(", "));
     }
-    match names.pop() {
-        None => "none".into(),
-        Some(last) if names.is_empty() => last,
-        Some(last) => format!("{} and {last}", names.join(", ")),
-    }
+    if names.is_empty() { "none".into() } else { joined(&names, "and") }
 }

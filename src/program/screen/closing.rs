@@ -60,11 +60,10 @@ impl Closing {
     ) -> Option<Closing> {
         let (steps, asked) = (summary.steps, model.steps_requested());
         let in_equilibrium = format!("{} in equilibrium", counted(steps, "step", "steps"));
-        // Cut steps are more than the steps requested.
-        let of_all = match asked {
-            0 | 1 => in_equilibrium.clone(),
-            _ if steps > asked => in_equilibrium.clone(),
-            _ => format!("{steps} of {asked} steps in equilibrium"),
+        // Cut steps may be as many as the steps requested, or more, without reaching the end.
+        let of_all = match steps < asked {
+            true => format!("{steps} of {asked} steps in equilibrium"),
+            false => in_equilibrium.clone(),
         };
         let outcome = match error {
             None if summary.failed_attempts > 0 => format!(

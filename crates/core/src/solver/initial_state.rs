@@ -7,7 +7,8 @@ use crate::step::{Step, StepContext, displacement};
 use crate::timing::Phase;
 
 use super::agree::agree;
-use super::error::{SolveError, locate_failure, worst};
+use super::error::SolveError;
+use super::located::{locate_failure, worst};
 use super::observer::Observer;
 use super::residual::Forces;
 use super::round_off::EvaluatedAt;

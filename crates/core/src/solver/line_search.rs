@@ -8,8 +8,9 @@ use crate::terms::EvaluateError;
 use super::attempt::Effort;
 use super::course::Search;
 use super::damping::MOST_TRIALS;
-use super::error::{SolveError, locate_failure};
+use super::error::SolveError;
 use super::load_step::LoadStep;
+use super::located::locate_failure;
 use super::residual::Measured;
 use super::unknowns::Bracket;
 

@@ -13,8 +13,14 @@ use crate::stress::Mechanics;
 use crate::terms::{Saved, Sum, of_model, restore};
 
 use super::agree::agree;
-use super::error::{SolveError, locate_failure};
+use super::error::SolveError;
+use super::located::locate_failure;
 use super::reach::{begin, reach_out};
+
+/// The function [`balancing_forces`] for one kind of mechanics; its arguments are the model, its points, the step, and
+/// the saved state of the terms.
+pub type BalancingForces<const D: usize> =
+    fn(&Model<D>, &mut Points<D>, Step, &BTreeMap<String, Saved>) -> Result<Vec<(u32, [f64; D])>, SolveError>;
 
 /// The forces on the free unknowns that balance the converged state at a time, by grid node, [force]. As these forces
 /// decrease, what was removed from the state gradually ceases to act, and what was added begins to act. The terms of

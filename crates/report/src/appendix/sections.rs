@@ -2,6 +2,7 @@
 
 use serde_json::Value;
 
+use mpm_deck::quoting::joined;
 use mpm_files::summary::VERSION;
 
 use super::number::{duration, html};
@@ -227,13 +228,7 @@ pub(super) fn in_words(value: &Value) -> String {
         Value::Array(items) => {
             let words: Vec<String> = items.iter().map(in_words).collect();
             let is_list = items.iter().all(Value::is_string);
-            match words.split_last() {
-                Some((last, [_, ..])) if is_list => {
-                    format!("{} and {last}", words[..words.len() - 1].join(", "))
-                }
-                Some((only, [])) if is_list => only.clone(),
-                _ => format!("({})", words.join(", ")),
-            }
+            if is_list { joined(&words, "and") } else { format!("({})", words.join(", ")) }
         }
         Value::Number(number) => number.as_f64().map_or_else(|| number.to_string(), |value| html(value, 9)),
         Value::String(text) => escape(text),

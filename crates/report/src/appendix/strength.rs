@@ -2,6 +2,7 @@
 
 use mpm_core::solver::StrengthBracket;
 use mpm_deck::ControlDeck;
+use mpm_deck::quoting::joined;
 
 use super::chart::{Axis, Band, Chart, Curve, Look};
 use super::curves::{Component, components};
@@ -79,10 +80,7 @@ fn in_html(found: &StrengthBracket) -> Option<(String, &'static str)> {
 fn dependence(run: &Run) -> Option<String> {
     let materials = run.deck.iter().flat_map(|deck| deck.nonassociated_with_reduced_strength());
     let names: Vec<String> = materials.map(|name| format!("<code>{}</code>", escape(name))).collect();
-    let names = match names.split_last()? {
-        (only, []) => only.clone(),
-        (last, others) => format!("{} and {last}", others.join(", ")),
-    };
+    let names = (!names.is_empty()).then(|| joined(&names, "and"))?;
     Some(format!(
         "the factor of safety depends on the cell size, because the flow of {names} is non-associated"
     ))

@@ -1,5 +1,6 @@
 //! Errors and warnings about meshes.
 
+use crate::counted::counted;
 use crate::grid::ON_LINE;
 
 /// A cell named in a message.
@@ -38,7 +39,7 @@ pub enum MeshError {
     /// The mesh has volume elements but the analysis is in the plane.
     #[error(
         "the mesh has {}; an analysis in the plane needs triangles or quadrilaterals only",
-        count(*.n, "solid element", "solid elements")
+        counted(*.n, "solid element", "solid elements")
     )]
     Solid {
         /// Number of such elements.
@@ -53,7 +54,7 @@ pub enum MeshError {
         high: f64,
     },
     /// Cells whose volume is negligible relative to the lengths of their sides.
-    #[error("{} no {}: {}", count(*.n, "cell has", "cells have"), measure(*.dimension), list(.first))]
+    #[error("{} no {}: {}", counted(*.n, "cell has", "cells have"), measure(*.dimension), list(.first))]
     NoVolume {
         /// Dimension of the analysis.
         dimension: usize,
@@ -91,7 +92,7 @@ pub enum MeshError {
     /// Cells so far from the origin that their coordinates have too few significant digits.
     #[error(
         "the round-off error of the coordinates exceeds {ON_LINE:e} of the size of {}{} {}; move the origin of \
-         the coordinates closer to the bodies", count(*.n, "cell", "cells"), example(*.n), show(.first)
+         the coordinates closer to the bodies", counted(*.n, "cell", "cells"), example(*.n), show(.first)
     )]
     FarAway {
         /// Number of such cells.
@@ -102,7 +103,7 @@ pub enum MeshError {
     /// Overlapping cells.
     #[error(
         "{}{} {} and {}; remove one of the two, or mesh both bodies as one part",
-        count(*.n, "pair of cells overlaps", "pairs of cells overlap"), example(*.n), show(&.first[0]),
+        counted(*.n, "pair of cells overlaps", "pairs of cells overlap"), example(*.n), show(&.first[0]),
         show(&.first[1])
     )]
     Overlap {
@@ -118,7 +119,7 @@ pub enum MeshError {
         "{} on a side of a cell without being one of its corners{} node {} at ({}) on the side between the \
          nodes {} of {}; the basis functions are discontinuous there: cut that cell at the node, or give the cells on \
          both sides the same nodes",
-        count(*.n, "node lies", "nodes lie"), example(*.n), .first.node, numbers(&.first.position),
+        counted(*.n, "node lies", "nodes lie"), example(*.n), .first.node, numbers(&.first.position),
         tags(&.first.side), show(&.first.cell)
     )]
     Hanging {
@@ -131,7 +132,7 @@ pub enum MeshError {
     #[error(
         "{} three nodes with a face of a hexahedron{} the faces of {} and {}; the basis functions are discontinuous \
          there: use one kind of element, or keep the two kinds apart",
-        count(*.n, "face of a tetrahedron shares", "faces of tetrahedra share"), example(*.n), show(&.first[0]),
+        counted(*.n, "face of a tetrahedron shares", "faces of tetrahedra share"), example(*.n), show(&.first[0]),
         show(&.first[1])
     )]
     Nonconforming {
@@ -157,7 +158,7 @@ pub enum MeshWarning {
     /// Nodes of different cells at the same position; the cells are not connected there.
     #[error(
         "{} but not merged, {} ({})",
-        count(*.n, "pair of nodes is coincident", "pairs of nodes are coincident"), first_at(*.n), numbers(&.first[0])
+        counted(*.n, "pair of nodes is coincident", "pairs of nodes are coincident"), first_at(*.n), numbers(&.first[0])
     )]
     Unmerged {
         /// Number of such pairs.
@@ -169,7 +170,7 @@ pub enum MeshWarning {
     #[error(
         "{} on a side of another part of the mesh without being connected to it, {} ({}): \
          bodies separate there",
-        count(*.n, "node lies", "nodes lie"),
+        counted(*.n, "node lies", "nodes lie"),
         first_at(*.n),
         numbers(&.first[0])
     )]
@@ -199,14 +200,10 @@ fn no_cells(dimension: usize, n_surface: usize) -> String {
         (3, n) => format!(
             "the mesh has no tetrahedra or hexahedra, only {}; a three-dimensional analysis needs a mesh of \
              the volume (in gmsh, `Mesh 3`; if the mesh has physical groups, add one for the volume)",
-            count(n, "surface element", "surface elements")
+            counted(n, "surface element", "surface elements")
         ),
         _ => "the mesh has no triangles or quadrilaterals".to_owned(),
     }
-}
-
-fn count(n: usize, one: &str, many: &str) -> String {
-    format!("{n} {}", if n == 1 { one } else { many })
 }
 
 /// Introduces one of `n` cases.
@@ -225,8 +222,8 @@ fn measure(dimension: usize) -> &'static str {
 
 fn inverted(dimension: usize, n: usize) -> String {
     match dimension {
-        3 => count(n, "cell is inside out", "cells are inside out"),
-        _ => count(n, "cell has its nodes in clockwise order", "cells have their nodes in clockwise order"),
+        3 => counted(n, "cell is inside out", "cells are inside out"),
+        _ => counted(n, "cell has its nodes in clockwise order", "cells have their nodes in clockwise order"),
     }
 }
 
@@ -240,10 +237,13 @@ fn all_inverted(dimension: usize) -> &'static str {
 fn folded(dimension: usize, n: usize) -> String {
     match dimension {
         3 => {
-            count(n, "hexahedron is so distorted that it turns", "hexahedra are so distorted that they turn")
-                + " inside out"
+            counted(
+                n,
+                "hexahedron is so distorted that it turns",
+                "hexahedra are so distorted that they turn",
+            ) + " inside out"
         }
-        _ => count(n, "quadrilateral is not convex", "quadrilaterals are not convex"),
+        _ => counted(n, "quadrilateral is not convex", "quadrilaterals are not convex"),
     }
 }
 

@@ -3,6 +3,7 @@
 use std::fmt;
 
 use super::triangle::Triangle;
+use crate::counted::counted;
 
 /// Largest number of facets or edges listed in a message.
 pub(super) const SHOWN: usize = 5;
@@ -45,7 +46,7 @@ impl fmt::Display for EdgeReport {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum SurfaceError {
     /// Fewer facets than a tetrahedron has.
-    #[error("the surface has {}; a closed one has at least 4", count(*.facets, "facet", "facets"))]
+    #[error("the surface has {}; a closed one has at least 4", counted(*.facets, "facet", "facets"))]
     TooFewFacets {
         /// Number of facets.
         facets: usize,
@@ -63,7 +64,7 @@ pub enum SurfaceError {
         at: FacetReport,
     },
     /// Facets with collinear or equal corners.
-    #[error("{} no area: {}", count(*.n, "facet has", "facets have"), list(.first))]
+    #[error("{} no area: {}", counted(*.n, "facet has", "facets have"), list(.first))]
     Degenerate {
         /// Number of such facets.
         n: usize,
@@ -71,7 +72,7 @@ pub enum SurfaceError {
         first: Vec<FacetReport>,
     },
     /// Edges with one facet only.
-    #[error("the surface is open: {} one facet only: {}", count(*.n, "edge has", "edges have"), list(.first))]
+    #[error("the surface is open: {} one facet only: {}", counted(*.n, "edge has", "edges have"), list(.first))]
     Open {
         /// Number of such edges.
         n: usize,
@@ -79,7 +80,7 @@ pub enum SurfaceError {
         first: Vec<EdgeReport>,
     },
     /// Edges with more than two facets.
-    #[error("{} more than two facets: {}", count(*.n, "edge has", "edges have"), list(.first))]
+    #[error("{} more than two facets: {}", counted(*.n, "edge has", "edges have"), list(.first))]
     Branched {
         /// Number of such edges.
         n: usize,
@@ -87,7 +88,7 @@ pub enum SurfaceError {
         first: Vec<EdgeReport>,
     },
     /// A facet with the opposite orientation to its neighbours.
-    #[error("the corners of a facet are ordered opposite to those of {}: {at}", count(*.n, "neighbour", "neighbours"))]
+    #[error("the corners of a facet are ordered opposite to those of {}: {at}", counted(*.n, "neighbour", "neighbours"))]
     Turned {
         /// Number of neighbours with the opposite orientation.
         n: usize,
@@ -110,10 +111,6 @@ pub enum SurfaceError {
         /// First facet of the shell.
         at: FacetReport,
     },
-}
-
-fn count(n: usize, one: &str, many: &str) -> String {
-    format!("{n} {}", if n == 1 { one } else { many })
 }
 
 fn list<T: fmt::Display>(items: &[T]) -> String {

@@ -1,0 +1,164 @@
+//! Errors with the point, the node or the law at fault.
+
+use crate::basis::{Connectivity, SupportError, SupportFailure};
+use crate::domain::Collapsed;
+use crate::linear::LinearError;
+use crate::model::{Model, Tool};
+use crate::points::Points;
+use crate::step::Step;
+use crate::terms::{EvaluateError, LawFailure, PointFailure};
+
+use super::equations::Place as Equation;
+use super::error::{PointPlace, SolveError};
+use super::stiffness::stiffnesses;
+
+impl SolveError {
+    pub(super) fn unsupported<const D: usize>(
+        model: &Model<D>,
+        points: &Points<D>,
+        failure: SupportFailure,
+        step: Step,
+    ) -> Self {
+        let Some(&position) =
+            points.converged.position.get(failure.point).filter(|_| failure.error != SupportError::OnRank)
+        else {
+            return SolveError::elsewhere();
+        };
+        match failure.error {
+            SupportError::OffGrid => Self::off_grid(model, points, failure.point, position, step),
+            error => Self::domain(model, points, failure.point, position, step, error),
+        }
+    }
+
+    pub(super) fn domain<const D: usize>(
+        model: &Model<D>,
+        points: &Points<D>,
+        p: usize,
+        position: [f64; D],
+        step: Step,
+        error: SupportError,
+    ) -> Self {
+        SolveError::Domain { step: step.index, place: place(model, points, p, position), error }
+    }
+
+    pub(super) fn off_grid<const D: usize>(
+        model: &Model<D>,
+        points: &Points<D>,
+        p: usize,
+        position: [f64; D],
+        step: Step,
+    ) -> Self {
+        SolveError::OffGrid { step: step.index, place: place(model, points, p, position) }
+    }
+
+    pub(super) fn collapsed<const D: usize>(
+        model: &Model<D>,
+        points: &Points<D>,
+        p: usize,
+        position: [f64; D],
+        step: Step,
+        error: Collapsed,
+    ) -> Self {
+        SolveError::Collapsed { step: step.index, place: place(model, points, p, position), error }
+    }
+
+    pub(super) fn not_converged<const D: usize>(
+        model: &Model<D>,
+        links: &Connectivity<D>,
+        step: Step,
+        residuals: Vec<f64>,
+        out_of_balance: &[[f64; D]],
+    ) -> Self {
+        SolveError::NotConverged { step: step.index, residuals, worst: worst(model, links, out_of_balance) }
+    }
+
+    pub(super) fn round_off<const D: usize>(
+        model: &Model<D>,
+        links: &Connectivity<D>,
+        step: Step,
+        residuals: Vec<f64>,
+        out_of_balance: &[[f64; D]],
+    ) -> Self {
+        let worst = worst(model, links, out_of_balance);
+        SolveError::RoundOff { step: step.index, residuals, worst, materials: stiffnesses(model) }
+    }
+
+    pub(super) fn linear<const D: usize, const N: usize>(
+        error: LinearError,
+        at: Equation<D, N>,
+        step: Step,
+    ) -> Self {
+        let step = step.index;
+        match error {
+            LinearError::OutOfMemory { needed } => SolveError::OutOfMemory { step, needed },
+            LinearError::Turned
+            | LinearError::Unstructured
+            | LinearError::Unsymmetric
+            | LinearError::NotConverged { .. }
+            | LinearError::Library(_) => SolveError::Iterative { step, error },
+            LinearError::Singular { unknown } => {
+                let node = unknown.and_then(|u| at.dofs.place_of(u)).map(|(node, axis)| {
+                    (at.model.grid.node_position(at.links.active_nodes()[node] as usize).to_vec(), axis)
+                });
+                SolveError::Singular { step, tools: Vec::new(), node }
+            }
+            LinearError::Undetermined => {
+                let components = Tool::<D>::components;
+                let is_free = |tool: &&Tool<D>| components().any(|k| tool.freedom(k).is_free());
+                let tools = at.model.tools.iter().filter(is_free).map(|tool| tool.name.clone()).collect();
+                SolveError::Singular { step, tools, node: None }
+            }
+        }
+    }
+}
+
+/// The position of the node with the largest out-of-balance force, [length], and this force, [force].
+pub(super) fn worst<const D: usize>(
+    model: &Model<D>,
+    links: &Connectivity<D>,
+    out_of_balance: &[[f64; D]],
+) -> Option<(Vec<f64>, Vec<f64>)> {
+    let size = |f: &[f64]| f.iter().map(|x| x * x).sum::<f64>();
+    let own = (0..out_of_balance.len())
+        .max_by(|&a, &b| size(&out_of_balance[a]).total_cmp(&size(&out_of_balance[b])))
+        .map(|n| {
+            let place = model.grid.node_position(links.active_nodes()[n] as usize);
+            (place.to_vec(), out_of_balance[n].to_vec())
+        });
+    let all = links.halo().ranks().gather_all(own).into_iter().flatten();
+    all.max_by(|(_, a), (_, b)| size(a).total_cmp(&size(b)))
+}
+
+fn place<const D: usize>(model: &Model<D>, points: &Points<D>, p: usize, position: [f64; D]) -> PointPlace {
+    PointPlace {
+        body: model.bodies[points.body[p] as usize].name.clone(),
+        point: points.id[p],
+        position: position.to_vec(),
+    }
+}
+
+/// The error for a failure during assembly, with the point or the law at fault.
+pub(super) fn locate_failure<const D: usize>(
+    failure: EvaluateError,
+    model: &Model<D>,
+    points: &Points<D>,
+    step: Step,
+    iteration: usize,
+    residuals: &[f64],
+) -> SolveError {
+    let step = step.index;
+    let place = |p: usize| place(model, points, p, points.converged.position[p]);
+    match failure {
+        EvaluateError::Point(PointFailure { point, error }) => {
+            SolveError::Point { step, iteration, place: place(point), error, residuals: residuals.to_vec() }
+        }
+        EvaluateError::Law(failure) => {
+            let LawFailure { material, point, message } = *failure;
+            let material = model.materials[material].name.clone();
+            SolveError::Law { step, material, place: point.map(place), message }
+        }
+        EvaluateError::Contact(error) => SolveError::Contact { step, error },
+        // Replaced by the error of the other rank when all ranks agree on the outcome of the attempt.
+        EvaluateError::OnRank { .. } => SolveError::elsewhere(),
+    }
+}
