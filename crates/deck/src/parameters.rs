@@ -49,8 +49,8 @@ struct Known {
     overrides: BTreeSet<String>,
 }
 
-/// A string with expressions that cannot be evaluated; without a message if the cause is a fault that has already been
-/// reported.
+/// Why the expressions in a string cannot be evaluated: `Reported` if the cause is a fault that has already been
+/// reported, otherwise `Here`, with a message.
 enum Fault {
     Reported,
     Here { message: String, offset: usize, length: usize, help: Option<String> },

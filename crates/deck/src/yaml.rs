@@ -36,7 +36,7 @@ struct Node {
     span: Span,
     weight: usize,
     depth: usize,
-    /// Bytes of the values in this node and of the pointers to these, relative to the node.
+    /// Number of bytes of the values in this node and of their JSON pointers, which start at the node.
     bytes: usize,
 }
 

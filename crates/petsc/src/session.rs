@@ -16,8 +16,8 @@ static STARTED: AtomicBool = AtomicBool::new(false);
 /// True while PETSc objects may be used.
 static RUNNING: AtomicBool = AtomicBool::new(false);
 
-/// Options that user options override: no signal handlers, and multigrid products whose sums do not depend on the order
-/// in which messages arrive, unlike the sums of the other algorithms.
+/// Default options, which those of the user override: no signal handlers, and multigrid products whose sums do not
+/// depend on the order in which messages arrive, unlike the sums of the other algorithms.
 const PRESET: [(&CStr, &CStr); 2] = [(c"-no_signal_handler", c"true"), (c"-matptap_via", c"allatonce")];
 
 /// Length of the longest version string of an MPI library.

@@ -13,7 +13,8 @@ const MOST_ITERATIONS: usize = 60;
 const LARGEST_CHANGE: f64 = 0.3;
 /// Smallest fraction of a change that the line search tries, [-].
 const SMALLEST_PART: f64 = 1.0 / 4096.0;
-/// Relative decrease of the residual that the line search requires per unit fraction of the change, [-].
+/// The line search accepts a fraction of a change if the residual decreases, relative to its value before the change,
+/// by more than this number times the fraction, [-].
 const DECREASE: f64 = 1e-4;
 /// Difference from a prescribed stress below which that stress counts as reached, relative to the stresses, [-].
 const REACHED: f64 = 1e-9;

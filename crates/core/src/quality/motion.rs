@@ -21,7 +21,7 @@ pub fn rotation_of_turn(turn: f64) -> f64 {
     s.atan2(c).to_degrees()
 }
 
-/// Angle of the rotation in the polar decomposition F = R U about any axis, from 0 to 180, [degrees].
+/// Angle of the rotation R in the polar decomposition F = R U, whatever its axis, from 0 to 180, [degrees].
 fn rotation<const D: usize>(F: &Mat3) -> f64 {
     let (c, s) = cosine_and_sine::<D>(F);
     s.atan2(c).to_degrees()

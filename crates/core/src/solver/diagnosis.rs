@@ -199,7 +199,7 @@ impl std::fmt::Display for Diagnosis {
         write!(f, "{}", self.kind.words())?;
         match (self.kind, self.circumstances.cut_to) {
             (Kind::LargeSteps, None) => write!(f, "; smaller ones have not been tried")?,
-            (Kind::LargeSteps, Some(size)) => write!(f, ", even one of {size:.1e} times the requested size")?,
+            (Kind::LargeSteps, Some(size)) => write!(f, ", even at {size:.1e} times the requested size")?,
             _ => {}
         }
         if let Some(reason) = &self.refusal {

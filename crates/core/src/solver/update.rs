@@ -349,8 +349,8 @@ fn carry_corners<const D: usize>(
     }
 }
 
-/// A quadrilateral (hexahedron) after its departure from a parallelogram (parallelepiped) is scaled by `size`. Sides
-/// (faces) keep their mid-points, and quadrilaterals their area.
+/// The quadrilateral (hexahedron) whose deviation from a parallelogram (parallelepiped) is `size` times that of
+/// `corners`. Sides (faces) keep their mid-points, and quadrilaterals their area.
 fn straightened<const D: usize>(corners: &[[f64; D]; 8], n: usize, size: f64) -> [[f64; D]; 8] {
     let sign = |corner: usize, axis: usize| if corner >> axis & 1 == 1 { 1.0 } else { -1.0 };
     let mean = |weight: &dyn Fn(usize) -> f64| -> [f64; D] {

@@ -10,7 +10,8 @@ use super::{Lane, Lanes, WeakForm, transposed};
 /// `tangent` and `volume` are P̃, Ã and V_n of the previously converged formulation.
 #[derive(Debug, Clone, Copy)]
 pub struct Contribution<const D: usize, const E: usize> {
-    /// Stress conjugate to the gradient of the basis, `[i][j]` with the component j of the gradient, [stress].
+    /// Stress conjugate to the gradient of the basis, `[i][j]`, for the axis i of the force and the component j of the
+    /// gradient, [stress].
     pub stress: [[f64; E]; D],
     /// Derivative of the stress, `[i][j][k][l]`, [stress].
     pub tangent: [[[[f64; E]; D]; E]; D],

@@ -217,8 +217,8 @@ impl<const D: usize> Search<'_, D> {
         self.model.materials.iter().map(|m| 4.0 * shear_modulus_at_rest(m.law.as_ref())).collect()
     }
 
-    /// The candidate for a contact point, unless it has no area or belongs to another rank. Its penalty follows from
-    /// the stiffness of a cell below its area.
+    /// The candidate for a contact point, unless it has no area or belongs to another rank. The
+    /// penalty of the candidate follows from the stiffness of a cell of material beneath that area.
     pub(super) fn candidate(&self, place: Near<D>, moduli: &[f64]) -> Option<Candidate<D>> {
         let Search { model, points, .. } = *self;
         // Corners of domains without extent along the tool transfer no force.
