@@ -278,3 +278,6 @@ impl<const D: usize, const N: usize, const C: usize> Dense<D> for Cell<D, N, C> 
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

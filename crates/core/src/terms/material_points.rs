@@ -6,10 +6,12 @@
 //! and the order of every sum is fixed: the result has the same bits for any number of threads.
 #![allow(non_snake_case)]
 
+mod averaged;
 mod batched;
 mod cell_room;
 mod dilatation;
 mod evaluation;
+mod side_by_side;
 
 use std::marker::PhantomData;
 use std::ops::Range;

@@ -9,23 +9,31 @@
 use std::ops::Range;
 
 use crate::assembly::{Coupling, Dense, Wanted};
-use crate::basis::{Links, PointGeometry};
+use crate::basis::{LinkBuffer, Links, PointGeometry};
 use crate::grid::CellBasis;
 use crate::kinematics::Increment;
 use crate::stress::{
-    Averaged, Averaging, Centred, Centring, MOST_HISTORY, Mechanics, PointResponse, Volumetric, WeakForm,
-    suits_lanes,
+    Averaged as _, Averaging, Centred, Centring, Mechanics, PointResponse, Volumetric, WeakForm,
 };
-use crate::tensor::Lanes;
 use crate::terms::failure::PointFailure;
 
+use super::averaged::{Averaged, Found, Kind};
 use super::cell_room::{CellRoom, CouplingRoom, Motion, Responded};
-use super::evaluation::{Task, Vectorised, map_gradients};
+use super::evaluation::{Task, Trial, Vectorised, map_gradients};
 
 /// Factor on ΔF that changes the volume by `ratio`.
 #[inline(always)]
 fn stretch<const D: usize, M: Mechanics<D>>(ratio: f64) -> f64 {
     if M::DILATED == 2 { ratio.sqrt() } else { ratio.cbrt() }
+}
+
+impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
+    /// The material of a point and its volumetric treatment.
+    #[inline(always)]
+    pub(super) fn kind(&self, p: usize) -> Kind {
+        let body = &self.model.bodies[self.body[p] as usize];
+        (body.material, body.volumetric)
+    }
 }
 
 impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
@@ -36,19 +44,15 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
     #[inline(always)]
     pub(super) fn add_dilated(&mut self, points: Range<usize>) -> Result<(), PointFailure> {
         let task = self.task;
-        let kind = |p: usize| {
-            let body = &task.model.bodies[task.body[p] as usize];
-            (body.material, body.volumetric)
-        };
         for first in points.clone() {
-            let of_kind = kind(first);
-            if (points.start..first).any(|p| kind(p) == of_kind) {
+            let kind = task.kind(first);
+            if (points.start..first).any(|p| task.kind(p) == kind) {
                 continue;
             }
-            let mut alike = (first..points.end).filter(|p| kind(*p) == of_kind);
-            match of_kind.1 {
+            let mut alike = (first..points.end).filter(|p| task.kind(*p) == kind);
+            match kind.1 {
                 Volumetric::Standard => alike.try_for_each(|p| self.add_alone(p))?,
-                Volumetric::MeanDilatation => self.add_averaged(alike)?,
+                Volumetric::MeanDilatation => self.add_averaged(first..points.end, kind)?,
                 Volumetric::FBar => alike.try_for_each(|p| self.add_centred(p))?,
             }
         }
@@ -63,160 +67,27 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
 
     /// Adds the points of one material with their mean dilatation.
     #[inline(always)]
-    fn add_averaged(&mut self, points: impl Iterator<Item = usize>) -> Result<(), PointFailure> {
-        let mut room = std::mem::take(self.cell);
-        let outcome = self.add_averaged_in(points, &mut room);
-        *self.cell = room;
-        outcome
-    }
-
-    #[inline(always)]
-    fn add_averaged_in(
-        &mut self,
-        points: impl Iterator<Item = usize>,
-        room: &mut CellRoom<D, M>,
-    ) -> Result<(), PointFailure> {
-        let (mut before, mut after) = (0.0, 0.0);
-        let task = self.task;
-        room.moved.clear();
-        room.moved.reserve(task.links.points_of(self.group).len());
-        for p in points {
-            let motion = Motion::new(p, self.increment(p))?;
-            let volume = task.start[p].volume_n;
-            before += volume;
-            after += volume * motion.dJ;
-            room.moved.push((p, motion));
-        }
-        let CellRoom { moved, isotropic, averaging, updated, coupling } = room;
-        if let [(p, _)] = moved[..] {
-            return self.add_alone(p); // a single point is its own mean
-        }
-        // Growing the vector in steps would copy the responses again and again.
-        let n = moved.len();
-        let theta = after / before;
-        let mut sum = 0.0;
-        if UPDATED {
-            updated.clear();
-            updated.reserve(n);
-            for (p, motion) in moved.iter() {
-                let (barred, factor) = barred::<D, M>(motion, theta);
-                let (old, new) = self.histories(*p);
-                let response = M::respond_updated(&task.start[*p], &barred, task.law(*p), old, new);
-                let response = response.map_err(|error| PointFailure { point: *p, error })?;
-                let weak = M::AveragingUpdated::from(&response.weak);
-                sum += self.keep(*p, &response);
-                updated.push((weak, factor));
+    fn add_averaged(&mut self, points: Range<usize>, kind: Kind) -> Result<(), PointFailure> {
+        let mut cell = std::mem::take(self.cell);
+        let Vectorised { task, group, trial, room, .. } = self;
+        let averaged =
+            Averaged::<D, M, UPDATED> { task, group: *group, points, kind, trial, room, cell: &mut cell };
+        let found = averaged.find()?;
+        let CellRoom { moved, isotropic, averaging, updated, coupling } = &mut cell;
+        match found {
+            Found::Alone(p) => self.add_alone(p)?,
+            Found::Together { volume, sum, .. } if UPDATED => {
+                self.add_responses(moved, volume, sum, updated, coupling)
             }
-            self.add_responses(moved, after, sum, updated, coupling);
-        } else if self.respond_isotropic(moved, theta, &mut sum, isotropic)? {
-            self.add_responses(moved, after, sum, isotropic, coupling);
-        } else {
-            averaging.clear();
-            averaging.reserve(n);
-            for some in moved.chunks(Lanes::WIDTH) {
-                if self.respond_side_by_side(some, theta, &mut sum, averaging) {
-                    continue;
-                }
-                for (p, motion) in some {
-                    let (barred, factor) = barred::<D, M>(motion, theta);
-                    let (old, new) = self.histories(*p);
-                    let response = M::respond_averaging(&task.start[*p], &barred, task.law(*p), old, new);
-                    let response = response.map_err(|error| PointFailure { point: *p, error })?;
-                    sum += self.keep(*p, &response);
-                    averaging.push((response.weak, factor));
-                }
+            Found::Together { volume, sum, isotropic: true } => {
+                self.add_responses(moved, volume, sum, isotropic, coupling);
             }
-            self.add_responses(moved, after, sum, averaging, coupling);
+            Found::Together { volume, sum, isotropic: false } => {
+                self.add_responses(moved, volume, sum, averaging, coupling);
+            }
         }
+        *self.cell = cell;
         Ok(())
-    }
-
-    /// Evaluates the responses of points whose law has isotropic moduli; returns true if it did so.
-    #[inline(always)]
-    fn respond_isotropic(
-        &mut self,
-        moved: &[(usize, Motion<D>)],
-        theta: f64,
-        sum: &mut f64,
-        responses: &mut Vec<Responded<M::AveragingIsotropic>>,
-    ) -> Result<bool, PointFailure> {
-        responses.clear();
-        responses.reserve(moved.len());
-        for (p, motion) in moved {
-            let (barred, factor) = barred::<D, M>(motion, theta);
-            let (start, law) = (&self.task.start[*p], self.task.law(*p));
-            let Some(response) = M::respond_averaging_isotropic(start, &barred, law) else {
-                return Ok(false);
-            };
-            let response = response.map_err(|error| PointFailure { point: *p, error })?;
-            *sum += self.keep(*p, &response);
-            responses.push((response.weak, factor));
-        }
-        Ok(true)
-    }
-
-    /// Stores the stress and strain of a point, and returns its contribution to Σ V⁰π n over its cell.
-    #[inline(always)]
-    fn keep<W>(&mut self, p: usize, response: &PointResponse<W>) -> f64 {
-        self.trial.keep(p, response);
-        let start = &self.task.start[p];
-        let [xx, yy, zz, ..] = response.tau.0;
-        let trace = if M::DILATED == 2 { xx + yy } else { xx + yy + zz };
-        start.volume_n / start.J_n * trace
-    }
-
-    /// Evaluates the responses of several points at once, if their law supports this; returns true if it did so.
-    #[inline(always)]
-    fn respond_side_by_side(
-        &mut self,
-        moved: &[(usize, Motion<D>)],
-        theta: f64,
-        sum: &mut f64,
-        responses: &mut Vec<Responded<M::Averaging>>,
-    ) -> bool {
-        let task = self.task;
-        let law = task.law(moved[0].0);
-        if !M::VECTORISED || !suits_lanes(law) {
-            return false;
-        }
-        let kept = law.state_fields().len();
-        // Unused lanes repeat the last point.
-        let last = moved.len() - 1;
-        let of_lane: [usize; Lanes::WIDTH] = std::array::from_fn(|l| moved[l.min(last)].0);
-        let starts = of_lane.map(|p| &task.start[p]);
-        let mut factors = [1.0; Lanes::WIDTH];
-        let mut increments = [moved[last].1.increment; Lanes::WIDTH];
-        for l in 0..Lanes::WIDTH {
-            (increments[l], factors[l]) = barred::<D, M>(&moved[l.min(last)].1, theta);
-        }
-        let n = task.history_len;
-        let mut history = [Lanes::ZERO; MOST_HISTORY];
-        for (h, lanes) in history[..kept].iter_mut().enumerate() {
-            *lanes = Lanes::gather(|l| task.old_history[of_lane[l] * n + h]);
-        }
-        let Some(found) = M::respond_averaging_vectorised(starts, &increments, law, &mut history[..kept])
-        else {
-            return false;
-        };
-        // By reference: responses are large, and every move copies them.
-        for (l, (p, _)) in moved.iter().enumerate() {
-            let here = p - self.trial.first;
-            for (h, lanes) in history[..kept].iter().enumerate() {
-                self.trial.history[here * n + h] = lanes.0[l];
-            }
-            *sum += self.keep(*p, &found[l]);
-            responses.push((found[l].weak, factors[l]));
-        }
-        true
-    }
-
-    /// History variables of a point at the start and at the end of the step.
-    #[inline(always)]
-    fn histories(&mut self, p: usize) -> (&[f64], &mut [f64]) {
-        let task = self.task;
-        let (n, here) = (task.history_len, p - self.trial.first);
-        let kept = task.law(p).state_fields().len();
-        (&task.old_history[p * n..][..kept], &mut self.trial.history[here * n..][..kept])
     }
 
     /// Adds these points, whose volume is `volume`, under their common pressure; `sum` is Σ V⁰π n.
@@ -281,21 +152,8 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
     /// Adds a point that takes the volume ratio at the centre of its cell.
     #[inline(never)]
     fn add_centred(&mut self, p: usize) -> Result<(), PointFailure> {
-        let task = self.task;
-        let motion = Motion::new(p, self.increment(p))?;
-        let (theta, mut excess) = self.at_centres(p)?;
-        let (barred, factor) = barred::<D, M>(&motion, theta);
-        let (old, new) = self.histories(p);
-        let (start, law) = (&task.start[p], task.law(p));
-        let response = if UPDATED {
-            let updated = M::respond_updated(start, &barred, law, old, new);
-            updated.map(|response| response.map(|weak| M::Current::from(&weak)))
-        } else {
-            M::respond_current(start, &barred, law, old, new)
-        };
-        let response = response.map_err(|error| PointFailure { point: p, error })?;
-        let response = response.map(|weak| weak.centred(factor, motion.dJ / theta));
-        let Vectorised { trial, room, force, dense, .. } = self;
+        let Vectorised { task, group, trial, room, force, dense, .. } = self;
+        let (response, mut excess) = task.respond_centred::<UPDATED>(*group, p, trial, room)?;
         trial.keep(p, &response);
         let weak = &response.weak;
         let links = task.links.links(p, room);
@@ -304,8 +162,7 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
             Some(inverse) => map_gradients(inverse, links.gradient, trial.mapped),
         };
         for ((excess, g), value) in excess.iter_mut().zip(mapped).zip(links.value) {
-            type Point<const D: usize, M> = <<M as Mechanics<D>>::Current as Centring<D>>::Centred;
-            let divergence = Point::<D, M>::divergence(&weak.gradient(g, *value));
+            let divergence = PointCentred::<D, M>::divergence(&weak.gradient(g, *value));
             for d in 0..D {
                 excess[d] -= divergence[d];
             }
@@ -313,25 +170,61 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         dense.add(weak, &links, mapped, force, &|n, column| weak.add_excess(&excess[n], column));
         Ok(())
     }
+}
+
+/// The weak form of a point that takes the volume ratio at the centre of its cell.
+type PointCentred<const D: usize, M> = <<M as Mechanics<D>>::Current as Centring<D>>::Centred;
+
+impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
+    /// The response of a point to the volume ratio at the centre of its cell, and the derivative of the logarithm of
+    /// this ratio, as [`Task::at_centres`] returns it.
+    // If inlined, it would be compiled once for each form of the stiffness.
+    #[inline(never)]
+    #[expect(clippy::type_complexity)]
+    fn respond_centred<const UPDATED: bool>(
+        &self,
+        group: usize,
+        p: usize,
+        trial: &mut Trial<D>,
+        room: &mut LinkBuffer<D>,
+    ) -> Result<(PointResponse<PointCentred<D, M>>, Vec<[f64; D]>), PointFailure> {
+        let motion = Motion::new(p, self.increment(group, p, room))?;
+        let (theta, gradient) = self.at_centres(group, p, room)?;
+        let (barred, factor) = barred::<D, M>(&motion, theta);
+        let (old, new) = self.histories(p, trial);
+        let (start, law) = (&self.start[p], self.law(p));
+        let response = if UPDATED {
+            let updated = M::respond_updated(start, &barred, law, old, new);
+            updated.map(|response| response.map(|weak| M::Current::from(&weak)))
+        } else {
+            M::respond_current(start, &barred, law, old, new)
+        };
+        let response = response.map_err(|error| PointFailure { point: p, error })?;
+        Ok((response.map(|weak| weak.centred(factor, motion.dJ / theta)), gradient))
+    }
 
     /// The volume ratio at the centre of the cell of a point, and the derivative of its logarithm with respect to the
     /// displacements of the nodes of the point, [1/length]; if the domain spans several cells, the mean of the ratios,
     /// weighted by the shares of the domain in the cells.
-    fn at_centres(&mut self, p: usize) -> Result<(f64, Vec<[f64; D]>), PointFailure> {
-        let (task, grid) = (self.task, self.task.model.grid.as_ref());
-        let nodes = task.links.nodes_of(self.group);
-        let half_lengths = task.half_lengths.get(p).copied().unwrap_or([0.0; D]);
-        let (cell, position) = (task.cell[p], &task.position[p]);
+    fn at_centres(
+        &self,
+        group: usize,
+        p: usize,
+        room: &mut LinkBuffer<D>,
+    ) -> Result<(f64, Vec<[f64; D]>), PointFailure> {
+        let (grid, nodes) = (self.model.grid.as_ref(), self.links.nodes_of(group));
+        let half_lengths = self.half_lengths.get(p).copied().unwrap_or([0.0; D]);
+        let (cell, position) = (self.cell[p], &self.position[p]);
         let point = PointGeometry { cell, position, half_lengths: &half_lengths, corners: &[] };
-        let shares = task.model.bodies[task.body[p] as usize].method.basis().shares(grid, &point);
-        let links = task.links.links(p, self.room);
+        let shares = self.model.bodies[self.body[p] as usize].method.basis().shares(grid, &point);
+        let links = self.links.links(p, room);
         let (mut theta, mut with_nodes) = (0.0, vec![[0.0; D]; links.local.len()]);
         for (cell, share) in shares {
             let centre = grid.centre(cell as usize);
             let basis = grid.basis_at(cell, &centre);
-            let (value, gradient) = on_nodes_of_point(task, nodes, &links, &basis);
+            let (value, gradient) = on_nodes_of_point(self, nodes, &links, &basis);
             let at_centre = Links { local: links.local, value: &value, gradient: &gradient };
-            let increment = Increment::new(M::REVOLVED, nodes, &at_centre, task.delta_d, &centre);
+            let increment = Increment::new(M::REVOLVED, nodes, &at_centre, self.delta_d, &centre);
             let motion = Motion::new(p, increment)?;
             let mut mapped = vec![[0.0; D]; gradient.len()];
             map_gradients(&motion.increment.inverse(), &gradient, &mut mapped);
@@ -384,7 +277,7 @@ fn on_nodes_of_point<const D: usize, M>(
 
 /// The increment with the volume ratio `theta`, and the factor applied to it.
 #[inline(always)]
-fn barred<const D: usize, M: Mechanics<D>>(motion: &Motion<D>, theta: f64) -> (Increment<D>, f64) {
+pub(super) fn barred<const D: usize, M: Mechanics<D>>(motion: &Motion<D>, theta: f64) -> (Increment<D>, f64) {
     let factor = stretch::<D, M>(theta / motion.dJ);
     (motion.increment.scaled(factor, M::REVOLVED), factor)
 }

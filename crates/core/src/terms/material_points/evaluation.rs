@@ -12,13 +12,12 @@ use crate::kinematics::Increment;
 use crate::linear::Block;
 use crate::material::Material;
 use crate::model::Model;
-use crate::stress::{
-    Formulation, MOST_HISTORY, Mechanics, PointResponse, StartOfStep, WeakForm, suits_lanes,
-};
+use crate::stress::{Formulation, Mechanics, PointResponse, StartOfStep, WeakForm, suits_lanes};
 use crate::tensor::{Lanes, Sym3};
 use crate::terms::failure::PointFailure;
 
 use super::cell_room::CellRoom;
+use super::side_by_side::SideBySide;
 
 /// A task of at most this many groups is not divided between threads.
 const GRAIN: usize = 4;
@@ -120,89 +119,47 @@ impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
         a.and(b)
     }
 
-    /// Evaluates the points of some groups one after the other, in one of the two formulations.
+    /// Evaluates the points of some groups one after the other, in one of the two formulations, with the vector
+    /// instructions of the processor.
     fn run_groups<const UPDATED: bool>(
         &self,
         groups: Range<usize>,
         work: Work<D>,
     ) -> Result<(), PointFailure> {
         let Work { mut trial, mut dense, mut force, mut room } = work;
-        let (room, cell_room) = (&mut room, &mut CellRoom::default());
-        let symmetric = self.pairs.symmetric();
+        let (room, cell) = (&mut room, &mut CellRoom::default());
         for group in groups {
-            let n = self.links.nodes_of(group).len();
-            let (k, rest) = dense.split_at_mut(self.pairs.dense_range(group..group + 1).len());
+            let (blocks, rest) = dense.split_at_mut(self.pairs.dense_range(group..group + 1).len());
             dense = rest;
-            let (f, rest) = force.split_at_mut(n);
+            let (force_of_group, rest) = force.split_at_mut(self.links.nodes_of(group).len());
             force = rest;
-            match (D, n) {
-                _ if self.wanted == Wanted::Force => {
-                    self.run_group::<UPDATED>(group, &mut trial, room, cell_room, f, &mut Forces)?;
-                }
-                (3, 8) if self.links.is_whole(group) => {
-                    let cell = &mut Cell::<D, 8, 2>::zero(symmetric);
-                    self.run_group::<UPDATED>(group, &mut trial, room, cell_room, f, cell)?;
-                    cell.store(k);
-                }
-                (3, 4) if self.links.is_whole(group) => {
-                    let cell = &mut Cell::<D, 4, 1>::zero(symmetric);
-                    self.run_group::<UPDATED>(group, &mut trial, room, cell_room, f, cell)?;
-                    cell.store(k);
-                }
-                (2, 4) if symmetric && self.links.is_whole(group) => {
-                    let whole = &mut Whole::<D, 4>::zero();
-                    self.run_group::<UPDATED>(group, &mut trial, room, cell_room, f, whole)?;
-                    whole.store(k);
-                }
-                (2, 3) if symmetric && self.links.is_whole(group) => {
-                    let whole = &mut Whole::<D, 3>::zero();
-                    self.run_group::<UPDATED>(group, &mut trial, room, cell_room, f, whole)?;
-                    whole.store(k);
-                }
-                (2, 4) if self.links.is_whole(group) => {
-                    let cell = &mut Cell::<D, 4, 1>::zero(symmetric);
-                    self.run_group::<UPDATED>(group, &mut trial, room, cell_room, f, cell)?;
-                    cell.store(k);
-                }
-                (2, 3) if self.links.is_whole(group) => {
-                    let cell = &mut Cell::<D, 3, 1>::zero(symmetric);
-                    self.run_group::<UPDATED>(group, &mut trial, room, cell_room, f, cell)?;
-                    cell.store(k);
-                }
-                _ => {
-                    k.fill([[0.0; D]; D]);
-                    if symmetric {
-                        self.run_group::<UPDATED>(group, &mut trial, room, cell_room, f, &mut Triangle(k))?;
-                    } else {
-                        let square = &mut Square { blocks: k, nodes: n };
-                        self.run_group::<UPDATED>(group, &mut trial, room, cell_room, f, square)?;
-                    }
-                }
-            }
+            let (trial, force) = (&mut trial, force_of_group);
+            Arch::new().dispatch(Group::<D, M, UPDATED> {
+                task: self,
+                group,
+                trial,
+                room,
+                cell,
+                force,
+                blocks,
+            })?;
         }
         Ok(())
     }
 
-    /// Evaluates the points of a group with the vector instructions of the processor.
-    fn run_group<const UPDATED: bool>(
-        &self,
-        group: usize,
-        trial: &mut Trial<D>,
-        room: &mut LinkBuffer<D>,
-        cell: &mut CellRoom<D, M>,
-        force: &mut [[f64; D]],
-        dense: &mut impl Dense<D>,
-    ) -> Result<(), PointFailure> {
-        force.fill([0.0; D]);
-        Arch::new().dispatch(Vectorised::<D, M, _, UPDATED> {
-            task: self,
-            group,
-            trial,
-            room,
-            force,
-            dense,
-            cell,
-        })
+    /// The increment of a point of a group; `room` receives its basis functions.
+    #[inline(always)]
+    pub(super) fn increment(&self, group: usize, p: usize, room: &mut LinkBuffer<D>) -> Increment<D> {
+        let (nodes, links) = (self.links.nodes_of(group), self.links.links(p, room));
+        Increment::new(M::REVOLVED, nodes, &links, self.delta_d, &self.position[p])
+    }
+
+    /// History variables of a point at the start and at the end of the step.
+    #[inline(always)]
+    pub(super) fn histories<'t>(&self, p: usize, trial: &'t mut Trial<D>) -> (&[f64], &'t mut [f64]) {
+        let (n, here) = (self.history_len, p - trial.first);
+        let kept = self.law(p).state_fields().len();
+        (&self.old_history[p * n..][..kept], &mut trial.history[here * n..][..kept])
     }
 
     #[inline(always)]
@@ -215,6 +172,85 @@ impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
             return reduced.as_ref();
         }
         self.model.materials[body.material].law.as_ref()
+    }
+}
+
+/// The points of one group, and the dense blocks to which they contribute.
+struct Group<'t, 'a, 's, 'r, const D: usize, M: Mechanics<D>, const UPDATED: bool> {
+    task: &'t Task<'a, D, M>,
+    group: usize,
+    trial: &'t mut Trial<'s, D>,
+    room: &'t mut LinkBuffer<'r, D>,
+    cell: &'t mut CellRoom<D, M>,
+    force: &'t mut [[f64; D]],
+    blocks: &'t mut [Block<D>],
+}
+
+impl<const D: usize, M: Mechanics<D>, const UPDATED: bool> WithSimd for Group<'_, '_, '_, '_, D, M, UPDATED> {
+    type Output = Result<(), PointFailure>;
+
+    /// Chooses the form of the stiffness. A processor without vector instructions uses only the general forms, which
+    /// add the same numbers in the same order.
+    #[inline(always)]
+    fn with_simd<S: Simd>(mut self, simd: S) -> Self::Output {
+        self.force.fill([0.0; D]);
+        let (n, symmetric) = (self.force.len(), self.task.pairs.symmetric());
+        let whole = self.task.links.is_whole(self.group);
+        match n {
+            _ if self.task.wanted == Wanted::Force => self.add(simd, &mut Forces),
+            8 if const { D == 3 && !S::IS_SCALAR } && whole => self.add_in_cell::<S, 8, 2>(simd, symmetric),
+            4 if const { D == 3 && !S::IS_SCALAR } && whole => self.add_in_cell::<S, 4, 1>(simd, symmetric),
+            4 if const { D == 2 && !S::IS_SCALAR } && whole && symmetric => self.add_in_whole::<S, 4>(simd),
+            3 if const { D == 2 && !S::IS_SCALAR } && whole && symmetric => self.add_in_whole::<S, 3>(simd),
+            4 if const { D == 2 && !S::IS_SCALAR } && whole => self.add_in_cell::<S, 4, 1>(simd, symmetric),
+            3 if const { D == 2 && !S::IS_SCALAR } && whole => self.add_in_cell::<S, 3, 1>(simd, symmetric),
+            _ => {
+                let blocks = std::mem::take(&mut self.blocks);
+                blocks.fill([[0.0; D]; D]);
+                if symmetric {
+                    self.add(simd, &mut Triangle(blocks))
+                } else {
+                    self.add(simd, &mut Square { blocks, nodes: n })
+                }
+            }
+        }
+    }
+}
+
+impl<const D: usize, M: Mechanics<D>, const UPDATED: bool> Group<'_, '_, '_, '_, D, M, UPDATED> {
+    #[inline(always)]
+    fn add_in_cell<S: Simd, const N: usize, const C: usize>(
+        mut self,
+        simd: S,
+        symmetric: bool,
+    ) -> Result<(), PointFailure> {
+        let cell = &mut Cell::<D, N, C>::zero(symmetric);
+        self.add(simd, cell)?;
+        cell.store(self.blocks);
+        Ok(())
+    }
+
+    #[inline(always)]
+    fn add_in_whole<S: Simd, const N: usize>(mut self, simd: S) -> Result<(), PointFailure> {
+        let whole = &mut Whole::<D, N>::zero();
+        self.add(simd, whole)?;
+        whole.store(self.blocks);
+        Ok(())
+    }
+
+    /// Adds the points, compiled for one set of instructions and one form of the stiffness.
+    #[inline(always)]
+    fn add<S: Simd>(&mut self, simd: S, dense: &mut impl Dense<D>) -> Result<(), PointFailure> {
+        let Group { task, group, trial, room, cell, force, .. } = self;
+        simd.vectorize(Vectorised::<D, M, _, UPDATED> {
+            task,
+            group: *group,
+            trial,
+            room,
+            force,
+            dense,
+            cell,
+        })
     }
 }
 
@@ -251,7 +287,7 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
     pub(super) fn add(&mut self, points: Range<usize>) -> Result<(), PointFailure> {
         let mut p = points.start;
         while p < points.end {
-            p += match self.add_side_by_side(p..points.end)? {
+            p += match self.add_side_by_side(p..points.end) {
                 Some(count) => count,
                 None => {
                     self.add_one(p)?;
@@ -262,50 +298,24 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         Ok(())
     }
 
-    #[inline(always)]
-    pub(super) fn increment(&mut self, p: usize) -> Increment<D> {
-        let task = self.task;
-        let nodes = task.links.nodes_of(self.group);
-        Increment::new(M::REVOLVED, nodes, &task.links.links(p, self.room), task.delta_d, &task.position[p])
-    }
-
     /// Adds the first points of a range at once, if they share a law that supports this; returns the number of points
     /// added.
     #[inline(always)]
-    fn add_side_by_side(&mut self, points: Range<usize>) -> Result<Option<usize>, PointFailure> {
-        let task = self.task;
+    fn add_side_by_side(&mut self, points: Range<usize>) -> Option<usize> {
+        let Vectorised { task, group, trial, room, force, dense, .. } = self;
         let p = points.start;
-        let law = task.law(p);
-        if UPDATED || !M::VECTORISED || !suits_lanes(law) {
-            return Ok(None);
+        if UPDATED || !M::VECTORISED || !suits_lanes(task.law(p)) {
+            return None;
         }
-        let kept = law.state_fields().len();
         let alike = task.body[points].iter().take_while(|&&body| body == task.body[p]);
-        let count = alike.take(Lanes::WIDTH).count();
-        // Unused lanes repeat the last point.
-        let last = p + count - 1;
-        let of_lane = [p, last.min(p + 1), last.min(p + 2), last.min(p + 3)];
-        let [a, b, c, d] = of_lane;
-        let starts = [&task.start[a], &task.start[b], &task.start[c], &task.start[d]];
-        // A closure might not be inlined and compiled for vector instructions.
-        let increments = [self.increment(a), self.increment(b), self.increment(c), self.increment(d)];
-        let n = task.history_len;
-        let mut history = [Lanes::ZERO; MOST_HISTORY];
-        for (h, lanes) in history[..kept].iter_mut().enumerate() {
-            *lanes = Lanes::gather(|l| task.old_history[of_lane[l] * n + h]);
+        let points = p..p + alike.take(Lanes::WIDTH).count();
+        let mut responses = None;
+        SideBySide { task, group: *group, points: points.clone(), trial, room, responses: &mut responses }
+            .respond();
+        for (p, response) in points.clone().zip(responses.as_ref()?) {
+            keep(p, response, &task.links.links(p, room), trial, *dense, force);
         }
-        let Some(responses) = M::respond_vectorised(starts, &increments, law, &mut history[..kept]) else {
-            return Ok(None);
-        };
-        for (l, response) in responses[..count].iter().enumerate() {
-            let here = p + l - self.trial.first;
-            for (h, lanes) in history[..kept].iter().enumerate() {
-                self.trial.history[here * n + h] = lanes.0[l];
-            }
-            let links = task.links.links(p + l, self.room);
-            keep(p + l, response, &links, self.trial, self.dense, self.force);
-        }
-        Ok(Some(count))
+        Some(points.len())
     }
 
     #[inline(always)]
