@@ -127,6 +127,7 @@ impl Worker {
     ) -> Option<Failure>
     where
         Model<D>: Solvable<D>,
+        Results: Observer<D>,
     {
         let outcome = catch_unwind(AssertUnwindSafe(|| {
             let follower = RefCell::new(Follower { worker: self, decided: None });
@@ -215,7 +216,10 @@ fn exchange<const D: usize>(
 /// The follower as an observer; it is borrowed for each event, because the change of decks between steps uses it, too.
 struct Shared<'a, 'b>(&'a RefCell<Follower<'b>>);
 
-impl<const D: usize> Observer<D> for Shared<'_, '_> {
+impl<const D: usize> Observer<D> for Shared<'_, '_>
+where
+    Results: Observer<D>,
+{
     fn started(&mut self, model: &Model<D>, points: &Points<D>) -> io::Result<()> {
         let mut follower = self.0.borrow_mut();
         if let Some(files) = &mut follower.worker.files {

@@ -252,6 +252,14 @@ impl Idealisation {
 pub(crate) const AXES: [&str; 3] = ["x", "y", "z"];
 
 impl Deck {
+    /// A deck as a document, such as the copy in a checkpoint.
+    ///
+    /// # Errors
+    /// The first difference from the format.
+    pub fn from_value(document: &Value) -> Result<Deck, serde_json::Error> {
+        Deck::deserialize(document)
+    }
+
     /// Number of axes of the geometry.
     pub fn dimensions(&self) -> usize {
         self.analysis.idealisation.dimensions()

@@ -13,7 +13,7 @@ use mpm_core::model::Model;
 use mpm_core::points::Points;
 use mpm_core::ranks::Ranks;
 use mpm_core::region::Region;
-use mpm_core::solver::{self, Observer, Reached, Solvable, SolveError, Summary};
+use mpm_core::solver::{self, Observer, Reached, SolveError, Summary};
 
 /// A model and its points.
 #[derive(Debug)]
@@ -201,19 +201,25 @@ impl Analysis {
         observer: &mut O,
     ) -> Result<Summary, SolveError> {
         match self {
-            Analysis::Plane(parts) => run(parts, reached, observer),
-            Analysis::Solid(parts) => run(parts, reached, observer),
+            Analysis::Plane(parts) => run_in_plane(parts, reached, observer),
+            Analysis::Solid(parts) => run_in_space(parts, reached, observer),
         }
     }
 }
 
-fn run<const D: usize>(
-    (model, points): &mut (Model<D>, Points<D>),
+// Not generic, so that the program does not compile the stages of an analysis again.
+fn run_in_plane(
+    (model, points): &mut (Model<2>, Points<2>),
     reached: Reached,
-    observer: &mut dyn Observer<D>,
-) -> Result<Summary, SolveError>
-where
-    Model<D>: Solvable<D>,
-{
+    observer: &mut dyn Observer<2>,
+) -> Result<Summary, SolveError> {
+    solver::run_stages(model, points, reached, observer)
+}
+
+fn run_in_space(
+    (model, points): &mut (Model<3>, Points<3>),
+    reached: Reached,
+    observer: &mut dyn Observer<3>,
+) -> Result<Summary, SolveError> {
     solver::run_stages(model, points, reached, observer)
 }

@@ -11,7 +11,6 @@ use std::sync::OnceLock;
 
 use jsonschema::error::{TypeKind, ValidationError, ValidationErrorKind};
 use jsonschema::{Draft, Validator};
-use serde::Deserialize;
 use serde_json::Value;
 
 use self::words::{KEYS, count_in_words, number_help, subschema};
@@ -56,7 +55,7 @@ pub(super) fn check(
         }
     }
     let is_well_formed = diagnostics.len() == before && !source.has_poison();
-    match Deck::deserialize(&value) {
+    match Deck::from_value(&value) {
         Ok(deck) if !source.has_poison() => Ok(deck),
         Err(error) if is_well_formed => {
             let fault = Diagnostic::error("D008", format!("the deck cannot be read: {error}"));

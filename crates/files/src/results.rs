@@ -352,8 +352,9 @@ fn all_have_domains<const D: usize>(model: &Model<D>) -> bool {
     model.bodies.iter().all(|b| b.method.domain() != DomainKind::None)
 }
 
-impl<const D: usize> Observer<D> for Results {
-    fn started(&mut self, model: &Model<D>, points: &Points<D>) -> io::Result<()> {
+/// What [`Results`] does as an observer.
+impl Results {
+    fn started_in<const D: usize>(&mut self, model: &Model<D>, points: &Points<D>) -> io::Result<()> {
         let ranks = &points.ranks;
         let size = (ranks.count_all(points.len()), ranks.count());
         let begun = if ranks.is_root() {
@@ -384,16 +385,7 @@ impl<const D: usize> Observer<D> for Results {
         self.show(self.last, frames, ranks)
     }
 
-    fn iteration(&mut self, step: Step, iteration: usize, residual: f64) {
-        if let Some(tables) = &mut self.tables
-            && residual.is_finite()
-            && self.failure.is_none()
-        {
-            self.failure = tables.convergence.push(&row_of_convergence(step, iteration, residual)).err();
-        }
-    }
-
-    fn converged(
+    fn converged_in<const D: usize>(
         &mut self,
         model: &Model<D>,
         points: &Points<D>,
@@ -443,7 +435,7 @@ impl<const D: usize> Observer<D> for Results {
         Ok(())
     }
 
-    fn failed(
+    fn failed_in<const D: usize>(
         &mut self,
         model: &Model<D>,
         points: &Points<D>,
@@ -466,11 +458,7 @@ impl<const D: usize> Observer<D> for Results {
         }
     }
 
-    fn interrupted(&self) -> bool {
-        self.stop.as_ref().is_some_and(|stop| stop.load(Ordering::SeqCst))
-    }
-
-    fn finished(
+    fn finished_in<const D: usize>(
         &mut self,
         model: &Model<D>,
         points: &Points<D>,
@@ -514,6 +502,63 @@ impl<const D: usize> Observer<D> for Results {
         written.and(told)
     }
 }
+
+/// Implements [`Observer`] for each number of axes. A generic implementation would be compiled again in every crate that
+/// runs analyses.
+macro_rules! observe {
+    ($($D:literal)*) => {$(
+        impl Observer<$D> for Results {
+            fn started(&mut self, model: &Model<$D>, points: &Points<$D>) -> io::Result<()> {
+                self.started_in(model, points)
+            }
+
+            fn iteration(&mut self, step: Step, iteration: usize, residual: f64) {
+                if let Some(tables) = &mut self.tables
+                    && residual.is_finite()
+                    && self.failure.is_none()
+                {
+                    self.failure = tables.convergence.push(&row_of_convergence(step, iteration, residual)).err();
+                }
+            }
+
+            fn converged(
+                &mut self,
+                model: &Model<$D>,
+                points: &Points<$D>,
+                report: &StepReport<$D>,
+                summary: &Summary,
+            ) -> io::Result<()> {
+                self.converged_in(model, points, report, summary)
+            }
+
+            fn failed(
+                &mut self,
+                model: &Model<$D>,
+                points: &Points<$D>,
+                attempt: &FailedAttempt<$D>,
+                ended: Option<(&FailedAttempt<$D>, &Diagnosis)>,
+            ) -> io::Result<()> {
+                self.failed_in(model, points, attempt, ended)
+            }
+
+            fn interrupted(&self) -> bool {
+                self.stop.as_ref().is_some_and(|stop| stop.load(Ordering::SeqCst))
+            }
+
+            fn finished(
+                &mut self,
+                model: &Model<$D>,
+                points: &Points<$D>,
+                summary: &Summary,
+                error: Option<&SolveError>,
+            ) -> io::Result<()> {
+                self.finished_in(model, points, summary, error)
+            }
+        }
+    )*};
+}
+
+observe!(2 3);
 
 /// Frames with one or several more added.
 fn joined<I: IntoIterator<Item = Frame>>(

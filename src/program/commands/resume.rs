@@ -12,7 +12,6 @@ use crate::output::{directory, status};
 use crate::program::machines::Machines;
 use crate::solver::{Pace, Reached, Step, resume_stage};
 use anyhow::{Context, bail};
-use serde::Deserialize;
 
 /// Remedy if a run cannot be resumed.
 pub const AGAIN: &str = "run the deck without `--resume` to start over, which replaces the results";
@@ -52,7 +51,7 @@ pub fn find(
     };
     let name = checkpoint.path.display();
     let Step { index, end, .. } = checkpoint.step();
-    let of_checkpoint: Deck = match Deck::deserialize(&checkpoint.head.deck) {
+    let of_checkpoint = match Deck::from_value(&checkpoint.head.deck) {
         Ok(deck) => deck,
         Err(error) => bail!("the checkpoint `{name}` cannot be used: {error}\n  help: {AGAIN}"),
     };

@@ -231,7 +231,10 @@ impl Watch {
     }
 }
 
-impl<const D: usize> Observer<D> for Watch {
+impl<const D: usize> Observer<D> for Watch
+where
+    Results: Observer<D>,
+{
     fn started(&mut self, model: &Model<D>, points: &Points<D>) -> io::Result<()> {
         self.update_status();
         self.draw();

@@ -23,7 +23,6 @@ use mpm::output::results::{Request, Results};
 use mpm::output::summary::{Account, Start};
 use mpm::points::{FieldKind, PointFieldSpec, Points};
 use mpm::timing::Timings;
-use serde::Deserialize;
 
 use super::damage::damage;
 use crate::harness::Bench;
@@ -149,7 +148,7 @@ impl Origin {
             }
         };
         let step = checkpoint.step();
-        let Ok(deck) = Deck::deserialize(&checkpoint.head.deck) else {
+        let Ok(deck) = Deck::from_value(&checkpoint.head.deck) else {
             return "1 refused by the reader".into();
         };
         if !changes(&deck, &self.loaded.deck, step.end).is_empty() {

@@ -133,6 +133,7 @@ impl<const D: usize> Connectivity<D> {
     ///
     /// # Errors
     /// The same as for [`Connectivity::new`].
+    #[inline(never)]
     pub fn renew(
         mut self,
         grid: &dyn Grid<D>,

@@ -70,6 +70,7 @@ impl<const D: usize> Connectivity<D> {
     }
 
     /// The connected parts of the active nodes of all ranks: parts that share a node count as one.
+    #[inline(never)]
     pub fn joined_parts(&self) -> JoinedParts {
         let lowest = self.parts();
         let mut parts = JoinedParts::of_one_rank(&lowest);

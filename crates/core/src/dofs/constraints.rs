@@ -52,6 +52,7 @@ impl<'a, const N: usize> Constraints<'a, N> {
     ///
     /// # Errors
     /// [`ConstraintError`] if two conditions contradict each other or a formula is not finite.
+    #[inline(never)]
     pub fn of_model<const D: usize>(
         model: &'a Model<D>,
         points: &Points<D>,
@@ -161,6 +162,7 @@ impl<'a, const N: usize> Constraints<'a, N> {
     ///
     /// # Errors
     /// [`ConstraintError`] if constraints contradict each other, or nodes can leave the axis of revolution.
+    #[inline(never)]
     pub fn into_map(mut self) -> Result<DofMap<N>, ConstraintError> {
         self.resolve_ties()?;
         let turned = self.turn()?;

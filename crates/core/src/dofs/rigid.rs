@@ -56,6 +56,7 @@ const fn n_motions(dimensions: usize) -> usize {
 
 /// The parts that are free to move in the step that `dofs` describes, in the order of their lowest nodes. All ranks
 /// must call this together.
+#[inline(never)]
 pub fn free_parts<const D: usize>(
     model: &Model<D>,
     points: &Points<D>,

@@ -70,6 +70,7 @@ pub struct Factors {
 impl<const D: usize> Model<D> {
     /// The factors at the end of the current stage. If the load factor of the stage follows from equilibrium, `unknown`
     /// is its value: the share, reached so far, of the change of each load over the stage.
+    #[inline(never)]
     pub fn factors_at_end(&self, unknown: f64) -> Factors {
         let Stepping { start_time, end_time, .. } = self.stepping;
         let reached = |load: &Load<D>| match self.stepping.control {

@@ -106,6 +106,7 @@ impl<const D: usize> Points<D> {
     }
 
     /// Sets the displacements to zero; the points must have been prepared for this.
+    #[inline(never)]
     pub(crate) fn reset_displacement(&mut self) {
         let Some(datum) = self.further.handle(DATUM) else { return };
         let whole =

@@ -162,6 +162,7 @@ macro_rules! point_fields {
 
             /// Stress-free, undeformed points with these permanent numbers; other ranks create the other points. All
             /// ranks store the same number of values per point.
+            #[inline(never)]
             pub fn numbered(
                 seeds: &[$crate::points::Seed<D>],
                 id: Vec<u32>,
@@ -187,6 +188,7 @@ macro_rules! point_fields {
             }
 
             /// Puts the points into another order.
+            #[inline(never)]
             pub(super) fn reorder(&mut self, order: &[u32]) {
                 use $crate::points::declare::{gather, gather_into};
                 self.id = gather(&self.id, order, 1);
@@ -205,6 +207,7 @@ macro_rules! point_fields {
 
             /// Keeps the points with these indices, in this order.
             #[allow(dead_code, reason = "tests declare points whose number never changes")]
+            #[inline(never)]
             pub(super) fn select(&mut self, order: &[u32]) {
                 use $crate::points::declare::gather;
                 self.id = gather(&self.id, order, 1);
@@ -225,6 +228,7 @@ macro_rules! point_fields {
             /// Appends other points, in their converged state. Both sets must store the same number of values per
             /// point.
             #[allow(dead_code, reason = "tests declare points whose number never changes")]
+            #[inline(never)]
             pub(super) fn append_fields(&mut self, other: &Self) {
                 let n = self.id.len();
                 use $crate::points::declare::append;

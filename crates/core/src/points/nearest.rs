@@ -41,6 +41,7 @@ impl<const D: usize> Points<D> {
 
     /// The nearest `count` points, at least one, and all points at most `slack` farther away than the last of these; in
     /// the order of distance and permanent number.
+    #[inline(never)]
     fn within(&self, body: u16, place: &[f64; D], count: usize, slack: f64) -> Vec<Near> {
         let distance = |p: usize| -> f64 {
             (0..D).map(|d| (self.original_position[p][d] - place[d]).powi(2)).sum::<f64>().sqrt()

@@ -13,6 +13,7 @@ impl<const D: usize> Points<D> {
     ///
     /// # Errors
     /// The index of the first point that lies outside the grid; `None` if only other ranks have such points.
+    #[inline(never)]
     pub fn group_by_cell(&mut self, grid: &dyn Grid<D>) -> Result<Vec<usize>, Option<usize>> {
         self.further.begin();
         let outside = match grid.structured() {

@@ -114,6 +114,7 @@ impl Partition {
     }
 
     /// Chooses parts whose numbers of points are as equal as cells allow, given the points of this rank.
+    #[inline(never)]
     fn choose<const D: usize>(&mut self, ranks: &Ranks, mut occupied: Vec<Occupied<D>>) {
         let n = ranks.count();
         self.cuts = vec![Cut::default(); n - 1];
@@ -238,6 +239,7 @@ impl<const D: usize> Points<D> {
 
     /// Sends points that have left the part of this rank to the ranks of the cells that now hold them; chooses new
     /// parts if one part holds too many points.
+    #[inline(never)]
     pub(super) fn migrate(&mut self, grid: &dyn Grid<D>) {
         if self.ranks.is_alone() {
             return;
@@ -346,6 +348,7 @@ impl<const D: usize> Points<D> {
     }
 
     /// All points of the analysis on rank 0, in rank order; `None` on the other ranks, or if there is only one rank.
+    #[inline(never)]
     pub fn gather(&self) -> Option<Points<D>> {
         let communicator = self.ranks.communicator()?;
         let own: Vec<u32> = (0..self.len() as u32).collect();

@@ -118,6 +118,7 @@ impl<const D: usize> Points<D> {
     ///
     /// # Errors
     /// The reason why a point cannot have been cut in this way.
+    #[inline(never)]
     pub(crate) fn split_again(&mut self, splits: &[Split], rules: &impl Splitting<D>) -> Result<(), String> {
         for split in splits {
             let place = |id: u32| self.id.iter().position(|of| *of == id);

@@ -61,6 +61,7 @@ fn domains_of<const D: usize>(model: &Model<D>, points: &Points<D>) -> Option<Ve
 }
 
 /// The domains of lower ranks that may meet those of this rank.
+#[inline(never)]
 fn of_lower_ranks<const D: usize>(ranks: &Ranks, own: &[Domain<D>]) -> Vec<Domain<D>> {
     if ranks.is_alone() {
         return Vec::new();
@@ -86,6 +87,7 @@ fn of_lower_ranks<const D: usize>(ranks: &Ranks, own: &[Domain<D>]) -> Vec<Domai
 }
 
 /// Volume shared by two domains, summed over all pairs that contain at least one of the first `n_own` domains.
+#[inline(never)]
 fn shared_by_pairs<const D: usize>(domains: &[Domain<D>], n_own: usize) -> f64 {
     let mean: f64 = domains.iter().map(Domain::extent).sum::<f64>() / domains.len() as f64;
     let bin = |x: f64| (x / (BIN * mean)).floor() as i64;

@@ -28,6 +28,7 @@ pub struct ExternalForce<const D: usize> {
 ///
 /// # Errors
 /// [`LoadNotFinite`] when a formula is not finite at a point.
+#[inline(never)]
 pub fn external_force<const D: usize>(
     model: &Model<D>,
     points: &Points<D>,

@@ -40,6 +40,7 @@ pub struct Surfaces<const D: usize> {
 
 impl<const D: usize> Surfaces<D> {
     /// The surfaces of a model at the start.
+    #[inline(never)]
     pub fn new(model: &Model<D>) -> Self {
         let loads = model.loads.iter().enumerate();
         let on_surface = |(number, load): (usize, &crate::model::Load<D>)| {
@@ -61,6 +62,7 @@ impl<const D: usize> Surfaces<D> {
     }
 
     /// The state of all surfaces of a model at the start, without forces.
+    #[inline(never)]
     pub fn at_start(model: &Model<D>, points: &Points<D>) -> Vec<SurfaceFields<D>> {
         let mut surfaces = Surfaces::new(model);
         surfaces.find_bodies(model, points);

@@ -30,6 +30,7 @@ impl<const D: usize> Connectivity<D> {
 
     /// Adds those cells of other ranks that adjoin cells of this rank, together with the active nodes of the added
     /// cells. Nodes are identified by their grid numbers.
+    #[inline(never)]
     pub(super) fn add_layer(&mut self, grid: &dyn Grid<D>, ranks: &Ranks, sharing: &Sharing) {
         let Some(communicator) = ranks.communicator() else { return };
         let mut is_touched = vec![false; grid.n_nodes()];
@@ -94,6 +95,7 @@ impl<const D: usize> Connectivity<D> {
 
     /// The cells, with points or parts of domains in them, that this rank writes to result files: of several ranks that
     /// have a cell, the lowest writes it. All ranks must call this together.
+    #[inline(never)]
     pub fn shown_cells(&self, grid: &dyn Grid<D>) -> Vec<u32> {
         let ranks = self.halo.ranks();
         let mut cells = self.active_cells.clone();

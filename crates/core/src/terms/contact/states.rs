@@ -11,6 +11,7 @@ use crate::region::vector::norm;
 
 impl<const D: usize> Contact<D> {
     /// The state of all tools at the last evaluation.
+    #[inline(never)]
     pub(super) fn states(&self, model: &Model<D>) -> Vec<ToolState<D>> {
         let mut states: Vec<ToolState<D>> = (self.tools.iter().zip(&model.tools))
             .map(|(moving, tool)| {
