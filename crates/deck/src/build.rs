@@ -21,7 +21,7 @@ use super::loads::load_curve;
 use super::per_axis::array;
 use super::quoting::quote;
 use super::region::{FromFiles, Groups, OfDeck, Refusal, region};
-use super::seeding::{Filled, Filling};
+use super::seeding::{Filled, fill};
 use super::size::Size;
 use super::{Deck, Expression, GridDeck, Idealisation};
 use super::{axisymmetry, placing};
@@ -32,8 +32,8 @@ use mpm_core::grid::{Axis, CoincidentLines, Grid, Mesh, Structured};
 use mpm_core::linear::Engines;
 use mpm_core::memory::Memory;
 use mpm_core::model::{
-    Body, BoundaryCondition, Load, LoadCurve, Model, NamedMaterial, NodeSet, OnSurface, Present, Probe,
-    Stepping,
+    Body, BoundaryCondition, Filling, Load, LoadCurve, Model, NamedMaterial, NodeSet, OnSurface, Present,
+    Probe, Stepping,
 };
 use mpm_core::points::{Points, Seed};
 use mpm_core::ranks::Ranks;
@@ -260,7 +260,7 @@ where
                         .map(|(d, entry)| entry.axis(origin[d], size[d]))
                         .collect();
                 match axes.map(<[Axis; D]>::try_from) {
-                    Ok(Ok(axes)) => Some(Box::new(Structured::with_axes(axes))),
+                    Ok(Ok(axes)) => Some(Region::boxed_lines(Structured::with_axes(axes))),
                     Ok(Err(axes)) => {
                         let message = format!("the spacing has {} entries for {D} axes", axes.len());
                         self.error("D015", "/grid/spacing", message, "give one entry per axis".to_owned());
@@ -277,7 +277,7 @@ where
                 let averages = |body: &super::BodyDeck| body.volumetric == Volumetric::MeanDilatation;
                 let needs_patches = self.deck.bodies.iter().any(averages);
                 let mesh = self.mesh(file)?;
-                Some(Box::new(if needs_patches { mesh.with_patches() } else { mesh }))
+                Some(Region::boxed_mesh(if needs_patches { mesh.with_patches() } else { mesh }))
             }
         }
     }
@@ -397,16 +397,15 @@ where
             history.resize(room, 0.0);
             let filling = Filling {
                 grid,
-                region: &regions[number],
-                groups,
+                in_group: &|key, cell| groups.holds(key, cell),
                 body: number as u16,
-                method: body.method,
+                domain: body.method.domain(),
                 density: density.unwrap_or(0.0),
                 history,
                 touches_tools: !self.deck.tools.is_empty(),
                 ranks: self.ranks,
             };
-            let filled = filling.fill(deck).and_then(|filled| {
+            let filled = fill(&regions[number], &filling, deck).and_then(|filled| {
                 placing::inside_grid(grid, &deck.name, &filled, self.ranks).map_err(Some)?;
                 Ok(filled)
             });

@@ -5,6 +5,8 @@ use serde::{Deserialize, Serialize};
 
 use super::tool_shapes::ToolOfDeck;
 use super::{Axis, Pair, Vector};
+use mpm_core::grid::{Grid, Mesh, Structured};
+use mpm_core::model::Fillable;
 use mpm_core::region::{
     Ball, Brick, Frustum, Group, HollowBall, Motion, Polygon, Prism, Region, ShapeError, Surface,
 };
@@ -257,12 +259,18 @@ pub(super) trait Given<const D: usize> {
 }
 
 /// Regions that exist in the plane only, or in space only.
-pub(super) trait OfDeck<const D: usize>: Sized + ToolOfDeck<D> {
+pub(super) trait OfDeck<const D: usize>: Sized + ToolOfDeck<D> + Fillable<D> {
     /// Builds a region of a shape that exists only in this number of dimensions; `None` for other shapes.
     fn own(shape: &Shape, place: &str, given: &mut dyn Given<D>) -> Result<Option<Self>, Refusal>;
 
     /// A rotation about a location.
     fn turn(angle: f64, center: [f64; D], axis: Option<&Direction>) -> Result<Motion<D>, ShapeError>;
+
+    /// Boxes a structured grid.
+    fn boxed_lines(grid: Structured<D>) -> Box<dyn Grid<D>>;
+
+    /// Boxes a mesh.
+    fn boxed_mesh(mesh: Mesh<D>) -> Box<dyn Grid<D>>;
 }
 
 /// Builds the region of a shape; `place` is its JSON pointer in the deck.
@@ -334,6 +342,14 @@ impl OfDeck<2> for Region<2> {
     fn turn(angle: f64, center: [f64; 2], _: Option<&Direction>) -> Result<Motion<2>, ShapeError> {
         Motion::<2>::rotation(angle, center)
     }
+
+    fn boxed_lines(grid: Structured<2>) -> Box<dyn Grid<2>> {
+        grid.into()
+    }
+
+    fn boxed_mesh(mesh: Mesh<2>) -> Box<dyn Grid<2>> {
+        mesh.into()
+    }
 }
 
 impl OfDeck<3> for Region<3> {
@@ -363,6 +379,14 @@ impl OfDeck<3> for Region<3> {
             None => [0.0; 3],
         };
         Motion::<3>::rotation(direction, angle, center)
+    }
+
+    fn boxed_lines(grid: Structured<3>) -> Box<dyn Grid<3>> {
+        grid.into()
+    }
+
+    fn boxed_mesh(mesh: Mesh<3>) -> Box<dyn Grid<3>> {
+        mesh.into()
     }
 }
 

@@ -17,6 +17,20 @@ pub use mesh::Mesh;
 pub use patches::Patches;
 pub use structured::{Structured, vtk_corner};
 
+/// Boxes grids. The code of these grids is compiled here, with full optimisation, and not in the crates that create them.
+macro_rules! boxed {
+    ($($Grid:ident<$D:literal>)*) => {$(
+        impl From<$Grid<$D>> for Box<dyn Grid<$D>> {
+            #[inline(never)]
+            fn from(grid: $Grid<$D>) -> Self {
+                Box::new(grid)
+            }
+        }
+    )*};
+}
+
+boxed!(Structured<2> Structured<3> Mesh<2> Mesh<3>);
+
 /// Relative distance, in units of the cell size, within which a position counts as lying on a grid line.
 ///
 /// All points that lie on a grid line in exact arithmetic must belong to the same cell, whatever their round-off.

@@ -46,6 +46,20 @@ pub use tresca::Tresca;
 pub use varying::{PropertiesAt, Varying, VaryingProperty};
 pub use von_mises::VonMises;
 
+/// Boxes laws. The code of these laws is compiled here, with full optimisation, and not in the crates that create them.
+macro_rules! boxed {
+    ($($Law:ty)*) => {$(
+        impl From<$Law> for Box<dyn Material> {
+            #[inline(never)]
+            fn from(law: $Law) -> Self {
+                Box::new(law)
+            }
+        }
+    )*};
+}
+
+boxed!(DruckerPrager Hencky ModifiedCamClay MohrCoulomb NeoHookean Tresca VonMises);
+
 /// A history variable of a law.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StateField {

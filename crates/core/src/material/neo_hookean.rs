@@ -143,7 +143,6 @@ impl Material for NeoHookean {
 
 impl IsotropicModuli for NeoHookean {
     /// λ̂ = λ and μ̂ = μ − λ ln J.
-    #[inline]
     fn respond(&self, b: &Sym3) -> Result<IsotropicResponse, MaterialError> {
         let elastic_strain = (*b - Sym3::IDENTITY) * 0.5;
         let log_j = log_volume_ratio(&elastic_strain);

@@ -32,6 +32,7 @@ impl<L: SoilPlasticity> Material for L {
         const { &FIELDS }
     }
 
+    #[inline(never)]
     fn update(&self, trial: &Sym3, old: &[f64], new: &mut [f64]) -> Result<Response, MaterialError> {
         update_in_principal_axes(self, trial, old, new)
     }

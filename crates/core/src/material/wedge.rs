@@ -38,6 +38,7 @@ pub(super) trait WedgeLaw: std::fmt::Debug + Send + Sync + Sized + 'static {
 }
 
 impl<L: WedgeLaw> PrincipalLaw for L {
+    #[inline(never)]
     fn respond(
         &self,
         trial: [f64; 3],
@@ -47,6 +48,7 @@ impl<L: WedgeLaw> PrincipalLaw for L {
         Wedge { settings: *self.settings(), law: self }.respond(trial, old, new)
     }
 
+    #[inline(never)]
     fn without_flow(&self, trial: &[Lanes; 3], old: &[Lanes]) -> Option<Elasticity> {
         let WedgeSettings { elasticity, measure, softens } = self.settings();
         if *softens {

@@ -116,21 +116,21 @@ impl<'a> Reading<'a> {
     ///
     /// # Errors
     /// The faults of the formulas.
-    pub(super) fn finish<L: Material + Clone + 'static>(
+    pub(super) fn finish<L>(
         self,
         law: impl Fn(&[f64]) -> L + Send + Sync + 'static,
         further: impl Fn(&[f64]) -> Option<Inconsistency> + Send + Sync + 'static,
-    ) -> Result<BuiltLaw, Faults> {
+    ) -> Result<BuiltLaw, Faults>
+    where
+        L: Material + Clone + Into<Box<dyn Material>> + 'static,
+    {
         let Reading { settings, limits, .. } = self;
         if !settings.faults.is_empty() {
             return Err(settings.faults);
         }
         let (varying, properties, at) = settings.finish();
-        let law: Box<dyn Material> = if varying.is_empty() {
-            Box::new(law(&[]))
-        } else {
-            Box::new(Varying::new(&properties, at, law))
-        };
+        let law: Box<dyn Material> =
+            if varying.is_empty() { law(&[]).into() } else { Box::new(Varying::new(&properties, at, law)) };
         let consistency: Consistency = Box::new(move |properties| {
             limits.iter().find_map(|limit| limit.check(properties)).or_else(|| further(properties))
         });
