@@ -143,8 +143,8 @@ fn is_taken(name: &str) -> bool {
 fn remedy(error: &LibraryError) -> &'static str {
     match error {
         LibraryError::NotLoaded(_) => {
-            "build a shared library for this computer with everything that it calls, such as `cc -O2 -shared -fPIC law.c -o \
-             law.so -lm`"
+            "build the law as a shared library for this computer, linked with all libraries that it calls, for example \
+             with `cc -O2 -shared -fPIC law.c -o law.so -lm`"
         }
         LibraryError::NoFunction(_) | LibraryError::Version { .. } | LibraryError::Size { .. } => {
             "build the library with the header `mpm_law.h` of this version of the program, which describes its functions"

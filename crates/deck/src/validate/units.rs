@@ -81,7 +81,7 @@ impl Check<'_> {
         } else if in_metres && density <= DENSEST_IN_TONNES && strain < HARDLY_STRAINED {
             let message = format!(
                 "the units look mixed: {values}; the density of the material {material} looks like t/m³, which \
-                 requires kPa, but its own weight strains a body of this size by only {strain:.0e}"
+                 requires kPa, but a body of this size would then strain under its own weight by only {strain:.0e}"
             );
             self.warn("D040", &at, message, help);
         } else if strain > CRUSHED {
