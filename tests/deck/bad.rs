@@ -90,7 +90,7 @@ fn messages_of_rank(path: &Path, ranks: &Ranks) -> String {
     // How much memory and how many points are possible depends on the ranks; each rank counts its nodes on the axis.
     let depends = |found: &Diagnostic| {
         found.code == "D036"
-            || ["are possible", "can move off it"].iter().any(|end| found.message.contains(end))
+            || ["are possible", "can move off the axis"].iter().any(|end| found.message.contains(end))
     };
     found.retain(|found| !depends(found));
     render_all(&loaded.source, &found, false)

@@ -164,13 +164,13 @@ fn fault<const D: usize>(error: FillError, deck: &BodyDeck) -> Fault {
         FillError::Uneven(n) if D == 3 => (
             "D009",
             "/points_per_tetrahedron",
-            format!("a tetrahedron cannot be divided evenly for {n} points"),
+            format!("a tetrahedron cannot be divided evenly into {n} parts"),
             "use 1, 8, 27, … or 4",
         ),
         FillError::Uneven(n) => (
             "D009",
             "/points_per_triangle",
-            format!("a triangle cannot be divided evenly for {n} points"),
+            format!("a triangle cannot be divided evenly into {n} parts"),
             "use 1, 4, 9, 16, … or 8",
         ),
         other => ("D028", "", format!("the body {name} cannot be filled: {other}"), "change its shape"),

@@ -71,5 +71,5 @@ fn loose_axis(loose: usize, all: usize) -> String {
         1 => "the grid node".to_owned(),
         _ => format!("{loose} of the {all} grid nodes"),
     };
-    format!("{nodes} of the body on the axis x = 0 can move off it")
+    format!("{nodes} on the axis x = 0 can move off the axis")
 }

@@ -34,8 +34,8 @@ boxed!(Structured<2> Structured<3> Mesh<2> Mesh<3>);
 /// Relative distance, in units of the cell size, within which a position counts as lying on a grid line.
 ///
 /// All points that lie on a grid line in exact arithmetic must belong to the same cell, whatever their round-off.
-/// Otherwise a uniform row of points on a grid line, as at every fifth step of simple shear, would no longer be in
-/// equilibrium.
+/// Otherwise a uniform row of points on a grid line would no longer be in equilibrium. In the simple shear of
+/// decision 5, such rows occur in every fifth step.
 pub const ON_LINE: f64 = 1e-8;
 
 /// Largest number of corners of a cell.

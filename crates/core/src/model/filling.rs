@@ -31,12 +31,14 @@ pub const MOST_POINTS: f64 = 1e8;
 pub enum Placement<const D: usize> {
     /// Each cell is divided into equal parts, and a point is created for each part that has its centre in the region.
     PerCell {
-        /// Number of parts of a quadrilateral or hexahedron along each axis; `None` if the grid must not have any.
+        /// Number of parts of a quadrilateral or hexahedron along each axis; `None` if the grid must not have such
+        /// cells.
         boxes: Option<[usize; D]>,
-        /// Number of parts of a triangle or tetrahedron; `None` if the grid must not have any.
+        /// Number of parts of a triangle or tetrahedron; `None` if the grid must not have such
+        /// cells.
         simplices: Option<usize>,
-        /// The corners of the region if it is a box with sides along the axes. If they lie on the lines of a structured
-        /// grid, the points are placed in rows along the box.
+        /// The corners of the region if it is a box with sides along the axes. If the sides lie on lines of a
+        /// structured grid, the points are placed in rows along the box.
         brick: Option<Bounds<D>>,
     },
     /// A lattice of this spacing, [length], which is independent of the grid.
@@ -65,7 +67,7 @@ pub enum FillError {
     })]
     NoCount(ElementShape),
     /// A triangle or tetrahedron cannot be divided evenly into this number of parts.
-    #[error("a cell cannot be divided evenly for {0} points")]
+    #[error("a triangle or tetrahedron cannot be divided evenly into {0} parts")]
     Uneven(usize),
 }
 
@@ -74,11 +76,11 @@ pub enum FillError {
 pub struct FilledRegion<const D: usize> {
     /// The points that this rank creates; the shares of the ranks follow one another.
     pub seeds: Vec<Seed<D>>,
-    /// True if the points are parts of the cells that contain them.
+    /// True if the region was filled cell by cell.
     pub is_by_cells: bool,
 }
 
-/// A region in a number of dimensions that can be filled.
+/// A region in `D` dimensions that can be filled with points.
 pub trait Fillable<const D: usize> {
     /// Fills the region with points. All ranks must call this together.
     ///
@@ -86,8 +88,8 @@ pub trait Fillable<const D: usize> {
     /// [`FillError`] of this rank; other ranks may find none.
     fn fill(&self, filling: &Filling<D>, placement: &Placement<D>) -> Result<FilledRegion<D>, FillError>;
 
-    /// Volume of a region of whole cells that other regions cut: the full cells, and those fine parts of the other
-    /// cells whose centres lie inside. All ranks must call this together.
+    /// Volume of a region that consists of cells and may be cut by other regions: the full cells, and those small parts
+    /// of the cut cells whose centres lie inside. All ranks must call this together.
     fn volume_in_grid(&self, filling: &Filling<D>) -> Volume;
 }
 
@@ -238,7 +240,7 @@ impl<const D: usize> Filling<'_, D> {
     /// The points at the cell centres of a lattice that lie inside the region.
     fn rows(&self, lattice: Structured<D>, inside: impl Fn(&[f64; D]) -> bool + Sync) -> Vec<Seed<D>> {
         let n = lattice.cells();
-        // Neighbours of the points of this rank count as well.
+        // Whether a point is in the outer layer depends on its neighbours, some of which belong to other ranks.
         let own = self.ranks.share(lattice.n_cells());
         let margin = 1 + (1..D).map(|d| n[..d].iter().product::<usize>()).sum::<usize>();
         let looked_at =

@@ -47,7 +47,7 @@ pub enum FollowError {
     #[error("there is no such axis, line or boundary condition")]
     Missing,
     /// Two entries share lines.
-    #[error("lines along one axis would follow two boundary conditions")]
+    #[error("grid lines would follow two boundary conditions")]
     Overlap {
         /// Index of the other entry, which shares lines with this entry.
         with: usize,

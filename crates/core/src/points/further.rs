@@ -198,7 +198,8 @@ impl Further {
         trial
     }
 
-    /// Makes the trial values the converged ones. Responses are copied, so that values that nothing overwrites persist.
+    /// Makes the trial values the converged ones. Responses are copied, not moved: trial values that the next step does
+    /// not overwrite remain.
     pub(super) fn commit(&mut self) {
         for Kept { field, converged, trial } in &mut self.fields {
             match field.kind {

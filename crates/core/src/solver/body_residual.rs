@@ -10,9 +10,9 @@ use crate::ranks::Halo;
 use super::residual::{Forces, ratio};
 use super::round_off::{ACCUMULATED, IN_MOTION, IN_STRAIN, forces_of_unit_strain};
 
-/// The out-of-balance force beyond round-off at the nodes of each body alone, relative to the forces on these nodes or,
-/// if those are larger, to the forces that the points of the body exert on shared nodes, [-]; empty for a single body,
-/// 0 for a body without forces.
+/// For each body, the out-of-balance force beyond round-off at the nodes that no other body touches, relative to the
+/// larger of two forces: that on these nodes, and that which the points of the body exert on shared nodes, [-]. Empty
+/// for a single body, 0 for a body without forces.
 ///
 /// The residual of a part with several bodies is relative to all forces on the part. A body that carries little
 /// compared with the others may then be out of balance unnoticed.

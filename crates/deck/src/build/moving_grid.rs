@@ -70,7 +70,7 @@ where
             ),
             FollowError::Overlap { with } => {
                 let other = quote(&follow[with].condition);
-                let message = format!("some of these lines along {axis} already follow {other}");
+                let message = format!("some of these lines of constant {axis} already follow {other}");
                 ("", message, "let each line follow one boundary condition".to_owned())
             }
             FollowError::OnAxis => (

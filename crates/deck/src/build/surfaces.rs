@@ -99,7 +99,7 @@ where
                     let (at, help) = match error {
                         NoBoundary::NoSide(_) => (
                             format!("{at}/part/edge"),
-                            "give the number of a side of a single shape, from 0, or select the part by `box` or `half_space`",
+                            "give the number of a side of a single shape, counted from 0, or select the part with `box` or `half_space`",
                         ),
                         NoBoundary::Cells => (
                             format!("{at}/body"),

@@ -161,7 +161,7 @@ impl Check<'_> {
             (Some(Direction::Vector(vector)), _) => {
                 let known = self.vector(&at, vector);
                 if known.is_some_and(|vector| vector.iter().all(|x| *x == 0.0)) {
-                    let help = "give a component other than 0, `[0, 0, 1]` or `z`";
+                    let help = "give a vector with a component that is not 0, such as `[0, 0, 1]`, or the name of an axis, such as `z`";
                     self.error("D016", &at, "the axis has no direction", help);
                 }
             }

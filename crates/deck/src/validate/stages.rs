@@ -79,13 +79,14 @@ impl Check<'_> {
             let step = stage.steps.end_time / f64::from(stage.steps.count.max(1));
             if step < SHORTEST * start {
                 let last = match stage.steps.count {
-                    1 => format!("the step of this stage lasts {step:e}"),
-                    _ => format!("the steps of this stage last {step:e} each"),
+                    1 => format!("the step of this stage lasts {step:e}, too short for a change of time"),
+                    _ => format!(
+                        "the steps of this stage last {step:e} each, too short for their times to differ"
+                    ),
                 };
                 let start = Parameter::Number(start);
-                let message = format!("{last}, too short to be told apart after time {start}");
-                let help =
-                    "give the stages similar durations (`steps: {end_time}`): time only orders the loading";
+                let message = format!("{last} after time {start}");
+                let help = "give the stages similar durations (`steps: {end_time}`): time serves only to order the loading";
                 self.error("D053", &format!("/stages/{number}/steps"), message, help);
             }
             start += stage.steps.end_time;

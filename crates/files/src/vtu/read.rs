@@ -189,7 +189,7 @@ impl MeshFile {
     }
 }
 
-/// The ends of the corner lists after the cells have been put in a new order, from the ends in the current order.
+/// The offsets (ends of the corner lists) of reordered cells, computed from the offsets in the current order.
 fn ends_in_order(ends: &[f64], order: &[usize]) -> Vec<f64> {
     let size = |cell: usize| ends[cell] - if cell > 0 { ends[cell - 1] } else { 0.0 };
     let next = |end: &mut f64, cell: &usize| {

@@ -12,7 +12,7 @@ fn number() -> impl Strategy<Value = f64> {
     -1.0..1.0f64
 }
 
-/// Points at which all `N` nodes of a group have a function.
+/// Points that all `N` nodes of a group affect, with their basis functions.
 fn points<const D: usize, const N: usize>() -> impl Strategy<Value = Vec<Functions<D, N>>> {
     let values = prop::collection::vec(number(), N * (D + 1));
     let functions = values.prop_map(|x| {
@@ -21,7 +21,7 @@ fn points<const D: usize, const N: usize>() -> impl Strategy<Value = Vec<Functio
     prop::collection::vec(functions, 3)
 }
 
-/// The blocks and forces to which points and a coupling contribute in one form of the stiffness.
+/// Adds the contributions of points and of a coupling to one form of the stiffness; returns the nodal forces.
 fn sum<const D: usize, const N: usize, W: WeakForm<D>>(
     dense: &mut impl Dense<D>,
     weak: &W,
@@ -66,7 +66,7 @@ fn check<const D: usize, const N: usize, const C: usize, W: WeakForm<D>>(
     Ok(())
 }
 
-/// The state of a point, and the increment of its displacement gradient.
+/// The weak form of a point in a deformed state after an increment.
 fn weak<const D: usize, M: Mechanics<D>>(increment: &Increment<D>) -> M::Previous {
     let law = Hencky::new(7.0, 0.3);
     let start = StartOfStep { b_n: Sym3([1.1, 0.9, 1.2, 0.0, 0.0, 0.1]), J_n: 1.1, volume_n: 0.7 };
@@ -81,8 +81,8 @@ fn increment<const D: usize>(entry: &[f64]) -> Increment<D> {
 }
 
 proptest! {
-    /// Groups whose points touch all nodes have forms of their own, which processors without vector instructions do
-    /// without: the result must not depend on the processor.
+    /// Groups whose points touch all nodes have special forms, which only processors with vector instructions use. The
+    /// result must not depend on the processor.
     #[test]
     fn all_forms_of_the_stiffness_have_the_same_bits(
         entry in prop::collection::vec(number(), 9),

@@ -17,7 +17,7 @@ use super::cell_room::{CellRoom, Motion};
 use super::dilatation::barred;
 use super::evaluation::{Task, Trial};
 
-/// The points of one material in a group that take their mean dilatation.
+/// The points of one material in a group, whose dilatation is replaced by their mean dilatation.
 pub(super) struct Averaged<'t, 'a, 's, 'r, const D: usize, M: Mechanics<D>, const UPDATED: bool> {
     pub(super) task: &'t Task<'a, D, M>,
     pub(super) group: usize,
@@ -34,7 +34,7 @@ pub(super) type Kind = (usize, Volumetric);
 
 /// The responses found.
 pub(super) enum Found {
-    /// None: the only point is its own mean.
+    /// No responses, because there is only this point: the mean dilatation is its own.
     Alone(usize),
     /// Those in the working space of the cell.
     Together {

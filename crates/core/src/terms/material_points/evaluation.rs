@@ -95,9 +95,14 @@ impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
     /// Divides the groups between threads; the division does not affect the result.
     pub(super) fn run(&self, groups: Range<usize>, work: Work<D>) -> Result<(), PointFailure> {
         if groups.len() <= GRAIN {
+            let arch = Arch::new();
             return match self.model.formulation {
-                Formulation::PreviouslyConverged => self.run_groups::<false>(groups, work),
-                Formulation::UpdatedLagrangian => self.run_groups::<true>(groups, work),
+                Formulation::PreviouslyConverged => {
+                    arch.dispatch(Groups::<D, M, false> { task: self, groups, work })
+                }
+                Formulation::UpdatedLagrangian => {
+                    arch.dispatch(Groups::<D, M, true> { task: self, groups, work })
+                }
             };
         }
         let middle = groups.start + groups.len() / 2;
@@ -117,34 +122,6 @@ impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
         let work_r = Work { trial: trial_r, dense: dense_r, force: force_r, room: room_r };
         let (a, b) = rayon::join(|| self.run(left, work_l), || self.run(right, work_r));
         a.and(b)
-    }
-
-    /// Evaluates the points of some groups one after the other, in one of the two formulations, with the vector
-    /// instructions of the processor.
-    fn run_groups<const UPDATED: bool>(
-        &self,
-        groups: Range<usize>,
-        work: Work<D>,
-    ) -> Result<(), PointFailure> {
-        let Work { mut trial, mut dense, mut force, mut room } = work;
-        let (room, cell) = (&mut room, &mut CellRoom::default());
-        for group in groups {
-            let (blocks, rest) = dense.split_at_mut(self.pairs.dense_range(group..group + 1).len());
-            dense = rest;
-            let (force_of_group, rest) = force.split_at_mut(self.links.nodes_of(group).len());
-            force = rest;
-            let (trial, force) = (&mut trial, force_of_group);
-            Arch::new().dispatch(Group::<D, M, UPDATED> {
-                task: self,
-                group,
-                trial,
-                room,
-                cell,
-                force,
-                blocks,
-            })?;
-        }
-        Ok(())
     }
 
     /// The increment of a point of a group; `room` receives its basis functions.
@@ -175,7 +152,70 @@ impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
     }
 }
 
-/// The points of one group, and the dense blocks to which they contribute.
+/// Groups that are evaluated one after the other with the vector instructions of the processor, in one of the two
+/// formulations.
+struct Groups<'t, 'a, 'w, const D: usize, M, const UPDATED: bool> {
+    task: &'t Task<'a, D, M>,
+    groups: Range<usize>,
+    work: Work<'w, D>,
+}
+
+impl<const D: usize, M: Mechanics<D>, const UPDATED: bool> WithSimd for Groups<'_, '_, '_, D, M, UPDATED> {
+    type Output = Result<(), PointFailure>;
+
+    /// Chooses the form of the stiffness of each group. Processors without vector instructions and the updated Lagrangian
+    /// formulation, which is a cross-check, use only the general forms, which add the same numbers in the same order.
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> Self::Output {
+        let Groups { task, groups, work: Work { mut trial, mut dense, mut force, mut room } } = self;
+        let symmetric = task.pairs.symmetric();
+        let cell = &mut CellRoom::default();
+        for group in groups {
+            let (blocks, rest) = dense.split_at_mut(task.pairs.dense_range(group..group + 1).len());
+            dense = rest;
+            let (force_of_group, rest) = force.split_at_mut(task.links.nodes_of(group).len());
+            force = rest;
+            force_of_group.fill([0.0; D]);
+            let (n, whole) = (force_of_group.len(), task.links.is_whole(group));
+            let (trial, room) = (&mut trial, &mut room);
+            let group = Group::<D, M, UPDATED> { task, group, trial, room, cell, force: force_of_group };
+            match n {
+                _ if task.wanted == Wanted::Force => {
+                    group.add(simd, &mut Forces)?;
+                }
+                8 if const { D == 3 && !S::IS_SCALAR && !UPDATED } && whole => {
+                    group.add(simd, &mut Cell::<D, 8, 2>::zero(symmetric))?.store(blocks);
+                }
+                4 if const { D == 3 && !S::IS_SCALAR && !UPDATED } && whole => {
+                    group.add(simd, &mut Cell::<D, 4, 1>::zero(symmetric))?.store(blocks);
+                }
+                4 if const { D == 2 && !S::IS_SCALAR && !UPDATED } && whole && symmetric => {
+                    group.add(simd, &mut Whole::<D, 4>::zero())?.store(blocks);
+                }
+                3 if const { D == 2 && !S::IS_SCALAR && !UPDATED } && whole && symmetric => {
+                    group.add(simd, &mut Whole::<D, 3>::zero())?.store(blocks);
+                }
+                4 if const { D == 2 && !S::IS_SCALAR && !UPDATED } && whole => {
+                    group.add(simd, &mut Cell::<D, 4, 1>::zero(symmetric))?.store(blocks);
+                }
+                3 if const { D == 2 && !S::IS_SCALAR && !UPDATED } && whole => {
+                    group.add(simd, &mut Cell::<D, 3, 1>::zero(symmetric))?.store(blocks);
+                }
+                _ => {
+                    blocks.fill([[0.0; D]; D]);
+                    if symmetric {
+                        group.add(simd, &mut Triangle(blocks))?;
+                    } else {
+                        group.add(simd, &mut Square { blocks, nodes: n })?;
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The points of one group.
 struct Group<'t, 'a, 's, 'r, const D: usize, M: Mechanics<D>, const UPDATED: bool> {
     task: &'t Task<'a, D, M>,
     group: usize,
@@ -183,74 +223,15 @@ struct Group<'t, 'a, 's, 'r, const D: usize, M: Mechanics<D>, const UPDATED: boo
     room: &'t mut LinkBuffer<'r, D>,
     cell: &'t mut CellRoom<D, M>,
     force: &'t mut [[f64; D]],
-    blocks: &'t mut [Block<D>],
-}
-
-impl<const D: usize, M: Mechanics<D>, const UPDATED: bool> WithSimd for Group<'_, '_, '_, '_, D, M, UPDATED> {
-    type Output = Result<(), PointFailure>;
-
-    /// Chooses the form of the stiffness. A processor without vector instructions uses only the general forms, which
-    /// add the same numbers in the same order.
-    #[inline(always)]
-    fn with_simd<S: Simd>(mut self, simd: S) -> Self::Output {
-        self.force.fill([0.0; D]);
-        let (n, symmetric) = (self.force.len(), self.task.pairs.symmetric());
-        let whole = self.task.links.is_whole(self.group);
-        match n {
-            _ if self.task.wanted == Wanted::Force => self.add(simd, &mut Forces),
-            8 if const { D == 3 && !S::IS_SCALAR } && whole => self.add_in_cell::<S, 8, 2>(simd, symmetric),
-            4 if const { D == 3 && !S::IS_SCALAR } && whole => self.add_in_cell::<S, 4, 1>(simd, symmetric),
-            4 if const { D == 2 && !S::IS_SCALAR } && whole && symmetric => self.add_in_whole::<S, 4>(simd),
-            3 if const { D == 2 && !S::IS_SCALAR } && whole && symmetric => self.add_in_whole::<S, 3>(simd),
-            4 if const { D == 2 && !S::IS_SCALAR } && whole => self.add_in_cell::<S, 4, 1>(simd, symmetric),
-            3 if const { D == 2 && !S::IS_SCALAR } && whole => self.add_in_cell::<S, 3, 1>(simd, symmetric),
-            _ => {
-                let blocks = std::mem::take(&mut self.blocks);
-                blocks.fill([[0.0; D]; D]);
-                if symmetric {
-                    self.add(simd, &mut Triangle(blocks))
-                } else {
-                    self.add(simd, &mut Square { blocks, nodes: n })
-                }
-            }
-        }
-    }
 }
 
 impl<const D: usize, M: Mechanics<D>, const UPDATED: bool> Group<'_, '_, '_, '_, D, M, UPDATED> {
+    /// Adds the points, compiled for one set of instructions and one form of the stiffness; returns the stiffness.
     #[inline(always)]
-    fn add_in_cell<S: Simd, const N: usize, const C: usize>(
-        mut self,
-        simd: S,
-        symmetric: bool,
-    ) -> Result<(), PointFailure> {
-        let cell = &mut Cell::<D, N, C>::zero(symmetric);
-        self.add(simd, cell)?;
-        cell.store(self.blocks);
-        Ok(())
-    }
-
-    #[inline(always)]
-    fn add_in_whole<S: Simd, const N: usize>(mut self, simd: S) -> Result<(), PointFailure> {
-        let whole = &mut Whole::<D, N>::zero();
-        self.add(simd, whole)?;
-        whole.store(self.blocks);
-        Ok(())
-    }
-
-    /// Adds the points, compiled for one set of instructions and one form of the stiffness.
-    #[inline(always)]
-    fn add<S: Simd>(&mut self, simd: S, dense: &mut impl Dense<D>) -> Result<(), PointFailure> {
-        let Group { task, group, trial, room, cell, force, .. } = self;
-        simd.vectorize(Vectorised::<D, M, _, UPDATED> {
-            task,
-            group: *group,
-            trial,
-            room,
-            force,
-            dense,
-            cell,
-        })
+    fn add<S: Simd, K: Dense<D>>(self, simd: S, dense: &mut K) -> Result<&mut K, PointFailure> {
+        let Group { task, group, trial, room, cell, force } = self;
+        simd.vectorize(Vectorised::<D, M, K, UPDATED> { task, group, trial, room, force, dense, cell })?;
+        Ok(dense)
     }
 }
 

@@ -23,8 +23,8 @@ pub(super) struct SideBySide<'t, 'a, 's, 'r, const D: usize, M: Mechanics<D>> {
     pub(super) points: Range<usize>,
     pub(super) trial: &'t mut Trial<'s, D>,
     pub(super) room: &'t mut LinkBuffer<'r, D>,
-    /// Receives the responses; `None` if a point fails or if the law has no such form. They are large, and every move
-    /// copies them.
+    /// Receives the responses; `None` if a point fails or if the law cannot evaluate several points at once. Written in
+    /// place, because responses are large and every move copies them.
     pub(super) responses: &'t mut InLanes<M::Previous>,
 }
 
@@ -50,7 +50,7 @@ impl<const D: usize, M: Mechanics<D>> WithSimd for SideBySide<'_, '_, '_, '_, D,
         let of_lane = [p, last.min(p + 1), last.min(p + 2), last.min(p + 3)];
         let [a, b, c, d] = of_lane;
         let starts = [&task.start[a], &task.start[b], &task.start[c], &task.start[d]];
-        // A closure might not be inlined and compiled for vector instructions.
+        // A closure might not be inlined, and would then be compiled without vector instructions.
         let increments = [
             task.increment(group, a, room),
             task.increment(group, b, room),
