@@ -252,10 +252,10 @@ impl Idealisation {
 pub(crate) const AXES: [&str; 3] = ["x", "y", "z"];
 
 impl Deck {
-    /// A deck as a document, such as the copy in a checkpoint.
+    /// Reads a deck from a document, such as the copy in a checkpoint.
     ///
     /// # Errors
-    /// The first difference from the format.
+    /// The first deviation from the format.
     pub fn from_value(document: &Value) -> Result<Deck, serde_json::Error> {
         Deck::deserialize(document)
     }

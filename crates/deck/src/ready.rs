@@ -207,7 +207,7 @@ impl Analysis {
     }
 }
 
-// Not generic, so that the program does not compile the stages of an analysis again.
+// These functions are not generic, so that the program does not compile the stages of an analysis again.
 fn run_in_plane(
     (model, points): &mut (Model<2>, Points<2>),
     reached: Reached,

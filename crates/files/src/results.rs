@@ -352,7 +352,7 @@ fn all_have_domains<const D: usize>(model: &Model<D>) -> bool {
     model.bodies.iter().all(|b| b.method.domain() != DomainKind::None)
 }
 
-/// What [`Results`] does as an observer.
+/// The functions of the observer, for any number of axes.
 impl Results {
     fn started_in<const D: usize>(&mut self, model: &Model<D>, points: &Points<D>) -> io::Result<()> {
         let ranks = &points.ranks;
@@ -503,8 +503,8 @@ impl Results {
     }
 }
 
-/// Implements [`Observer`] for each number of axes. A generic implementation would be compiled again in every crate that
-/// runs analyses.
+/// Implements [`Observer`] for each number of axes. A generic implementation would be compiled again in every crate
+/// that runs analyses. Generic code that passes [`Results`] on requires `Results: Observer<D>`.
 macro_rules! observe {
     ($($D:literal)*) => {$(
         impl Observer<$D> for Results {

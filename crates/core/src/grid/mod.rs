@@ -17,7 +17,8 @@ pub use mesh::Mesh;
 pub use patches::Patches;
 pub use structured::{Structured, vtk_corner};
 
-/// Boxes grids. The code of these grids is compiled here, with full optimisation, and not in the crates that create them.
+/// Boxes grids. The generic code of these grids is compiled here, with full optimisation, and not in the crates that
+/// create them.
 macro_rules! boxed {
     ($($Grid:ident<$D:literal>)*) => {$(
         impl From<$Grid<$D>> for Box<dyn Grid<$D>> {

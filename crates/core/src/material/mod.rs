@@ -46,7 +46,8 @@ pub use tresca::Tresca;
 pub use varying::{PropertiesAt, Varying, VaryingProperty};
 pub use von_mises::VonMises;
 
-/// Boxes laws. The code of these laws is compiled here, with full optimisation, and not in the crates that create them.
+/// Boxes laws. The generic code of these laws is compiled here, with full optimisation, and not in the crates that
+/// create them.
 macro_rules! boxed {
     ($($Law:ty)*) => {$(
         impl From<$Law> for Box<dyn Material> {

@@ -80,12 +80,14 @@ pub struct FilledRegion<const D: usize> {
     pub is_by_cells: bool,
 }
 
-/// A region in `D` dimensions that can be filled with points.
+/// A region in `D` dimensions that can be filled with points. The core implements this for all regions.
 pub trait Fillable<const D: usize> {
-    /// Fills the region with points. All ranks must call this together.
+    /// Fills the region with points. All ranks must call this together. Numbers of parts must be at least 1, spacings
+    /// positive.
     ///
     /// # Errors
-    /// [`FillError`] of this rank; other ranks may find none.
+    /// [`FillError`] of this rank. If only another rank fails, the result is empty here, so callers must compare with
+    /// [`Ranks::any`].
     fn fill(&self, filling: &Filling<D>, placement: &Placement<D>) -> Result<FilledRegion<D>, FillError>;
 
     /// Volume of a region that consists of cells and may be cut by other regions: the full cells, and those small parts

@@ -3,7 +3,6 @@
 use serde::{Deserialize, Serialize};
 
 use super::Points;
-use crate::ranks::Ranks;
 
 /// A point near a position.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -44,45 +43,30 @@ impl<const D: usize> Points<D> {
     /// the order of distance and permanent number.
     fn within(&self, body: u16, place: &[f64; D], count: usize, slack: f64) -> Vec<Near> {
         let distance = |p: usize| -> f64 {
-            let x = &self.original_position[p];
-            let mut sum = 0.0;
-            for d in 0..D {
-                sum += (x[d] - place[d]).powi(2);
-            }
-            sum.sqrt()
+            (0..D).map(|d| (self.original_position[p][d] - place[d]).powi(2)).sum::<f64>().sqrt()
         };
-        let of_body = (0..self.len()).filter(|&p| self.body[p] == body);
-        let near = candidates(of_body.map(|p| (p, distance(p))).collect(), count, slack, &self.ranks);
-        let near = near.into_iter().map(|(p, distance)| Near {
+        let of_body = || (0..self.len()).filter(|&p| self.body[p] == body);
+        let most = count.max(1) - 1;
+        // If a rank holds fewer than `count` points, all of them are candidates.
+        let mut least: Vec<f64> = of_body().map(distance).collect();
+        let limit = match least.len() {
+            n if n > most => *least.select_nth_unstable_by(most, f64::total_cmp).1,
+            _ => f64::INFINITY,
+        };
+        let limit = self.ranks.smallest(limit);
+        let near = of_body().filter(|&p| distance(p) <= limit + slack);
+        let near = near.map(|p| Near {
             id: self.id[p],
-            distance,
+            distance: distance(p),
             position: self.original_position[p].to_vec(),
         });
-        chosen(self.ranks.gather_all(near.collect::<Vec<_>>()).concat(), count, slack)
+        let mut found: Vec<Near> = self.ranks.gather_all(near.collect::<Vec<_>>()).concat();
+        found.sort_unstable_by(|a, b| a.distance.total_cmp(&b.distance).then(a.id.cmp(&b.id)));
+        if let Some(last) = found.get(most).map(|last| last.distance) {
+            found.retain(|near| near.distance <= last + slack);
+        }
+        found
     }
-}
-
-/// The points of this rank that may be among the nearest of all ranks, from all points and their distances.
-fn candidates(mut points: Vec<(usize, f64)>, count: usize, slack: f64, ranks: &Ranks) -> Vec<(usize, f64)> {
-    let most = count.max(1) - 1;
-    let mut least: Vec<f64> = points.iter().map(|(_, distance)| *distance).collect();
-    // If a rank holds fewer than `count` points, all of them are candidates.
-    let limit = match least.len() {
-        n if n > most => *least.select_nth_unstable_by(most, f64::total_cmp).1,
-        _ => f64::INFINITY,
-    };
-    let limit = ranks.smallest(limit);
-    points.retain(|(_, distance)| *distance <= limit + slack);
-    points
-}
-
-/// The nearest of the candidates of all ranks.
-fn chosen(mut found: Vec<Near>, count: usize, slack: f64) -> Vec<Near> {
-    found.sort_unstable_by(|a, b| a.distance.total_cmp(&b.distance).then(a.id.cmp(&b.id)));
-    if let Some(last) = found.get(count.max(1) - 1).map(|last| last.distance) {
-        found.retain(|near| near.distance <= last + slack);
-    }
-    found
 }
 
 /// Round-off of a distance from this position, [length].

@@ -36,7 +36,7 @@ pub(super) type Kind = (usize, Volumetric);
 pub(super) enum Found {
     /// No responses, because there is only this point: the mean dilatation is its own.
     Alone(usize),
-    /// Those in the working space of the cell.
+    /// The responses in the working space of the cell.
     Together {
         /// Volume of the points.
         volume: f64,
@@ -49,7 +49,7 @@ pub(super) enum Found {
 
 impl<const D: usize, M: Mechanics<D>, const UPDATED: bool> Averaged<'_, '_, '_, '_, D, M, UPDATED> {
     /// Evaluates the points, and stores their stress and strain.
-    // If inlined, it would be compiled once for each form of the stiffness.
+    // Inlined, this function would be compiled once for each form of the stiffness.
     #[inline(never)]
     pub(super) fn find(self) -> Result<Found, PointFailure> {
         Arch::new().dispatch(self)

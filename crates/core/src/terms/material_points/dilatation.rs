@@ -8,6 +8,8 @@
 
 use std::ops::Range;
 
+use pulp::Scalar;
+
 use crate::assembly::{Coupling, Dense, Wanted};
 use crate::basis::{LinkBuffer, Links, PointGeometry};
 use crate::grid::CellBasis;
@@ -62,7 +64,10 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
     /// Adds a point with its own dilatation.
     #[inline(never)]
     fn add_alone(&mut self, p: usize) -> Result<(), PointFailure> {
-        self.add(p..p + 1)
+        match self.add_side_by_side(None::<Scalar>, p..p + 1) {
+            Some(_) => Ok(()),
+            None => self.add_one(p),
+        }
     }
 
     /// Adds the points of one material with their mean dilatation.
@@ -178,7 +183,7 @@ type PointCentred<const D: usize, M> = <<M as Mechanics<D>>::Current as Centring
 impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
     /// The response of a point to the volume ratio at the centre of its cell, and the derivative of the logarithm of
     /// this ratio, as [`Task::at_centres`] returns it.
-    // If inlined, it would be compiled once for each form of the stiffness.
+    // Inlined, this function would be compiled once for each form of the stiffness.
     #[inline(never)]
     #[expect(clippy::type_complexity)]
     fn respond_centred<const UPDATED: bool>(

@@ -163,8 +163,9 @@ struct Groups<'t, 'a, 'w, const D: usize, M, const UPDATED: bool> {
 impl<const D: usize, M: Mechanics<D>, const UPDATED: bool> WithSimd for Groups<'_, '_, '_, D, M, UPDATED> {
     type Output = Result<(), PointFailure>;
 
-    /// Chooses the form of the stiffness of each group. Processors without vector instructions and the updated Lagrangian
-    /// formulation, which is a cross-check, use only the general forms, which add the same numbers in the same order.
+    /// Chooses the form of the stiffness of each group. Processors without vector instructions and the updated
+    /// Lagrangian formulation, which is a cross-check, use only the general forms, which add the same numbers in the
+    /// same order.
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> Self::Output {
         let Groups { task, groups, work: Work { mut trial, mut dense, mut force, mut room } } = self;
@@ -254,9 +255,9 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool> WithSimd
     type Output = Result<(), PointFailure>;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(mut self, _: S) -> Self::Output {
+    fn with_simd<S: Simd>(mut self, simd: S) -> Self::Output {
         let points = self.task.links.points_of(self.group);
-        if self.task.dilated { self.add_dilated(points) } else { self.add(points) }
+        if self.task.dilated { self.add_dilated(points) } else { self.add(simd, points) }
     }
 }
 
@@ -265,10 +266,10 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
 {
     /// Adds points one after the other, or several at once.
     #[inline(always)]
-    pub(super) fn add(&mut self, points: Range<usize>) -> Result<(), PointFailure> {
+    fn add<S: Simd>(&mut self, simd: S, points: Range<usize>) -> Result<(), PointFailure> {
         let mut p = points.start;
         while p < points.end {
-            p += match self.add_side_by_side(p..points.end) {
+            p += match self.add_side_by_side(Some(simd), p..points.end) {
                 Some(count) => count,
                 None => {
                     self.add_one(p)?;
@@ -280,9 +281,13 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
     }
 
     /// Adds the first points of a range at once, if they share a law that supports this; returns the number of points
-    /// added.
+    /// added. `simd` are the vector instructions for which the caller is compiled, if any.
     #[inline(always)]
-    fn add_side_by_side(&mut self, points: Range<usize>) -> Option<usize> {
+    pub(super) fn add_side_by_side<S: Simd>(
+        &mut self,
+        simd: Option<S>,
+        points: Range<usize>,
+    ) -> Option<usize> {
         let Vectorised { task, group, trial, room, force, dense, .. } = self;
         let p = points.start;
         if UPDATED || !M::VECTORISED || !suits_lanes(task.law(p)) {
@@ -291,8 +296,18 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         let alike = task.body[points].iter().take_while(|&&body| body == task.body[p]);
         let points = p..p + alike.take(Lanes::WIDTH).count();
         let mut responses = None;
-        SideBySide { task, group: *group, points: points.clone(), trial, room, responses: &mut responses }
-            .respond();
+        let side_by_side = SideBySide {
+            task,
+            group: *group,
+            points: points.clone(),
+            trial,
+            room,
+            responses: &mut responses,
+        };
+        match simd {
+            Some(simd) if const { !S::IS_SCALAR } => side_by_side.with_simd(simd),
+            _ => side_by_side.respond(),
+        }
         for (p, response) in points.clone().zip(responses.as_ref()?) {
             keep(p, response, &task.links.links(p, room), trial, *dense, force);
         }
@@ -300,7 +315,7 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
     }
 
     #[inline(always)]
-    fn add_one(&mut self, p: usize) -> Result<(), PointFailure> {
+    pub(super) fn add_one(&mut self, p: usize) -> Result<(), PointFailure> {
         let Vectorised { task, group, trial, room, force, dense, .. } = self;
         let failure = |error| PointFailure { point: p, error };
         let (start, law) = (&task.start[p], task.law(p));

@@ -1,7 +1,4 @@
 //! The responses of several points of one law, which are evaluated at once.
-//!
-//! They do not depend on the form of the stiffness to which the points contribute, so they are compiled once for all
-//! forms.
 
 use std::ops::Range;
 
@@ -30,7 +27,7 @@ pub(super) struct SideBySide<'t, 'a, 's, 'r, const D: usize, M: Mechanics<D>> {
 
 impl<const D: usize, M: Mechanics<D>> SideBySide<'_, '_, '_, '_, D, M> {
     /// Evaluates the points and stores their history variables.
-    // If inlined, it would be compiled once for each form of the stiffness.
+    // Inlined, this function would be compiled once for each form of the stiffness.
     #[inline(never)]
     pub(super) fn respond(self) {
         Arch::new().dispatch(self);
