@@ -11,7 +11,6 @@ mod batched;
 mod cell_room;
 mod dilatation;
 mod evaluation;
-mod side_by_side;
 
 use std::marker::PhantomData;
 use std::ops::Range;

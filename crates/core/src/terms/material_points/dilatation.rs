@@ -8,8 +8,6 @@
 
 use std::ops::Range;
 
-use pulp::Scalar;
-
 use crate::assembly::{Coupling, Dense, Wanted};
 use crate::basis::{LinkBuffer, Links, PointGeometry};
 use crate::grid::CellBasis;
@@ -64,10 +62,7 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
     /// Adds a point with its own dilatation.
     #[inline(never)]
     fn add_alone(&mut self, p: usize) -> Result<(), PointFailure> {
-        match self.add_side_by_side(None::<Scalar>, p..p + 1) {
-            Some(_) => Ok(()),
-            None => self.add_one(p),
-        }
+        self.add(p..p + 1)
     }
 
     /// Adds the points of one material with their mean dilatation.

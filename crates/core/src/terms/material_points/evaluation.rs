@@ -12,12 +12,13 @@ use crate::kinematics::Increment;
 use crate::linear::Block;
 use crate::material::Material;
 use crate::model::Model;
-use crate::stress::{Formulation, Mechanics, PointResponse, StartOfStep, WeakForm, suits_lanes};
+use crate::stress::{
+    Formulation, MOST_HISTORY, Mechanics, PointResponse, StartOfStep, WeakForm, suits_lanes,
+};
 use crate::tensor::{Lanes, Sym3};
 use crate::terms::failure::PointFailure;
 
 use super::cell_room::CellRoom;
-use super::side_by_side::SideBySide;
 
 /// A task of at most this many groups is not divided between threads.
 const GRAIN: usize = 4;
@@ -255,9 +256,9 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool> WithSimd
     type Output = Result<(), PointFailure>;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(mut self, simd: S) -> Self::Output {
+    fn with_simd<S: Simd>(mut self, _: S) -> Self::Output {
         let points = self.task.links.points_of(self.group);
-        if self.task.dilated { self.add_dilated(points) } else { self.add(simd, points) }
+        if self.task.dilated { self.add_dilated(points) } else { self.add(points) }
     }
 }
 
@@ -266,10 +267,10 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
 {
     /// Adds points one after the other, or several at once.
     #[inline(always)]
-    fn add<S: Simd>(&mut self, simd: S, points: Range<usize>) -> Result<(), PointFailure> {
+    pub(super) fn add(&mut self, points: Range<usize>) -> Result<(), PointFailure> {
         let mut p = points.start;
         while p < points.end {
-            p += match self.add_side_by_side(Some(simd), p..points.end) {
+            p += match self.add_side_by_side(p..points.end)? {
                 Some(count) => count,
                 None => {
                     self.add_one(p)?;
@@ -281,41 +282,52 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
     }
 
     /// Adds the first points of a range at once, if they share a law that supports this; returns the number of points
-    /// added. `simd` are the vector instructions for which the caller is compiled, if any.
+    /// added.
     #[inline(always)]
-    pub(super) fn add_side_by_side<S: Simd>(
-        &mut self,
-        simd: Option<S>,
-        points: Range<usize>,
-    ) -> Option<usize> {
-        let Vectorised { task, group, trial, room, force, dense, .. } = self;
+    fn add_side_by_side(&mut self, points: Range<usize>) -> Result<Option<usize>, PointFailure> {
+        let task = self.task;
         let p = points.start;
-        if UPDATED || !M::VECTORISED || !suits_lanes(task.law(p)) {
-            return None;
+        let law = task.law(p);
+        if UPDATED || !M::VECTORISED || !suits_lanes(law) {
+            return Ok(None);
         }
+        let kept = law.state_fields().len();
         let alike = task.body[points].iter().take_while(|&&body| body == task.body[p]);
-        let points = p..p + alike.take(Lanes::WIDTH).count();
-        let mut responses = None;
-        let side_by_side = SideBySide {
-            task,
-            group: *group,
-            points: points.clone(),
-            trial,
-            room,
-            responses: &mut responses,
+        let count = alike.take(Lanes::WIDTH).count();
+        // Unused lanes repeat the last point.
+        let last = p + count - 1;
+        let of_lane = [p, last.min(p + 1), last.min(p + 2), last.min(p + 3)];
+        let [a, b, c, d] = of_lane;
+        let starts = [&task.start[a], &task.start[b], &task.start[c], &task.start[d]];
+        // A closure might not be inlined, and would then be compiled without vector instructions.
+        let (group, room) = (self.group, &mut *self.room);
+        let increments = [
+            task.increment(group, a, room),
+            task.increment(group, b, room),
+            task.increment(group, c, room),
+            task.increment(group, d, room),
+        ];
+        let n = task.history_len;
+        let mut history = [Lanes::ZERO; MOST_HISTORY];
+        for (h, lanes) in history[..kept].iter_mut().enumerate() {
+            *lanes = Lanes::gather(|l| task.old_history[of_lane[l] * n + h]);
+        }
+        let Some(responses) = M::respond_vectorised(starts, &increments, law, &mut history[..kept]) else {
+            return Ok(None);
         };
-        match simd {
-            Some(simd) if const { !S::IS_SCALAR } => side_by_side.with_simd(simd),
-            _ => side_by_side.respond(),
+        for (l, response) in responses[..count].iter().enumerate() {
+            let here = p + l - self.trial.first;
+            for (h, lanes) in history[..kept].iter().enumerate() {
+                self.trial.history[here * n + h] = lanes.0[l];
+            }
+            let links = task.links.links(p + l, self.room);
+            keep(p + l, response, &links, self.trial, self.dense, self.force);
         }
-        for (p, response) in points.clone().zip(responses.as_ref()?) {
-            keep(p, response, &task.links.links(p, room), trial, *dense, force);
-        }
-        Some(points.len())
+        Ok(Some(count))
     }
 
     #[inline(always)]
-    pub(super) fn add_one(&mut self, p: usize) -> Result<(), PointFailure> {
+    fn add_one(&mut self, p: usize) -> Result<(), PointFailure> {
         let Vectorised { task, group, trial, room, force, dense, .. } = self;
         let failure = |error| PointFailure { point: p, error };
         let (start, law) = (&task.start[p], task.law(p));
