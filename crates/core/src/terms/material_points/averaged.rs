@@ -13,8 +13,7 @@ use crate::stress::{MOST_HISTORY, Mechanics, PointResponse, Volumetric, suits_la
 use crate::tensor::Lanes;
 use crate::terms::failure::PointFailure;
 
-use super::cell_room::{CellRoom, Motion};
-use super::dilatation::barred;
+use super::cell_room::{CellRoom, Motion, barred};
 use super::evaluation::{Task, Trial};
 
 /// The points of one material in a group, whose dilatation is replaced by their mean dilatation.

@@ -54,3 +54,16 @@ impl<const D: usize> Motion<D> {
         Err(PointFailure { point: p, error: PointError::Inverted { determinant: dJ } })
     }
 }
+
+/// Factor on ΔF that changes the volume by `ratio`.
+#[inline(always)]
+fn stretch<const D: usize, M: Mechanics<D>>(ratio: f64) -> f64 {
+    if M::DILATED == 2 { ratio.sqrt() } else { ratio.cbrt() }
+}
+
+/// The increment with the volume ratio `theta`, and the factor applied to it.
+#[inline(always)]
+pub(super) fn barred<const D: usize, M: Mechanics<D>>(motion: &Motion<D>, theta: f64) -> (Increment<D>, f64) {
+    let factor = stretch::<D, M>(theta / motion.dJ);
+    (motion.increment.scaled(factor, M::REVOLVED), factor)
+}

@@ -18,14 +18,8 @@ use crate::stress::{
 use crate::terms::failure::PointFailure;
 
 use super::averaged::{Averaged, Found, Kind};
-use super::cell_room::{CellRoom, CouplingRoom, Motion, Responded};
+use super::cell_room::{CellRoom, CouplingRoom, Motion, Responded, barred};
 use super::evaluation::{Task, Trial, Vectorised, map_gradients};
-
-/// Factor on ΔF that changes the volume by `ratio`.
-#[inline(always)]
-fn stretch<const D: usize, M: Mechanics<D>>(ratio: f64) -> f64 {
-    if M::DILATED == 2 { ratio.sqrt() } else { ratio.cbrt() }
-}
 
 impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
     /// The material of a point and its volumetric treatment.
@@ -273,11 +267,4 @@ fn on_nodes_of_point<const D: usize, M>(
         }
     }
     (values, gradients)
-}
-
-/// The increment with the volume ratio `theta`, and the factor applied to it.
-#[inline(always)]
-pub(super) fn barred<const D: usize, M: Mechanics<D>>(motion: &Motion<D>, theta: f64) -> (Increment<D>, f64) {
-    let factor = stretch::<D, M>(theta / motion.dJ);
-    (motion.increment.scaled(factor, M::REVOLVED), factor)
 }
