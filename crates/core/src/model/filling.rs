@@ -34,8 +34,7 @@ pub enum Placement<const D: usize> {
         /// Number of parts of a quadrilateral or hexahedron along each axis; `None` if the grid must not have such
         /// cells.
         boxes: Option<[usize; D]>,
-        /// Number of parts of a triangle or tetrahedron; `None` if the grid must not have such
-        /// cells.
+        /// Number of parts of a triangle or tetrahedron; `None` if the grid must not have such cells.
         simplices: Option<usize>,
         /// The corners of the region if it is a box with sides along the axes. If the sides lie on lines of a
         /// structured grid, the points are placed in rows along the box.
@@ -96,29 +95,23 @@ pub trait Fillable<const D: usize> {
 }
 
 // Crates that inlined the functions of these implementations would compile them again.
-impl Fillable<2> for Region<2> {
-    #[inline(never)]
-    fn fill(&self, filling: &Filling<2>, placement: &Placement<2>) -> Result<FilledRegion<2>, FillError> {
-        filling.fill(self, placement)
-    }
+macro_rules! fillable {
+    ($($D:literal)*) => {$(
+        impl Fillable<$D> for Region<$D> {
+            #[inline(never)]
+            fn fill(&self, filling: &Filling<$D>, placement: &Placement<$D>) -> Result<FilledRegion<$D>, FillError> {
+                filling.fill(self, placement)
+            }
 
-    #[inline(never)]
-    fn volume_in_grid(&self, filling: &Filling<2>) -> Volume {
-        filling.volume_in_grid(self)
-    }
+            #[inline(never)]
+            fn volume_in_grid(&self, filling: &Filling<$D>) -> Volume {
+                filling.volume_in_grid(self)
+            }
+        }
+    )*};
 }
 
-impl Fillable<3> for Region<3> {
-    #[inline(never)]
-    fn fill(&self, filling: &Filling<3>, placement: &Placement<3>) -> Result<FilledRegion<3>, FillError> {
-        filling.fill(self, placement)
-    }
-
-    #[inline(never)]
-    fn volume_in_grid(&self, filling: &Filling<3>) -> Volume {
-        filling.volume_in_grid(self)
-    }
-}
+fillable!(2 3);
 
 /// Points of a cell, created one by one.
 type Parts<'a, const D: usize> = Box<dyn Iterator<Item = Seed<D>> + 'a>;

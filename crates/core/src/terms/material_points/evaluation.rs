@@ -299,8 +299,8 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         let of_lane = [p, last.min(p + 1), last.min(p + 2), last.min(p + 3)];
         let [a, b, c, d] = of_lane;
         let starts = [&task.start[a], &task.start[b], &task.start[c], &task.start[d]];
-        // A closure might not be inlined, and would then be compiled without vector instructions.
         let (group, room) = (self.group, &mut *self.room);
+        // A closure might not be inlined, and would then be compiled without vector instructions.
         let increments = [
             task.increment(group, a, room),
             task.increment(group, b, room),
