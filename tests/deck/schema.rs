@@ -6,11 +6,10 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use jsonschema::{Draft, Validator};
 use mpm::deck::diagnostic::{Diagnostic, Gate};
 use mpm::deck::load::load_text;
 use mpm::deck::reference::reference_markdown;
-use mpm::deck::schema::{deck_schema, strict_schema};
+use mpm::deck::schema::{Validator, deck_schema, strict_schema};
 use mpm::deck::source::Source;
 use serde_json::{Value, json};
 
@@ -96,9 +95,9 @@ fn every_key_has_a_description_a_unit_and_examples_that_are_valid() {
         }
         let mut own = property.clone();
         own["definitions"] = schema["definitions"].clone();
-        let validator = jsonschema::options().with_draft(Draft::Draft7).build(&own).unwrap();
+        let validator = Validator::new(&own).unwrap();
         for example in property.get("examples").and_then(Value::as_array).into_iter().flatten() {
-            assert!(validator.is_valid(example), "{key}: {example}");
+            assert!(validator.accepts(example), "{key}: {example}");
             examples += 1;
         }
     });
@@ -106,7 +105,7 @@ fn every_key_has_a_description_a_unit_and_examples_that_are_valid() {
 }
 
 fn validator() -> Validator {
-    jsonschema::options().with_draft(Draft::Draft7).build(&deck_schema()).unwrap()
+    Validator::new(&deck_schema()).unwrap()
 }
 
 /// True if the program accepts the shape of a deck; `None` if the deck is not YAML and so has no shape, or if the fault
@@ -145,7 +144,7 @@ fn schema_and_program_agree_about_the_shape_of_every_deck() {
                 continue;
             };
             let (_, value, _) = Source::read("deck", &text);
-            let by_schema = validator.is_valid(&value.unwrap());
+            let by_schema = validator.accepts(&value.unwrap());
             assert_eq!(by_schema, by_program, "{}: schema, program", path.display());
             *(if by_program { &mut accepted } else { &mut refused }) += 1;
         }
@@ -164,7 +163,7 @@ fn published_schema_accepts_expressions_of_parameters() {
             "bodies": [{"name": "b", "material": "m", "shape": {"type": "cells"}, "method": "${method}"}],
             "steps": {"count": "${n}"},
         });
-        validator().is_valid(&deck)
+        validator().accepts(&deck)
     };
     for young in [json!("${E}"), json!("${2*E}"), json!(1)] {
         assert!(accepts("hencky", young.clone()), "{young}");

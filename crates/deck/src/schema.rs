@@ -3,10 +3,15 @@
 //! It has two forms: the strict one, which a deck must meet once its parameters are inserted, and the published one for
 //! editors, in which a number or a word may also be an expression of parameters.
 
+mod validator;
+
 use std::sync::OnceLock;
 
 use schemars::generate::SchemaSettings;
 use serde_json::{Map, Value, json};
+
+pub(crate) use validator::Fault;
+pub use validator::Validator;
 
 use super::Deck;
 

@@ -6,19 +6,19 @@
 mod remedy;
 mod words;
 
+use std::borrow::Cow;
 use std::collections::HashSet;
 use std::sync::OnceLock;
 
-use jsonschema::error::{TypeKind, ValidationError, ValidationErrorKind};
-use jsonschema::{Draft, Validator};
-use serde_json::Value;
+use boon::{ErrorKind, Type, Types};
+use serde_json::{Number, Value};
 
 use self::words::{KEYS, count_in_words, number_help, subschema};
 use super::Deck;
 use super::diagnostic::Diagnostic;
 use super::quoting::{either, list, quote};
 use super::references::{existing, known_names};
-use super::schema::{resolve, shortest, strict_schema};
+use super::schema::{Fault, Validator, resolve, shortest, strict_schema};
 use super::source::Source;
 use super::span::escape;
 use mpm_core::formula::closest;
@@ -68,8 +68,7 @@ pub(super) fn check(
 
 fn validator() -> Option<&'static Validator> {
     static VALIDATOR: OnceLock<Option<Validator>> = OnceLock::new();
-    let build = || jsonschema::options().with_draft(Draft::Draft7).build(strict_schema()).ok();
-    VALIDATOR.get_or_init(build).as_ref()
+    VALIDATOR.get_or_init(|| Validator::new(strict_schema())).as_ref()
 }
 
 struct Gate<'a> {
@@ -109,59 +108,52 @@ impl UnknownKey {
 impl Gate<'_> {
     fn validate(&mut self, value: &Value) {
         let Some(validator) = validator() else { return };
-        let mut errors: Vec<_> = validator.iter_errors(value).collect();
-        // Unknown keys come first, since a misspelt key explains a missing one.
-        errors.sort_by_key(|error| !matches!(error.kind(), ValidationErrorKind::AdditionalProperties { .. }));
-        for error in &errors {
-            self.report(error);
-        }
+        self.report_all(&validator.faults(value));
     }
 
-    fn report(&mut self, error: &ValidationError<'_>) {
-        let pointer = error.instance_path().as_str();
+    /// Reports faults, unknown keys first, since a misspelt key explains a missing one.
+    fn report_all(&mut self, faults: &[Fault]) {
+        let is_unknown_key = |fault: &&Fault| matches!(fault.kind, ErrorKind::AdditionalProperties { .. });
+        let (unknown_keys, others): (Vec<_>, Vec<_>) = faults.iter().partition(is_unknown_key);
+        unknown_keys.into_iter().chain(others).for_each(|fault| self.report(fault));
+    }
+
+    fn report(&mut self, fault: &Fault) {
+        let pointer = fault.pointer.as_str();
         if self.is_poisoned(pointer) {
             return;
         }
-        let value = error.instance().as_ref();
-        let (code, message) = match error.kind() {
-            ValidationErrorKind::AdditionalProperties { unexpected } => {
-                return self.unknown_keys(pointer, unexpected, &allowed_keys(error));
+        let value = fault.value;
+        let (code, message) = match &fault.kind {
+            ErrorKind::AdditionalProperties { got } => {
+                return self.unknown_keys(pointer, got, &allowed_keys(fault));
             }
-            ValidationErrorKind::Required { property } => return self.missing_key(pointer, error, property),
-            ValidationErrorKind::AnyOf { context } => return self.no_choice(error, pointer, context),
-            ValidationErrorKind::Enum { options } => return self.unknown_word(pointer, value, options),
-            ValidationErrorKind::Type { kind } => ("D008", mismatch(&kind_in_words(kind), value)),
-            ValidationErrorKind::Minimum { .. } | ValidationErrorKind::Maximum { .. }
-                if pointer == "/version" =>
-            {
-                (
-                    "D009",
-                    format!("version {value} of the deck format is unknown; this program reads version 1"),
-                )
+            ErrorKind::Required { want } => {
+                return want.iter().for_each(|key| self.missing_key(fault, key));
             }
-            ValidationErrorKind::ExclusiveMaximum { limit } => {
-                ("D009", format!("{} is not below {}", shortest(value), shortest(limit)))
+            ErrorKind::AnyOf => return self.no_choice(fault),
+            ErrorKind::Enum { want } => return self.unknown_word(pointer, value, want),
+            ErrorKind::Type { want, .. } => ("D008", mismatch(&kind_in_words(want), value)),
+            ErrorKind::MinLength { .. } => ("D008", "the text is empty".into()),
+            ErrorKind::Minimum { .. } | ErrorKind::Maximum { .. } if pointer == "/version" => {
+                let message = "of the deck format is unknown; this program reads version 1";
+                ("D009", format!("version {value} {message}"))
             }
-            ValidationErrorKind::ExclusiveMinimum { limit } => {
-                ("D009", format!("{} is not above {}", shortest(value), shortest(limit)))
+            ErrorKind::ExclusiveMaximum { want, .. } => ("D009", beyond(value, "not below", want)),
+            ErrorKind::ExclusiveMinimum { want, .. } => ("D009", beyond(value, "not above", want)),
+            ErrorKind::Maximum { want, .. } => ("D009", beyond(value, "more than", want)),
+            ErrorKind::Minimum { want, .. } => ("D009", beyond(value, "less than", want)),
+            ErrorKind::MinItems { .. } | ErrorKind::MaxItems { .. } => {
+                ("D015", mismatch_of_count(&count_in_words(fault), value))
             }
-            ValidationErrorKind::Maximum { limit } => {
-                ("D009", format!("{} is more than {}", shortest(value), shortest(limit)))
-            }
-            ValidationErrorKind::Minimum { limit } => {
-                ("D009", format!("{} is less than {}", shortest(value), shortest(limit)))
-            }
-            ValidationErrorKind::MinItems { .. } | ValidationErrorKind::MaxItems { .. } => {
-                ("D015", mismatch_of_count(&count_in_words(error), value))
-            }
-            ValidationErrorKind::MinProperties { .. } => ("D015", "at least one entry is needed here".into()),
-            _ => ("D008", error.to_string()),
+            ErrorKind::MinProperties { .. } => ("D015", "at least one entry is needed here".into()),
+            kind => ("D008", kind.to_string()),
         };
         if self.judged.insert(pointer.to_owned()) {
             let mut diagnostic = Diagnostic::at(self.source, code, pointer, message);
-            let kind = expected(error).unwrap_or_else(|| "a value described in the deck reference".into());
-            diagnostic.help = Some(remedy::remedy(error, &kind));
-            diagnostic.expected = expected(error);
+            let kind = expected(fault).unwrap_or_else(|| "a value described in the deck reference".into());
+            diagnostic.help = Some(remedy::remedy(fault, &kind));
+            diagnostic.expected = expected(fault);
             self.found.push(diagnostic);
         }
     }
@@ -171,7 +163,7 @@ impl Gate<'_> {
         self.source.is_poisoned(pointer) || parents.into_iter().any(|parent| self.source.is_poisoned(parent))
     }
 
-    fn unknown_keys(&mut self, pointer: &str, unexpected: &[String], allowed: &[String]) {
+    fn unknown_keys(&mut self, pointer: &str, unexpected: &[Cow<str>], allowed: &[String]) {
         for key in unexpected {
             let at = format!("{pointer}/{}", escape(key));
             let mut diagnostic =
@@ -180,7 +172,7 @@ impl Gate<'_> {
             diagnostic.expected = Some(format!("one of the keys {}", alternatives(allowed)));
             let best = closest(key, keys.iter().copied());
             let meant = best.map(str::to_owned);
-            self.unknown.push(UnknownKey { parent: pointer.to_owned(), key: key.clone(), meant });
+            self.unknown.push(UnknownKey { parent: pointer.to_owned(), key: key.to_string(), meant });
             self.meant.extend(best.map(|best| format!("{pointer}/{best}")));
             diagnostic.help = Some(if best.is_none() && key.bytes().all(|b| b.is_ascii_digit()) {
                 let known = existing(KEYS, &keys);
@@ -192,13 +184,13 @@ impl Gate<'_> {
         }
     }
 
-    fn missing_key(&mut self, pointer: &str, error: &ValidationError<'_>, property: &Value) {
-        let key = property.as_str().unwrap_or_default();
+    fn missing_key(&mut self, fault: &Fault, key: &str) {
+        let pointer = fault.pointer.as_str();
         if self.meant.contains(&format!("{pointer}/{key}")) {
             return;
         }
         // Without its tag no variant applies, so no unknown key can be reported except one that resembles the tag.
-        if let Some(written) = misspelt_tag(error, key) {
+        if let Some(written) = misspelt_tag(fault, key) {
             let at = format!("{pointer}/{}", escape(written));
             let message = format!("unknown key {}", quote(written));
             let diagnostic = Diagnostic::at_key(self.source, "D006", &at, message);
@@ -214,12 +206,12 @@ impl Gate<'_> {
         let place = if pointer.is_empty() { " at the top of the deck" } else { "" };
         let message = format!("missing key {}{place}", quote(key));
         let diagnostic = Diagnostic::at_key(self.source, "D007", pointer, message);
-        let help = remedy::of_missing_key(key, subschema(error));
+        let help = remedy::of_missing_key(key, subschema(fault));
         self.found.push(diagnostic.expected(format!("the key {}", quote(key))).help(help));
     }
 
-    fn unknown_word(&mut self, pointer: &str, value: &Value, options: &Value) {
-        let words: Vec<&str> = options.as_array().into_iter().flatten().filter_map(Value::as_str).collect();
+    fn unknown_word(&mut self, pointer: &str, value: &Value, options: &[Value]) {
+        let words: Vec<&str> = options.iter().filter_map(Value::as_str).collect();
         if !self.judged.insert(pointer.to_owned()) {
             return;
         }
@@ -250,27 +242,17 @@ impl Gate<'_> {
 
     /// Reports a value that fits none of several choices; if its type fits one choice, the faults of this choice are
     /// reported.
-    fn no_choice(
-        &mut self,
-        error: &ValidationError<'_>,
-        pointer: &str,
-        context: &[Vec<ValidationError<'static>>],
-    ) {
-        let of_other_type = |fault: &ValidationError<'_>| {
-            fault.instance_path().as_str() == pointer
-                && matches!(fault.kind(), ValidationErrorKind::Type { .. })
-        };
-        if let Some(branch) = context.iter().find(|branch| !branch.iter().any(of_other_type)) {
-            for fault in branch {
-                self.report(fault);
-            }
+    fn no_choice(&mut self, fault: &Fault) {
+        let pointer = fault.pointer.as_str();
+        let of_other_type =
+            |fault: &Fault| fault.pointer == pointer && matches!(fault.kind, ErrorKind::Type { .. });
+        if let Some(choice) = fault.choices.iter().find(|choice| !choice.iter().any(of_other_type)) {
+            self.report_all(choice);
         } else if self.judged.insert(pointer.to_owned()) {
-            let value = error.instance().as_ref();
-            let choices = choices_in_words(error);
-            let message = mismatch(&choices, value);
-            let schema = subschema(error);
-            let help = number_help(value, "D008")
-                .unwrap_or_else(|| remedy::of_type(pointer, value, &choices, schema));
+            let choices = choices_in_words(fault);
+            let message = mismatch(&choices, fault.value);
+            let help = number_help(fault.value, "D008")
+                .unwrap_or_else(|| remedy::of_type(pointer, fault.value, &choices, subschema(fault)));
             let diagnostic = Diagnostic::at(self.source, "D008", pointer, message);
             self.found.push(diagnostic.expected(choices).help(help));
         }
@@ -278,32 +260,32 @@ impl Gate<'_> {
 }
 
 /// The key that is probably the misspelt tag of a choice between variants: no variant has it.
-fn misspelt_tag<'e>(error: &'e ValidationError<'_>, tag: &str) -> Option<&'e str> {
-    let variants = subschema(error)?.get("allOf")?.as_array()?;
+fn misspelt_tag<'a>(fault: &'a Fault, tag: &str) -> Option<&'a str> {
+    let variants = subschema(fault)?.get("allOf")?.as_array()?;
     let known = |key: &str| {
         variants.iter().any(|variant| variant.pointer(&format!("/then/properties/{}", escape(key))).is_some())
     };
-    let keys = error.instance().as_object()?.keys().map(String::as_str);
+    let keys = fault.value.as_object()?.keys().map(String::as_str);
     closest(tag, keys.filter(|key| !known(key)))
 }
 
-fn allowed_keys(error: &ValidationError<'_>) -> Vec<String> {
-    let properties = subschema(error).and_then(|schema| schema.get("properties")).and_then(Value::as_object);
+fn allowed_keys(fault: &Fault) -> Vec<String> {
+    let properties = subschema(fault).and_then(|schema| schema.get("properties")).and_then(Value::as_object);
     properties.map(|properties| properties.keys().cloned().collect()).unwrap_or_default()
 }
 
-fn choices_in_words(error: &ValidationError<'_>) -> String {
-    let text = match error.schema_path().as_str() {
-        "/definitions/Expression/anyOf" | "/definitions/RotationDeck/anyOf" => "a formula",
-        "/definitions/Parameter/anyOf" => "a word",
+fn choices_in_words(fault: &Fault) -> String {
+    let text = match fault.path {
+        "/definitions/Expression" | "/definitions/RotationDeck" => "a formula",
+        "/definitions/Parameter" => "a word",
         _ => "text",
     };
-    let list = match error.schema_path().as_str() {
-        "/definitions/AxisSpacing/anyOf" => "a list of intervals",
-        "/definitions/FixDeck/anyOf" => "a list of axes",
+    let list = match fault.path {
+        "/definitions/AxisSpacing" => "a list of intervals",
+        "/definitions/FixDeck" => "a list of axes",
         _ => "a list with one per axis",
     };
-    let choices = subschema(error).and_then(|schema| schema.get("anyOf")).and_then(Value::as_array);
+    let choices = subschema(fault).and_then(|schema| schema.get("anyOf")).and_then(Value::as_array);
     let word = |choice| {
         let choice = resolve(choice);
         if choice.get("enum").is_some() {
@@ -321,34 +303,36 @@ fn choices_in_words(error: &ValidationError<'_>) -> String {
     either(&words)
 }
 
-fn kind_in_words(kind: &TypeKind) -> String {
-    match kind {
-        TypeKind::Single(kind) => match kind.as_str() {
-            "number" => "a number".into(),
-            "integer" => "a whole number".into(),
-            "string" => "text".into(),
-            "array" => "a list `[ ... ]`".into(),
-            "object" => "a mapping of keys to values".into(),
-            "boolean" => "`true` or `false`".into(),
-            other => other.into(),
-        },
-        TypeKind::Multiple(_) => "a value of another type".into(),
-    }
+fn kind_in_words(types: &Types) -> String {
+    let mut types = types.iter();
+    let (Some(only), None) = (types.next(), types.next()) else { return "a value of another type".into() };
+    let words = match only {
+        Type::Number => "a number",
+        Type::Integer => "a whole number",
+        Type::String => "text",
+        Type::Array => "a list `[ ... ]`",
+        Type::Object => "a mapping of keys to values",
+        Type::Boolean => "`true` or `false`",
+        Type::Null => "nothing",
+    };
+    words.into()
 }
 
 fn mismatch(what: &str, value: &Value) -> String {
     format!("expected {what}, found {}", found(value))
 }
 
+fn beyond(value: &Value, relation: &str, limit: &Number) -> String {
+    format!("{} is {relation} {}", shortest(value), shortest(&limit.clone().into()))
+}
+
 /// The requirement of a keyword of the schema, in words.
-fn expected(error: &ValidationError<'_>) -> Option<String> {
-    match error.kind() {
-        ValidationErrorKind::Type { kind } => Some(kind_in_words(kind)),
-        ValidationErrorKind::MinItems { .. } | ValidationErrorKind::MaxItems { .. } => {
-            Some(count_in_words(error))
-        }
-        ValidationErrorKind::MinProperties { .. } => Some("at least 1 entry".into()),
-        _ => subschema(error).and_then(super::schema::range_in_words),
+fn expected(fault: &Fault) -> Option<String> {
+    match &fault.kind {
+        ErrorKind::Type { want, .. } => Some(kind_in_words(want)),
+        ErrorKind::MinItems { .. } | ErrorKind::MaxItems { .. } => Some(count_in_words(fault)),
+        ErrorKind::MinProperties { .. } => Some("at least 1 entry".into()),
+        _ => subschema(fault).and_then(super::schema::range_in_words),
     }
 }
 

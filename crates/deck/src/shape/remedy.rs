@@ -1,26 +1,26 @@
 //! Remedies for values that do not meet the schema, from the description of their keys in the schema.
 
-use jsonschema::error::{ValidationError, ValidationErrorKind};
+use boon::ErrorKind;
 use serde_json::Value;
 
 use super::words::{KEYS, count_in_words, number_help, range_help, subschema};
 use crate::quoting::{list, quote};
 use crate::references::existing;
-use crate::schema::{resolve, shortest};
+use crate::schema::{Fault, resolve, shortest};
 
 /// The remedy for a value that does not meet a keyword of the schema.
-pub(super) fn remedy(error: &ValidationError<'_>, kind: &str) -> String {
-    let value = error.instance().as_ref();
-    let pointer = error.instance_path().as_str();
-    match error.kind() {
+pub(super) fn remedy(fault: &Fault, kind: &str) -> String {
+    let value = fault.value;
+    let pointer = fault.pointer.as_str();
+    match &fault.kind {
         _ if pointer == "/version" => "write `version: 1`".to_owned(),
-        ValidationErrorKind::MinItems { .. } | ValidationErrorKind::MaxItems { .. } => of_count(error),
-        ValidationErrorKind::MinProperties { .. } => {
+        ErrorKind::MinItems { .. } | ErrorKind::MaxItems { .. } => of_count(fault),
+        ErrorKind::MinProperties { .. } => {
             "add an entry by name, such as `clay: {model: hencky, young: 1e6, poisson: 0.3}`".to_owned()
         }
-        _ => range_help(error)
+        _ => range_help(fault)
             .or_else(|| number_help(value, "D008"))
-            .unwrap_or_else(|| of_type(pointer, value, kind, subschema(error))),
+            .unwrap_or_else(|| of_type(pointer, value, kind, subschema(fault))),
     }
 }
 
@@ -57,8 +57,8 @@ fn may_be_single(schema: Option<&Value>) -> bool {
 }
 
 /// Help for a list with the wrong number of entries.
-fn of_count(error: &ValidationError<'_>) -> String {
-    let pointer = error.instance_path().as_str();
+fn of_count(fault: &Fault) -> String {
+    let pointer = fault.pointer.as_str();
     let key = last_key(pointer);
     let what = match key {
         "curve" => return "write a pair for each kink: `curve: [[0, 0], [1, 1]]`".to_owned(),
@@ -66,9 +66,9 @@ fn of_count(error: &ValidationError<'_>) -> String {
             return "add a body: `- {name: ..., material: ..., shape: {...}, points_per_cell: 2}`".to_owned();
         }
         "of" => "list the regions to combine, `of: [{type: ...}, {type: ...}]`".to_owned(),
-        _ => format!("write {}", count_in_words(error)),
+        _ => format!("write {}", count_in_words(fault)),
     };
-    match subschema(error).and_then(|schema| sample(pointer, schema)) {
+    match subschema(fault).and_then(|schema| sample(pointer, schema)) {
         Some(sample) => format!("{what}, such as {sample}"),
         None => what,
     }

@@ -1,60 +1,58 @@
 //! Descriptions of values from the schema, in words.
 
-use jsonschema::error::{ValidationError, ValidationErrorKind};
+use boon::ErrorKind;
 use serde_json::Value;
 
-use crate::schema::{shortest, strict_schema};
+use crate::schema::{Fault, shortest, strict_schema};
 
 /// The keys of a mapping, as messages name them, in the singular and in the plural.
 pub(super) const KEYS: (&str, &str) = ("key here", "keys here");
 
 /// The part of the schema with the keyword that a value does not satisfy.
-pub(super) fn subschema(error: &ValidationError<'_>) -> Option<&'static Value> {
-    let path = error.schema_path().as_str();
-    strict_schema().pointer(&path[..path.rfind('/')?])
+pub(super) fn subschema(fault: &Fault) -> Option<&'static Value> {
+    strict_schema().pointer(fault.path)
 }
 
 /// The number of entries that a schema allows, in words.
-pub(super) fn count_in_words(error: &ValidationError<'_>) -> String {
-    let limit = |key: &str| subschema(error).and_then(|schema| schema.get(key)).and_then(Value::as_u64);
+pub(super) fn count_in_words(fault: &Fault) -> String {
+    let limit = |key: &str| subschema(fault).and_then(|schema| schema.get(key)).and_then(Value::as_u64);
     let entries = |n: u64| if n == 1 { "1 entry".to_owned() } else { format!("{n} entries") };
     // Lists of a fixed length are vectors, except the pairs of load curves and the radii of cones.
-    let each = match error.schema_path().as_str() {
+    let each = match fault.path {
         path if path.contains("LoadCurve") => "[time, factor]",
-        path if path.contains("/radii/") => "one per end",
+        path if path.contains("/radii") => "one per end",
         _ => "one per axis",
     };
-    match (limit("minItems"), limit("maxItems"), error.kind()) {
+    match (limit("minItems"), limit("maxItems"), &fault.kind) {
         (Some(2), Some(3), _) => format!("2 or 3 entries, {each}"),
         (Some(least), Some(most), _) if least == most => format!("{}, {each}", entries(least)),
-        (_, Some(most), ValidationErrorKind::MaxItems { .. }) => format!("at most {}", entries(most)),
+        (_, Some(most), ErrorKind::MaxItems { .. }) => format!("at most {}", entries(most)),
         (least, ..) => format!("at least {}", entries(least.unwrap_or(1))),
     }
 }
 
 /// The whole range, if a value lies outside it.
-pub(super) fn range_help(error: &ValidationError<'_>) -> Option<String> {
+pub(super) fn range_help(fault: &Fault) -> Option<String> {
     if !matches!(
-        error.kind(),
-        ValidationErrorKind::ExclusiveMaximum { .. }
-            | ValidationErrorKind::ExclusiveMinimum { .. }
-            | ValidationErrorKind::Maximum { .. }
-            | ValidationErrorKind::Minimum { .. }
-    ) || error.instance_path().as_str() == "/version"
+        fault.kind,
+        ErrorKind::ExclusiveMaximum { .. }
+            | ErrorKind::ExclusiveMinimum { .. }
+            | ErrorKind::Maximum { .. }
+            | ErrorKind::Minimum { .. }
+    ) || fault.pointer == "/version"
     {
         return None;
     }
-    let schema = subschema(error)?;
+    let schema = subschema(fault)?;
     let mut range = crate::schema::range_in_words(schema)?;
     // The words leave out the largest number of the type.
-    if let ValidationErrorKind::Maximum { limit } = error.kind()
-        && limit.as_u64() == Some(u32::MAX.into())
+    if let ErrorKind::Maximum { want, .. } = fault.kind
+        && want.as_u64() == Some(u32::MAX.into())
     {
-        range.push_str(&format!(" and at most {}", shortest(limit)));
+        range.push_str(&format!(" and at most {}", shortest(&want.clone().into())));
     }
     // Only the description of a key gives the meaning of the number.
-    let path = error.schema_path().as_str();
-    let of_key = path.rsplit('/').nth(2) == Some("properties");
+    let of_key = fault.path.rsplit('/').nth(1) == Some("properties");
     let Some(description) = schema.get("description").and_then(Value::as_str).filter(|_| of_key) else {
         return Some(format!("must be {range}"));
     };
