@@ -221,7 +221,7 @@ impl Halo {
     /// The scalar product of two complete fields. With a single rank, it is summed number by number.
     pub fn dot<const N: usize>(&self, a: &[[f64; N]], b: &[[f64; N]]) -> f64 {
         if self.ranks.is_alone() {
-            return a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| a * b).sum();
+            return a.as_flattened().iter().zip(b.as_flattened()).map(|(a, b)| a * b).sum();
         }
         self.sum_over_nodes(a.len(), |node| (0..N).map(|c| a[node][c] * b[node][c]).sum())
     }
