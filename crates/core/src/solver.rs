@@ -8,7 +8,7 @@
 //! | `load_step`, `step_system`, `fields` | one attempt at a step, and what it sets up once |
 //! | `newton` | the iterations, eqs. (26), (30) |
 //! | `evaluation`, `unknowns` | forces and K of an iterate; Δd, δd and reactions, eq. (28) |
-//! | `line_search` | the decision which iterates are evaluated again after a shorter δd |
+//! | `line_search` | the choice of the iterates that are evaluated again after a shorter δd |
 //! | `residual`, `body_residual`, `round_off` | eq. (40) for connected parts and for bodies; its round-off |
 //! | `update` | motion of points and domains, section 6.4 |
 //! | `equations` | choice of the linear solver, border of global unknowns |

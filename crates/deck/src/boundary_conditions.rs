@@ -270,7 +270,7 @@ impl BoundaryConditionDeck {
         {
             let message =
                 format!("the length of this vector is {}, so it has no direction", length(&direction));
-            check.error("D020", pointer, message, "give a vector of finite length");
+            check.error("D020", pointer, message, "give a vector whose length is finite and not zero");
         }
         let along_axes =
             !self.fix.axes().is_empty() || self.displacements().iter().any(|d| d.key != "move/by");

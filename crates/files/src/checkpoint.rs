@@ -250,8 +250,8 @@ fn read_file(path: &Path) -> Result<(Head, Vec<u8>), String> {
 }
 
 impl Checkpoint {
-    /// The checkpoint with the solution path joined from all ranks that have written pieces. All ranks that have read
-    /// it must call this together.
+    /// The checkpoint with the solution path joined from its pieces, each written by one rank. All ranks that have read
+    /// the checkpoint must call this together.
     fn with_joined_path(mut self, ranks: &Ranks) -> Checkpoint {
         let paths = ranks.gather_all(std::mem::take(&mut self.paths)).concat();
         if !paths.is_empty() {

@@ -61,8 +61,8 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         splitting::split_long(model, points, terms, &mut reached.summary.splits);
     }
 
-    /// True if bodies begin to slide in a step that is in equilibrium but not committed, and a smaller step can show
-    /// where they begin to slide; the smaller step is then attempted next.
+    /// True if bodies begin to slide in a step that is in equilibrium but not committed, and a smaller step can narrow
+    /// down the strength factor at which they begin to slide; the smaller step is then attempted next.
     pub(super) fn hides_a_slide(&mut self, step: Step) -> bool {
         let (model, points) = (self.model, &*self.points);
         if model.stepping.strength_factor(step.end).is_none() {

@@ -331,7 +331,7 @@ struct Place<const D: usize> {
     position: [f64; D],
     /// Unit normal.
     normal: [f64; D],
-    /// Share of the length (area) of the face.
+    /// Part of the length (area) of the face that belongs to the point, [length^(D−1)].
     weight: f64,
 }
 

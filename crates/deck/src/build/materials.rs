@@ -102,7 +102,7 @@ where
                 format!(
                     "the material {name_in_quotes} softens; its softening strain is multiplied by {:.3}, the ratio of \
                      the band width {band} to the cell size {size:.3}, so that a band one cell wide softens over the \
-                     same displacement as a band of this width",
+                     same displacement as a band of width {band}",
                     band / size
                 ),
                 "compare two grids: the direction and the number of bands may still depend on them",

@@ -54,8 +54,8 @@ pub enum ContactError {
     /// A part of a tool lies between the centre and a corner of the domain of a material point, where no contact point
     /// touches it.
     #[error(
-        "{place}: a part of the tool lies between the corner of the domain at this position and the centre of the \
-         domain, where no contact point touches it"
+        "{place}: this position is a corner of the domain of the point; a part of the tool lies between it and the \
+         centre of the domain, where no contact point touches the tool"
     )]
     Between {
         /// The corner.
