@@ -112,7 +112,7 @@ impl PrincipalLaw for DruckerPrager {
         excess.is_below(0.0).then_some(self.elasticity)
     }
 
-    /// Flow γ = f/(G + K η η̄) scales back the trial deviator s; beyond the apex, the whole deviator flows, and the
+    /// Flow γ = f/(G + K η η̄) scales back the trial deviator s; beyond the apex, the deviator vanishes, and the
     /// stress is that of the apex.
     fn respond(
         &self,

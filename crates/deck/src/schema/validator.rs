@@ -42,10 +42,11 @@ pub(crate) struct Fault<'a> {
     /// Pointer to the value.
     pub pointer: String,
     pub value: &'a Value,
-    /// Pointer to the part of the schema that has the keyword.
+    /// Pointer to the part of the schema that has the keyword. It is part of a URL, but the keys of decks contain no
+    /// characters that URLs write otherwise.
     pub path: &'a str,
     pub kind: ErrorKind<'a, 'a>,
-    /// If no choice fits: the faults for each choice.
+    /// If no choice of `anyOf` fits: the faults for each choice. Schemas of decks have no `oneOf`.
     pub choices: Vec<Vec<Fault<'a>>>,
 }
 

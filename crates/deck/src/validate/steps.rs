@@ -167,8 +167,8 @@ impl Check<'_> {
         });
         if let Some(key) = changed {
             let message = format!(
-                "the stage reduces the strength, but its `{key}` takes effect gradually over the whole stage, so that the \
-                 factor of safety would belong to an intermediate state"
+                "the stage reduces the strength, but its `{key}` takes effect gradually over the whole stage, so that \
+                 the factor of safety would belong to an intermediate state"
             );
             let help = format!("move `{key}` to a stage before this one");
             self.error("D049", control, message, &help);
