@@ -465,9 +465,9 @@ class Run:
     def change(self) -> None:
         """Continues the run with the current content of :attr:`deck`.
 
-        Loads, boundary conditions, parameters of materials, the control of steps and iterations, and the output may
-        change. Grid, bodies, models and densities of materials, laws in Python, and the names of loads and boundary
-        conditions may not.
+        Loads, boundary conditions, parameters of materials, the number and size of steps, the solver, and the output
+        may change. Grid, bodies, tools, models and densities of materials, laws in Python, the names of loads and
+        boundary conditions, and the control of the steps may not.
 
         The next step begins from the current state of the points. At the end of that step, a load is its new value
         times its new curve: it jumps within the step if the new curve does not continue the old one. A prescribed

@@ -16,8 +16,8 @@ const SAME: f64 = 1e-12;
 /// Longest value that is shown in full, [characters].
 const LONGEST: usize = 60;
 
-/// Changes to a deck that prevent a run from resuming at `time`, each as a sentence. The control of steps and
-/// iterations, loads after that time, titles and the output may change.
+/// Changes to a deck that prevent a run from resuming at `time`, each as a sentence. The number and size of
+/// steps, the `solver`, loads after that time, titles and the output may change.
 pub fn changes(old: &Deck, new: &Deck, time: f64) -> Vec<String> {
     let mut found = Vec::new();
     compare("", &essential(old), &essential(new), &mut found);
@@ -37,8 +37,8 @@ pub fn changes(old: &Deck, new: &Deck, time: f64) -> Vec<String> {
 }
 
 /// Changes to a deck that prevent a run from continuing, each as a sentence. The parameters of materials, the values
-/// and curves of loads and boundary conditions, the control of steps and iterations, titles and the output of files may
-/// change.
+/// and curves of loads and boundary conditions, the number and size of steps, the `solver`, titles and the output of
+/// files may change.
 pub fn changes_during_run(old: &Deck, new: &Deck) -> Vec<String> {
     let of = |deck: &Deck| {
         let mut value = essential(deck);
