@@ -13,7 +13,7 @@
 //! | motion relative to the tool | s = x − (c + u + exp(θ̂)(x_c − c)) |
 //! | pressure | p = max(λ − ε g, −T), T = σ_t A; open if λ − ε g ≤ 0 and T = 0 |
 //! | shear, trial | w_t = (I − n⊗n)(λ_t − ε s) |
-//! | shear | t = w_t min(1, L/&#124;w_t&#124;), L = min(max(a A + μ p, 0), 10 (p + T)); rough: L = 10 (p + T) |
+//! | shear | t = w_t min(1, L/&#124;w_t&#124;), L = min(max(a A + μ p, 0), (1 + μ)(p + T)); rough: L = 10 (p + T) |
 //! | force on node v | N_v(x_c)(p n + t) |
 //! | force and moment on the tool | −Σ f, −Σ (x − c − u) × f |
 //! | penalty | ε = p_f 4G A/h, with the shear modulus G of the body at rest |
