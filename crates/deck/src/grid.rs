@@ -25,7 +25,7 @@ pub enum GridDeck {
         #[schemars(extend("examples" = [0.5, [0.5, 0.25], [[{"to": 2, "cells": 10}, {"to": 11, "cells": 12, "ratio": 1.2}], 0.5]]))]
         spacing: SpacingDeck,
         /// Grid lines that follow boundary conditions from step to step, so that a moving footing or tool stays on grid
-        /// lines. With load control only.
+        /// lines. Not with displacement or arc-length control.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         #[schemars(length(max = 1000), extend("examples" = [[{"axis": "y", "from": 4, "condition": "push"}]]))]
         follow: Vec<FollowDeck>,

@@ -25,8 +25,8 @@ pub struct StageDeck {
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     #[schemars(extend("examples" = [{"weight": 1}]))]
     pub factors: BTreeMap<String, f64>,
-    /// Names of bodies that are added: free of strain, where their shape places them. A body that a stage adds before
-    /// any stage removes it is absent at the start.
+    /// Names of bodies that are added where their shape places them, free of strain or with their `initial_stress`. A
+    /// body that a stage adds before any stage removes it is absent at the start.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(extend("examples" = [["wall"]]))]
     pub add: Vec<String>,
