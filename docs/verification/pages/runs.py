@@ -9,6 +9,7 @@ import numpy as np
 
 ROOT = Path(__file__).resolve().parents[3]
 DOMAIN_VOLUME = {"volume": "domain"}  # a parameter of the decks
+CUT_STEPS = {"beam", "annulus", "collapse"}  # decks that cut steps, which the paper does not
 
 
 class Runs:
@@ -24,6 +25,8 @@ class Runs:
         """
         if parameters.get("method") == "mpm":
             parameters.pop("update", None)
+        if deck in CUT_STEPS:
+            parameters.setdefault("smallest", 1)
         name = "_".join([deck, *(f"{key}-{value}" for key, value in parameters.items())])
         out = self.directory / name
         if not (out / "summary.json").exists():
