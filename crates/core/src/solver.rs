@@ -8,7 +8,7 @@
 //! | `load_step`, `step_system`, `fields` | one attempt at a step, and what it sets up once |
 //! | `newton` | the iterations, eqs. (26), (30) |
 //! | `evaluation`, `unknowns` | forces and K of an iterate; Δd, δd and reactions, eq. (28) |
-//! | `line_search` | the choice of the iterates that are evaluated again after a shorter δd |
+//! | `line_search` | the decision to record an iterate, or to evaluate it again, in most cases after a shorter δd |
 //! | `residual`, `body_residual`, `round_off` | eq. (40) for connected parts and for bodies; its round-off |
 //! | `update` | motion of points and domains, section 6.4 |
 //! | `equations` | choice of the linear solver, border of global unknowns |
@@ -124,10 +124,12 @@ impl Solvable<3> for Model<3> {
     }
 }
 
-/// Runs an analysis from the converged state of `points` to the end and reports every event to `observer`.
+/// Runs an analysis, or its current stage, from the converged state of `points` to the end and reports every event to
+/// `observer`. The grid must not move between steps; [`run_stages`] moves it and begins further stages.
 ///
 /// # Errors
-/// [`SolveError`] if a step, however small, has no equilibrium; `points.converged` is then the last equilibrated state.
+/// [`SolveError`] if a step, however small, has no equilibrium, or if the run cannot go on for another reason;
+/// `points.converged` is then the last equilibrated state.
 pub fn run<const D: usize>(
     model: &Model<D>,
     points: &mut Points<D>,
@@ -147,10 +149,11 @@ where
     stepper.finish(outcome, observer)
 }
 
-/// Continues an analysis to the end from a step that has been reached; `points` must be in the state of that step.
+/// Continues an analysis, or its current stage, to the end from a step that has been reached; `points` must be in the
+/// state of that step.
 ///
 /// # Errors
-/// As for [`run`].
+/// As for [`run`] and [`Stepper::resume`].
 pub fn go_on<const D: usize>(
     model: &Model<D>,
     points: &mut Points<D>,

@@ -56,7 +56,7 @@ pub(super) enum Effort {
 }
 
 impl Effort {
-    /// Largest number of linear solves in the attempt.
+    /// Largest number of undamped linear solves in the attempt, counted anew after each multiplier update.
     pub(super) fn most_iterations(self, newton: &Newton) -> usize {
         match self {
             Effort::Usual => newton.max_iterations,
@@ -131,7 +131,8 @@ pub struct FailedAttempt<const D: usize> {
     pub load_factor: Option<f64>,
     /// True if the stiffness of an iteration was not positive definite.
     pub indefinite: bool,
-    /// The fields at which the iterations ended; `None` if they did not begin.
+    /// The fields at which the iterations ended; `None` if they did not begin, or if the points of a failed slump have
+    /// been restored.
     pub iterate: Option<Iterate<D>>,
 }
 

@@ -48,7 +48,7 @@ pub(super) struct Field<'a, const N: usize> {
 
 /// The condition that determines the load factor of a step.
 pub(super) enum Condition<const D: usize, const N: usize> {
-    /// Σ c·Δd over the nodes equals the increment `by`.
+    /// Σ w·Δd over the nodes, with the `weight` w of each node, equals the increment `by`.
     Displacement { weight: Vec<[f64; N]>, by: f64, halo: Halo },
     /// The increment of the global unknown `number` equals `by`; `None` if there is no such unknown.
     Global { number: Option<usize>, by: f64 },
@@ -91,9 +91,10 @@ fn weight_of_length<const D: usize>(points: &Points<D>) -> f64 {
     points.ranks.total(points.original_volume.iter().sum::<f64>()).sqrt()
 }
 
-/// Arc length of the path at a time, [length], in an analysis in which the arc length determines the load factor: the
-/// sum over the steps of √(Σ V |Δu|² / V₀), where Σ is over the nodes, V is the volume that a node carries and V₀ the
-/// original volume of all points; `None` before the first step has set the rate.
+/// Arc length of the path, [length], if the arc length determines the load factor: the sum over the steps of
+/// √(Σ V |Δu|² / V₀). Σ is over the nodes, V is the volume that a node carries, V₀ the original volume of all points,
+/// and Δu the displacement of the node in the step, less that due to the out-of-balance forces of a fresh grid. `time`
+/// counts from the start of the stage. `None` before the first step has set the rate.
 pub fn path_length<const D: usize>(points: &Points<D>, path: &Path, time: f64) -> Option<f64> {
     path.rate.map(|rate| rate * time / weight_of_length(points))
 }
@@ -230,7 +231,7 @@ impl<const D: usize, const N: usize> Condition<D, N> {
                     .collect();
                 let (a, b, c) = (product(of_load, of_load), product(&base, of_load), product(&base, &base));
                 let Some(length) = *length else {
-                    // The first step of the run takes its share of the load; the linear response sets the length.
+                    // The first step of the stage takes its share of the load; the linear response sets the length.
                     let change = *share;
                     *length = Some((c + 2.0 * change * b + change * change * a).sqrt());
                     return finite(change);

@@ -106,8 +106,8 @@ impl<const N: usize> Course<N> {
         }
     }
 
-    /// True if round-off prevents equilibrium: two iterations have not reduced the residual, and the out-of-balance
-    /// force is round-off.
+    /// True if round-off prevents equilibrium: neither of the last two iterations has halved the residual, and the
+    /// out-of-balance force is round-off.
     pub(super) fn is_hopeless(&self) -> bool {
         let [.., first, second, third] = self.residuals[..] else { return false };
         self.round_off == RoundOff::Forbids && third > STALLS * second && second > STALLS * first

@@ -27,7 +27,7 @@ pub(super) const MOST_FACTORISATIONS: usize = 30;
 /// the motion, [-].
 pub(super) const AT_REST: f64 = 1e-3;
 
-/// Points that have moved by more than this fraction of a cell are given a fresh grid, [-].
+/// The points are given a fresh grid once a node has moved by more than this fraction of the smallest cell, [-].
 pub(super) const STRIDE: f64 = 0.5;
 /// Largest number of fresh grids in a step.
 pub(super) const MOST_GRIDS: usize = 300;
@@ -97,7 +97,7 @@ impl<const N: usize> Damping<N> {
         system.add_to_diagonal(self.factor, &self.stiffness);
     }
 
-    /// Replaces K + μ D by K + CHANGE μ D if the former is not positive definite.
+    /// Increases μ by the factor [`CHANGE`], but at least by [`LEAST`], in K + μ D, which is not positive definite.
     pub(super) fn increase(&mut self, system: &mut System<N>) {
         let more = ((CHANGE - 1.0) * self.factor).max(LEAST);
         system.add_to_diagonal(more, &self.stiffness);

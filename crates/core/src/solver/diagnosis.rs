@@ -20,7 +20,7 @@ use super::stiffness;
 const SMALL: f64 = 0.1;
 /// Share of yielded points above which plastic flow is the cause, [-].
 const FLOWS: f64 = 0.02;
-/// Share of yielded points above which a point that inverts even in a small step is part of a mechanism, [-].
+/// Share of yielded points above which a point that inverts or leaves the grid is part of a mechanism, [-].
 const MUCH: f64 = 0.2;
 /// Share of yielded points above which collapse also makes pressures alternate, [-].
 const MOST: f64 = 0.5;

@@ -357,7 +357,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         }
         let halo = place.links.halo();
         let along = |row: &[[f64; N]], field: &[[f64; N]]| halo.dot(row, field);
-        // All ranks form the products in the same order, that of the loops of a plain sum.
+        // All ranks take part in each product, so they must form the products in the same order: column by column.
         let influences: Vec<f64> =
             (0..n * n).map(|place| along(&border.rows[place % n], &influence[place / n])).collect();
         let matrix = nalgebra::DMatrix::from_fn(n, n, |i, j| {

@@ -156,7 +156,8 @@ pub enum SolveError {
     Singular {
         /// Step number.
         step: usize,
-        /// The tools whose free motion nothing resists; empty if a motion of the bodies is the cause.
+        /// The tools that may move freely, if nothing resists a motion of one of them; empty if a motion of the bodies
+        /// is the cause.
         tools: Vec<String>,
         /// A motion without stiffness, if known: the position of a node, [length], and the axis.
         node: Option<(Vec<f64>, usize)>,
@@ -258,7 +259,7 @@ pub enum SolveError {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Obstacle {
-    /// Two boundary conditions prescribe different displacements of one node.
+    /// Boundary conditions or ties of one node contradict each other.
     Conflict,
     /// A formula has no finite value.
     NotFinite,

@@ -45,7 +45,7 @@ pub(super) fn emptiest_cell<const D: usize>(
     fillings.min_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// The active cells that contain or touch a position.
+/// The active cells that contain a position, or have a node there.
 fn cells_at<const D: usize>(model: &Model<D>, links: &Connectivity<D>, place: &[f64]) -> Vec<u32> {
     let grid = model.grid.as_ref();
     let position: [f64; D] = std::array::from_fn(|d| place.get(d).copied().unwrap_or(0.0));
@@ -61,7 +61,8 @@ fn cells_at<const D: usize>(model: &Model<D>, links: &Connectivity<D>, place: &[
     links.active_cells().iter().copied().filter(|cell| touches(*cell)).collect()
 }
 
-/// Number of points whose history has changed since the start of the analysis, including the failed step.
+/// Number of points whose history, converged or in the failed step, differs from the initial values that their law
+/// states.
 pub(super) fn points_that_flow<const D: usize>(model: &Model<D>, points: &Points<D>) -> usize {
     let n = points.history_len;
     let flows = |p: &usize| {

@@ -31,7 +31,7 @@ impl Forcing {
             None => FIRST,
             Some([before, _]) => {
                 let wanted = GAMMA * (norm / before).powi(ALPHA);
-                // The first residual does not contain the reactions yet.
+                // Not for the first solve: the residual before it does not contain the reactions yet.
                 wanted.max(ENOUGH * tolerance / residual)
             }
         };

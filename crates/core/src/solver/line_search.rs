@@ -20,7 +20,7 @@ const MOST_HALVINGS: usize = 5;
 const MOST_SEARCHES: usize = 3;
 /// Largest number of these evaluations if the model has tools, because contact forces have kinks.
 const MOST_SEARCHES_OF_CONTACT: usize = 6;
-/// If the model has tools, a line search follows an increment that does not reduce the residual to this fraction.
+/// If the model has tools, a line search may follow an increment that does not reduce the residual to this fraction.
 const FAST: f64 = 0.1;
 /// If the model has tools, from this iteration after the last multiplier update onwards, an increment is halved until
 /// the residual no longer increases: friction has no potential whose slope would end a cycle between two states.
@@ -29,8 +29,8 @@ const FIRST_BACKTRACK: usize = 8;
 const MOST_BACKTRACKS: usize = 5;
 /// First iteration with a line search after a failed attempt.
 const FIRST_SEARCH: usize = 3;
-/// In all other cases, the line search begins after this fraction of the iterations allowed: late enough to leave
-/// iterations that converge alone.
+/// Without a failed attempt, damping or tools, the line search begins after this fraction of the iterations allowed:
+/// late enough not to disturb iterations that converge by themselves.
 const LATE: f64 = 0.75;
 
 impl<const D: usize, const N: usize> LoadStep<'_, D, N> {

@@ -47,8 +47,8 @@ pub(super) struct LoadStep<'a, const D: usize, const N: usize> {
 }
 
 impl<const D: usize, const N: usize> Stepper<'_, D, N> {
-    /// Attempts one load step (section 6.3). Writes only the trial state. Damped iterations stop when a node has moved
-    /// by more than [`STRIDE`] cells; a slump then continues on a fresh grid.
+    /// Attempts one load step (section 6.3). Writes only the trial state. If bodies may slump, damped iterations stop
+    /// when a node has moved by more than [`STRIDE`] cells; the step then continues on a fresh grid.
     pub(super) fn attempt(
         &mut self,
         step: Step,

@@ -23,8 +23,8 @@ const MOST_SUPPORTED: usize = 8;
 const MOST_UPDATES: usize = 4;
 
 impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
-    /// Iterates with Newton's method until the residual of eq. (40) meets the tolerance and multipliers are final.
-    /// Writes only the trial state.
+    /// Iterates with Newton's method until the residual of eq. (40) meets the tolerance and multipliers are final, or
+    /// until damped iterations need a fresh grid. Writes only the trial state.
     ///
     /// # Errors
     /// [`SolveError`] if there is no equilibrium.
@@ -86,7 +86,8 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
     }
 
     /// True if the iterate is in equilibrium: it has the prescribed motion, the load factor meets its condition, and
-    /// the residual meets the tolerance. False in iteration 0, so that every step makes at least one solve.
+    /// the residual meets the tolerance or comes as close to it as round-off permits. False in iteration 0, so that
+    /// every step makes at least one solve.
     fn is_balanced(&self) -> bool {
         self.has_reached_constraints() && self.course.is_equilibrium(self.context.model.newton.tolerance)
     }
@@ -97,7 +98,8 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             && self.system.condition.as_ref().is_none_or(|condition| condition.is_met() && !shortened)
     }
 
-    /// True if a node has moved farther than a stride, which is infinite except in damped iterations.
+    /// True if a node has moved farther than a stride, which is infinite unless damped iterations may continue on a
+    /// fresh grid.
     fn has_strayed(&self, residual: f64) -> bool {
         residual.is_finite() && self.farthest() > self.stride
     }
@@ -139,8 +141,8 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         Ok(())
     }
 
-    /// An increment of Newton's method; if only friction holds bodies and all contact points slide, it is computed with
-    /// support of these points.
+    /// An increment of Newton's method. If the equations are singular and contact points slide, it is computed with
+    /// support of these points, because their friction may be all that holds a body.
     fn supported_step(&mut self) -> Result<Option<Solved>, NoIncrement> {
         let may_support = self.course.supported < MOST_SUPPORTED;
         match self.newton_step() {

@@ -26,7 +26,8 @@ pub trait Observer<const D: usize> {
     /// Called before the first step with the initial state, if bodies are stressed at time 0.
     fn initial_state(&mut self, _state: &InitialState) {}
 
-    /// Called after every evaluation of the out-of-balance force.
+    /// Called after every evaluation of the out-of-balance force, unless it is repeated with a shorter increment or
+    /// with the stiffness.
     fn iteration(&mut self, _step: Step, _iteration: usize, _residual: f64) {}
 
     /// Called when a step is in equilibrium and committed.

@@ -8,8 +8,8 @@ use crate::model::{SAME_TIME, Stepping};
 const FEW: usize = 8;
 /// Number of steps that must succeed after a failure before steps may grow.
 const PATIENCE: u32 = 2;
-/// Smallest remainder before a stop that becomes a separate step, relative to the step before it, [-]; if the remainder
-/// is smaller, the last two steps are made equal.
+/// Time that must remain between the end of a step and the next stop, relative to the step, for the step to keep its
+/// size, [-]; if less remains, the last two steps before the stop are made equal.
 const REST: f64 = 0.5;
 
 /// The current step size.
@@ -48,7 +48,7 @@ impl Pace {
         (LEAST..=f64::MAX).contains(&self.size)
     }
 
-    /// End of the step that starts at a time, [time]; `None` at the end of the analysis.
+    /// End of the step that starts at a time, [time]; `None` at the end of the analysis or stage.
     pub fn end_of_step(&self, stepping: &Stepping, start: f64) -> Option<f64> {
         let unit = stepping.size();
         if start >= stepping.end_time - SAME_TIME * unit {

@@ -33,7 +33,8 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         agree(&points.ranks, observed)
     }
 
-    /// Makes the next step smaller, or returns the error that ends the run.
+    /// Prepares the next attempt (a smaller step or a last resort), ends a strength reduction, or returns the error
+    /// that ends the run.
     pub(super) fn refuse(
         &mut self,
         mut failed: FailedAttempt<D>,

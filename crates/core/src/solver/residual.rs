@@ -3,8 +3,8 @@
 //! Each part is judged by its own forces: a stiff or heavily loaded body elsewhere says nothing about it. If round-off
 //! prevents a part from meeting the tolerance, the step may still be accepted, and is marked, provided that the
 //! out-of-balance force is round-off of each node's own equations and small relative to the forces on the part. The
-//! reported residual excludes only parts that carry nothing but round-off; parts without any force are measured
-//! relative to their internal force.
+//! reported residual excludes only parts that carry nothing, up to round-off and residual stresses; other parts without
+//! external forces and reactions are measured relative to their internal force.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -120,8 +120,7 @@ impl Parts {
 /// The measure of equilibrium of an evaluation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Measured {
-    /// Eq. (40) for the part that is farthest from equilibrium, [-]; parts that carry nothing but round-off do not
-    /// count.
+    /// Eq. (40) for the part that is farthest from equilibrium, [-]; parts that carry nothing do not count.
     pub(super) residual: f64,
     /// The role of round-off in the residual.
     pub(super) round_off: RoundOff,
@@ -159,7 +158,8 @@ impl Measured {
 pub(super) enum RoundOff {
     /// Round-off is not the reason why the residual exceeds the tolerance, if it does.
     NoMatter,
-    /// Only parts that carry nothing exceed the tolerance: their forces are round-off.
+    /// Only parts that carry nothing exceed the tolerance: their forces are round-off, or small compared with
+    /// the forces that their bodies have carried.
     OfNothing,
     /// Round-off prevents parts from meeting the tolerance, but not [`MOST_OF_ROUND_OFF`].
     Limits,
@@ -184,8 +184,8 @@ impl<const N: usize> Forces<'_, N> {
         std::array::from_fn(|d| self.f_ext[node][d] + self.reaction[node][d])
     }
 
-    /// True if the load on the free components of a node is below `nothing`, and the sum of load and reaction on its
-    /// held components is round-off: a load may act directly on a support.
+    /// True if the load on the free components of a node is at most `nothing`, and the sum of load and reaction on its
+    /// held components is at most `noise`: a load may act directly on a support.
     fn carries_nothing(&self, node: usize, mut axes: Range<usize>, nothing: f64, noise: f64) -> bool {
         let (force, reaction) = (&self.f_ext[node], &self.reaction[node]);
         let holding = self.holding.map_or([0.0; N], |holding| holding[node]);

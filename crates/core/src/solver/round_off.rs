@@ -12,8 +12,8 @@ use super::fields::norm;
 /// Round-off of a nodal force relative to the terms Σ |K_vw| |Δd_w| of a displacement increment, in units of the
 /// machine precision.
 pub(super) const IN_MOTION: f64 = 16.0;
-/// Round-off of a nodal force relative to Σ |∇S_vp| V_p M_p, the force under a unit strain at all points with axial
-/// modulus M, in units of the machine precision; deformation gradients are of order one.
+/// Round-off of a nodal force relative to Σ |∇S_vp| V_p M_p, where M is the axial modulus, in units of the machine
+/// precision: the sum is the force if all strains are one, and deformation gradients are of order one.
 pub(super) const IN_STRAIN: f64 = 8.0;
 /// Upper bound on the force under a unit strain, relative to the largest entry of K times the cell size, [-].
 const NO_SUCH_FORCE: f64 = 1e3;
@@ -41,7 +41,7 @@ impl<const D: usize, const N: usize> EvaluatedAt<'_, D, N> {
             .fold(0.0, |size, &cell| f64::max(size, model.grid.size(cell as usize)));
         let ranks = links.halo().ranks();
         let [motion, size] = [motion, size].map(|value| ranks.largest(value));
-        // Shared nodes count twice, which raises the bound only slightly.
+        // Shared nodes count once on each rank, which raises the bound only slightly.
         let entries_of_row = ranks.total((N * delta_d.len()) as f64);
         let strain = IN_STRAIN * NO_SUCH_FORCE * size;
         let of_terms = system.round_off().map_or(0.0, |all| all.iter().copied().fold(0.0, f64::max));

@@ -66,7 +66,7 @@ pub struct Stepper<'a, const D: usize, const N: usize = D> {
 #[derive(Clone, Copy)]
 pub struct Kernels<const D: usize, const N: usize = D> {
     terms: fn(&Model<D>) -> Terms<D, N>,
-    /// Solves the next step; false at the end of the analysis.
+    /// Solves the next step; false if none is left.
     pub(super) step: StepFunction<D, N>,
     /// True for bodies of revolution.
     revolved: bool,
@@ -174,7 +174,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
     /// terms must have been added.
     ///
     /// # Errors
-    /// [`SolveError::Term`] if a term cannot resume from its saved state.
+    /// [`SolveError::Term`] if a term cannot resume from its saved state, or if a saved state belongs to no term.
     pub fn resume(mut self, reached: Reached) -> Result<Self, SolveError> {
         let is_known = |name: &String| self.terms.iter().any(|term| term.name() == name.as_str());
         if let Some(name) = reached.summary.terms.keys().find(|name| !is_known(name)) {
@@ -187,8 +187,8 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
     }
 
     /// Solves the step that follows the last one in equilibrium and commits it; if the step has no equilibrium, smaller
-    /// ones are tried as far as the model allows. `None` at the end of the analysis. A moving grid must have been
-    /// placed by [`Model::place_grid`].
+    /// ones are tried as far as the model allows. `None` at the end of the analysis or of the current stage. A moving
+    /// grid must have been placed by [`Model::place_grid`].
     ///
     /// # Errors
     /// [`SolveError`] if there is no equilibrium; the converged state of the points is then the last state in
@@ -198,7 +198,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         Ok(self.report.as_ref().filter(|_| is_solved))
     }
 
-    /// Solves the next step as [`Stepper::step`] does; false at the end of the analysis.
+    /// Solves the next step as [`Stepper::step`] does; false if none is left.
     fn solve_step(&mut self, observer: &mut dyn Observer<D>) -> Result<bool, SolveError> {
         self.begin_stressed(observer)?;
         let (before, mut effort) = (self.reached.step.index, Effort::Usual);
@@ -222,8 +222,8 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         Ok(true)
     }
 
-    /// Runs to the end of the analysis and reports every event to `observer`. The grid must not move between steps;
-    /// [`super::run_stages`] moves it.
+    /// Runs to the end of the analysis, or of its current stage, and reports every event to `observer`. The grid must
+    /// not move between steps; [`super::run_stages`] moves it and begins further stages.
     ///
     /// # Errors
     /// As for [`Stepper::step`]; [`SolveError::GridMotion`] if the grid moves.
@@ -279,7 +279,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         self.reached
     }
 
-    /// The next step to attempt; `None` at the end of the analysis.
+    /// The next step to attempt; `None` at the end of the analysis or of the current stage.
     ///
     /// # Errors
     /// [`SolveError`] if the observer interrupts the run, or the grid has not been placed.

@@ -107,7 +107,7 @@ pub struct Summary {
     /// Work absorbed so far by damped iterations between grids, [energy].
     #[serde(default)]
     pub damping_work: f64,
-    /// Sum of the magnitudes of the external and regridding work of all steps, [energy].
+    /// Sum over the steps of the magnitude of the sum of external and regridding work, [energy].
     pub gross_work: f64,
     /// Stored elastic energy, [energy].
     pub strain_energy: f64,
@@ -211,7 +211,7 @@ impl Summary {
         if self.gross_work > 0.0 { missing / self.gross_work } else { 0.0 }
     }
 
-    /// The factors of the last stage in which the strength is reduced; `None` before that stage.
+    /// The factors of the latest stage so far in which the strength is reduced; `None` before the first such stage.
     pub fn last_strength(&self) -> Option<StrengthBracket> {
         self.strength.last().map(|of_stage| of_stage.bracket)
     }

@@ -26,7 +26,8 @@ pub(super) struct Unknowns<const N: usize> {
     /// The changes of the load factor and of the global unknowns that belong to δd.
     pub(super) iterative_factor: f64,
     pub(super) iterative_globals: Vec<f64>,
-    /// K δd, [force].
+    /// K δd, [force]; once δd has been added to Δd, the part of the linearised change of f_int − f_ext that the
+    /// constraints carry.
     pub(super) k_delta: Nodal<N>,
     /// True if δd contains a prescribed motion, so that a fraction of it would not lead towards equilibrium.
     pub(super) prescribes: bool,
@@ -34,8 +35,8 @@ pub(super) struct Unknowns<const N: usize> {
     pub(super) rhs: Nodal<N>,
     /// Prediction of the first iterative displacement, used instead of a linear solve, [length].
     pub(super) predicted: Option<Nodal<N>>,
-    /// Inner product (δd, f_ext − f_int + f_react) at the iterate where δd was computed: the slope of the potential
-    /// there, [energy].
+    /// Work of the out-of-balance forces on δd and on the changes of the global unknowns, at the iterate where these
+    /// were computed: the negative slope of the potential there, [energy].
     slope: f64,
     /// The fraction of δd that has been applied, [-].
     taken: f64,
@@ -161,7 +162,7 @@ impl<const N: usize> Unknowns<N> {
         add(&mut self.iterative_globals, globals);
     }
 
-    /// Resets Δd and the reactions; the load factor stays.
+    /// Resets Δd, the global unknowns and the reactions; the load factor stays.
     pub(super) fn start_again(&mut self) {
         self.delta_d.fill([0.0; N]);
         self.globals.fill(0.0);
@@ -230,9 +231,9 @@ impl<const N: usize> Unknowns<N> {
     }
 }
 
-/// The bracket of a line search: fractions of an increment, with the slopes of the potential there. The search is the
-/// regula falsi with the slope halved at an end that is retained (Illinois algorithm), because contact has kinks that a
-/// secant alone underestimates.
+/// The bracket of a line search: fractions of an increment, with the negative slopes of the potential there. The search
+/// is the regula falsi with the slope halved at an end that is retained (Illinois algorithm), because contact has kinks
+/// that a secant alone underestimates.
 #[derive(Debug, Default)]
 pub(super) struct Bracket {
     low: Option<[f64; 2]>,

@@ -1,4 +1,4 @@
-//! The update of the points once a step is in equilibrium: section 6.4.
+//! The update of the points once the iterations of a step have ended: section 6.4.
 #![allow(non_snake_case)]
 
 use std::ops::Range;
@@ -41,7 +41,8 @@ impl<const D: usize> Moved<D> {
     }
 }
 
-/// Largest number of times that the size of a replacement domain is halved to make it fit in the grid.
+/// Largest number of times that the size of a replacement domain, or its deviation from a parallelogram
+/// (parallelepiped), is halved to make the domain valid.
 const MOST_HALVINGS: usize = 10;
 
 /// A task of at most this many groups is not divided between threads.

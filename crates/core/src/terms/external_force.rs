@@ -24,7 +24,7 @@ pub struct ExternalForce<const D: usize> {
 
 /// The external force of eq. (29) at a time.
 ///
-/// Weight uses the constant mass of the points: b V_p^n of eq. (24), with b per volume at the start of the step.
+/// Weight follows from the constant mass m_p of the points: b V_p^n of eq. (24), with b = (m_p/V_p^n) g.
 ///
 /// # Errors
 /// [`LoadNotFinite`] when a formula is not finite at a point.

@@ -50,8 +50,8 @@ pub struct MaterialPoints<const D: usize, M> {
     gradient: Vec<[f64; D]>,
     /// Working space for the gradients of one point of each group in the current configuration, eq. (8).
     mapped: Vec<[f64; D]>,
-    /// For each group, true if it has several points of a body with [`Volumetric::MeanDilatation`]; empty if there is
-    /// no such body.
+    /// For each group, true if it has several points, at least one of them of a body with
+    /// [`Volumetric::MeanDilatation`]; empty if there is no such body.
     averaged: Vec<bool>,
     /// The points whose laws are evaluated in batches.
     batched: Vec<Batch>,

@@ -154,8 +154,8 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
 
     /// Updates multipliers to their values at the end of an increment from the unknowns of the last evaluation,
     /// according to the linearised equations, if this is possible without a change of state. Adds the resulting
-    /// change of the equations to `_added`. The increment and the update together then solve the equations. `_update`
-    /// is the number of previous updates along this increment.
+    /// change of the equations to `_added`; the solver adds the response to this change to the increment. `_update` is
+    /// the number of previous updates along this increment.
     fn augment_along(&mut self, _increment: At<N>, _update: usize, _added: &mut Response<N>) -> Augmentation {
         Augmentation::Satisfied
     }

@@ -322,7 +322,8 @@ impl<const D: usize> Condition<D> {
         let carried = &carried[self.on.surface];
         let places: Vec<[f64; D]> = (0..carried.len()).map(|sample| centre(&carried.facet(sample))).collect();
         let n = places.len().max(1) as f64;
-        // Samples of other ranks have not moved on this rank, and their reactions are zero.
+        // Samples of other ranks may not have moved on this rank; those in its own patches have moved, and only the
+        // samples of its own patches have reactions here.
         let own: Vec<usize> = carried.own_samples().collect();
         let mut about: [f64; D] = std::array::from_fn(|d| own.iter().map(|s| places[*s][d]).sum());
         ranks.sum(&mut about);
