@@ -151,7 +151,7 @@ fn block() -> Result<(Model<2>, Points<2>), BuildError> {
 /// The summary of the run, and the force of the wall at its end, [force].
 fn run(angle: f64) -> Result<(Summary, [f64; 2]), Box<dyn std::error::Error>> {
     let (model, mut points) = block()?;
-    // The wall touches the lowest points at the start.
+    // At the start, at least one of the lowest points is behind the wall.
     let wall = Wall::inclined(angle, [SIDE, 1.1], 1e7);
     let mut stepper = Stepper::new(&model, &mut points).with_terms(vec![Box::new(wall)])?;
     let mut force = [0.0; 2];

@@ -25,7 +25,7 @@ pub use support::{Support, support};
 
 /// Tolerance of the boxes and half-spaces that select samples, relative to the size of a cell, [-].
 const SLACK: f64 = 1e-6;
-/// Relative distance within which corners of facets coincide, [-].
+/// Distance within which corners of facets coincide, relative to the size of a cell, [-].
 const SAME: f64 = 1e-9;
 
 /// The part of the boundary of a body that forms a surface.
@@ -87,7 +87,8 @@ impl<const D: usize> Surface<D> {
     /// size of a grid cell, both [length].
     ///
     /// # Errors
-    /// [`NoBoundary`] if the boundary is not available. A part without samples is not an error here.
+    /// [`NoBoundary`] if the boundary is not available, or if it has no side with the number of [`Part::Side`]. Any
+    /// other part without samples is not an error here.
     pub fn new(
         name: impl Into<String>,
         body: usize,

@@ -51,8 +51,9 @@ type StartFrom = unsafe extern "C" fn(*const f64, *const f64, f64, *mut f64);
 type IsSymmetric = unsafe extern "C" fn(*const f64) -> i32;
 type Measure = unsafe extern "C" fn() -> i32;
 
-/// The functions of a library. Parameters and history variables are slices of the lengths that the library states; if a
-/// function is called with other lengths, its results are not finite.
+/// The functions of a library. Parameters and history variables are slices of the lengths that the library states; with
+/// other lengths, the library is not called: results of the return mapping are then not finite, and the other methods
+/// act as if the library lacked the function.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Interface {
     pub(crate) n_parameters: usize,

@@ -40,7 +40,7 @@ impl LibraryLaw {
     /// The law of a library with parameter values, in the order of [`Library::parameters`].
     ///
     /// # Errors
-    /// The reason why the law cannot have these values, in the words of the library.
+    /// The reason why the law cannot have these values, in the words of the library unless their number is wrong.
     pub fn new(library: Arc<Library>, parameters: Vec<f64>) -> Result<LibraryLaw, String> {
         let (needed, given) = (library.parameters.len(), parameters.len());
         if given != needed {

@@ -6,8 +6,9 @@ use mpm_core::linear::{Backend, BlockMatrix, Divided, Layout, LinearError, Solve
 use crate::direct::Direct;
 
 /// On more than [`MOST_RANKS`] ranks, MUMPS factorises the systems of three-dimensional problems that have more
-/// unknowns than this. In the core's factorisation, a single rank eliminates the last separator, which takes a growing
-/// share of the time. On few ranks MUMPS takes longer, and its results are not bitwise reproducible.
+/// unknowns than this, where prescribed components count as unknowns, too. In the core's factorisation, a single rank
+/// eliminates the last separator, which takes a growing share of the time. On few ranks MUMPS takes longer, and its
+/// results are not bitwise reproducible.
 pub const MOST_UNKNOWNS: f64 = 2e5;
 
 /// Largest number of ranks that factorise such systems without MUMPS.

@@ -132,7 +132,7 @@ impl Drop for Session {
         }
         RUNNING.store(false, Ordering::Release);
         let mut ended = 0;
-        // SAFETY: The session has started both libraries, and this is the thread that did.
+        // SAFETY: Both libraries have been started, and this is the thread that started the session.
         unsafe {
             ffi::PetscFinalize();
             ffi::MPI_Finalized(&mut ended);

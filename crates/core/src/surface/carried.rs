@@ -176,7 +176,7 @@ impl<const D: usize> Carried<D> {
         });
     }
 
-    /// Calls `visit` with the nodes, ascending, of each sample.
+    /// Calls `visit` with the nodes, ascending, of each sample that this rank treats.
     pub fn each_neighbourhood(&self, visit: &mut dyn FnMut(&[u32])) {
         let mut nodes = Vec::new();
         for sample in self.own_samples() {

@@ -5,7 +5,7 @@ use crate::grid::{CellBasis, Grid};
 
 /// Distance by which a position is moved into the body to find its cell, relative to the size of a cell, [-].
 const NUDGE: f64 = 1e-6;
-/// Number of positions along the inward normal, over one cell, at which an active cell is sought.
+/// Number of intervals between the positions, over one cell along the inward normal, at which an active cell is sought.
 const DEPTHS: usize = 8;
 
 /// Linear basis at a position on a surface, N_v and ∂N_v/∂x, with active-node numbers as its nodes.
@@ -53,8 +53,8 @@ pub(super) fn carrying_cell<const D: usize>(
     })
 }
 
-/// A position, followed by positions at a small distance from it along all diagonals: corners of bodies lie on
-/// boundaries between cells.
+/// A position, followed by the positions on all diagonals that differ from it by `by` along each axis, [length]:
+/// corners of bodies lie on boundaries between cells.
 fn aside<const D: usize>(place: [f64; D], by: f64) -> impl Iterator<Item = [f64; D]> {
     let diagonal =
         move |number: usize| std::array::from_fn(|d| place[d] + if number >> d & 1 == 1 { by } else { -by });

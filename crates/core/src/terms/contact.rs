@@ -3,9 +3,9 @@
 //! # Equations
 //!
 //! A contact point (a candidate until it touches) is a corner or the centre x_c of the domain of a material point near
-//! a tool, carried by the grid with the basis N_v of its cell (see [`candidates`]). It stands for an area A. With the
-//! signed distance g from the tool, the outward normal n = ∇g and the motion s of the contact point relative to the
-//! tool in the step,
+//! a tool, carried by the grid with the basis N_v of its cell, or S_vp at a centre (see [`candidates`]). It stands for
+//! an area A. With the signed distance g from the tool, the outward normal n = ∇g and the motion s of the contact point
+//! relative to the tool in the step,
 //!
 //! | Quantity | Equation |
 //! |---|---|
@@ -40,17 +40,16 @@
 //! updates, and single contact points may keep 10⁻³ (see [`multipliers`]). The residual of Newton's method holds for
 //! the final forces, and [`ToolState::overlap`] reports the overlap that is left.
 //!
-//! Near the solution, the multipliers are updated along an increment of Newton's method, once per step and without a
-//! change of state (see [`along`]): most steps then need no further update, and no more solves than a step without
-//! contact.
+//! Near the solution, the multipliers are updated along one increment of Newton's method per step, without a change of
+//! state (see [`along`]): most steps then need no further update, and no more solves than a step without contact.
 //!
 //! # Safeguards
 //!
 //! A step fails, and a smaller step is tried, if a contact point moves too far along a tool, emerges on another side of
-//! the tool or passes through a part of it, or if a part of a tool lies between the centre of a domain and its corner.
-//! At the start of the iterations, when the tool has moved and the bodies have not, the surface of the tool is
-//! extrapolated as a plane. Contact points that touch without force, such as those of a block on a slope before its
-//! first step, then contribute their stiffness, which holds the body.
+//! the tool or passes through a part of it. The same happens if a part of a tool lies between the centre of a domain
+//! and one of its corners. At the start of the iterations, when the tool has moved and the bodies have not, the surface
+//! of the tool is extrapolated as a plane. Contact points that touch without force, such as those of a block on a slope
+//! before its first step, then contribute their stiffness, which holds the body.
 
 mod agreement;
 mod all_ranks;
@@ -115,12 +114,12 @@ pub struct Contact<const D: usize> {
     halo: Halo,
     /// The state kept for the contact points that touched at the end of the last step in equilibrium.
     converged: FxHashMap<Key, Kept<D>>,
-    /// For each body, true if it has taken part in a step in equilibrium.
+    /// For each body, true if it took part in the last step in equilibrium.
     has_begun: Vec<bool>,
     /// For each body, true if it has points in the current step.
     is_there: Vec<bool>,
-    /// The contact points on this rank that may touch a tool in the current step, their multipliers at its start,
-    /// whether they have touched before, their current multipliers, and their state at the last evaluation.
+    /// The contact points on this rank that may touch a tool in the current step; at its start, their multipliers and
+    /// whether they touch; their current multipliers; and their state at the last evaluation.
     candidates: Vec<Candidate<D>>,
     start: Vec<Multiplier<D>>,
     has_touched: Vec<bool>,
@@ -141,9 +140,9 @@ pub struct Contact<const D: usize> {
     tolerances: Vec<f64>,
     /// True if the last evaluation was at the start of the iterations.
     at_rest: bool,
-    /// True while no contact point in the step has slid with friction, or stuck to a curved surface.
+    /// True as long as contact points with friction have only stuck to flat surfaces in the current step.
     is_symmetric: bool,
-    /// Number of updates of the multipliers in the current step.
+    /// Number of updates of the multipliers in the current step, without those along an increment.
     updates: usize,
     /// The changes made by the last update, and the largest error among them.
     changes: Vec<Option<Change<D>>>,
@@ -230,7 +229,7 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
     fn begin(&mut self, step: &StepContext<D>, points: &Points<D>) -> Result<(), BeginError> {
         match self.find(step, points) {
             Err(Failure::Own(error)) => Err(BeginError::Contact(Box::new(error))),
-            // The ranks agree on the outcome.
+            // The solver passes an error on another rank to this rank.
             Err(Failure::OnRank) | Ok(()) => Ok(()),
         }
     }

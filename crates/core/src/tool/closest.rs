@@ -2,8 +2,8 @@
 
 use crate::region::vector::{along, dot, norm, unit};
 
-/// Distance from a point, relative to the size of the shape, below which the direction away from that point is only
-/// round-off.
+/// Distance from a point, relative to the largest coordinate of the bounding box, below which the direction away from
+/// that point is only round-off, [-].
 pub(super) const TOUCHING: f64 = 1e-14;
 
 /// The point on a surface that is closest to a position x.
@@ -15,7 +15,7 @@ pub struct Closest<const D: usize> {
     pub normal: [f64; D],
     /// The closest point, x − gap n, [length].
     pub point: [f64; D],
-    /// Index of the part of the surface: the `side` of the facets of its outline.
+    /// Index of the part of the surface: the `side` of the facets that [`pieces`](super::Shape::pieces) returns.
     pub part: usize,
     /// Derivative ∂n/∂x, the Hessian of the gap, `[i][j]`, symmetric, [1/length]. Zero where the gap has a kink.
     pub normal_derivative: [[f64; D]; D],

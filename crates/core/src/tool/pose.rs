@@ -209,9 +209,10 @@ impl<const D: usize> Increment<D> {
         }
     }
 
-    /// Derivative of the gap of a fixed position x with respect to the translation and to the rotation, [-] and
-    /// [length]: −n · ∂x/∂(u, θ) at the closest point, because the gap is stationary along the surface. `found` is the
-    /// closest point on the tool after the motion, and `reference` the position of the reference point then.
+    /// Derivative of the gap of a fixed position with respect to the translation and to the rotation, [-] and [length]:
+    /// −n · ∂x/∂(u, θ) for the point x of the tool that is closest, because the gap is stationary along the surface.
+    /// `found` is the closest point on the tool after the motion, and `reference` the position of the reference point
+    /// then.
     pub fn gap_derivative(&self, found: &Closest<D>, reference: &[f64; D]) -> ([f64; D], [f64; 3]) {
         let turned = self.rotation_derivative(&minus(&found.point, reference));
         (found.normal.map(|n| -n), turned.map(|row| -dot(&row, &found.normal)))

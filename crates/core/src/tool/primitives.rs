@@ -34,7 +34,8 @@ impl<const D: usize> Shape<D> for Ball<D> {
     }
 
     fn pieces(&self, size: f64) -> Option<Vec<Facet<D>>> {
-        // The facets of a sphere are those of an octahedron, stretched by up to √6 / (π/2) in the middle of its faces.
+        // The facets of a sphere are those of an octahedron, moved onto the sphere: in the middle of its faces, edges
+        // are up to √6 / (π/2) times as long as the spacing.
         let stretched = if D == 3 { 6f64.sqrt() / FRAC_PI_2 } else { 1.0 };
         Some(Primitive::facets(self, size / stretched))
     }

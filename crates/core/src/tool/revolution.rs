@@ -145,7 +145,7 @@ impl Revolution {
         let t_c = -dot(&w, &v) / (speed * speed);
         let (r_c, slope) = (norm(&along(&w, t_c, &v)), -normal[1] * rise / normal[0]);
         let t = t_c + slope * r_c / (speed * (speed * speed - slope * slope).sqrt());
-        // Without an extremum, t is NaN and lies in no interval.
+        // Without an extremum, t is NaN or infinite and lies in no interval.
         (0.0..=1.0).contains(&t).then_some(t)
     }
 }

@@ -25,8 +25,8 @@ pub trait Shape<const D: usize>: Debug + Send + Sync {
     /// path.
     fn crossing(&self, path: &[[f64; D]; 2]) -> Option<f64>;
 
-    /// The surface divided into flat facets, in either orientation, whose edges are about as long as `size`, [length],
-    /// or slightly longer; `None` if the surface extends to infinity.
+    /// The surface divided into flat facets, in either orientation, whose edges are at most `size` long, [length];
+    /// `None` if the surface extends to infinity.
     fn pieces(&self, size: f64) -> Option<Vec<Facet<D>>>;
 
     /// True if the surface has edges, corners or ends, which may enter a domain between its corners.

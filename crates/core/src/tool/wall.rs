@@ -61,7 +61,7 @@ impl Wall {
         Intervals::one(low, high)
     }
 
-    /// The arcs around a corner: centre angle and half of the opening angle of each.
+    /// The arc around a corner: the direction of its middle and half of its opening angle, [rad].
     fn arc(&self, corner: usize) -> [f64; 2] {
         let direction = |k: usize| minus(&self.corners[k + 1], &self.corners[k]);
         let angle = |d: [f64; 2]| d[1].atan2(d[0]);

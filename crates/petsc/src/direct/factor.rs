@@ -19,7 +19,7 @@ const TOO_LITTLE_ROOM: [PetscInt; 7] = [-8, -9, -11, -14, -15, -17, -20];
 /// MUMPS errors for lack of memory.
 const OUT_OF_MEMORY: [PetscInt; 3] = [-7, -13, -19];
 
-/// MUMPS errors for a zero pivot and for an empty row.
+/// MUMPS errors for a structurally singular matrix and for a numerically singular one.
 const SINGULAR: [PetscInt; 2] = [-6, -10];
 
 /// The signs of the pivots of a factor.

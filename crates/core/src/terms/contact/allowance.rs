@@ -7,9 +7,9 @@
 
 use super::multipliers::MOST_OF_PLACE;
 
-/// Path length over which the overlap of a contact point vanishes, relative to the size of a cell, [-]. With half this
-/// length, the force on a pipe in clay differs by 1.1 % instead of 0.7 % from the mean of the forces in the steps
-/// before and after, and is 1 % smaller.
+/// Path length over which the overlap of a contact point vanishes in one step, and falls to 1/e or less in many steps,
+/// relative to the size of a cell, [-]. With half this length, the force on a pipe in clay differs by 1.1 % instead of
+/// 0.7 % from the mean of the forces in the steps before and after, and is 1 % smaller.
 const WAY: f64 = 2.0;
 
 /// Overlap that a contact point may keep, [length], beyond what updates of the multipliers may leave. Its gap at the

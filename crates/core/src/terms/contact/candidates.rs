@@ -9,8 +9,8 @@
 //! | all | x_p, to detect thin tools between the corners; not below a flat surface without edges | S_vp |
 //!
 //! Corners inside the body are contact points, too: surfaces of the body that have come together may open again. The
-//! area of a contact point is its share of the side of the domain that lies along the tool; for boxes, its share of the
-//! side of a cube of their volume.
+//! area of a contact point is its share of the side of the domain that lies along the tool; for boxes and for centres,
+//! its share of the side of a cube with the volume of the domain.
 //!
 //! A corner on the boundary between cells belongs to the cell towards its material point. If a node of that cell is
 //! inactive, the next cell towards the material point is taken, and its basis is extrapolated to the corner.
@@ -27,9 +27,8 @@ use crate::points::Points;
 use crate::region::vector::{along, dot, minus, norm};
 use crate::tool::{Closest, Shape};
 
-/// Cosine of the angle between the normal at the start of a step and the current normal, at a contact point inside the
-/// tool, below which the contact point counts as being on another side, [-]. In one step, a contact point may thus
-/// slide around a corner with an angle of more than 60 degrees.
+/// Cosine of the angle between the normals at two positions below which the positions count as being on different sides
+/// of the tool, [-]. In one step, a contact point may thus slide around a corner with an angle of more than 60 degrees.
 pub(super) const OTHER_SIDE: f64 = -0.5;
 
 /// Overlap or gap at the start of a step up to which surfaces count as touching, relative to the size of a cell, [-].
@@ -164,8 +163,8 @@ pub(super) struct Search<'a, const D: usize> {
     pub(super) points: &'a Points<D>,
     pub(super) links: &'a Connectivity<D>,
     pub(super) tools: &'a [Moving<D>],
-    /// For each body, true if it has taken part in a previous step: it may then overlap tools, because domain updates
-    /// may have left overlaps.
+    /// For each body, true if it took part in the last step in equilibrium: it may then overlap tools, because domain
+    /// updates may have left overlaps.
     pub(super) has_begun: &'a [bool],
     /// For each tool, the distance from its surface beyond which contact points under a flat part sleep in the step,
     /// [length].

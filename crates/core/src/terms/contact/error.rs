@@ -75,7 +75,7 @@ pub enum ContactError {
         overlap: f64,
         /// Slip at this point, [length].
         slip: f64,
-        /// Largest overlap and slip tolerated, [length].
+        /// Tolerance for overlap and slip, [length].
         most: f64,
     },
     /// Nothing resists a free motion of a tool.

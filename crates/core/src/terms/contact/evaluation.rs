@@ -136,7 +136,7 @@ pub(super) fn first_unknowns<const D: usize>(tools: &[Moving<D>]) -> Vec<usize> 
 }
 
 /// Adds the forces at contact points to the nodes and to the tools, with their derivatives if wanted. `holds` tells
-/// which tools have a contact point that does not slide.
+/// which tools have a contact point that does not slide with friction.
 pub(super) fn add<const D: usize, const N: usize>(
     tools: &[Moving<D>],
     pairs: &[(&Candidate<D>, &Trial<D>)],
@@ -148,7 +148,7 @@ pub(super) fn add<const D: usize, const N: usize>(
     if wanted == Wanted::Stiffness {
         support_sliding(tools, pairs, (&first, holds), sum);
     }
-    // Neighbouring contact points have the same nodes, so their blocks are sought only once.
+    // Neighbouring contact points often have the same nodes; their blocks are then sought only once.
     let mut last: Option<(&Candidate<D>, Vec<Option<usize>>)> = None;
     for (candidate, trial) in pairs {
         let Some(touch) = &trial.touch else { continue };
@@ -175,8 +175,8 @@ pub(super) fn add<const D: usize, const N: usize>(
     }
 }
 
-/// Supports the unknown motions of tools whose contact points all slide, with the stiffness of the cells below: as long
-/// as no contact point sticks, friction does not resist further motion along the surface.
+/// Supports the unknown motions of tools whose contact points all slide with friction, with the stiffness of the cells
+/// below: as long as no contact point sticks, friction does not resist further motion along the surface.
 fn support_sliding<const D: usize, const N: usize>(
     tools: &[Moving<D>],
     pairs: &[(&Candidate<D>, &Trial<D>)],
@@ -297,7 +297,8 @@ impl<const D: usize> Balance<'_, D> {
 }
 
 /// Adds the loads on free tools to their equilibrium, and the equations for tools that follow the load factor.
-/// `globals` are the increments of the global unknowns. With several ranks, only the first rank adds them.
+/// `globals` are the increments of the global unknowns. With several ranks, only the first rank adds these loads and
+/// equations.
 pub(super) fn add_loads<const D: usize, const N: usize>(
     model: &Model<D>,
     moving: &[Moving<D>],

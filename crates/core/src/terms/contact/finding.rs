@@ -15,12 +15,12 @@ use crate::model::Model;
 use crate::points::Points;
 use crate::step::StepContext;
 
-/// The multipliers of a contact point that was awake, now and before the last increment, and its penalty,
+/// The multipliers of a contact point that was awake, now and before the updates along an increment, and its penalty,
 /// [force/length].
 type Awake<const D: usize> = ([Multiplier<D>; 2], f64);
 
-/// Contact points sleep if their distance from a flat surface exceeds these multiples both of the size of the smallest
-/// cell and of the motion of the tool in the step.
+/// Contact points sleep if their distance from a flat surface exceeds `AWAKE` times the size of the smallest cell and
+/// `AWAKE_AFTER` times the motion of the tool in the step.
 const AWAKE: f64 = 0.1;
 const AWAKE_AFTER: f64 = 10.0;
 

@@ -66,7 +66,7 @@ pub(super) struct Added<const D: usize> {
 /// The law of an interface, in terms of forces at one contact point.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Law {
-    /// μ, [-]; infinite if the surfaces always stick.
+    /// μ, [-]; infinite for rough surfaces.
     pub(super) friction: f64,
     /// c, [force].
     pub(super) adhesion: f64,
@@ -77,7 +77,8 @@ pub(super) struct Law {
 }
 
 impl Law {
-    /// The law at a contact point with this area, [length²]. Tension acts only if the surfaces have touched before.
+    /// The law at a contact point with this area, [length²]. Tension acts only if `has_touched`: if the
+    /// surfaces touch when the step begins.
     pub(super) fn new(interface: &Interface, area: f64, penalty: f64, has_touched: bool) -> Law {
         let (friction, adhesion) = match interface.shear {
             Shear::Rough => (f64::INFINITY, 0.0),
@@ -129,7 +130,7 @@ pub(super) struct Approach<const D: usize> {
     pub(super) pressure: f64,
     /// λ_t, in global axes, [force].
     pub(super) shear: [f64; D],
-    /// True if the surfaces touch at the start of the step and transfer no force yet: their stiffness must act
+    /// True at the start of the iterations if the surfaces touch but transfer no force yet: their stiffness must act
     /// nevertheless.
     pub(super) is_fresh: bool,
     /// True at the start of the iterations: contact points that did not slide in the previous step then stick, whatever
@@ -206,8 +207,8 @@ impl<const D: usize> Touch<D> {
         along(&self.shear, self.pressure, &self.approach.normal)
     }
 
-    /// Round-off of the force that the round-off of the gap from a curved surface causes, for coordinates of this
-    /// magnitude, [force].
+    /// Round-off of the force due to the round-off of the gap from a curved surface, for coordinates of this magnitude,
+    /// [force]; 0 for flat surfaces.
     pub(super) fn round_off(&self, coordinates: f64) -> f64 {
         let is_flat = self.approach.normal_derivative == [[0.0; D]; D];
         if is_flat { 0.0 } else { OF_CLOSEST * f64::EPSILON * self.law.penalty * coordinates }

@@ -129,8 +129,8 @@ impl<const D: usize> Moving<D> {
         norm(&minus(x, &self.start.position()))
     }
 
-    /// The velocity of the tool at a position, [length], with respect to component `k` of its motion: the derivative of
-    /// the position of a point of the tool, and the rate of rotation.
+    /// The velocity of the tool at a position with respect to component `k` of its motion: the derivative of the
+    /// position of a point of the tool, [-] for translations and [length] for rotations, and the rate of rotation, [-].
     pub(super) fn velocity(&self, k: usize, x: &[f64; D]) -> ([f64; D], [f64; 3]) {
         if k < D {
             return (std::array::from_fn(|d| if d == k { 1.0 } else { 0.0 }), [0.0; 3]);

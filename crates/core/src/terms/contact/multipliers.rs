@@ -158,7 +158,7 @@ impl NodeNumbers {
     }
 }
 
-/// The largest errors on all ranks; `None` if no multiplier would change.
+/// The largest errors on all ranks; `None` if all contact points are open and stay so.
 ///
 /// An update changes the force at a contact point by ε e. The nodes see ē = Σ |N_v| ē_v at the contact point, with the
 /// nodal means ē_v = Σ |N_v| ε e/Σ |N_v| ε over the contact points around node v. Both |e| and |ē| must be small.

@@ -68,8 +68,8 @@ impl<const D: usize> Contact<D> {
                 }
             };
             if touch.is_none() && may_have_passed() {
-                // The path starts outside the tool, because round-off may put a contact point that touches on either
-                // side of the surface.
+                // The path starts outside the tool, because round-off may put a touching contact point on either side
+                // of the surface.
                 let start = along(&candidate.start, APART * candidate.size, &candidate.near.normal);
                 let path = [moving.start.to_tool(&start), moving.end.to_tool(position)];
                 if depth_of_passage(tool.shape.as_ref(), path) > GRAZING * candidate.size {

@@ -18,7 +18,7 @@ const SHARED: f64 = 1e-8;
 /// Sine of the angle between the surface of a tool and the edges of a side of a domain up to which this side counts as
 /// lying along the surface, [-]. A domain that touches the tool only with a corner adds nothing to the corner's area.
 const ALONG: f64 = 0.5;
-/// Cosine of the angle between normals within which the surface of a tool without edges counts as flat over a domain,
+/// Cosine of the angle between normals above which the surface of a tool without edges counts as flat over a domain,
 /// [-]: the radius of the surface is then many times the size of the domain.
 const FLAT: f64 = 0.99;
 /// Additional search distance, in cells, which lets the search skip the next material points.
@@ -259,7 +259,7 @@ struct Vertex<const D: usize> {
 }
 
 impl<const D: usize> Vertex<D> {
-    /// The corner with this index; `None` for a point whose domain is not given by corners.
+    /// The corner with this index; `None` for a centre, or for a point whose domain is not given by corners.
     fn of(corners: &[[f64; D]], corner: usize) -> Option<Self> {
         let start = corners.get(corner)?;
         let is_box = corners.len() == 1 << D;

@@ -14,7 +14,7 @@ impl<const D: usize> Contact<D> {
         (numbers[0], numbers[1] == 0.0)
     }
 
-    /// For each tool, true if contact points touch it, and true if one of them does not slide.
+    /// For each tool, true if contact points touch it, and true if one of them does not slide with friction.
     pub(super) fn touched(&self) -> [Vec<bool>; 2] {
         let n = self.tools.len();
         let mut of_tools = vec![false; 2 * n];
