@@ -104,7 +104,8 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         if let Some(factor) = report.strength_factor {
             let movement = Movement::of(model, points, report.step);
             let from = model.stepping.strength_factor(model.stepping.start_time).unwrap_or(factor);
-            let slumped = self.reached.summary.damped - usize::from(report.damped);
+            // Damped iterations never act while the strength is reduced.
+            let slumped = self.reached.summary.damped;
             let bracket = self.reached.summary.strength_of(model.present.stage);
             let begun = bracket.begins(slumped, report.step.index);
             let slides = bracket.stood(factor, from, movement, report.step.index);

@@ -12,6 +12,8 @@ use crate::terms::held_material::HeldMaterial;
 use super::attempt::{FailedAttempt, Iterate};
 use crate::step::Step;
 
+/// Name of the history variable of laws that distinguishes plastic flow from other changes.
+const EQUIVALENT_PLASTIC_STRAIN: &str = "equivalent_plastic_strain";
 /// Filling ratio below which cells are not examined for hourglass modes, since their nodes move far for another reason,
 /// [-].
 const FULL: f64 = 0.5;
@@ -61,16 +63,17 @@ fn cells_at<const D: usize>(model: &Model<D>, links: &Connectivity<D>, place: &[
     links.active_cells().iter().copied().filter(|cell| touches(*cell)).collect()
 }
 
-/// Number of points whose history, converged or in the failed step, differs from the initial values that their law
-/// states.
+/// Number of points that have yielded since the start of the analysis, including the failed step: those whose equivalent
+/// plastic strain, or, if their law has none, any history variable differs from the initial value that the law states.
+/// The other variables of soils also change with the initial stress.
 pub(super) fn points_that_flow<const D: usize>(model: &Model<D>, points: &Points<D>) -> usize {
-    let n = points.history_len;
     let flows = |p: &usize| {
-        let of = |history: &[f64]| history[p * n..][..n].to_vec();
         let fields = model.law(points, *p).state_fields();
-        let has_changed =
-            |history: &[f64]| fields.iter().zip(of(history)).any(|(field, now)| field.initial != now);
-        has_changed(&points.trial.history) || has_changed(&points.converged.history)
+        let plastic = fields.iter().position(|field| field.name == EQUIVALENT_PLASTIC_STRAIN);
+        let shown = plastic.map_or(0..fields.len(), |f| f..f + 1);
+        let own =
+            &[&points.trial.history, &points.converged.history].map(|all| &all[p * points.history_len..]);
+        shown.into_iter().any(|f| own.iter().any(|history| history[f] != fields[f].initial))
     };
     (0..points.len()).filter(flows).count()
 }
@@ -232,9 +235,10 @@ mod tests {
     use crate::basis::Method;
     use crate::domain::DomainUpdate;
     use crate::grid::Structured;
-    use crate::material::{Hencky, Material};
-    use crate::model::{Body, NamedMaterial};
+    use crate::material::{Hencky, Material, Tresca};
+    use crate::model::{Body, Builder, Fill, NamedMaterial};
     use crate::points::Seed;
+    use crate::tensor::Sym3;
 
     /// Hourglass and runaway measures of a block of 3 by 2 full cells of side 1 under a motion of its nodes.
     fn measure(points_per_cell: u32, motion: impl Fn([f64; 2]) -> [f64; 2]) -> (f64, f64) {
@@ -296,6 +300,26 @@ mod tests {
             let (bending, _) = measure(points_per_cell, |[x, y]| [-0.01 * x * (y - 2.0), 0.005 * x * x]);
             assert!(bending < 3.0, "{bending}");
         }
+    }
+
+    #[test]
+    fn an_initial_stress_is_no_flow() {
+        let grid = Structured::new([0.0; 2], [1.0; 2], [2, 2]);
+        let clay = Tresca::new(1e6, 0.3, 1e4);
+        let (model, mut points) = Builder::new(grid)
+            .material("clay", clay)
+            .body("ground", "clay", Fill::default(), |_| true)
+            .build()
+            .unwrap();
+        for p in 0..points.len() {
+            model.set_initial_stress(&mut points, p, &Sym3([-2e4, -3e4, -2e4, 0.0, 0.0, 0.0])).unwrap();
+        }
+        let n = points.history_len;
+        assert!(points.converged.history[1] != 0.0, "other variables change with the stress");
+        assert_eq!(points_that_flow(&model, &points), 0);
+        points.trial.history[0] = 1e-6;
+        points.converged.history[3 * n] = 1e-6;
+        assert_eq!(points_that_flow(&model, &points), 2);
     }
 
     #[test]
