@@ -198,7 +198,7 @@ steps: {{count: 2}}"
         (
             "boundary_conditions: [{name: base, nodes: {y: 0}, ux: 1/x, uy: 0}]\nsteps: {count: 2}"
                 .to_owned(),
-            "step 1: the displacement of boundary condition `base` along x is not finite at node (0.000000, 0.000000): \
+            "step 1: the displacement of boundary condition `base` along x is not finite at (0.000000, 0.000000): \
              the formula `1/x` gives inf at load factor 0.5",
         ),
     ] {

@@ -1,8 +1,9 @@
 //! The stiffness and the forces of the active grid, to which the terms of equilibrium contribute: eqs. (19)-(23),
 //! (27)-(29).
 //!
-//! The pattern is laid out once per step. It couples nodes that share a group of points, and further nodes that terms
-//! couple. Terms contribute in a fixed order, so that the result is the same to the last bit for any number of threads.
+//! The pattern is laid out for each step. It couples the nodes that a point touches, all nodes of some groups, and
+//! further nodes that terms or ties couple. Terms contribute in a fixed order, so that the result is the same to the
+//! last bit for any number of threads.
 
 mod border;
 mod group;
@@ -40,8 +41,8 @@ pub struct System<const N: usize> {
     pub(crate) internal: Nodal<N>,
     /// External force on the active nodes, eq. (29), [force].
     pub(crate) external: Nodal<N>,
-    /// The part of the external force that holds bodies as reactions do: the forces of conditions on surfaces, and the
-    /// forces that a stage releases, [force]. `None` if there are no such forces.
+    /// The part of the external force that holds bodies as reactions do: the forces of tools and of conditions on
+    /// surfaces, and the forces that a stage releases, [force]. `None` if there are no such forces.
     holding: Option<Nodal<N>>,
     /// Round-off of the external force at each node in addition to the round-off of increments and stresses, [force];
     /// `None` if there is none.
@@ -107,7 +108,7 @@ impl<const N: usize> System<N> {
         }
     }
 
-    /// Clears the contributions of the terms.
+    /// Clears the contributions of the terms; keeps the stiffness if only forces are wanted.
     pub(crate) fn clear(&mut self, wanted: Wanted) {
         if wanted == Wanted::Stiffness {
             self.blocks.fill([[0.0; N]; N]);
@@ -213,9 +214,9 @@ impl<const N: usize> System<N> {
         add(self.holding.get_or_insert_with(|| vec![[0.0; N]; force.len()]), force);
     }
 
-    /// The part of the external force that holds bodies as reactions do: the forces of conditions on surfaces, and the
-    /// forces that a stage releases, [force]; `None` if there are no such forces. It can cancel the loads at the same
-    /// nodes.
+    /// The part of the external force that holds bodies as reactions do: the forces of tools and of conditions on
+    /// surfaces, and the forces that a stage releases, [force]; `None` if there are no such forces. It can cancel the
+    /// loads at the same nodes.
     pub fn holding_force(&self) -> Option<&Nodal<N>> {
         self.holding.as_ref()
     }
@@ -275,7 +276,7 @@ impl<const N: usize> System<N> {
         sums
     }
 
-    /// Adds a multiple of a diagonal matrix, given per node, to K until the next evaluation.
+    /// Adds a multiple of a diagonal matrix, given per node, to K until K is evaluated again.
     pub fn add_to_diagonal(&mut self, factor: f64, diagonal: &[[f64; N]]) {
         let (blocks, halo) = (&mut self.blocks, &self.halo);
         self.pairs.for_each(|row, column, place| {

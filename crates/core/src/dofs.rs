@@ -184,7 +184,7 @@ impl<const N: usize> DofMap<N> {
     }
 
     /// A component as a linear combination of unknowns and prescribed components, without its constant: nodes,
-    /// components and weights. At a turned node, component k stands for direction k of the node.
+    /// components and weights. In this combination, component k of a turned node is that along its direction k.
     pub fn expression(&self, node: usize, component: usize) -> Vec<(usize, usize, f64)> {
         let tie = self.numbering.other(node, component).and_then(|other| match self.bound[other] {
             Bound::Tied(tie) => Some(&self.ties[tie as usize]),
@@ -327,7 +327,7 @@ impl<const N: usize> DofMap<N> {
     }
 
     /// The indices of the boundary conditions that prescribe a component, in the order of the model; empty if it is
-    /// free. All of them prescribe the same motion.
+    /// free or tied. All of them prescribe the same motion.
     pub fn conditions(&self, node: usize, component: usize) -> Vec<usize> {
         let place = (node as u32, component as u8);
         let begin = self.shared.partition_point(|(node, component, _)| (*node, *component) < place);
@@ -343,8 +343,8 @@ impl<const N: usize> DofMap<N> {
     /// force)`.
     ///
     /// The conditions that fix a component carry equal shares; if none fixes it, the conditions that move it carry
-    /// equal shares. At a turned node, each condition carries a force along its prescribed direction. Conditions that
-    /// do not belong to the model get no share.
+    /// equal shares. At a turned node, each condition whose direction is independent of earlier ones carries a force
+    /// along it. Conditions that do not belong to the model get no share.
     pub fn for_each_share<const D: usize>(
         &self,
         model: &Model<D>,

@@ -30,7 +30,7 @@ pub enum DomainUpdate {
 
 /// Motion of one point over a load step: the input of its domain update.
 pub struct DomainMotion<'a, const D: usize> {
-    /// Deformation gradient F at the end of the step.
+    /// Deformation gradient F at the end of the step along the axes of the grid, without hoop stretch.
     pub F: &'a Mat3,
     /// Increment ΔF of the deformation gradient over the step.
     pub dF: &'a Mat3,

@@ -113,7 +113,7 @@ pub struct Model<const D: usize> {
     pub newton: Newton,
     /// Probes.
     pub probes: Vec<Probe>,
-    /// The stages, if there are several; `stepping` and `newton` belong to the current stage.
+    /// The stages; empty if the analysis is not divided. `stepping` and `newton` belong to the current stage.
     pub stages: Vec<Stage<D>>,
     /// The state of the current stage.
     pub present: Present<D>,
@@ -148,7 +148,8 @@ impl<const D: usize> Model<D> {
         }
     }
 
-    /// The load curve shared by all loads and prescribed motions; `None` if there are several curves or none.
+    /// The load curve shared by all loads and by all boundary conditions that move nodes; `None` if there are several
+    /// curves or none. The curves of tools do not count.
     pub fn common_curve(&self) -> Option<&LoadCurve> {
         // The curve of a condition that only fixes nodes has no effect.
         let moving = self.boundary_conditions.iter().filter(|c| c.moves()).map(|condition| &condition.curve);
@@ -157,7 +158,7 @@ impl<const D: usize> Model<D> {
         curves.all(|curve| curve == first).then_some(first)
     }
 
-    /// True if one load factor governs all loads and prescribed motions.
+    /// True if one load factor governs all loads and boundary conditions that move nodes; never with stages.
     pub fn has_one_load_factor(&self) -> bool {
         self.stages.is_empty()
             && (self.stepping.control.has_unknown_factor() || self.common_curve().is_some())

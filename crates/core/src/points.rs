@@ -49,7 +49,7 @@ pub enum PointVolume {
     /// det(F) times the original volume, eq. (22).
     #[default]
     Deformation,
-    /// The volume of the domain, which equals the volume of eq. (22) unless the domain update changes it. It is needed
+    /// The volume of the domain, which differs from the volume of eq. (22) if the domain does not follow det(F). Needed
     /// only to reproduce some results of the paper. Points without a domain use eq. (22).
     Domain,
 }
@@ -71,7 +71,8 @@ impl<const D: usize> Points<D> {
         self.further.commit();
     }
 
-    /// Adds a field that only this analysis has. Reordering, commits, checkpoints and result files include it.
+    /// Adds a field that only this analysis has. Reordering, commits, checkpoints and result files include it;
+    /// checkpoints omit the values of fixed fields.
     ///
     /// # Errors
     /// [`FieldError`] if the name, shape or initial values are invalid.

@@ -157,9 +157,9 @@ pub struct Quality {
     /// Step number and observed order of the Newton iterations, [`newton_order`], of every step in which an order can
     /// be observed.
     pub newton_orders: Vec<(usize, f64)>,
-    /// Largest magnitude of the rotation in the plane, [degrees].
+    /// Largest angle of the rotation R in F = R U, about any axis, [degrees].
     pub rotation: Option<Worst>,
-    /// Largest shear in the plane, [-].
+    /// Largest shear between two axes, [-].
     pub shear: Option<Worst>,
     /// Largest mean rotation of a body whose domains are boxes that cannot follow the rotation, [degrees].
     pub box_rotation: Option<Worst>,
@@ -168,14 +168,15 @@ pub struct Quality {
     pub pressure_oscillation: Option<(f64, usize)>,
     /// For each body, number of cell boundaries crossed by its points without a domain, and number of these points.
     crossed: Vec<[usize; 2]>,
-    /// The connected parts of the bodies at the start of the run.
+    /// The connected parts of the bodies in the first step of the run, or after the last change between stages.
     cohesion: Option<Cohesion>,
     /// True if the stiffness has been positive definite at least once.
     #[serde(default)]
     was_stable: bool,
     /// The material at the nodes of each boundary condition.
     held: Vec<Held>,
-    /// Warnings raised so far, each with the number of the body or boundary condition that it concerns.
+    /// Warnings raised so far, each with the number of the body, pair of bodies or boundary condition that it concerns;
+    /// 0 for the whole run.
     #[serde(default)]
     raised: BTreeSet<(Code, usize)>,
 }

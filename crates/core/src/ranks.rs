@@ -14,7 +14,8 @@ use serde::{Serialize, de::DeserializeOwned};
 
 pub use halo::{Halo, Sharer, Sharing, sharing};
 
-/// Messages between ranks. Every method but the last is collective: all ranks must call it, in the same order.
+/// Messages between ranks. The methods that gather or exchange are collective: all ranks must call them, in the same
+/// order.
 pub trait Communicator: Send + Sync + std::fmt::Debug {
     /// Number of ranks.
     fn count(&self) -> usize;
@@ -32,8 +33,8 @@ pub trait Communicator: Send + Sync + std::fmt::Debug {
     /// sent it, in ascending order of these ranks.
     fn exchange(&self, messages: Vec<(usize, Vec<u8>)>) -> Vec<(usize, Vec<u8>)>;
 
-    /// Swaps numbers with some other ranks, in ascending order: `send[k]` goes to rank `with[k]`, whose own numbers
-    /// fill `receive[k]`. Both sides must call this, and agree on the lengths, which may be 0.
+    /// Swaps numbers with other ranks, listed in `with` in ascending order: `send[k]` goes to rank `with[k]`, whose own
+    /// numbers fill `receive[k]`. Both sides must call this, and agree on the lengths, which may be 0.
     fn swap(&self, with: &[usize], send: &[Vec<f64>], receive: &mut [Vec<f64>]);
 }
 
@@ -82,7 +83,7 @@ impl Ranks {
         all.iter().filter(|(other, _)| *other == machine).map(|(_, amount)| amount).sum()
     }
 
-    /// True on the rank that writes results.
+    /// True on rank 0, which writes tables, lists and the summary.
     pub fn is_root(&self) -> bool {
         self.own() == 0
     }

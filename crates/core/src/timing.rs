@@ -1,4 +1,4 @@
-//! Time spent in each phase of a run; the phases correspond to Table 5 of the paper.
+//! Time spent in each phase of a run; `docs/verification/beam.md` compares the phases with Table 5 of the paper.
 
 use std::time::{Duration, Instant};
 

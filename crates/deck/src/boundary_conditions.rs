@@ -11,8 +11,9 @@ use super::per_axis::array;
 use super::quoting::quote;
 use super::{AXES, BoxDeck, Expression, LoadCurve, Vector};
 
-/// A named set of prescribed nodal displacements; its reaction is reported under its name. Conditions that fix the same
-/// node along an axis share the reaction there equally, and take precedence over conditions that move the node.
+/// A named set of prescribed displacements of nodes or of a surface; its reaction is reported under its name. If
+/// several conditions prescribe the same displacement of a node along an axis, those that fix the node share the
+/// reaction there equally; if none fixes it, those that move it share the reaction equally.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BoundaryConditionDeck {

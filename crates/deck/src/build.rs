@@ -1,4 +1,4 @@
-//! Gate three, feasibility: from a deck to the model and its points. Checks that need the mesh are made here.
+//! The gate `feasibility`: from a deck to the model and its points. Checks that need the mesh are made here.
 
 mod initial_stress;
 mod magnitudes;
@@ -43,7 +43,8 @@ use mpm_core::stress::Volumetric;
 /// Penalty stiffness of conditions on surfaces, relative to the axial modulus divided by the cell size, [-].
 const PENALTY: f64 = 10.0;
 
-/// Loss of area, relative to the area of the region, above which the loss is probably unintended, [-].
+/// Difference between the area of the points and that of their region, relative to the latter, above which the
+/// difference is probably unintended, [-].
 const MUCH: f64 = 0.05;
 
 /// Builds the model of a deck that passed the earlier gates, and its points; `D` must be the number of axes of the
@@ -69,8 +70,8 @@ pub(super) struct Built<const D: usize> {
     pub(super) memory: f64,
 }
 
-/// Like [`build`], but refuses a model that does not fit in `memory`. Each rank gets the points in its part of the
-/// grid; all ranks get the same messages.
+/// Like [`build`], but with the memory limits in `memory` instead of those of this machine; `None` sets no limit. Each
+/// rank gets the points in its part of the grid; all ranks get the same messages.
 pub(super) fn built<const D: usize>(
     loaded: &LoadedDeck,
     memory: Option<Memory>,

@@ -11,13 +11,14 @@ use super::{Deck, Expression, MaterialDeck};
 use mpm_core::formula::names;
 use mpm_core::model::LoadCurve;
 
-/// Times that differ by less than this, relative to the end of the analysis, count as equal.
+/// Relative difference up to which two times, or two load factors, count as equal.
 const SAME: f64 = 1e-12;
 /// Longest value that is shown in full, [characters].
 const LONGEST: usize = 60;
 
-/// Changes to a deck that prevent a run from resuming at `time`, each as a sentence. The number and size of
-/// steps, the `solver`, loads after that time, titles and the output may change.
+/// Changes to a deck that prevent a run from resuming at `time`, each as a sentence. The number and size of steps, the
+/// `solver`, the curves of loads and boundary conditions after that time, titles, checkpoints, and the output without
+/// its probes may change.
 pub fn changes(old: &Deck, new: &Deck, time: f64) -> Vec<String> {
     let mut found = Vec::new();
     compare("", &essential(old), &essential(new), &mut found);
@@ -155,7 +156,7 @@ fn formulas(deck: &Deck) -> Vec<String> {
         .collect()
 }
 
-/// Names and curves of all loads, and of the conditions that move nodes.
+/// Names and curves of all loads, and of the boundary conditions that move nodes or surfaces.
 fn curves(deck: &Deck) -> Vec<(&str, LoadCurve)> {
     let moving = deck.boundary_conditions.iter().filter(|condition| !condition.displacements().is_empty());
     let conditions = moving.map(|c| (c.name.as_str(), load_curve(c.curve.as_ref(), deck.end_time())));
@@ -163,7 +164,7 @@ fn curves(deck: &Deck) -> Vec<(&str, LoadCurve)> {
     conditions.chain(loads).collect()
 }
 
-/// True if two piecewise linear curves differ before a time.
+/// True if two piecewise linear curves differ up to a time.
 fn differ(before: &LoadCurve, after: &LoadCurve, time: f64) -> bool {
     let times = before.times().chain(after.times()).filter(|t| (0.0..time).contains(t));
     times.chain([0.0, time]).any(|t| {

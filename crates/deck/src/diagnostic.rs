@@ -181,8 +181,8 @@ impl Diagnostic {
         }
     }
 
-    /// An error about the value at a JSON pointer, located at the nearest parent that is in the text. A note is added
-    /// if the value comes from a parameter.
+    /// An error about the value at a JSON pointer, located there or, if the value is not in the text, at the nearest
+    /// parent that is. A note is added if the value comes from a parameter.
     pub fn at(source: &Source, code: &'static str, pointer: &str, message: impl Into<String>) -> Diagnostic {
         let mut diagnostic = Diagnostic::error(code, message);
         diagnostic.span = source.nearest_span(pointer);
@@ -191,7 +191,7 @@ impl Diagnostic {
         diagnostic
     }
 
-    /// Like [`Diagnostic::at`], but located at the key rather than at its value.
+    /// Like [`Diagnostic::at`], but located at the key rather than at its value, and without the note.
     pub fn at_key(
         source: &Source,
         code: &'static str,
@@ -326,7 +326,7 @@ pub fn count(diagnostics: &[Diagnostic]) -> String {
 /// Largest number of messages that are rendered; if a deck has more faults, most have the same cause.
 const MOST: usize = 100;
 
-/// Renders messages in the order of their locations, with an empty line between them and a newline at the end.
+/// Renders messages, at most `MOST`, in the given order, with an empty line between them and a newline at the end.
 pub fn render_all(source: &Source, diagnostics: &[Diagnostic], colour: bool) -> String {
     let mut text = String::new();
     for diagnostic in diagnostics.iter().take(MOST) {

@@ -1,4 +1,4 @@
-//! Gate three, feasibility, second half: sets up the first load step without solving it.
+//! The gate `feasibility`, second half: sets up the first load step without solving it.
 //!
 //! Faults that prevent the first step are reported with their location in the deck; the solver finds such faults in
 //! later steps.
@@ -168,7 +168,8 @@ impl Check<'_> {
         self.found.push(found.severity(Severity::Note).help(help));
     }
 
-    /// Warns of each boundary condition whose nodes are all fixed already by other conditions along an axis.
+    /// Warns of each boundary condition whose nodes all have their displacement along an axis prescribed by earlier
+    /// conditions.
     fn held_already<const D: usize>(&mut self, model: &Model<D>) {
         for Covered { condition, axis, by } in covered(&model.boundary_conditions) {
             let name = |number: usize| model.boundary_conditions[number].name.as_str();

@@ -16,9 +16,9 @@ fn variables(dimensions: usize) -> Vec<&'static str> {
 /// Names of the variables of formulas; no parameter may have one of these names.
 pub const VARIABLES: [&str; 7] = ["x", "y", "z", "X", "Y", "Z", "factor"];
 
-/// A fault in a formula: the key under the load or boundary condition (`force/0`, `where/q`), the text, and the error.
+/// A fault in a formula: the key under the entry of the deck (`force/0`, `where/q`), the text, and the error.
 pub struct Fault {
-    /// Key, relative to the load or boundary condition.
+    /// Key, relative to the entry of the deck that has the formula.
     pub key: String,
     /// Text of the formula.
     pub text: String,

@@ -70,6 +70,7 @@ pub(crate) trait Builds {
     fn faulty_formulas(&mut self, pointer: &str, faults: Vec<Fault>);
     /// Index of a surface.
     fn surface_number(&self, name: &str) -> usize;
-    /// Permanent numbers of the `count` points of a body nearest to a location.
+    /// Permanent numbers of the points of a body nearest to a location. `wanted` holds the location, the number of
+    /// points, and the treatment of points that are equally near.
     fn nearest(&mut self, body: &str, wanted: (&[f64], u32, Ties), pointer: &str) -> Vec<u32>;
 }

@@ -20,7 +20,8 @@ const MOST_PARTS: usize = 20;
 type Free = BTreeSet<(Vec<u16>, Vec<usize>)>;
 
 impl Check<'_> {
-    /// Reports the parts of the bodies that nothing holds, except those in `known`; returns all of them.
+    /// Reports the parts of the bodies that nothing holds; returns all of them. `stage` holds the number of a later
+    /// stage and the parts that were free before it, which are not reported again.
     pub(super) fn free_parts<const D: usize>(
         &mut self,
         model: &Model<D>,

@@ -121,7 +121,7 @@ pub(crate) fn is_stressed(deck: &Deck) -> bool {
     deck.bodies.iter().any(|body| body.initial_stress.is_some())
 }
 
-/// True if a load acts on a body.
+/// True if a load acts on the points of a body.
 fn acts_on(load: &LoadDeck, body: &BodyDeck) -> bool {
     load.bodies().is_none_or(|names| names.contains(&body.name))
 }

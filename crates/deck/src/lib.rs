@@ -2,7 +2,8 @@
 //!
 //! A deck is declarative. Unknown keys are errors, every quantity documents its unit (any consistent system; the
 //! examples use m, N, Pa, kg), and a number may be written as an expression of the deck's parameters, `${h/2}`. The doc
-//! comments of this file become the descriptions in `schema/deck.schema.json` and in `docs/deck.md`.
+//! comments of these types, here and in other modules, become the descriptions in `schema/deck.schema.json` and in
+//! `docs/deck.md`.
 
 #![allow(rustdoc::broken_intra_doc_links, reason = "units stand in brackets")]
 
@@ -91,7 +92,7 @@ mod yaml;
 #[expect(dead_code, reason = "only its schema is used")]
 struct Vector(#[schemars(length(min = 2, max = 3))] Vec<f64>);
 
-/// A pair of coordinates.
+/// A pair of numbers.
 type Pair = [f64; 2];
 
 /// A vector of lengths above zero, [length].
@@ -330,7 +331,7 @@ pub struct BodyDeck {
     #[schemars(range(min = 1, max = 10_000), extend("examples" = [8]))]
     pub points_per_tetrahedron: Option<u32>,
     /// Distance between points, [length], in place of `points_per_cell`, for a body that is not aligned with the grid:
-    /// one number or one per axis. The sides of the body must be whole multiples of this distance.
+    /// one number or one per axis. The sides of a box must be whole multiples of this distance.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Option<PerAxis<Length>>", extend("examples" = [0.1, [0.1, 0.2]]))]
     pub point_spacing: Option<PerAxis<f64>>,

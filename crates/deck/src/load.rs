@@ -211,7 +211,7 @@ fn unreadable(path: &Path, error: &std::io::Error) -> Diagnostic {
 fn similar_file(path: &Path) -> Option<String> {
     let wanted = path.file_name()?.to_str()?;
     let directory = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    // A directory with more entries than this is not searched.
+    // In a larger directory, only this many entries are searched.
     let entries = std::fs::read_dir(directory).ok()?.take(10_000).flatten();
     let mut names: Vec<String> = entries
         .filter_map(|entry| entry.file_name().into_string().ok())
@@ -237,7 +237,7 @@ pub fn parameter_names(name: &str, text: &[u8]) -> Result<Vec<String>, Box<LoadF
 /// the file in messages.
 ///
 /// # Errors
-/// If the text is not YAML. Nothing else is checked.
+/// If the text is not YAML, a key is given twice, or a number is not finite. Nothing else is checked.
 pub fn values(name: &str, text: &[u8]) -> Result<Value, Box<LoadFailure>> {
     let (source, value, diagnostics) = Source::read(name, text);
     match value {

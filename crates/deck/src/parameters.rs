@@ -81,7 +81,7 @@ pub(super) fn apply(
 
 struct Table<'a> {
     definitions: BTreeMap<String, Definition>,
-    /// True if every parameter of the deck was understood; otherwise unknown names are not reported.
+    /// True if `definitions` has all parameters of the deck; otherwise unknown names are not reported.
     is_complete: bool,
     source: &'a mut Source,
     diagnostics: &'a mut Vec<Diagnostic>,

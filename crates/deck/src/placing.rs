@@ -1,4 +1,4 @@
-//! Checks the points of bodies against the grid; finds groups of nodes and cells.
+//! Checks the points of bodies against the grid and against other bodies; finds nodes near a box.
 
 use std::collections::BTreeMap;
 
@@ -78,8 +78,9 @@ pub(super) fn inside_grid<const D: usize>(
     Err(Fault { code: "D028", key: "/shape".to_owned(), message, help })
 }
 
-/// Finds bodies whose points lie in the region of an earlier body that exists at the same time; returns the index of
-/// each and a message. All points of a cell must be on one rank; all ranks search together.
+/// Finds pairs of bodies that exist at the same time, one of which has points in the region of the other; returns the
+/// index of the later body of each pair and a message. All points of a cell must be on one rank; all ranks search
+/// together.
 pub(super) fn overlaps<const D: usize>(
     grid: &dyn Grid<D>,
     deck: &Deck,

@@ -55,7 +55,7 @@ impl Source {
     }
 }
 
-/// True if the bytes begin like UTF-16 text: with its byte order mark, or with an ASCII letter in two bytes.
+/// True if the bytes begin like UTF-16 text: with its byte order mark, or with two Latin characters of two bytes each.
 fn is_utf16(bytes: &[u8]) -> bool {
     matches!(bytes, [0xff, 0xfe, ..] | [0xfe, 0xff, ..])
         || matches!(bytes, [a, 0, b, 0, ..] | [0, a, 0, b, ..] if *a > 0 && *b > 0)

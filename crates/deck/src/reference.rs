@@ -232,7 +232,7 @@ fn plural(items: &Map<String, Value>) -> String {
     }
 }
 
-/// A default as it is written in a deck.
+/// A default or an example as it is written in a deck.
 fn in_yaml(value: &Value) -> String {
     match value {
         Value::Object(entries) if !entries.is_empty() => {

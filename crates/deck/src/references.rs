@@ -7,8 +7,8 @@ use super::quoting::{list, quote};
 use super::source::Source;
 use mpm_core::formula::closest;
 
-/// Help for a name that refers to no entry of the deck: the names of the entries that exist, or the most similar of
-/// these names. The pair contains the word for this kind of entry in the singular and in the plural.
+/// Help for a name that refers to no entry of the deck: the most similar name, if any is similar, and the names of all
+/// entries that exist. The pair contains the word for this kind of entry in the singular and in the plural.
 pub fn known_names((one, several): (&str, &str), name: &str, names: &[&str]) -> String {
     match (closest(name, names.iter().copied()), names.len()) {
         (_, 0) => format!("the deck has no {}", several.replace(" and ", " or ")),

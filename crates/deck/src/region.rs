@@ -266,10 +266,10 @@ pub(super) trait OfDeck<const D: usize>: Sized + ToolOfDeck<D> + Fillable<D> {
     /// A rotation about a location.
     fn turn(angle: f64, center: [f64; D], axis: Option<&Direction>) -> Result<Motion<D>, ShapeError>;
 
-    /// Boxes a structured grid.
+    /// Puts a structured grid into a `Box`.
     fn boxed_lines(grid: Structured<D>) -> Box<dyn Grid<D>>;
 
-    /// Boxes a mesh.
+    /// Puts a mesh into a `Box`.
     fn boxed_mesh(mesh: Mesh<D>) -> Box<dyn Grid<D>>;
 }
 

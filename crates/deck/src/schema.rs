@@ -40,8 +40,8 @@ pub fn deck_schema() -> Value {
     schema
 }
 
-/// Adds the range and the default to the description of every key, and removes the descriptions that editors would show
-/// instead: those of the whole deck and of choices between types.
+/// Adds the range and the default to the description of every key, and removes what editors would show instead: the
+/// title of the whole deck and the descriptions of choices between types.
 fn describe(schema: &mut Value) {
     match schema {
         Value::Array(items) => items.iter_mut().for_each(describe),
@@ -136,7 +136,7 @@ fn forbid_null(object: &mut Map<String, Value>) {
     }
 }
 
-/// Replaces the format of an integer, which editors do not know, by its range.
+/// Removes formats, which editors do not know; the range of an integer takes the place of its format.
 fn state_integer_range(object: &mut Map<String, Value>) {
     let format = object.get("format").and_then(Value::as_str).map(str::to_owned);
     if matches!(format.as_deref(), Some("uint32" | "double")) {

@@ -1,4 +1,4 @@
-//! Gate one, shape: every key is known, every value has its type and lies in its range.
+//! The gate `shape`: every key is known, every value has its type and lies in its range.
 //!
 //! The schema finds all faults at once; the messages are written here, since those of the validator are about schemas,
 //! not decks.

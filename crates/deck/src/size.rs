@@ -1,4 +1,4 @@
-//! Estimates the size and the memory of an analysis before any memory is allocated.
+//! Estimates the size and the memory of an analysis before any body is filled.
 
 use super::diagnostic::{Diagnostic, Severity};
 use super::per_axis::per_axis;
@@ -184,7 +184,8 @@ impl Size {
         PROGRAM * self.processes + self.memory_of_grid + self.memory_of_points + self.memory_of_stiffness
     }
 
-    /// Compares the estimate with the available memory: an error if it is not enough, a warning if it is barely enough.
+    /// Compares the estimate with the memory: an error if it exceeds the limit or the free address space, a warning if
+    /// it exceeds the memory that is free now or comes close to the limit.
     pub(super) fn judge(&self, deck: &Deck, source: &Source, memory: &Memory) -> Option<Diagnostic> {
         let needed = self.memory();
         let (limit, available) = (memory.limit as f64, memory.available as f64);

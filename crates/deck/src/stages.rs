@@ -19,9 +19,10 @@ pub struct StageDeck {
     /// Load steps of the stage; `end_time` is its duration, and a control reaches `to` or `length` within the stage.
     pub steps: StepsDeck,
     /// Factors that loads and boundary conditions reach at the end of the stage, by name. They change linearly from
-    /// their values at the start of the stage (0 before the first stage). All other factors stay constant, unless there
-    /// is a `curve`. With displacement or arc-length control, the loads named here share the common factor that follows
-    /// from equilibrium; at a common factor of 1, they have the factors given here.
+    /// their values at the start of the stage. Before the first stage, the factors are 0, except that of gravity on a
+    /// body with `initial_stress`, which is 1. All other factors stay constant, unless there is a `curve`. With
+    /// displacement or arc-length control, the loads named here share the common factor that follows from equilibrium;
+    /// at a common factor of 1, they have the factors given here.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     #[schemars(extend("examples" = [{"weight": 1}]))]
     pub factors: BTreeMap<String, f64>,

@@ -71,9 +71,10 @@ pub enum ControlDeck {
         #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [0.5]))]
         length: Option<f64>,
     },
-    /// Strength reduction: the cohesion and the tangent of the friction angle of all materials are divided by a factor
-    /// F that grows in proportion to time, until no equilibrium is found. The factor of safety lies between the last F
-    /// with equilibrium and the first F without it; the stage then ends. Loads stay constant.
+    /// Strength reduction: the strength of the materials, such as the cohesion and the tangent of the friction angle,
+    /// is divided by a factor F that grows in proportion to time, until no equilibrium is found. The factor of safety
+    /// lies between the last F with equilibrium and the first F without it; the stage then ends. Loads stay constant,
+    /// and so does the strength of the models `library` and `modified-cam-clay`.
     StrengthReduction {
         /// Factor at the start, [-].
         #[serde(default = "whole")]

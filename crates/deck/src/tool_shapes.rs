@@ -14,7 +14,7 @@ use super::tools::ToolShape;
 /// The shape of a tool, or the reason why there is none.
 type Shaped<const D: usize> = Result<Arc<dyn Shape<D>>, ShapeError>;
 
-/// Tools that exist in the plane only, or in space only.
+/// The shapes of tools in `D` dimensions.
 pub(crate) trait ToolOfDeck<const D: usize> {
     /// Builds a shape whose frame has its origin at `about`; `triangles` are the triangles in its file, and `revolved`
     /// is true for sections of bodies of revolution. `None` for shapes that exist in another number of dimensions.

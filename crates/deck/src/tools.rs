@@ -69,8 +69,8 @@ pub struct ToolDeck {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = [0.3, "rough"]))]
     pub friction: Option<FrictionDeck>,
-    /// Shear strength that does not depend on the pressure, [stress]; 0 by default. The shear stress is at most 1 +
-    /// `friction` times the sum of the pressure and the tension cut-off, or ten times this sum on rough surfaces.
+    /// Shear strength that does not depend on the pressure, [stress]; 0 by default. The shear stress is at most (1 +
+    /// `friction`) times the sum of the pressure and the tension cut-off, or ten times this sum on rough surfaces.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("minimum" = 0.0, "examples" = [5e3]))]
     pub adhesion: Option<f64>,
@@ -388,8 +388,8 @@ impl ToolShape {
         }
     }
 
-    /// True if the shape cannot be the section of a body of revolution about x = 0: it lies neither on one side of the
-    /// axis nor symmetrically about it.
+    /// True if the shape cannot be the section of a body of revolution about x = 0: it neither lies at x ≥ 0 nor is
+    /// symmetric about the axis.
     pub(crate) fn is_lopsided(&self) -> bool {
         match self {
             ToolShape::Box { min, max } => {

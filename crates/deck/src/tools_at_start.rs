@@ -10,7 +10,7 @@ use super::diagnostic::Severity;
 use super::first_step::Check;
 use super::quoting::quote;
 
-/// Number of instants at which prescribed motions are evaluated.
+/// Number of equal intervals between the instants at which prescribed motions are evaluated.
 const TIMES: usize = 100;
 
 impl Check<'_> {
@@ -126,7 +126,7 @@ fn distance<const D: usize>([low, high]: &Bounds<D>, [other_low, other_high]: &B
     (0..D).map(|d| apart(d).powi(2)).sum::<f64>().sqrt()
 }
 
-/// A positive length in decimal notation, rounded up to three significant digits.
+/// A positive length in its shortest notation, rounded up to three significant digits, or to a whole number above 1000.
 fn rounded_up(length: f64) -> String {
     let decimals = (2.0 - length.log10().floor()).clamp(0.0, 15.0);
     let scale = 10f64.powf(decimals);

@@ -1,4 +1,4 @@
-//! Gate two, meaning: the deck must make sense, as far as this can be checked without the mesh.
+//! The gate `meaning`: the deck must make sense, as far as this can be checked without the mesh.
 //!
 //! The gate covers references by name, combinations of keys, geometry, formulas and curves. Ranges of single numbers
 //! are part of the schema. All faults are reported at once.
@@ -189,12 +189,12 @@ impl Check<'_> {
         let word =
             serde_json::to_value(update).ok().and_then(|word| word.as_str().map(quote)).unwrap_or_default();
         let wanted = ("gimp", "whose points have a box for a domain");
-        let lacks = "have no domain to update";
+        let lacks = "have no box to update";
         let what = format!("the domain update {word}");
         self.needs_domains(pointer, body, &what, ("domain_update", wanted, lacks));
     }
 
-    /// Only domains given by their corners become long and can be split.
+    /// Only domains whose corners move with the grid can be split.
     fn split_above(&mut self, pointer: &str, body: &BodyDeck) {
         if body.split_above.is_some() && body.method != Method::Cpdi2 {
             let wanted = ("cpdi2", "whose domains stretch with the grid");
@@ -226,7 +226,7 @@ impl Check<'_> {
         self.found.push(diagnostic);
     }
 
-    /// F-bar needs points that know the cell centres.
+    /// F-bar needs a method with basis functions at the centres of cells.
     fn volumetric(&mut self, pointer: &str, body: &BodyDeck) {
         if body.volumetric == Volumetric::FBar && !body.method.has_centres() {
             let method = body.method.name();

@@ -12,7 +12,7 @@ use super::diagnostic::Diagnostic;
 use super::quoting::quote;
 use super::span::{EntrySpan, Span, escape};
 
-/// Largest number of levels of nesting; the deepest valid deck needs a tenth of this number.
+/// Largest number of levels of nesting; a deck without nested regions needs about a tenth of this number.
 const MAX_DEPTH: usize = 64;
 /// Largest number of values in a deck.
 const MAX_VALUES: usize = 2_000_000;
@@ -30,7 +30,7 @@ pub(super) struct Document {
     pub poisoned: HashSet<String>,
 }
 
-/// A value with its location; children are shared, so that an alias costs nothing until the budget is checked.
+/// A value with its location. Children are shared: an alias takes no memory before the number of copies is checked.
 struct Node {
     data: Data,
     span: Span,

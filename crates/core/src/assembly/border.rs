@@ -81,7 +81,8 @@ impl<const N: usize> Border<N> {
         self.per_factor[self.first + i] += value;
     }
 
-    /// Adds to the derivative of the internal force on a node with respect to the term's global unknown `j`.
+    /// Adds to the derivative of the internal minus external force on a node with respect to the term's global unknown
+    /// `j`.
     pub fn add_to_column(&mut self, j: usize, node: usize, component: usize, value: f64) {
         self.columns[self.first + j][node][component] += value;
     }
@@ -126,7 +127,7 @@ impl<const N: usize> Border<N> {
         }
     }
 
-    /// Adds B δw to a change of the internal forces.
+    /// Adds B δw to a change of the internal minus external forces.
     pub(crate) fn add_columns(&self, change: &[f64], force: &mut [[f64; N]]) {
         for (column, change) in self.columns.iter().zip(change) {
             for (force, column) in force.as_flattened_mut().iter_mut().zip(column.as_flattened()) {

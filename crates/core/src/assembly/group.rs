@@ -10,8 +10,8 @@ use crate::tensor::lane::transposed;
 /// The dense stiffness of a group, to which its points contribute.
 pub(crate) trait Dense<const D: usize> {
     /// Adds the contribution of one point, given its gradients in the configuration that its weak form needs; `force`
-    /// is the force on the nodes of the group. `adjust` is called with the index of each node of the point and the
-    /// column of this node.
+    /// is the force on the nodes of the group. If stiffness is added, `adjust` is called with the index of each node of
+    /// the point and the column of this node.
     fn add<W: WeakForm<D>>(
         &mut self,
         weak: &W,

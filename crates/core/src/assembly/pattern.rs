@@ -100,7 +100,7 @@ impl NodePairs {
         }
     }
 
-    /// Calls `visit(row, column)` for the pairs that terms couple in addition to the groups.
+    /// Calls `visit(row, column)` for the pairs that terms and ties couple in addition to the groups.
     fn coupled_by(&self, couples: &Couples, mut visit: impl FnMut(usize, usize)) {
         couples(&mut |nodes: &[u32]| {
             for (a, &row) in nodes.iter().enumerate() {
@@ -114,14 +114,14 @@ impl NodePairs {
         });
     }
 
-    /// The index of a pair; `None` if its nodes are not coupled.
+    /// The index of a pair; `None` if its nodes are not coupled, or if row < column in a symmetric system.
     pub(crate) fn place_of(&self, row: u32, column: u32) -> Option<usize> {
         let first = self.column_start[column as usize];
         let rows = &self.row[first..self.column_start[column as usize + 1]];
         rows.binary_search(&row).ok().map(|at| first + at)
     }
 
-    /// Merges the pairs of all groups and the pairs that terms couple into sorted columns.
+    /// Merges the pairs of all groups and the pairs that terms and ties couple into sorted columns.
     fn collect_columns<const D: usize>(&mut self, links: &Connectivity<D>, couples: &Couples) {
         let n = links.n_active();
         let mut count = vec![0usize; n + 1];
@@ -207,7 +207,7 @@ impl NodePairs {
         BlockMatrix { symmetric: self.symmetric, column_start: &self.column_start, row: &self.row, blocks }
     }
 
-    /// The division of the matrix columns between threads, for products with a vector.
+    /// The division of the matrix columns into tasks, for products with a vector.
     pub(crate) fn division<const D: usize>(&self) -> Division<D> {
         Division::new(&self.column_start, &self.row)
     }

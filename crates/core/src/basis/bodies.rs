@@ -7,7 +7,7 @@ use crate::ranks::Halo;
 /// The bodies whose points touch a node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TouchedBy {
-    /// No body: the node belongs to a cell next to the cells that points touch.
+    /// No body of this rank: only points of other ranks touch the node.
     None,
     /// Only the body with this index.
     One(u16),

@@ -36,8 +36,9 @@ const INACTIVE: u32 = u32::MAX;
 
 /// The links between points and grid nodes, built once per load step.
 ///
-/// The points of a grid cell form a group. A group touches few nodes, so its contributions are summed in one dense
-/// block before they are scattered. Touched nodes are *active* and are numbered in the order of the grid.
+/// The points of a grid cell, or of a patch of cells, form a group. A group touches few nodes, so its contributions are
+/// summed in one dense block before they are scattered. Nodes touched by more than slivers of basis functions are
+/// *active* and are numbered in the order of the grid.
 #[derive(Debug, Clone, Default)]
 pub struct Connectivity<const D: usize> {
     group_points: Vec<usize>,
@@ -119,7 +120,7 @@ impl<const D: usize> Connectivity<D> {
     /// Groups the points by cell and links them.
     ///
     /// # Errors
-    /// The first point that lies outside the grid, or whose domain lies outside it.
+    /// The first point that lies outside the grid, or whose basis functions cannot be formed.
     pub fn new(
         grid: &dyn Grid<D>,
         points: &mut Points<D>,
@@ -237,7 +238,8 @@ impl<const D: usize> Connectivity<D> {
         self.group_nodes.extend(piece.group_nodes);
         self.touches.extend(piece.touches);
         self.whole.extend(piece.whole);
-        // Offsets of the next data of each kind. A point can share node indices with any earlier point of the group.
+        // Offsets of the next data of each kind. That of the node indices stays at the start of the piece, because a
+        // point can share the indices of an earlier point of its group.
         let mut next = Block { link: links, factor: factors, local: locals };
         for ((&start, form), &local) in piece.start.iter().zip(&piece.form).zip(&piece.local_start) {
             let explicit = form.is_explicit();
@@ -312,7 +314,7 @@ impl<const D: usize> Connectivity<D> {
         &self.local[start..][..self.form[point].nodes::<D>()]
     }
 
-    /// Links of a point; `buffer` holds values and gradients that are stored as factors.
+    /// Links of a point; `buffer` receives the values and gradients if they are stored as factors.
     #[inline(always)]
     pub fn links<'a>(&'a self, point: usize, buffer: &'a mut LinkBuffer<'_, D>) -> Links<'a, D> {
         let local = self.local_nodes(point);

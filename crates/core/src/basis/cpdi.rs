@@ -116,7 +116,7 @@ fn near_corner<const D: usize, G: Grid<D> + ?Sized>(
 /// starts at `cell`.
 ///
 /// # Errors
-/// The [`SupportError`] that [`Cpdi`] would return for this domain.
+/// A [`SupportError`] if [`Cpdi`] would return one for this domain.
 pub fn check_domain<const D: usize, G: Grid<D> + ?Sized>(
     grid: &G,
     corners: &[[f64; D]],

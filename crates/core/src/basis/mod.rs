@@ -167,7 +167,7 @@ pub enum SupportError {
     /// The point lies outside the grid.
     #[error("the point is outside the grid")]
     OffGrid,
-    /// A corner of the domain lies outside the grid.
+    /// A corner of the domain lies outside the grid by more than [`CORNER_MARGIN`].
     #[error("corner {corner} of its domain, at {}, is outside the grid", coordinates(&position[..*dimension]))]
     CornerOffGrid {
         /// Index of the corner.
@@ -196,7 +196,8 @@ pub trait Basis<const D: usize>: Sync {
     /// Writes the nodes that a point touches, their values and gradients, and the cells it touches to `out`.
     ///
     /// # Errors
-    /// [`SupportError`] if the point or a corner of its domain lies outside the grid, or if the domain is distorted.
+    /// [`SupportError`] if a corner of the domain lies too far outside the grid, if the domain is distorted, or if the
+    /// method needs another kind of grid.
     fn support(
         &self,
         grid: &dyn Grid<D>,

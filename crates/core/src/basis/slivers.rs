@@ -85,7 +85,7 @@ impl SharedTouches<'_> {
 /// ghost penalty supports a node in a cell with inactive corners.
 #[derive(Default)]
 pub(super) struct Slivers {
-    /// For each grid node, true if it is a sliver node; empty if there is none.
+    /// For each grid node, true if it is a sliver node or no point touches it; empty if there is no sliver node.
     is_sliver_node: Vec<bool>,
 }
 

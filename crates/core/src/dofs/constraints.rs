@@ -102,7 +102,8 @@ impl<'a, const N: usize> Constraints<'a, N> {
     /// Prescribes the increment of a component at an active node.
     ///
     /// # Errors
-    /// [`ConstraintError::Conflict`] if another condition prescribes a different increment.
+    /// [`ConstraintError::Conflict`] if another condition prescribes a different increment, or
+    /// [`ConstraintError::Tie`] if the component is tied.
     pub fn hold(
         &mut self,
         node: usize,
@@ -161,7 +162,8 @@ impl<'a, const N: usize> Constraints<'a, N> {
     /// The map of the unknowns.
     ///
     /// # Errors
-    /// [`ConstraintError`] if constraints contradict each other, or nodes can leave the axis of revolution.
+    /// [`ConstraintError`] if constraints contradict each other, a tie depends on itself, or nodes can leave the axis
+    /// of revolution.
     #[inline(never)]
     pub fn into_map(mut self) -> Result<DofMap<N>, ConstraintError> {
         self.resolve_ties()?;
@@ -264,7 +266,8 @@ impl<'a, const N: usize> Constraints<'a, N> {
         }
     }
 
-    /// The ring through a node on the axis has zero radius, so no other constraint may move the node off the axis.
+    /// Checks that the constraints keep nodes on the axis: the ring through such a node has zero radius, so the node
+    /// must not leave the axis.
     fn keep_axis(&self, turned: &[Turned<N>]) -> Result<(), ConstraintError> {
         let is_kept = |node: usize| match turned.iter().find(|turned| turned.node as usize == node) {
             Some(turned) => turned.fixes_axis(0),

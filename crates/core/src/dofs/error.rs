@@ -18,16 +18,16 @@ pub enum ConstraintError {
         second: String,
         /// Position of the grid node, [length].
         node: Vec<f64>,
-        /// Name of the axis.
+        /// Name of the axis or of another direction.
         axis: &'static str,
-        /// Increment prescribed by the first condition.
+        /// Increment that the first condition prescribes or that follows from earlier conditions.
         a: f64,
         /// Increment prescribed by the second condition.
         b: f64,
     },
-    /// A formula has no finite value at a node.
+    /// A formula has no finite value at a node or on a surface.
     #[error(
-        "the displacement of boundary condition `{name}` along {axis} is not finite at node {}: the formula `{formula}` \
+        "the displacement of boundary condition `{name}` along {axis} is not finite at {}: the formula `{formula}` \
          gives {value} at load factor {factor}", coordinates(.node)
     )]
     NotFinite {
@@ -35,13 +35,13 @@ pub enum ConstraintError {
         name: String,
         /// Name of the axis.
         axis: &'static str,
-        /// Position of the grid node, [length].
+        /// Position of the grid node or on the surface, [length].
         node: Vec<f64>,
         /// The load factor.
         factor: f64,
         /// Text of the formula.
         formula: String,
-        /// The resulting increment.
+        /// The resulting increment at a node, or the displacement of a surface.
         value: f64,
     },
     /// Nodes on the axis of a body of revolution can leave the axis, or are moved off it.

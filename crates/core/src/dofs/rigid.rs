@@ -30,7 +30,8 @@ pub struct FreePart<const D: usize> {
     pub node: [f64; D],
     /// Axes along which nothing holds the part.
     pub axes: Vec<usize>,
-    /// Number of independent free rotations besides these translations.
+    /// Number of independent free motions besides these translations: rotations, and translations along directions
+    /// that are not axes.
     pub rotations: usize,
     /// Centre of rotation, [length], if one rotation in the plane is the only free motion.
     pub centre: Option<[f64; D]>,

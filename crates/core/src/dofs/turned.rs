@@ -14,7 +14,7 @@ pub(super) struct Along<const N: usize> {
     pub condition: u16,
 }
 
-/// A node whose unknowns are components along its own directions: first the prescribed ones, then the free ones.
+/// A node whose components are taken along its own directions: first the prescribed directions, then the free ones.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Turned<const N: usize> {
     /// The active node.
@@ -75,7 +75,7 @@ impl<const N: usize> Turned<N> {
                 }
             }
         }
-        // The free directions, starting with the orthogonal parts of the first axes.
+        // The free directions: the orthogonal parts of the axes, in order, except for short ones.
         for axis in 0..N {
             let mut along = [0.0; N];
             along[axis] = 1.0;
@@ -151,7 +151,8 @@ impl<const N: usize> Turned<N> {
         part
     }
 
-    /// Distributes a reaction among the conditions: each carries a force along its own direction.
+    /// Distributes a reaction among the conditions with independent directions: each carries a force along its own
+    /// direction.
     pub(super) fn for_each_share(&self, reaction: &[f64; N], mut visit: impl FnMut(usize, usize, f64)) {
         let mut rest = *reaction;
         for k in (0..self.n_held()).rev() {

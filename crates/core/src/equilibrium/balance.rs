@@ -21,7 +21,7 @@ use crate::terms::Ledger;
 pub struct Energy {
     /// Work of loads and reactions during the step, [energy].
     pub external_work: f64,
-    /// Work done during the step by the out-of-balance forces at its start, [energy].
+    /// Work done during the step against the out-of-balance forces at its start, ½ (f_int − f_ext)·Δd, [energy].
     pub regridding_work: f64,
     /// Work absorbed by the ghost stabilisation during the step, [energy].
     pub stabilisation_work: f64,
@@ -46,7 +46,8 @@ impl Energy {
         Energy { damping_work: self.damping_work - self.regridding_work, regridding_work: 0.0, ..self }
     }
 
-    /// Sum of the energies of this part of a step and of the part `before` it.
+    /// Work of this part of a step and of the part `before` it; the energies and the plastic work at the end of this
+    /// part.
     pub fn after(self, before: Energy) -> Energy {
         Energy {
             external_work: before.external_work + self.external_work,
@@ -122,8 +123,8 @@ impl Energy {
 /// Moment of the reaction of a boundary condition.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ReactionMoment<const D: usize> {
-    /// Reference point: the mean position, at the end of the step, of the active nodes of the condition, [length];
-    /// `None` if the condition has no active node.
+    /// Reference point: the mean position, at the end of the step, of the active nodes or of the surface of the
+    /// condition, [length]; `None` if the condition has neither.
     pub about: Option<[f64; D]>,
     /// Moment on the body about the axes x, y and z, positive by the right-hand rule, [force·length]. In the plane only
     /// the z component is non-zero; it is positive from x towards y.
@@ -141,8 +142,8 @@ impl<const D: usize> ReactionMoment<D> {
 }
 
 /// Moments of the reactions at the nodes of each boundary condition, in the deformed configuration (see
-/// [`moment_error`]). Conditions that prescribe the same motion of a degree of freedom share its reaction equally.
-/// `None` for bodies of revolution, whose forces are sums over the full circle.
+/// [`moment_error`]). [`DofMap::for_each_share`] divides the reaction at a node between conditions. `None` for bodies
+/// of revolution, whose forces are sums over the full circle.
 pub fn reaction_moments<const D: usize, const N: usize>(
     model: &Model<D>,
     points: &Points<D>,
@@ -200,9 +201,9 @@ fn deformed_nodes<const D: usize>(
         .collect()
 }
 
-/// Imbalance of moments: the resultant moment of loads and reactions about the centre of the active nodes, relative to
-/// the sum of the magnitudes of all moments, [-]. Evaluated in the deformed configuration. `None` for bodies of
-/// revolution, whose hoop stresses contribute to the balance; 0 if there are no forces.
+/// Imbalance of moments: the resultant moment of loads and reactions about the mean position of the active nodes,
+/// relative to the sum of force times distance from this position, [-]. Evaluated in the deformed configuration. `None`
+/// for bodies of revolution, whose hoop stresses contribute to the balance; 0 if there are no forces.
 pub fn moment_error<const D: usize, const N: usize>(
     model: &Model<D>,
     links: &Connectivity<D>,

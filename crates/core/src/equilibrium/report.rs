@@ -31,7 +31,7 @@ pub struct GridFields<const D: usize> {
 pub struct StepReport<const D: usize> {
     /// The step.
     pub step: Step,
-    /// Relative residuals, eq. (40), one per evaluation; the first precedes any solve.
+    /// Relative residuals, eq. (40): the first before any solve, then one after each iteration or multiplier update.
     pub residuals: Vec<f64>,
     /// True if the iterations ended because of round-off instead of the tolerance: the residual is at most 10⁻⁶, or
     /// only parts that carry nothing exceed the tolerance.
@@ -39,8 +39,8 @@ pub struct StepReport<const D: usize> {
     /// For each body, the out-of-balance force at the nodes that no other body touches, relative to the forces on that
     /// body, [-]; empty if there is only one body.
     pub body_residuals: Vec<f64>,
-    /// Largest norm of external forces and reactions on a connected part of each body, in this step or an earlier one,
-    /// [force].
+    /// For each body, the largest norm of external forces and reactions on a connected part with points of this body,
+    /// in this step or an earlier one, [force].
     pub carried: Vec<f64>,
     /// True if equilibrium was reached only by damped iterations.
     pub damped: bool,
@@ -84,12 +84,12 @@ pub struct StepReport<const D: usize> {
 }
 
 impl<const D: usize> StepReport<D> {
-    /// Number of linear solves.
+    /// Number of iterations: linear solves and, with a predictor, the predicted increment.
     pub fn solves(&self) -> usize {
         self.residuals.len().saturating_sub(1 + self.augmentations)
     }
 
-    /// Sum of all loads on the points, [force].
+    /// Sum of the resultants of all loads, [force].
     pub fn applied(&self) -> [f64; D] {
         // An empty sum of floats is −0.
         std::array::from_fn(|d| self.loads.iter().fold(0.0, |sum, force| sum + force[d]))

@@ -31,10 +31,13 @@ pub struct Interval {
     pub ratio: f64,
 }
 
-/// Two successive grid lines that are not in ascending order, or are no farther apart than the round-off of their
-/// coordinates.
+/// Two successive grid lines that are not in ascending order, or are so close that the round-off of their coordinates
+/// exceeds `ON_LINE` times their distance.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-#[error("the grid lines {number} and {} at {at} cannot be told apart by their coordinates", number + 1)]
+#[error(
+    "the grid lines {number} and {} at {at} do not ascend, or are too close for the precision of their coordinates",
+    number + 1
+)]
 pub struct CoincidentLines {
     /// Index of the first of the two lines.
     pub number: usize,
@@ -51,7 +54,8 @@ impl Axis {
     /// Cells between given lines, [length].
     ///
     /// # Errors
-    /// [`CoincidentLines`] unless there are two or more lines, each above the previous line by more than round-off.
+    /// [`CoincidentLines`] unless there are two or more ascending lines, far enough apart for the precision of their
+    /// coordinates.
     pub fn graded(lines: Vec<f64>) -> Result<Axis, CoincidentLines> {
         if lines.len() < 2 {
             return Err(CoincidentLines { number: 0, at: lines.first().copied().unwrap_or(0.0) });

@@ -28,7 +28,7 @@ pub enum CarryError {
         /// Size of the cells, relative to their original size, [-].
         ratio: f64,
     },
-    /// Two lines can no longer be told apart.
+    /// Two lines are too close for the precision of their coordinates.
     #[error(transparent)]
     Coincident(#[from] CoincidentLines),
 }
@@ -79,8 +79,8 @@ impl Axis {
     /// sizes.
     ///
     /// # Errors
-    /// [`CarryError`] for the first cells that would be too small, or for lines too far from the origin to be told
-    /// apart.
+    /// [`CarryError`] for the first cells that would be too small, or for lines so far from the origin that their
+    /// coordinates do not resolve the cells.
     pub fn check_carried(&self, carried: &[CarriedLines]) -> Result<(), CarryError> {
         for [(first, by), (last, by_last)] in self.spans(carried) {
             let ratio = 1.0 + (by_last - by) / (self.line(last) - self.line(first));

@@ -12,7 +12,7 @@ use crate::ranks::Halo;
 ///
 /// A load step calls [`prepare`](Backend::prepare) at its start and again if the layout of the matrix changes,
 /// [`factorise`](Backend::factorise) whenever it needs a new factor, and [`solve`](Backend::solve) for each right-hand
-/// side. There are `D` axes and `N` components at each node.
+/// side. The grid has `D` axes, and each node has `N` components.
 ///
 /// The result must not depend on the number of threads, so a backend must compute every sum in a fixed order.
 pub trait Backend<const D: usize, const N: usize = D>: Send {
@@ -28,9 +28,10 @@ pub trait Backend<const D: usize, const N: usize = D>: Send {
     /// [`LinearError`] if this fails.
     fn factorise(&mut self, layout: &Layout<D, N>, matrix: &BlockMatrix<N>) -> Result<(), LinearError>;
 
-    /// Solves for `x` to a residual of `tolerance` relative to `b`, [-], or better. Only the components of `b` that are
-    /// unknowns are used; `x` is zero elsewhere. The factor or preconditioner may belong to an earlier matrix: a direct
-    /// backend then solves the earlier equations, an iterative backend the equations of `stiffness`.
+    /// Solves for `x`; an iterative backend leaves a residual of at most `tolerance` relative to `b`, [-]. Only the
+    /// components of `b` that are unknowns are used; `x` is zero elsewhere. The factor or preconditioner may belong to
+    /// an earlier matrix: a direct backend then solves the earlier equations, an iterative backend the equations of
+    /// `stiffness`.
     ///
     /// # Errors
     /// [`LinearError`] if the backend does not find the solution.

@@ -7,10 +7,10 @@ use pulp::Arch;
 /// The block of a pair of nodes, `[i][k]`: row component i, column component k.
 pub type Block<const N: usize> = [[f64; N]; N];
 
-/// Smallest number of columns in a task.
+/// Smallest number of columns in a task, except in the last one.
 const COLUMNS: usize = 2048;
 
-/// Number of rows that one thread sums at a time.
+/// Largest number of rows in a sum that is not divided further.
 const ROWS: usize = 1024;
 
 /// A square matrix of N×N blocks, stored by columns as assembled; a symmetric matrix has only the blocks with row ≥
@@ -50,7 +50,7 @@ impl<const N: usize> Division<N> {
         let n = column_start.len().saturating_sub(1);
         let rows_of = |c: usize| &row[column_start[c]..column_start[c + 1]];
         let reach = |c: usize| rows_of(c).last().map_or(0, |&r| (r as usize).saturating_sub(c));
-        // The cost is small if the working spaces have little overlap.
+        // The working spaces are cheap to sum if they overlap little.
         let size = COLUMNS.max(2 * (0..n).map(reach).max().unwrap_or(0));
         let mut tasks = Vec::new();
         let mut place = 0;

@@ -40,7 +40,7 @@ pub struct Extent {
     pub nodes: f64,
     /// Largest distance along an axis, in cells, between two coupled nodes.
     pub reach: f64,
-    /// Number of coupled pairs of nodes, each counted once.
+    /// Number of coupled pairs of nodes, each counted once, including the pair of each node with itself.
     pub pairs: f64,
 }
 

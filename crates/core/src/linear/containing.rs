@@ -8,7 +8,7 @@ use super::Pattern;
 const MOST: f64 = 1.25;
 
 /// The analysed pattern of a symmetric matrix. The names of its unknowns remain valid from step to step: grid node
-/// times the number of axes, plus the axis; ascending.
+/// times the number of components of a node, plus the component; ascending.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Named {
     /// Name of each unknown.

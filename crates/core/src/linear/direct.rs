@@ -1,5 +1,5 @@
-//! Sparse direct solver: multifrontal LLᵀ and LU, and LDLᵀ and LU with pivoting from the faer library, behind one
-//! interface.
+//! Sparse direct solver: multifrontal LLᵀ and LU and, from the faer library, LDLᵀ without pivoting and LU with partial
+//! pivoting, behind one interface.
 
 use crate::memory::{Bound, Memory};
 
@@ -28,9 +28,9 @@ const SHIFT: f64 = 1e-9;
 /// curvature of the matrix, and this curvature may be negative.
 const SINGULAR_RESIDUAL: f64 = 1e-10;
 
-/// Largest number of steps of iterative refinement after a shift.
+/// Largest number of steps of iterative refinement.
 pub(super) const REFINEMENTS: usize = 4;
-/// Relative residual that iterative refinement after a shift must reach.
+/// Relative residual at which iterative refinement after a shift stops.
 const REFINED_RESIDUAL: f64 = 1e-12;
 
 /// Relative residual at which iterative refinement aims if pivots are not exchanged, to match the accuracy of LU with
@@ -42,7 +42,7 @@ pub(super) const ROUND_OFF: f64 = 1e-14;
 ///
 /// If weak unknowns leave the matrix singular to working precision, their diagonal entries are shifted and solutions
 /// are refined until they solve the original equations. This happens if only a corner of a domain touches two nodes:
-/// both nodes then have the same basis function at every point, so that one combination of the two nodal motions causes
+/// their basis functions are then proportional to each other, so that one combination of the two nodal motions causes
 /// no strain and no displacement, and carries no load.
 ///
 /// Threads share the fronts of LLᵀ and LU in a way that leaves the factor the same to the last bit; everything else
@@ -126,7 +126,7 @@ impl LinearSolver for Direct {
         self.shifted = false;
         self.values.clear();
         self.values.extend_from_slice(values);
-        // A matrix that can be factorised after such a small shift may be singular to working precision: the sign of
+        // A matrix that can be factorised only with the small shift may be singular to working precision: the sign of
         // its smallest pivot, and the distance by which LDLᵀ would move weak unknowns, are then round-off.
         if self.pattern.n == 0 || self.factorise_fronts(values) || self.factorise_shifted() {
             self.kind = Some(Kind::Fronts);
@@ -184,7 +184,7 @@ impl Direct {
             self.shifted = false;
             if self.pattern.symmetric { self.factorise_ldlt()? } else { self.factorise_pivoted()? }
         }
-        // Without pivoting, the solution is accepted only if it solves the system.
+        // A solution by LU or LDLᵀ without pivoting is accepted only if it solves the system.
         let is_accurate = match self.kind {
             Some(Kind::Fronts) if !self.pattern.symmetric => {
                 self.refine(rhs, ROUND_OFF) <= UNPIVOTED_RESIDUAL
@@ -214,7 +214,8 @@ impl Direct {
         WEAK * self.diagonal.iter().map(|&place| self.values[place]).fold(0.0, f64::max)
     }
 
-    /// True if a solution moves weak unknowns so much farther than the others that the matrix must be singular.
+    /// True if a solution is not finite, or moves weak unknowns so much farther than the others that the matrix must be
+    /// singular.
     fn is_lost(&self, x: &[f64]) -> bool {
         let limit = self.limit_of_weakness();
         let (mut weak, mut strong) = (0.0f64, 0.0f64);
@@ -264,7 +265,8 @@ impl Direct {
     }
 
     /// Multifrontal LLᵀ or LU with the diagonal entries of weak unknowns shifted; false if there are no weak unknowns,
-    /// or if the factor does not solve the equations for a right-hand side that has a solution.
+    /// if the shifted matrix has no such factor, or if the factor does not solve the equations for a right-hand side
+    /// that has a solution.
     fn factorise_shifted(&mut self) -> bool {
         let n = self.pattern.n;
         let limit = self.limit_of_weakness();
@@ -292,7 +294,7 @@ impl Direct {
     }
 
     /// Replaces the right-hand side by the solution of the equations without the shift, refined until its relative
-    /// residual is `enough`; returns this residual.
+    /// residual is at most `enough`, if it can be; returns the residual reached.
     fn refine(&mut self, rhs: &mut [f64], enough: f64) -> f64 {
         let given = rhs.to_vec();
         self.back_substitute(rhs);

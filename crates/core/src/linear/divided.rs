@@ -222,7 +222,7 @@ impl<const N: usize> Parts<N> {
         self.matrix.diagonal = diagonal;
     }
 
-    /// Solves for `x`; `None` if the solution is not accurate.
+    /// Solves for `x`; `None` if the solution is inaccurate, or shows that the matrix must be singular.
     fn solve(&mut self, halo: &Halo, b: &[[f64; N]], x: &mut [[f64; N]]) -> Option<Factorisation> {
         let given = self.take(b);
         let mut solution = self.substitute(halo.ranks(), &given);
@@ -295,7 +295,8 @@ impl<const N: usize> Parts<N> {
         ranks.total(squares.sum()).sqrt()
     }
 
-    /// True if a solution moves weak unknowns so much farther than other unknowns that the matrix must be singular.
+    /// True if a solution is not finite, or moves weak unknowns so much farther than other unknowns that the matrix
+    /// must be singular.
     fn is_lost(&self, ranks: &Ranks, x: &[f64]) -> bool {
         let mut most = [0.0f64; 2];
         for (x, diagonal) in x.iter().zip(&self.matrix.diagonal) {

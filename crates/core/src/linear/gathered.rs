@@ -50,7 +50,7 @@ struct OfRank {
 enum Told {
     /// Grid node and component of the unknown, if it can be identified.
     Singular(Option<(u32, usize)>),
-    /// Size of the factor, [byte], if known.
+    /// Memory needed, [byte], if known.
     OutOfMemory(Option<u64>),
     Other,
 }

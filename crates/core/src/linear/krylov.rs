@@ -16,10 +16,11 @@ use conjugate::ConjugateGradients;
 use gmres::Gmres;
 
 /// The iterative backend on structured grids. It applies the assembled matrix block by block; only the preconditioner
-/// keeps a copy, in single precision. The preconditioner of an unsymmetric matrix is computed from its symmetric part.
+/// keeps a copy, in single precision. The preconditioner of an unsymmetric matrix is computed from its symmetric part,
+/// which is also kept, in double precision.
 ///
-/// Several ranks together compute the same result as a single rank: products are completed, and sums run over the nodes
-/// of all ranks.
+/// Several ranks together compute the same result as a single rank, up to round-off: products are completed, and sums
+/// run over the nodes of all ranks.
 #[derive(Default)]
 pub struct Krylov<const D: usize, const N: usize = D> {
     preconditioner: Preconditioner<D, N>,
@@ -56,8 +57,8 @@ impl<const D: usize, const N: usize> Backend<D, N> for Krylov<D, N> {
     /// Computes the preconditioner from the values of the matrix.
     ///
     /// # Errors
-    /// [`LinearError::Singular`] if an unknown has no diagonal stiffness, or the coarsest level has no diagonal
-    /// stiffness at all.
+    /// [`LinearError::Singular`] if an unknown has no diagonal stiffness; errors of the factorisation on the coarsest
+    /// level.
     fn factorise(&mut self, _: &Layout<D, N>, matrix: &BlockMatrix<N>) -> Result<(), LinearError> {
         self.definite = self.preconditioner.factorise(matrix)?;
         Ok(())
@@ -66,7 +67,8 @@ impl<const D: usize, const N: usize> Backend<D, N> for Krylov<D, N> {
     /// Measures the residual in the norm of the forces on the unknowns.
     ///
     /// # Errors
-    /// [`LinearError::NotConverged`] after too many iterations.
+    /// [`LinearError::NotConverged`] after too many iterations or without a finite residual; errors of the
+    /// preconditioner.
     fn solve(
         &mut self,
         layout: &Layout<D, N>,

@@ -18,7 +18,7 @@ pub(super) struct Ldlt {
     memory: MemBuffer,
 }
 
-/// A pivot is zero.
+/// A pivot is zero or not finite.
 pub(super) struct ZeroPivot {
     /// The unknown to which this pivot belongs, if it can be identified.
     pub unknown: Option<usize>,

@@ -128,7 +128,7 @@ pub enum LinearError {
     /// The factor does not fit in memory.
     #[error("out of memory")]
     OutOfMemory {
-        /// Size of the factor, [byte], if known.
+        /// Memory needed, [byte], if known.
         needed: Option<u64>,
     },
     /// The iterative solver was requested, but nodes are held along directions other than the axes, or are tied.
@@ -137,7 +137,7 @@ pub enum LinearError {
     /// The iterative solver was requested, but the grid is a mesh and there is no algebraic multigrid.
     #[error("the grid is a mesh, for which coarser grids are available only on several ranks, through PETSc")]
     Unstructured,
-    /// The iterative solver was given a matrix that is not symmetric.
+    /// The matrix, or its pattern, lacks the symmetry that the solver needs.
     #[error("the matrix is not symmetric")]
     Unsymmetric,
     /// An iterative solver has not reached its tolerance.
@@ -196,7 +196,7 @@ pub trait LinearSolver {
     /// Replaces the right-hand side by the solution.
     ///
     /// # Errors
-    /// [`LinearError::Singular`] if the solution is not finite.
+    /// [`LinearError`] if the solution is not finite, or if a further factorisation that it needs fails.
     fn solve(&mut self, rhs: &mut [f64]) -> Result<(), LinearError>;
 }
 

@@ -42,8 +42,8 @@ pub(super) struct Multifrontal {
 
 impl Multifrontal {
     /// Lays out LLᵀ for a symmetric pattern, or LU for any other pattern. Unknowns are eliminated in this order, except
-    /// that independent unknowns can be exchanged. `None` if an index needs more than 32 bits, or if an entry of a
-    /// pattern that is not stored as symmetric has no mirror image.
+    /// that independent unknowns can be exchanged. `None` if an index needs more than 32 bits, or if a pattern that is
+    /// not stored as symmetric lacks a diagonal entry or the mirror image of an entry.
     pub fn new(pattern: &Pattern, order: &[usize]) -> Option<Multifrontal> {
         Multifrontal::partial(pattern, order, 0)
     }

@@ -100,7 +100,8 @@ impl<const D: usize, const N: usize> Multigrid<D, N> {
     /// Uses the values of a matrix; returns false if the matrix is found not to be positive definite.
     ///
     /// # Errors
-    /// [`LinearError::Singular`] if a free degree of freedom, or the coarsest level, has no stiffness.
+    /// [`LinearError::Singular`] if a free degree of freedom has no stiffness; errors of the factorisation on the
+    /// coarsest level.
     pub(super) fn factorise(&mut self, matrix: &BlockMatrix<N>) -> Result<bool, LinearError> {
         let Multigrid { levels, transfers, coarsest, .. } = self;
         let Some(finest) = levels.first_mut() else { return Ok(true) };

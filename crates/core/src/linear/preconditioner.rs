@@ -41,8 +41,8 @@ impl<const D: usize, const N: usize> Preconditioner<D, N> {
     /// definite.
     ///
     /// # Errors
-    /// [`LinearError::Singular`] if an unknown has no diagonal stiffness, or the coarsest level has no diagonal
-    /// stiffness at all.
+    /// [`LinearError::Singular`] if an unknown has no diagonal stiffness; errors of the factorisation on the coarsest
+    /// level.
     pub fn factorise(&mut self, matrix: &BlockMatrix<N>) -> Result<bool, LinearError> {
         let Some(part) = &mut self.symmetric_part else { return self.multigrid.factorise(matrix) };
         part.take(matrix);

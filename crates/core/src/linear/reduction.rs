@@ -4,7 +4,7 @@ use crate::ranks::{Halo, Ranks};
 
 use super::LinearError;
 
-/// Largest number of terms that one thread sums.
+/// Largest number of nodes in a sum that is not divided further.
 pub(super) const TERMS: usize = 1024;
 
 /// Scalar products over the nodes of all ranks.

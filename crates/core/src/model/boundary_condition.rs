@@ -9,8 +9,7 @@ use super::load::LoadCurve;
 pub enum NodeSet {
     /// A fixed set of grid nodes, ascending.
     Fixed(Vec<u32>),
-    /// All nodes of the cells that contain points of the outer layer of this body, or overlap the domains of these
-    /// points. The set is updated at every step.
+    /// All nodes that points of the outer layer of this body touch. The set is updated at every step.
     OuterLayer(u16),
     /// No nodes: the condition holds weakly on a surface of a body.
     Surface(OnSurface),

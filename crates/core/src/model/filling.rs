@@ -29,7 +29,7 @@ pub const MOST_POINTS: f64 = 1e8;
 /// How the points of a body are placed.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Placement<const D: usize> {
-    /// Each cell is divided into equal parts, and a point is created for each part that has its centre in the region.
+    /// Each cell is divided into parts, and a point is created for each part that has its centre in the region.
     PerCell {
         /// Number of parts of a quadrilateral or hexahedron along each axis; `None` if the grid must not have such
         /// cells.
@@ -85,8 +85,8 @@ pub trait Fillable<const D: usize> {
     /// positive.
     ///
     /// # Errors
-    /// [`FillError`] of this rank. If only another rank fails, the result is empty here, so callers must compare with
-    /// [`Ranks::any`].
+    /// [`FillError`] of this rank. If only another rank fails, the result is empty here, so callers must find out with
+    /// [`Ranks::any`] whether a rank has failed.
     fn fill(&self, filling: &Filling<D>, placement: &Placement<D>) -> Result<FilledRegion<D>, FillError>;
 
     /// Volume of a region that consists of cells and may be cut by other regions: the full cells, and those small parts

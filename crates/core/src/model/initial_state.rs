@@ -20,10 +20,10 @@ pub enum InitialImbalance {
 }
 
 impl<const D: usize> Model<D> {
-    /// Sets the initial stress of a point, in its converged and its trial state: F = I, b^e from the inverse of the
-    /// elastic law, and the history variables adapted to b^e. `stress` is the Kirchhoff stress τ, which equals the
-    /// Cauchy stress at F = I, [stress]. A stress outside the yield surface is replaced by the stress to which the law
-    /// returns it, without plastic strain. Returns the stress of the point, [stress].
+    /// Sets the initial stress of a point, in its converged and its trial state: b^e from the inverse of the elastic
+    /// law, and the history variables adapted to b^e; F stays as it is. `stress` is the Kirchhoff stress τ, which
+    /// equals the Cauchy stress at F = I, [stress]. A stress outside the yield surface is replaced by the stress to
+    /// which the law returns it, without plastic strain. Returns the stress of the point, [stress].
     ///
     /// # Errors
     /// The same as for [`elastic_strain`](crate::material::Material::elastic_strain); the point is then unchanged.

@@ -28,7 +28,7 @@ impl LoadCurve {
         self.0.iter().map(|pair| pair[0])
     }
 
-    /// Times at which the slope changes, ascending, [time].
+    /// Times between the first and the last pair at which the slope changes, ascending, [time].
     pub fn knots(&self) -> impl Iterator<Item = f64> + '_ {
         let slope = |a: &[f64; 2], b: &[f64; 2]| (b[1] - a[1]) / (b[0] - a[0]);
         self.0.windows(3).filter(move |w| slope(&w[0], &w[1]) != slope(&w[1], &w[2])).map(|w| w[1][0])
@@ -63,7 +63,7 @@ pub enum Action<const D: usize> {
         /// Force on each point at load factor 1, [force].
         force: [f64; D],
     },
-    /// Force per unit original area of a surface, [stress]; its direction is constant.
+    /// Force per unit original area of a surface, [stress]; it does not turn with the surface.
     Traction {
         /// Index of the surface.
         surface: usize,

@@ -251,8 +251,8 @@ impl<const D: usize> Model<D> {
         self.moving_grid.as_ref().is_none_or(|moving| moving.time == time)
     }
 
-    /// Checks the motion of the grid at the requested steps and at the times of the curves, over all stages, before a
-    /// run.
+    /// Checks the motion of the grid over all stages before a run, at evenly spaced times and at the times of the
+    /// curves.
     ///
     /// # Errors
     /// The first [`GridMotionError`] that occurs.

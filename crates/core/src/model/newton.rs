@@ -9,7 +9,8 @@ use crate::linear::Choice;
 pub struct Newton {
     /// Tolerance: the largest relative out-of-balance force, eq. (40), of a converged step, [-].
     pub tolerance: f64,
-    /// Largest number of linear solves in a step.
+    /// Largest number of linear solves in an attempt at a step, counted anew after each update of contact multipliers;
+    /// damped iterations and strength reductions may make more.
     pub max_iterations: usize,
     /// Solver of the linear equations.
     pub linear: Choice,
@@ -42,8 +43,8 @@ pub enum Predictor {
     /// Starts with the solution of the equations linearised at the start of the step.
     #[default]
     None,
-    /// Starts with the displacement increment of the previous step, scaled to the size of the step. Discarded if it
-    /// increases the out-of-balance force.
+    /// Starts with the displacement increment of the previous step, scaled to the size of the step. Discarded unless it
+    /// reduces the out-of-balance force.
     LastStep,
 }
 

@@ -29,7 +29,8 @@ pub struct Stage<const D: usize> {
     pub added: Points<D>,
     /// Bodies whose points are removed. The forces that they carried are released over the stage.
     pub removed: Vec<usize>,
-    /// Bodies that get a different material, each with the index of that material. Their stress does not change.
+    /// Bodies that get a different material, each with the index of that material. Their stress changes only where it
+    /// lies outside the yield surface of that material.
     pub materials: Vec<(usize, usize)>,
     /// True if the displacements are set to zero at the end of the stage.
     pub resets_displacement: bool,

@@ -38,17 +38,18 @@ pub enum Control {
         of: Controlled,
         /// Axis of the displacement, from 0.
         axis: usize,
-        /// Displacement at the end of the analysis, [length].
+        /// Displacement over the analysis or, if it has stages, over the stage, [length].
         to: f64,
     },
     /// The arc length of the displacements grows in proportion to time. A common factor of all loads follows from
     /// equilibrium.
     ArcLength {
-        /// Arc length at the end of the analysis, [length], as defined by [`crate::solver::path_length`]. Without it,
-        /// the first step is load-controlled, and its arc length sets the size of all other steps.
+        /// Arc length over the analysis or, if it has stages, over the stage, [length], as defined by
+        /// [`crate::solver::path_length`]. Without it, the linear response of the first step to its share of the loads
+        /// sets the arc length per unit time.
         length: Option<f64>,
     },
-    /// The strength of the materials is divided by a factor that grows in proportion to time, until equilibrium is no
+    /// The strength of the materials is divided by a factor that grows linearly with time, until equilibrium is no
     /// longer found ([`Material::with_strength_divided`](crate::material::Material::with_strength_divided)). Loads and
     /// boundary displacements follow their curves.
     StrengthReduction {
@@ -103,8 +104,7 @@ impl Stepping {
         ((passed - number).abs() <= SAME_TIME && number >= 0.0).then_some(number as usize)
     }
 
-    /// True if damped iterations are allowed as a last resort: this requires that steps can be cut and all loads are
-    /// prescribed.
+    /// True if damped iterations are allowed as a last resort: this requires load control and steps that can be cut.
     pub fn may_damp(&self) -> bool {
         self.damping && self.smallest < 1.0 && self.control == Control::Load
     }

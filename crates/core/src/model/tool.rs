@@ -11,8 +11,8 @@ use super::tool_part::ToolPart;
 
 /// Largest number of times that the facet size of an outline is doubled to reduce the number of facets.
 const COARSER: usize = 20;
-/// Width of the portion of an unbounded tool in which its named parts are sought, relative to the diagonal of the grid,
-/// [-].
+/// Half width of the portion of an unbounded tool in which its named parts are sought, relative to the diagonal of the
+/// grid, [-].
 const SOUGHT: f64 = 2.0;
 
 /// A rigid tool, which no body can penetrate. It moves as prescribed, or as its loads and the contact with the bodies
@@ -111,10 +111,10 @@ pub struct ContactControl {
     /// h, [-]. It affects the number of iterations; results do not depend on it.
     pub penalty: f64,
     /// Largest overlap, and largest slip of sticking contact points, in a step in equilibrium, as a mean over the
-    /// contact points around a node, relative to the cell size, [-]. Contact points whose constraints conflict can keep
-    /// larger values: up to 10⁻⁴ in the mean, and 10⁻³ at each point.
+    /// contact points around a node, relative to the cell size, [-]. Where constraints conflict, the mean may reach
+    /// 10⁻⁴, or 10⁻³ after six updates of the multipliers. A single contact point may always keep up to 10⁻³.
     pub tolerance: f64,
-    /// Largest motion of a contact point relative to the tool in a step, relative to the cell size, [-].
+    /// Largest motion of a touching contact point relative to the tool in a step, as a fraction of the cell size, [-].
     pub largest_slide: f64,
     /// Largest number of updates of the multipliers in a step.
     pub augmentations: usize,
@@ -221,8 +221,9 @@ impl<const D: usize> Tool<D> {
 
 impl<const D: usize> Tool<D> {
     /// The surface in the frame of the tool, divided into facets of the size of the grid cells where the tool starts,
-    /// or larger ones if there would be too many. For an unbounded tool, only the portion of the surface within `width`
-    /// times the diagonal of the grid from the reference point. Empty if the shape has no outline.
+    /// or larger ones if there would be too many. For an unbounded tool, only a segment (square) of the surface around
+    /// the foot of the reference point; its half width is `width` times the diagonal of the grid. Empty if the shape
+    /// has no outline.
     pub fn outline(&self, grid: &dyn Grid<D>, width: f64) -> Outline<D> {
         let [low, high] = grid.bounds();
         let width = width * (0..D).map(|d| (high[d] - low[d]).powi(2)).sum::<f64>().sqrt();
@@ -245,8 +246,8 @@ impl<const D: usize> Tool<D> {
         self.parts.iter().enumerate().filter(move |(_, part)| part.holds(side, &at_start)).map(|(k, _)| k)
     }
 
-    /// True if the surface of the tool, divided into facets of about the size of the grid cells, reaches into the box
-    /// of a part.
+    /// True if the sides of a part reach into its box, judged by the bounding boxes of facets of about the size of the
+    /// grid cells.
     pub fn reaches_into(&self, part: &ToolPart<D>, grid: &dyn Grid<D>) -> bool {
         let Outline { vertices, facets, parts, .. } = self.outline(grid, SOUGHT);
         facets.iter().zip(&parts).any(|(facet, side)| {

@@ -15,7 +15,7 @@ const DATUM: &str = "displacement_datum";
 pub enum PointArray {
     /// Position, `D` components, [length].
     Position,
-    /// Current minus original position, `D` components, [length].
+    /// Displacement since the start or the last reset, `D` components, [length].
     Displacement,
     /// Deformation gradient F, 9 components, [-].
     DeformationGradient,
@@ -92,7 +92,7 @@ impl<const D: usize> Points<D> {
     /// Prepares the points for resets of their displacement.
     ///
     /// # Errors
-    /// [`FieldError`] if the points already have a different field of that name.
+    /// [`FieldError`] if the points already have a field with the name of the datum.
     pub fn prepare_resets(&mut self) -> Result<(), FieldError> {
         self.declare(PointFieldSpec {
             name: DATUM.to_owned(),

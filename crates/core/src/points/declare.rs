@@ -42,10 +42,10 @@ pub struct StoredField {
 /// name: Type = shape(|seed| start value), in "unit", called "name in messages";
 /// ```
 ///
-/// The shape is `one` (one value per point), `one_or_none` (the same, but the field takes no memory if all initial
-/// values are zero) or `up_to[count]` (several values per point, the same number for all points). The macro generates
-/// both structures, `Points::new`, the code that reorders fields, commits trial values and checks array lengths, and
-/// the visitors of all fields for checkpoints and arrays.
+/// Fixed fields have no name in messages. The shape is `one` (one value per point), `one_or_none` (the same, but the
+/// field takes no memory if all initial values are zero) or `up_to[count]` (several values per point, the same number
+/// for all points). The macro generates both structures, `Points::new`, the code that reorders fields, commits trial
+/// values and checks array lengths, the visitor of the state for checkpoints, and the look-up of fields by name.
 macro_rules! point_fields {
     (@per $self:ident) => { 1 };
     (@per $self:ident $per:ident) => { $self.$per };
@@ -130,7 +130,7 @@ macro_rules! point_fields {
         $(#[$points_doc])*
         #[derive(Debug, Clone)]
         pub struct $Points<const D: usize> {
-            /// Permanent number, 0 to n − 1.
+            /// Permanent number, from 0; points that are removed leave gaps.
             pub id: Vec<u32>,
             /// The cell that held the point when the points were last grouped.
             pub cell: Vec<u32>,

@@ -88,7 +88,7 @@ pub enum FieldError {
     NotFinite {
         /// Name of the field.
         name: String,
-        /// Permanent number of the point.
+        /// Index of the point in the order of the permanent numbers.
         point: usize,
         /// The value.
         value: String,

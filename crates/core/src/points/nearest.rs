@@ -47,7 +47,7 @@ impl<const D: usize> Points<D> {
         };
         let of_body = || (0..self.len()).filter(|&p| self.body[p] == body);
         let most = count.max(1) - 1;
-        // If a rank holds fewer than `count` points, all of them are candidates.
+        // A rank that holds fewer than `count` points sets no limit.
         let mut least: Vec<f64> = of_body().map(distance).collect();
         let limit = match least.len() {
             n if n > most => *least.select_nth_unstable_by(most, f64::total_cmp).1,

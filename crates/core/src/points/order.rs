@@ -59,7 +59,7 @@ impl<const D: usize> Points<D> {
     /// and their converged state.
     ///
     /// # Errors
-    /// If `id` is not a permutation of the point numbers, or an array does not have one entry per point.
+    /// If `id` is not a permutation of the point numbers, or an array does not have the length that the points need.
     pub fn restore(&mut self, id: &[u32], cell: Vec<u32>, state: State<D>) -> Result<(), String> {
         let by_id = self.by_id();
         let mut seen = vec![false; self.len()];

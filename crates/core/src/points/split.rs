@@ -1,11 +1,11 @@
 //! Splitting of domains that have become too long.
 //!
 //! A domain given by its corners samples the basis functions only at its corners and touches tools only with its
-//! corners: a domain that is longer than a cell misses nodes and tools between its corners. Where material flows along
-//! a tool or in a shear band, domains grow without bound. A long domain is therefore cut in two, through the mid-points
-//! of its long edges. Both halves keep the deformation gradient, the elastic strain and the history of the whole, and
-//! share its volume and mass in the ratio of the halves of the original domain: mass, volume, energy and stress do not
-//! change.
+//! corners and its centre: a domain that is longer than a cell misses nodes and tools in between. Where material flows
+//! along a tool or in a shear band, domains grow without bound. A long domain is therefore cut in two, through the
+//! mid-points of its long edges. Both halves keep the deformation gradient, the elastic strain and the history of the
+//! whole, and share its volume and mass in the ratio of the halves of the original domain: mass, volume, energy and
+//! stress do not change.
 //!
 //! The mid-points become corners of the two halves, but not of undivided neighbours. From then on they move with the
 //! grid; the straight edge of a neighbour separates from them by as much as the motion of the grid along the edge
@@ -54,9 +54,9 @@ pub(crate) trait Splitting<const D: usize> {
 type Domain<const D: usize> = ([[f64; D]; MAX_CORNERS], usize);
 
 impl<const D: usize> Points<D> {
-    /// Cuts domains until no edge is longer than allowed; `next` is the number of the next new point. A domain stays
-    /// whole if one of its halves would be invalid. All ranks must call this together; each returns the cuts of all
-    /// ranks in the order of the new numbers.
+    /// Cuts domains until no edge is longer than allowed, at most [`MOST_CUTS`] times in succession; `next` is the
+    /// number of the next new point. A domain stays whole if one of its halves would be invalid. All ranks must call
+    /// this together; each returns the cuts of all ranks in the order of the new numbers.
     pub(crate) fn split_long(&mut self, rules: &impl Splitting<D>, mut next: u32) -> Vec<Split> {
         let mut splits = Vec::new();
         for _ in 0..MOST_CUTS {

@@ -17,7 +17,7 @@ use crate::ranks::Ranks;
 /// Marks a node that no cluster has touched.
 const NOBODY: u16 = u16::MAX;
 
-/// The connected parts of the bodies in the first step.
+/// The connected parts of the bodies in the first step, or in the first step after a change between stages.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Cohesion {
     /// Number of connected parts of each body.

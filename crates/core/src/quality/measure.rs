@@ -23,7 +23,7 @@ pub struct PointValue {
 pub struct BodyMeasures {
     /// 1 − Σ S_vp of the basis functions of the step, [-].
     pub partition_of_unity_loss: Option<PointValue>,
-    /// Share of the domain outside the grid, [-]; `None` without domains.
+    /// Share of the domain, or of its corners if they define it, outside the grid, [-]; `None` without domains.
     pub outside: Option<PointValue>,
     /// Magnitude of the rotation, [degrees]; until all points have been measured, the [`turn`] instead.
     pub rotation: Option<PointValue>,
@@ -164,7 +164,7 @@ impl Measures {
         }
     }
 
-    /// Adds the points of one cell.
+    /// Adds the points of one group: those of a cell or of a patch of cells.
     fn add_group<const D: usize>(
         &mut self,
         model: &Model<D>,

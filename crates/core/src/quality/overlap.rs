@@ -23,8 +23,8 @@ struct Domain<const D: usize> {
 }
 
 /// Volume shared by the domains of the converged state, summed over all pairs of points, relative to the total volume
-/// of the domains, [-]; for bodies of revolution, in the meridional section. `None` without domains, and in space for
-/// domains given by corners. All ranks must call this together.
+/// of the domains, [-]; for bodies of revolution, in the meridional section. `None` without domains, with triangular
+/// domains, and in space with domains given by corners. All ranks must call this together.
 pub fn domain_overlap<const D: usize>(model: &Model<D>, points: &Points<D>) -> Option<f64> {
     let ranks = &points.ranks;
     let own = domains_of(model, points);

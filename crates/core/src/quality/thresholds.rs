@@ -1,6 +1,6 @@
 //! The largest values at which measures cause no warning.
 
-/// Regridding work relative to the work of loads and reactions, [-].
+/// Regridding work relative to all work, as in [`super::BalanceSoFar::regridding`], [-].
 pub const MOST_REGRIDDING: f64 = 0.1;
 
 /// Error of the energy balance, [-].
@@ -10,7 +10,7 @@ pub const MOST_ENERGY_ERROR: f64 = 0.1;
 /// as the regridding work is below [`HARMFUL_REGRIDDING`].
 pub const MOST_CROSSINGS: f64 = 0.1;
 
-/// Regridding work relative to the work of loads and reactions at which crossings do harm, [-].
+/// Regridding work relative to all work, as in [`super::BalanceSoFar::regridding`], at which crossings do harm, [-].
 pub const HARMFUL_REGRIDDING: f64 = 0.015;
 
 /// Mean rotation of a body whose domains are boxes, [degrees].

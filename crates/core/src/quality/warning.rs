@@ -142,7 +142,8 @@ pub enum Detail {
     ReachingBox,
     /// A tolerance at which the forces on the body would be in balance, [-].
     Tolerance(f64),
-    /// Round-off of the forces on other bodies is larger than the forces on this one.
+    /// The forces on this body are so small beside those on other bodies that no tolerance above round-off brings them
+    /// into balance.
     RoundOff,
     /// Bodies that flow use the volume ratio of each point, [`crate::stress::Volumetric::Standard`].
     StandardDilatation,
@@ -160,7 +161,7 @@ pub struct Warning {
     pub location: Location,
     /// The measure; `None` for an event.
     pub value: Option<f64>,
-    /// The bound that the measure exceeds; `None` for an event.
+    /// The bound beyond which the measure lies, above or below; `None` for an event.
     pub threshold: Option<f64>,
     /// The fact and its location, as a sentence.
     pub message: String,

@@ -5,7 +5,7 @@ use super::Ranks;
 /// The active nodes that this rank shares with others; none if there are no other ranks.
 ///
 /// A nodal field is *partial* as long as it holds the contributions of this rank's points only, and *complete* when all
-/// ranks that touch a node hold the same value there. [`Halo::add`] completes a partial field.
+/// ranks that have a node hold the same value there. [`Halo::add`] completes a partial field.
 #[derive(Debug, Clone, Default)]
 pub struct Halo {
     ranks: Ranks,
@@ -26,7 +26,8 @@ pub struct Halo {
 pub struct Sharer {
     /// Rank number.
     pub rank: u32,
-    /// True if points of the rank touch the node; false if the node only lies in a cell next to cells that they touch.
+    /// True if points of the rank touch the node; false if the rank has the node only because it lies in an adjoining
+    /// cell, or because a term asks for it.
     pub touches: bool,
 }
 
@@ -87,7 +88,8 @@ fn numbers(bytes: &[u8]) -> impl Iterator<Item = u32> {
 
 impl Halo {
     /// The halo of these active nodes, given by their grid numbers, ascending; `sharing` lists the nodes that other
-    /// ranks also have. A node belongs to the lowest rank whose points touch it.
+    /// ranks also have. A node belongs to the lowest rank whose points touch it or, if there is none, to the lowest
+    /// rank that has it.
     pub fn new(ranks: &Ranks, nodes: &[u32], sharing: &Sharing) -> Self {
         if ranks.is_alone() {
             return Halo::default();

@@ -5,14 +5,15 @@ use std::collections::HashMap;
 use super::vector::{along, cross, minus, norm, unit};
 use super::{Motion, Node, Primitive, Region};
 
-/// Distance from the midpoint of a facet at which its two sides are examined, relative to its size, [-]. It exceeds the
-/// height of an arc above its chord, which is at most 0.04 of the chord.
+/// Distance from the centre of a facet at which its two sides are examined, relative to its size, [-]. It exceeds the
+/// height of an arc above its chord, at most 0.033 of the chord, and the height of a sphere above a facet, at most
+/// 0.0991 of its longest edge.
 const ASIDE: f64 = 0.1;
 
 /// A flat piece of a boundary: a segment in the plane, a triangle in space.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Facet<const D: usize> {
-    /// Corners, [length]. The normal of [`area_vector`] points out of the region.
+    /// Corners, [length]. In the boundary of a region, the normal of [`area_vector`] points out of the region.
     pub corners: [[f64; D]; D],
     /// Side of the primitive to which the facet belongs, numbered from 0.
     pub side: usize,
@@ -92,7 +93,8 @@ pub enum NoBoundary {
 pub const MOST_FACETS: usize = 10_000_000;
 
 impl<const D: usize> Region<D> {
-    /// The boundary in facets whose edges are at most `spacing` long, [length]. Arcs become chords.
+    /// The boundary in facets whose edges are at most `spacing` long, on spheres at most 1.6 times as long, [length].
+    /// Arcs become chords.
     ///
     /// In unions, intersections and differences, a facet of a primitive belongs to the boundary if the region lies on
     /// exactly one side of its centre: where primitives cross, the boundary is exact up to the size of a facet.
@@ -178,8 +180,8 @@ pub(crate) fn chords(radius: f64, spacing: f64) -> usize {
 }
 
 /// Facets of a side of a cell with these corners, in cyclic order; the edges of the facets are at most `spacing` long,
-/// [length]. The side is a segment in the plane, a triangle or a quadrilateral in space; for other numbers of corners,
-/// there are no facets.
+/// [length]; the diagonals of skew quadrilaterals can be longer. The side is a segment in the plane, a triangle or a
+/// quadrilateral in space; for other numbers of corners, there are no facets.
 pub fn divided<const D: usize>(corners: &[[f64; D]], spacing: f64, side: usize) -> Vec<Facet<D>> {
     match corners {
         [a, b] => divide(a, b, spacing, side),
@@ -188,7 +190,7 @@ pub fn divided<const D: usize>(corners: &[[f64; D]], spacing: f64, side: usize) 
             let longest = |pairs: [[&[f64; D]; 2]; 2]| {
                 pairs.iter().map(|[from, to]| norm(&minus(to, from))).fold(0.0, f64::max)
             };
-            // The diagonal of a piece is at most `spacing` long.
+            // The diagonal of a rectangular piece is at most `spacing` long.
             let n = parts(longest([[a, b], [d, c]]), spacing / 2f64.sqrt());
             let m = parts(longest([[a, d], [b, c]]), spacing / 2f64.sqrt());
             let at = |i: usize, j: usize| -> [f64; D] {
@@ -252,7 +254,7 @@ pub(super) fn parallelogram<const D: usize>(
     spacing: f64,
     side: usize,
 ) -> Vec<Facet<D>> {
-    // The diagonal of a piece is at most `spacing` long.
+    // The diagonal of a rectangular piece is at most `spacing` long.
     let [n, m] = edges.map(|edge| parts(norm(edge), spacing / 2f64.sqrt()));
     let at = |i: usize, j: usize| {
         along(&along(corner, i as f64 / n as f64, edges[0]), j as f64 / m as f64, edges[1])

@@ -1,10 +1,11 @@
-//! Regions of the plane and of space that define bodies: pure geometry, independent of decks and grids.
+//! Regions of the plane and of space that define bodies: pure geometry, independent of decks and, except for
+//! `fill.rs`, of grids.
 //!
 //! A [`Region`] is a primitive, a group of mesh cells, or a union, difference or intersection of regions. Every region
-//! can be moved by a [`Motion`]. A [`Primitive`] has five methods: containment of a position, extent along a direction,
-//! volume, intersection with a line, and the facets of its boundary. Everything else is derived from them: bounds of
-//! moved regions, boolean operations on lines, the boundary of a region (`boundary.rs`), and volumes of unions,
-//! intersections and differences by quadrature over lines (`volume.rs`).
+//! can be moved by a [`Motion`]. A [`Primitive`] has five required methods: containment of a position, extent along a
+//! direction, volume, intersection with a line, and the facets of its boundary. Everything else is derived from them:
+//! bounds of moved regions, boolean operations on lines, the boundary of a region (`boundary.rs`), and volumes of
+//! unions, intersections and differences by quadrature over lines (`volume.rs`).
 
 mod ball;
 mod boundary;
@@ -58,12 +59,12 @@ pub enum ShapeError {
         /// The quantity.
         what: &'static str,
     },
-    /// A length is not positive.
+    /// A length, area or factor is not positive.
     #[error("{what} must be positive, not {value}")]
     NotPositive {
         /// The quantity.
         what: &'static str,
-        /// Value of the length.
+        /// Its value.
         value: f64,
     },
     /// A polygon has fewer than three corners.
@@ -89,7 +90,7 @@ pub enum ShapeError {
     NoParts,
 }
 
-/// A primitive shape. Its boundary counts as inside, up to round-off.
+/// A primitive shape. Whether its boundary counts as inside depends on the shape.
 pub trait Primitive<const D: usize>: Debug + Send + Sync {
     /// True if a position lies inside.
     fn contains(&self, x: &[f64; D]) -> bool;

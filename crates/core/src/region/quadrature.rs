@@ -175,7 +175,7 @@ impl Ord for Panel {
 ///
 /// The panel with the largest error is halved until the sum of the errors is at most `tolerance`, or until `more`,
 /// called with the number of panels, returns false. The errors of the function values add to the error of the integral.
-/// The estimate is valid for smooth functions and for functions with jumps, kinks and roots. A feature between two
+/// The estimate is valid for smooth functions and for functions with jumps, kinks and roots. A narrow peak between two
 /// neighbouring nodes of a panel is not detected.
 pub fn integrate(
     breaks: &[f64],

@@ -43,7 +43,7 @@ pub enum StlError {
     Size {
         /// Facet count in the header.
         announced: u32,
-        /// Size of that many facets, [byte].
+        /// Size of a file with that many facets, [byte].
         needed: u64,
         /// Size of the file, [byte].
         bytes: usize,
@@ -132,7 +132,7 @@ fn size(facets: u32) -> u64 {
 }
 
 /// True if a file that is not a valid binary file looks like text: it starts with `solid`, and its first part contains
-/// only bytes that occur in text.
+/// no zero byte.
 fn is_text(bytes: &[u8]) -> bool {
     let start = without_mark(bytes).trim_ascii_start();
     let begins = start.get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid"));

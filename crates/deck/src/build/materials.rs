@@ -247,7 +247,7 @@ fn finite(value: f64) -> &'static str {
     if value.is_finite() { "" } else { "finite and " }
 }
 
-/// The centre of a region.
+/// The centre of the box around a region.
 fn centre<const D: usize>(region: &Region<D>) -> [f64; 3] {
     let bounds = region.bounds();
     padded(&std::array::from_fn::<f64, D, _>(|d| 0.5 * (bounds[0][d] + bounds[1][d])))

@@ -12,7 +12,8 @@ use mpm_core::grid::{Grid, Structured};
 use mpm_core::model::NodeSet;
 use mpm_core::region::Region;
 
-/// Relative distance to a box within which nodes count as lying in it.
+/// Largest distance of a node from a box, or from a stated coordinate, at which it counts as lying there, relative to
+/// the size of the cells around it, [-].
 const IN_BOX: f64 = 1e-6;
 
 impl<const D: usize> Builder<'_, D>

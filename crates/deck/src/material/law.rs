@@ -20,7 +20,7 @@ pub struct Surroundings<'a> {
     pub parameters: Option<&'a BTreeMap<String, Parameter>>,
     /// Number of axes.
     pub dimensions: usize,
-    /// A position in a body of the material.
+    /// Centre of the box around a body of the material, [length]; the origin without such a body.
     pub typical: [f64; 3],
     /// Size of the cells.
     pub cells: CellSize,

@@ -157,7 +157,7 @@ impl MaterialDeck {
     }
 }
 
-/// Adds the numbers and strings of a mapping, except words chosen from a fixed list.
+/// Adds the numbers and strings of a mapping, except words chosen from a fixed list and the path of a file.
 fn collect(prefix: &str, value: &Value, found: &mut Vec<(String, Expression)>) {
     for (key, value) in value.as_object().into_iter().flatten() {
         let path = if prefix.is_empty() { key.clone() } else { format!("{prefix}/{key}") };

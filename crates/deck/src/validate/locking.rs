@@ -8,7 +8,7 @@ use crate::quoting::{list, quote};
 use crate::span::escape;
 use crate::{BodyDeck, Deck, GridDeck, PerAxis, Volumetric};
 
-/// Poisson's ratio above which low-order cells lock.
+/// Smallest Poisson's ratio at which low-order cells lock.
 const NEARLY_INCOMPRESSIBLE: f64 = 0.49;
 
 impl Check<'_> {

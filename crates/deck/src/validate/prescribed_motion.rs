@@ -50,7 +50,6 @@ impl Check<'_> {
                     quote(name),
                     (objection.describe)(measure)
                 );
-                // If the deck does not state the update, the body has the default.
                 let help = "use `domain_update: corners`, which supports every motion";
                 self.warn("D044", &format!("/bodies/{index}/domain_update"), message, help);
             }

@@ -243,7 +243,7 @@ fn on_a_line(x: &[[f64; 2]], around: f64) -> bool {
     x.iter().map(from_first).all(|v| (v[0] * along[1] - v[1] * along[0]).abs() <= NO_AREA * around)
 }
 
-/// True if the bounds of a region are as small as possible.
+/// True for a single shape, moved or not: its bounds are as small as possible.
 fn is_tight(shape: &Shape) -> bool {
     match shape {
         Shape::Union { .. } | Shape::Intersection { .. } | Shape::Difference { .. } => false,

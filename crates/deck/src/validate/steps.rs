@@ -1,4 +1,4 @@
-//! Checks of a deck with an unknown load factor.
+//! Checks of step controls other than load control.
 
 use super::Check;
 use crate::diagnostic::{Diagnostic, Severity};
@@ -24,8 +24,9 @@ fn stands_still(LoadCurve(pairs): &LoadCurve, [start, end]: [f64; 2]) -> bool {
 }
 
 impl Check<'_> {
-    /// Checks displacement and arc-length control: all loads must share one factor, and boundary conditions must not
-    /// move nodes.
+    /// Checks step controls. With displacement and arc-length control, all loads must share one factor, and boundary
+    /// conditions must not move nodes. With strength reduction, loads must stay constant, and the bodies must carry
+    /// something.
     pub(super) fn control(&mut self) {
         let mut start = 0.0;
         for (number, (pointer, steps)) in self.deck.courses().into_iter().enumerate() {
@@ -71,7 +72,7 @@ impl Check<'_> {
                 };
                 if to.abs() <= LEAST * extent {
                     let message = format!("a displacement of {to} does not determine the load factor");
-                    let help = "give a displacement at the end other than 0";
+                    let help = "give a displacement other than 0 at the end";
                     self.error("D049", &format!("{pointer}/to"), message, help);
                 }
             }
@@ -130,8 +131,8 @@ impl Check<'_> {
         }
     }
 
-    /// Checks that loads and motions stay constant in an analysis, or in a stage between two times, while the strength
-    /// is reduced.
+    /// Checks that loads and boundary conditions stay constant in an analysis, or in a stage between two times, while
+    /// the strength is reduced, and that a material in use has a strength.
     fn constant_loads(&mut self, control: &str, stage: Option<(&StageDeck, [f64; 2])>) {
         let deck = self.deck;
         let stays = |name: &str, curve: Option<&LoadCurve>| match (stage, curve) {

@@ -157,7 +157,7 @@ impl Check<'_> {
     }
 }
 
-/// All expressions of a deck that may be formulas.
+/// The expressions of boundary conditions, loads and initial stresses, which may be formulas.
 pub(crate) fn expressions(deck: &Deck) -> impl Iterator<Item = &Expression> {
     let displacements = deck.boundary_conditions.iter().flat_map(BoundaryConditionDeck::displacements);
     let displacements = displacements.map(|displacement| displacement.value);

@@ -6,7 +6,7 @@ use crate::quoting::quote;
 use crate::span::escape;
 use crate::tools::{ToolDeck, ToolPartDeck};
 
-/// Columns of `history.csv`: `<name>_f…`, `<name>_m…` and `<name>_u…`.
+/// Columns of `history.csv`: `<name>_r…`, `<name>_f…`, `<name>_m…` and `<name>_u…`.
 struct Columns {
     name: String,
     /// The letters after the name.

@@ -69,9 +69,9 @@ impl<const D: usize> Connectivity<D> {
         self.layer_cells.retain(|cell| own.binary_search(cell).is_err());
     }
 
-    /// Makes each node that only slivers touch move with the same node on all ranks, whichever ranks have the points
-    /// that touch it. Of the carriers that any rank has found for such a node, the lowest that is active on this rank
-    /// is taken.
+    /// Shares the carriers of nodes that only slivers touch, so that such a node can move on all ranks, whichever ranks
+    /// have the points that touch it. Of the carriers that any rank has found for it, each rank takes the lowest that
+    /// is active on this rank.
     pub(super) fn agree_on_carriers(&mut self, ranks: &Ranks) {
         if ranks.is_alone() {
             return;

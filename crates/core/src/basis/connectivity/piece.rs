@@ -10,7 +10,8 @@ use crate::grid::Grid;
 pub(super) struct Piece<const D: usize> {
     pub(super) group_node_start: Vec<usize>,
     pub(super) group_nodes: Vec<u32>,
-    /// This field and the next ones have the same meaning as in [`Connectivity`](super::Connectivity).
+    /// This field and the next ones correspond to those of [`Connectivity`](super::Connectivity); offsets count from
+    /// the start of the piece.
     pub(super) touches: Vec<Touch>,
     pub(super) whole: Vec<bool>,
     pub(super) start: Vec<usize>,

@@ -5,8 +5,8 @@ use super::{ElementShape, adjugate, cross, dot, minus};
 impl ElementShape {
     /// Local coordinates ξ of a position; the inverse of [`map`](Self::map) in and around the element.
     ///
-    /// The map of a simplex is linear and invertible everywhere. The map of a quadrilateral or hexahedron without
-    /// parallel sides folds over at some distance from the element; the result is `None` beyond the fold.
+    /// The map of a simplex is linear and invertible everywhere. The map of a quadrilateral or hexahedron can fold over
+    /// at some distance from the element, unless opposite sides are parallel; the result is `None` beyond the fold.
     pub fn inverse<const D: usize>(self, corners: &[[f64; D]], x: &[f64; D]) -> Option<[f64; D]> {
         match self {
             ElementShape::Simplex => linear(corners, x),

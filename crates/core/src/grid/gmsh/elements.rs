@@ -36,7 +36,8 @@ impl Type {
 }
 
 impl Elements {
-    /// Reads the nodes of the element with this `number`. The element is `None` if its type is not supported.
+    /// Reads the nodes of an element; `number` reads one node number. The element is `None` if its type is not
+    /// supported.
     fn nodes(
         &mut self,
         reader: &mut Reader<'_>,

@@ -14,7 +14,7 @@ use crate::tensor::padded;
 const LISTED: usize = 5;
 
 /// Relative volume below which a cell, or a corner of it, counts as having no volume; the reference is a square (cube)
-/// on the longest side of the cell.
+/// on the longest edge of the cell.
 const NO_VOLUME: f64 = 1e-10;
 
 /// Marks a node of the file that no cell uses.

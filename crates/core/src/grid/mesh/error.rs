@@ -53,7 +53,7 @@ pub enum MeshError {
         /// Highest z of a cell, [length].
         high: f64,
     },
-    /// Cells whose volume is negligible relative to the lengths of their sides.
+    /// Cells whose volume is negligible relative to the lengths of their edges.
     #[error("{} no {}: {}", counted(*.n, "cell has", "cells have"), measure(*.dimension), list(.first))]
     NoVolume {
         /// Dimension of the analysis.

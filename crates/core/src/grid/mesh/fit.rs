@@ -33,8 +33,8 @@ enum Meeting {
 }
 
 impl<const D: usize> Mesh<D> {
-    /// Finds misfits: an error if the basis would be ambiguous or discontinuous, a warning if parts touch without being
-    /// connected. `report` describes a cell; `tag` is the number of a node in the file.
+    /// Finds misfits: an error if the basis would be ambiguous or discontinuous, a warning if cells touch without being
+    /// connected there. `report` describes a cell; `tag` is the number of a node in the file.
     pub(super) fn check_fit(
         &self,
         report: impl Fn(u32) -> CellReport,
@@ -110,7 +110,7 @@ impl<const D: usize> Mesh<D> {
         near
     }
 
-    /// True if two cells have a common side; the cells then lie on opposite sides of it.
+    /// True if two cells have a common edge (face); the cells then lie on opposite sides of it.
     fn share_a_side(&self, a: u32, b: u32) -> bool {
         let common = self.cell_nodes(a).iter().filter(|node| self.cell_nodes(b).contains(node)).count();
         let corners = |cell: u32| match (self.cell_shape(cell), D) {
@@ -291,7 +291,8 @@ fn common<const D: usize>(first: &Simplex<D>, second: &Simplex<D>, tolerance: f6
     pieces
 }
 
-/// Unit normal of the side opposite to a corner, towards that corner; zero or NaN for a degenerate simplex.
+/// Unit normal of the side opposite to a corner, towards that corner; in either direction, or NaN, for a degenerate
+/// simplex.
 fn inner_normal<const D: usize>(simplex: &Simplex<D>, corner: usize) -> [f64; D] {
     let at = |k: usize| simplex[(corner + k) % (D + 1)];
     let edge = padded(&minus(at(2), at(1)));

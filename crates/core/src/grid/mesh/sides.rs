@@ -52,7 +52,7 @@ pub struct BoundarySide {
 }
 
 impl<const D: usize> Mesh<D> {
-    /// Finds the sides that belong to one cell only; an error if two cells lie on the same side of an edge or face.
+    /// Finds the edges (faces) that belong to one cell only; an error if two cells lie on the same side of one.
     pub(super) fn find_boundary(&mut self, report: impl Fn(u32) -> CellReport) -> Result<(), MeshError> {
         // Canonical side, its direction in this cell, the cell, and the side as given.
         let mut sides: Vec<(Side, bool, u32, Side)> = Vec::with_capacity(self.cell_nodes.len());

@@ -4,7 +4,8 @@
 //! There is one factor L for LLᵀ, or the two factors L and Uᵀ for LU, where L contains the pivots and U has a diagonal
 //! of ones. Both are lower triangular, and each is updated from the right by the other (or L by itself): the columns of
 //! L are the columns of the matrix minus products of rows of L and rows of Uᵀ; the columns of Uᵀ are the rows of the
-//! matrix minus products of rows of Uᵀ and rows of L. The same operations therefore serve both factorisations.
+//! matrix minus products of rows of Uᵀ and rows of L, divided by the pivots. The same operations therefore serve both
+//! factorisations.
 //!
 //! Columns are stored one after another with a stride that is a multiple of [`PAD`], so that whole vectors of rows can
 //! be read and written. Values above the diagonal and in padding rows are arbitrary but finite, and never change a
@@ -27,7 +28,7 @@ const MANY_REGISTERS: usize = 32;
 /// Number of columns that are eliminated together in registers.
 const WIDTH: usize = 4;
 
-/// Number of columns of a large front that are eliminated together before the other columns are updated.
+/// Number of columns of a large front that are updated together by the columns to their left, and then eliminated.
 const BLOCK: usize = 96;
 
 /// A front with more pivots than this is processed by kernels for large matrices.
@@ -41,7 +42,7 @@ const TILE: usize = 512;
 /// Number of rows that are updated together in a large front.
 const HIGH: usize = 384;
 
-/// A product with fewer operations than this is computed by one thread.
+/// A matrix product with fewer multiplications than this is computed by one thread.
 const SHARED: usize = 4 << 20;
 
 /// The stride of columns with this number of rows.
@@ -58,8 +59,8 @@ fn is_large(rows: usize, pivots: usize) -> bool {
     pivots > MANY || rows * pivots > MOST
 }
 
-/// Replaces the matrix columns of the pivots of a front by the columns of its one or two factors, with the reciprocals
-/// of the pivots on the diagonal of L. Writes the update of the remaining matrix, −L Lᵀ or −L U, to `update`: the lower
+/// Replaces the matrix columns of the pivots of a front by the columns of its one or two factors, with the diagonal
+/// entries of L as reciprocals. Writes the update of the remaining matrix, −L Lᵀ or −L U, to `update`: the lower
 /// triangle, followed for LU by the transposed upper triangle. Returns false if a pivot of LLᵀ is not positive, or a
 /// pivot of LU is zero or not finite.
 pub(super) fn eliminate(
@@ -398,7 +399,7 @@ impl<const F: usize> Columns<'_, F> {
     ) {
         let lanes = S::F64_LANES;
         let right = &diagonal[other::<F>(factor)];
-        // L of LLᵀ and Uᵀ of LU are divided by the pivots; L of LU keeps them.
+        // L of LLᵀ and Uᵀ of LU are divided by the diagonal entries of L; L of LU is not.
         let is_divided = factor + 1 == F;
         let mut row = updated.start;
         while row < updated.end {
@@ -498,7 +499,7 @@ impl<const F: usize> Columns<'_, F> {
         self.store::<S, M, N>(factor, row, first, &values);
     }
 
-    /// The diagonal blocks of the factors, with the reciprocals of the pivots in the first block.
+    /// The diagonal blocks of the factors, with the diagonal entries of the first block as reciprocals.
     #[inline(always)]
     fn diagonal<const N: usize>(&self, first: usize) -> Option<[Diagonal<N>; F]> {
         let mut blocks = [[[0.0; N]; N]; F];
@@ -549,7 +550,7 @@ impl<const F: usize> Columns<'_, F> {
     }
 }
 
-/// Replaces a block by its Cholesky factor, with the reciprocals of the pivots. False if a pivot is not positive.
+/// Replaces a block by its Cholesky factor, with diagonal entries as reciprocals. False if a pivot is not positive.
 #[inline(always)]
 fn llt<const N: usize>(l: &mut Diagonal<N>) -> bool {
     for c in 0..N {

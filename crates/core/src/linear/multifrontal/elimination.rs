@@ -12,7 +12,7 @@ use super::tasks::Task;
 
 /// Number of columns that one thread fills at a time if threads share a front.
 const COLUMNS: usize = 32;
-/// Threads share fronts with more values than this.
+/// Threads share the columns, or the update, of a front if these have at least this number of values.
 const SHARED: usize = 1 << 17;
 
 /// A factorisation of the matrix with these values.
@@ -92,8 +92,8 @@ impl Elimination<'_> {
         true
     }
 
-    /// Assembles the matrix left for the kept unknowns from matrix entries and updates; the update of an only child is
-    /// already in place.
+    /// Assembles the matrix left for the kept unknowns from matrix entries and updates; the update of
+    /// [`Fronts::before_kept`] is already in place.
     fn assemble_left(self, front: &Front, left: &mut [f64], passed: Passed) {
         let holds_update = self.fronts.before_kept().is_some();
         for_each_factor(front, left, |factor, left| {

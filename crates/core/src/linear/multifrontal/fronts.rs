@@ -79,8 +79,8 @@ pub(super) struct Fronts {
     pub column_start: Vec<usize>,
     /// For each factor, the matrix entries by columns: the entries for L, then the entries for Uᵀ.
     pub entry: Vec<Vec<Entry>>,
-    /// Number of unknowns at the end of the order that are kept. The last front has no pivots, and these unknowns are
-    /// its border; its update is the matrix left for them.
+    /// Number of unknowns at the end of the order that are kept. If there are any, the last front has no pivots, and
+    /// these unknowns are its border; its update is the matrix left for them.
     pub kept: usize,
 }
 

@@ -57,7 +57,7 @@ fn children(fronts: &Fronts, f: usize) -> Vec<usize> {
     fronts.children[fronts.front[f].children.clone()].iter().map(|&child| child as usize).collect()
 }
 
-/// A task for a range of fronts; `tops` are the fronts in the range whose parents are not in it.
+/// A task for a range of fronts; the tasks within it are found at and below the fronts `tops`.
 fn divide(fronts: &Fronts, range: Range<usize>, mut tops: Vec<usize>, depth: usize) -> Task {
     let mut within: Vec<Task> = Vec::new();
     let heavy = |f: &usize| depth > 0 && fronts.front[*f].cost > LEAST;
@@ -79,8 +79,8 @@ fn divide(fronts: &Fronts, range: Range<usize>, mut tops: Vec<usize>, depth: usi
     Task { fronts: range, within, own, ..Task::default() }
 }
 
-/// Gives the fronts of a task their parts of its working space. At the end, the data that a task passes on are at the
-/// start of its working space.
+/// Gives the fronts of a task their parts of its working space. When a task ends, the data that it passes on are at the
+/// start of this space.
 fn plan(task: &mut Task, fronts: &mut Fronts) {
     for within in &mut task.within {
         plan(within, fronts);

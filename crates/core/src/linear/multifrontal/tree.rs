@@ -19,7 +19,7 @@ pub(super) struct Tree {
     pub start: Vec<usize>,
     /// Nodes in the order of elimination.
     pub node: Vec<u32>,
-    /// Number of unknowns that are eliminated in each front.
+    /// Number of unknowns that are eliminated in each front; for the front of the kept unknowns, the number of these.
     pub pivots: Vec<u32>,
     /// Number of rows of each front, including the rows of the pivots.
     pub rows: Vec<u32>,

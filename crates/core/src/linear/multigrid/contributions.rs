@@ -15,7 +15,7 @@ type Columns = Vec<(u64, u32)>;
 #[derive(Debug, Clone)]
 struct Part {
     row: u32,
-    /// Index of the sending rank among all senders, and index of the first block of the part in the message.
+    /// Index of the sending rank in [`Messages::with`], and index of the first block of the part in the message.
     from: usize,
     first: usize,
     /// For each column of the part, its index in the complete row.

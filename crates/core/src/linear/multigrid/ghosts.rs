@@ -90,7 +90,7 @@ impl Messages {
         Messages { send: of_ranks(send), receive: of_ranks(receive), with }
     }
 
-    /// Sends the values of nodes, and calls `take(node, value)` for the values received, in rank order.
+    /// Sends the values of nodes, and calls `take(value, received)` for the values received, in rank order.
     fn pass<const N: usize>(
         &self,
         ranks: &Ranks,

@@ -17,9 +17,9 @@ use super::stencil::{Stencil, inverse_of};
 pub(super) struct Level<const D: usize, const N: usize> {
     pub lattice: Lattice<D>,
     pub rows: Rows<N>,
-    /// The diagonal of S; zero for held degrees of freedom.
+    /// The diagonal of S; zero for degrees of freedom that are held or have no stiffness.
     pub scale: Vec<[f64; N]>,
-    /// The inverse of S; zero for held degrees of freedom.
+    /// The inverse of S; zero for degrees of freedom that are held or have no stiffness.
     pub unscale: Vec<[f64; N]>,
     /// True for the prescribed degrees of freedom of own nodes.
     pub held: Vec<[bool; N]>,
@@ -102,7 +102,7 @@ impl<const D: usize, const N: usize> Level<D, N> {
         self.held == held && self.lattice == *lattice && same_columns()
     }
 
-    /// Takes over the values of a matrix; returns true if its whole diagonal is positive.
+    /// Takes over the values of a matrix; returns true if its diagonal is positive at all free degrees of freedom.
     ///
     /// # Errors
     /// [`LinearError::Singular`] if a free degree of freedom has no stiffness.
@@ -260,7 +260,7 @@ pub(super) fn block_of<const N: usize>(matrix: &BlockMatrix<N>, row: u32, column
     Some(if row >= column { *block } else { std::array::from_fn(|i| std::array::from_fn(|j| block[j][i])) })
 }
 
-/// Sets the diagonal to one if a degree of freedom is held.
+/// Sets the diagonal to one for degrees of freedom with zero scale.
 pub(super) fn own_entries<const N: usize>(row: usize, columns: &[u32], scale: &[f64; N], values: &mut [f32]) {
     let width = values.len() / N;
     if let Ok(place) = columns.binary_search(&(row as u32)) {

@@ -8,9 +8,9 @@ use super::ghosts::{Ghosts, Known};
 pub(super) struct Shared {
     pub known: Known,
     pub ghosts: Ghosts,
-    /// Entries of rows that the points or the finer nodes of other ranks contribute.
+    /// Entries that the points or the finer nodes of one rank contribute to the rows of another.
     pub contributions: Contributions,
-    /// The active nodes, in the order of the nodes of the finest level; the nodes that this rank does not touch come
-    /// last. Empty on coarser levels.
+    /// The active nodes, in the order of the nodes of the finest level; the nodes that belong to other ranks come last.
+    /// Empty on coarser levels.
     pub active: Vec<u32>,
 }

@@ -15,7 +15,7 @@ pub(super) struct Rows<const N: usize> {
     column: Vec<u32>,
     value_start: Vec<usize>,
     value: Vec<f32>,
-    /// Largest number of entries of a component of a row.
+    /// Largest number of entries of a component of a row, padding included.
     width: usize,
 }
 
@@ -92,7 +92,7 @@ impl<const N: usize> Rows<N> {
         product
     }
 
-    /// Largest number of entries of a component of a row.
+    /// Largest number of entries of a component of a row, padding included.
     pub(super) fn width(&self) -> usize {
         self.width
     }

@@ -92,7 +92,7 @@ pub enum SurfaceError {
     Turned {
         /// Number of neighbours with the opposite orientation.
         n: usize,
-        /// The facet that disagrees with most of its neighbours.
+        /// The facet that disagrees with the most neighbours.
         at: FacetReport,
     },
     /// Two facets meet beyond their shared corners and edges.

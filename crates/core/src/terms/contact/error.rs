@@ -63,7 +63,7 @@ pub enum ContactError {
     },
     /// The updates of the multipliers have not reduced the error to the tolerance.
     #[error(
-        "{place}: after {}, {} and the slip of sticking contact points is {slip:.3e}; the tolerance is {most:.3e}",
+        "{place}: after {}, {} and the slip is {slip:.3e}; the tolerance is {most:.3e}",
         counted(*augmentations, "update", "updates"), overlap_in_words(*overlap)
     )]
     NotSettled {
@@ -107,8 +107,8 @@ pub enum ContactError {
     },
     /// A tool cannot follow an unknown load factor.
     #[error(
-        "tool `{tool}` cannot follow an unknown load factor: it moves with time, turns about several axes, or acts before the \
-         last stage"
+        "tool `{tool}` cannot follow an unknown load factor: it moves with time, turns about several axes, or acts \
+         before the last stage"
     )]
     UnknownFactor {
         /// Name of the tool.
