@@ -7,7 +7,8 @@ use serde_json::{Map, Value};
 use super::initial_stress::curve_of;
 use super::loads::load_curve;
 use super::quoting::quote;
-use super::{Deck, Expression, MaterialDeck};
+use super::validate::{formulas_of_bodies, formulas_of_loading};
+use super::{Deck, MaterialDeck};
 use mpm_core::formula::names;
 use mpm_core::model::LoadCurve;
 
@@ -44,7 +45,12 @@ pub fn changes_during_run(old: &Deck, new: &Deck) -> Vec<String> {
     let of = |deck: &Deck| {
         let mut value = essential(deck);
         let Some(map) = value.as_object_mut() else { return value };
-        map.remove("parameters"); // their values are already inserted
+        // Values outside formulas are already inserted in the deck.
+        let formulas = formulas_of_bodies(deck);
+        let used: BTreeSet<&str> = formulas.iter().flat_map(|text| names(text)).map(|(_, n)| n).collect();
+        if let Some(parameters) = map.get_mut("parameters").and_then(Value::as_object_mut) {
+            parameters.retain(|name, _| used.contains(name.as_str()));
+        }
         let keep = |entry: &mut Value, keys: &[&str]| {
             entry.as_object_mut().map(|entry| entry.retain(|key, _| keys.contains(&key.as_str())))
         };
@@ -54,7 +60,7 @@ pub fn changes_during_run(old: &Deck, new: &Deck) -> Vec<String> {
             let varies = |deck: &Deck| {
                 let material = deck.materials.get(name);
                 let mut properties = material.map(MaterialDeck::properties).into_iter().flatten();
-                properties.any(|(_, property)| matches!(property, Expression::Formula(_)))
+                properties.any(|(_, property)| property.as_formula().is_some())
             };
             if !varies(old) && !varies(new) {
                 keep(material, &["model", "density", "file"]);
@@ -102,7 +108,7 @@ pub fn is_end(deck: &Deck, time: f64) -> bool {
 /// A deck without the parts that may change.
 fn essential(deck: &Deck) -> Value {
     let mut value = serde_json::to_value(deck).unwrap_or_default();
-    let formulas = formulas(deck);
+    let formulas = [formulas_of_loading(deck), formulas_of_bodies(deck)].concat();
     let used: BTreeSet<&str> = formulas.iter().flat_map(|text| names(text)).map(|(_, n)| n).collect();
     if let Some(map) = value.as_object_mut() {
         for key in ["title", "solver", "checkpoint"] {
@@ -141,19 +147,6 @@ fn essential(deck: &Deck) -> Value {
 /// Removes the tolerance of a control.
 fn without_tolerance(steps: &mut Map<String, Value>) {
     steps.get_mut("control").and_then(Value::as_object_mut).map(|control| control.remove("tolerance"));
-}
-
-/// Texts of all formulas that are evaluated during a run.
-fn formulas(deck: &Deck) -> Vec<String> {
-    let properties = deck.materials.values().flat_map(MaterialDeck::properties).map(|(_, property)| property);
-    super::validate::expressions(deck)
-        .cloned()
-        .chain(properties)
-        .filter_map(|expression| match expression {
-            Expression::Formula(text) => Some(text),
-            Expression::Number(_) => None,
-        })
-        .collect()
 }
 
 /// Names and curves of all loads, and of the boundary conditions that move nodes or surfaces.
@@ -236,6 +229,23 @@ mod tests {
                 !found.is_empty() && found.iter().any(|text| text.contains(says)),
                 "{change:?}: {found:?}"
             );
+        }
+    }
+
+    #[test]
+    fn parameters_in_formulas_of_tools_count() {
+        let tool = "\ntools: [{name: disc, shape: {type: circle, center: [5, 12], radius: 1}, uy: \"-sink*factor\"}]";
+        let with = |sink: &str| {
+            let text = std::fs::read_to_string("../../inputs/beam.yaml").unwrap();
+            let text = text.replace("parameters: {", &format!("parameters: {{sink: {sink}, "));
+            let text = text.replace("\nsteps: {", &format!("{tool}\nsteps: {{"));
+            load_text("deck.yaml", text.as_bytes(), &[]).unwrap_or_else(|failure| panic!("{failure}"))
+        };
+        let (old, new) = (with("0.1"), with("0.2"));
+        assert!(!old.notes.iter().any(|note| note.message.contains("`sink`")), "{:?}", old.notes);
+        for found in [changes(&old.deck, &new.deck, 0.5), changes_during_run(&old.deck, &new.deck)] {
+            assert_eq!(found.len(), 1, "{found:?}");
+            assert!(found[0].contains("sink"), "{found:?}");
         }
     }
 

@@ -372,6 +372,14 @@ impl Expression {
         }
     }
 
+    /// The text of the expression, if it is a formula.
+    pub fn as_formula(&self) -> Option<&str> {
+        match self {
+            Expression::Number(_) => None,
+            Expression::Formula(text) => Some(text),
+        }
+    }
+
     /// True if the expression is zero everywhere.
     pub fn is_zero(&self) -> bool {
         match self {

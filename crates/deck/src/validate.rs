@@ -23,7 +23,7 @@ mod tools;
 mod units;
 mod without_effect;
 
-pub(super) use suspicions::expressions;
+pub(super) use suspicions::{formulas_of_bodies, formulas_of_loading};
 
 use std::collections::HashMap;
 

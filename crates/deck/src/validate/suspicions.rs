@@ -6,9 +6,7 @@ use super::Check;
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::quoting::{quote, rounded};
 use crate::span::escape;
-use crate::{
-    BoundaryConditionDeck, Deck, Expression, InitialStressDeck, LoadCurve, LoadDeck, MaterialDeck, ToolDeck,
-};
+use crate::{BoundaryConditionDeck, Deck, InitialStressDeck, LoadCurve, LoadDeck, MaterialDeck, ToolDeck};
 use mpm_core::formula::names;
 
 /// Tolerances above this accept steps that are not really in equilibrium.
@@ -49,18 +47,9 @@ impl Check<'_> {
             let message = format!("no body uses the material {}", quote(name));
             self.warn_at_key("D037", &format!("/materials/{}", escape(name)), message, "remove it");
         }
-        let properties: Vec<Expression> = deck
-            .materials
-            .values()
-            .flat_map(MaterialDeck::properties)
-            .map(|(_, property)| property)
-            .collect();
-        let mut in_formulas: BTreeSet<&str> = BTreeSet::new();
-        for expression in expressions(deck).chain(&properties) {
-            if let Expression::Formula(text) = expression {
-                in_formulas.extend(names(text).into_iter().map(|(_, name)| name));
-            }
-        }
+        let formulas = [formulas_of_loading(deck), formulas_of_bodies(deck)].concat();
+        let in_formulas: BTreeSet<&str> =
+            formulas.iter().flat_map(|text| names(text)).map(|(_, name)| name).collect();
         for name in deck.parameters.keys() {
             if !in_formulas.contains(name.as_str()) && !self.source.uses_parameter(name) {
                 let message = format!("the parameter {} is not used", quote(name));
@@ -157,17 +146,25 @@ impl Check<'_> {
     }
 }
 
-/// The expressions of boundary conditions, loads and initial stresses, which may be formulas.
-pub(crate) fn expressions(deck: &Deck) -> impl Iterator<Item = &Expression> {
+/// The formulas of boundary conditions and loads.
+pub(crate) fn formulas_of_loading(deck: &Deck) -> Vec<String> {
     let displacements = deck.boundary_conditions.iter().flat_map(BoundaryConditionDeck::displacements);
     let displacements = displacements.map(|displacement| displacement.value);
     let given = deck.boundary_conditions.iter().flat_map(|condition| condition.intermediate.values());
     let forces = deck.loads.iter().flat_map(LoadDeck::expressions).map(|(_, expression)| expression);
+    displacements.chain(given).chain(forces).filter_map(|e| e.as_formula().map(str::to_owned)).collect()
+}
+
+/// The formulas of tools, initial stresses and materials.
+pub(crate) fn formulas_of_bodies(deck: &Deck) -> Vec<String> {
+    let motions = deck.tools.iter().flat_map(ToolDeck::motion).map(|(.., value)| value);
     let stresses = deck.bodies.iter().filter_map(|body| match &body.initial_stress {
         Some(InitialStressDeck::Components { stress }) => {
-            Some(stress.components().map(|(_, _, given)| given))
+            Some(stress.components().map(|(_, _, given)| given.clone()))
         }
         _ => None,
     });
-    displacements.chain(given).chain(forces).chain(stresses.flatten())
+    let properties = deck.materials.values().flat_map(MaterialDeck::properties).map(|(_, given)| given);
+    let all = motions.chain(stresses.flatten()).chain(properties);
+    all.filter_map(|e| e.as_formula().map(str::to_owned)).collect()
 }
