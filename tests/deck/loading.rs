@@ -75,6 +75,37 @@ fn formulas_may_contain_parameters() {
 }
 
 #[test]
+fn a_negative_parameter_is_squared_as_a_whole() {
+    let text = r#"
+version: 1
+parameters: {a: -2}
+grid: {type: structured, origin: [0, 0], size: [4, 6], spacing: 1}
+materials: {soil: {model: hencky, young: "1e6*${a}^2 + X", poisson: 0.3}}
+bodies:
+  - {name: b, material: soil, shape: {type: box, min: [0, 0], max: [4, 4]}, points_per_cell: 2,
+     initial_stress: {type: components, stress: {xx: "${a}^2*(Y - 4)", yy: 0, zz: 0}}}
+surfaces: [{name: top, body: b}]
+boundary_conditions: [{name: wall, nodes: {x: 0}, move: {along: [1, 1], by: "${a}^2*y"}}]
+loads:
+  - {name: wind, type: traction, surface: top, traction: [0, "${a}^2*x"]}
+  - {name: water, type: pressure, surface: top, pressure: "${a}^2*x"}
+tools: [{name: disc, shape: {type: circle, center: [2, 5], radius: 1}, rotation: "${a}^2*factor"}]
+steps: {count: 1}
+"#;
+    let deck = serde_json::to_value(good(text, &[]).deck).unwrap();
+    for (pointer, formula) in [
+        ("/materials/soil/young", "1e6*(-2.0)^2 + X"),
+        ("/bodies/0/initial_stress/stress/xx", "(-2.0)^2*(Y - 4)"),
+        ("/boundary_conditions/0/move/by", "(-2.0)^2*y"),
+        ("/loads/0/traction/1", "(-2.0)^2*x"),
+        ("/loads/1/pressure", "(-2.0)^2*x"),
+        ("/tools/0/rotation", "(-2.0)^2*factor"),
+    ] {
+        assert_eq!(deck.pointer(pointer).and_then(Value::as_str), Some(formula), "{pointer}");
+    }
+}
+
+#[test]
 fn later_checks_can_point_at_the_deck() {
     let loaded = good(BEAM, &[("h", "0.25")]);
     let diagnostic =

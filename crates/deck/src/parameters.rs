@@ -440,9 +440,13 @@ impl Table<'_> {
 
 /// True if the value at a pointer may be a formula.
 fn is_formula(pointer: &str) -> bool {
-    let mut parts = pointer.rsplit('/');
-    let last = parts.next();
-    matches!(last, Some("ux" | "uy" | "uz")) || matches!(parts.next(), Some("force" | "where"))
+    let parts: Vec<&str> = pointer.split('/').collect();
+    match parts.as_slice() {
+        ["", "materials", _, .., key] => !matches!(*key, "model" | "file"),
+        [.., "ux" | "uy" | "uz" | "by" | "rotation" | "pressure"] => true,
+        [.., "force" | "traction" | "where" | "stress" | "rotation", _] => true,
+        _ => false,
+    }
 }
 
 fn as_value(parameter: &Parameter) -> Value {
