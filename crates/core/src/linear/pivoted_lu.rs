@@ -30,7 +30,7 @@ impl PivotedLu {
     pub fn factorise(&mut self, values: &[f64]) -> bool {
         let values: Vec<f64> = self.source.iter().map(|&s| values[s]).collect();
         let matrix = SparseColMatRef::new(self.pattern.view(), &values[..]);
-        self.factors = Lu::try_new_with_symbolic(self.symbolic.clone(), matrix).ok();
+        self.factors = on_one_thread(|| Lu::try_new_with_symbolic(self.symbolic.clone(), matrix).ok());
         self.factors.is_some()
     }
 
@@ -39,10 +39,19 @@ impl PivotedLu {
         match &self.factors {
             Some(lu) => {
                 let rhs = MatMut::from_column_major_slice_mut(rhs, self.pattern.n, 1);
-                lu.solve_in_place_with_conj(Conj::No, rhs);
+                on_one_thread(|| lu.solve_in_place_with_conj(Conj::No, rhs));
             }
             None => rhs.fill(f64::NAN),
         }
+    }
+}
+
+/// Calls faer in a pool of a single thread: it divides sums between all threads, so that the bits of its results depend
+/// on their number.
+fn on_one_thread<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+    match rayon::ThreadPoolBuilder::new().num_threads(1).build() {
+        Ok(pool) => pool.install(work),
+        Err(_) => work(),
     }
 }
 
