@@ -54,12 +54,13 @@ impl<const N: usize> ConjugateGradients<N> {
         let size = over.dot(r, r).sqrt();
         let mut rz_before = 0.0;
         let mut norm = size;
-        for iteration in 0..=MOST {
+        let mut iteration = 0;
+        loop {
             if norm <= tolerance * size {
                 return Ok(iteration);
             }
             if iteration == MOST || !norm.is_finite() {
-                break;
+                return Err(LinearError::NotConverged { iterations: iteration, residual: norm / size }.into());
             }
             precondition(r, z)?;
             let rz = over.dot(r, z);
@@ -78,8 +79,8 @@ impl<const N: usize> ConjugateGradients<N> {
             add(x, alpha, p);
             add(r, -alpha, q);
             norm = over.dot(r, r).sqrt();
+            iteration += 1;
         }
-        Err(LinearError::NotConverged { iterations: MOST, residual: norm / size }.into())
     }
 }
 
