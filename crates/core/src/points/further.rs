@@ -143,12 +143,12 @@ impl Further {
         if found != wanted {
             return Err(FieldError::Length { name, found, wanted });
         }
-        if let Some(place) = start.iter().position(|value| !value.is_finite()) {
-            let (point, value) = (place / components, start[place].to_string());
-            return Err(FieldError::NotFinite { name, point, value });
-        }
         let mut by_id: Vec<usize> = (0..id.len()).collect();
         by_id.sort_by_key(|p| id[*p]);
+        if let Some(place) = start.iter().position(|value| !value.is_finite()) {
+            let (point, value) = (id[by_id[place / components]] as usize, start[place].to_string());
+            return Err(FieldError::NotFinite { name, point, value });
+        }
         let mut rank = vec![0; id.len()];
         by_id.iter().enumerate().for_each(|(k, p)| rank[*p] = k as u32);
         let converged = gather(&start, &rank, components);
