@@ -1,8 +1,8 @@
 //! One state of the points, ready to be drawn: polygons in the plane of the picture, in the order of drawing.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashMap};
 
-use mpm_files::vtu::read::Section;
+use mpm_files::vtu::read::{MeshFile, Section};
 
 use super::error::ReportError;
 use super::field::FieldChoice;
@@ -16,13 +16,13 @@ pub(super) struct Scene {
     pub title: String,
     /// Value of the field at each point.
     pub values: Vec<f64>,
-    /// Position of each point.
+    /// Position of each point; empty for a scene in space.
     pub positions: Vec<[f64; 2]>,
-    /// Radius of each point without a domain, 0 for points with one.
+    /// Radius of each point without a domain, or side of its cube in space; 0 for points with a domain.
     pub radii: Vec<f64>,
     /// Polygons to fill, in this order.
     pub domains: Vec<Polygon>,
-    /// Sides of the active cells, each once.
+    /// Sides of the active cells, each once; empty for a scene in space.
     pub sides: Vec<[[f64; 2]; 2]>,
     /// Smallest and largest coordinates of a scene in space.
     pub space: Option<[[f64; 3]; 2]>,
@@ -93,11 +93,11 @@ impl Scene {
             let positions = mesh.positions().map_err(ReportError::from_reader)?;
             let corners = mesh.corners().map_err(ReportError::from_reader)?;
             let ids = values(&mesh, Section::CellData, "point_id")?;
+            let row_of = rows(&points)?;
             for (polygon, id) in polygons(&positions, corners).into_iter().zip(ids) {
-                // The points are in the order of their numbers.
-                if let Some(radius) = scene.radii.get_mut(id as usize) {
-                    *radius = 0.0;
-                    scene.domains.push(Polygon { corners: polygon, point: id as usize, shade: 1.0 });
+                if let Some(point) = row_of(id) {
+                    scene.radii[point] = 0.0;
+                    scene.domains.push(Polygon { corners: polygon, point, shade: 1.0 });
                 }
             }
         }
@@ -134,10 +134,10 @@ impl Scene {
             let places = mesh.positions().map_err(ReportError::from_reader)?;
             let cells = mesh.corners().map_err(ReportError::from_reader)?;
             let ids = values(&mesh, Section::CellData, "point_id")?;
+            let row_of = rows(&points)?;
             for (cell, id) in cells.iter().zip(ids) {
-                let point = id as usize;
-                if let Some(side) = sides.get_mut(point) {
-                    *side = 0.0;
+                if let Some(point) = row_of(id) {
+                    sides[point] = 0.0;
                     let corners: Vec<[f64; 3]> = cell.iter().map(|&corner| places[corner]).collect();
                     corners.iter().for_each(|corner| take_in(corner, 0.0));
                     faces.extend(view.faces(&corners).into_iter().map(|face| (face, point)));
@@ -187,4 +187,11 @@ pub(super) const NOWHERE: [[f64; 2]; 2] = [[f64::INFINITY; 2], [f64::NEG_INFINIT
 /// The smallest extent that contains two others.
 pub(super) fn around(a: [[f64; 2]; 2], b: [[f64; 2]; 2]) -> [[f64; 2]; 2] {
     [[a[0][0].min(b[0][0]), a[0][1].min(b[0][1])], [a[1][0].max(b[1][0]), a[1][1].max(b[1][1])]]
+}
+
+/// Finds the row of a point in a file of points by its number. Numbers have gaps once bodies have been removed.
+fn rows(points: &MeshFile) -> Result<impl Fn(f64) -> Option<usize>, ReportError> {
+    let numbers = values(points, Section::PointData, "point_id")?;
+    let rows: HashMap<u64, usize> = numbers.iter().enumerate().map(|(row, id)| (*id as u64, row)).collect();
+    Ok(move |id: f64| rows.get(&(id as u64)).copied())
 }
