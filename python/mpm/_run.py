@@ -41,9 +41,10 @@ class Step:
         start: Time at the start of the step.
         time: Time at the end of the step.
         stage: Name of the stage, or ``None`` if the deck has no stages.
-        residuals: Relative out-of-balance force at every evaluation, [-], shape (iterations + 1,); the first precedes
-            all iterations.
-        load_factor: Load factor at the end of the step, or ``None`` if the loads do not share one, [-].
+        iterations: Number of Newton iterations.
+        residuals: Relative out-of-balance force at every evaluation, [-], shape (evaluations,); the first precedes all
+            iterations.
+        load_factor: Load factor at the end of the step, or ``None`` if loads and prescribed motions share none, [-].
         strength_factor: Factor by which the strength of the materials is divided, or ``None`` at full strength, [-].
         reactions: Reaction of each boundary condition, by name: the force on the bodies, shape (axes,), [force].
         loads: Resultant of each load, by name, shape (axes,), [force].
@@ -54,7 +55,7 @@ class Step:
         plastic_work: Plastic work so far, [energy].
         rounding_limited: Whether round-off kept the residual above the tolerance.
         damped: Whether only damped iterations found the equilibrium.
-        end_time: Time at the end of the analysis or stage.
+        end_time: Time at the end of the analysis.
         warnings: Warnings that this step has raised.
 
     Example:
@@ -70,6 +71,7 @@ class Step:
     start: float
     time: float
     stage: str | None
+    iterations: int
     residuals: Array
     load_factor: float | None
     strength_factor: float | None
@@ -84,11 +86,6 @@ class Step:
     damped: bool
     end_time: float
     warnings: tuple[Diagnostic, ...]
-
-    @property
-    def iterations(self) -> int:
-        """Number of Newton iterations."""
-        return len(self.residuals) - 1
 
     @property
     def residual(self) -> float:
@@ -221,7 +218,7 @@ class Points(Mapping[str, Array]):
 
     @property
     def displacement(self) -> Array:
-        """Current minus original position, shape (n, axes), [length]."""
+        """Displacement since the start or the last reset, shape (n, axes), [length]."""
         return self["displacement"]
 
     @property
@@ -466,8 +463,9 @@ class Run:
         """Continues the run with the current content of :attr:`deck`.
 
         Loads, boundary conditions, parameters of materials, the number and size of steps, the solver, and the output
-        may change. Grid, bodies, tools, models and densities of materials, laws in Python, the names of loads and
-        boundary conditions, and the control of the steps may not.
+        may change. Grid, bodies, tools, probes, models and densities of materials, laws in Python, the names and types
+        of loads, the names of boundary conditions, and the control of the steps may not; nor may materials that vary in
+        space.
 
         The next step begins from the current state of the points. At the end of that step, a load is its new value
         times its new curve: it jumps within the step if the new curve does not continue the old one. A prescribed
@@ -556,7 +554,7 @@ class Frame:
 
     Attributes:
         time: Time.
-        path: The file of the points, ``points_*.vtu``.
+        path: The file of the points, ``points_*.vtu``, or ``points_*.pvtu`` if several ranks wrote them.
     """
 
     time: float

@@ -194,7 +194,7 @@ impl Follower<'_> {
 /// Puts the model of another deck in place of the current one.
 ///
 /// # Errors
-/// A reason, if the other deck describes other bodies, another grid or other tables.
+/// A reason, if the other deck changes something on which earlier steps depend, such as the grid or the bodies.
 fn exchange<const D: usize>(
     model: &mut Model<D>,
     reached: &Reached,
@@ -315,6 +315,7 @@ fn step_document<const D: usize>(model: &Model<D>, report: &StepReport<D>, summa
         "start": report.step.start,
         "time": report.step.end,
         "stage": stage,
+        "iterations": report.solves(),
         "residuals": report.residuals,
         "rounding_limited": report.rounding_limited,
         "damped": report.damped,
