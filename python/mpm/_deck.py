@@ -288,7 +288,7 @@ class Deck(MutableMapping[str, Any]):
         return self._text is not None and self._original == _document(self._data)
 
     def _source(self) -> tuple[bytes, Overrides]:
-        """Text and overrides: those of the file if nothing has been changed, so that messages give its lines."""
+        """Text and overrides: those of the file if at most parameters differ, so that messages give its lines."""
         if self._text is not None and self._is_original():
             return self._text, self._overrides
         return _mpm.dump(_document(self._data)).encode(), []

@@ -24,7 +24,7 @@ def _is_notebook() -> bool:
 
 
 class Bar:
-    """A progress bar for a run; by default, not shown if there is neither a terminal nor a notebook."""
+    """A progress bar for a run; by default, shown only on a terminal or in a notebook."""
 
     def __init__(self, wanted: bool | None, run: Run) -> None:
         self._run = run

@@ -1,7 +1,7 @@
 //! Constitutive laws that the interpreter evaluates, and laws of the library that the interpreter can call.
 //!
-//! Strains and stresses pass between Rust and Python as rows xx, yy, zz, √2 xy, √2 yz, √2 xz: in this layout the
-//! product of two rows is the product of the tensors, and a tangent is a symmetric matrix.
+//! Strains and stresses pass between Rust and Python as rows xx, yy, zz, √2 xy, √2 yz, √2 xz: in this layout the scalar
+//! product of two rows is that of the tensors, and a tangent is a 6 × 6 matrix.
 
 use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -120,7 +120,7 @@ impl Laws {
         self.calls.raised.lock().ok()?.take()
     }
 
-    /// Stops all calls of laws, because the interpreter is about to end.
+    /// Stops all calls of laws: the run is abandoned, or the interpreter is about to end.
     pub fn end_calls(&self) {
         self.calls.are_over.store(true, Ordering::SeqCst);
     }

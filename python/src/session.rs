@@ -161,7 +161,7 @@ impl Session {
         Ok(())
     }
 
-    /// Ends all calls of laws, since the interpreter is about to end.
+    /// Ends all calls of laws: the run is abandoned, or the interpreter is about to end.
     fn abandon(&self) {
         self.laws.end_calls();
     }
@@ -311,7 +311,7 @@ impl Session {
         self.wait_until(py, running, hears.as_ref())
     }
 
-    /// The same as `wait`, but calls `hears` for every iteration.
+    /// The same as `wait`, but calls `hears`, if given, in place of `on_iteration` for every iteration.
     fn wait_until(
         &self,
         py: Python<'_>,

@@ -1,7 +1,7 @@
 //! Element tests: a single material point follows a path of strain or stress, without a grid.
 //!
-//! The deformation gradient of the point is F = exp(e) (I + γ e_x ⊗ e_y). On all paths except simple shear, γ = 0 and
-//! the principal axes are fixed, so that e is the logarithmic strain measured from the start and ln J = tr e holds
+//! The deformation gradient of the point is F = exp(e) (I + γ e_x ⊗ e_y). On every [`Path`] except simple shear, γ = 0
+//! and the principal axes are fixed; e is then the logarithmic strain measured from the start, and ln J = tr e holds
 //! without round-off. A [`Target`] prescribes e and γ, or the Cauchy stress along an axis in place of the strain. The
 //! components of e that are then unknown follow from Newton's method with the consistent tangent of the law, including
 //! the change of J.

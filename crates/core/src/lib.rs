@@ -38,7 +38,7 @@
 //! | Resources | [`memory`]: memory limits; [`timing`]: time per phase of a run |
 //!
 //! This crate does not depend on the other crates of `mpm`: `mpm-files` writes results, `mpm-deck` builds a model and
-//! points from a deck, `mpm-report` renders results as a page. It never prints and never exits.
+//! points from a deck, `mpm-report` renders results as a page. This crate never prints and never exits.
 //!
 //! # Symbols
 //!

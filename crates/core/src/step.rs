@@ -60,8 +60,8 @@ impl<'a, const N: usize> At<'a, N> {
     }
 }
 
-/// The displacement part of nodal increments, i.e. their first `D` components, [length]; not copied if there are no
-/// other components.
+/// The displacement part of nodal increments, i.e. their first `D` components, [length]; borrowed if these are all
+/// components.
 pub fn displacement<const D: usize, const N: usize>(increments: &[[f64; N]]) -> Cow<'_, [[f64; D]]> {
     if D == N {
         let (same, _) = increments.as_flattened().as_chunks::<D>();

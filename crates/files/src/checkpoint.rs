@@ -3,8 +3,8 @@
 //! A file consists of a line with the format version, blocks of compressed bytes, and a checksum of both (`blocks`).
 //! The bytes hold JSON text with the deck and the summary of the run so far, followed by the arrays of the points. Data
 //! that follow from the deck alone, such as masses, are computed again. A file is written under a temporary name and
-//! then renamed, and the previous checkpoint stays until the next is complete, so that a complete checkpoint exists at
-//! all times.
+//! then renamed, and the last two checkpoints are kept, so that a complete checkpoint exists at all times after the
+//! first one.
 //!
 //! With several ranks, each rank writes its points to a piece, a file of the same format. The main file of the
 //! checkpoint then states the sizes of the pieces in place of the arrays, and is written last. Any number of ranks can
@@ -49,7 +49,7 @@ pub struct Head {
     pub program: String,
     /// The deck after parameter substitution; the reader interprets it.
     pub deck: Value,
-    /// Hash of the meshes and surfaces that the deck names.
+    /// Hash of the files that the deck names.
     pub files: String,
     /// The last step in equilibrium, and the summary of the run so far.
     pub reached: Reached,
@@ -98,7 +98,7 @@ pub struct Checkpoint {
 /// call this together.
 ///
 /// # Errors
-/// A file-system error; earlier checkpoints are then kept.
+/// A file-system error, or `InvalidInput` if a number of the points is not finite; earlier checkpoints are then kept.
 pub(super) fn write<const D: usize>(
     directory: &Path,
     identity: (&Value, &str),
@@ -133,7 +133,7 @@ pub(super) fn write<const D: usize>(
     for old in steps.iter().skip(KEPT) {
         fs::remove_file(directory.join(file_name(*old)))?;
     }
-    // Pieces without a main file are left by a run that was killed while it wrote the checkpoint.
+    // Also removes pieces without a main file, left by a run that was killed while it wrote the checkpoint.
     let first = steps.get(KEPT - 1).copied().unwrap_or(0);
     pieces_before(directory, first)?.into_iter().try_for_each(fs::remove_file)
 }
@@ -158,7 +158,8 @@ fn find(directory: &Path) -> io::Result<Vec<usize>> {
     Ok(found)
 }
 
-/// The step of the last checkpoint in a directory, from its file name; `None` if there is no checkpoint.
+/// The step of the last checkpoint in a directory, from its file name; `None` if there is no checkpoint, or if the
+/// directory cannot be read.
 pub fn last_step(directory: &Path) -> Option<usize> {
     find(directory).ok()?.first().copied()
 }

@@ -44,13 +44,13 @@ fn is_number(text: &str) -> bool {
     !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit())
 }
 
-/// Removes the series, summary, status and checkpoints of an earlier run, so that its files are not mistaken for those
-/// of this run.
+/// Removes all result files of an earlier run except its tables, so that they are not mistaken for files of this run.
 pub(super) fn remove_earlier_results(directory: &Path) -> io::Result<()> {
     remove(directory, |name| !matches!(Kind::of(name), None | Some(Kind::Table(_))))
 }
 
-/// Removes the files that a run wrote after a step, and the files that it wrote because it ended.
+/// Removes what a run wrote after step `last`: the files of series that `is_kept` rejects, later checkpoints, the files
+/// of a failed step, and the files about the run as a whole, which are written again.
 pub(super) fn remove_later_results(
     directory: &Path,
     last: usize,
@@ -71,7 +71,7 @@ pub fn tidy(directory: &Path) -> io::Result<()> {
     remove(directory, |_| false)
 }
 
-/// Removes files selected by name, and their temporary files.
+/// Removes the result files selected by name, and all temporary files of results.
 fn remove(directory: &Path, is_old: impl Fn(&str) -> bool) -> io::Result<()> {
     for entry in std::fs::read_dir(directory)? {
         let path = entry?.path();
@@ -131,8 +131,8 @@ impl Kind {
         if name.ends_with(".pvtu") { Kind::Pieces } else { Kind::Mesh }
     }
 
-    /// True if a file that begins with this text is one that a run wrote; `whole` states whether the text is the whole
-    /// file.
+    /// True if a file that begins with this text is one that a run wrote; `whole` is false for a temporary file, which
+    /// may be incomplete.
     fn fits(&self, begin: &str, whole: bool) -> bool {
         match self {
             Kind::Mesh => begin.starts_with(vtu::HEAD),
@@ -158,8 +158,8 @@ impl Kind {
 /// Bytes of a file that are read to identify it; files about a run as a whole are read completely.
 const FIRST: u64 = 2048;
 
-/// True if a file with the name of a result file is one, judged by its content. Also true if the file is empty or
-/// contains only zeros, as after a power loss.
+/// True if a file with the name of a result file is one, judged by its content. Also true if the file is empty or the
+/// bytes that are read are all zero, as after a power loss.
 fn is_ours(path: &Path, name: &str) -> bool {
     let half = name.strip_suffix(TEMPORARY);
     let Some(kind) = Kind::of(half.unwrap_or(name)) else { return false };

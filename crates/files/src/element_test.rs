@@ -37,8 +37,9 @@ impl Prescribed {
 /// components without a column are zero.
 ///
 /// # Errors
-/// A file-system error; `InvalidData`, naming the file and the line, if the table is damaged or has no rows, if it has
-/// a column not listed above, if an entry is missing, or if a shear stress in a stress history is not zero.
+/// A file-system error; `InvalidData`, naming the file and, if known, the line, if the table is damaged or has no rows,
+/// if a column is not listed above or occurs twice, if an entry is missing, or if a shear stress in a stress history is
+/// not zero.
 pub fn read_history(path: &Path, prescribed: Prescribed) -> io::Result<Vec<Target>> {
     let table = Columns::read_foreign(path)?;
     targets(&table, prescribed)
@@ -84,8 +85,8 @@ fn target(table: &Columns, prescribed: Prescribed, row: usize) -> Result<Target,
 }
 
 /// The table of states of an element test: step, strain and stress, invariants, history variables and energies. The
-/// components yz and xz are included if they are not zero in all states, and the column `jump`, which is 1 for states
-/// that a jump has reached, if there are any.
+/// components yz and xz are included if one of these strains is non-zero in any state, and the column `jump`, which is
+/// 1 for states that a jump has reached, if there are such states.
 ///
 /// # Errors
 /// `InvalidInput` if a history variable of the law has the name of another column, or if a number is not finite.

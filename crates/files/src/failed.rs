@@ -25,8 +25,8 @@ pub(super) fn is_name(name: &str) -> bool {
     })
 }
 
-/// Writes both files into a directory; writes nothing if there is no iterate, or if it is not finite. All ranks must
-/// call this together.
+/// Writes both files into a directory; writes nothing if the iterate of any rank is missing, incomplete or not finite.
+/// All ranks must call this together.
 ///
 /// # Errors
 /// A file-system error.

@@ -17,7 +17,7 @@ use super::vtu::{
     CellKind, Compute, Encoded, Field, Precision, Room, SYMMETRIC_TENSOR, TENSOR, VECTOR, Values,
 };
 
-/// The history variable that every file contains; zero for laws without it.
+/// The history variable that is a [`PointField`]; zero for laws without it.
 const EQUIVALENT_PLASTIC_STRAIN: &str = "equivalent_plastic_strain";
 
 /// A field of the points in result files.
@@ -25,7 +25,7 @@ const EQUIVALENT_PLASTIC_STRAIN: &str = "equivalent_plastic_strain";
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum PointField {
-    /// Displacement from the original to the current position, [length].
+    /// Displacement since the start or the last reset, [length].
     Displacement,
     /// Deformation gradient F.
     DeformationGradient,

@@ -27,7 +27,8 @@ pub struct ForceBalance {
     /// For each axis, true if forces balance along it; false for the radius of a body of revolution, where hoop
     /// stresses pull inwards.
     balanced: Vec<bool>,
-    /// Sum of the magnitudes of the forces at all constrained nodes, or of the loads, whichever is larger, [force].
+    /// Sum of the magnitudes of all nodal reactions, forces on surfaces and contact forces, or of the loads, whichever
+    /// is larger, [force].
     scale: f64,
 }
 
@@ -81,8 +82,9 @@ impl ForceBalance {
         }
     }
 
-    /// Sum of loads and reactions along each axis, [force]; `None` for an axis along which forces do not balance. The
-    /// sum consists of the residual of the iterations, and of forces lost where basis functions do not add up to 1.
+    /// Sum of loads, reactions and further forces along each axis, [force]; `None` for an axis along which forces do
+    /// not balance. The sum consists of the residual of the iterations, and of forces lost where basis functions do not
+    /// add up to 1.
     pub fn difference(&self) -> Vec<Option<f64>> {
         let reactions = |axis: usize| self.reactions.iter().map(|(_, r)| r[axis]).sum::<f64>();
         let further = |axis: usize| self.further.iter().map(|(_, f)| f[axis]).sum::<f64>();

@@ -1,5 +1,5 @@
-//! The encoded VTU files of a step: the points, their domains, the active part of the grid and the surfaces, each a
-//! file of a series. With several ranks, each rank creates its pieces of the first three.
+//! The encoded VTU files of a step: the points, their domains, the active part of the grid, the surfaces, the tools and
+//! their contact points, each a file of a series. With several ranks, each rank creates its pieces of the first three.
 
 use std::io;
 use std::mem::take;
@@ -87,8 +87,8 @@ pub(super) struct Frames {
     /// Reused memory for the order and the volumes of the points.
     order: Vec<usize>,
     volumes: Vec<[f64; 2]>,
-    /// Parts that are the same in all frames of the points, and parts that are the same in all frames of the domains;
-    /// set by the first frame.
+    /// Parts that successive frames of the points share, and parts that those of the domains share; created anew when
+    /// the points change.
     steady: [Option<Steady>; 2],
     /// Stage and number of points of the last frame: a stage may add and remove bodies, and points may be split.
     shown: (usize, usize),
@@ -98,7 +98,7 @@ pub(super) struct Frames {
     outlines: Vec<Outlined>,
 }
 
-/// Parts that are the same in all frames of a series.
+/// Parts that successive frames of a series share.
 #[derive(Clone)]
 struct Steady {
     cells: Arc<Cells>,

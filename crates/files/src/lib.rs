@@ -49,7 +49,7 @@ pub fn escape_xml(text: &str) -> String {
             '>' => escaped.push_str("&gt;"),
             '"' => escaped.push_str("&quot;"),
             '\'' => escaped.push_str("&apos;"),
-            // XML 1.0 does not allow other control characters, not even escaped.
+            // XML 1.0 does not allow most control characters, not even escaped.
             c if c.is_control() => escaped.push('\u{fffd}'),
             c => escaped.push(c),
         }
@@ -57,7 +57,8 @@ pub fn escape_xml(text: &str) -> String {
     escaped
 }
 
-/// The shortest decimal text that reads back as exactly this number; it has an exponent only if that is shorter.
+/// The fewest decimal digits that read back as exactly this number; the text has an exponent if the magnitude is at
+/// least 1e16, or below 1e-4 and not 0.
 pub fn shortest(value: f64) -> String {
     let size = value.abs();
     if value == 0.0 || (1e-4..1e16).contains(&size) { format!("{value}") } else { format!("{value:e}") }

@@ -22,8 +22,8 @@ impl Lock {
     /// Locks a directory.
     ///
     /// # Errors
-    /// `ResourceBusy` if another run holds the lock; otherwise a file-system error. A file system without locks admits
-    /// every run.
+    /// `ResourceBusy` if another run holds the lock; `InvalidInput` if the lock is not a regular file; otherwise a
+    /// file-system error. A file system without locks admits every run.
     pub fn take(directory: &Path) -> io::Result<Lock> {
         if !is_possible(directory) {
             return Err(io::Error::new(io::ErrorKind::InvalidInput, format!("`{NAME}` in it is not a file")));

@@ -39,7 +39,8 @@ use super::writer::Writer;
 /// Files that a run writes in addition to the tables, and how often.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Request {
-    /// Number of load steps from one set of VTU files to the next; the last step is always written. 0 writes none.
+    /// Number of requested load steps from one set of VTU files to the next; the last step is written as well. 0 writes
+    /// none.
     pub every: usize,
     /// Fields of the points in the VTU files.
     pub fields: Vec<PointField>,
@@ -75,7 +76,7 @@ pub struct Results {
     findings: Findings,
     all_have_domains: bool,
     last: Step,
-    /// Summary of the run up to the last step, once this run has made one.
+    /// Summary of the run up to the last step, once this run has a step in equilibrium.
     accepted: Option<Summary>,
     /// The last step with a checkpoint.
     checkpointed: usize,
@@ -95,11 +96,12 @@ struct Tables {
 }
 
 impl Results {
-    /// Prepares a directory for a run: creates it, removes the series of an earlier run and opens the tables.
+    /// Prepares a directory for a run: creates it, removes the results of an earlier run and opens the tables.
     /// VTU files and checkpoints are written as `asked` states.
     ///
     /// # Errors
-    /// If the directory cannot be created or written to; `ResourceBusy` if another run writes there.
+    /// If the directory cannot be created or written to; `ResourceBusy` if another run writes there; `AlreadyExists` if
+    /// a file with the name of a result file was not written by a run.
     pub fn create<const D: usize>(
         directory: &Path,
         asked: &Request,
@@ -124,8 +126,8 @@ impl Results {
         })
     }
 
-    /// The results of a rank other than the first, for a run that begins at the start, or at a checkpoint whose step
-    /// has the number `reached` in this run. Touches no file.
+    /// The results of a rank other than the first, for a run that begins at the start or, with `from`, at a checkpoint,
+    /// whose step is numbered as in this run. Touches no file.
     pub fn of_rank<const D: usize>(
         directory: &Path,
         asked: &Request,
@@ -163,8 +165,8 @@ impl Results {
     /// are removed. `reached` is that step, with its number in this run.
     ///
     /// # Errors
-    /// If the directory cannot be written to, or does not contain the results up to the checkpoint; in the latter case
-    /// nothing in it is changed.
+    /// If the directory cannot be written to, does not contain the results up to the checkpoint, or has a file with the
+    /// name of a result file that no run wrote; in the last two cases nothing in it is changed.
     pub fn resume<const D: usize>(
         (directory, lock): (&Path, Lock),
         asked: &Request,
@@ -294,7 +296,8 @@ impl Results {
         }
     }
 
-    /// True if the files of the last step in equilibrium are missing.
+    /// True if VTU files are wanted and those of the last step in equilibrium are missing. All ranks must call this
+    /// together.
     fn lacks_last(&self, ranks: &Ranks) -> bool {
         let is_missing = self.writer.reached().is_none_or(|time| time < self.last.end);
         // The first rank keeps the lists.
@@ -323,7 +326,8 @@ fn foreign(name: &str) -> io::Error {
     io::Error::new(io::ErrorKind::AlreadyExists, what)
 }
 
-/// True if VTU files of a step are due: after every `every` requested steps, and at the end.
+/// True if VTU files of a step are due: after every `every` requested steps, or as many as its stage states instead,
+/// and at the end of each stage and of the analysis.
 fn is_due<const D: usize>(every: usize, model: &Model<D>, step: Step) -> bool {
     let every = model.stages.get(model.present.stage).and_then(|stage| stage.every).unwrap_or(every);
     let requested = model.stepping.requested(step.end);
@@ -471,7 +475,7 @@ impl Results {
         let rows = self.failure.take().map_or(Ok(()), Err);
         let tables = self.tables.iter().flat_map(|of| [&of.history, &of.quality, &of.convergence]);
         let tables = tables.map(Table::check).find(Result::is_err).unwrap_or(Ok(()));
-        // The last step in equilibrium is always written, whatever `every` is.
+        // The last step in equilibrium is written even if it is not due, unless `every` is 0.
         let mesh = if self.lacks_last(ranks) {
             let frames = self.frames.of_points(model, points, self.last);
             self.show(self.last, frames, ranks).and_then(|()| self.settle())

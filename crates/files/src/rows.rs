@@ -9,7 +9,8 @@ use super::table::Kept;
 /// Checks that `history.csv`, `quality.csv` and `convergence.csv` have the rows of all `steps` steps in equilibrium.
 ///
 /// # Errors
-/// `InvalidData`, with the file and the first step whose rows are missing.
+/// `InvalidData`, with the file and the first step whose rows are missing or, if the step numbers have no gap, the
+/// number of steps found.
 pub(super) fn check([history, quality, convergence]: [&Kept; 3], steps: usize) -> io::Result<()> {
     let rows = history.numbers(["step", "iterations", "converged"]);
     let accepted: Vec<(usize, usize)> = (rows.iter())

@@ -30,8 +30,8 @@ impl Series {
         Series { path: path.into(), entries: Vec::new() }
     }
 
-    /// Reopens a series with the entries of its file up to a time, [time], whose data files `is_kept` accepts; the
-    /// series is empty if there is no file.
+    /// Reopens a series with the entries of its file up to a time, [time], whose data files exist and are accepted by
+    /// `is_kept`; the series is empty if there is no file.
     ///
     /// Errors: as for [`read`]; file-system errors.
     pub fn reopen(

@@ -101,11 +101,11 @@ pub struct Status {
     pub points: usize,
     /// Free degrees of freedom of the last step in equilibrium.
     pub unknowns: usize,
-    /// Evaluations of internal force and stiffness so far.
+    /// Evaluations of the out-of-balance force since the run began or resumed.
     pub evaluations: usize,
     /// Points times evaluations per second of the steps so far, including output, [1/s].
     pub points_per_second: Option<f64>,
-    /// Time since the program started, [s].
+    /// Time since the [`Start`] of the run, [s].
     pub elapsed_seconds: f64,
     /// Estimated remaining time, from the pace of the last steps, [s].
     pub seconds_left: Option<f64>,

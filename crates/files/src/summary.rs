@@ -128,7 +128,7 @@ pub struct Account {
     pub deck_file: String,
     /// Text of the deck.
     pub deck_text: String,
-    /// Hash of the deck: of its text and parameters.
+    /// Hash of the deck: of its text, its parameters and the files that it names.
     pub deck_hash: String,
     /// The deck after parameter substitution; without it, no checkpoints are written.
     pub deck: Option<Value>,
@@ -276,7 +276,7 @@ impl Account {
     }
 }
 
-/// Checks that all numbers are finite: JSON would silently write others as null.
+/// Checks that the main numbers are finite: JSON would silently write others as null.
 ///
 /// # Errors
 /// `InvalidInput` with the name of the first non-finite number.
@@ -332,7 +332,7 @@ pub(super) struct Whole {
     ranks: usize,
     /// Largest peak memory of a rank, [byte], if the system reports it.
     peak_memory: Option<u64>,
-    /// The extent of every body.
+    /// The number of points and the extent of every body.
     bodies: Value,
 }
 
@@ -350,8 +350,8 @@ impl Whole {
     }
 }
 
-/// The extent of every body, both of its points and of their domains. A point without a domain counts as a square
-/// (cube) of its volume, as in footnote 7 of the paper.
+/// The number of points and the extent of every body, the latter both of its points and of their domains. A point
+/// without a domain counts as a square (cube) of its volume, as in footnote 7 of the paper.
 fn bodies<const D: usize>(model: &Model<D>, points: &Points<D>) -> Value {
     let mut map = Map::new();
     for (number, body) in model.bodies.iter().enumerate() {
@@ -451,7 +451,7 @@ fn at_step((value, step): (f64, usize)) -> Value {
     json!({"value": value, "step": step})
 }
 
-/// The stages with their times, and the stage that the run has reached.
+/// The stages with their times, the stage that the run has reached, and the energy that stages have exchanged.
 fn stages<const D: usize>(model: &Model<D>, summary: &Summary) -> Value {
     let of = model.stages.iter().map(|stage| {
         let Stepping { start_time, end_time, count, .. } = stage.stepping;
@@ -501,7 +501,7 @@ fn largest(extremes: &Extremes) -> Value {
     })
 }
 
-/// Measures of quality; null if no step has one.
+/// Measures of quality; a measure is null if no step has it.
 fn quality<const D: usize>(model: &Model<D>, quality: &Quality) -> Value {
     let worst = |worst: Option<Worst>| {
         worst.map(|Worst { value, step, body, point }| {

@@ -136,7 +136,7 @@ impl Table {
         Ok(Kept { path, columns, text: kept })
     }
 
-    /// Checks that the file still has the content that this table wrote.
+    /// Checks that the file is still the one that this table wrote, with the same length.
     ///
     /// Errors, which name the file: file-system errors; `Other` if the file was removed, replaced or changed.
     pub fn check(&self) -> io::Result<()> {

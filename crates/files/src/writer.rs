@@ -49,7 +49,7 @@ impl Writer {
         }
     }
 
-    /// Adds the pieces of meshes that all ranks have written to their series.
+    /// Writes lists of the pieces that all ranks have written, and adds each list to its series.
     ///
     /// # Errors
     /// A file-system error.

@@ -154,7 +154,7 @@ pub enum Begin {
 pub struct Run<'a> {
     /// The results directory.
     pub directory: &'a Path,
-    /// The start of the program.
+    /// Origin of the times of the run.
     pub start: Start,
     /// Amount of output.
     pub view: View,
@@ -170,7 +170,8 @@ pub struct Run<'a> {
 /// if the run in the directory is already complete.
 ///
 /// # Errors
-/// If the directory cannot be written, another run writes there, or no checkpoint can be resumed.
+/// If the directory cannot be written, another run writes there, no checkpoint can be resumed, or another rank has an
+/// error.
 pub fn run_into(run: Run, ready: Prepared, set_up: Timings) -> anyhow::Result<Option<Ended>> {
     let Run { directory, start, view, stop, begin, machines } = run;
     let Prepared { loaded, mut analysis, extent } = ready;
@@ -243,10 +244,10 @@ pub fn run_into(run: Run, ready: Prepared, set_up: Timings) -> anyhow::Result<Op
     Ok(Some(Ended { outcome, closing }))
 }
 
-/// Takes part in a run whose results another rank writes; returns the exit code.
+/// Takes part in a run as a rank other than 0; returns the exit code.
 ///
 /// # Errors
-/// The same errors as for [`run_into`].
+/// If no checkpoint can be resumed, or signals cannot be handled.
 pub fn run_along(
     deck: &DeckArgs,
     machines: &Machines,

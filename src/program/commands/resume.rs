@@ -18,7 +18,7 @@ pub const AGAIN: &str = "run the deck without `--resume` to start over, which re
 
 /// State of the run to resume.
 pub enum Found {
-    /// A checkpoint from which the points were restored; its step is numbered as in this deck.
+    /// A checkpoint from which the points were restored, and the step that it reached, numbered as in this deck.
     Step(Box<Checkpoint>, Box<Reached>),
     /// A completed run with all its results, after this number of steps.
     End(usize),

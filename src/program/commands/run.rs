@@ -32,7 +32,7 @@ pub struct RunArgs {
     /// Resume from the last checkpoint in the results directory.
     #[arg(long)]
     resume: bool,
-    /// Number of threads [default: all cores]. The results are the same for any number.
+    /// Number of threads [default: all cores, or 1 on several ranks]. The results are the same for any number.
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
     /// Write a log of iterations, warnings and timings to a file.

@@ -42,7 +42,7 @@ pub struct SweepArgs {
     /// Number of threads [default: all cores]. The results are the same for any number.
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
-    /// Resume interrupted members from their last checkpoint; others start afresh.
+    /// Resume unfinished members from their last checkpoint; those without one start afresh.
     #[arg(long)]
     resume: bool,
 }

@@ -36,7 +36,7 @@ pub enum View {
 const FRAME: Duration = Duration::from_millis(100);
 /// Approximate number of progress lines of a run without a terminal.
 const LINES: usize = 20;
-/// Longest time between two progress lines.
+/// Time after which the next step in equilibrium prints a progress line in any case.
 const SILENCE: Duration = Duration::from_secs(30);
 
 /// Writes the results of a run and shows its progress.
@@ -374,7 +374,7 @@ fn in_equilibrium<const D: usize>(report: &StepReport<D>, status: &Status) -> St
     format!("{}{}: {solves}, residual {residual:.2e}", step_of(status), factor.unwrap_or_default())
 }
 
-/// Text beside the bar: two lines, each shorter than 80 columns including the bar.
+/// Text beside the bar: two lines, usually shorter than 80 columns including the bar.
 fn on_the_bar(status: &Status) -> String {
     let mut first = step_of(status);
     if let Some(residual) = status.residual {

@@ -1,6 +1,7 @@
 //! Numbers formatted for people.
 
-/// Formats a number with `digits` significant digits, and with an exponent if it is very large or very small.
+/// Formats a number with `digits` significant digits, or with all digits before the point if these are more, and with
+/// an exponent if it is very large or very small.
 pub fn significant(value: f64, digits: usize) -> String {
     if value == 0.0 || !value.is_finite() {
         return format!("{value}");

@@ -158,7 +158,7 @@ impl Increment<'_> {
 
     /// Newton's method with a line search. If no step along the direction of the consistent tangent reduces the
     /// residual, as at the kink between loading and unloading, the tangent at the start of the increment is tried. Once
-    /// the stresses are reached, the iterations continue as long as they improve the accuracy. Returns the last
+    /// the stresses are reached, the iterations continue as long as each at least halves the residual. Returns the last
     /// iterate, whether or not the stresses are reached.
     fn newton(&self, first: Iterate) -> Iterate {
         let at_start = respond(self.law, self.start, &self.start.strain, self.start.shear);

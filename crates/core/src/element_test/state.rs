@@ -60,7 +60,7 @@ impl ElementState {
         1.5f64.sqrt() * self.cauchy_stress().deviator().norm()
     }
 
-    /// Deviatoric strain √(2/3) |dev ½ ln(F Fᵀ)|, which is work-conjugate to q if the principal axes are fixed, [-].
+    /// Deviatoric strain √(2/3) |dev ½ ln(F Fᵀ)|, which is work-conjugate to q in triaxial tests, [-].
     pub fn deviatoric_strain(&self) -> f64 {
         (2.0f64 / 3.0).sqrt() * self.logarithmic_strain().deviator().norm()
     }

@@ -10,7 +10,7 @@ pub struct FormulaError {
     pub message: String,
     /// Offset of the faulty part of the text, [byte].
     pub offset: usize,
-    /// Length of the faulty part, [byte]; 0 at the end of the text.
+    /// Length of the faulty part, [byte]; 0 at the end of the text, and where the nesting becomes too deep.
     pub length: usize,
     /// The remedy.
     pub help: Option<String>,

@@ -78,8 +78,8 @@ pub(super) fn maximum(a: f64, b: f64) -> f64 {
 }
 
 pub(super) fn power(base: f64, exponent: f64) -> f64 {
-    // Small integer exponents use repeated multiplication, so that squares are exact and equal on every platform. NaN
-    // propagates even where `powf` would return 1 (`NaN^0`, `1^NaN`).
+    // Small integer exponents use repeated multiplication, so that squares are correctly rounded and equal on every
+    // platform. NaN propagates even where `powf` would return 1 (`NaN^0`, `1^NaN`).
     if base.is_nan() || exponent.is_nan() {
         f64::NAN
     } else if exponent.abs() <= 16.0 && exponent.fract() == 0.0 {

@@ -9,7 +9,7 @@ pub fn shear_modulus_at_rest(law: &dyn Material) -> f64 {
     0.5 * stiffness_at_rest(law, Sym3([0.0, 0.0, 0.0, SMALL_STRAIN, 0.0, 0.0]))
 }
 
-/// Initial stiffness under uniaxial strain, [stress].
+/// Norm of the initial stress change under uniaxial strain, lateral stresses included, relative to it, [stress].
 pub fn axial_modulus_at_rest(law: &dyn Material) -> f64 {
     stiffness_at_rest(law, Sym3([SMALL_STRAIN, 0.0, 0.0, 0.0, 0.0, 0.0]))
 }

@@ -75,8 +75,8 @@ impl DruckerPrager {
     pub fn new(young: f64, poisson: f64, friction: Friction, matched: Match) -> Self {
         let sine = |degrees: f64| degrees.to_radians().sin();
         let flow = matched.flow(sine(friction.dilation_angle));
-        // With associated flow, the plane-strain cone is the inscribed cone (here equal to the last bit), and the
-        // tangent is symmetric.
+        // With associated flow, the plane-strain cone is the inscribed cone. η then equals η̄ to the last bit, as
+        // `is_symmetric` requires.
         let is_associated = friction.dilation_angle == friction.friction_angle;
         let cone = if is_associated && matched == Match::PlaneStrain { Match::Inscribed } else { matched };
         let [slope, per_cohesion] = cone.cone(sine(friction.friction_angle), flow);

@@ -185,8 +185,8 @@ pub enum MaterialError {
     NoResponse,
     /// The elastic stiffness is not positive definite: further strain would reduce the stress without flow.
     #[error(
-        "the elasticity of the law is unstable at the trial elastic strain: the shear modulus depends too strongly on \
-         the pressure"
+        "the elasticity of the law is unstable in the state reached from the trial elastic strain: the shear modulus \
+         depends too strongly on the pressure"
     )]
     Unstable,
     /// The response of the law is not finite.
@@ -273,8 +273,8 @@ pub trait Material: Send + Sync + std::fmt::Debug {
         0.0
     }
 
-    /// The law with its shear strength, that is, cohesion and the tangent of the friction angle, divided by a factor;
-    /// `None` if it has no such strength.
+    /// The law with its strength divided by a factor: cohesion, tensile strength and the tangent of the friction angle,
+    /// or yield stress and hardening modulus; `None` if it has no such strength.
     fn with_strength_divided(&self, _factor: f64) -> Option<Box<dyn Material>> {
         None
     }

@@ -34,7 +34,7 @@ pub struct CamClay {
     pub critical_state_ratio: f64,
     /// μ₀, [stress].
     pub shear_modulus: f64,
-    /// α, increase of μ per unit pressure, [-]; if it is 0, μ is constant.
+    /// α in μ = μ₀ + α P₀ e^ω, [-]; if it is 0, μ is constant.
     pub shear_modulus_ratio: f64,
     /// P_c relative to the size of the ellipse through the initial stress, at least 1, [-].
     pub overconsolidation_ratio: f64,
@@ -94,14 +94,15 @@ impl CamClay {
         (1.5 * self.shear_modulus_ratio * self.swelling_index).sqrt()
     }
 
-    /// True if the elasticity can carry the critical state that normally consolidated clay reaches from the isotropic
-    /// stress P₀ at constant volume. Other paths may require a larger stress ratio.
+    /// True if the elasticity can carry the critical state P = P₀/2, q = M P₀/2 of the ellipse with P_c = P₀. Other
+    /// states may have a larger pressure or stress ratio.
     pub fn carries_critical_state(&self) -> bool {
         let pressure = 0.5 * self.reference_pressure;
         self.strain_of(pressure, self.critical_state_ratio * pressure).is_some()
     }
 
-    /// The elastic strain invariants of a stress, computed with Newton's method in ε_s if μ depends on the pressure.
+    /// The elastic strain invariants of a stress, found by bisection in ε_s if μ depends on the pressure; `None` if
+    /// the bisection finds none.
     fn strain_of(&self, pressure: f64, shear: f64) -> Option<[f64; 2]> {
         let CamClay { swelling_index, shear_modulus, shear_modulus_ratio, reference_pressure, .. } = *self;
         // P = C (1 + 3α ε_s²/(2κ̂)) and q = 3 (μ₀ + α C) ε_s with C = P₀ e^ω.

@@ -57,8 +57,8 @@ fn root_of_ratio(slope: f64) -> [f64; 2] {
 /// The point flows from the peak while its least compressive principal stress is zero; its flow has no solution at or
 /// below this strain. With n = ∂f/∂τ and m the direction of flow, C the elastic stiffness and κ' = √(2/3) |dev m|, the
 /// loss ∂f/∂κ κ' must stay below n·C m; if both angles are zero, this strain is √3 (s_p − s_r)/G. Under compression,
-/// the reduction of friction adds to this loss, so that a larger strain may be necessary there. `elasticity` is Young's
-/// modulus, [stress], and Poisson's ratio, [-].
+/// the reduction of friction adds to this loss, so that a larger strain may be necessary there. The first argument is
+/// Young's modulus, [stress], and Poisson's ratio, [-]; the second, the peak and the residual strength.
 pub fn least_softening_strain([young, poisson]: [f64; 2], [peak, residual]: [Friction; 2]) -> f64 {
     let elasticity = Elasticity::from_young_poisson(young, poisson);
     let (shear, lambda) = (elasticity.shear, elasticity.lambda());

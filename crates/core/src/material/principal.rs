@@ -53,7 +53,7 @@ pub trait PrincipalLaw: Send + Sync {
 /// normal components n_a ⊗ n_a and of the divided differences (τ_a − τ_b)/(ε_a − ε_b) for the shear components.
 ///
 /// # Errors
-/// The errors of the law.
+/// [`MaterialError::NotFinite`] if the strain is not finite, and the errors of the law.
 pub fn update_in_principal_axes(
     law: &impl PrincipalLaw,
     trial: &Sym3,

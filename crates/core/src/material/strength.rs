@@ -1,4 +1,4 @@
-//! Shear strength: the stress measure that it limits, and its reduction in safety analyses.
+//! Shear strength: the stress measure that it limits, and constants of the laws that yield.
 
 /// The stress measure that a strength limits. The two measures differ by the volume ratio J: σ = τ/J.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
@@ -13,7 +13,8 @@ pub enum StrengthMeasure {
     Kirchhoff,
 }
 
-/// Stresses count as elastic if they exceed the yield surface by less than this, relative to the strength, [-].
+/// Stresses count as elastic if they exceed the yield surface by less than this, relative to the larger of strength and
+/// stress, [-].
 ///
 /// A point that has yielded starts the next step on the surface up to round-off. Without a tolerance, round-off would
 /// select its elastic or plastic tangent and so change the course of the Newton iterations.

@@ -154,7 +154,7 @@ impl<L: WedgeLaw> Wedge<'_, L> {
         Ok(PrincipalResponse { tau: *tau, elastic_strain: *elastic_strain, modulus })
     }
 
-    /// The strength and its derivatives, times `factor`.
+    /// The strength and its derivatives; `factor` multiplies the stresses among them.
     fn at(&self, kappa: f64, factor: f64) -> AtTrial {
         let [strength, rate] = self.law.strength(kappa);
         let scaled = |strength: Strength| Strength {

@@ -162,7 +162,7 @@ impl Averaging<3> for Isotropic {
     }
 }
 
-/// Contribution of node b to its pairs.
+/// Contribution of node b to its pairs; all vectors except the gradient are multiplied by V⁰.
 #[derive(Debug, Clone, Copy)]
 pub struct AveragedVectors {
     /// g_b.
@@ -238,7 +238,7 @@ impl Averaged<3> for AveragedIsotropic {
         [gradient[0], gradient[1], gradient[2]]
     }
 
-    /// The part of node b, V⁰ dev(1:Dτ)·g/3 = ⅔ V⁰ s g.
+    /// The contribution of a node, V⁰ dev(1:Dτ)·g/3 = ⅔ V⁰ s g.
     #[inline(always)]
     fn column_of_coupling(&self, gradient: &[f64; 6]) -> [f64; 3] {
         [-gradient[3], -gradient[4], -gradient[5]]

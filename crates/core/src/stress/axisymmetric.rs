@@ -30,7 +30,7 @@ pub struct Revolved {
 const AROUND: usize = 2;
 
 impl WeakForm<2> for Revolved {
-    /// ∂S/∂r, ∂S/∂z, S/r in the current configuration.
+    /// ∂S/∂x, ∂S/∂y and S/r in the current configuration.
     type Gradient<T: Lane> = [T; 3];
     /// Entries `[m][i][k]`, where m is the component of the gradient.
     type Column = [[[f64; 2]; 2]; 3];

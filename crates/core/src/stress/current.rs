@@ -8,7 +8,7 @@ use super::{Contribution, Lane, Lanes, WeakForm, transposed};
 ///
 /// The gradient of a basis function has `E` components: those along the `D` axes and, for a body of revolution, S/r,
 /// which is conjugate to the first component of the displacement. Volumetric quantities are sums over these components,
-/// so `E` is also the exponent n of the volumetric split: 2 in plane strain, 3 otherwise.
+/// so `E` is also the n in the exponent 1/n of the volumetric split: 2 in plane strain, 3 otherwise.
 #[derive(Debug, Clone, Copy)]
 pub struct Current<const D: usize, const E: usize, T = f64> {
     /// V⁰τ with the reference volume V⁰ = V_n/J_n, `[j][i]`, [stress·volume].
@@ -22,7 +22,7 @@ pub struct Current<const D: usize, const E: usize, T = f64> {
     pub per_radius: T,
 }
 
-/// Component of the displacement with which component `j` of the gradient is summed in the divergence.
+/// Component of the displacement that component `j` of the gradient multiplies in the divergence.
 pub(super) const fn along<const D: usize>(j: usize) -> usize {
     if j < D { j } else { 0 }
 }

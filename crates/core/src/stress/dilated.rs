@@ -1,18 +1,19 @@
 //! Points that take the volume ratio of their cell: the mean over the cell, or the value at its centre.
 //!
-//! **Mean dilatation.** The volume ratio of the points of a cell is θ = Σ v_q ΔJ_q / Σ v_q. Its variation is δθ/θ =
-//! h·δu with the mean gradient h = Σ V_q g_q / Σ V_q over the current volumes V_q = v_q ΔJ_q. The virtual work of a
-//! point is then V⁰ τ̄ : δL̄ with δL̄ = δL + (h·δu − div δu)/n 1: the deviator of τ̄ is conjugate to the gradients of
-//! the point, its mean π to the mean gradient. Summed over the cell, the work of the means is the work of the pressure
-//! P = Σ V⁰π / Σ V on the divergence at every point. Each point thus keeps a weak form of the usual kind, with the
-//! stress V⁰ dev τ̄ + V P 1 and, with Dτ̄ = ∂τ̄/∂L, the derivative V⁰ dev∘Dτ̄∘dev + V P 1⊗1. In addition the cell
-//! couples all its nodes through h: h⊗b + b⊗h + k h⊗h with b = Σ V⁰ dev(1:Dτ̄)·g/n and k = Σ V⁰ (1:Dτ̄:1/n² − π). All
-//! terms derive from the energy at ΔF̄, so the stiffness is symmetric if the tangent of the law is (Simo, Taylor and
-//! Pister 1985; Moran, Ortiz and Shih 1990).
+//! **Mean dilatation.** The volume ratio of the points of a cell is θ = Σ v_q ΔJ_q / Σ v_q with their volumes v_q at
+//! the start of the step. Its variation is δθ/θ = h·δu with the mean gradient h = Σ V_q g_q / Σ V_q over the current
+//! volumes V_q = v_q ΔJ_q. The virtual work of a point with the reference volume V⁰ = v/J_n is then V⁰ τ̄ : δL̄ with
+//! δL̄ = δL + (h·δu − div δu)/n 1: the deviator of τ̄ is conjugate to the gradients of the point, its mean π to the
+//! mean gradient. Summed over the cell, the work of the means is the work of the pressure P = Σ V⁰π / Σ V on the
+//! divergence at every point. Each point thus keeps a weak form of the usual kind, with the stress V⁰ dev τ̄ + V P 1
+//! and, with Dτ̄ = ∂τ̄/∂L, the derivative V⁰ dev∘Dτ̄∘dev + V P 1⊗1. In addition the cell couples all its nodes through
+//! h: h⊗b + b⊗h + k h⊗h with b = Σ V⁰ dev(1:Dτ̄)·g/n and k = Σ V⁰ (1:Dτ̄:1/n² − π). All terms derive from the energy at
+//! ΔF̄, so the stiffness is symmetric if the tangent of the law is (Simo, Taylor and Pister 1985; Moran, Ortiz and Shih
+//! 1990).
 //!
-//! **F-bar.** θ = ΔJ₀, the volume ratio at the centre of the cell, at ΔF₀ = 1 + Σ u ⊗ g₀; for a GIMP point, the mean
-//! over the cells of the domain. Forces are V σ̄·g with σ̄ = τ̄/(ΔJ₀ J_n), and the stiffness gains g·(Dτ̄:1/n − τ̄) ⊗
-//! (g₀ − g) times V/(ΔJ₀ J_n) (de Souza Neto et al. 1996; Coombs et al. 2018).
+//! **F-bar.** θ = ΔJ₀, the volume ratio at the centre of the cell, where ΔF₀ = 1 + Σ Δu ⊗ ∂S/∂X̃ and g₀ = ∂S/∂X̃ ΔF₀⁻¹;
+//! for a GIMP point, the mean over the cells of the domain. Forces are V σ̄·g with σ̄ = τ̄/(ΔJ₀ J_n), and the stiffness
+//! gains g·(Dτ̄:1/n − τ̄) ⊗ (g₀ − g) times V/(ΔJ₀ J_n) (de Souza Neto et al. 1996; Coombs et al. 2018).
 #![allow(non_snake_case)]
 
 use super::current::along;
@@ -73,7 +74,7 @@ pub struct MeanDilatation<const D: usize, const E: usize, T = f64> {
     point: Current<D, E, T>,
     /// V⁰ 1:Dτ̄:1/n².
     modulus: T,
-    /// V⁰ dev(1:Dτ̄)/n as a row and as a column.
+    /// V⁰ dev(Dτ̄:1)/n for the row of the coupling, and V⁰ dev(1:Dτ̄)/n for its column.
     coupling: [Rows<D, E, T>; 2],
 }
 
@@ -81,8 +82,8 @@ pub struct MeanDilatation<const D: usize, const E: usize, T = f64> {
 #[derive(Debug, Clone, Copy)]
 pub struct FBar<const D: usize, const E: usize> {
     point: Current<D, E>,
-    /// Derivative of the stress with respect to the logarithm of the volume ratio at constant volume, less the stress
-    /// itself, because the volume changes as well.
+    /// V⁰ ΔJ/ΔJ₀ (Dτ̄:1/n − τ̄), the derivative of the stress with respect to ln ΔJ₀. Its second part is due to the
+    /// divisor ΔJ₀.
     with_ratio: Rows<D, E>,
 }
 

@@ -30,7 +30,7 @@ impl Isotropic {
     }
 }
 
-/// Contribution of node b to the stiffness of all pairs with this node.
+/// Contribution of node b to the stiffness of all pairs with this node; all vectors are multiplied by V_n/J_n.
 #[derive(Debug, Clone, Copy)]
 pub struct Vectors {
     /// λ̂ g_b.

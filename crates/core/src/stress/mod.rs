@@ -104,8 +104,8 @@ pub trait WeakForm<const D: usize>: Copy {
     /// Returns the column of a node and adds the force at the node to `force`.
     fn column(&self, gradient: &Self::Gradient<f64>, force: &mut [f64; D]) -> Self::Column;
 
-    /// Adds the entries of a row (`gradient`) and a `column` to the block of the pair, `[i][k]`. With several rows in
-    /// lanes, the blocks are in lanes as well.
+    /// Adds the product of the gradient of a row and a `column` to the block of their pair, `[i][k]`. With several rows
+    /// in lanes, the blocks are in lanes as well.
     fn add_block<T: Lane>(column: &Self::Column, gradient: &Self::Gradient<T>, block: &mut [[T; D]; D]);
 }
 

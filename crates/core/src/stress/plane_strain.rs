@@ -107,7 +107,7 @@ struct AnswerInLanes {
     law: InPlaneAnswer<Lanes>,
     trial: Trial<Lanes>,
     dF: Rows<Lanes>,
-    /// V/J_n.
+    /// V_n/J_n.
     weight: Lanes,
 }
 
@@ -267,7 +267,8 @@ impl Mechanics<2> for PlaneStrain {
     }
 }
 
-// No closures below: the compiler does not always inline them, and then does not vectorise them.
+// The functions on lanes below use loops instead of `from_fn`: the compiler does not always inline its closures, and
+// then does not vectorise them.
 
 /// The response of one point with its weak form.
 #[inline(always)]
@@ -338,7 +339,7 @@ fn contract<T: Lane>(C: &[[T; 3]; 3], A: &Rows<T>) -> [Rows<T>; 3] {
     product
 }
 
-/// V P̃ of eq. (18) and its derivative V Ã of eqs. (A.3)-(A.6); `weight` is V/J_n.
+/// V_n P̃ of eq. (18) and its derivative V_n Ã of eqs. (A.3)-(A.6); `weight` is V_n/J_n.
 #[inline(always)]
 fn previous<T: Lane>(
     C: &[[T; 3]; 3],

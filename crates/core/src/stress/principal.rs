@@ -1,7 +1,7 @@
 //! Response of laws in principal axes to a trial b, without forming the logarithm of b as a tensor, or its derivative.
 //!
-//! b, the trial strain and τ have the same axes, so that ∂τ/∂b follows from the modulus of the law by ∂ε_b/∂b_b = 1/(2
-//! b_b) on normal components and from divided differences on shears.
+//! b, the trial strain and τ have the same axes, so that ∂τ/∂b follows from the modulus of the law by ∂ε_a/∂b_a = 1/(2
+//! b_a) on normal components and from divided differences on shears.
 
 use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 

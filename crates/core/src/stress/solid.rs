@@ -17,9 +17,9 @@ pub struct Solid;
 
 /// A point in the previously converged formulation, with gradients in the current configuration.
 ///
-/// In V_n ∇S_a·Ã·∇S_b every index that refers to the start of the step is contracted with a ΔF⁻¹. Moving these to the
-/// gradients, g = ∂S/∂X̃ ΔF⁻¹, leaves V_n/J_n g_a·(∂τ/∂ΔF : ΔFᵀ − τ ⊗̄ 1)·g_b, with b in place of ΔF b_n ΔFᵀ. This
-/// avoids the mapping of a fourth-order tensor, which is most of the work of eqs. (A.3)-(A.6).
+/// In V_n ∇S_a·Ã·∇S_b every index that refers to the start of the step can be paired with a ΔF⁻¹: ΔF b_n = b ΔF⁻ᵀ.
+/// Moving these to the gradients, g = ∂S/∂X̃ ΔF⁻¹, leaves V_n/J_n g_a·(∂τ/∂ΔF·ΔFᵀ − τ ⊗̄ 1)·g_b, in which b replaces
+/// ΔF b_n. This avoids the mapping of a fourth-order tensor, which is most of the work of eqs. (A.3)-(A.6).
 #[derive(Debug, Clone, Copy)]
 pub struct Spatial {
     /// ΔF⁻¹.
@@ -29,7 +29,7 @@ pub struct Spatial {
     /// V_n τ/J_n.
     pub(super) stress: [[f64; 3]; 3],
     /// V_n/J_n times the change of τ with b. The first index is the component of b that changes, by α_q for b_kq (k ≠
-    /// q) or by 2α_k for b_kk; the second index is the component of τ. Both are in the Mandel order.
+    /// q) or by 2α_k for b_kk with α = b g; the second index is the component of τ. Both are in the Mandel order.
     pub(super) moduli: [[f64; 6]; 6],
 }
 

@@ -6,9 +6,9 @@ use serde::{Deserialize, Serialize};
 ///
 /// At every point of a nearly incompressible or isochorically flowing body, the standard method requires the correct
 /// volume, which a linear basis cannot provide: the body locks. Both remedies require it only once per cell, and leave
-/// the other parts of the deformation gradient as they are: ΔF̄ = (θ/ΔJ)^(1/n) ΔF, with n = 2 in plane strain, where
-/// only the in-plane part is scaled, and n = 3 otherwise. Volumes of points and the gradients of the basis follow from
-/// ΔF.
+/// the other parts of the deformation gradient as they are: ΔF̄ = (θ/ΔJ)^(1/n) ΔF with the volume ratio θ of the cell,
+/// where n = 2 in plane strain, in which only the in-plane part is scaled, and n = 3 otherwise. Volumes of points and
+/// the gradients of the basis follow from ΔF.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]

@@ -4,7 +4,7 @@ use std::f64::consts::LOG2_E;
 
 use super::Lane;
 
-/// Leading digits of ln 2, so few that its products with exponents are exact.
+/// Leading digits of ln 2, few enough that their products with exponents are exact.
 const LN_2_HIGH: f64 = 6.931_471_803_691_238e-1;
 /// ln 2 less [`LN_2_HIGH`].
 const LN_2_LOW: f64 = 1.908_214_929_270_587_7e-10;

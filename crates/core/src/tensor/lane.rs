@@ -32,13 +32,14 @@ pub trait Lane:
     /// True if every lane is below `limit`.
     fn is_below(self, limit: f64) -> bool;
 
-    /// Mantissa m in [√½, √2] and integer exponent e with `self` = m·2^e. NaN unless `self` is positive and normal.
+    /// Mantissa m in [√½, √2] and integer exponent e with `self` = m·2^e. The mantissa is NaN unless `self` is
+    /// positive and normal.
     fn split(self) -> (Self, Self);
 
     /// The nearest integer; in a tie, the even one. NaN unless |`self`| is below 2⁵¹.
     fn rounded(self) -> Self;
 
-    /// 2 to the power of `self`, an integer of magnitude below 1023; NaN otherwise.
+    /// 2 to the power of `self`, an integer; NaN unless the magnitude of `self` is below 1023.
     fn power_of_two(self) -> Self;
 }
 

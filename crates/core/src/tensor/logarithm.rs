@@ -7,7 +7,7 @@ use super::Lane;
 /// Largest x² for which the series of artanh(x)/x is used: (√2 − 1)²/(√2 + 1)², the range that [`ln`] needs.
 pub(super) const SERIES: f64 = 0.029_437_3;
 
-/// artanh(√y)/√y for y up to [`SERIES`]; the first neglected term is below 2e-17.
+/// artanh(√y)/√y for y up to [`SERIES`]; the first neglected term is below 3e-17.
 #[inline(always)]
 fn series<T: Lane>(y: T) -> T {
     let mut sum = T::splat(1.0 / 19.0);

@@ -36,7 +36,7 @@ fn mohr<T: Lane>(b: &[T; 4]) -> (T, T, T, T) {
 pub struct Axes<T> {
     /// The larger and the smaller eigenvalue in the plane, and zz.
     pub values: [T; 3],
-    /// Their logarithms; NaN unless the tensor is positive definite.
+    /// Their logarithms; NaN if zz or the determinant in the plane is not positive.
     pub logarithm: [T; 3],
     /// Divided difference of the logarithm between the two eigenvalues in the plane.
     pub on_shear: T,
@@ -75,12 +75,12 @@ pub fn exp(e: &Sym3) -> Sym3 {
     tensor([scale * (c + slope * d), scale * (c - slope * d), e.0[2].exp(), scale * slope * e.0[5]])
 }
 
-/// ln(b) and the in-plane block of ∂ ln(b)/∂b, eq. (A.2), in the Mandel layout `xx, yy, √2 xy`. NaN unless b is
-/// positive definite.
+/// ln(b) and the in-plane block of ∂ ln(b)/∂b, eq. (A.2), in the Mandel layout `xx, yy, √2 xy`. ln(b) is NaN if zz or
+/// the determinant in the plane is not positive.
 ///
-/// With t0 = I/√2, t1 the normalised deviator of b, t2 ⟂ t1 in the plane, and w the divided difference of the
-/// logarithm, L = (m/det)(t0⊗t0 + t1⊗t1) − (r/det)(t0⊗t1 + t1⊗t0) + w t2⊗t2. Every term stays finite as r → 0, where t1
-/// becomes arbitrary.
+/// With the mean m and the radius r of Mohr's circle, t0 = I/√2, t1 the normalised deviator of b, t2 ⟂ t1 in the plane,
+/// and w the divided difference of the logarithm, L = (m/det)(t0⊗t0 + t1⊗t1) − (r/det)(t0⊗t1 + t1⊗t0) + w t2⊗t2. Every
+/// term stays finite as r → 0, where t1 becomes arbitrary.
 #[inline(always)]
 pub fn log_with_derivative<T: Lane>(b: &[T; 4]) -> ([T; 4], [[T; 3]; 3]) {
     let (m, d, s, r) = mohr(b);

@@ -246,7 +246,7 @@ fn cross(a: &[f64; 3], b: &[f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// ln(b) and L = ∂ ln(b)/∂b, eq. (A.2). NaN unless b is positive definite.
+/// ln(b) and L = ∂ ln(b)/∂b, eq. (A.2); ln(b) is finite only if b is positive definite.
 #[inline]
 pub fn log_with_derivative(b: &Sym3) -> (Sym3, Tangent) {
     let spectrum = b.spectrum();
@@ -255,7 +255,7 @@ pub fn log_with_derivative(b: &Sym3) -> (Sym3, Tangent) {
     (spectrum.compose([x.ln(), y.ln(), z.ln()]), L)
 }
 
-/// L = ∂ ln(b)/∂b, eq. (A.2). NaN unless b is positive definite.
+/// L = ∂ ln(b)/∂b, eq. (A.2), for a positive definite b.
 pub fn log_derivative(b: &Sym3) -> Tangent {
     log_with_derivative(b).1
 }

@@ -23,7 +23,7 @@ const SPREAD: u64 = 0x9e37_79b9_7f4a_7c15;
 const LARGEST: usize = 1 << 20;
 
 /// Bytes before and after the content of an uncompressed block. Before: the header of a zlib stream with one stored
-/// block, and the length of that block twice (RFC 1950 and 1951). After: the checksum.
+/// block, and the length of that block and its complement (RFC 1950 and 1951). After: the checksum.
 const BEFORE: usize = 2 + 1 + 2 + 2;
 const AFTER: usize = 4;
 

@@ -17,7 +17,7 @@ const ROUND_OFF: f64 = 1e-9;
 /// Names of the axes.
 pub(super) const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// The abscissa of curves over the run: the load factor if all loads share one, otherwise time.
+/// The abscissa of curves over the run: the load factor if all loads grow in proportion to time, otherwise time.
 pub(super) struct Progress {
     by_factor: bool,
 }
@@ -114,7 +114,7 @@ fn chart(description: String, x: Axis, y: Axis, curves: Vec<Curve>) -> Chart {
     Chart { description, x, y, curves, levels: Vec::new(), bands: Vec::new(), height: 320.0 }
 }
 
-/// The components of one run against its load, in charts of at most [`MOST_CURVES`] curves.
+/// The components of one run against load factor or time, in charts of at most [`MOST_CURVES`] curves.
 pub(super) fn against_load(
     run: &Run,
     components: &[Component],
@@ -136,7 +136,7 @@ pub(super) fn against_load(
     components.chunks(MOST_CURVES).map(chart_of).collect()
 }
 
-/// A component in all runs, each against its load.
+/// A component in all runs, against load factor or time.
 pub(super) fn of_runs(runs: &[Run], column: &str, name: &str, quantity: Quantity) -> Chart {
     let progress = Progress::of(runs);
     let curve = |(number, run): (usize, &Run)| Curve {
@@ -203,7 +203,7 @@ pub(super) fn load_displacement(runs: &[Run]) -> Option<(String, Chart)> {
     Some((caption, chart))
 }
 
-/// Work and energy of a run against its load.
+/// Work and energy of a run against load factor or time.
 pub(super) fn energies(run: &Run) -> Chart {
     let progress = Progress::of(std::slice::from_ref(run));
     let named = [("external work", "external_work"), ("strain energy", "strain_energy")];
@@ -254,7 +254,7 @@ pub(super) fn residuals(run: &Run) -> Option<(Chart, usize, usize)> {
     Some((chart, drawn, steps.len()))
 }
 
-/// The axis of load steps, from the first one on.
+/// The axis of load steps, from 0 on.
 fn load_steps() -> Axis {
     Axis { contains: vec![0.0, 1.0], ..Axis::counting("load step") }
 }

@@ -106,7 +106,7 @@ fn outcome(page: &mut Page, test: &ElementReport, naming: &Naming) {
         )),
         Some(reason) => page.push(&format!(
             "<p class=\"outcome failed\" role=\"status\"><strong>The test ended early</strong> after {}: {}. \
-             This page shows nothing beyond them.</p>\n",
+             This page shows only the steps before the failure.</p>\n",
             counted(steps, "step", "steps"),
             escape(reason)
         )),

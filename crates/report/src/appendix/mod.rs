@@ -45,7 +45,8 @@ use run::Run;
 /// Makes the page about the run in a directory, or the comparison of the runs in several directories.
 ///
 /// # Errors
-/// If a directory contains no results, one of their files is damaged, or a chosen field or step does not exist.
+/// If no directory is given, a directory contains no results, a result file is damaged or cannot be read, or a chosen
+/// field or step does not exist.
 pub fn report(directories: &[PathBuf], options: &Options) -> Result<String, ReportError> {
     let mut runs: Vec<Run> =
         directories.iter().map(|directory| Run::read(directory)).collect::<Result<_, _>>()?;

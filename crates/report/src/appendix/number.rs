@@ -12,8 +12,8 @@ pub(super) struct Decimal {
 }
 
 impl Decimal {
-    /// A number with `digits` significant digits, without trailing zeros; with a power of ten if it is very large or
-    /// very small.
+    /// A number with `digits` significant digits, or with all digits before the point if these are more, without
+    /// trailing zeros; with a power of ten if it is very large or very small.
     pub fn significant(value: f64, digits: usize) -> Decimal {
         if value == 0.0 {
             return Decimal { whole: "0".to_owned(), fraction: String::new(), exponent: 0 };
@@ -60,7 +60,7 @@ impl Decimal {
         }
     }
 
-    /// Number of visible characters of [`Decimal::tail`].
+    /// Width of [`Decimal::tail`] in characters; its two narrow spaces count as one.
     pub fn tail_length(&self) -> usize {
         let power = if self.exponent == 0 { 0 } else { 4 + self.exponent.to_string().len() };
         self.fraction.len() + power

@@ -126,7 +126,8 @@ impl Cell {
         value.map_or(Cell::Empty, |value| Cell::Number(Decimal::fixed(value, decimals)))
     }
 
-    /// One of several numbers: the largest has `digits` significant digits, and none has more decimals than it.
+    /// One of several numbers. If the largest is neither very large nor very small, it has `digits` significant digits
+    /// and all have as many decimals; otherwise each has `digits` significant digits, or is 0 if negligible beside it.
     pub fn beside(value: Option<f64>, largest: f64, digits: usize) -> Cell {
         match value {
             None => Cell::Empty,

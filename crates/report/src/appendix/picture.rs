@@ -29,7 +29,8 @@ const HIGHEST: f64 = 520.0;
 const MARGIN: [f64; 3] = [58.0, 24.0, 44.0];
 /// Colour of outlines.
 const OUTLINE: Rgba = [0, 0, 0, 90];
-/// Smallest domain whose outline is drawn, in pixels of the raster.
+/// Outlines are drawn if the mean area of the polygons exceeds that of a square with this side, in pixels of the
+/// raster.
 const OUTLINED: f64 = 6.0;
 
 /// Position of a picture on the page, and its axes.

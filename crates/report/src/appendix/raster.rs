@@ -25,7 +25,7 @@ impl Raster {
     }
 
     /// Fills a polygon, given in either sense. A side shared with a neighbour belongs to one of the two, never to both.
-    /// A polygon too small to cover a sample marks the nearest sample.
+    /// A polygon that covers no sample marks the sample at its first corner.
     pub fn fill(&mut self, corners: &[[f64; 2]], colour: Rgba) {
         if corners.len() < 3 || corners.iter().flatten().any(|c| !c.is_finite()) {
             return;

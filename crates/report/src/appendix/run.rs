@@ -56,7 +56,7 @@ pub(super) struct Run {
     pub summary: Value,
     /// `run.json`; null for a run of a version that did not write it.
     pub start: Value,
-    /// `history.csv`.
+    /// `history.csv`, without failed attempts.
     pub history: Columns,
     /// `convergence.csv`.
     pub convergence: Columns,
@@ -196,7 +196,8 @@ impl Run {
         })
     }
 
-    /// True if all loads grow in proportion to time, so that time divided by end time is the load factor.
+    /// True if all loads and prescribed motions grow in proportion to time, so that time divided by end time is the
+    /// load factor.
     pub fn is_ramp(&self) -> bool {
         let Some(deck) = &self.deck else { return false };
         let is_load_control = |steps: &StepsDeck| {

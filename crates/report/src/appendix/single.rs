@@ -405,8 +405,8 @@ const MEASURES: [(&str, &str, f64, &str); 7] = [
         "volume of the domains relative to that of the points; negative: gaps",
     ),
     ("domain_overlap", "Overlap of domains [%]", 100.0, "volume shared by domains at the end of the run"),
-    ("rotation", "Largest rotation [°]", 1.0, "of R in F = R U, in the plane"),
-    ("shear", "Largest shear", 1.0, "tangent of the decrease of an initially right angle"),
+    ("rotation", "Largest rotation [°]", 1.0, "of R in F = R U, about any axis"),
+    ("shear", "Largest shear", 1.0, "tangent of the change of an initially right angle"),
 ];
 
 fn cost(page: &mut Page, run: &Run) {

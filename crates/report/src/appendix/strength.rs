@@ -152,7 +152,7 @@ fn charts(run: &Run, reduction: &Reduction) -> Vec<Chart> {
 }
 
 /// Bands that name the state of the bodies between the factors of a reduction that begins at `from`; none if the bodies
-/// stand throughout.
+/// stand throughout or never stand.
 fn bands(found: &StrengthBracket, from: f64) -> Vec<Band> {
     let Some(stands) = found.stands.filter(|_| found.fails.is_some() || found.slides.is_some()) else {
         return Vec::new();

@@ -152,7 +152,7 @@ fn largest_motion<'a>(run: &Run, columns: &'a [Quantified], quantity: Quantity) 
     columns.iter().filter(is_motion).max_by(|a, b| size(a).total_cmp(&size(b)))
 }
 
-/// Columns against a motion, or against the load if the tool does not move, and the words for the abscissa.
+/// Columns against a motion, or against load factor or time if the tool does not move, and the words for the abscissa.
 fn chart(
     run: &Run,
     group: &[&Quantified],

@@ -107,7 +107,7 @@ impl Units {
 pub(super) struct Naming {
     /// The unit system, if the user gave one.
     pub units: Option<Units>,
-    /// True if forces, energies, volumes and masses are per unit thickness.
+    /// True if forces, moments, energies, volumes and masses are per unit thickness.
     pub per_thickness: bool,
 }
 

@@ -1,4 +1,4 @@
-//! Parameter studies: one deck, run for every combination of lists of values.
+//! Parameter studies: one deck, run for every combination of values from several lists.
 //!
 //! This module defines the members of a study, their results, and the table of all results; the caller runs the
 //! members.
@@ -41,7 +41,7 @@ pub enum StudyError {
     Unknown {
         /// Name of the parameter.
         name: String,
-        /// The parameters that the deck has.
+        /// A similar parameter of the deck, or all its parameters.
         help: String,
     },
     /// There are more members than can be counted.
@@ -87,7 +87,7 @@ impl Study {
     /// A study over some parameters; `fixed` holds the names and values of parameters that all members share.
     ///
     /// # Errors
-    /// If no parameter varies, or a parameter is given more than once.
+    /// If no parameter varies, a parameter that varies is given more than once, or the members are too many to count.
     pub fn new(axes: Vec<Axis>, fixed: Vec<(String, String)>) -> Result<Study, StudyError> {
         if axes.is_empty() {
             return Err(StudyError::Empty);

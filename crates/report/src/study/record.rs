@@ -35,7 +35,8 @@ const STEP_COLUMNS: [&str; 6] = ["step", "time", "iterations", "residual", "line
 #[derive(Debug, Clone)]
 pub struct Record {
     summary: Value,
-    /// The columns of the last row of `history.csv`, except those that describe the step; empty before the first step.
+    /// The columns of `history.csv` with their last values, except those that describe the step; the values are empty
+    /// before the first step.
     history: Vec<(String, String)>,
 }
 

@@ -22,9 +22,9 @@ fn are_halved(coarse: &[f64], fine: &[f64]) -> bool {
 }
 
 /// One sentence for each stage that reduces the strength and each pair of members that differ only in a parameter that
-/// halves the cells: how the factor of safety changes from the coarser to the finer member, and within which bounds,
-/// since each factor is known only up to its bracket. `sides` gives the cell sides of a member along each axis, if it
-/// has a structured grid.
+/// halves the cells. It states how the factor of safety changes from the coarser to the finer member, and within which
+/// bounds, since each factor is known only up to its bracket. `sides` gives the cell sides of a member along each axis,
+/// if it has a structured grid.
 pub fn dependence_on_cells<'a>(
     study: &Study,
     rows: impl IntoIterator<Item = &'a Row>,

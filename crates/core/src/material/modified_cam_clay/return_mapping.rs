@@ -36,7 +36,7 @@ pub(super) struct Elastic<T = f64> {
 
 /// The equations of the return mapping at a trial solution.
 struct Equations<T> {
-    /// Residuals of the volumetric strain, of the shear strain, and of the yield surface, all relative.
+    /// Residuals of the volumetric strain, of the shear strain, and of the scaled yield function, [-].
     residual: [T; 3],
     /// Their derivatives with respect to ε_v^e, ε_s^e and Γ.
     jacobian: [[T; 3]; 3],
@@ -53,7 +53,7 @@ struct Start<T> {
     size: T,
     /// Initial guess of ε_v^e.
     first: T,
-    /// 1/P_c at this guess, by which the yield function is scaled, [1/stress].
+    /// 1/P_c at this guess, [1/stress]; its square scales the yield function.
     per_size: T,
     /// Largest norm of the residual at which a solution is accepted, [-]; infinite for a point that does not flow.
     tolerance: T,
@@ -83,8 +83,8 @@ impl<T: Lane> Elastic<T> {
         [pressure, coupling * volumetric + modulus * shear * 3.0]
     }
 
-    /// True if the elastic stiffness is positive definite at all points. If μ grows with the pressure, this no
-    /// longer holds beyond some ε_s, and the stress falls without flow.
+    /// True if the elastic stiffness is positive definite at all points. If μ grows with the pressure, this can fail
+    /// beyond some ε_s, where the stress falls without flow.
     #[inline(always)]
     fn is_stable(&self) -> bool {
         (self.coupling * self.coupling - self.bulk * self.modulus * 3.0).is_below(0.0)
@@ -130,7 +130,7 @@ impl CamClay {
         size * exp(change * self.hardening())
     }
 
-    /// 1/(λ̂ − κ̂): the increase of ln P_c per unit of plastic ε_v.
+    /// 1/(λ̂ − κ̂): the increase of ln P_c per unit of plastic compression −ε_v^p.
     fn hardening(&self) -> f64 {
         1.0 / (self.compression_index - self.swelling_index)
     }
@@ -245,7 +245,7 @@ impl CamClay {
     /// The same as [`PrincipalLaw::respond`](crate::material::PrincipalLaw::respond).
     ///
     /// # Errors
-    /// If a point has no response.
+    /// If a point has no response, or if its elasticity is unstable.
     #[inline(always)]
     pub(super) fn respond<T: Lane>(
         &self,

@@ -203,8 +203,8 @@ impl<const M: usize> Face<M> {
         if violation.is_nan() || self.tau[0].is_nan() { f64::INFINITY } else { violation }
     }
 
-    /// The stress and its derivatives. With the multipliers Λ = (AᵀDG)⁻¹ (Aᵀτ^tr − b), τ = τ^tr − D G Λ, a change of
-    /// the parameters changes τ by −D G (AᵀDG)⁻¹ (A'ᵀτ − b' − AᵀDG'Λ) − D G'Λ.
+    /// The stress and its derivatives. With the limits b and the multipliers Λ = (AᵀDG)⁻¹ (Aᵀτ^tr − b), the stress is
+    /// τ = τ^tr − D G Λ. A change of the parameters changes τ by −D G (AᵀDG)⁻¹ (A'ᵀτ − b' − AᵀDG'Λ) − D G'Λ.
     #[inline(always)]
     fn finish<const R: usize>(&self, elasticity: &Elasticity, rates: Option<&[Strength; R]>) -> Returned<R> {
         let Face { planes, flow, normal_stress, flow_stress, inverse, tau } = self;
