@@ -127,7 +127,7 @@ impl<const N: usize> Border<N> {
         }
     }
 
-    /// Adds B δw to a change of the internal minus external forces.
+    /// Adds B δw, with δw = `change`, to `force`, the change in the difference between internal and external forces.
     pub(crate) fn add_columns(&self, change: &[f64], force: &mut [[f64; N]]) {
         for (column, change) in self.columns.iter().zip(change) {
             for (force, column) in force.as_flattened_mut().iter_mut().zip(column.as_flattened()) {

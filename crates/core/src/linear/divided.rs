@@ -1,4 +1,4 @@
-//! The direct backend for several ranks: each rank eliminates the unknowns that no other rank couples; pairs of ranks,
+//! The direct backend for several ranks: each rank eliminates the unknowns in its matrix alone; pairs of ranks,
 //! pairs of pairs and so on eliminate the unknowns that they share. Rank 0 gathers and factorises systems that are
 //! small or that cannot be solved in this way.
 

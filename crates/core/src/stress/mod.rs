@@ -109,7 +109,7 @@ pub trait WeakForm<const D: usize>: Copy {
     fn add_block<T: Lane>(column: &Self::Column, gradient: &Self::Gradient<T>, block: &mut [[T; D]; D]);
 }
 
-/// Failure of a point under the displacement increment.
+/// Why a point cannot be evaluated for a displacement increment.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum PointError {
     /// The increment inverts the material.

@@ -79,9 +79,10 @@ pub fn on_warning(warning: &Warning) -> String {
              resulting factor by k"
         }
         (Code::StoppedShort, _) => {
-            "the factor of safety may be larger: compare a coarser grid, and set `solver: {tolerance: 1e-4}`, since \
-             with small cells the iterations may stall close to equilibrium where flow is non-associated; if the \
-             factors with and without equilibrium lie far apart, use a smaller `tolerance` of the control"
+            "the factor of safety may be larger: compare with a coarser grid, and set `solver: {tolerance: 1e-4}`, \
+             since iterations may stall close to equilibrium if cells are small and flow is non-associated; if the \
+             largest factor with equilibrium and the smallest without it lie far apart, use a smaller `tolerance` of \
+             the control"
         }
     };
     advice.to_owned()
