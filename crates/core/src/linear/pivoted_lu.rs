@@ -5,6 +5,7 @@ use faer::linalg::solvers::SolveCore;
 use faer::sparse::SparseColMatRef;
 use faer::sparse::linalg::solvers::{Lu, SymbolicLu};
 use faer::{Conj, MatMut};
+use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use super::{LinearError, Pattern};
 
@@ -15,6 +16,9 @@ pub(super) struct PivotedLu {
     source: Vec<usize>,
     symbolic: SymbolicLu<usize>,
     factors: Option<Lu<usize, f64>>,
+    /// A pool of one thread, in which faer works: it divides sums between all threads, so that the bits of its results
+    /// depend on their number.
+    pool: ThreadPool,
 }
 
 impl PivotedLu {
@@ -23,14 +27,17 @@ impl PivotedLu {
         let (pattern, source) = both_triangles(pattern);
         let symbolic =
             SymbolicLu::try_new(pattern.view()).map_err(|_| LinearError::OutOfMemory { needed: None })?;
-        Ok(PivotedLu { pattern, source, symbolic, factors: None })
+        let pool = ThreadPoolBuilder::new().num_threads(1).build();
+        let pool = pool.map_err(|_| LinearError::OutOfMemory { needed: None })?;
+        Ok(PivotedLu { pattern, source, symbolic, factors: None, pool })
     }
 
     /// Factorises the matrix with these values of the given pattern; false if it is singular.
     pub fn factorise(&mut self, values: &[f64]) -> bool {
         let values: Vec<f64> = self.source.iter().map(|&s| values[s]).collect();
         let matrix = SparseColMatRef::new(self.pattern.view(), &values[..]);
-        self.factors = on_one_thread(|| Lu::try_new_with_symbolic(self.symbolic.clone(), matrix).ok());
+        let symbolic = self.symbolic.clone();
+        self.factors = self.pool.install(|| Lu::try_new_with_symbolic(symbolic, matrix).ok());
         self.factors.is_some()
     }
 
@@ -39,19 +46,10 @@ impl PivotedLu {
         match &self.factors {
             Some(lu) => {
                 let rhs = MatMut::from_column_major_slice_mut(rhs, self.pattern.n, 1);
-                on_one_thread(|| lu.solve_in_place_with_conj(Conj::No, rhs));
+                self.pool.install(|| lu.solve_in_place_with_conj(Conj::No, rhs));
             }
             None => rhs.fill(f64::NAN),
         }
-    }
-}
-
-/// Calls faer in a pool of a single thread: it divides sums between all threads, so that the bits of its results depend
-/// on their number.
-fn on_one_thread<T: Send>(work: impl FnOnce() -> T + Send) -> T {
-    match rayon::ThreadPoolBuilder::new().num_threads(1).build() {
-        Ok(pool) => pool.install(work),
-        Err(_) => work(),
     }
 }
 
