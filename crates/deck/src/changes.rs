@@ -7,9 +7,8 @@ use serde_json::{Map, Value};
 use super::initial_stress::curve_of;
 use super::loads::load_curve;
 use super::quoting::quote;
-use super::validate::{formulas_of_bodies, formulas_of_loading};
+use super::validate::{formulas_of_bodies, formulas_of_loading, names_in};
 use super::{Deck, MaterialDeck};
-use mpm_core::formula::names;
 use mpm_core::model::LoadCurve;
 
 /// Relative difference up to which two times, or two load factors, count as equal.
@@ -47,7 +46,7 @@ pub fn changes_during_run(old: &Deck, new: &Deck) -> Vec<String> {
         let Some(map) = value.as_object_mut() else { return value };
         // Values outside formulas are already inserted in the deck.
         let formulas = formulas_of_bodies(deck);
-        let used: BTreeSet<&str> = formulas.iter().flat_map(|text| names(text)).map(|(_, n)| n).collect();
+        let used = names_in(&formulas);
         if let Some(parameters) = map.get_mut("parameters").and_then(Value::as_object_mut) {
             parameters.retain(|name, _| used.contains(name.as_str()));
         }
@@ -109,7 +108,7 @@ pub fn is_end(deck: &Deck, time: f64) -> bool {
 fn essential(deck: &Deck) -> Value {
     let mut value = serde_json::to_value(deck).unwrap_or_default();
     let formulas = [formulas_of_loading(deck), formulas_of_bodies(deck)].concat();
-    let used: BTreeSet<&str> = formulas.iter().flat_map(|text| names(text)).map(|(_, n)| n).collect();
+    let used = names_in(&formulas);
     if let Some(map) = value.as_object_mut() {
         for key in ["title", "solver", "checkpoint"] {
             map.remove(key);

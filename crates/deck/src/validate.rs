@@ -23,7 +23,7 @@ mod tools;
 mod units;
 mod without_effect;
 
-pub(super) use suspicions::{formulas_of_bodies, formulas_of_loading};
+pub(super) use suspicions::{formulas_of_bodies, formulas_of_loading, names_in};
 
 use std::collections::HashMap;
 

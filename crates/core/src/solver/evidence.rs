@@ -71,8 +71,8 @@ pub(super) fn points_that_flow<const D: usize>(model: &Model<D>, points: &Points
         let fields = model.law(points, *p).state_fields();
         let plastic = fields.iter().position(|field| field.name == EQUIVALENT_PLASTIC_STRAIN);
         let shown = plastic.map_or(0..fields.len(), |f| f..f + 1);
-        let own =
-            &[&points.trial.history, &points.converged.history].map(|all| &all[p * points.history_len..]);
+        let own = [&points.trial.history, &points.converged.history];
+        let own = own.map(|all| &all[p * points.history_len..]);
         shown.into_iter().any(|f| own.iter().any(|history| history[f] != fields[f].initial))
     };
     (0..points.len()).filter(flows).count()

@@ -48,8 +48,7 @@ impl Check<'_> {
             self.warn_at_key("D037", &format!("/materials/{}", escape(name)), message, "remove it");
         }
         let formulas = [formulas_of_loading(deck), formulas_of_bodies(deck)].concat();
-        let in_formulas: BTreeSet<&str> =
-            formulas.iter().flat_map(|text| names(text)).map(|(_, name)| name).collect();
+        let in_formulas = names_in(&formulas);
         for name in deck.parameters.keys() {
             if !in_formulas.contains(name.as_str()) && !self.source.uses_parameter(name) {
                 let message = format!("the parameter {} is not used", quote(name));
@@ -144,6 +143,11 @@ impl Check<'_> {
             self.warn("D045", "/solver/tolerance", message, "use 1e-12 or more");
         }
     }
+}
+
+/// The names in formulas.
+pub(crate) fn names_in(formulas: &[String]) -> BTreeSet<&str> {
+    formulas.iter().flat_map(|text| names(text)).map(|(_, name)| name).collect()
 }
 
 /// The formulas of boundary conditions and loads.
