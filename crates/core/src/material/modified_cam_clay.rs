@@ -109,10 +109,9 @@ impl CamClay {
         let confined =
             |strain: f64| pressure / (1.0 + 1.5 * shear_modulus_ratio * strain * strain / swelling_index);
         let stress = |strain: f64| 3.0 * (shear_modulus + shear_modulus_ratio * confined(strain)) * strain;
-        // q grows with ε_s up to a maximum if α C dominates; the root sought lies before it.
         let (mut low, mut high) = (0.0, shear / (3.0 * shear_modulus.max(f64::MIN_POSITIVE)));
         if shear_modulus_ratio > 0.0 {
-            high = f64::min(high, (2.0 * swelling_index / (3.0 * shear_modulus_ratio)).sqrt());
+            high = f64::min(high, self.strain_at_largest_shear(pressure));
         }
         if shear > 0.0 && shear_modulus_ratio > 0.0 {
             if stress(high) < shear * (1.0 - 1e-12) {
@@ -128,6 +127,20 @@ impl CamClay {
         }
         let strain = high;
         Some([-swelling_index * (confined(strain) / reference_pressure).ln(), strain])
+    }
+
+    /// ε_s at the first maximum of q at this pressure, up to which the stored energy is convex; infinite if q grows
+    /// without limit. With x = 3α ε_s²/(2κ̂), dq/dε_s has the sign of μ₀ (1 + x)² + α P (1 − x), as has the determinant
+    /// of the second derivatives of W, and this is positive for all x ≥ 0 if α P < 8 μ₀.
+    fn strain_at_largest_shear(&self, pressure: f64) -> f64 {
+        let (constant, confined) = (self.shear_modulus, self.shear_modulus_ratio * pressure);
+        if confined < 8.0 * constant {
+            return f64::INFINITY;
+        }
+        // The smaller root, in the form that has no cancellation and is 1 for μ₀ = 0.
+        let root = (confined * (confined - 8.0 * constant)).sqrt();
+        let x = 2.0 * (constant + confined) / (confined - 2.0 * constant + root);
+        (2.0 * self.swelling_index / (3.0 * self.shear_modulus_ratio) * x).sqrt()
     }
 }
 

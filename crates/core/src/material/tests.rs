@@ -86,6 +86,40 @@ proptest! {
     }
 }
 
+/// The stored energy of a modulus with a constant part can stay convex beyond the largest shear strain at which it is
+/// convex without this part.
+#[test]
+fn cam_clay_finds_the_elastic_strain_of_every_stable_stress() {
+    for (constant, pressure, ratios) in [(0.5e6, 100e3, &[0.5, 1.0, 2.0][..]), (0.02e6, 500e3, &[0.2, 0.28])]
+    {
+        let law = ModifiedCamClay::new(CamClay {
+            compression_index: 0.09,
+            swelling_index: 0.01,
+            critical_state_ratio: 1.05,
+            shear_modulus: constant,
+            shear_modulus_ratio: 10.0,
+            overconsolidation_ratio: 5.0,
+            reference_pressure: 100e3,
+        });
+        for ratio in ratios {
+            // In triaxial compression, q is the difference of the principal stresses.
+            let q = ratio * pressure;
+            let tau =
+                Sym3([-pressure + q / 3.0, -pressure + q / 3.0, -pressure - 2.0 * q / 3.0, 0.0, 0.0, 0.0]);
+            let strain = law.elastic_strain(&tau, &[]).unwrap();
+            let mut history = vec![0.0; law.state_fields().len()];
+            law.start_from(&strain, 1.0, &mut history);
+            let found = law.update(&strain, &history.clone(), &mut history).unwrap().tau;
+            assert!((found - tau).norm() < 1e-9 * tau.norm(), "{constant}, {ratio}: {found:?}, not {tau:?}");
+        }
+        // Beyond the largest ratio there is no elastic strain.
+        let q = 0.5 * pressure;
+        let beyond =
+            Sym3([-pressure + q / 3.0, -pressure + q / 3.0, -pressure - 2.0 * q / 3.0, 0.0, 0.0, 0.0]);
+        assert_eq!(law.elastic_strain(&beyond, &[]).is_err(), constant < 0.1e6);
+    }
+}
+
 #[test]
 fn the_check_of_a_law_finds_nothing_in_those_of_the_library() {
     for law in laws() {
