@@ -260,10 +260,11 @@ fn associated_flow_on_the_kirchhoff_stress_is_symmetric() {
 /// A single point with an unsymmetric tangent prevents the solver from storing only half of the stiffness.
 #[test]
 fn a_varying_law_is_symmetric_only_if_it_is_so_everywhere() {
-    let varying = |law: fn(&[f64]) -> MohrCoulomb| {
-        let property = VaryingProperty { name: "property".into(), unit: "-".into(), typical: 25.0 };
-        Varying::new(&[property], std::sync::Arc::new(|x: &[f64; 3]| vec![25.0 + x[0]]), law)
+    let around = |typical: f64, law: fn(&[f64]) -> MohrCoulomb| {
+        let property = VaryingProperty { name: "property".into(), unit: "-".into(), typical };
+        Varying::new(&[property], std::sync::Arc::new(move |x: &[f64; 3]| vec![typical + x[0]]), law)
     };
+    let varying = |law| around(25.0, law);
     let associated_at_the_typical_point = varying(|p| {
         MohrCoulomb::new(1e6, 0.3, Friction { friction_angle: p[0], ..CLAY })
             .limiting(StrengthMeasure::Kirchhoff)
@@ -272,4 +273,9 @@ fn a_varying_law_is_symmetric_only_if_it_is_so_everywhere() {
         MohrCoulomb::new(1e6, 0.3, Friction { cohesion: p[0], ..CLAY }).limiting(StrengthMeasure::Kirchhoff)
     });
     assert!(!associated_at_the_typical_point.tangent_is_symmetric() && associated.tangent_is_symmetric());
+    let without_friction_at_the_typical_point = around(0.0, |p| {
+        let angles = Friction { friction_angle: p[0], dilation_angle: 0.0, ..CLAY };
+        MohrCoulomb::new(1e6, 0.3, angles).limiting(StrengthMeasure::Kirchhoff)
+    });
+    assert!(!without_friction_at_the_typical_point.tangent_is_symmetric());
 }

@@ -39,8 +39,8 @@ pub struct Varying<L> {
     is_symmetric: bool,
 }
 
-/// Relative change applied to a property to detect whether the symmetry of the tangent depends on that property, as it
-/// does if the angles of friction and dilation are equal, [-].
+/// Relative change applied to a property, absolute if the property is 0, to detect whether the symmetry of the tangent
+/// depends on that property, as it does if the angles of friction and dilation are equal.
 const CHANGE: f64 = 1e-3;
 
 impl<L: Material> Varying<L> {
@@ -55,7 +55,7 @@ impl<L: Material> Varying<L> {
         let typical = law(&values);
         let stays_symmetric = |changed: usize| {
             let mut values = values.clone();
-            values[changed] *= 1.0 + CHANGE;
+            values[changed] = if values[changed] == 0.0 { CHANGE } else { (1.0 + CHANGE) * values[changed] };
             law(&values).tangent_is_symmetric()
         };
         let is_symmetric = typical.tangent_is_symmetric() && (0..values.len()).all(stays_symmetric);
