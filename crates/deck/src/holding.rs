@@ -16,8 +16,8 @@ use super::quoting::{either, list, quote};
 /// Largest number of parts of the bodies that are reported.
 const MOST_PARTS: usize = 20;
 
-/// Free parts: the bodies in each, and the axes along which it is free.
-type Free = BTreeSet<(Vec<u16>, Vec<usize>)>;
+/// Free parts: the bodies in each, the axes along which it is free, and the number of other such directions.
+type Free = BTreeSet<(Vec<u16>, Vec<usize>, usize)>;
 
 impl Check<'_> {
     /// Reports the parts of the bodies that nothing holds; returns all of them. `stage` holds the number of a later
@@ -43,7 +43,7 @@ impl Check<'_> {
         };
         let mut parts = free_parts(model, points, links, dofs);
         parts.retain(|part| !part.bodies.iter().any(floats));
-        let key = |part: &FreePart<D>| (part.bodies.clone(), part.axes.clone());
+        let key = |part: &FreePart<D>| (part.bodies.clone(), part.axes.clone(), part.directions.len());
         let is_new = |part: &&FreePart<D>| stage.is_none_or(|(_, known)| !known.contains(&key(part)));
         for part in parts.iter().filter(is_new).take(MOST_PARTS) {
             self.free_part(model, part, stage.map(|(number, _)| number));
@@ -104,7 +104,7 @@ impl Check<'_> {
             }
         };
         let place = coordinates(&part.node);
-        let found = if part.axes.is_empty() {
+        let found = if part.axes.is_empty() && part.directions.is_empty() {
             let about = match &part.centre {
                 Some(centre) => format!(" about {}", coordinates(centre)),
                 None if D > 2 => String::new(),
@@ -120,13 +120,21 @@ impl Check<'_> {
             };
             self.at("D035", &pointer, message).severity(Severity::Warning).help(help)
         } else {
-            let axes: Vec<String> = part.axes.iter().map(|&axis| AXES[axis % 3].to_owned()).collect();
+            let axes = part.axes.iter().map(|&axis| AXES[axis % 3].to_owned());
+            let directions =
+                part.directions.iter().map(|along| format!("the direction {}", coordinates(along)));
+            let along: Vec<String> = axes.chain(directions).collect();
             let turning = if part.rotations > 0 { ", or against rotation" } else { "" };
             let message = format!(
                 "{when}no boundary condition holds {bodies} at the node {place} along {}{turning}",
-                either(&axes)
+                either(&along)
             );
-            let which = if axes.len() == 1 { "that axis" } else { "these axes" };
+            let which = match (along.len(), part.directions.is_empty()) {
+                (1, true) => "that axis",
+                (1, false) => "that direction",
+                (_, true) => "these axes",
+                (_, false) => "these directions",
+            };
             let help = format!(
                 "fix or prescribe the displacement along {which} at one or more nodes of each separate part"
             );

@@ -30,8 +30,9 @@ pub struct FreePart<const D: usize> {
     pub node: [f64; D],
     /// Axes along which nothing holds the part.
     pub axes: Vec<usize>,
-    /// Number of independent free motions besides these translations: rotations, and translations along directions
-    /// that are not axes.
+    /// Other directions along which nothing holds the part, unit vectors perpendicular to each other and to these axes.
+    pub directions: Vec<[f64; D]>,
+    /// Number of independent free motions besides these translations.
     pub rotations: usize,
     /// Centre of rotation, [length], if one rotation in the plane is the only free motion.
     pub centre: Option<[f64; D]>,
@@ -44,7 +45,6 @@ struct Part<const D: usize> {
     n_nodes: usize,
     low: [f64; D],
     high: [f64; D],
-    held: [bool; D],
     /// Σ rᵀ r over the held degrees of freedom; each row r contains the displacement of one degree of freedom in every
     /// rigid motion.
     gram: DMatrix<f64>,
@@ -136,16 +136,10 @@ fn add_up_held<const D: usize>(ranks: &Ranks, parts: &mut [Part<D>]) {
     if ranks.is_alone() {
         return;
     }
-    let size = D + n_motions(D).pow(2);
-    let of_part = |part: &Part<D>| {
-        let held = part.held.map(|held| f64::from(u8::from(held)));
-        held.into_iter().chain(part.gram.iter().copied()).collect::<Vec<f64>>()
-    };
-    let mut sums: Vec<f64> = parts.iter().flat_map(of_part).collect();
+    let mut sums: Vec<f64> = parts.iter().flat_map(|part| part.gram.iter().copied()).collect();
     ranks.sum(&mut sums);
-    for (part, sums) in parts.iter_mut().zip(sums.chunks_exact(size)) {
-        part.held = std::array::from_fn(|d| sums[d] > 0.0);
-        part.gram.copy_from_slice(&sums[D..]);
+    for (part, sums) in parts.iter_mut().zip(sums.chunks_exact(n_motions(D).pow(2))) {
+        part.gram.copy_from_slice(sums);
     }
 }
 
@@ -182,7 +176,6 @@ impl<const D: usize> Part<D> {
             n_nodes: 0,
             low: [f64::INFINITY; D],
             high: [f64::NEG_INFINITY; D],
-            held: [false; D],
             gram: DMatrix::zeros(n, n),
         }
     }
@@ -204,7 +197,6 @@ impl<const D: usize> Part<D> {
 
     /// A body of revolution moves as a rigid body only along its axis; any other motion stretches its rings.
     fn resist_by_hoops(&mut self) {
-        self.held[0] = true;
         for motion in (0..n_motions(D)).filter(|&motion| motion != 1) {
             self.gram[(motion, motion)] += 1.0;
         }
@@ -212,9 +204,6 @@ impl<const D: usize> Part<D> {
 
     /// Adds a direction in which a node is held; all nodes must already be known.
     fn hold(&mut self, x: &[f64; D], direction: &[f64; D]) {
-        for d in 0..D {
-            self.held[d] |= direction[d] != 0.0;
-        }
         let (centre, size) = self.frame();
         let arm: [f64; D] = std::array::from_fn(|d| (x[d] - centre[d]) / size);
         // Displacement along the direction in each rigid motion; the rotation from axis i to axis j is −x_j along i and
@@ -244,10 +233,10 @@ impl<const D: usize> Part<D> {
         if null.is_empty() {
             return None;
         }
-        let axes: Vec<usize> = (0..D).filter(|&axis| !self.held[axis]).collect();
-        let rotations = null.len().saturating_sub(axes.len());
+        let (axes, directions) = self.free_translations(FREE * largest);
+        let rotations = null.len().saturating_sub(axes.len() + directions.len());
         let mut centre = None;
-        if let (2, true, [only]) = (D, axes.is_empty(), null.as_slice()) {
+        if let (2, 1, [only]) = (D, rotations, null.as_slice()) {
             let motion = eigen.eigenvectors.column(*only);
             let ((middle, size), turn) = (self.frame(), motion[2]);
             // The displacement (t_x − ω y, t_y + ω x) vanishes at the centre.
@@ -255,7 +244,31 @@ impl<const D: usize> Part<D> {
             let found: [f64; D] = std::array::from_fn(|d| middle[d] + size * offset[d]);
             centre = Some(found).filter(|x| x.iter().all(|x| x.is_finite()));
         }
-        Some(FreePart { bodies: Vec::new(), whole: true, node, axes, rotations, centre })
+        Some(FreePart { bodies: Vec::new(), whole: true, node, axes, directions, rotations, centre })
+    }
+
+    /// Axes along which the part can translate, and the other directions along which it can, at eigenvalues up to
+    /// `bound`.
+    fn free_translations(&self, bound: f64) -> (Vec<usize>, Vec<[f64; D]>) {
+        let (axes, others): (Vec<usize>, Vec<usize>) = (0..D).partition(|&d| self.gram[(d, d)] <= bound);
+        if others.is_empty() {
+            return (axes, Vec::new());
+        }
+        let among = DMatrix::from_fn(others.len(), others.len(), |i, j| self.gram[(others[i], others[j])]);
+        let eigen = among.symmetric_eigen();
+        let mut directions = Vec::new();
+        for (vector, _) in
+            eigen.eigenvectors.column_iter().zip(&eigen.eigenvalues).filter(|(_, value)| **value <= bound)
+        {
+            // The sign by which the largest component is positive.
+            let sign = vector[vector.iamax()].signum();
+            let mut direction = [0.0; D];
+            for (&d, &component) in others.iter().zip(vector.iter()) {
+                direction[d] = sign * component;
+            }
+            directions.push(direction);
+        }
+        (axes, directions)
     }
 }
 
@@ -303,6 +316,30 @@ mod tests {
         assert!((centre[0] - 7.0).abs() < 1e-9 && (centre[1] - 3.0).abs() < 1e-9, "{centre:?}");
         let pinned = plane(&[([2.0, 1.0], 1), ([2.0, 1.0], 0)]).unwrap().centre.unwrap();
         assert!((pinned[0] - 2.0).abs() < 1e-9 && (pinned[1] - 1.0).abs() < 1e-9, "{pinned:?}");
+    }
+
+    #[test]
+    fn a_body_held_along_an_inclined_direction_can_slide_across_it() {
+        let mut part = Part::<2>::empty();
+        for corner in 0..4 {
+            part.add(&std::array::from_fn(|d| f64::from(corner >> d & 1)));
+        }
+        let (sine, cosine) = 30f64.to_radians().sin_cos();
+        for x in [[0.0, 0.0], [1.0, 0.0]] {
+            part.hold(&x, &[-sine, cosine]);
+        }
+        let free = part.free([0.0; 2]).unwrap();
+        assert_eq!((free.axes, free.rotations, free.centre), (vec![], 0, None));
+        let [along] = free.directions.as_slice() else { panic!("{:?}", free.directions) };
+        assert!((along[0] - cosine).abs() < 1e-12 && (along[1] - sine).abs() < 1e-12, "{along:?}");
+
+        let mut pinned = Part::<3>::empty();
+        for corner in 0..8 {
+            pinned.add(&std::array::from_fn(|d| f64::from(corner >> d & 1)));
+        }
+        pinned.hold(&[0.0; 3], &[0.0, -sine, cosine]);
+        let free = pinned.free([0.0; 3]).unwrap();
+        assert_eq!((free.axes, free.directions.len(), free.rotations), (vec![0], 1, 3));
     }
 
     #[test]
