@@ -69,8 +69,10 @@ impl<const N: usize> Turned<N> {
                 None => {
                     let size = motion.increment.abs().max(known.abs());
                     if unless_round_off(motion.increment - known, size / INDEPENDENT) != 0.0 {
-                        let first = prescribed.last().map_or(motion.condition, |along| along.condition);
-                        return Err(([first, motion.condition], [known, motion.increment]));
+                        let shares = shares(&motion.direction, &prescribed, &directions);
+                        let involved = |share: &f64| share.abs() > INDEPENDENT;
+                        let first = shares.iter().rposition(involved).map_or(motion, |k| &prescribed[k]);
+                        return Err(([first.condition, motion.condition], [known, motion.increment]));
                     }
                 }
             }
@@ -154,16 +156,25 @@ impl<const N: usize> Turned<N> {
     /// Distributes a reaction among the conditions with independent directions: each carries a force along its own
     /// direction.
     pub(super) fn for_each_share(&self, reaction: &[f64; N], mut visit: impl FnMut(usize, usize, f64)) {
-        let mut rest = *reaction;
-        for k in (0..self.n_held()).rev() {
-            let Along { direction, condition, .. } = &self.prescribed[k];
-            let size = dot(&rest, &self.directions[k]) / dot(direction, &self.directions[k]);
+        let shares = shares(reaction, &self.prescribed, &self.directions);
+        for (along, share) in self.prescribed.iter().zip(shares).rev() {
             for c in 0..N {
-                rest[c] -= size * direction[c];
-                visit(*condition as usize, c, size * direction[c]);
+                visit(along.condition as usize, c, share * along.direction[c]);
             }
         }
     }
+}
+
+/// The coefficients of a vector in the directions of independent motions, which span the same space as these
+/// orthonormal directions; a part outside this space is ignored. Coefficients beyond the motions are 0.
+fn shares<const N: usize>(vector: &[f64; N], motions: &[Along<N>], directions: &[[f64; N]]) -> [f64; N] {
+    let mut rest = *vector;
+    let mut shares = [0.0; N];
+    for (k, Along { direction, .. }) in motions.iter().enumerate().rev() {
+        shares[k] = dot(&rest, &directions[k]) / dot(direction, &directions[k]);
+        (0..N).for_each(|c| rest[c] -= shares[k] * direction[c]);
+    }
+    shares
 }
 
 #[cfg(test)]
@@ -214,5 +225,8 @@ mod tests {
         assert_eq!(Turned::new(0, &twice).unwrap().n_held(), 1);
         let against = [along([1.0, 1.0, 0.0], 0.1, 0), along([-1.0, -1.0, 0.0], 0.1, 1)];
         assert!(Turned::new(0, &against).is_err());
+        // Only the first of two conditions contradicts the third.
+        let third = [against[0], along([0.0, 0.0, 1.0], 0.0, 1), Along { condition: 2, ..against[1] }];
+        assert_eq!(Turned::new(0, &third).unwrap_err().0, [0, 2]);
     }
 }
