@@ -168,10 +168,17 @@ impl Check<'_> {
         self.found.push(found.severity(Severity::Note).help(help));
     }
 
-    /// Warns of each boundary condition whose nodes all have their displacement along an axis prescribed by earlier
-    /// conditions.
+    /// Warns of each boundary condition whose nodes, in every stage, all have their displacement along an axis
+    /// prescribed by earlier conditions.
     fn held_already<const D: usize>(&mut self, model: &Model<D>) {
-        for Covered { condition, axis, by } in covered(&model.boundary_conditions) {
+        let n = model.boundary_conditions.len();
+        let mut present = model.present.clone();
+        let mut stages = vec![(0..n).map(|number| model.is_set(number)).collect()];
+        for stage in model.stages.iter().skip(1) {
+            present.change_conditions(n, stage);
+            stages.push(present.is_released.iter().map(|released| !released).collect::<Vec<bool>>());
+        }
+        for Covered { condition, axis, by } in covered(&model.boundary_conditions, &stages) {
             let name = |number: usize| model.boundary_conditions[number].name.as_str();
             let others = list(by.iter().map(|&number| name(number)));
             let message = format!(

@@ -1,5 +1,7 @@
 //! Boundary conditions that have no effect because earlier conditions already hold their nodes.
 
+use std::collections::BTreeSet;
+
 use crate::model::{BoundaryCondition, NodeSet};
 
 /// A boundary condition whose nodes are all held along an axis by earlier conditions.
@@ -9,19 +11,40 @@ pub struct Covered {
     pub condition: usize,
     /// Axis along which the nodes are already held.
     pub axis: usize,
-    /// Indices of the conditions that hold its nodes, ascending.
+    /// Indices of the conditions that hold its nodes in one stage or another, ascending.
     pub by: Vec<usize>,
 }
 
-/// The conditions that add nothing to earlier ones along an axis. A node belongs to the first condition that holds it.
-pub fn covered<const D: usize>(conditions: &[BoundaryCondition<D>]) -> Vec<Covered> {
-    (0..D).flat_map(|axis| along(conditions, axis)).collect()
+/// The conditions that add nothing to earlier ones along an axis, in any of the stages in which they are set. A node
+/// belongs to the first condition that holds it. `stages` states for each stage which conditions are set.
+pub fn covered<const D: usize>(conditions: &[BoundaryCondition<D>], stages: &[Vec<bool>]) -> Vec<Covered> {
+    let in_stages: Vec<Vec<Covered>> = stages
+        .iter()
+        .map(|is_set| (0..D).flat_map(|axis| along(conditions, is_set, axis)).collect())
+        .collect();
+    let mut found: Vec<Covered> = Vec::new();
+    for axis in 0..D {
+        for condition in 0..conditions.len() {
+            let is_it = |covered: &&Covered| (covered.condition, covered.axis) == (condition, axis);
+            let mut by = BTreeSet::new();
+            let mut is_covered = (0..stages.len()).filter(|&stage| stages[stage][condition]).map(|stage| {
+                let here = in_stages[stage].iter().find(is_it);
+                here.iter().for_each(|here| by.extend(here.by.iter().copied()));
+                here.is_some()
+            });
+            if is_covered.all(|covered| covered) && !by.is_empty() {
+                found.push(Covered { condition, axis, by: by.into_iter().collect() });
+            }
+        }
+    }
+    found
 }
 
-fn along<const D: usize>(conditions: &[BoundaryCondition<D>], axis: usize) -> Vec<Covered> {
+/// The conditions among those set that add nothing to earlier ones along an axis.
+fn along<const D: usize>(conditions: &[BoundaryCondition<D>], is_set: &[bool], axis: usize) -> Vec<Covered> {
     let holding = || {
         let holds = |c: &BoundaryCondition<D>| c.axes.is_none() && c.displacement[axis].is_some();
-        conditions.iter().enumerate().filter(move |(_, c)| holds(c))
+        conditions.iter().enumerate().filter(move |(number, c)| is_set[*number] && holds(c))
     };
     let mut nodes: Vec<(u32, u32)> = Vec::new();
     let mut found = Vec::new();
