@@ -95,7 +95,8 @@ impl<const D: usize, const N: usize> Place<'_, D, N> {
     fn extent(&self, system: &System<N>) -> Extent {
         let (halo, n) = (self.links.halo(), self.links.n_active());
         let nodes = halo.sum_over_nodes(n, |_| 1.0);
-        let pairs = halo.ranks().total(system.matrix().blocks.len() as f64);
+        let blocks = halo.ranks().total(system.matrix().blocks.len() as f64);
+        let pairs = if system.matrix().symmetric { blocks } else { 0.5 * (blocks + nodes) };
         if self.model.grid.structured().is_none() {
             return Extent::of_mesh::<D>(nodes, pairs);
         }
@@ -273,6 +274,27 @@ impl<const D: usize, const N: usize> Equations<D, N> {
             |layout: &Layout<D, N>| self.backend().factorise(layout, &system.reduced(place.dofs).matrix);
         timings.measure(Phase::Factorise, || place.with_layout(factorise))?;
         timings.measure(Phase::Solve, || self.solve_bordered(place, system, rhs, delta, tolerance))
+    }
+
+    /// As [`Equations::solve`], for another right-hand side with the matrix of the last solve.
+    ///
+    /// # Errors
+    /// As for [`Equations::solve`].
+    pub(super) fn solve_again(
+        &mut self,
+        place: Place<D, N>,
+        system: &mut System<N>,
+        rhs: RightHandSide<N>,
+        delta: &mut [[f64; N]],
+        tolerance: f64,
+        timings: &mut Timings,
+    ) -> Result<(Solved, Vec<f64>), LinearError> {
+        match self.solve_with_last_factor(place, system, rhs, delta, tolerance, timings) {
+            Err(_) if matches!(self.method, Method::Iterative | Method::Algebraic) => {
+                self.solve(place, system, rhs, delta, tolerance, timings)
+            }
+            outcome => outcome,
+        }
     }
 
     /// As [`Equations::solve`], but with the existing factor or preconditioner.
