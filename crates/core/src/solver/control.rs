@@ -217,9 +217,13 @@ impl<const D: usize, const N: usize> Condition<D, N> {
             }
             Condition::ArcLength { volume, halo, length, ahead, share, centre, met } => {
                 let product = |a: &[[f64; N]], b: &[[f64; N]]| weighted::<D, N>(halo, volume, a, b);
+                let a = product(of_load, of_load);
+                if a == 0.0 {
+                    return Err(NoPath::NoInfluence);
+                }
                 let is_first = centre.is_none();
                 let centre = centre.get_or_insert_with(|| {
-                    let along = product(of_residual, of_load) / product(of_load, of_load);
+                    let along = product(of_residual, of_load) / a;
                     let aside = |(r, f): (&[f64; N], &[f64; N])| std::array::from_fn(|d| r[d] - along * f[d]);
                     of_residual.iter().zip(of_load).map(aside).collect()
                 });
@@ -229,7 +233,7 @@ impl<const D: usize, const N: usize> Condition<D, N> {
                     .zip(of_residual)
                     .map(|(u, r)| std::array::from_fn(|d| u[d] + r[d]))
                     .collect();
-                let (a, b, c) = (product(of_load, of_load), product(&base, of_load), product(&base, &base));
+                let (b, c) = (product(&base, of_load), product(&base, &base));
                 let Some(length) = *length else {
                     // The first step of the stage takes its share of the load; the linear response sets the length.
                     let change = *share;
@@ -245,9 +249,6 @@ impl<const D: usize, const N: usize> Condition<D, N> {
                 }
                 let far = -(b + root.copysign(b));
                 let roots = [far / a, (c - length * length) / far];
-                if a == 0.0 {
-                    return Err(NoPath::NoInfluence);
-                }
                 if is_first {
                     let change = length / a.sqrt();
                     return finite(change.copysign(product(ahead, of_load)) - b / a);
