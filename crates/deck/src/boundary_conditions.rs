@@ -141,7 +141,7 @@ impl BoundaryConditionDeck {
     }
 
     /// True if the condition prescribes a displacement other than zero.
-    pub(crate) fn moves(&self) -> bool {
+    pub fn moves(&self) -> bool {
         self.displacements().iter().any(|displacement| !displacement.value.is_zero())
     }
 

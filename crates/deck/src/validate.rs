@@ -16,6 +16,7 @@ mod prescribed_motion;
 mod shape;
 mod stages;
 mod steps;
+mod strength_reduction;
 mod surfaces;
 mod suspicions;
 mod tool_parts;

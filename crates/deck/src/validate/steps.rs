@@ -1,12 +1,10 @@
 //! Checks of step controls other than load control.
 
 use super::Check;
-use crate::diagnostic::{Diagnostic, Severity};
 use crate::formulas::Displacement;
-use crate::initial_stress::{InitialStressDeck, curve_of, initial_factor};
 use crate::quoting::{quote, rounded};
 use crate::references::known_names;
-use crate::{BodyDeck, ControlDeck, Expression, GridDeck, LoadCurve, LoadDeck, MaterialDeck, StageDeck};
+use crate::{ControlDeck, Deck, Expression, GridDeck, LoadCurve, LoadDeck, StageDeck};
 use mpm_core::formula::names;
 use mpm_files::shortest;
 
@@ -16,11 +14,17 @@ const LEAST: f64 = 1e-12;
 const USUAL: f64 = 0.005;
 
 /// True if the factor of a curve is constant between two times, [time].
-fn stands_still(LoadCurve(pairs): &LoadCurve, [start, end]: [f64; 2]) -> bool {
+pub(super) fn stands_still(LoadCurve(pairs): &LoadCurve, [start, end]: [f64; 2]) -> bool {
     let curve = mpm_core::model::LoadCurve::table(pairs.clone());
     let within = curve.times().filter(|time| (start..=end).contains(time));
     let mut factors = within.chain([end]).map(|time| curve.factor(time));
     factors.all(|factor| factor == curve.factor(start))
+}
+
+/// True if an expression is a formula that contains the variable `time`.
+pub(super) fn depends_on_time(deck: &Deck, expression: &Expression) -> bool {
+    let Expression::Formula(text) = expression else { return false };
+    !deck.parameters.contains_key("time") && names(text).iter().any(|(_, name)| *name == "time")
 }
 
 impl Check<'_> {
@@ -131,125 +135,6 @@ impl Check<'_> {
         }
     }
 
-    /// Checks that loads and boundary conditions stay constant in an analysis, or in a stage between two times, while
-    /// the strength is reduced, and that a material in use has a strength.
-    fn constant_loads(&mut self, control: &str, stage: Option<(&StageDeck, [f64; 2])>) {
-        let deck = self.deck;
-        let stays = |name: &str, curve: Option<&LoadCurve>| match (stage, curve) {
-            (Some((stage, _)), _) if stage.factors.contains_key(name) => false,
-            (Some((_, times)), Some(curve)) => stands_still(curve, times),
-            (Some(_), None) => true,
-            (None, Some(curve)) => stands_still(curve, [0.0, deck.end_time()]),
-            (None, None) => false,
-        };
-        let changing_load = deck.loads.iter().find(|load| {
-            let is_held = stage.is_none() && initial_factor(deck, load) == 1.0;
-            !(load.magnitude().1 || stays(load.name(), load.curve()) || is_held && load.curve().is_none())
-        });
-        let moves = |condition: &&crate::BoundaryConditionDeck| {
-            let is_zero = |moved: &Displacement| moved.value.is_zero();
-            !condition.displacements().iter().all(is_zero)
-                && !stays(&condition.name, condition.curve.as_ref())
-        };
-        let changing_condition = deck.boundary_conditions.iter().find(moves);
-        let name = changing_load.map(|load| ("load", load.name()));
-        let name =
-            name.or(changing_condition.map(|condition| ("boundary condition", condition.name.as_str())));
-        if let Some((kind, name)) = name {
-            let message = format!("the {kind} {} changes while the strength is reduced", quote(name));
-            let help = "apply it in a stage before this one, or keep its curve constant";
-            self.error("D049", control, message, help);
-        }
-        let changed = stage.and_then(|(stage, _)| {
-            let StageDeck { add, remove, release, set, material, .. } = stage;
-            let lists = [("add", add), ("remove", remove), ("release", release), ("set", set)];
-            let key = lists.into_iter().find(|(_, list)| !list.is_empty()).map(|(key, _)| key);
-            key.or((!material.is_empty()).then_some("material"))
-        });
-        if let Some(key) = changed {
-            let message = format!(
-                "the stage reduces the strength, but its `{key}` takes effect gradually over the whole stage, so that \
-                 the factor of safety would belong to an intermediate state"
-            );
-            let help = format!("move `{key}` to a stage before this one");
-            self.error("D049", control, message, &help);
-        }
-        let has_strength = |material: &MaterialDeck| {
-            let is_foreign = matches!(material, MaterialDeck::Library { .. });
-            let law = material.law_alone().ok();
-            !is_foreign && law.is_none_or(|law| law.with_strength_divided(1.0).is_some())
-        };
-        let used = deck.used_materials();
-        if !used.iter().any(|name| deck.materials.get(*name).is_some_and(has_strength)) {
-            let message = "no material has a strength that could be reduced";
-            let help = "use `tresca`, `mohr-coulomb`, `drucker-prager` or `von-mises`";
-            self.error("D049", control, message, help);
-        }
-    }
-
-    /// Checks that the bodies carry something while the stage with this number reduces the strength: a load, a
-    /// prescribed motion or an initial stress. An earlier stage may have removed the weight that a geostatic stress
-    /// carries, and a motion that has been reversed may have left stresses.
-    fn something_to_carry(&mut self, control: &str, number: usize) {
-        let deck = self.deck;
-        let so_far = deck.stages.get(..=number).unwrap_or_default();
-        let factors = |name: &str| -> Vec<f64> {
-            so_far.iter().filter_map(|stage| stage.factors.get(name).copied()).collect()
-        };
-        let has_begun = |name: &str| so_far.is_empty() || factors(name).iter().any(|factor| *factor != 0.0);
-        let end = if so_far.is_empty() {
-            deck.end_time()
-        } else {
-            so_far.iter().map(|stage| stage.steps.end_time).sum()
-        };
-        let factor_at_end = |load: &LoadDeck| match (load.curve(), so_far.is_empty()) {
-            (None, false) => {
-                factors(load.name()).last().copied().unwrap_or_else(|| initial_factor(deck, load))
-            }
-            _ => curve_of(deck, load).factor(end),
-        };
-        let mut loads = deck.loads.iter().filter(|load| !load.magnitude().1);
-        let is_loaded = loads.any(|load| factor_at_end(load) != 0.0);
-        let moves = |condition: &&crate::BoundaryConditionDeck| {
-            condition.displacements().iter().any(|moved| !moved.value.is_zero())
-        };
-        let mut moving = deck.boundary_conditions.iter().filter(moves);
-        let is_moved = moving.any(|condition| condition.curve.is_some() || has_begun(&condition.name));
-        let is_stressed = |body: &BodyDeck| match &body.initial_stress {
-            Some(stress @ InitialStressDeck::Components { .. }) => !stress.is_zero(),
-            Some(InitialStressDeck::Geostatic { .. }) | None => false,
-        };
-        let is_pushed = deck.tools.iter().any(crate::ToolDeck::acts);
-        if is_loaded || is_moved || is_pushed || deck.bodies.iter().any(is_stressed) {
-            return;
-        }
-        let message = "nothing loads the bodies while their strength is reduced, so they never fail";
-        let help = "apply the loads in an earlier stage, for example with `factors: {weight: 1}`, or give the bodies \
-                    an `initial_stress`";
-        self.error("D065", control, message, help);
-    }
-
-    /// Notes that one strength reduction follows another.
-    pub(super) fn repeated_reductions(&mut self) {
-        let reduces =
-            |stage: &&StageDeck| matches!(stage.steps.control, ControlDeck::StrengthReduction { .. });
-        let deck = self.deck;
-        let Some(first) = deck.stages.iter().find(reduces) else { return };
-        for (number, stage) in deck.stages.iter().enumerate().filter(|(_, stage)| reduces(stage)).skip(1) {
-            let message = format!(
-                "the stage {} reduces the strength of bodies that yielded while {} reduced it and that keep their \
-                 displacements",
-                quote(&stage.name),
-                quote(&first.name)
-            );
-            let help = "end the earlier reduction well below failure (`to`), or find this factor in a separate deck \
-                        without the earlier reduction";
-            let at = format!("/stages/{number}/steps/control");
-            let found = Diagnostic::at(self.source, "D066", &at, message).severity(Severity::Note);
-            self.found.push(found.help(help));
-        }
-    }
-
     /// Checks that the motions of tools can share an unknown factor. If there are tools, only the last stage may have
     /// an unknown factor.
     fn tools_of_common_factor(&mut self, stage: Option<(&StageDeck, [f64; 2])>) {
@@ -276,9 +161,8 @@ impl Check<'_> {
                 let help = "remove the curve, or keep it constant";
                 self.error("D049", &format!("{pointer}/{key}"), message, help);
             }
-            let of_time = |e: &Expression| matches!(e, Expression::Formula(text) if names(text).iter().any(|(_, name)| *name == "time"));
             let motion = tool.motion();
-            for (key, ..) in motion.iter().filter(|(_, _, value)| of_time(value)) {
+            for (key, ..) in motion.iter().filter(|(_, _, value)| depends_on_time(deck, value)) {
                 let message = format!(
                     "{} of the tool {} depends on `time`, but `steps: {{control: ...}}` makes the load factor an unknown",
                     quote(key),
