@@ -297,7 +297,10 @@ impl<'a> Builder<'a> {
         }
         let Some(Frame { content: Content::Map(map), .. }) = self.stack.last_mut() else { return Ok(()) };
         // Several merge keys are equivalent to a list in one of them.
-        let earlier = if is_plain && text == "<<" { None } else { map.known.insert(text.to_owned(), span) };
+        let earlier = map.known.get(text).copied().filter(|_| !(is_plain && text == "<<"));
+        if earlier.is_none() {
+            map.known.insert(text.to_owned(), span);
+        }
         map.pending = Some(Pending { key: text.to_owned(), span, repeated: earlier.is_some() });
         // A text with this many faults is not a deck.
         if let Some(earlier) = earlier.filter(|_| self.diagnostics.len() < 1000) {
