@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use super::Check;
 use crate::quoting::quote;
+use crate::span::escape;
 use crate::{ControlDeck, LoadDeck, Parameter, StageDeck};
 
 /// Shortest step relative to the time at which its stage begins, [-].
@@ -47,7 +48,7 @@ impl Check<'_> {
             self.absent_bodies(number, stage, &|name| is_there.get(name) == Some(&false));
             self.factors(number, stage);
             for (body, material) in &stage.material {
-                let at = format!("/stages/{number}/material/{body}");
+                let at = format!("/stages/{number}/material/{}", escape(body));
                 self.body(&at, body);
                 if !deck.materials.contains_key(material) {
                     let names = deck.materials.keys().map(String::as_str).collect();
@@ -125,7 +126,7 @@ impl Check<'_> {
                     ),
                 };
                 let message = format!("the load {} acts {what} in this stage", quote(name));
-                self.warn("D037", &format!("/stages/{number}/factors/{name}"), message, help);
+                self.warn("D037", &format!("/stages/{number}/factors/{}", escape(name)), message, help);
             }
         }
     }
@@ -173,7 +174,7 @@ impl Check<'_> {
     fn factors(&mut self, number: usize, stage: &StageDeck) {
         let deck = self.deck;
         for name in stage.factors.keys() {
-            let at = format!("/stages/{number}/factors/{name}");
+            let at = format!("/stages/{number}/factors/{}", escape(name));
             let load = deck.loads.iter().find(|load| load.name() == name);
             let condition = deck.boundary_conditions.iter().find(|condition| condition.name == *name);
             let curve = match (load, condition) {
