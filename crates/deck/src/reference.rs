@@ -38,7 +38,6 @@ const SECTIONS: &[(&str, &str)] = &[
     ("`part` of a surface", "PartDeck"),
     ("`half_space` of a part", "HalfSpaceDeck"),
     ("`boundary_conditions`, each", "BoundaryConditionDeck"),
-    ("`fix` along a direction", "FixedDirection"),
     ("`nodes` of a boundary condition", "NodeSelector"),
     ("`fix` of a boundary condition", "NormalDeck"),
     ("`move` of a boundary condition", "MoveDeck"),
