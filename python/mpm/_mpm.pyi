@@ -111,6 +111,9 @@ class Session:
     #: Messages about the deck, as JSON.
     @property
     def notes(self) -> str: ...
+    #: Names of the history variables of the laws.
+    @property
+    def history(self) -> list[str]: ...
     #: The directory of the results.
     @property
     def directory(self) -> Path | None: ...

@@ -360,9 +360,7 @@ class Run:
         # Absolute, since the process may change its directory.
         run._directory = None if run._session.directory is None else run._session.directory.absolute()
         run._closed = False
-        declared = [name for law in (laws or {}).values() for name in getattr(law, "state", None) or ()]
-        known = dict.fromkeys(("equivalent_plastic_strain", *declared))
-        run._names = (*Points.NAMES, *(name for name in known if run._session.array(name) is not None))
+        run._names = tuple(dict.fromkeys((*Points.NAMES, *run._session.history)))
         cls._live.add(run)
         return run
 

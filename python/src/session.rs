@@ -69,6 +69,9 @@ pub struct Session {
     /// Messages about the deck, as JSON.
     #[pyo3(get)]
     notes: String,
+    /// Names of the history variables of the laws.
+    #[pyo3(get)]
+    history: Vec<String>,
     /// The results directory.
     #[pyo3(get)]
     directory: Option<PathBuf>,
@@ -97,7 +100,7 @@ impl Session {
         let tells_iterations = on_iteration.is_some();
         let begun = py
             .detach(|| begin((name, text, &overrides), threads, out.clone(), &laws, link, tells_iterations));
-        let (thread, notes) = begun?;
+        let Begun { thread, notes, history } = begun?;
         let running = Running {
             events: received,
             requests: Some(requests),
@@ -113,6 +116,7 @@ impl Session {
             threads,
             process,
             notes,
+            history,
             directory: out,
         };
         session.wait(py, &mut *session.lock()?)?;
@@ -370,8 +374,16 @@ fn received<T: Send>(py: Python<'_>, answer: Receiver<T>) -> PyResult<T> {
     py.detach(move || answer.recv().ok()).ok_or_else(|| Raised::misuse("the run is closed").into())
 }
 
-/// Reads and builds a deck, opens its files and begins its run on a new thread; returns the thread and the messages
-/// about the deck.
+/// A run that has begun.
+struct Begun {
+    thread: JoinHandle<()>,
+    /// Messages about the deck, as JSON.
+    notes: String,
+    /// Names of the history variables of the laws.
+    history: Vec<String>,
+}
+
+/// Reads and builds a deck, opens its files and begins its run on a new thread.
 fn begin(
     (name, text, overrides): (&str, &[u8], &[(String, String)]),
     threads: Option<usize>,
@@ -379,7 +391,7 @@ fn begin(
     laws: &Laws,
     link: Link,
     tells_iterations: bool,
-) -> Result<(JoinHandle<()>, String), Raised> {
+) -> Result<Begun, Raised> {
     let start = Start::now();
     let pool = pool(threads)?;
     let mut set_up = Timings::default();
@@ -418,9 +430,14 @@ fn begin(
         Analysis::Plane(parts) => Record::new(&parts.0, account),
         Analysis::Solid(parts) => Record::new(&parts.0, account),
     };
+    let history = match &analysis {
+        Analysis::Plane(parts) => parts.0.history_names(),
+        Analysis::Solid(parts) => parts.0.history_names(),
+    };
+    let history = history.into_iter().map(str::to_owned).collect();
     let worker = Worker { link, record, files, tells_iterations };
     let builder = std::thread::Builder::new().name("mpm".to_owned());
     let thread = builder.spawn(move || pool.install(|| worker.run(analysis, loaded)));
     let thread = thread.map_err(|error| Raised::misuse(format!("the threads cannot be started: {error}")))?;
-    Ok((thread, notes))
+    Ok(Begun { thread, notes, history })
 }

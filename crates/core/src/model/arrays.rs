@@ -18,11 +18,6 @@ impl HistoryVariable {
         HistoryVariable { place: model.bodies.iter().map(|body| place(body.material)).collect() }
     }
 
-    /// True if at least one body has the variable.
-    pub fn exists(&self) -> bool {
-        self.place.iter().any(Option::is_some)
-    }
-
     /// The value of the variable at a point in the converged state; zero if the law does not have it.
     pub fn of<const D: usize>(&self, points: &Points<D>, p: usize) -> f64 {
         match self.place[points.body[p] as usize] {
@@ -33,6 +28,20 @@ impl HistoryVariable {
 }
 
 impl<const D: usize> Model<D> {
+    /// The names of the history variables of the laws that bodies have now or get in a stage, each once.
+    pub fn history_names(&self) -> Vec<&str> {
+        let mut names = Vec::new();
+        let now = self.bodies.iter().map(|body| body.material);
+        let later =
+            self.stages.iter().flat_map(|stage| stage.materials.iter().map(|(_, material)| *material));
+        for field in now.chain(later).flat_map(|material| self.materials[material].law.state_fields()) {
+            if !names.contains(&&*field.name) {
+                names.push(&*field.name);
+            }
+        }
+        names
+    }
+
     /// The point array with this name, in the converged state. Names have the same meaning as in VTU files: the arrays
     /// of [`PointArray`], but with the logarithmic elastic strain and the volume of [`Model::volume`]; history
     /// variables of laws, zero for points of other laws; declared fields ([`Points::STORED`]); and further fields
@@ -52,8 +61,8 @@ impl<const D: usize> Model<D> {
             Some(array) => return Some(points.array(array)),
             None => (),
         }
-        let history = HistoryVariable::new(self, name);
-        if history.exists() {
+        if self.history_names().contains(&name) {
+            let history = HistoryVariable::new(self, name);
             return Some(PointValues::new(&order, |p| history.of(points, p)));
         }
         points.field(name)
