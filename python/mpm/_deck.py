@@ -115,8 +115,7 @@ class Deck(MutableMapping[str, Any]):
     @property
     def text(self) -> str:
         """The deck as YAML: the text of its file, comments included, as long as nothing has been changed."""
-        text, _ = self._source()
-        return text.decode(errors="replace")
+        return self._whole_text().decode(errors="replace")
 
     def __getitem__(self, key: str) -> Any:
         return self._data[key]
@@ -180,10 +179,7 @@ class Deck(MutableMapping[str, Any]):
         Args:
             path: The file. An existing file is replaced.
         """
-        text, overrides = self._source()
-        if overrides:
-            text = _mpm.dump(_document(self._data)).encode()
-        Path(os.fsdecode(path)).write_bytes(text)
+        Path(os.fsdecode(path)).write_bytes(self._whole_text())
 
     def check(self) -> list[Diagnostic]:
         """Does everything up to the first load step, like ``mpm check``, and returns all messages; raises none of them.
@@ -292,6 +288,11 @@ class Deck(MutableMapping[str, Any]):
         if self._text is not None and self._is_original():
             return self._text, self._overrides
         return _mpm.dump(_document(self._data)).encode(), []
+
+    def _whole_text(self) -> bytes:
+        """Text that contains all changes, also those of parameters."""
+        text, overrides = self._source()
+        return _mpm.dump(_document(self._data)).encode() if overrides else text
 
     def _begin(
         self,

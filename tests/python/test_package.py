@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from conftest import ROOT
 from package import COUNTS, assert_same_points, column, load, mpm
@@ -102,6 +103,16 @@ def test_points_are_mappings_of_arrays_in_any_place(tmp_path):
     assert result.points.position.any()
 
 
+def test_points_list_the_history_variables_of_all_laws():
+    with load("triaxial", steps=1).start() as run:
+        assert list(run.points)[len(mpm.Points.NAMES):] == [
+            "preconsolidation_pressure", "equivalent_plastic_strain", "plastic_volumetric_strain", "plastic_work"
+        ]
+        assert len(dict(run.points)) == len(run.points)
+    with load("beam", steps=1).start() as run:
+        assert tuple(run.points) == mpm.Points.NAMES
+
+
 def test_points_go_to_other_packages(tmp_path):
     pytest.importorskip("pandas")
     result = load("collapse", h=2, n=2, steps=2).run(out=tmp_path / "out")
@@ -173,6 +184,7 @@ def test_numpy_numbers_are_numbers():
     assert other.run().history == plain.run().history
     assert load("beam", steps=np.int64(2), h=np.float64(0.5)).run().history == load("beam", steps=2).run().history
     deck = load("beam").with_parameters(h=np.float32(0.5), steps=np.int32(7))
+    assert yaml.safe_load(deck.text)["parameters"]["steps"] == 7
     assert deck["parameters"]["h"] == 0.5 and type(deck["parameters"]["steps"]) is int
 
 
