@@ -17,7 +17,7 @@ pub use boundary_conditions::{
     AlongSurface, Axis, BoundaryConditionDeck, FixDeck, MoveDeck, NodeSelector, NormalDeck,
 };
 pub use grid::{AxisSpacing, FollowDeck, GridDeck, IntervalDeck, SpacingDeck};
-pub use initial_stress::{InitialStressDeck, StressDeck};
+pub use initial_stress::{InitialStressDeck, StressDeck, initial_factor};
 pub use loads::{HydrostaticDeck, LoadCurve, LoadDeck, Per, PointSelector};
 pub use material::{
     BuiltLaw, CellSize, CohesionSofteningDeck, FrictionSofteningDeck, MaterialDeck, Surroundings,

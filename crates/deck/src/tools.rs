@@ -448,7 +448,7 @@ impl ToolDeck {
     }
 
     /// The load curves of the motion, the weight and the further loads, each with its key.
-    pub(crate) fn curves(&self) -> impl Iterator<Item = (String, &LoadCurve)> {
+    pub fn curves(&self) -> impl Iterator<Item = (String, &LoadCurve)> {
         let loads = self.loads.iter().enumerate();
         let of_loads = loads.filter_map(|(k, load)| Some((format!("loads/{k}/curve"), load.curve.as_ref()?)));
         let named = [("curve", &self.curve), ("weight_curve", &self.weight_curve)];

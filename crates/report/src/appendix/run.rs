@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 
 use mpm_deck::load::load_text;
-use mpm_deck::{ControlDeck, Deck, Parameter, StepsDeck};
+use mpm_deck::{BoundaryConditionDeck, ControlDeck, Deck, Parameter, StepsDeck, initial_factor};
 use mpm_files::series::{self, DataSet};
 use mpm_files::status;
 use mpm_files::table::Columns;
@@ -206,9 +206,10 @@ impl Run {
         if !deck.steps.as_ref().is_some_and(is_load_control) {
             return false;
         }
-        deck.loads.iter().all(|load| load.curve().is_none())
+        // Gravity that an initial stress balances acts in full from the start.
+        deck.loads.iter().all(|load| load.curve().is_none() && initial_factor(deck, load) == 0.0)
             && deck.boundary_conditions.iter().all(|c| c.curve.is_none())
-            && deck.tools.iter().all(|tool| tool.curve.is_none())
+            && deck.tools.iter().all(|tool| tool.curves().next().is_none())
     }
 
     /// True if a body is stressed at time 0.
@@ -220,10 +221,7 @@ impl Run {
     pub fn moves(&self, name: &str) -> bool {
         let conditions = self.deck.iter().flat_map(|deck| &deck.boundary_conditions);
         let of_name = conditions.filter(|condition| condition.name == name);
-        let is_motion = |value: &Value| !value.is_null() && value.as_f64() != Some(0.0);
-        of_name
-            .filter_map(|condition| serde_json::to_value(condition).ok())
-            .any(|condition| ["ux", "uy", "uz"].iter().any(|axis| condition.get(axis).is_some_and(is_motion)))
+        of_name.into_iter().any(BoundaryConditionDeck::moves)
     }
 
     /// Time at the end of the analysis, [time].

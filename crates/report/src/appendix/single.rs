@@ -161,12 +161,20 @@ fn end_of_run(page: &mut Page, run: &Run, naming: &Naming) {
         Some(forces[key].as_array()?.iter().map(Value::as_f64).collect())
     };
     let mut rows = last_values(run, 'r', &axes);
+    // The forces of tools, and those that a stage releases.
+    let further = forces["further"].as_object().into_iter().flatten();
+    rows.extend(further.map(|(name, force)| {
+        let along = |axis: usize| force.get(axis).and_then(Value::as_f64);
+        (Cell::name(name), (0..axes.len()).map(along).collect())
+    }));
+    let what = if forces["further"].is_null() { "" } else { ", tools and forces that a stage releases" };
     let applied = along("applied");
-    let mut caption =
-        format!("Forces on the bodies at the end of step {step}: reactions of the boundary conditions.");
+    let mut caption = format!(
+        "Forces on the bodies at the end of step {step}: reactions of the boundary conditions{what}."
+    );
     if applied.is_some() {
         caption = format!(
-            "Forces on the bodies at the end of step {step}: loads, and reactions of the boundary conditions"
+            "Forces on the bodies at the end of step {step}: loads, and reactions of the boundary conditions{what}"
         );
         let relative = forces["relative_difference"].as_f64();
         let share = relative.map(|share| format!("; their sum is {} of all forces", html(share, 2)));

@@ -35,6 +35,9 @@ impl Quantity {
             "cauchy_stress" | "von_mises_stress" | "pressure" => Quantity::Stress,
             "volume" => Quantity::Volume,
             "deformation_gradient" | "J" | "elastic_strain" | "plastic_strain" => Quantity::Number,
+            // History variables of laws; work per volume has the unit of stress.
+            "preconsolidation_pressure" | "plastic_work" => Quantity::Stress,
+            "plastic_volumetric_strain" => Quantity::Number,
             "equivalent_plastic_strain" | "body_id" | "material_id" | "point_id" => Quantity::Number,
             _ => return None,
         })
