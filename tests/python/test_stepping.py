@@ -29,6 +29,11 @@ steps: {count: 10}
 """
 
 
+RESET = STRIP.replace("steps: {count: 10}", """stages:
+  - {name: some, steps: {count: 2}, factors: {pull: 0.5}, then: {reset: [displacement]}}
+  - {name: more, steps: {count: 5}, factors: {pull: 1}}""")
+
+
 def settings(**parameters):
     return [word for name, value in parameters.items() for word in ("--set", f"{name}={value}")]
 
@@ -198,6 +203,16 @@ def test_a_run_that_cannot_go_on_says_why(mpm, tmp_path):
     force = np.linalg.norm(grid["out_of_balance_force"], axis=1)
     assert np.allclose(grid.points[force.argmax()][:2], diagnosis["node"])
     assert len(meshio.read(out / "failed_points.vtu").points) == points.n_points
+
+    # Displacements count from the last reset.
+    deck.write_text(RESET)
+    assert mpm("run", deck, "--out", tmp_path / "reset").returncode == 1
+    points = pyvista.read(tmp_path / "reset" / "failed_points.vtu")
+    steps = int(Results(tmp_path / "reset").history["step"][-1])
+    before = pyvista.read(tmp_path / "reset" / f"points_{steps:04}.vtu")
+    moved = before["displacement"] + points["displacement_increment"]
+    np.testing.assert_allclose(points["displacement"], moved, atol=1e-12)
+    assert abs(points["displacement"] - points.points + pyvista.read(out / "points_0000.vtu").points).max() > 1e-6
 
     # A later run into the same directory leaves nothing of it.
     deck.write_text(STRIP.replace("-707.1", "-100"))

@@ -73,10 +73,11 @@ pub(super) fn write<const D: usize>(
     let increments = increments_of(points, iterate);
     let moved = |p: usize| std::array::from_fn(|d| points.converged.position[p][d] + increments[p][d]);
     let positions: Vec<[f64; D]> = order.iter().map(|&p| moved(p)).collect();
-    let since_start = |(place, &p): (&[f64; D], &usize)| {
-        padded(&std::array::from_fn::<f64, D, _>(|d| place[d] - points.original_position[p][d]))
+    let displacement = |p: usize| {
+        let so_far = points.displacement(p);
+        padded(&std::array::from_fn::<f64, D, _>(|d| so_far[d] + increments[p][d]))
     };
-    let displacement: Vec<[f64; 3]> = positions.iter().zip(&order).map(since_start).collect();
+    let displacement: Vec<[f64; 3]> = order.iter().map(|&p| displacement(p)).collect();
     let increments: Vec<[f64; 3]> = order.iter().map(|&p| padded(&increments[p])).collect();
     let bodies: Vec<i32> = order.iter().map(|&p| i32::from(points.body[p])).collect();
     let numbers: Vec<i32> = order.iter().map(|&p| points.id[p] as i32).collect();
