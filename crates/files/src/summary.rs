@@ -287,6 +287,8 @@ fn check(path: &Path, summary: &Summary, findings: &Findings) -> io::Result<()> 
         ("strain_energy", summary.strain_energy),
         ("plastic_work", summary.plastic_work),
         ("friction_work", summary.friction_work),
+        ("stabilisation_work", summary.stabilisation_work),
+        ("damping_work", summary.damping_work),
         ("mass", summary.quality.mass.now),
         ("volume", summary.quality.volume.now),
     ];
