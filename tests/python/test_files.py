@@ -1,9 +1,12 @@
 """The files of every run: which there are, that all readers agree on them, and that they agree among each other."""
 
+import re
+
 import numpy as np
 import pytest
 import pyvista
 
+from conftest import ROOT
 from results import assert_readers_agree, component_names
 
 SYMMETRIC = ["XX", "YY", "ZZ", "XY", "YZ", "XZ"]
@@ -178,6 +181,16 @@ def test_summary(results):
         assert all(seconds >= 0 for seconds in summary[clock].values())
     wall = summary["wall_seconds"]
     assert sum(wall[phase] for phase in phases) <= wall["total"] * 1.01 + 0.01
+
+
+def test_the_book_explains_every_key_of_a_summary(beam, analyse):
+    section = (ROOT / "docs/output.md").read_text().split("## `summary.json`")[1].split("\n## ")[0]
+    explained = {key.split(".")[0] for key in re.findall(r"`([a-z_.<>]+)`", section)}
+    in_stages = analyse("inputs/excavation.yaml", h=0.5)
+    touched = analyse("inputs/pipe.yaml", h=0.25, depth=0.02, steps=1)
+    keys = set(beam.summary) | set(in_stages.summary) | set(touched.summary)
+    assert {"stages", "initial_state", "friction_work"} <= keys
+    assert keys <= explained, keys - explained
 
 
 def test_forces_of_the_summary(results):
