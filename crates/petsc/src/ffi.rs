@@ -68,6 +68,7 @@ unsafe extern "C" {
         provided: *mut c_int,
     ) -> c_int;
     pub fn MPI_Initialized(flag: *mut c_int) -> c_int;
+    pub fn MPI_Query_thread(provided: *mut c_int) -> c_int;
     pub fn MPI_Finalized(flag: *mut c_int) -> c_int;
     pub fn MPI_Finalize() -> c_int;
     pub fn MPI_Abort(comm: MPI_Comm, code: c_int) -> c_int;

@@ -35,6 +35,8 @@ pub(crate) fn is_running() -> bool {
 #[derive(Debug)]
 pub struct Session {
     communicator: Arc<Mpi>,
+    /// True if the session has started MPI, and so ends it.
+    has_started_mpi: bool,
     /// Both libraries end on the thread that started them.
     _on_this_thread: PhantomData<*mut ()>,
 }
@@ -53,7 +55,7 @@ pub fn start(options: &str) -> Result<Session, Error> {
     if STARTED.swap(true, Ordering::AcqRel) {
         return Err(Error::StartedBefore);
     }
-    start_mpi()?;
+    let has_started_mpi = start_mpi()?;
     // PETSc keeps the arguments until it ends.
     let mut pointers: Vec<*mut c_char> = arguments.into_iter().map(CString::into_raw).collect();
     let mut count = pointers.len() as c_int;
@@ -68,24 +70,25 @@ pub fn start(options: &str) -> Result<Session, Error> {
         check(ffi::PetscPushErrorHandler(Some(keep_message), null_mut()))?;
     }
     RUNNING.store(true, Ordering::Release);
-    Ok(Session { communicator: Arc::new(Mpi::world()), _on_this_thread: PhantomData })
+    Ok(Session { communicator: Arc::new(Mpi::world()), has_started_mpi, _on_this_thread: PhantomData })
 }
 
-fn start_mpi() -> Result<(), Error> {
-    let (mut runs, mut provided) = (0, ffi::MPI_THREAD_SERIALIZED);
-    // SAFETY: MPI allows the first call at any time, and the second one if MPI has not been started.
+/// Starts MPI unless it is already running; returns true if it was not.
+fn start_mpi() -> Result<bool, Error> {
+    let (mut runs, mut provided) = (0, 0);
+    // SAFETY: MPI allows the first call at any time, and the others before or after its start.
     let code = unsafe {
         ffi::MPI_Initialized(&mut runs);
         match runs {
             0 => ffi::MPI_Init_thread(null_mut(), null_mut(), ffi::MPI_THREAD_SERIALIZED, &mut provided),
-            _ => 0,
+            _ => ffi::MPI_Query_thread(&mut provided),
         }
     };
     match code {
         0 if provided < ffi::MPI_THREAD_SERIALIZED => Err(Error::Threads),
         0 => {
             return_memory();
-            Ok(())
+            Ok(runs == 0)
         }
         code => Err(Error::Mpi(code)),
     }
@@ -136,7 +139,7 @@ impl Drop for Session {
         unsafe {
             ffi::PetscFinalize();
             ffi::MPI_Finalized(&mut ended);
-            if ended == 0 {
+            if ended == 0 && self.has_started_mpi {
                 ffi::MPI_Finalize();
             }
         }
