@@ -103,7 +103,7 @@ impl Formula {
         if self.intermediate.is_empty() {
             return self.run(values);
         }
-        let mut all = [0.0; MOST_GIVEN + MOST_INTERMEDIATE];
+        let mut all = [f64::NAN; MOST_GIVEN + MOST_INTERMEDIATE];
         let given = values.len().min(self.variables);
         all[..given].copy_from_slice(&values[..given]);
         let mut known = self.variables;
