@@ -347,7 +347,7 @@ impl BalanceSoFar {
             message: format!(
                 "the out-of-balance forces of fresh grids have done work equal to {:.0} % of the external work: \
                  displacements and stresses depend on the grid and on the number of steps",
-                100.0 * value
+                100.0 * value.abs()
             ),
             detail: None,
         })
