@@ -182,7 +182,7 @@ impl<const D: usize> Connectivity<D> {
                 sharing = self.sharing(&points.ranks, grid.n_nodes());
                 let others = SharedTouches { ranks: &points.ranks, sharing: &sharing };
                 let of_groups = (&self.group_node_start[..], &self.group_nodes[..]);
-                slivers = Slivers::new(grid.n_nodes(), of_groups, &self.touches, &others);
+                slivers = Slivers::new(grid, &self.active_cells, of_groups, &self.touches, &others);
             }
             if slivers.is_empty() {
                 break;

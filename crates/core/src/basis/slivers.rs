@@ -23,7 +23,7 @@ pub(super) enum Touch {
     /// By slivers only.
     #[default]
     Sliver,
-    /// Weakly: the node is active unless sliver nodes are next to it.
+    /// Weakly: the node is active if a ghost penalty can support it and no sliver nodes are next to it.
     Weak,
     /// Firmly enough to hold the node in any case.
     Firm,
@@ -80,9 +80,10 @@ impl SharedTouches<'_> {
 /// Grid nodes that points touch only by slivers. Their stiffness would be round-off, and nothing would resist their
 /// motion. They are not active; their small contributions go to the other nodes of the point.
 ///
-/// A node that points touch weakly is a sliver node too if a group touches it together with a sliver node: a surface
-/// along a grid line can deviate from the line by less than the threshold in one part and by more in another, and no
-/// ghost penalty supports a node in a cell with inactive corners.
+/// No ghost penalty supports a node all of whose cells have inactive corners. Therefore a node that points touch weakly
+/// is a sliver node, too, if points touch no cell around it with active corners only, or if a group touches it together
+/// with a sliver node. Both happen where a surface along a grid line deviates from the line by less than the threshold
+/// in one part and by more in another.
 #[derive(Default)]
 pub(super) struct Slivers {
     /// For each grid node, true if it is a sliver node or no point touches it; empty if there is no sliver node.
@@ -90,23 +91,26 @@ pub(super) struct Slivers {
 }
 
 impl Slivers {
-    /// Finds the sliver nodes. `touches` states how firmly each group touches each of its nodes. The nodes of group g
-    /// are `group_nodes[starts[g]..starts[g + 1]]`; the nodes of the last group extend to the end.
-    pub(super) fn new(
-        n_nodes: usize,
+    /// Finds the sliver nodes. `cells` are the cells that points touch, and `touches` states how firmly each group
+    /// touches each of its nodes. The nodes of group g are `group_nodes[starts[g]..starts[g + 1]]`; the nodes of the last
+    /// group extend to the end.
+    pub(super) fn new<const D: usize>(
+        grid: &dyn Grid<D>,
+        cells: &[u32],
         (starts, group_nodes): (&[usize], &[u32]),
         touches: &[Touch],
         others: &SharedTouches,
     ) -> Slivers {
-        if others.ranks.all(touches.iter().all(|touch| *touch > Touch::Sliver)) {
+        if others.ranks.all(touches.iter().all(|touch| *touch == Touch::Firm)) {
             return Slivers::default();
         }
-        let mut firmest = vec![Touch::Sliver; n_nodes];
+        let mut firmest = vec![Touch::Sliver; grid.n_nodes()];
         for (&node, &touch) in group_nodes.iter().zip(touches) {
             firmest[node as usize] = firmest[node as usize].max(touch);
         }
         others.merge(&mut firmest, Touch::max);
-        if others.ranks.all(group_nodes.iter().all(|node| firmest[*node as usize] > Touch::Sliver)) {
+        let least = |firmest: &[Touch]| group_nodes.iter().map(|node| firmest[*node as usize]).min();
+        if others.ranks.all(least(&firmest).is_none_or(|least| least == Touch::Firm)) {
             return Slivers::default();
         }
         let ends = starts.iter().skip(1).copied().chain([group_nodes.len()]);
@@ -114,7 +118,7 @@ impl Slivers {
             starts.iter().zip(ends).map(|(&start, end)| &group_nodes[start..end]).collect();
         let mut spreads = true;
         while spreads {
-            spreads = false;
+            spreads = drop_unsupported(grid, cells, group_nodes, &mut firmest, others);
             for nodes in &groups {
                 if nodes.iter().any(|node| firmest[*node as usize] == Touch::Sliver) {
                     for node in *nodes {
@@ -126,6 +130,9 @@ impl Slivers {
             }
             spreads |= others.merge(&mut firmest, Touch::min);
             spreads = others.ranks.any(spreads);
+        }
+        if others.ranks.all(least(&firmest).is_none_or(|least| least > Touch::Sliver)) {
+            return Slivers::default();
         }
         Slivers { is_sliver_node: firmest.iter().map(|touch| *touch == Touch::Sliver).collect() }
     }
@@ -191,4 +198,32 @@ impl Slivers {
         gradient.truncate(kept);
         *factors = None;
     }
+}
+
+/// Turns weakly touched nodes into sliver nodes if no touched cell around them has active corners only; true if there
+/// were any.
+fn drop_unsupported<const D: usize>(
+    grid: &dyn Grid<D>,
+    cells: &[u32],
+    group_nodes: &[u32],
+    firmest: &mut [Touch],
+    others: &SharedTouches,
+) -> bool {
+    let mut supported = vec![Touch::Sliver; firmest.len()];
+    for &cell in cells {
+        let corners = grid.corners(cell as usize);
+        if corners.nodes().iter().all(|node| firmest[*node as usize] > Touch::Sliver) {
+            corners.nodes().iter().for_each(|node| supported[*node as usize] = Touch::Firm);
+        }
+    }
+    others.merge(&mut supported, Touch::max);
+    let mut any = false;
+    for &node in group_nodes {
+        let touch = &mut firmest[node as usize];
+        if *touch == Touch::Weak && supported[node as usize] == Touch::Sliver {
+            *touch = Touch::Sliver;
+            any = true;
+        }
+    }
+    any
 }
