@@ -390,9 +390,23 @@ impl<const D: usize> Filling<'_, D> {
     /// The point of a part of a cell of any shape.
     fn point(&self, part: ElementPart<D>) -> Seed<D> {
         let mut seed = self.seed(part.position, part.volume);
-        if self.domain == DomainKind::Corners {
-            seed.corners = part.corners;
+        match self.domain {
+            DomainKind::Corners => seed.corners = part.corners,
+            DomainKind::None if self.touches_tools => seed.half_lengths = box_of(&part),
+            DomainKind::None | DomainKind::Box => (),
         }
         seed
     }
+}
+
+/// Half lengths of the box with which a standard point in a part of a cell touches tools, [length]: those of the part if
+/// its sides lie along the axes, otherwise those of a square (cube) of its volume.
+fn box_of<const D: usize>(part: &ElementPart<D>) -> [f64; D] {
+    let ends = |d: usize| {
+        let along = part.corners.iter().map(|corner| corner[d]);
+        along.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [x.min(low), x.max(high)])
+    };
+    let sides: [f64; D] = std::array::from_fn(|d| ends(d)[1] - ends(d)[0]);
+    let is_filled = (sides.iter().product::<f64>() - part.volume).abs() <= 1e-9 * part.volume;
+    if is_filled { sides.map(|side| 0.5 * side) } else { [0.5 * part.volume.powf(1.0 / D as f64); D] }
 }
