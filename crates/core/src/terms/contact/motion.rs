@@ -10,6 +10,9 @@ use crate::tool::{Closest, Increment, Pose, Shape};
 /// numerically, [-].
 const NEARBY: f64 = 1e-6;
 
+/// A quarter turn, [rad].
+const QUARTER: f64 = std::f64::consts::FRAC_PI_2;
+
 /// A tool in a step: its pose at the start, and the pose to which the unknowns have moved it.
 #[derive(Debug, Clone)]
 pub(super) struct Moving<const D: usize> {
@@ -31,6 +34,8 @@ pub(super) struct Moving<const D: usize> {
     pub(super) follows: Vec<bool>,
     /// The prescribed motion at the start of the step, [length] and [rad].
     before: [f64; 6],
+    /// Change of the prescribed rotation in the step, full turns included, [rad].
+    turn: [f64; 3],
 }
 
 impl<const D: usize> Moving<D> {
@@ -45,6 +50,7 @@ impl<const D: usize> Moving<D> {
             free: Tool::<D>::components().filter(|&k| tool.freedom(k).is_free()).collect(),
             follows: Vec::new(),
             before: [0.0; 6],
+            turn: [0.0; 3],
         }
     }
 
@@ -67,12 +73,15 @@ impl<const D: usize> Moving<D> {
         }
         let at = |time: f64| values(tool, tool.curve.factor_of_tool(&model.stepping, time, factor), time);
         // If the load factor follows from equilibrium, driven components begin the step at rest, too.
-        let [before, after] = [at(step.start)?, at(step.end)?];
+        let after = at(step.end)?;
+        // A motion that is not zero at time 0 takes place in the first step, like that of a boundary condition.
+        let before = if step.start == 0.0 { [0.0; 6] } else { at(step.start)? };
         let is_driven = |&k: &usize| is_unknown && tool.is_driven(k);
         self.free = Tool::<D>::components().filter(|k| tool.freedom(*k).is_free() || is_driven(k)).collect();
         self.follows = self.free.iter().map(is_driven).collect();
         self.before = before;
         let mut rotation = std::array::from_fn(|k| after[D + k] - before[D + k]);
+        self.turn = rotation;
         if D == 3 && !tool.rotation.iter().any(Freedom::is_free) {
             // The relative rotation of two rotation vectors.
             let turned = |v: &[f64]| Pose::<D>::new([0.0; D], [v[D], v[D + 1], v[D + 2]]);
@@ -117,6 +126,18 @@ impl<const D: usize> Moving<D> {
         }
         let moved = norm(&self.prescribed.displacement(&self.start, x));
         moved + norm(&self.prescribed.rotation) * distance
+    }
+
+    /// Length of the arc, in the step, of the point of the tool at a position, [length], if the tool turns by more than
+    /// a quarter; 0 otherwise. The displacement, a chord, then says little about the path.
+    pub(super) fn arc(&self, x: &[f64; D]) -> f64 {
+        let angle = norm(&self.turn);
+        if angle <= QUARTER {
+            return 0.0;
+        }
+        let arm = minus(x, &self.start.position());
+        let arm = std::array::from_fn(|d| if d < D { arm[d % D] } else { 0.0 });
+        norm(&cross(&self.turn, &arm))
     }
 
     /// The distance over which the tool has moved since the start of the step, [length]; `None` if it has turned.

@@ -54,7 +54,8 @@ impl<const D: usize> Contact<D> {
         for (candidate, Trial { position, slip, touch, .. }) in self.candidates.iter().zip(&self.trials) {
             let number = candidate.key.tool as usize;
             let (tool, moving) = (&model.tools[number], &self.tools[number]);
-            let (motion, most) = (norm(slip), tool.control.largest_slide * candidate.size);
+            let motion = norm(slip).max(moving.arc(&candidate.start));
+            let most = tool.control.largest_slide * candidate.size;
             if touch.is_some() && motion > most {
                 return Err(ContactError::Slide { place: candidate.place(model), motion, most });
             }
