@@ -44,6 +44,19 @@ pub enum ConstraintError {
         /// The resulting increment at a node, or the displacement of a surface.
         value: f64,
     },
+    /// Other conditions keep a surface from its prescribed displacement.
+    #[error(
+        "boundary condition `{name}` is not met: other conditions keep surface `{surface}` {distance:.3e} away from the \
+         displacement that it prescribes"
+    )]
+    Unmet {
+        /// Name of the boundary condition.
+        name: String,
+        /// Name of the surface.
+        surface: String,
+        /// Distance from the prescribed displacement, [length].
+        distance: f64,
+    },
     /// Nodes on the axis of a body of revolution can leave the axis, or are moved off it.
     #[error("{}", loose_axis(*.loose, *.all))]
     LooseAxis {

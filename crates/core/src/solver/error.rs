@@ -272,7 +272,9 @@ pub enum Obstacle {
 impl From<&ConstraintError> for Obstacle {
     fn from(error: &ConstraintError) -> Self {
         match error {
-            ConstraintError::Conflict { .. } | ConstraintError::Tie { .. } => Obstacle::Conflict,
+            ConstraintError::Conflict { .. }
+            | ConstraintError::Tie { .. }
+            | ConstraintError::Unmet { .. } => Obstacle::Conflict,
             ConstraintError::NotFinite { .. } => Obstacle::NotFinite,
             ConstraintError::LooseAxis { .. } => Obstacle::LooseAxis,
         }

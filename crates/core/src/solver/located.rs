@@ -158,6 +158,7 @@ pub(super) fn locate_failure<const D: usize>(
             SolveError::Law { step, material, place: point.map(place), message }
         }
         EvaluateError::Contact(error) => SolveError::Contact { step, error },
+        EvaluateError::Constraint(error) => SolveError::Constraint { step, error: *error },
         // Replaced by the error of the other rank when all ranks agree on the outcome of the attempt.
         EvaluateError::OnRank { .. } => SolveError::elsewhere(),
     }

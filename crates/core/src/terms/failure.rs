@@ -85,6 +85,8 @@ pub enum EvaluateError {
     Law(Box<LawFailure>),
     /// The contact with tools cannot be evaluated.
     Contact(Box<ContactError>),
+    /// A condition on a surface is not met.
+    Constraint(Box<ConstraintError>),
     /// The evaluation has failed on another rank.
     OnRank {
         /// True if a smaller increment cannot succeed.
@@ -95,7 +97,10 @@ pub enum EvaluateError {
 impl EvaluateError {
     /// True if a smaller increment cannot succeed.
     pub fn is_final(&self) -> bool {
-        matches!(self, EvaluateError::Law(_) | EvaluateError::OnRank { is_final: true })
+        matches!(
+            self,
+            EvaluateError::Law(_) | EvaluateError::Constraint(_) | EvaluateError::OnRank { is_final: true }
+        )
     }
 }
 
@@ -121,6 +126,12 @@ pub(super) fn agree<T>(ranks: &Ranks, outcome: Result<T, EvaluateError>) -> Resu
 impl From<ContactError> for EvaluateError {
     fn from(error: ContactError) -> Self {
         EvaluateError::Contact(Box::new(error))
+    }
+}
+
+impl From<ConstraintError> for EvaluateError {
+    fn from(error: ConstraintError) -> Self {
+        EvaluateError::Constraint(Box::new(error))
     }
 }
 

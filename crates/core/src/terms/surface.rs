@@ -19,7 +19,7 @@ use crate::surface::{Carried, Surface, SurfaceFields, centre, unit};
 
 use super::failure::{BeginError, EvaluateError, SurfaceLost};
 use super::saved::Saved;
-use super::term::{SurfaceReaction, Term};
+use super::term::{Augmentation, SurfaceReaction, Term};
 use condition::Condition;
 use load::SurfaceLoad;
 
@@ -209,6 +209,17 @@ impl<const D: usize, const N: usize> Term<D, N> for Surfaces<D> {
             first += condition.len();
         }
         Ok(())
+    }
+
+    /// Checks that all conditions are met; they have no multipliers that are constant during iterations.
+    fn augment(
+        &mut self,
+        step: &StepContext<D>,
+        _: &Points<D>,
+        _: At<N>,
+    ) -> Result<Augmentation, EvaluateError> {
+        self.conditions.iter().try_for_each(|condition| condition.check(step.model))?;
+        Ok(Augmentation::Satisfied)
     }
 
     fn force_at_start(&self, force: &mut Nodal<N>) {

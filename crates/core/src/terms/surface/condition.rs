@@ -38,6 +38,8 @@ const INDEPENDENT: f64 = 1e-3;
 /// undetermined if conditions repeat each other. The error in displacement that remains is this fraction of the
 /// error with the penalty alone.
 const SOFTENING: f64 = 1e-10;
+/// Distance from the prescribed displacement, relative to the cell size, beyond which a condition is not met, [-].
+const UNMET: f64 = 1e-6;
 
 /// A patch of a surface: its samples, and the functions q_k A at each of them, `[k][sample]`.
 struct Patch {
@@ -88,6 +90,8 @@ pub(super) struct Condition<const D: usize> {
     reaction: Vec<[f64; D]>,
     /// For each component, its direction at each sample.
     directions: Vec<Vec<[f64; D]>>,
+    /// The largest |m| on this rank at the last evaluation, relative to its scale, [-].
+    unmet: f64,
 }
 
 impl<const D: usize> Condition<D> {
@@ -118,6 +122,7 @@ impl<const D: usize> Condition<D> {
             trial: vec![0.0; n],
             reaction: vec![[0.0; D]; surface.len()],
             directions,
+            unmet: 0.0,
         })
     }
 
@@ -266,6 +271,7 @@ impl<const D: usize> Condition<D> {
         fields: &mut SurfaceFields<D>,
     ) {
         let softening = SOFTENING / self.penalty;
+        self.unmet = 0.0;
         let mut amounts = Vec::with_capacity(self.equations.len());
         for (k, equation) in self.equations.iter().enumerate() {
             let along = |(node, b): &(u32, [f64; D])| {
@@ -278,6 +284,7 @@ impl<const D: usize> Condition<D> {
                 amounts.push(0.0);
                 continue;
             }
+            self.unmet = self.unmet.max(m.abs() / equation.scale);
             let amount = multiplier + self.penalty * m;
             amounts.push(amount);
             let global = first + k;
@@ -298,6 +305,20 @@ impl<const D: usize> Condition<D> {
         for (sum, reaction) in fields.reaction.iter_mut().zip(&self.reaction) {
             (0..D).for_each(|d| sum[d] += reaction[d]);
         }
+    }
+
+    /// Checks that the displacements meet the condition. Multipliers grow beyond all bounds if other conditions forbid
+    /// this: the softening then balances the equations, and the multipliers hide all other forces.
+    pub(super) fn check(&self, model: &Model<D>) -> Result<(), ConstraintError> {
+        if self.unmet <= f64::max(UNMET, 10.0 * model.newton.tolerance) {
+            return Ok(());
+        }
+        let surface = &model.surfaces[self.on.surface];
+        Err(ConstraintError::Unmet {
+            name: model.boundary_conditions[self.number].name.clone(),
+            surface: surface.name.clone(),
+            distance: self.unmet * surface.cell,
+        })
     }
 
     /// Sets the reactions at the samples from λ_k + β m_k.
@@ -395,12 +416,27 @@ fn at_place<const D: usize>(formula: &Formula, x: &[f64; D], original: &[f64; D]
     crate::dofs::displacement_increment(formula, x, original, [None, Some(factor)])
 }
 
-/// The patches of a surface: its samples, grouped by sides of the shape and by boxes of [`WIDTH`] cells.
+/// The patches of a surface: its samples, grouped by sides of the shape and by boxes that divide each side into equal
+/// parts of about [`WIDTH`] cells.
 fn patches<const D: usize>(model: &Model<D>, surface: &Surface<D>) -> Vec<Patch> {
     let width = WIDTH * surface.cell;
     let mut by_place: BTreeMap<(usize, [i64; D]), Vec<u32>> = BTreeMap::new();
+    let mut ends: BTreeMap<usize, [[f64; D]; 2]> = BTreeMap::new();
+    for (sample, &side) in surface.sides.iter().enumerate() {
+        let [low, high] = ends.entry(side).or_insert([[f64::INFINITY; D], [f64::NEG_INFINITY; D]]);
+        for corner in surface.facets[sample].map(|corner| surface.corners[corner as usize]) {
+            for d in 0..D {
+                (low[d], high[d]) = (low[d].min(corner[d]), high[d].max(corner[d]));
+            }
+        }
+    }
     for (sample, x) in surface.samples.iter().enumerate() {
-        let key = x.map(|x| (x / width).floor() as i64);
+        let [low, high] = ends[&surface.sides[sample]];
+        let key = std::array::from_fn(|d| {
+            let length = high[d] - low[d];
+            let n = (length / width).round().max(1.0);
+            if length > 0.0 { ((x[d] - low[d]) / length * n).floor().min(n - 1.0) as i64 } else { 0 }
+        });
         by_place.entry((surface.sides[sample], key)).or_default().push(sample as u32);
     }
     let of_samples = |samples: Vec<u32>| {
