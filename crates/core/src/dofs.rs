@@ -343,8 +343,8 @@ impl<const N: usize> DofMap<N> {
     /// force)`.
     ///
     /// The conditions that fix a component carry equal shares; if none fixes it, the conditions that move it carry
-    /// equal shares. At a turned node, each condition whose direction is independent of earlier ones carries a force
-    /// along it. Conditions that do not belong to the model get no share.
+    /// equal shares. At a turned node, each condition carries a force along its direction. Conditions that do not belong
+    /// to the model get no share.
     pub fn for_each_share<const D: usize>(
         &self,
         model: &Model<D>,

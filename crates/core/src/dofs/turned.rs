@@ -1,5 +1,7 @@
 //! Nodes with a prescribed direction that is not an axis.
 
+use nalgebra::{DMatrix, DVector};
+
 use super::unless_round_off;
 
 /// A direction counts as dependent on earlier ones if its component orthogonal to them is smaller than this, [-].
@@ -24,6 +26,8 @@ pub struct Turned<const N: usize> {
     /// The prescribed motions along independent directions. Directions 0 to k of the node span the same space as the
     /// directions of the first k + 1 motions.
     prescribed: Vec<Along<N>>,
+    /// The other prescribed motions, which follow from these.
+    implied: Vec<Along<N>>,
     /// The prescribed increment along each of the first directions, [length].
     increment: Vec<f64>,
 }
@@ -56,6 +60,7 @@ impl<const N: usize> Turned<N> {
     pub(super) fn new(node: u32, motions: &[Along<N>]) -> Result<Self, ([u16; 2], [f64; 2])> {
         let (mut directions, mut prescribed, mut increment) =
             (Vec::new(), Vec::<Along<N>>::new(), Vec::new());
+        let mut implied = Vec::new();
         for motion in motions {
             // The part of the increment that follows from the earlier directions.
             let known: f64 =
@@ -74,6 +79,7 @@ impl<const N: usize> Turned<N> {
                         let first = shares.iter().rposition(involved).map_or(motion, |k| &prescribed[k]);
                         return Err(([first.condition, motion.condition], [known, motion.increment]));
                     }
+                    implied.push(*motion);
                 }
             }
         }
@@ -89,7 +95,7 @@ impl<const N: usize> Turned<N> {
             }
         }
         let directions = std::array::from_fn(|k| directions.get(k).copied().unwrap_or([0.0; N]));
-        Ok(Turned { node, directions, prescribed, increment })
+        Ok(Turned { node, directions, prescribed, implied, increment })
     }
 
     /// Number of prescribed directions.
@@ -153,15 +159,44 @@ impl<const N: usize> Turned<N> {
         part
     }
 
-    /// Distributes a reaction among the conditions with independent directions: each carries a force along its own
-    /// direction.
+    /// Distributes a reaction among the conditions: each carries a force along its own direction. If the directions
+    /// depend on each other, the sum of the squares of these forces is the least possible, so that conditions along the
+    /// same direction carry equal forces.
     pub(super) fn for_each_share(&self, reaction: &[f64; N], mut visit: impl FnMut(usize, usize, f64)) {
-        let shares = shares(reaction, &self.prescribed, &self.directions);
-        for (along, share) in self.prescribed.iter().zip(shares).rev() {
+        let mut carry = |along: &Along<N>, share: f64| {
             for c in 0..N {
                 visit(along.condition as usize, c, share * along.direction[c]);
             }
+        };
+        if let Some(multiplier) = self.of_least_forces(reaction) {
+            let all = self.prescribed.iter().chain(&self.implied);
+            all.for_each(|along| carry(along, dot(&along.direction, &multiplier)));
+            return;
         }
+        let shares = shares(reaction, &self.prescribed, &self.directions);
+        self.prescribed.iter().zip(shares).rev().for_each(|(along, share)| carry(along, share));
+    }
+
+    /// The vector whose components along the directions of all conditions are the forces of least squares that add up
+    /// to a reaction; `None` if the directions are independent.
+    fn of_least_forces(&self, reaction: &[f64; N]) -> Option<[f64; N]> {
+        if self.implied.is_empty() {
+            return None;
+        }
+        let n = self.n_held();
+        let held = &self.directions[..n];
+        let mut gram = DMatrix::<f64>::zeros(n, n);
+        for along in self.prescribed.iter().chain(&self.implied) {
+            let parts = DVector::from_iterator(n, held.iter().map(|e| dot(e, &along.direction)));
+            gram.ger(1.0, &parts, &parts, 1.0);
+        }
+        let along_held = DVector::from_iterator(n, held.iter().map(|e| dot(e, reaction)));
+        let solution = gram.cholesky()?.solve(&along_held);
+        let mut multiplier = [0.0; N];
+        for (e, part) in held.iter().zip(&solution) {
+            (0..N).for_each(|c| multiplier[c] += part * e[c]);
+        }
+        Some(multiplier)
     }
 }
 
@@ -217,6 +252,26 @@ mod tests {
             assert!((found - expected).abs() < 1e-14, "{shares:?}");
         }
         assert!(turned.holds_along(0) && turned.holds_along(1) && !turned.holds_along(2));
+    }
+
+    #[test]
+    fn shares_do_not_depend_on_the_order_of_conditions() {
+        let rollers = [[1.0, 1.0, 0.0], [-1.0, -1.0, 0.0], [1.0, 0.0, 0.0]];
+        let reaction = [3.0, 1.0, 0.0];
+        let mut expected = None;
+        for order in [[0, 1, 2], [1, 0, 2], [2, 1, 0], [0, 2, 1]] {
+            let motions = order.map(|k| along(rollers[k], 0.0, k as u16));
+            let mut shares = [[0.0; 3]; 3];
+            Turned::new(0, &motions).unwrap().for_each_share(&reaction, |k, c, force| shares[k][c] += force);
+            for c in 0..3 {
+                let sum: f64 = shares.iter().map(|share| share[c]).sum();
+                assert!((sum - reaction[c]).abs() < 1e-14 && (shares[0][c] - shares[1][c]).abs() < 1e-14);
+            }
+            let expected = expected.get_or_insert(shares);
+            for (found, expected) in shares.as_flattened().iter().zip(expected.as_flattened()) {
+                assert!((found - expected).abs() < 1e-14, "{order:?}: {shares:?}");
+            }
+        }
     }
 
     #[test]
