@@ -258,6 +258,20 @@ fn an_exchanged_material_keeps_the_stress() {
     assert_eq!(points.history_len, 1);
 }
 
+/// Elastic bodies do not flow, even if an earlier material of theirs had a history and the new one has none.
+#[test]
+fn a_body_without_history_does_not_flow_after_an_exchange() {
+    let varying = "{model: hencky, young: \"1e6*(1+0.1*Y)\", poisson: 0.3, density: 1800}";
+    let stages = "stages:
+  - {name: rest, steps: {count: 1}, factors: {weight: 0.01}}
+  - {name: exchange, steps: {count: 1}, material: {ground: pit}}
+  - {name: weight, steps: {count: 2}, factors: {weight: 0.1}}";
+    let elastic = "{model: hencky, young: 1e7, poisson: 0.495, density: 1800}";
+    let Run { points, summary, .. } = run(&column(varying, elastic, "mpm", 0.5, stages));
+    assert_eq!(points.history_len, 1, "the history of the earlier material");
+    assert_eq!(summary.quality.pressure_oscillation, None, "{:?}", summary.warnings);
+}
+
 /// Keeps the state after a number of steps.
 struct Keep {
     after: usize,

@@ -33,9 +33,12 @@ pub(super) fn oscillation_in_flow<const D: usize>(
     points: &Points<D>,
     links: &Connectivity<D>,
 ) -> Option<InFlow> {
-    let n = points.history_len;
     let [new, old] = [&points.trial.history, &points.converged.history];
-    let flows = |p: usize| new[p * n..][..n] != old[p * n..][..n];
+    // Beyond the variables of its law, the trial history of a point has no meaning.
+    let flows = |p: usize| {
+        let own = p * points.history_len..p * points.history_len + model.law(points, p).state_fields().len();
+        new[own.clone()] != old[own]
+    };
     let groups = (0..links.n_groups()).map(|group| links.points_of(group));
     let flowing: Vec<_> = groups.filter(|of| of.len() > 1 && of.clone().all(flows)).collect();
     let ranks = links.halo().ranks();
