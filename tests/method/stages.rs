@@ -272,6 +272,45 @@ fn a_body_without_history_does_not_flow_after_an_exchange() {
     assert_eq!(summary.quality.pressure_oscillation, None, "{:?}", summary.warnings);
 }
 
+/// A body that is added begins in the material that it has by then, whether it gets this material in the same stage or
+/// while it is absent, and whether or not the properties of this material vary.
+#[test]
+fn an_added_body_begins_in_its_present_material() {
+    let stress = |top: f64| {
+        format!(
+            "points_per_cell: 2, initial_stress: {{type: components, stress: {{yy: \"-18e3*({top}-Y)\"}}}}"
+        )
+    };
+    let soft = "{model: hencky, young: 1e9, poisson: 0, density: 1800}";
+    let moduli = ["3e9", "\"1e9*(1+0.1*Y)\""];
+    for young in moduli {
+        let other = format!("{{model: hencky, young: {young}, poisson: 0, density: 1800}}");
+        let at_end = |stages: &str| {
+            let deck = column(soft, soft, "mpm", 1.0, stages)
+                .replace("\nbodies:", &format!("\n  other: {other}\nbodies:"))
+                .replacen("points_per_cell: 2", &stress(6.0), 1)
+                .replacen("points_per_cell: 2, shape", &format!("{}, shape", stress(10.0)), 1);
+            let Run { points, .. } = run(&deck);
+            [PointArray::CauchyStress, PointArray::ElasticStrain].map(|array| points.array(array).values)
+        };
+        let stage = |name: &str, more: &str| format!("\n  - {{name: {name}, steps: {{count: 1}}{more}}}");
+        let (change, add) = (", material: {pit: other}", ", add: [pit]");
+        let together = format!("stages:{}{}", stage("a", ""), stage("b", &format!("{change}{add}")));
+        let expected = at_end(&together);
+        let again = ", remove: [pit], add: [pit]";
+        for others in [
+            format!("stages:{}{}{}", stage("a", ""), stage("b", change), stage("c", add)),
+            format!("{together}{}", stage("c", again)),
+        ] {
+            for (found, expected) in at_end(&others).iter().zip(&expected) {
+                let largest = expected.iter().fold(0.0f64, |most, value| most.max(value.abs()));
+                let difference = farthest(found, expected);
+                assert!(difference < 1e-3 * largest, "{others}: {difference:e} of {largest:e}");
+            }
+        }
+    }
+}
+
 /// Keeps the state after a number of steps.
 struct Keep {
     after: usize,

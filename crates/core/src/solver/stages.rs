@@ -2,7 +2,9 @@
 //! and everything that these carried is transferred to forces that decrease to zero over the stage, so that every step
 //! is in equilibrium.
 
-use crate::model::{Control, Model, Present};
+use std::collections::BTreeSet;
+
+use crate::model::{Control, Model, Present, Stage};
 use crate::points::Points;
 use crate::step::Step;
 use crate::tensor::padded;
@@ -28,8 +30,19 @@ fn change_points<const D: usize>(model: &Model<D>, points: &mut Points<D>, numbe
     points.append(&stage.added);
 }
 
-/// Gives the points of bodies that change their material the initial history of the new law and the elastic strain for
-/// which this law yields their stress.
+/// The bodies whose points have a state that belongs to another law when a stage begins: those that change their
+/// material in this stage, and those that it adds and that an earlier stage has given another material, because the
+/// points to be added belong to the first material of their body.
+fn with_new_law<const D: usize>(model: &Model<D>, number: usize) -> BTreeSet<usize> {
+    let stage = &model.stages[number];
+    let bodies = |stage: &Stage<D>| stage.materials.iter().map(|(body, _)| *body).collect::<BTreeSet<_>>();
+    let earlier: BTreeSet<usize> = model.stages[..number].iter().flat_map(bodies).collect();
+    let added: BTreeSet<usize> = stage.added.body.iter().map(|body| usize::from(*body)).collect();
+    bodies(stage).into_iter().chain(earlier.intersection(&added).copied()).collect()
+}
+
+/// Gives the points of bodies with a new law the initial history of this law and the elastic strain for which it yields
+/// their stress.
 ///
 /// # Errors
 /// [`SolveError::Term`] if the law cannot yield the stress of a point.
@@ -38,22 +51,23 @@ fn keep_stress<const D: usize>(
     points: &mut Points<D>,
     number: usize,
 ) -> Result<(), SolveError> {
-    for &(body, material) in &model.stages[number].materials {
-        for p in (0..points.len()).filter(|&p| points.body[p] as usize == body).collect::<Vec<_>>() {
-            let initial =
-                model.materials[material].law.initial_history_at(&padded(&points.original_position[p]));
-            let history = points.history_of(p);
-            history.fill(0.0);
-            history.iter_mut().zip(initial).for_each(|(value, initial)| *value = initial);
-            let stress = points.converged.kirchhoff_stress[p];
-            model.set_initial_stress(points, p, &stress).map_err(|error| {
-                let (stage, body) = (&model.stages[number].name, &model.bodies[body].name);
-                let reason = format!(
-                    "in stage `{stage}`, the new material of `{body}` cannot carry its stress: {error}"
-                );
-                SolveError::Term { term: "stages".to_owned(), reason }
-            })?;
+    let bodies = with_new_law(model, number);
+    for p in 0..points.len() {
+        let body = usize::from(points.body[p]);
+        if !bodies.contains(&body) {
+            continue;
         }
+        let initial = model.law(points, p).initial_history_at(&padded(&points.original_position[p]));
+        let history = points.history_of(p);
+        history.fill(0.0);
+        history.iter_mut().zip(initial).for_each(|(value, initial)| *value = initial);
+        let stress = points.converged.kirchhoff_stress[p];
+        model.set_initial_stress(points, p, &stress).map_err(|error| {
+            let (stage, body) = (&model.stages[number].name, &model.bodies[body].name);
+            let reason =
+                format!("in stage `{stage}`, the new material of `{body}` cannot carry its stress: {error}");
+            SolveError::Term { term: "stages".to_owned(), reason }
+        })?;
     }
     Ok(())
 }
