@@ -277,6 +277,12 @@ where
         }
     }
 
+    fn stage_began(&mut self, reached: Option<&Reached>) {
+        if let Some(files) = &mut self.0.borrow_mut().worker.files {
+            Observer::<D>::stage_began(&mut files.results, reached);
+        }
+    }
+
     fn interrupted(&self) -> bool {
         self.0.borrow().decided.is_some()
     }

@@ -177,6 +177,42 @@ def test_steps_may_become_finer_after_a_failure(mpm, tmp_path):
     assert f"resuming after step {20 * step} " in process.stderr
 
 
+STAGES = """version: 1
+grid: {type: structured, origin: [0, 0], size: [1, 4], spacing: 0.5}
+materials:
+  m: {model: hencky, young: 1e6, poisson: 0.3, density: 1800}
+  z: {model: neo-hookean, young: 2e6, poisson: 0.2, density: 1800}
+bodies:
+  - {name: f, material: m, points_per_cell: 2, shape: {type: box, min: [0, 0], max: [1, 2]}}
+  - {name: k, material: m, points_per_cell: 2, shape: {type: box, min: [0, 2], max: [1, 3]}}
+boundary_conditions:
+  - {name: sides, nodes: {box: {min: [0, 0], max: [1, 4]}}, fix: [x]}
+  - {name: floor, nodes: {y: 0}, fix: [y]}
+loads: [{name: weight, type: gravity, acceleration: [0, -10]}]
+solver: {tolerance: 1e-12}
+stages:
+  - {name: a, steps: {count: 3}, factors: {weight: 1}}
+  - {name: b, steps: {count: 3, smallest: 1}, factors: {weight: 1.2}, CHANGE}
+"""
+
+
+@pytest.mark.parametrize("checkpoint", ["", "checkpoint: {every: 1}"])
+@pytest.mark.parametrize("change", ["add: [k]", "remove: [k]", "material: {k: z}"])
+def test_a_run_that_fails_at_the_start_of_a_stage_goes_on(mpm, tmp_path, change, checkpoint):
+    """The stage has already changed the points when its first step fails."""
+    deck, text = tmp_path / "deck.yaml", STAGES + checkpoint
+    deck.write_text(text.replace("CHANGE", change))
+    _, expected, _ = undisturbed(mpm, tmp_path, deck, ())
+    directory = tmp_path / "failed"
+    deck.write_text(text.replace("CHANGE", f"{change}, solver: {{tolerance: 1e-12, max_iterations: 1}}"))
+    process = mpm("run", deck, "--out", directory)
+    assert process.returncode == 1 and last_checkpoint(directory) == 3, process.stderr
+    deck.write_text(text.replace("CHANGE", change))
+    process = mpm("run", deck, "--out", directory, "--resume")
+    assert process.returncode == 0 and "resuming after step 3" in process.stderr, process.stderr
+    assert results(directory) == expected
+
+
 def test_a_changed_deck_is_refused_with_what_changed(mpm, tmp_path, whole):
     deck, _, _ = whole
     directory = tmp_path / "whole"

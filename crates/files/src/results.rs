@@ -76,8 +76,11 @@ pub struct Results {
     findings: Findings,
     all_have_domains: bool,
     last: Step,
-    /// Summary of the run up to the last step, once this run has a step in equilibrium.
-    accepted: Option<Summary>,
+    /// What a checkpoint stores besides the points, once this run has a step in equilibrium; `None` as well if the next
+    /// stage could not begin.
+    accepted: Option<Reached>,
+    /// True if a stage has begun since the last step: the points no longer show the state at the end of that step.
+    has_left: bool,
     /// The last step with a checkpoint.
     checkpointed: usize,
     /// Number of points of all ranks, once the run has ended.
@@ -154,6 +157,7 @@ impl Results {
             all_have_domains: all_have_domains(model),
             last: reached,
             accepted: None,
+            has_left: false,
             checkpointed: reached.index,
             points: 0,
             stop: None,
@@ -219,12 +223,11 @@ impl Results {
             return settled;
         }
         if let Some(deck) = &self.account.deck
-            && let Some(summary) = &self.accepted
+            && let Some(reached) = &self.accepted
             && self.last.index > self.checkpointed
         {
-            let reached = Reached { step: self.last, summary: summary.clone() };
             let identity = (deck, self.account.files_hash.as_str());
-            checkpoint::write(&self.directory, identity, &reached, &self.findings, points)?;
+            checkpoint::write(&self.directory, identity, reached, &self.findings, points)?;
             self.checkpointed = self.last.index;
         }
         Ok(())
@@ -398,7 +401,8 @@ impl Results {
     ) -> io::Result<()> {
         let ranks = &points.ranks;
         self.last = report.step;
-        self.accepted = Some(summary.clone());
+        self.accepted = Some(Reached { step: report.step, summary: summary.clone() });
+        self.has_left = false;
         self.findings.accept(model, report, summary);
         let row = row_of_history(model, points, report, summary);
         let mut settled = self.failure.take().map_or(Ok(()), Err);
@@ -476,7 +480,7 @@ impl Results {
         let tables = self.tables.iter().flat_map(|of| [&of.history, &of.quality, &of.convergence]);
         let tables = tables.map(Table::check).find(Result::is_err).unwrap_or(Ok(()));
         // The last step in equilibrium is written even if it is not due, unless `every` is 0.
-        let mesh = if self.lacks_last(ranks) {
+        let mesh = if !self.has_left && self.lacks_last(ranks) {
             let frames = self.frames.of_points(model, points, self.last);
             self.show(self.last, frames, ranks).and_then(|()| self.settle())
         } else {
@@ -543,6 +547,11 @@ macro_rules! observe {
                 ended: Option<(&FailedAttempt<$D>, &Diagnosis)>,
             ) -> io::Result<()> {
                 self.failed_in(model, points, attempt, ended)
+            }
+
+            fn stage_began(&mut self, reached: Option<&Reached>) {
+                self.accepted = reached.cloned();
+                self.has_left = true;
             }
 
             fn interrupted(&self) -> bool {

@@ -318,6 +318,10 @@ where
         self.results.bisected(model, points, step)
     }
 
+    fn stage_began(&mut self, reached: Option<&Reached>) {
+        Observer::<D>::stage_began(&mut self.results, reached);
+    }
+
     fn interrupted(&self) -> bool {
         self.stop.load(Ordering::SeqCst)
     }

@@ -8,7 +8,7 @@ use crate::step::Step;
 use super::attempt::FailedAttempt;
 use super::diagnosis::Diagnosis;
 use super::error::SolveError;
-use super::summary::Summary;
+use super::summary::{Reached, Summary};
 
 /// A follower of a run: a writer of results, a progress display, or a recorder in tests.
 ///
@@ -70,12 +70,18 @@ pub trait Observer<const D: usize> {
         Ok(())
     }
 
+    /// Called when a stage after the first has begun, before its first step. `reached` is the end of the previous stage
+    /// together with the new stage: it belongs to the points as the stage has changed them. `None` if the stage could
+    /// not begin, which ends the run; the points are then in no state from which a run can resume.
+    fn stage_began(&mut self, _reached: Option<&Reached>) {}
+
     /// True if the run is to stop before the next step.
     fn interrupted(&self) -> bool {
         false
     }
 
-    /// Called when the run has ended, with or without an error; `points.converged` is the last state in equilibrium.
+    /// Called when the run has ended, with or without an error; `points.converged` is the last state in equilibrium, as
+    /// a stage that has begun since then has changed it.
     ///
     /// # Errors
     /// An error becomes the outcome of a run that ended without one.

@@ -279,6 +279,8 @@ where
         if model.present.stage + 1 >= model.stages.len() {
             return Ok(());
         }
-        enter(model, points, reached)?;
+        let entered = enter(model, points, reached);
+        observer.stage_began(entered.is_ok().then_some(&*reached));
+        entered?;
     }
 }
