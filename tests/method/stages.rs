@@ -344,6 +344,33 @@ fn a_run_resumed_between_and_within_stages_has_the_same_bits() {
     resumes(&deck);
 }
 
+/// A hanging body whose points split under its weight is removed and added again, and its points split again: a run
+/// resumed after any step has the same points.
+#[test]
+fn points_that_split_in_two_lives_of_their_body_resume() {
+    let deck = "
+version: 1
+grid: {type: structured, origin: [0, 0], size: [1, 6], spacing: 1}
+materials: {soft: {model: hencky, young: 1e5, poisson: 0.3, density: 1000}}
+bodies: [{name: b, material: soft, method: cpdi2, split_above: 0.55, points_per_cell: 2, shape: {type: box, min: [0, 4], max: [1, 6]}}]
+boundary_conditions:
+  - {name: sides, nodes: {box: {min: [0, 0], max: [1, 6]}}, fix: [x]}
+  - {name: top, nodes: {y: 6}, fix: [y]}
+loads: [{name: weight, type: gravity, acceleration: [0, -10]}]
+stages:
+  - {name: hang, steps: {count: 2}, factors: {weight: 1}}
+  - {name: again, remove: [b], add: [b], steps: {count: 3}}
+  - {name: rest, steps: {count: 2}}
+";
+    let Run { summary, points, .. } = run(deck);
+    let twice = summary
+        .splits
+        .iter()
+        .filter(|split| summary.splits.iter().any(|o| o != *split && o.point == split.point));
+    assert!(points.len() > 8 && twice.count() > 0, "{:?}", summary.splits);
+    resumes(deck);
+}
+
 /// Asserts that a run resumed after any of its steps ends with the same bits.
 pub fn resumes(deck: &str) {
     let whole = run(deck);

@@ -122,10 +122,13 @@ where
             model.present.released_forces.clear();
         }
     }
+    let mut splits_before = reached.summary.stage.take().map(|stage| stage.splits_before).unwrap_or_default();
+    splits_before.push(reached.summary.splits.len());
     reached.summary.stage = Some(StageReached {
         number,
         began,
         released_forces: model.present.released_forces.iter().map(|(node, f)| (*node, f.to_vec())).collect(),
+        splits_before,
     });
     // A strength reduction ends its stage when equilibrium is lost, before the end time of the stage.
     reached.step.end = time;
@@ -171,18 +174,27 @@ pub fn resume_stage<const D: usize>(
     points: &mut Points<D>,
     reached: &Reached,
 ) -> Result<(), String> {
-    let Some(StageReached { number, began, released_forces }) = &reached.summary.stage else {
-        return split_again(model, points, &reached.summary.splits);
+    let splits = &reached.summary.splits;
+    let Some(StageReached { number, began, released_forces, splits_before }) = &reached.summary.stage else {
+        return split_again(model, points, splits);
     };
     let of_model = [model.loads.len(), model.boundary_conditions.len()];
     if *number >= model.stages.len() || [began.loads.len(), began.boundary_conditions.len()] != of_model {
         return Err("it belongs to other stages".to_owned());
     }
+    // A body that has been removed and added again has split anew in each of its lives.
+    let mut repeated = 0;
     for stage in 1..=*number {
+        let before = splits_before.get(stage - 1).copied().unwrap_or(repeated);
+        let Some(earlier) = splits.get(repeated..before) else {
+            return Err("its splits belong to other stages".to_owned());
+        };
+        split_again(model, points, earlier)?;
+        repeated = before;
         change_points(model, points, stage);
         model.begin_stage(stage, began);
     }
-    split_again(model, points, &reached.summary.splits)?;
+    split_again(model, points, &splits[repeated..])?;
     let n_nodes = model.grid.n_nodes();
     let force = |(node, force): &(u32, Vec<f64>)| {
         let force: [f64; D] = force.as_slice().try_into().ok()?;

@@ -28,6 +28,9 @@ pub struct StageReached {
     pub began: Factors,
     /// Grid nodes, and the forces on them that are released over the stage, [force].
     pub(super) released_forces: Vec<(u32, Vec<f64>)>,
+    /// For each stage after the first, up to this one, the number of splits of points before it began.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(super) splits_before: Vec<usize>,
 }
 
 /// The summary of a run up to its last step in equilibrium.
