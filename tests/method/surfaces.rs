@@ -97,6 +97,26 @@ fn a_wall_on_a_loaded_surface_takes_the_load() {
     }
 }
 
+/// A body that is removed and added again has its surface where it was at the start, and a condition on this surface
+/// holds it there.
+#[test]
+fn the_surface_of_a_body_that_is_added_again_begins_anew() {
+    let stages = "stages:
+  - {name: press, steps: {count: 2}, factors: {roof: 1}}
+  - {name: again, remove: [cap], add: [cap], steps: {count: 2}}";
+    let (top, roof) =
+        ("  - {name: top, body: cap, part: {edge: 2}}", "  - {name: roof, surface: top, uy: -1e-3}");
+    for method in ["mpm", "gimp", "cpdi2"] {
+        let Run { every, .. } = run(&bar(method, top, roof, "", stages));
+        let moved: Vec<f64> = (every.reports.iter().map(|report| &report.surfaces[1].position))
+            .map(|places| places.iter().map(|x| x[1] - 1.4).sum::<f64>() / places.len() as f64)
+            .collect();
+        for (moved, expected) in moved.iter().zip([-0.5e-3, -1e-3, 0.0, 0.0]) {
+            assert!((moved - expected).abs() < 5e-5, "{method}: {moved:e} instead of {expected:e}");
+        }
+    }
+}
+
 /// Bodies with surfaces come and go, and so do loads and conditions on these surfaces: a run resumed after any step has
 /// the same bits.
 #[test]

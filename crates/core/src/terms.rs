@@ -21,6 +21,6 @@ pub use contact::{
 };
 pub use failure::{BeginError, EvaluateError, LawFailure, LoadNotFinite, PointFailure, SurfaceLost};
 pub use saved::Saved;
-pub use sum::{Sum, Terms, of_model, restore};
+pub use sum::{Sum, Terms, of_model, restore, save};
 pub use surface::Surfaces;
 pub use term::{Augmentation, FURTHER, Ledger, NamedForce, Response, SurfaceReaction, Term};

@@ -3,6 +3,7 @@
 use crate::equilibrium::StepReport;
 use crate::quality::{Code, Location, Measures, Warning};
 use crate::step::Step;
+use crate::terms::save;
 use crate::timing::{Phase, Timings};
 
 use super::agree::agree;
@@ -29,8 +30,7 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         self.split_long_domains();
         let (model, points) = (self.model, &*self.points);
         let Reached { step, summary } = &mut self.reached;
-        summary.terms =
-            (self.terms.iter()).filter_map(|term| Some((term.name().to_owned(), term.save()?))).collect();
+        summary.terms = save(&self.terms);
         *step = report.step;
         summary.path = path;
         self.cause = None;

@@ -10,7 +10,7 @@ use crate::points::Points;
 use crate::ranks::Ranks;
 use crate::step::{At, Step, StepContext};
 use crate::stress::Mechanics;
-use crate::terms::{Saved, Sum, of_model, restore};
+use crate::terms::{Saved, Sum, of_model, restore, save};
 
 use super::agree::agree;
 use super::error::SolveError;
@@ -20,11 +20,14 @@ use super::reach::{begin, reach_out};
 /// The function [`balancing_forces`] for one kind of mechanics; its arguments are the model, its points, the step, and
 /// the saved state of the terms.
 pub type BalancingForces<const D: usize> =
-    fn(&Model<D>, &mut Points<D>, Step, &BTreeMap<String, Saved>) -> Result<Vec<(u32, [f64; D])>, SolveError>;
+    fn(&Model<D>, &mut Points<D>, Step, &mut BTreeMap<String, Saved>) -> Result<ByNode<D>, SolveError>;
+
+/// Grid nodes and the forces on them, [force].
+type ByNode<const D: usize> = Vec<(u32, [f64; D])>;
 
 /// The forces on the free unknowns that balance the converged state at a time, by grid node, [force]. As these forces
 /// decrease, what was removed from the state gradually ceases to act, and what was added begins to act. The terms of
-/// the model are in the state `saved`.
+/// the model are in the state `saved`, from which they discard the bodies that the present stage has removed.
 ///
 /// # Errors
 /// [`SolveError`] if a point lies outside the grid, constraints contradict each other, or a load is not finite.
@@ -32,8 +35,8 @@ pub(super) fn balancing_forces<const D: usize, M: Mechanics<D>>(
     model: &Model<D>,
     points: &mut Points<D>,
     step: Step,
-    saved: &BTreeMap<String, Saved>,
-) -> Result<Vec<(u32, [f64; D])>, SolveError> {
+    saved: &mut BTreeMap<String, Saved>,
+) -> Result<ByNode<D>, SolveError> {
     let mut terms = of_model::<D, D, M>(model);
     let methods = model.methods();
     let ranks = points.ranks.clone();
@@ -42,6 +45,11 @@ pub(super) fn balancing_forces<const D: usize, M: Mechanics<D>>(
         agree(&ranks, linked.map_err(|failure| SolveError::unsupported(model, points, failure, step)))?;
     restore(&mut terms, saved)
         .map_err(|(term, reason)| SolveError::Term { term: term.to_owned(), reason })?;
+    let removed = model.stages.get(model.present.stage).map_or(&[][..], |stage| &stage.removed);
+    if !removed.is_empty() {
+        terms.iter_mut().for_each(|term| term.forget_bodies(model, removed));
+        *saved = save(&terms);
+    }
     let links = reach_out(model, points, links, &mut terms, step)?;
     let dofs = DofMap::new(model, points, &links, step.start, step.end)
         .map_err(|error| SolveError::Constraint { step: step.index, error });
@@ -68,12 +76,12 @@ pub(super) fn balancing_forces<const D: usize, M: Mechanics<D>>(
 }
 
 /// The forces on the nodes of all ranks, by grid node.
-fn of_all_ranks<const D: usize>(ranks: &Ranks, own: Vec<(u32, [f64; D])>) -> Vec<(u32, [f64; D])> {
+fn of_all_ranks<const D: usize>(ranks: &Ranks, own: ByNode<D>) -> ByNode<D> {
     if ranks.is_alone() {
         return own;
     }
     let forces: Vec<(u32, Vec<f64>)> = own.into_iter().map(|(node, force)| (node, force.to_vec())).collect();
-    let mut all: Vec<(u32, [f64; D])> = (ranks.gather_all(forces).concat().into_iter())
+    let mut all: ByNode<D> = (ranks.gather_all(forces).concat().into_iter())
         .map(|(node, force)| (node, std::array::from_fn(|d| force.get(d).copied().unwrap_or(0.0))))
         .collect();
     all.sort_unstable_by_key(|(node, _)| *node);

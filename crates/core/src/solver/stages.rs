@@ -111,7 +111,7 @@ where
         reached.summary.quality.exchange(now.mass - before.mass, now.volume - before.volume);
         // The loads are still as the previous stage has left them.
         let control = std::mem::replace(&mut model.stepping.control, Control::Load);
-        let forces = model.balancing_forces()(model, points, step, &reached.summary.terms);
+        let forces = model.balancing_forces()(model, points, step, &mut reached.summary.terms);
         model.stepping.control = control;
         model.present.released_forces = forces?;
         // A remainder that the tolerance or round-off has left out of balance is not a force to release.

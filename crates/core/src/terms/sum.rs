@@ -54,6 +54,11 @@ pub fn restore<const D: usize, const N: usize>(
     Ok(())
 }
 
+/// The states of the terms that have one, by the names of the terms.
+pub fn save<const D: usize, const N: usize>(terms: &Terms<D, N>) -> BTreeMap<String, Saved> {
+    terms.iter().filter_map(|term| Some((term.name().to_owned(), term.save()?))).collect()
+}
+
 /// The sum of all terms in one load step.
 pub struct Sum<const D: usize, const N: usize = D> {
     terms: Terms<D, N>,

@@ -248,6 +248,19 @@ impl<const D: usize, const N: usize> Term<D, N> for Surfaces<D> {
         self.conditions.iter_mut().for_each(Condition::commit);
     }
 
+    fn forget_bodies(&mut self, model: &Model<D>, removed: &[usize]) {
+        for (surface, carried) in model.surfaces.iter().zip(&mut self.carried) {
+            if removed.contains(&surface.body) {
+                *carried = Carried::new(surface);
+            }
+        }
+        for condition in &mut self.conditions {
+            if removed.contains(&model.surfaces[condition.surface()].body) {
+                condition.forget();
+            }
+        }
+    }
+
     fn save(&self) -> Option<Saved> {
         let surfaces: Vec<Value> = self.carried.iter().map(Carried::save).collect();
         let conditions: Vec<Value> = self.conditions.iter().map(Condition::save).collect();

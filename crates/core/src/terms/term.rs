@@ -221,6 +221,10 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
     /// Called when the step is in equilibrium: the next step starts at its end.
     fn commit(&mut self) {}
 
+    /// Discards what the term keeps from earlier steps about bodies that a stage removes: if they are added again, in
+    /// this stage or later, they begin anew. Called between two stages, after [`restore`](Term::restore).
+    fn forget_bodies(&mut self, _model: &Model<D>, _removed: &[usize]) {}
+
     /// The state that a checkpoint must store in addition to the points; `None` if there is none.
     fn save(&self) -> Option<Saved> {
         None

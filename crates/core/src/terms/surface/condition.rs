@@ -371,6 +371,12 @@ impl<const D: usize> Condition<D> {
         self.origins.clone_from(&self.trial_origins);
     }
 
+    /// Returns to the state in which the condition has not acted yet.
+    pub(super) fn forget(&mut self) {
+        self.converged.fill(0.0);
+        self.origins = None;
+    }
+
     /// The state at the end of the last step in equilibrium, for a checkpoint.
     pub(super) fn save(&self) -> Value {
         json!({"multipliers": self.converged, "origins": self.origins})
