@@ -311,6 +311,31 @@ fn an_added_body_begins_in_its_present_material() {
     }
 }
 
+/// The geostatic stress of a body carries the weight only of bodies that are present when the body begins.
+#[test]
+fn bodies_that_never_meet_do_not_carry_each_other() {
+    let stages = "stages:
+  - {name: slot, steps: {count: 1}}
+  - {name: wall, steps: {count: 1}, remove: [ground], add: [pit]}";
+    let heavy = "{model: hencky, young: 1e8, poisson: 0.3, density: 2400}";
+    let deck = column(CLAY, heavy, "mpm", 1.0, stages)
+        .replace("min: [0, 6], max: [1, 10]", "min: [0, 0], max: [1, 6]")
+        .replace(
+            "points_per_cell: 2",
+            "points_per_cell: 2, initial_stress: {type: geostatic, surface: 6, k0: 0.5}",
+        );
+    let (model, points) = build::<2>(&load_text("stages.yaml", deck.as_bytes(), &[]).unwrap()).unwrap();
+    for (points, weight) in [(&points, 18e3), (&model.stages[1].added, 24e3)] {
+        let (places, stresses) = (points.array(PointArray::Position), points.array(PointArray::CauchyStress));
+        assert!(!points.is_empty());
+        for (x, stress) in places.values.chunks(2).zip(stresses.values.chunks(6)) {
+            let carried = weight * (6.0 - x[1]);
+            assert!((stress[1] + carried).abs() < 1e-9 * carried, "{} instead of {carried}", -stress[1]);
+        }
+    }
+    assert_eq!(run(&deck).summary.steps, 2);
+}
+
 /// Keeps the state after a number of steps.
 struct Keep {
     after: usize,

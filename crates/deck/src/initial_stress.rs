@@ -18,9 +18,10 @@ use mpm_core::model::LoadCurve;
 #[serde(tag = "type", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum InitialStressDeck {
     /// The vertical stress, along the last axis, carries the weight above: the weight of all bodies with geostatic
-    /// stress on the vertical line from a point up to the surface. The normal stresses in all other directions,
-    /// including the out-of-plane or circumferential one, are `k0` times the vertical stress. The weight is that of the
-    /// loads of type `gravity`, with their factors at time 0.
+    /// stress on the vertical line from a point up to the surface. For a body that is present at time 0, these are
+    /// bodies present at time 0; for another body, bodies present in the first stage that adds it. The normal stresses
+    /// in all other directions, including the out-of-plane or circumferential one, are `k0` times the vertical stress.
+    /// The weight is that of the loads of type `gravity`, with their factors at time 0.
     Geostatic {
         /// Level of the ground surface, its coordinate along the last axis, [length].
         #[schemars(extend("examples" = [10]))]

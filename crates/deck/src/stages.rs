@@ -131,17 +131,28 @@ impl Deck {
         first.is_none_or(|stage| !names(begins(stage)) || names(ends(stage)))
     }
 
-    /// True if two bodies exist at the same time.
-    pub(crate) fn meet(&self, bodies: [&str; 2]) -> bool {
+    /// Whether two bodies exist before the first stage, and in each stage.
+    fn presence(&self, bodies: [&str; 2]) -> Vec<[bool; 2]> {
         let names = |list: &[String], body: &str| list.iter().any(|name| name == body);
         let mut are_there = bodies.map(|body| self.is_there_at_start(body, |s| &s.add, |s| &s.remove));
-        let mut meets = are_there == [true; 2];
+        let mut presence = vec![are_there];
         for stage in &self.stages {
             for (body, is_there) in bodies.iter().zip(&mut are_there) {
                 *is_there = (*is_there && !names(&stage.remove, body)) || names(&stage.add, body);
             }
-            meets |= are_there == [true; 2];
+            presence.push(are_there);
         }
-        meets
+        presence
+    }
+
+    /// True if two bodies exist at the same time.
+    pub(crate) fn meet(&self, bodies: [&str; 2]) -> bool {
+        self.presence(bodies).contains(&[true; 2])
+    }
+
+    /// True if `other` exists when `body` begins to exist: at the start or, if `body` is absent then, in the first stage
+    /// that adds it.
+    pub(crate) fn begins_beside(&self, body: &str, other: &str) -> bool {
+        self.presence([body, other]).iter().find(|[begun, _]| *begun).is_some_and(|[_, other]| *other)
     }
 }

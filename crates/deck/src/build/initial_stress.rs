@@ -39,7 +39,7 @@ enum Stress {
     Components(Vec<((usize, usize), Formula)>),
 }
 
-/// The ground that the bodies form.
+/// The ground that a body is part of when it begins to exist.
 struct Ground<'a, const D: usize> {
     grid: &'a dyn Grid<D>,
     groups: &'a Groups,
@@ -72,22 +72,28 @@ where
         if stresses.iter().all(Option::is_none) {
             return;
         }
+        let deck = self.deck;
         let is_layer = |body: &usize| matches!(stresses[*body], Some(Stress::Geostatic { .. }));
-        let layer = |body: usize| (&regions[body], unit_weight(self.deck, &self.deck.bodies[body]));
-        let layers: Vec<_> = (0..stresses.len()).filter(is_layer).map(layer).collect();
+        let layer = |body: usize| (&regions[body], unit_weight(deck, &deck.bodies[body]));
+        let ground_of = |body: usize| {
+            let begins =
+                |other: &usize| deck.begins_beside(&deck.bodies[body].name, &deck.bodies[*other].name);
+            let layers = (0..stresses.len()).filter(is_layer).filter(begins).map(layer).collect();
+            Ground { grid: model.grid.as_ref(), groups, layers }
+        };
+        let grounds: Vec<_> = (0..stresses.len()).map(ground_of).collect();
         for (body, stress) in stresses.iter().enumerate() {
             if let Some(Stress::Geostatic { surface, .. }) = stress {
-                self.level_of_surface(body, *surface, &regions[body], &layers);
+                self.level_of_surface(body, *surface, &regions[body], &grounds[body].layers);
             }
         }
-        let ground = Ground { grid: model.grid.as_ref(), groups, layers };
         let mut returned: Vec<Returned> = stresses.iter().map(|_| Returned::default()).collect();
         let mut is_faulty = vec![false; stresses.len()];
         for p in 0..points.len() {
             let body = points.body[p] as usize;
             let Some(stress) = stresses[body].as_ref().filter(|_| !is_faulty[body]) else { continue };
             let x = points.original_position[p];
-            match stress.at(&x, &ground).and_then(|stress| {
+            match stress.at(&x, &grounds[body]).and_then(|stress| {
                 let taken = model.set_initial_stress(points, p, &stress);
                 Ok((stress, taken.map_err(|error| ("D051", error.to_string()))?))
             }) {
