@@ -77,26 +77,34 @@ pub fn changes_during_run(old: &Deck, new: &Deck) -> Vec<String> {
     found
 }
 
-/// The number, in this deck, of the step that ends at `time`: its number `own` in the run so far or, if larger, the
-/// number of the requested step that ends at that time, so that no file of an earlier step is overwritten. `None` after
-/// the end of the analysis.
-pub fn step_at(deck: &Deck, time: f64, own: usize) -> Option<usize> {
-    let end = deck.end_time();
-    if time > end * (1.0 + SAME) {
+/// The number, in the deck `new`, of the step that ends at `time`: its number `own` in the run of the deck `old` or, if
+/// the number of requested steps up to that time has changed, the larger of `own` and this number, so that no file of
+/// an earlier step is overwritten. `None` after the end of the analysis.
+pub fn step_at([old, new]: [&Deck; 2], time: f64, own: usize) -> Option<usize> {
+    if time > new.end_time() * (1.0 + SAME) {
         return None;
     }
+    let requested = requested_at(new, time);
+    // Steps that grow are fewer than the requested ones.
+    let changed = requested.filter(|_| requested != requested_at(old, time));
+    Some(changed.map_or(own, |requested| own.max(requested)))
+}
+
+/// The number of the requested step of a deck that ends at a time; `None` if none does.
+fn requested_at(deck: &Deck, time: f64) -> Option<usize> {
+    let end = deck.end_time();
     let (mut start, mut before) = (0.0, 0);
     for (_, steps) in deck.courses() {
         let (count, duration) = (f64::from(steps.count), steps.end_time);
         if time <= (start + duration) * (1.0 + SAME) {
             let requested = ((time - start) / duration * count).round();
             let matches = (start + duration * (requested / count) - time).abs() <= SAME * end;
-            return Some(if matches { own.max(before + requested as usize) } else { own });
+            return matches.then_some(before + requested as usize);
         }
         start += duration;
         before += steps.count as usize;
     }
-    Some(own)
+    None
 }
 
 /// True if a time is the end of the analysis.
@@ -288,8 +296,11 @@ mod tests {
     #[test]
     fn steps_keep_their_numbers_or_get_larger_ones() {
         let mut deck = deck(&[]);
+        let old = deck.clone();
+        assert_eq!(old.step_count(), 50);
         for (count, own, step) in [
             (50, 25, 25),
+            (50, 5, 5), // steps have grown
             (100, 25, 50),
             (10, 25, 25),
             (25, 25, 25), // in the middle of a requested step
@@ -297,13 +308,13 @@ mod tests {
             (50, 31, 31), // some of the steps were cut
         ] {
             deck.steps.as_mut().unwrap().count = count;
-            assert_eq!(step_at(&deck, 0.5, own), Some(step), "{count}");
+            assert_eq!(step_at([&old, &deck], 0.5, own), Some(step), "{count}");
         }
         deck.steps.as_mut().unwrap().count = 3;
-        assert_eq!(step_at(&deck, 2.0 / 3.0, 0), Some(2));
-        assert_eq!(step_at(&deck, 1.0, 50), Some(50));
+        assert_eq!(step_at([&old, &deck], 2.0 / 3.0, 0), Some(2));
+        assert_eq!(step_at([&old, &deck], 1.0, 50), Some(50));
         assert!(is_end(&deck, 1.0) && !is_end(&deck, 0.999));
         deck.steps.as_mut().unwrap().end_time = 0.4;
-        assert_eq!(step_at(&deck, 0.5, 25), None);
+        assert_eq!(step_at([&old, &deck], 0.5, 25), None);
     }
 }

@@ -68,7 +68,7 @@ pub fn find(
             changed.join("\n  ")
         );
     }
-    let Some(step) = step_at(&loaded.deck, end, index) else {
+    let Some(step) = step_at([&of_checkpoint, &loaded.deck], end, index) else {
         bail!(
             "`{name}` was written at time {end}, after the end of the analysis at {}\n  help: increase `steps: \
              {{end_time}}`",

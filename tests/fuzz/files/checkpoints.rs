@@ -154,7 +154,7 @@ impl Origin {
         if !changes(&deck, &self.loaded.deck, step.end).is_empty() {
             return "2 refused as of another deck".into();
         }
-        let Some(index) = step_at(&self.loaded.deck, step.end, step.index) else {
+        let Some(index) = step_at([&deck, &self.loaded.deck], step.end, step.index) else {
             return "3 refused as of another step".into();
         };
         let restored = match (&mut self.analysis, &self.fresh) {
