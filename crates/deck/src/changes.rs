@@ -4,11 +4,11 @@ use std::collections::BTreeSet;
 
 use serde_json::{Map, Value};
 
-use super::initial_stress::curve_of;
+use super::initial_stress::{curve_of, initial_factor};
 use super::loads::load_curve;
 use super::quoting::quote;
 use super::validate::{formulas_of_bodies, formulas_of_loading, names_in};
-use super::{Deck, MaterialDeck};
+use super::{BoundaryConditionDeck, Deck, LoadDeck, MaterialDeck};
 use mpm_core::model::LoadCurve;
 
 /// Relative difference up to which two times, or two load factors, count as equal.
@@ -158,10 +158,31 @@ fn without_tolerance(steps: &mut Map<String, Value>) {
 
 /// Names and curves of all loads, and of the boundary conditions that move nodes or surfaces.
 fn curves(deck: &Deck) -> Vec<(&str, LoadCurve)> {
+    let has_course = |curve: Option<&super::LoadCurve>| curve.is_none() && !deck.stages.is_empty();
     let moving = deck.boundary_conditions.iter().filter(|condition| !condition.displacements().is_empty());
-    let conditions = moving.map(|c| (c.name.as_str(), load_curve(c.curve.as_ref(), deck.end_time())));
-    let loads = deck.loads.iter().map(|load| (load.name(), curve_of(deck, load)));
+    let of_condition = |condition: &BoundaryConditionDeck| match condition.curve.as_ref() {
+        curve if has_course(curve) => course(deck, &condition.name, 0.0),
+        curve => load_curve(curve, deck.end_time()),
+    };
+    let of_load = |load: &LoadDeck| match load.curve() {
+        curve if has_course(curve) => course(deck, load.name(), initial_factor(deck, load)),
+        _ => curve_of(deck, load),
+    };
+    let conditions = moving.map(|condition| (condition.name.as_str(), of_condition(condition)));
+    let loads = deck.loads.iter().map(|load| (load.name(), of_load(load)));
     conditions.chain(loads).collect()
+}
+
+/// The factor of a load or boundary condition without a curve over all stages, given its factor before the first one.
+fn course(deck: &Deck, name: &str, initial: f64) -> LoadCurve {
+    let (mut time, mut factor) = (0.0, initial);
+    let mut pairs = vec![[time, factor]];
+    for stage in &deck.stages {
+        time += stage.steps.end_time;
+        factor = stage.factors.get(name).copied().unwrap_or(factor);
+        pairs.push([time, factor]);
+    }
+    LoadCurve::table(pairs)
 }
 
 /// True if two piecewise linear curves differ up to a time.
@@ -278,6 +299,27 @@ mod tests {
         let mut ramp = deck(&[]);
         ramp.steps.as_mut().unwrap().end_time = 2.0;
         assert_eq!(changes(&deck(&[]), &ramp, 0.5).len(), 1, "the ramp is less steep");
+    }
+
+    #[test]
+    fn a_load_in_stages_may_get_or_lose_a_curve_that_agrees_so_far() {
+        let stages = "stages: [{name: a, steps: {count: 4}}, {name: b, steps: {count: 4}}]";
+        let steps = "steps: {count: \"${steps}\", smallest: \"${smallest}\"}";
+        let with = |curve: &str| {
+            deck(&[(steps, stages), ("total: [0, -100e3]", &format!("total: [0, -100e3]{curve}"))])
+        };
+        let without = with("");
+        let (later, ramp) = (with(", curve: [[0, 0], [1, 0], [2, 1]]"), with(", curve: [[0, 0], [2, 1]]"));
+        for time in [0.5, 1.0] {
+            // Without a curve, the factor is 0 because no stage names it.
+            for pair in [[&without, &later], [&later, &without]] {
+                assert!(changes(pair[0], pair[1], time).is_empty(), "{:?}", changes(pair[0], pair[1], time));
+            }
+            for pair in [[&without, &ramp], [&ramp, &without]] {
+                assert_eq!(changes(pair[0], pair[1], time).len(), 1);
+            }
+        }
+        assert_eq!(changes(&without, &later, 1.5).len(), 1);
     }
 
     #[test]
