@@ -248,6 +248,29 @@ fn aliases_and_keys_do_not_grow_without_bound() {
     println!("{:.2} s", began.elapsed().as_secs_f64());
 }
 
+/// The points keep their mass when a stage exchanges the material: another density, if it is given, has no effect.
+#[test]
+fn another_density_of_a_material_in_a_stage_is_reported() {
+    let of = |density: &str| {
+        let text = BLOCK.replace("METHOD", "method: mpm").replace("DISPLACEMENT", "ux: 0.1");
+        let text = text.replace(
+            "density: 7}}",
+            &format!("density: 7}}, n: {{model: hencky, young: 1e3, poisson: 0.2{density}}}}}"),
+        );
+        let stages = "stages:
+  - {name: one, steps: {count: 1}, factors: {all: 1}}
+  - {name: two, steps: {count: 1}, material: {block: n}}";
+        let found = faults(&text.replace("steps: {count: COUNT}", stages));
+        found.into_iter().filter(|d| d.message.contains("density")).collect::<Vec<_>>()
+    };
+    for same in ["", ", density: 7"] {
+        assert!(of(same).is_empty(), "{:?}", of(same));
+    }
+    let found = of(", density: 8");
+    assert!(found.len() == 1 && found[0].code == "D037" && !found[0].is_error(), "{found:?}");
+    assert!(found[0].message.contains("`block` keep their mass"), "{found:?}");
+}
+
 /// Decks in `inputs` have no keys without effect.
 #[test]
 fn no_deck_of_the_inputs_has_a_key_without_effect() {

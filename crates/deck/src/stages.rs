@@ -45,7 +45,8 @@ pub struct StageDeck {
     #[schemars(extend("examples" = [["prop"]]))]
     pub set: Vec<String>,
     /// Names of bodies, each with the name of its new material. The points keep their stress, unless the new material
-    /// yields under it; their history starts anew.
+    /// yields under it; their history starts anew. They also keep their mass, which follows from the density of the
+    /// `material` of the body: the density of the new material has no effect.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     #[schemars(extend("examples" = [{"ground": "clay_undrained"}]))]
     pub material: BTreeMap<String, String>,

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::Check;
 use crate::quoting::quote;
 use crate::span::escape;
-use crate::{ControlDeck, LoadDeck, Parameter, StageDeck};
+use crate::{ControlDeck, LoadDeck, MaterialDeck, Parameter, StageDeck};
 
 /// Shortest step relative to the time at which its stage begins, [-].
 const SHORTEST: f64 = 1e-9;
@@ -54,6 +54,7 @@ impl Check<'_> {
                     let names = deck.materials.keys().map(String::as_str).collect();
                     self.unknown_reference(&at, "material", "materials", material, names);
                 }
+                self.density_without_effect(&at, body, material);
             }
             let changes = [
                 ("add", !stage.add.is_empty()),
@@ -69,6 +70,25 @@ impl Check<'_> {
                     "describe the initial state in the rest of the deck, or put a stage before this one";
                 self.error("D053", &format!("/stages/0/{key}"), message, help);
             }
+        }
+    }
+
+    /// Warns if the material that a stage gives to a body has another density than the body.
+    fn density_without_effect(&mut self, at: &str, body: &str, material: &str) {
+        let deck = self.deck;
+        let Some(of_body) = deck.bodies.iter().find(|other| other.name == body) else { return };
+        let density = |name: &str| deck.materials.get(name).and_then(MaterialDeck::density);
+        if density(material).is_some_and(|new| density(&of_body.material).is_some_and(|old| old != new)) {
+            let message = format!(
+                "the density of the material {} has no effect: the points of the body {} keep their mass, which follows \
+                 from the density of {}",
+                quote(material),
+                quote(body),
+                quote(&of_body.material)
+            );
+            let help =
+                "give both materials the same density, or let the stage remove the body and add another one";
+            self.warn("D037", at, message, help);
         }
     }
 
