@@ -7,6 +7,7 @@ use crate::basis::Connectivity;
 use crate::dofs::{DofMap, rigid::free_parts};
 use crate::model::Model;
 use crate::points::Points;
+use crate::tensor::padded;
 use crate::terms::held_material::HeldMaterial;
 
 use super::attempt::{FailedAttempt, Iterate};
@@ -64,16 +65,17 @@ fn cells_at<const D: usize>(model: &Model<D>, links: &Connectivity<D>, place: &[
 }
 
 /// Number of points that have yielded since the start of the analysis, including the failed step: those whose equivalent
-/// plastic strain, or, if their law has none, any history variable differs from the initial value that the law states.
+/// plastic strain, or, if their law has none, any history variable differs from the initial value at their position.
 /// The other variables of soils also change with the initial stress.
 pub(super) fn points_that_flow<const D: usize>(model: &Model<D>, points: &Points<D>) -> usize {
     let flows = |p: &usize| {
-        let fields = model.law(points, *p).state_fields();
-        let plastic = fields.iter().position(|field| field.name == EQUIVALENT_PLASTIC_STRAIN);
-        let shown = plastic.map_or(0..fields.len(), |f| f..f + 1);
+        let law = model.law(points, *p);
+        let initial = law.initial_history_at(&padded(&points.original_position[*p]));
+        let plastic = law.state_fields().iter().position(|field| field.name == EQUIVALENT_PLASTIC_STRAIN);
+        let shown = plastic.map_or(0..initial.len(), |f| f..f + 1);
         let own = [&points.trial.history, &points.converged.history];
         let own = own.map(|all| &all[p * points.history_len..]);
-        shown.into_iter().any(|f| own.iter().any(|history| history[f] != fields[f].initial))
+        shown.into_iter().any(|f| own.iter().any(|history| history[f] != initial[f]))
     };
     (0..points.len()).filter(flows).count()
 }
@@ -235,7 +237,7 @@ mod tests {
     use crate::basis::Method;
     use crate::domain::DomainUpdate;
     use crate::grid::Structured;
-    use crate::material::{Hencky, Material, Tresca};
+    use crate::material::{Hencky, Material, Tresca, Varying, VaryingProperty};
     use crate::model::{Body, Builder, Fill, NamedMaterial};
     use crate::points::Seed;
     use crate::tensor::Sym3;
@@ -320,6 +322,20 @@ mod tests {
         points.trial.history[0] = 1e-6;
         points.converged.history[3 * n] = 1e-6;
         assert_eq!(points_that_flow(&model, &points), 2);
+    }
+
+    #[test]
+    fn properties_that_vary_are_no_flow() {
+        let property = VaryingProperty { name: "young".into(), unit: "stress".into(), typical: 1e6 };
+        let stiffer = |x: &[f64; 3]| vec![1e6 * (1.0 + x[1])];
+        let law = Varying::new(&[property], std::sync::Arc::new(stiffer), |p| Hencky::new(p[0], 0.3));
+        let grid = Structured::new([0.0; 2], [1.0; 2], [2, 2]);
+        let (model, points) = Builder::new(grid)
+            .material("ground", law)
+            .body("ground", "ground", Fill::default(), |_| true)
+            .build()
+            .unwrap();
+        assert_eq!(points_that_flow(&model, &points), 0);
     }
 
     #[test]
