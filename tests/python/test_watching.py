@@ -190,6 +190,22 @@ def test_the_log_of_a_deck_that_is_refused_and_of_a_run_that_fails(mpm, tmp_path
     assert process.returncode == 2 and "log" in process.stderr
 
 
+def test_a_refused_run_leaves_the_log_of_another_alone(mpm, start, tmp_path):
+    log = tmp_path / "run.log"
+    process, out = start("--log", log)
+    second = mpm("run", *LONG, "--out", out, "--log", log)
+    assert second.returncode == 2 and "R001" in second.stderr, second.stderr
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=120)
+    text = log.read_text()
+    assert text.count(", threads: ") == 1 and "\0" not in text and "step 3/400" in text
+    for words in ([], ["--resume"]):
+        refused = mpm("run", "tests/decks/unknown_key.yaml", "--out", out, "--log", log, *words)
+        assert refused.returncode == 2 and log.read_text() == text
+    assert mpm("run", "inputs/beam.yaml", "--set", "steps=2", "--out", tmp_path / "new", "--log", log).returncode == 0
+    assert "step 3/400" not in log.read_text() and "completed: " in log.read_text()
+
+
 def test_without_a_terminal_there_are_few_lines(mpm, tmp_path):
     process = mpm("run", "inputs/compaction.yaml", "--set", "steps=300", "--set", "every=0", "--out", tmp_path)
     assert process.returncode == 0, process.stderr

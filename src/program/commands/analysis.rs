@@ -220,6 +220,10 @@ pub fn run_into(run: Run, ready: Prepared, set_up: Timings) -> anyhow::Result<Op
             (results, Some((checkpoint, reached)))
         }
     };
+    if let View::Run { log: Some(log) } = &view {
+        // A write error of the log is reported by the progress display.
+        let _ = log.begin();
+    }
     let stop = Arc::clone(stop);
     // The points of a resumed run may differ from those of the first stage.
     let n = if machines.ranks().is_alone() { analysis.n_points() } else { extent.points };

@@ -3,7 +3,7 @@
 use std::fs::{File, OpenOptions};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 use crate::output::directory;
@@ -41,15 +41,27 @@ fn real(path: &Path) -> PathBuf {
     path
 }
 
-/// A log file; each line begins with the seconds since the program started and is written without buffering.
+/// A log file; each line begins with the seconds since the program started and is written without buffering. An earlier
+/// log in the file is left alone until the run begins.
 #[derive(Debug, Clone)]
 pub struct LogFile {
     file: Arc<File>,
     began: Instant,
+    /// What waits for the run to begin; `None` once lines are written.
+    waiting: Arc<Mutex<Option<Waiting>>>,
+}
+
+/// An earlier log, and the lines of this one.
+#[derive(Debug)]
+struct Waiting {
+    /// The earlier log, which this one replaces; `None` if this one continues it.
+    replaced: Option<PathBuf>,
+    lines: String,
 }
 
 impl LogFile {
-    /// Creates a log or, if `append` is true, continues an existing one.
+    /// Creates a log that replaces or, if `append` is true, continues an earlier one once the run begins. The lines of a
+    /// run that is refused are written only if there is no earlier log.
     ///
     /// # Errors
     /// If the file cannot be written, or exists but is not a log.
@@ -63,12 +75,28 @@ impl LogFile {
         }
         let file = OpenOptions::new()
             .create(true)
-            .write(!append)
-            .append(append)
-            .truncate(!append)
+            .append(true)
             .open(path)
             .with_context(|| format!("the log `{}` cannot be written", path.display()))?;
-        Ok(LogFile { file: Arc::new(file), began })
+        let replaced = (!append).then(|| path.to_owned());
+        let waiting = (!first.is_empty()).then(|| Waiting { replaced, lines: String::new() });
+        Ok(LogFile { file: Arc::new(file), began, waiting: Arc::new(Mutex::new(waiting)) })
+    }
+
+    /// Writes the lines so far, because the run begins: nobody else writes to its results directory.
+    ///
+    /// # Errors
+    /// A file-system error.
+    pub fn begin(&self) -> io::Result<()> {
+        let Some(Waiting { replaced, lines }) = self.waiting().take() else { return Ok(()) };
+        if let Some(path) = replaced {
+            File::create(path)?;
+        }
+        (&*self.file).write_all(lines.as_bytes())
+    }
+
+    fn waiting(&self) -> MutexGuard<'_, Option<Waiting>> {
+        self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Writes one or more lines of text.
@@ -78,6 +106,10 @@ impl LogFile {
     pub fn line(&self, text: &str) -> io::Result<()> {
         let time = self.began.elapsed().as_secs_f64();
         let lines: String = clean(text).lines().map(|line| format!("{time:10.3}  {line}\n")).collect();
+        if let Some(waiting) = self.waiting().as_mut() {
+            waiting.lines.push_str(&lines);
+            return Ok(());
+        }
         // One unbuffered write, so that the file contains only whole lines at all times, even if the run is killed.
         (&*self.file).write_all(lines.as_bytes())
     }
