@@ -81,6 +81,18 @@ def test_files_of_others_are_never_replaced(mpm, tmp_path, name):
     assert mpm("run", deck, "--out", tmp_path / "used", *SMALL).returncode == 0
 
 
+@pytest.mark.parametrize("name", ["quality.csv", "convergence.csv.tmp", "points.pvd", "run.json", "status.json"])
+def test_a_directory_in_the_place_of_a_file_is_refused_first(mpm, tmp_path, name):
+    deck, out = deck_of(tmp_path), tmp_path / "out"
+    assert mpm("run", deck, "--out", out, *SMALL).returncode == 0
+    (out / name).unlink(missing_ok=True)
+    (out / name).mkdir()
+    before = sorted(path.name for path in out.iterdir())
+    process = mpm("run", deck, "--out", out, *SMALL)
+    assert process.returncode == 2 and "error[R001]" in process.stderr and f"`{name}`" in process.stderr
+    assert sorted(path.name for path in out.iterdir()) == before
+
+
 def test_reports_and_tables_of_studies_replace_only_their_like(mpm, tmp_path):
     deck, out = deck_of(tmp_path), tmp_path / "out"
     assert mpm("run", deck, "--out", out, *SMALL).returncode == 0

@@ -188,7 +188,7 @@ pub fn is_of_results(name: &str) -> bool {
     Kind::of(name).is_some() || name == lock::NAME || name == REPORT
 }
 
-/// The name of a file that a run would replace although no run has written it.
+/// The name of a file that a run would replace although no run has written it, or of a directory in its place.
 ///
 /// # Errors
 /// A file-system error.
@@ -196,8 +196,12 @@ pub(super) fn foreign_file(directory: &Path) -> io::Result<Option<String>> {
     for entry in std::fs::read_dir(directory)? {
         let path = entry?.path();
         let Some(name) = path.file_name().and_then(|name| name.to_str()) else { continue };
-        let is_named_so = Kind::of(name.strip_suffix(TEMPORARY).unwrap_or(name)).is_some();
-        if is_named_so && !path.is_dir() && !is_ours(&path, name) {
+        let is_in_the_way = match Kind::of(name.strip_suffix(TEMPORARY).unwrap_or(name)) {
+            // Only some runs write these; what none writes may stay.
+            Some(Kind::Mesh | Kind::Pieces | Kind::Checkpoint) => !path.is_dir(),
+            other => other.is_some(),
+        };
+        if is_in_the_way && !is_ours(&path, name) {
             return Ok(Some(name.to_owned()));
         }
     }

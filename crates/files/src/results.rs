@@ -324,7 +324,7 @@ impl Results {
 /// The error for a file that a run would replace although no run has written it.
 fn foreign(name: &str) -> io::Error {
     let what = format!(
-        "its file `{name}` was not written by a run; choose another directory with `--out`, or move the file away"
+        "`{name}` in it was not written by a run; choose another directory with `--out`, or move the file away"
     );
     io::Error::new(io::ErrorKind::AlreadyExists, what)
 }
