@@ -323,6 +323,17 @@ def test_a_table_that_is_missing_or_too_short_is_named(mpm, stopped, whole, tmp_
     assert results(directory) == expected
 
 
+@pytest.mark.parametrize("name", ["history.csv", "quality.csv", "convergence.csv"])
+def test_a_run_that_lacks_a_table_is_not_complete(mpm, whole, tmp_path, name):
+    deck, _, _ = whole
+    directory = tmp_path / "whole"
+    (directory / name).unlink()
+    before = contents(directory)
+    process = mpm("run", deck, "--out", directory, *SMALL, "--resume")
+    assert process.returncode == 2 and "error[R002]" in process.stderr, process.stderr
+    assert f"{name}` is missing" in process.stderr and contents(directory) == before
+
+
 def test_a_directory_with_the_name_of_a_checkpoint_is_left_alone(mpm, stopped, whole, tmp_path):
     deck, expected, _ = whole
     directory = stopped(deck, tmp_path / "stopped", *SMALL, after=5)

@@ -32,7 +32,7 @@ use super::lock::Lock;
 use super::rows;
 use super::series::Series;
 use super::summary::{Account, Outcome, Whole};
-use super::table::Table;
+use super::table::{Kept, Table};
 use super::vtu::Precision;
 use super::writer::Writer;
 
@@ -180,11 +180,7 @@ impl Results {
         reached: Step,
     ) -> io::Result<Results> {
         let (last, every) = (checkpoint.step().index, asked.every);
-        let table = |name: &str, columns: &[String]| Table::keep(directory.join(name), columns, last);
-        let history = table("history.csv", &columns_of_history(model))?;
-        let quality = table("quality.csv", &QUALITY.map(String::from))?;
-        let convergence = table("convergence.csv", &CONVERGENCE.map(String::from))?;
-        rows::check([&history, &quality, &convergence], checkpoint.head.reached.summary.steps)?;
+        let [history, quality, convergence] = tables_in(directory, model, Some(&checkpoint.head.reached))?;
         if let Some(name) = foreign_file(directory)? {
             return Err(foreign(&name));
         }
@@ -212,6 +208,18 @@ impl Results {
             _lock: Some(lock),
             ..Results::of_rank(directory, asked, model, account, Some((checkpoint, reached)))
         })
+    }
+
+    /// Checks that the tables of a run are in its directory, with the rows of all steps up to `reached` if it is given.
+    ///
+    /// # Errors
+    /// Those of [`Results::resume`] about tables.
+    pub fn check_tables<const D: usize>(
+        directory: &Path,
+        model: &Model<D>,
+        reached: Option<&Reached>,
+    ) -> io::Result<()> {
+        tables_in(directory, model, reached).map(drop)
     }
 
     /// Writes a checkpoint of the last step in equilibrium, if there is none yet. Later failed attempts are not part of
@@ -319,6 +327,21 @@ impl Results {
         self.written = shown.or(self.written);
         Ok(())
     }
+}
+
+/// The rows up to `reached` of `history.csv`, `quality.csv` and `convergence.csv` in a directory.
+fn tables_in<const D: usize>(
+    directory: &Path,
+    model: &Model<D>,
+    reached: Option<&Reached>,
+) -> io::Result<[Kept; 3]> {
+    let (last, steps) = reached.map_or((0, 0), |reached| (reached.step.index, reached.summary.steps));
+    let table = |name: &str, columns: &[String]| Table::keep(directory.join(name), columns, last);
+    let history = table("history.csv", &columns_of_history(model))?;
+    let quality = table("quality.csv", &QUALITY.map(String::from))?;
+    let convergence = table("convergence.csv", &CONVERGENCE.map(String::from))?;
+    rows::check([&history, &quality, &convergence], steps)?;
+    Ok([history, quality, convergence])
 }
 
 /// The error for a file that a run would replace although no run has written it.

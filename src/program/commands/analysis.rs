@@ -23,7 +23,7 @@ use anyhow::{anyhow, bail};
 use serde_json::{Value, json};
 
 use crate::program::commands::arguments::{DeckArgs, Format};
-use crate::program::commands::resume::{self, AGAIN, Found};
+use crate::program::commands::resume::{self, Found};
 use crate::program::exit::{DONE, FAILED, INTERRUPTED, USAGE};
 use crate::program::interrupt::stop_on_interrupt;
 use crate::program::machines::Machines;
@@ -213,10 +213,8 @@ pub fn run_into(run: Run, ready: Prepared, set_up: Timings) -> anyhow::Result<Op
                     Results::resume(place, &asked, &parts.0, account, &checkpoint, step)
                 }
             };
-            let results = reopened.map_err(|error| {
-                let what = format!("the results of the steps up to the checkpoint cannot be used: {error}");
-                Coded::new("R002", format!("{what}\n  help: restore the file, or {AGAIN}"))
-            })?;
+            let results =
+                reopened.map_err(|error| Coded::new("R002", resume::unusable(&error.to_string())))?;
             (results, Some((checkpoint, reached)))
         }
     };

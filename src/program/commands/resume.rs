@@ -8,8 +8,10 @@ use crate::deck::changes::{changes, is_end, step_at};
 use crate::deck::load::LoadedDeck;
 use crate::deck::ready::Analysis;
 use crate::output::checkpoint::{Checkpoint, latest};
+use crate::output::results::Results;
 use crate::output::{directory, status};
 use crate::program::machines::Machines;
+use crate::ranks::Ranks;
 use crate::solver::{Pace, Reached, Step, resume_stage};
 use anyhow::{Context, bail};
 
@@ -77,12 +79,9 @@ pub fn find(
     };
     let is_complete = machines.ranks().first(Some(status::is_complete(directory)));
     if is_end(&loaded.deck, end) && is_complete == Some(true) {
-        // Removes the remains of a run that was killed after it had written its summary.
-        if machines.ranks().is_root() {
-            directory::tidy(directory)
-                .with_context(|| format!("`{}` cannot be written", directory.display()))?;
-        }
-        return Ok(Found::End(checkpoint.head.reached.summary.steps));
+        let reached = &checkpoint.head.reached;
+        close(directory, analysis, Some(reached), machines.ranks())?;
+        return Ok(Found::End(reached.summary.steps));
     }
     let staged = match analysis {
         Analysis::Plane(parts) => resume_stage(&mut parts.0, &mut parts.1, &checkpoint.head.reached),
@@ -105,4 +104,33 @@ pub fn find(
         reached.summary.pace = Pace::default();
     }
     Ok(Found::Step(Box::new(checkpoint), Box::new(reached)))
+}
+
+/// Checks the tables of a complete run, up to `reached` if it is given, and removes the remains of a run that was killed
+/// after it had written its summary. All ranks must call it together.
+fn close(
+    directory: &Path,
+    analysis: &Analysis,
+    reached: Option<&Reached>,
+    ranks: &Ranks,
+) -> anyhow::Result<()> {
+    let checked = match analysis {
+        _ if !ranks.is_root() => Ok(()),
+        Analysis::Plane(parts) => Results::check_tables(directory, &parts.0, reached),
+        Analysis::Solid(parts) => Results::check_tables(directory, &parts.0, reached),
+    };
+    if let Some(reason) = ranks.first(checked.err().map(|error| error.to_string())) {
+        bail!("{}", unusable(&reason));
+    }
+    if ranks.is_root() {
+        directory::tidy(directory).with_context(|| format!("`{}` cannot be written", directory.display()))?;
+    }
+    Ok(())
+}
+
+/// Text about results that cannot be used, with the remedy.
+pub fn unusable(reason: &str) -> String {
+    format!(
+        "the results of the steps up to the checkpoint cannot be used: {reason}\n  help: restore the file, or {AGAIN}"
+    )
 }
