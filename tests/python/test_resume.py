@@ -323,6 +323,21 @@ def test_a_table_that_is_missing_or_too_short_is_named(mpm, stopped, whole, tmp_
     assert results(directory) == expected
 
 
+def test_a_complete_run_needs_no_checkpoint_to_be_known_as_such(mpm, tmp_path):
+    words, out = settings(h=1, n=3, steps=4), tmp_path / "out"
+    assert mpm("run", "inputs/collapse.yaml", "--out", out, *words).returncode == 0
+    before = contents(out)
+    assert not [name for name in before if name.startswith("checkpoint")]
+    process = mpm("run", "inputs/collapse.yaml", "--out", out, *words, "--resume")
+    assert process.returncode == 0 and "is complete: 4 steps in equilibrium" in process.stderr, process.stderr
+    other = mpm("run", "inputs/collapse.yaml", "--out", out, *words, "--set", "every=0", "--resume")
+    assert other.returncode == 2 and "there is no checkpoint" in other.stderr, other.stderr
+    assert contents(out) == before
+    (out / "quality.csv").unlink()
+    process = mpm("run", "inputs/collapse.yaml", "--out", out, *words, "--resume")
+    assert process.returncode == 2 and "quality.csv` is missing" in process.stderr, process.stderr
+
+
 @pytest.mark.parametrize("name", ["history.csv", "quality.csv", "convergence.csv"])
 def test_a_run_that_lacks_a_table_is_not_complete(mpm, whole, tmp_path, name):
     deck, _, _ = whole

@@ -13,6 +13,7 @@ use crate::output::{directory, status};
 use crate::program::machines::Machines;
 use crate::ranks::Ranks;
 use crate::solver::{Pace, Reached, Step, resume_stage};
+use crate::study::Record;
 use anyhow::{Context, bail};
 
 /// Remedy if a run cannot be resumed.
@@ -41,7 +42,7 @@ pub fn find(
     }
     let (found, refused) = match latest(directory, machines.ranks()) {
         Err(error) if error.kind() == ErrorKind::NotFound => {
-            bail!("there is no checkpoint in `{}` to resume from\n  help: {AGAIN}", directory.display())
+            return complete_without_checkpoint(directory, loaded, analysis, machines.ranks());
         }
         found => found.with_context(|| format!("the directory `{}` cannot be read", directory.display()))?,
     };
@@ -104,6 +105,25 @@ pub fn find(
         reached.summary.pace = Pace::default();
     }
     Ok(Found::Step(Box::new(checkpoint), Box::new(reached)))
+}
+
+/// A complete run of this deck that has left no checkpoint. All ranks must call it together.
+///
+/// # Errors
+/// If there is none.
+fn complete_without_checkpoint(
+    directory: &Path,
+    loaded: &LoadedDeck,
+    analysis: &Analysis,
+    ranks: &Ranks,
+) -> anyhow::Result<Found> {
+    let record = if ranks.is_root() { Record::read(directory).ok() } else { None };
+    let steps = record.filter(|record| record.completes(loaded)).map(|record| record.steps());
+    let Some(steps) = ranks.first(steps) else {
+        bail!("there is no checkpoint in `{}` to resume from\n  help: {AGAIN}", directory.display())
+    };
+    close(directory, analysis, None, ranks)?;
+    Ok(Found::End(steps))
 }
 
 /// Checks the tables of a complete run, up to `reached` if it is given, and removes the remains of a run that was killed

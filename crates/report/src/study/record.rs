@@ -59,6 +59,11 @@ impl Record {
             && self.summary["deck_hash"] == loaded.hash()
     }
 
+    /// Number of steps in equilibrium.
+    pub fn steps(&self) -> usize {
+        self.summary["steps"].as_u64().and_then(|steps| usize::try_from(steps).ok()).unwrap_or(0)
+    }
+
     /// The measures of the run, in the order of [`MEASURES`].
     pub(super) fn measures(&self) -> impl Iterator<Item = String> {
         MEASURES.iter().map(|(_, place)| self.summary.pointer(place).map_or_else(String::new, text_of))
