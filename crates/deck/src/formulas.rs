@@ -14,7 +14,7 @@ fn variables(dimensions: usize) -> Vec<&'static str> {
 }
 
 /// Names of the variables of formulas; no parameter may have one of these names.
-pub const VARIABLES: [&str; 7] = ["x", "y", "z", "X", "Y", "Z", "factor"];
+pub const VARIABLES: [&str; 8] = ["x", "y", "z", "X", "Y", "Z", "factor", "time"];
 
 /// A fault in a formula: the key under the entry of the deck (`force/0`, `where/q`), the text, and the error.
 pub struct Fault {
@@ -163,14 +163,12 @@ pub fn at_places<const D: usize, const C: usize>(
     Ok(VectorFormula::new(given, vector))
 }
 
-/// A formula of the load factor, `factor`, and of `time`, in this order; a parameter named `time` takes the place of
-/// the time.
+/// A formula of the load factor, `factor`, and of `time`, in this order.
 ///
 /// # Errors
 /// The fault of the formula, with an empty key.
 pub fn of_time(value: &Expression, parameters: &BTreeMap<String, Parameter>) -> Result<Formula, Fault> {
-    let time = if parameters.contains_key("time") { "" } else { "time" };
-    parse(value, &["factor", time], parameters).map_err(|error| Fault {
+    parse(value, &["factor", "time"], parameters).map_err(|error| Fault {
         key: String::new(),
         text: text_of(value),
         error,

@@ -4,7 +4,7 @@ use super::Check;
 use crate::formulas::Displacement;
 use crate::quoting::{quote, rounded};
 use crate::references::known_names;
-use crate::{ControlDeck, Deck, Expression, GridDeck, LoadCurve, LoadDeck, StageDeck};
+use crate::{ControlDeck, Expression, GridDeck, LoadCurve, LoadDeck, StageDeck};
 use mpm_core::formula::names;
 use mpm_files::shortest;
 
@@ -22,9 +22,9 @@ pub(super) fn stands_still(LoadCurve(pairs): &LoadCurve, [start, end]: [f64; 2])
 }
 
 /// True if an expression is a formula that contains the variable `time`.
-pub(super) fn depends_on_time(deck: &Deck, expression: &Expression) -> bool {
+pub(super) fn depends_on_time(expression: &Expression) -> bool {
     let Expression::Formula(text) = expression else { return false };
-    !deck.parameters.contains_key("time") && names(text).iter().any(|(_, name)| *name == "time")
+    names(text).iter().any(|(_, name)| *name == "time")
 }
 
 impl Check<'_> {
@@ -162,7 +162,7 @@ impl Check<'_> {
                 self.error("D049", &format!("{pointer}/{key}"), message, help);
             }
             let motion = tool.motion();
-            for (key, ..) in motion.iter().filter(|(_, _, value)| depends_on_time(deck, value)) {
+            for (key, ..) in motion.iter().filter(|(_, _, value)| depends_on_time(value)) {
                 let message = format!(
                     "{} of the tool {} depends on `time`, but `steps: {{control: ...}}` makes the load factor an unknown",
                     quote(key),

@@ -34,7 +34,7 @@ impl Check<'_> {
                 |curve: &Option<LoadCurve>| curve.as_ref().is_some_and(|curve| stands_still(curve, times));
             let motion = tool.motion();
             let moves = motion.iter().any(|(_, _, value)| !value.is_zero());
-            let varies = motion.iter().any(|(_, _, value)| depends_on_time(deck, value));
+            let varies = motion.iter().any(|(_, _, value)| depends_on_time(value));
             varies
                 || moves && !stays(&tool.curve)
                 || tool.weight.is_some() && !stays(&tool.weight_curve)
