@@ -3,6 +3,7 @@
 
 use std::collections::BTreeMap;
 
+use super::span::escape;
 use super::{AXES, Expression, Parameter};
 use mpm_core::formula::{Formula, FormulaError, MOST_INTERMEDIATE, names};
 use mpm_core::model::VectorFormula;
@@ -92,7 +93,7 @@ fn parse_all<'a>(
     };
     let mut given = Vec::new();
     for name in ordered {
-        given.push(read(format!("where/{name}"), &intermediate[name], &variables));
+        given.push(read(format!("where/{}", escape(name)), &intermediate[name], &variables));
         variables.push(name);
     }
     let vector = components.iter().map(|(key, part)| read(key.clone(), part, &variables)).collect();
@@ -196,7 +197,7 @@ fn in_order<'a>(
     faults: &mut Vec<Fault>,
 ) -> Vec<&'a str> {
     let fault = |name: &str, message: String, help: &str| Fault {
-        key: format!("where/{name}"),
+        key: format!("where/{}", escape(name)),
         text: text_of(&intermediate[name]),
         error: FormulaError { message, offset: 0, length: 0, help: Some(help.to_owned()) },
     };
