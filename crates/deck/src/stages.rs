@@ -88,6 +88,19 @@ impl Deck {
         only.chain(stages.map(|(number, stage)| (format!("/stages/{number}/steps"), &stage.steps))).collect()
     }
 
+    /// The different tolerances of the analysis, or of its stages, in their order, [-].
+    pub fn tolerances(&self) -> Vec<f64> {
+        let of_stages = self.stages.iter().map(|stage| stage.solver.as_ref().unwrap_or(&self.solver));
+        let only = self.stages.is_empty().then_some(&self.solver);
+        let mut found = Vec::new();
+        for solver in only.into_iter().chain(of_stages) {
+            if !found.contains(&solver.tolerance) {
+                found.push(solver.tolerance);
+            }
+        }
+        found
+    }
+
     /// Time at the end of the analysis, [time].
     pub fn end_time(&self) -> f64 {
         self.courses().iter().map(|(_, steps)| steps.end_time).sum()

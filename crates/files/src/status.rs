@@ -82,7 +82,7 @@ pub struct Status {
     pub iteration: usize,
     /// Relative out-of-balance force, eq. (40), of that evaluation, [-]; `None` if it is not finite.
     pub residual: Option<f64>,
-    /// Tolerance of the residual, [-].
+    /// Tolerance of the residual, in the current stage if there are stages, [-].
     pub tolerance: f64,
     /// Time at the end of the current step, [time].
     pub time: f64,
@@ -127,8 +127,8 @@ pub struct Progress {
     curve: Option<LoadCurve>,
     /// Steps that reduce the strength of the materials.
     reductions: Vec<Stepping>,
-    /// Names of the stages.
-    stages: Vec<String>,
+    /// Names of the stages, and the tolerances of their residuals, [-].
+    stages: Vec<(String, f64)>,
     /// Start of the first step.
     began: Instant,
     /// Analysis time and clock time at the ends of the last steps.
@@ -171,7 +171,7 @@ impl Progress {
             checkpoint: None,
         };
         let began = Instant::now();
-        let stages = model.stages.iter().map(|stage| stage.name.clone()).collect();
+        let stages = model.stages.iter().map(|stage| (stage.name.clone(), stage.newton.tolerance)).collect();
         let curve = model.common_curve().filter(|_| !model.stepping.control.has_unknown_factor()).cloned();
         let of_stages = model.stages.iter().map(|stage| &stage.stepping);
         let all: Vec<&Stepping> =
@@ -189,7 +189,10 @@ impl Progress {
 
     fn set_stage(&mut self, summary: &Summary) {
         let number = summary.stage.as_ref().map_or(0, |stage| stage.number);
-        self.status.stage = self.stages.get(number).cloned();
+        if let Some((name, tolerance)) = self.stages.get(number) {
+            self.status.stage = Some(name.clone());
+            self.status.tolerance = *tolerance;
+        }
     }
 
     /// Records that the run resumes from a step that an earlier run reached.

@@ -25,7 +25,7 @@ impl Check<'_> {
         self.one_point_per_cell();
         self.units();
         self.prescribed_motion();
-        self.tolerance();
+        self.tolerances();
         self.repeated_reductions();
     }
 
@@ -127,8 +127,19 @@ impl Check<'_> {
         }
     }
 
-    fn tolerance(&mut self) {
-        let tolerance = self.deck.solver.tolerance;
+    fn tolerances(&mut self) {
+        let stages = &self.deck.stages;
+        if stages.is_empty() || stages.iter().any(|stage| stage.solver.is_none()) {
+            self.tolerance("/solver/tolerance", self.deck.solver.tolerance);
+        }
+        for (number, stage) in stages.iter().enumerate() {
+            if let Some(solver) = &stage.solver {
+                self.tolerance(&format!("/stages/{number}/solver/tolerance"), solver.tolerance);
+            }
+        }
+    }
+
+    fn tolerance(&mut self, pointer: &str, tolerance: f64) {
         if tolerance > LOOSE {
             let message = format!(
                 "with the tolerance {tolerance} a step is accepted as in equilibrium although {} % of its \
@@ -136,11 +147,11 @@ impl Check<'_> {
                 rounded(100.0 * tolerance)
             );
             let help = "use 1e-6 or less: with quadratic convergence this costs one more iteration";
-            self.warn("D045", "/solver/tolerance", message, help);
+            self.warn("D045", pointer, message, help);
         } else if tolerance < OUT_OF_REACH {
             let message =
                 format!("the tolerance {tolerance:e} is below round-off: hardly any step can meet it");
-            self.warn("D045", "/solver/tolerance", message, "use 1e-12 or more");
+            self.warn("D045", pointer, message, "use 1e-12 or more");
         }
     }
 }

@@ -1,8 +1,10 @@
 //! The curves of one run or of several.
 
 use mpm_core::quality::newton_order;
+use mpm_deck::Deck;
 
 use super::chart::{Axis, Band, Chart, Curve, Look};
+use super::number::html;
 use super::page::escape;
 use super::run::{Run, State};
 use super::stages::{bands_over_steps, bands_over_time};
@@ -248,10 +250,23 @@ pub(super) fn residuals(run: &Run) -> Option<(Chart, usize, usize)> {
     let description = "residual against iteration, one curve per load step".to_owned();
     let mut chart = chart(description, Axis::counting("iteration"), y, curves);
     if let Some(deck) = &run.deck {
-        chart.levels.push((deck.solver.tolerance, "tolerance".to_owned()));
+        let levels = deck.tolerances().into_iter().map(|tolerance| (tolerance, "tolerance".to_owned()));
+        chart.levels.extend(levels);
     }
     chart.height = 360.0;
     Some((chart, drawn, steps.len()))
+}
+
+/// The tolerance of the residual of a step.
+pub(super) fn tolerance_in_words(deck: &Deck) -> String {
+    let tolerances = deck.tolerances();
+    let least = tolerances.iter().copied().fold(f64::INFINITY, f64::min);
+    let most = tolerances.iter().copied().fold(0.0, f64::max);
+    if least == most {
+        format!("tolerance {}", html(most, 3))
+    } else {
+        format!("tolerances of the stages between {} and {}", html(least, 3), html(most, 3))
+    }
 }
 
 /// The axis of load steps, from 0 on.

@@ -69,7 +69,7 @@ fn outcome(page: &mut Page, run: &Run, naming: &Naming) {
         row("Factor of safety", Some(words), remark);
     }
     row("Load steps in equilibrium", Some(steps_in_words(run)), String::new());
-    let tolerance = run.deck.as_ref().map(|deck| format!("tolerance {}", html(deck.solver.tolerance, 3)));
+    let tolerance = run.deck.as_ref().map(curves::tolerance_in_words);
     let residual = largest_residual(run).map(|residual| html(residual, 3));
     row("Largest residual of a step", residual, tolerance.unwrap_or_default());
     let limited = run.column("rounding_limited").iter().filter(|limited| **limited == 1.0).count();
