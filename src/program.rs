@@ -8,6 +8,7 @@ mod commands;
 mod exit;
 mod interrupt;
 mod machines;
+mod paths;
 mod system_limits;
 
 use std::ffi::OsString;

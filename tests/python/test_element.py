@@ -188,6 +188,7 @@ def test_names_of_the_files_and_what_is_overwritten(element):
         ("--material clay --path strain --file h.csv", "h.csv: line 3: \"x\" is not a number"),
         ("--material clay --path oedometer --to 0.1 --output no/t.csv", "the table cannot be written: `no/t.csv`"),
         ("--material clay --path oedometer --to 0.1 --output t --report t", "cannot be the same file"),
+        ("--material clay --path oedometer --to 0.1 --output ./t --report t", "cannot be the same file"),
         ("--material rubber/1 --path oedometer --to 0.1 --confining 1e300", "the law cannot begin with the initial stress"),
         ("--material clay --path oedometer --to 0.1 --set young=-1", "laws.yaml:"),
     ],

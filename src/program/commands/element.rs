@@ -16,6 +16,7 @@ use crate::output::replace::replace_file;
 use crate::program::commands::arguments::assignment;
 use crate::program::commands::overwriting::{REPORT, may_be_replaced};
 use crate::program::exit::{DONE, FAILED, USAGE};
+use crate::program::paths::real;
 use crate::program::screen::print::print;
 use crate::tensor::Sym3;
 use anyhow::{Context, anyhow, bail};
@@ -421,7 +422,7 @@ impl Outputs {
             None => Some(named("csv")),
         };
         let report = args.report.as_ref().map(|path| path.clone().unwrap_or_else(|| named("html")));
-        if table.is_some() && table == report {
+        if table.as_deref().zip(report.as_deref()).is_some_and(|(table, page)| real(table) == real(page)) {
             bail!("the table and the page cannot be the same file; choose another name with `--report`");
         }
         if let Some(path) = table.as_ref().filter(|path| !may_be_replaced(path, FIRST_COLUMNS)) {

@@ -7,6 +7,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 use crate::output::directory;
+use crate::program::paths::real;
 use crate::program::screen::message::clean;
 use anyhow::{Context, bail};
 
@@ -26,19 +27,6 @@ pub fn keep_out_of_results(log: &Path, results: &Path) -> anyhow::Result<()> {
         bail!("the log `{}` would be {what}; choose another name with `--log`", log.display());
     }
     Ok(())
-}
-
-/// Resolves the symbolic links in the part of a path that exists.
-fn real(path: &Path) -> PathBuf {
-    let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-    let mut missing = Vec::new();
-    for ancestor in path.ancestors() {
-        if let Ok(found) = ancestor.canonicalize() {
-            return missing.iter().rev().fold(found, |path, name| path.join(name));
-        }
-        missing.extend(ancestor.file_name());
-    }
-    path
 }
 
 /// A log file; each line begins with the seconds since the program started and is written without buffering. An earlier
