@@ -213,6 +213,18 @@ def test_a_test_that_ends_early_writes_its_steps(element):
     assert "The test ended early</strong> after 17 steps: step 18" in (element.folder / "laws-clay-stress.html").read_text()
 
 
+def test_properties_that_do_not_fit_together_are_told_as_by_check(element):
+    soft = ("soft: {model: tresca, young: 1e6, poisson: 0.3, cohesion: 20e3, "
+            "softening: {strain: 0.1, residual_cohesion: 1e3, band: 0.1}}")
+    deck = DECK.replace('"rubber/1": {', soft + '\n  "rubber/1": {').replace("{group: base}", "{y: 0}")
+    deck = deck.replace("type: gmsh, file: missing.msh", "type: structured, origin: [0, 0], size: [4, 4], spacing: 1")
+    deck = deck.replace("type: cells, group: block", "type: box, min: [0, 0], max: [2, 2]").replace("_triangle", "_cell")
+    (element.folder / "laws.yaml").write_text(deck)
+    process = element("--material", "soft", "--path", "oedometer", "--to", "0.1")
+    assert process.returncode == 2 and process.stderr.startswith("error[D057]: material `soft`: "), process.stderr
+    assert "laws.yaml:9:" in process.stderr and "--at" not in process.stderr
+
+
 def test_softening_is_adapted_to_the_cells_of_the_grid(element):
     """With a band of two cells, a point softens over twice the strain, as in a run; the cells of a mesh are not known."""
     even = "grid: {type: structured, origin: [0, 0], size: [2, 2], spacing: 0.25}"

@@ -53,7 +53,7 @@ impl LoadedDeck {
     /// those of a mesh. `None` if there is no such material.
     ///
     /// # Errors
-    /// The faults of the library that the law comes from.
+    /// The faults of the library that the law comes from, or properties that do not fit together.
     pub fn built_law(&self, material: &str) -> Option<Result<BuiltLaw, Vec<Diagnostic>>> {
         let of_deck = self.deck.materials.get(material)?;
         if let Some(own) = self.laws.get(material) {
@@ -71,7 +71,11 @@ impl LoadedDeck {
             ..Surroundings::default()
         };
         // Faults of formulas have been reported when the deck was read.
-        Some(of_deck.law(&surroundings).map_err(|_| Vec::new()))
+        let built = of_deck.law(&surroundings).map_err(|_| Vec::new());
+        Some(built.and_then(|built| match built.contradiction(&self.source, material) {
+            Some(found) => Err(vec![found]),
+            None => Ok(built),
+        }))
     }
 
     /// The size of the cells of a structured grid; unknown for a mesh.

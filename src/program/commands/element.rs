@@ -19,7 +19,7 @@ use crate::program::exit::{DONE, FAILED, USAGE};
 use crate::program::paths::real;
 use crate::program::screen::print::print;
 use crate::tensor::Sym3;
-use anyhow::{Context, anyhow, bail};
+use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
 
 /// Largest number of steps from one turning point to the next.
@@ -148,7 +148,7 @@ pub fn element(args: ElementArgs) -> anyhow::Result<u8> {
         }
     };
     let name = material_name(&loaded, args.material.as_deref())?;
-    let (law, history) = beginning(&loaded, name, args.at.as_deref())?;
+    let Some((law, history)) = beginning(&loaded, name, args.at.as_deref())? else { return Ok(USAGE) };
     let outputs = Outputs::of(&args, name)?;
     if let Some(note) = softening(&loaded, name) {
         message!("note: {note}");
@@ -209,16 +209,22 @@ pub fn element(args: ElementArgs) -> anyhow::Result<u8> {
     Ok(FAILED)
 }
 
-/// The law and the initial history variables of a material, at a position if its properties vary.
-fn beginning(
-    loaded: &LoadedDeck,
-    material: &str,
-    at: Option<&[f64]>,
-) -> anyhow::Result<(Box<dyn Material>, Vec<f64>)> {
+/// A law, and the initial history variables of a point.
+type Beginning = (Box<dyn Material>, Vec<f64>);
+
+/// The law and the initial history variables of a material, at a position if its properties vary; `None` after messages
+/// about the material.
+fn beginning(loaded: &LoadedDeck, material: &str, at: Option<&[f64]>) -> anyhow::Result<Option<Beginning>> {
     let built =
         loaded.built_law(material).with_context(|| format!("there is no material {}", quote(material)))?;
-    let built = built
-        .map_err(|faults| anyhow!("{}", render_all(&loaded.source, &faults, false).trim_end().to_owned()))?;
+    let built = match built {
+        Ok(built) => built,
+        Err(faults) => {
+            let text = render_all(&loaded.source, &faults, std::io::stderr().is_terminal());
+            message!("{}", text.trim_end());
+            return Ok(None);
+        }
+    };
     let n = loaded.deck.dimensions();
     let position = match at {
         None if !built.varying.is_empty() => {
@@ -250,7 +256,7 @@ fn beginning(
             at.unwrap_or_default()
         );
     }
-    Ok((built.law, history))
+    Ok(Some((built.law, history)))
 }
 
 /// How the softening of a material is adapted to the cell size; `None` for a material without a localisation band.

@@ -67,18 +67,10 @@ where
             }
             self.factor_of_safety(&name);
             match material.law(&surroundings) {
-                Ok(BuiltLaw { law, varying, consistency }) => {
+                Ok(built) => {
                     // Now that the cell size is known, softening may prove too fast.
-                    let found = if varying.is_empty() { consistency(&[]) } else { None };
-                    if let Some(found) = found {
-                        let message = format!("material {}: {}", quote(&name), found.message);
-                        self.error(
-                            "D057",
-                            &format!("/materials/{}/{}", escape(&name), found.key),
-                            message,
-                            found.help,
-                        );
-                    }
+                    self.found.extend(built.contradiction(&self.loaded.source, &name));
+                    let BuiltLaw { law, varying, consistency } = built;
                     let consistency = Some(consistency);
                     laws.push(MaterialOfPoints { name, law, varying, consistency, density });
                 }
