@@ -213,6 +213,13 @@ def test_a_test_that_ends_early_writes_its_steps(element):
     assert "The test ended early</strong> after 17 steps: step 18" in (element.folder / "laws-clay-stress.html").read_text()
 
 
+def test_numbers_beyond_the_largest_end_the_test_with_the_steps_before(element):
+    path = ("--material", "elastic", "--path", "oedometer", "--to", "-800", "--steps", 2, "--output", "t.csv")
+    process = element(*path)
+    assert process.returncode == 1 and "error: step 2: `J` is not finite" in process.stderr, process.stderr
+    assert list(read((element.folder / "t.csv").read_text())["step"]) == [0, 1]
+
+
 def test_properties_that_do_not_fit_together_are_told_as_by_check(element):
     soft = ("soft: {model: tresca, young: 1e6, poisson: 0.3, cohesion: 20e3, "
             "softening: {strain: 0.1, residual_cohesion: 1e3, band: 0.1}}")

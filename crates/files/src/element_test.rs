@@ -104,6 +104,13 @@ pub fn table(law: &dyn Material, states: &[ElementState]) -> io::Result<String> 
     text_of(&columns, rows)
 }
 
+/// The column of the table in which a state has a number that is not finite, if there is one.
+pub fn infinite(law: &dyn Material, state: &ElementState) -> Option<String> {
+    let mut entries = columns(law, true).into_iter().zip(row(law, 0, state, true));
+    let is_infinite = |entry: &Entry| matches!(entry, Entry::Number(value) if !value.is_finite());
+    entries.find(|(_, entry)| is_infinite(entry)).map(|(column, _)| column)
+}
+
 fn columns(law: &dyn Material, in_space: bool) -> Vec<String> {
     let tensor = |of: &str| components(in_space).map(|(name, _)| format!("{of}_{name}")).collect::<Vec<_>>();
     let named = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect::<Vec<String>>();

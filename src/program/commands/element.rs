@@ -11,7 +11,7 @@ use crate::deck::quoting::{list, quote};
 use crate::deck::references::known_names;
 use crate::element_test::{self, ElementState, ElementTest, ElementTestError, Target};
 use crate::material::{Material, MaterialError};
-use crate::output::element_test::{FIRST_COLUMNS, Prescribed, read_history, table};
+use crate::output::element_test::{FIRST_COLUMNS, Prescribed, infinite, read_history, table};
 use crate::output::replace::replace_file;
 use crate::program::commands::arguments::assignment;
 use crate::program::commands::overwriting::{REPORT, may_be_replaced};
@@ -163,7 +163,7 @@ pub fn element(args: ElementArgs) -> anyhow::Result<u8> {
              {y:.6e}"
         );
     }
-    let (states, failure) = states(test, &route, args.steps)?;
+    let (states, failure) = states(law.as_ref(), test, &route, args.steps)?;
 
     let text = table(law.as_ref(), &states)?;
     match &outputs.table {
@@ -179,7 +179,6 @@ pub fn element(args: ElementArgs) -> anyhow::Result<u8> {
     if let Some(warning) = jumps(&states) {
         message!("{warning}");
     }
-    let failure = failure.map(|error| error.to_string());
     if let Some(path) = &outputs.report {
         let page = appendix::element_page(&ElementReport {
             deck: &args.deck.display().to_string(),
@@ -354,10 +353,11 @@ impl Route {
 
 /// The initial state and the states at the end of each step, and the error that ended the test early.
 fn states(
+    law: &dyn Material,
     test: ElementTest,
     route: &Route,
     steps: Option<u64>,
-) -> anyhow::Result<(Vec<ElementState>, Option<ElementTestError>)> {
+) -> anyhow::Result<(Vec<ElementState>, Option<String>)> {
     let initial = *test.initial_stress();
     let (targets, usual): (Vec<Target>, u64) = match route {
         Route::Path(path, points) => {
@@ -371,9 +371,14 @@ fn states(
     }
     let mut states = vec![test.state().clone()];
     for state in test.follow(targets, steps) {
-        match state {
+        let number = states.len();
+        let found = state.map_err(|error| error.to_string()).and_then(|state| match infinite(law, &state) {
+            None => Ok(state),
+            Some(column) => Err(format!("step {number}: {} is not finite", quote(&column))),
+        });
+        match found {
             Ok(state) => states.push(state),
-            Err(error) => return Ok((states, Some(error))),
+            Err(failure) => return Ok((states, Some(failure))),
         }
     }
     Ok((states, None))
