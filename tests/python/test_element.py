@@ -220,6 +220,13 @@ def test_numbers_beyond_the_largest_end_the_test_with_the_steps_before(element):
     assert list(read((element.folder / "t.csv").read_text())["step"]) == [0, 1]
 
 
+@pytest.mark.parametrize("number", ["-1e-3", "-.001", "-0.001"])
+def test_negative_numbers_are_read_however_they_are_written(element, number):
+    of = table(element, "--material", "elastic", "--path", "oedometer", "--to", number, "--then", number, "--steps", 1,
+               "--confining", "-1e-3", "--at", "-5,0")
+    assert np.allclose(of["strain_yy"], [0, 1e-3, 1e-3])
+
+
 def test_properties_that_do_not_fit_together_are_told_as_by_check(element):
     soft = ("soft: {model: tresca, young: 1e6, poisson: 0.3, cohesion: 20e3, "
             "softening: {strain: 0.1, residual_cohesion: 1e3, band: 0.1}}")

@@ -44,22 +44,22 @@ pub struct ElementArgs {
     #[arg(long, value_name = "PATH")]
     path: PathName,
     /// Lateral Cauchy stress at the start, positive in compression; with --k0 1, the stress is isotropic.
-    #[arg(long, value_name = "PRESSURE", default_value = "0", value_parser = finite, allow_negative_numbers = true)]
+    #[arg(long, value_name = "PRESSURE", default_value = "0", value_parser = finite, allow_hyphen_values = true)]
     confining: f64,
     /// Ratio of the lateral to the axial stress at the start.
     #[arg(long, value_name = "K", default_value = "1", value_parser = positive)]
     k0: f64,
     /// Final strain: axial compression, γ for simple shear, or −ln J for isotropic compression.
-    #[arg(long, value_name = "STRAIN", value_parser = finite, allow_negative_numbers = true)]
+    #[arg(long, value_name = "STRAIN", value_parser = finite, allow_hyphen_values = true)]
     to: Option<f64>,
     /// Strain to reach after --to; may be given several times.
-    #[arg(long, value_name = "STRAIN", requires = "to", value_parser = finite, allow_negative_numbers = true)]
+    #[arg(long, value_name = "STRAIN", requires = "to", value_parser = finite, allow_hyphen_values = true)]
     then: Vec<f64>,
     /// Number of equal steps to each strain [default: 200], or from each row of a history to the next [default: 1].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=MOST_STEPS))]
     steps: Option<u64>,
     /// Original position of the point, for a material whose properties vary in space.
-    #[arg(long, value_name = "X,Y[,Z]", value_parser = finite, value_delimiter = ',', allow_negative_numbers = true)]
+    #[arg(long, value_name = "X,Y[,Z]", value_parser = finite, value_delimiter = ',', allow_hyphen_values = true)]
     at: Option<Vec<f64>>,
     /// In simple shear, hold the normal stress along y constant instead of the height.
     #[arg(long)]
