@@ -217,6 +217,16 @@ def test_usage_errors(mpm, tmp_path, arguments, complaint):
     assert not (tmp_path / "out").exists()
 
 
+def test_members_with_warnings_are_denied_on_request(mpm, tmp_path):
+    words = ("sweep", BEAM, "--over", "n=5", *QUICK, "--set", "tolerance=0.1", "--out", tmp_path / "out")
+    process = mpm(*words, "--deny-warnings")
+    assert process.returncode == 2 and "error[D045]" in process.stderr, process.stderr
+    assert outcomes(tmp_path / "out") == ["invalid"] and read_table(tmp_path / "out")[0]["reason"].startswith("D045: ")
+    assert mpm(*words).returncode == 0
+    process = mpm(*words, "--format", "json")
+    assert process.returncode == 2 and "unexpected argument '--format'" in process.stderr
+
+
 def test_words_and_expressions_as_values(mpm, tmp_path, analyse):
     axes = ["--over", "method=mpm,gimp", "--over", "update=corners,diagonal-corrected", "--over", "n=${2*2}"]
     process = mpm("sweep", "inputs/compaction.yaml", *axes, "--set", "every=0", "--out", tmp_path)

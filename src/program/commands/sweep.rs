@@ -13,7 +13,7 @@ use crate::output::summary::Start;
 use crate::program::commands::analysis::{
     self, Begin, Ended, Run, describe_failure, messages, not_writable, prepare, print_messages, run_into,
 };
-use crate::program::commands::arguments::DeckArgs;
+use crate::program::commands::arguments::assignment;
 use crate::program::exit::{FAILED, INTERRUPTED, USAGE};
 use crate::program::interrupt::stop_on_interrupt;
 use crate::program::machines::Machines;
@@ -31,8 +31,14 @@ use clap::Args;
 /// Arguments of `mpm sweep`.
 #[derive(Args)]
 pub struct SweepArgs {
-    #[command(flatten)]
-    deck: DeckArgs,
+    /// The deck, a YAML file.
+    deck: PathBuf,
+    /// Set a parameter of the deck; may be given several times.
+    #[arg(long, value_name = "NAME=VALUE", value_parser = assignment)]
+    set: Vec<(String, String)>,
+    /// Treat warnings about the deck as errors: members with warnings are not run.
+    #[arg(long, visible_alias = "warnings-as-errors")]
+    deny_warnings: bool,
     /// Vary a parameter of the deck; may be given several times, and the parameter given last varies fastest.
     #[arg(long, value_name = "NAME=VALUE,VALUE,...", required = true)]
     over: Vec<Axis>,
@@ -49,8 +55,8 @@ pub struct SweepArgs {
 
 /// Runs all members of the study that were not completed earlier.
 pub fn sweep(args: SweepArgs) -> anyhow::Result<u8> {
-    let study = Study::new(args.over, args.deck.set)?;
-    let path = args.deck.deck;
+    let study = Study::new(args.over, args.set)?;
+    let path = args.deck;
     let name = path.display().to_string();
     let read = load::read(&path).and_then(|text| Ok((load::parameter_names(&name, &text)?, text)));
     let (known, text) = match read {
@@ -78,8 +84,9 @@ pub fn sweep(args: SweepArgs) -> anyhow::Result<u8> {
         return Err(Coded::new("R001", what).into());
     }
     let begin = if args.resume { Begin::AtCheckpointIfAny } else { Begin::Anew };
+    let deny_warnings = args.deny_warnings;
     let (rows, printed) = (Vec::new(), BTreeSet::new());
-    let mut sweep = Sweep { study, name, text, directory, stop, begin, rows, printed };
+    let mut sweep = Sweep { study, name, text, deny_warnings, directory, stop, begin, rows, printed };
     sweep.take_completed();
     sweep.write_table()?;
     Ok(sweep.run_members())
@@ -94,6 +101,8 @@ struct Sweep {
     /// Name and text of the deck, which is read once so that all members use the same text.
     name: String,
     text: Vec<u8>,
+    /// True if members with warnings are not run.
+    deny_warnings: bool,
     directory: PathBuf,
     stop: Arc<AtomicBool>,
     /// State in which members start.
@@ -145,7 +154,7 @@ impl Sweep {
         let overrides = self.study.overrides(&member);
         let prepared = set_up.measure(Phase::SetUp, || {
             let loaded = load_text(&self.name, &self.text, &overrides);
-            prepare(loaded, false, &Ranks::default())
+            prepare(loaded, self.deny_warnings, &Ranks::default())
         });
         let messages = messages(&prepared, false);
         // Warnings are the same for many members and are printed once; errors are printed for each member.
