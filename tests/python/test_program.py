@@ -62,6 +62,17 @@ def test_usage_errors(mpm, tmp_path):
     assert mpm("check", "inputs/beam.yaml", "--set", "h=nonsense+").returncode == 2
 
 
+def test_a_prediction_for_ranks_heeds_the_options_of_check(mpm):
+    words = ("check", "inputs/beam.yaml", "--ranks", "4", "--set", "tolerance=0.1")
+    assert mpm(*words).returncode == 0
+    process = mpm(*words, "--deny-warnings")
+    assert process.returncode == 2 and "error[D045]" in process.stderr and process.stdout == "", process.stderr
+    process = mpm("check", "tests/decks/unknown_key.yaml", "--ranks", "4", "--format", "json")
+    report = json.loads(process.stdout)
+    assert process.returncode == 2 and process.stderr == "" and report["size"] is None
+    assert [found["code"] for found in report["diagnostics"]] == ["D006"]
+
+
 def test_schema_is_a_schema(mpm):
     process = mpm("schema")
     assert process.returncode == 0, process.stderr

@@ -113,6 +113,21 @@ pub fn messages(prepared: &Result<Prepared, Box<LoadFailure>>, colour: bool) -> 
     }
 }
 
+/// Reports the messages about a deck that cannot be used; returns the exit code.
+///
+/// # Errors
+/// If the messages cannot be printed.
+pub fn refuse(failure: Box<LoadFailure>, format: Format) -> anyhow::Result<u8> {
+    let refused = Err(failure);
+    match format {
+        Format::Json => {
+            print_json(&as_document(&refused))?;
+        }
+        Format::Text => print_messages(&refused),
+    }
+    Ok(USAGE)
+}
+
 /// All messages about a deck as JSON, with the size of the analysis if it can be run.
 fn as_document(prepared: &Result<Prepared, Box<LoadFailure>>) -> Value {
     let (source, diagnostics) = findings(prepared);

@@ -1,30 +1,32 @@
 //! `mpm check --ranks`: memory and time of a run on several ranks.
 
+use crate::deck::diagnostic::{deny_warnings, sort};
 use crate::deck::load::{LoadFailure, load};
 use crate::deck::plan::{EVALUATIONS, ITERATIONS, Plan};
 use crate::deck::quoting::counted;
 use crate::memory::in_words;
 use crate::program::commands::analysis;
 use crate::program::commands::arguments::{DeckArgs, Format};
-use crate::program::exit::{DONE, USAGE};
+use crate::program::exit::DONE;
 use crate::program::screen::print::{print, print_json};
 use crate::program::screen::quantities::significant;
 use serde_json::json;
 
 /// Predicts memory and time of a deck on this number of ranks.
 pub fn plan(args: &DeckArgs, ranks: usize) -> anyhow::Result<u8> {
-    let loaded = match load(&args.deck, &args.set) {
+    let mut loaded = match load(&args.deck, &args.set) {
         Ok(loaded) => loaded,
-        Err(failure) => {
-            analysis::print_messages(&Err(failure));
-            return Ok(USAGE);
-        }
+        Err(failure) => return analysis::refuse(failure, args.format),
     };
+    let denied = args.deny_warnings && deny_warnings(&mut loaded.notes);
     let plan = match Plan::of(&loaded, ranks) {
-        Ok(plan) => plan,
-        Err(diagnostics) => {
-            analysis::print_messages(&Err(Box::new(LoadFailure { source: loaded.source, diagnostics })));
-            return Ok(USAGE);
+        Ok(plan) if !denied => plan,
+        planned => {
+            let mut diagnostics = loaded.notes;
+            diagnostics.extend(planned.err().unwrap_or_default());
+            sort(&mut diagnostics);
+            let failure = LoadFailure { source: loaded.source, diagnostics };
+            return analysis::refuse(Box::new(failure), args.format);
         }
     };
     let step = plan.solution.map(|solution| EVALUATIONS * (plan.evaluation + solution));
