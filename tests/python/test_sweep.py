@@ -202,7 +202,7 @@ def test_exit_codes(mpm, tmp_path):
         (["--over", "h="], "NAME=VALUE"),
         (["--over", "h=1,,2"], "NAME=VALUE"),
         (["--over", "hh=1"], "hh"),
-        (["--over", "stpes=1"], "did you mean `steps`"),
+        (["--over", "stpes=1"], "error[D013]: the deck has no parameter `stpes`; did you mean `steps`"),
         (["--over", "h=1", "--set", "nn=1"], "nn"),
         (["--over", "h=1", "--over", "h=2"], "varied twice"),
         (["--over", "h=1,1.0"], "twice in the list"),

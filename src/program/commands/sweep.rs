@@ -66,7 +66,7 @@ pub fn sweep(args: SweepArgs) -> anyhow::Result<u8> {
             return Ok(USAGE);
         }
     };
-    study.check_names(&known)?;
+    study.check_names(&known).map_err(|error| Coded::new("D013", error.to_string()))?;
     analysis::start_threads(args.threads)?;
     let stop = stop_on_interrupt(true)?;
     let directory = args.out.unwrap_or_else(|| {
