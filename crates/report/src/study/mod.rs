@@ -63,7 +63,7 @@ impl FromStr for Axis {
     fn from_str(text: &str) -> Result<Axis, StudyError> {
         let (name, values) = text.split_once('=').ok_or(StudyError::NoList)?;
         let name = name.trim().to_owned();
-        let values: Vec<String> = values.split(',').map(|value| value.trim().to_owned()).collect();
+        let values: Vec<String> = entries(values).into_iter().map(|value| value.trim().to_owned()).collect();
         if name.is_empty() || values.iter().any(String::is_empty) {
             return Err(StudyError::NoList);
         }
@@ -73,6 +73,24 @@ impl FromStr for Axis {
         }
         Ok(Axis { name, values })
     }
+}
+
+/// The entries of a list, which commas separate; those inside `${...}` belong to an expression.
+fn entries(list: &str) -> Vec<&str> {
+    let (mut found, mut begin, mut is_inside) = (Vec::new(), 0, false);
+    for (at, character) in list.char_indices() {
+        match character {
+            '$' if list[at..].starts_with("${") => is_inside = true,
+            '}' => is_inside = false,
+            ',' if !is_inside => {
+                found.push(&list[begin..at]);
+                begin = at + 1;
+            }
+            _ => {}
+        }
+    }
+    found.push(&list[begin..]);
+    found
 }
 
 /// All combinations of the values of some parameters, with the others fixed.
@@ -216,6 +234,13 @@ mod tests {
         assert_eq!(last.directory_name(), "h=0.5,method=gimp");
         let overrides: Vec<_> = study.overrides(&last).into_iter().map(|(n, v)| format!("{n}={v}")).collect();
         assert_eq!(overrides, ["steps=1", "h=0.5", "method=gimp"]);
+    }
+
+    #[test]
+    fn commas_inside_an_expression_belong_to_it() {
+        let study = study(&["h=${min(1,2)}, 2,${max(w, 3)/2}"], &[]).unwrap();
+        let members: Vec<String> = study.members().map(|member| member.to_string()).collect();
+        assert_eq!(members, ["h=${min(1,2)}", "h=2", "h=${max(w, 3)/2}"]);
     }
 
     #[test]
