@@ -147,9 +147,19 @@ impl Check<'_> {
                 );
                 self.at("D042", &pointer, message)
             }
-            ConstraintError::NotFinite { name, axis, .. } => {
-                let pointer = format!("/boundary_conditions/{}/u{axis}", number(name));
-                self.at("D043", &pointer, error.to_string())
+            ConstraintError::NotFinite { name, axis, node, factor, formula, value } => {
+                let number = number(name);
+                let condition = self.loaded.deck.boundary_conditions.get(number);
+                if condition.is_some_and(|condition| condition.along.is_some()) {
+                    let (name, node) = (quote(name), coordinates(node));
+                    let message = format!(
+                        "the displacement of boundary condition {name} along its direction is not finite at {node}: the \
+                         formula `{formula}` gives {value} at load factor {factor}"
+                    );
+                    self.at("D043", &format!("/boundary_conditions/{number}/move/by"), message)
+                } else {
+                    self.at("D043", &format!("/boundary_conditions/{number}/u{axis}"), error.to_string())
+                }
             }
             ConstraintError::LooseAxis { .. } => self.at("D046", "/boundary_conditions", error.to_string()),
             // A deck cannot state ties.
