@@ -3,7 +3,9 @@
 use std::collections::BTreeMap;
 
 use super::Check;
+use crate::gates::Checks;
 use crate::quoting::quote;
+use crate::references::unknown_reference;
 use crate::span::escape;
 use crate::{ControlDeck, LoadDeck, MaterialDeck, Parameter, StageDeck};
 
@@ -49,7 +51,9 @@ impl Check<'_> {
             self.factors(number, stage);
             for (body, material) in &stage.material {
                 let at = format!("/stages/{number}/material/{}", escape(body));
-                self.body(&at, body);
+                if !bodies.contains(&body.as_str()) {
+                    self.unknown_key(&at, ("body", "bodies"), body, bodies.clone());
+                }
                 if !deck.materials.contains_key(material) {
                     let names = deck.materials.keys().map(String::as_str).collect();
                     self.unknown_reference(&at, "material", "materials", material, names);
@@ -190,6 +194,13 @@ impl Check<'_> {
         }
     }
 
+    /// Reports a key that refers to nothing.
+    fn unknown_key(&mut self, pointer: &str, kind: (&str, &str), name: &str, names: Vec<&str>) {
+        let mut found = unknown_reference(self.source, pointer, kind, name, names);
+        found.span = self.source.key_span_of(pointer).or(found.span);
+        self.found.push(found);
+    }
+
     /// Checks that the factors of a stage belong to loads, or to boundary conditions that move nodes, without curves.
     fn factors(&mut self, number: usize, stage: &StageDeck) {
         let deck = self.deck;
@@ -200,13 +211,13 @@ impl Check<'_> {
             let curve = match (load, condition) {
                 (Some(_), Some(_)) => {
                     let message = format!("a load and a boundary condition are both called {}", quote(name));
-                    self.error("D053", &at, message, "give one of the two another name");
+                    self.error_at_key("D053", &at, message, "give one of the two another name");
                     continue;
                 }
                 (Some(load), None) => load.curve(),
                 (None, Some(condition)) if condition.displacements().is_empty() => {
                     let message = format!("the boundary condition {} moves no nodes", quote(name));
-                    self.error("D053", &at, message, "remove its factor");
+                    self.error_at_key("D053", &at, message, "remove its factor");
                     continue;
                 }
                 (None, Some(condition)) => condition.curve.as_ref(),
@@ -214,15 +225,14 @@ impl Check<'_> {
                     let conditions = deck.boundary_conditions.iter();
                     let moving = conditions.filter(|condition| !condition.displacements().is_empty());
                     let names = deck.loads.iter().map(LoadDeck::name).chain(moving.map(|c| c.name.as_str()));
-                    let (one, several) =
-                        ("load or prescribed displacement", "loads and prescribed displacements");
-                    self.unknown_reference(&at, one, several, name, names.collect());
+                    let kind = ("load or prescribed displacement", "loads and prescribed displacements");
+                    self.unknown_key(&at, kind, name, names.collect());
                     continue;
                 }
             };
             if curve.is_some() {
                 let message = format!("{} has a curve, and also a factor in this stage", quote(name));
-                self.error("D053", &at, message, "remove the curve, or the factor");
+                self.error_at_key("D053", &at, message, "remove the curve, or the factor");
             }
         }
     }
