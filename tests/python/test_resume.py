@@ -323,6 +323,19 @@ def test_a_table_that_is_missing_or_too_short_is_named(mpm, stopped, whole, tmp_
     assert results(directory) == expected
 
 
+def test_a_table_whose_numbers_are_damaged_is_not_continued(mpm, stopped, whole, tmp_path):
+    deck, _, _ = whole
+    directory = stopped(deck, tmp_path / "stopped", *SMALL, after=5)
+    table = directory / "history.csv"
+    lines = table.read_text().splitlines(True)
+    step, time, rest = lines[2].split(",", 2)
+    table.write_text("".join([*lines[:2], f"{step},nan{time},{rest}", *lines[3:]]))
+    before = contents(directory)
+    process = mpm("run", deck, "--out", directory, *SMALL, "--resume")
+    assert process.returncode == 2 and "error[R002]" in process.stderr, process.stderr
+    assert "history.csv` is damaged: line 3: " in process.stderr and contents(directory) == before
+
+
 def test_a_complete_run_needs_no_checkpoint_to_be_known_as_such(mpm, tmp_path):
     words, out = settings(h=1, n=3, steps=4), tmp_path / "out"
     assert mpm("run", "inputs/collapse.yaml", "--out", out, *words).returncode == 0

@@ -133,6 +133,7 @@ impl Table {
         if reached != last {
             return Err(wrong(&format!("does not reach step {last}")));
         }
+        Columns::parse(&kept).map_err(|what| wrong(&format!("is damaged: {what}")))?;
         Ok(Kept { path, columns, text: kept })
     }
 
