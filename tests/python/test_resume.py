@@ -336,6 +336,18 @@ def test_a_table_whose_numbers_are_damaged_is_not_continued(mpm, stopped, whole,
     assert "history.csv` is damaged: line 3: " in process.stderr and contents(directory) == before
 
 
+def test_a_file_that_no_run_wrote_stands_in_the_way_of_resuming(mpm, stopped, whole, tmp_path):
+    deck, expected, _ = whole
+    directory = stopped(deck, tmp_path / "stopped", *SMALL, after=5)
+    (directory / "run.json").write_text((directory / "run.json").read_text()[:40])
+    process = mpm("run", deck, "--out", directory, *SMALL, "--resume")
+    assert process.returncode == 2 and "error[R002]" in process.stderr, process.stderr
+    assert "help: restore the file, or move it away" in process.stderr and "--out" not in process.stderr
+    (directory / "run.json").unlink()
+    assert mpm("run", deck, "--out", directory, *SMALL, "--resume").returncode == 0
+    assert results(directory) == expected
+
+
 def test_a_complete_run_needs_no_checkpoint_to_be_known_as_such(mpm, tmp_path):
     words, out = settings(h=1, n=3, steps=4), tmp_path / "out"
     assert mpm("run", "inputs/collapse.yaml", "--out", out, *words).returncode == 0

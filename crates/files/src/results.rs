@@ -114,7 +114,7 @@ impl Results {
         std::fs::create_dir_all(directory)?;
         let lock = Lock::take(directory)?;
         if let Some(name) = foreign_file(directory)? {
-            return Err(foreign(&name));
+            return Err(foreign(&name, "; choose another directory with `--out`, or move the file away"));
         }
         remove_earlier_results(directory)?;
         let tables = Tables {
@@ -182,7 +182,7 @@ impl Results {
         let (last, every) = (checkpoint.step().index, asked.every);
         let [history, quality, convergence] = tables_in(directory, model, Some(&checkpoint.head.reached))?;
         if let Some(name) = foreign_file(directory)? {
-            return Err(foreign(&name));
+            return Err(foreign(&name, ", or is damaged"));
         }
         if let Some(series) = series_without_list(directory)? {
             let what =
@@ -345,10 +345,8 @@ fn tables_in<const D: usize>(
 }
 
 /// The error for a file that a run would replace although no run has written it.
-fn foreign(name: &str) -> io::Error {
-    let what = format!(
-        "`{name}` in it was not written by a run; choose another directory with `--out`, or move the file away"
-    );
+fn foreign(name: &str, end: &str) -> io::Error {
+    let what = format!("`{name}` in it was not written by a run{end}");
     io::Error::new(io::ErrorKind::AlreadyExists, what)
 }
 

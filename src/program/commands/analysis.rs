@@ -228,8 +228,8 @@ pub fn run_into(run: Run, ready: Prepared, set_up: Timings) -> anyhow::Result<Op
                     Results::resume(place, &asked, &parts.0, account, &checkpoint, step)
                 }
             };
-            let results =
-                reopened.map_err(|error| Coded::new("R002", resume::unusable(&error.to_string())))?;
+            let results = reopened
+                .map_err(|error| Coded::new("R002", resume::unusable(error.kind(), &error.to_string())))?;
             (results, Some((checkpoint, reached)))
         }
     };

@@ -140,7 +140,7 @@ fn close(
         Analysis::Solid(parts) => Results::check_tables(directory, &parts.0, reached),
     };
     if let Some(reason) = ranks.first(checked.err().map(|error| error.to_string())) {
-        bail!("{}", unusable(&reason));
+        bail!("{}", unusable(ErrorKind::InvalidData, &reason));
     }
     if ranks.is_root() {
         directory::tidy(directory).with_context(|| format!("`{}` cannot be written", directory.display()))?;
@@ -149,8 +149,11 @@ fn close(
 }
 
 /// Text about results that cannot be used, with the remedy.
-pub fn unusable(reason: &str) -> String {
-    format!(
-        "the results of the steps up to the checkpoint cannot be used: {reason}\n  help: restore the file, or {AGAIN}"
-    )
+pub fn unusable(kind: ErrorKind, reason: &str) -> String {
+    let what = format!("the results of the steps up to the checkpoint cannot be used: {reason}");
+    match kind {
+        // A run that starts over would not replace the file either.
+        ErrorKind::AlreadyExists => format!("{what}\n  help: restore the file, or move it away"),
+        _ => format!("{what}\n  help: restore the file, or {AGAIN}"),
+    }
 }
