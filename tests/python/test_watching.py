@@ -5,6 +5,7 @@ import os
 import pty
 import re
 import select
+import shlex
 import signal
 import subprocess
 import time
@@ -285,6 +286,13 @@ def test_the_table_at_the_end_agrees_with_the_files(mpm, tmp_path):
     scope = {}
     exec(line.split(".plot(")[0].replace("pyvista.read", "mesh = pyvista.read"), scope)
     assert scope["mesh"].n_cells == summary["points"]
+
+
+def test_the_command_of_the_table_can_be_copied(mpm, tmp_path):
+    out = tmp_path / "what's new"
+    process = mpm("run", "inputs/annulus.yaml", "--out", out)
+    assert process.returncode == 0, process.stderr
+    assert shlex.split(table_of(process)["in ParaView"]) == ["paraview", f"{out}/points.pvd"]
 
 
 def test_the_table_of_points_without_domain_and_of_no_files(mpm, tmp_path):

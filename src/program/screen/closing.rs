@@ -1,7 +1,7 @@
 //! The table at the end of a run: model, convergence, results, and the files that contain them.
 
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use crate::deck::quoting::{counted, list};
 use crate::model::Model;
@@ -233,7 +233,7 @@ impl Closing {
         table.entry("results", &self.directory.display().to_string());
         match &self.picture {
             Some(Picture { series, file }) => {
-                table.entry("in ParaView", &format!("paraview {}", series.display()));
+                table.entry("in ParaView", &format!("paraview {}", shell_word(series)));
                 table.entry("in Python", "");
                 let file = format!("{:?}", file.display().to_string());
                 table.line(&format!("import pyvista; pyvista.read({file}).plot({})", self.view));
@@ -242,6 +242,15 @@ impl Closing {
             None => table.row("", "no VTU files: the deck sets `output: {every: 0}`"),
         }
     }
+}
+
+/// A path as a word of a shell command, in quotes if it has characters with a meaning there.
+fn shell_word(path: &Path) -> String {
+    let text = path.display().to_string();
+    if text.chars().all(|c| c.is_alphanumeric() || "/._-+,=:@%".contains(c)) {
+        return text;
+    }
+    format!("'{}'", text.replace('\'', r"'\''"))
 }
 
 /// The factors of safety in words: a single one, or one for each of several stages, with its name.
