@@ -472,6 +472,18 @@ def test_a_run_without_pictures(page_of, analyse):
     assert "The run wrote no VTU files" in text_of(page_of(results.directory).read_text())
 
 
+def test_pictures_that_cannot_be_made_are_refused(mpm, beam, analyse, tmp_path):
+    bare = analyse("inputs/beam.yaml", **(TERSE | {"every": 0})).directory
+    for runs in ([bare], [bare, bare]):
+        for words in (["--field", "pressure"], ["--steps", "3"]):
+            process = mpm("report", *runs, *words, "--out", tmp_path / "page.html")
+            assert process.returncode == 2 and f"`{bare}` contains no VTU files of the points" in process.stderr
+    shutil.copytree(beam.directory, tmp_path / "other")
+    process = mpm("report", beam.directory, tmp_path / "other", "--field", "nothing", "--out", tmp_path / "page.html")
+    assert process.returncode == 2 and re.search(r"error: the run `[^`]+`: the points have no field", process.stderr)
+    assert not (tmp_path / "page.html").exists()
+
+
 def test_a_comparison_tells_the_runs_apart(comparison, beam):
     html = comparison.read_text()
     text = text_of(html)

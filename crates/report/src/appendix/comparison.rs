@@ -250,12 +250,16 @@ fn deformed_points(
 ) -> Result<(), ReportError> {
     let shown: Vec<&Run> = runs.iter().filter(|run| !run.points.is_empty()).collect();
     if shown.is_empty() {
-        return Ok(());
+        return match runs.first().filter(|_| options.asks_for_pictures()) {
+            Some(run) => Err(ReportError::NoPictures { path: run.directory.clone() }),
+            None => Ok(()),
+        };
     }
     page.section("Deformed points");
     let mut snapshots = Vec::new();
     for run in shown.iter().copied() {
-        let last = StepChoice::find_all(&options.steps, &run.points)?.pop();
+        let found = StepChoice::find_all(&options.steps, &run.points);
+        let last = found.map_err(|error| error.of_run(&run.name))?.pop();
         snapshots.extend(last.map(|snapshot| (run, snapshot)));
     }
     let all: Vec<Snapshot> = snapshots.iter().map(|(_, snapshot)| snapshot.clone()).collect();
@@ -265,7 +269,8 @@ fn deformed_points(
             let progress = Progress::of(std::slice::from_ref(*run));
             let at = plain(progress.at(run, snapshot.time), 4);
             let title = format!("{}: step {}, {} {at}", run.name, snapshot.step, progress.name());
-            scenes.push(Scene::read(run, snapshot, field, title)?);
+            let scene = Scene::read(run, snapshot, field, title);
+            scenes.push(scene.map_err(|error| error.of_run(&run.name))?);
         }
         let gallery = Gallery::new(&scenes, field);
         page.figure(&gallery.caption(naming), &gallery.html(naming, &format!("colours-{number}"))?);

@@ -76,6 +76,20 @@ pub enum ReportError {
         /// The steps that were written.
         known: Vec<usize>,
     },
+    /// A field or a load step is asked for, but no points were written.
+    #[error("no field or load step can be shown: {} contains no VTU files of the points", shown(path))]
+    NoPictures {
+        /// Directory of the first run.
+        path: PathBuf,
+    },
+    /// A field or a load step is missing in one of several runs.
+    #[error("the run {}: {error}", quote(run))]
+    OfRun {
+        /// Name of the run.
+        run: String,
+        /// What is missing.
+        error: Box<ReportError>,
+    },
     /// The report cannot be written.
     #[error("{} cannot be written: {error}", shown(path))]
     Unwritable {
@@ -96,6 +110,16 @@ impl ReportError {
                 ReportError::Damaged { path: path.to_owned(), what: what.to_owned() }
             }
             _ => ReportError::Unreadable { path: path.to_owned(), error },
+        }
+    }
+
+    /// The same error, in one of several runs; errors about a file name it already.
+    pub(super) fn of_run(self, run: &str) -> ReportError {
+        match self {
+            ReportError::NoField { .. } | ReportError::NoComponent { .. } | ReportError::NoStep { .. } => {
+                ReportError::OfRun { run: run.to_owned(), error: Box::new(self) }
+            }
+            other => other,
         }
     }
 

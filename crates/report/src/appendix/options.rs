@@ -28,6 +28,12 @@ impl Default for Options {
 }
 
 impl Options {
+    /// True if a field or a step is asked for that only pictures can show.
+    pub(super) fn asks_for_pictures(&self) -> bool {
+        let by_number = |step: &StepChoice| matches!(step, StepChoice::Number(_));
+        !self.fields.is_empty() || self.steps.iter().any(by_number)
+    }
+
     /// The fields to show for some states.
     pub(super) fn fields(&self, snapshots: &[Snapshot]) -> Result<Vec<FieldChoice>, ReportError> {
         if self.fields.is_empty() {

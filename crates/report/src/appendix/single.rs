@@ -296,6 +296,9 @@ fn deformed_points(
     naming: &Naming,
 ) -> Result<(), ReportError> {
     page.section("Deformed points");
+    if run.points.is_empty() && options.asks_for_pictures() {
+        return Err(ReportError::NoPictures { path: run.directory.clone() });
+    }
     if run.points.is_empty() {
         page.paragraph("The run wrote no VTU files of the points, so there are no pictures.");
         return Ok(());
