@@ -188,8 +188,16 @@ impl Check<'_> {
                 }
             }
             if one == "body" && !is_there.is_empty() && is_there.values().all(|there| !there) {
-                let message = "no body is left in this stage";
-                self.error("D053", &format!("/stages/{number}/remove"), message, "keep at least one body");
+                let later = deck.stages.iter().position(|stage| !begins(stage).is_empty());
+                if let (0, Some(later), true) = (number, later, ends(stage).is_empty()) {
+                    let message = "no body is present before this stage: a body that a stage adds is absent at the start";
+                    let help = "remove it from `add`, or leave another body present at the start";
+                    self.error("D053", &format!("/stages/{later}/{begin}"), message, help);
+                } else if !ends(stage).is_empty() {
+                    let message = "no body is left in this stage";
+                    let help = "keep at least one body";
+                    self.error("D053", &format!("/stages/{number}/{end}"), message, help);
+                }
             }
         }
     }
