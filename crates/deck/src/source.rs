@@ -66,7 +66,7 @@ impl Source {
 
     pub(crate) fn set_text(&mut self, bytes: &[u8]) {
         self.text = String::from_utf8_lossy(bytes).into_owned();
-        self.line_starts = self.text.match_indices('\n').map(|(newline, _)| newline + 1).collect();
+        self.line_starts = line_starts(&self.text).collect();
     }
 
     /// Name of the file.
@@ -97,7 +97,7 @@ impl Source {
             if let Some(place) = self.entries.get(pointer) {
                 let value = place.value;
                 let broad = self.text.get(value.start..value.end).is_none_or(|text| text.trim().is_empty())
-                    || self.text[value.start..value.end].trim_end().contains('\n');
+                    || self.text[value.start..value.end].trim_end().contains(['\n', '\r']);
                 return Some(if broad { place.key.unwrap_or(value) } else { value });
             }
             pointer = &pointer[..pointer.rfind('/')?];
@@ -185,7 +185,7 @@ impl Source {
     /// The line on which a span starts, with a mark under the span that is cut off at the end of the line.
     pub(super) fn excerpt(&self, span: Span) -> Excerpt<'_> {
         let start = floor_boundary(&self.text, span.start);
-        let line_start = self.text[..start].rfind('\n').map_or(0, |newline| newline + 1);
+        let line_start = self.text[..start].rfind(['\n', '\r']).map_or(0, |newline| newline + 1);
         let line_end =
             self.text[start..].find(['\n', '\r']).map_or(self.text.len(), |newline| start + newline);
         let text = &self.text[line_start..line_end];
@@ -193,6 +193,12 @@ impl Source {
         let end = start + self.text[start..end].trim_end().len();
         Excerpt { text, line: self.line_column(start).0, mark: start - line_start..end - line_start }
     }
+}
+
+/// First byte of every line except the first. As in YAML, a line ends with LF, CR LF or CR.
+pub(crate) fn line_starts(text: &str) -> impl Iterator<Item = usize> {
+    let breaks = text.match_indices(['\n', '\r']).map(|(at, end)| (at + 1, end));
+    breaks.filter(|(next, end)| *end == "\n" || !text[*next..].starts_with('\n')).map(|(next, _)| next)
 }
 
 fn floor_boundary(text: &str, offset: usize) -> usize {

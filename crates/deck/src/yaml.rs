@@ -10,6 +10,7 @@ use serde_yaml::granit_parser::{self, Event, Marker, Parser, ScalarStyle, Tag};
 
 use super::diagnostic::Diagnostic;
 use super::quoting::quote;
+use super::source::line_starts;
 use super::span::{EntrySpan, Span, escape};
 
 /// Largest number of levels of nesting; a deck without nested regions needs about a tenth of this number.
@@ -201,8 +202,8 @@ impl<'a> Builder<'a> {
     fn syntax_fault(&self, error: &granit_parser::ScanError) -> Diagnostic {
         let start = self.byte(*error.marker());
         let length = self.text[start..].chars().next().filter(|c| !c.is_control()).map_or(0, char::len_utf8);
-        let line_start = self.text[..start].rfind('\n').map_or(0, |newline| newline + 1);
-        let line = self.text[line_start..].lines().next().unwrap_or("");
+        let line_start = self.text[..start].rfind(['\n', '\r']).map_or(0, |newline| newline + 1);
+        let line = self.text[line_start..].split(['\n', '\r']).next().unwrap_or("");
         let fault =
             fault("D002", Span { start, end: start + length }, format!("this is not YAML: {}", error.kind()));
         if line.contains("${") {
@@ -304,7 +305,7 @@ impl<'a> Builder<'a> {
         map.pending = Some(Pending { key: text.to_owned(), span, repeated: earlier.is_some() });
         // A text with this many faults is not a deck.
         if let Some(earlier) = earlier.filter(|_| self.diagnostics.len() < 1000) {
-            let line = self.text[..earlier.start].matches('\n').count() + 1;
+            let line = line_starts(self.text).take_while(|start| *start <= earlier.start).count() + 1;
             let diagnostic = fault("D003", span, format!("the key {} is given twice", quote(text)));
             let help = format!("keep one of them: remove this one, or the one in line {line}");
             let diagnostic = diagnostic.note(format!("it is first given in line {line}"));
