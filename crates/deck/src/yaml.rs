@@ -275,7 +275,14 @@ impl<'a> Builder<'a> {
         let data = match tag.map(|tag| tag.core_suffix().unwrap_or("?")) {
             None if is_plain => plain(text),
             None | Some("str") => Ok(Value::String(text.to_owned())),
-            Some("int" | "float" | "bool" | "null") => plain(text),
+            Some(kind @ ("int" | "float" | "bool" | "null")) => {
+                let value = plain(text);
+                if value.as_ref().is_ok_and(|value| !is_of_kind(value, kind)) {
+                    let message = format!("{} does not fit its tag `!!{kind}`", quote(text));
+                    return Err(fault("D004", span, message).help("remove the tag, or correct the value"));
+                }
+                value
+            }
             Some(_) => {
                 return Err(fault("D004", span, "tags are not used in decks").help("remove the `!...`"));
             }
@@ -322,7 +329,8 @@ impl<'a> Builder<'a> {
         content: Content,
     ) -> Result<(), Diagnostic> {
         self.count(span)?;
-        if tag.is_some_and(|tag| !matches!(tag.core_suffix(), Some("map" | "seq"))) {
+        let own = if matches!(content, Content::List(_)) { "seq" } else { "map" };
+        if tag.is_some_and(|tag| tag.core_suffix() != Some(own)) {
             return Err(fault("D004", span, "tags are not used in decks").help("remove the `!...`"));
         }
         if self.expects_key() {
@@ -439,6 +447,16 @@ fn merge(entries: Vec<Entry>) -> Result<Vec<Entry>, Diagnostic> {
         }
     }
     Ok(merged)
+}
+
+/// True if a value has the type that a tag of YAML states.
+fn is_of_kind(value: &Value, kind: &str) -> bool {
+    match kind {
+        "int" => value.is_i64() || value.is_u64(),
+        "float" => value.is_number(),
+        "bool" => value.is_boolean(),
+        _ => value.is_null(),
+    }
 }
 
 /// Value of a scalar without quotes in the core schema of YAML 1.2.
