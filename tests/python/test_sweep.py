@@ -114,6 +114,18 @@ def test_a_complete_study_is_not_run_again(mpm, study):
     assert (directory / "sweep.csv").read_bytes() == table
 
 
+def test_a_line_break_in_the_name_of_a_body_does_not_hide_the_table(mpm, tmp_path):
+    text = (ROOT / BEAM).read_text()
+    for key in ("name", "body"):
+        assert f"{key}: beam" in text
+        text = text.replace(f"{key}: beam", f'{key}: "be\\nam"')
+    deck = tmp_path / "deck.yaml"
+    deck.write_text(text)
+    for expected in ([1], []):
+        process = mpm("sweep", deck, "--over", "n=5", *QUICK, "--out", tmp_path / "out")
+        assert process.returncode == 0 and runs(process) == expected, process.stderr
+
+
 def test_only_what_is_missing_is_run(mpm, study, tmp_path):
     directory = shutil.copytree(study[0], tmp_path / "out")
     shutil.rmtree(directory / "h=0.5,n=6")

@@ -89,11 +89,18 @@ pub fn write_table<'a>(
 /// True if a path does not exist, or is an empty file or the table of a study.
 pub fn may_be_replaced(path: &Path) -> bool {
     let Ok(about) = std::fs::metadata(path) else { return true };
-    let mut header = String::new();
-    let read = about.is_file()
-        && std::fs::File::open(path).and_then(|file| io::BufReader::new(file).read_line(&mut header)).is_ok();
+    let header = if about.is_file() { first_record(path).ok() } else { None };
+    let Some(header) = header else { return false };
     let has = |name: &str| header.trim_end().split(',').any(|column| column == name);
-    read && (header.is_empty() || has("outcome") && header.trim_end().ends_with(",reason"))
+    header.is_empty() || has("outcome") && header.trim_end().ends_with(",reason")
+}
+
+/// The first record of a table: its first line, or several lines if a quoted entry contains line breaks.
+fn first_record(path: &Path) -> io::Result<String> {
+    let mut file = io::BufReader::new(std::fs::File::open(path)?);
+    let mut record = String::new();
+    while file.read_line(&mut record)? > 0 && record.matches('"').count() % 2 == 1 {}
+    Ok(record)
 }
 
 fn entries(row: &Row, reduces: bool, extents: &[String], history: &[String]) -> Vec<String> {
