@@ -3,7 +3,7 @@
 use super::Check;
 use super::extent::{Extent, GridBox};
 use super::geometry::{MOST, is_whole};
-use crate::{AXES, AxisSpacing, GridDeck, IntervalDeck, PerAxis, SpacingDeck};
+use crate::{AXES, AxisSpacing, GridDeck, IntervalDeck, Parameter, PerAxis, SpacingDeck};
 use mpm_core::grid::{Axis, ON_LINE};
 
 /// Largest number of cells along a graded axis; the lines of such an axis are stored.
@@ -82,10 +82,12 @@ impl Check<'_> {
         }
         if !is_whole(count) {
             let message = format!(
-                "the size {side} along {} is not a whole multiple of the spacing {spacing}",
-                AXES[axis]
+                "the size {} along {} is not a whole multiple of the spacing {}",
+                Parameter::Number(side),
+                AXES[axis],
+                Parameter::Number(spacing)
             );
-            let help = format!("{} would fit", count.round().max(1.0) * spacing);
+            let help = format!("{} would fit", Parameter::Number(count.round().max(1.0) * spacing));
             self.error("D027", &format!("/grid/size/{axis}"), message, help);
         }
         Axis::even(origin, spacing, count.round().max(1.0) as usize)
@@ -124,7 +126,8 @@ impl Check<'_> {
         let count = spacing.cells(side);
         if count > MOST_GRADED {
             let message = format!(
-                "there would be {count:.1e} cells along {name}; a graded axis has at most {MOST_GRADED:.0e}"
+                "there would be {} cells along {name}; a graded axis has at most {MOST_GRADED:.0e}",
+                Parameter::Number(count)
             );
             self.error("D027", &pointer, message, "use fewer cells, or an even spacing");
         }

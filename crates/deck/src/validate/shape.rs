@@ -4,7 +4,7 @@ use super::Check;
 use super::extent::{Extent, GridBox};
 use crate::per_axis::array;
 use crate::region::{Direction, OfDeck, Refusal, WithoutFiles, region};
-use crate::{AXES, GridDeck, Shape};
+use crate::{AXES, GridDeck, Parameter, Shape};
 use mpm_core::region::{Polygon, Primitive, Region, ShapeError, crossing_sides};
 
 /// Area of a polygon, relative to its bounding box, below which it counts as zero.
@@ -176,8 +176,11 @@ impl Check<'_> {
             let (low, high) = (bounds.min[axis], bounds.max[axis]);
             if low < min[axis] - slack(min[axis]) || high > max[axis] + slack(max[axis]) {
                 let message = format!(
-                    "the region extends from {low} to {high} along {name}, beyond the grid, which covers {} to {}",
-                    min[axis], max[axis]
+                    "the region extends from {} to {} along {name}, beyond the grid, which covers {} to {}",
+                    Parameter::Number(low),
+                    Parameter::Number(high),
+                    Parameter::Number(min[axis]),
+                    Parameter::Number(max[axis])
                 );
                 let help = "make the grid larger, or cut off the part outside with a `difference`";
                 self.error("D028", pointer, message, help);
