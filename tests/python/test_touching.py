@@ -150,3 +150,25 @@ def test_conditions_on_surfaces_keep_the_symmetry_of_a_body_wherever_it_lies(run
         mirrored = x * [-1, 1, 1] + [2 * start + 4, 0, 0]
         partner = np.linalg.norm(mirrored[:, None] - x[None], axis=2).argmin(axis=1)
         np.testing.assert_allclose(u[partner] * [-1, 1, 1], u, atol=1e-9)
+
+
+def test_a_body_that_is_added_again_touches_tools_anew(run):
+    """It is in the same state as another body in its place: no force of its first life acts on it."""
+    forces = []
+    for again in ("b", "b2"):
+        of_stages = deck({"size": [4, 4], "spacing": 0.25}, [[0.5, 1], [3.5, 2]], [{"name": "side", "nodes": {"x": 0.5}, "fix": ["x"]}])
+        of_stages["bodies"][0]["method"] = "gimp"
+        if again != "b":
+            of_stages["bodies"].append(of_stages["bodies"][0] | {"name": again})
+        of_stages["tools"] = [
+            {"name": "t", "shape": {"type": "half-space", "point": [0, 1], "normal": [0, 1]}, "friction": 0.3}
+        ]
+        of_stages["loads"] = [{"name": "g", "type": "gravity", "acceleration": [0, -10]}]
+        of_stages["stages"] = [
+            {"name": "rest", "steps": {"count": 2}, "factors": {"g": 1}},
+            {"name": "again", "remove": ["b"], "add": [again], "steps": {"count": 2}},
+            {"name": "hold", "steps": {"count": 1}},
+        ]
+        history = run(of_stages).history
+        forces.append([history["t_fx"], history["t_fy"]])
+    np.testing.assert_allclose(forces[0], forces[1], rtol=1e-9, atol=1e-6)

@@ -458,6 +458,13 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
         self.has_begun.iter_mut().zip(&self.is_there).for_each(|(begun, there)| *begun = *there);
     }
 
+    /// The multipliers of bodies that have not begun are ignored.
+    fn forget_bodies(&mut self, _: &Model<D>, removed: &[usize]) {
+        for (body, begun) in self.has_begun.iter_mut().enumerate() {
+            *begun &= !removed.contains(&body);
+        }
+    }
+
     fn save(&self) -> Option<Saved> {
         let poses: Vec<_> = self.tools.iter().map(|moving| moving.start).collect();
         let (converged, has_begun) = (self.converged.clone(), self.has_begun.clone());
