@@ -277,8 +277,19 @@ where
         }
     }
 
+    fn stage_ended(&mut self, model: &Model<D>, points: &Points<D>) -> io::Result<()> {
+        match &mut self.0.borrow_mut().worker.files {
+            Some(files) => files.results.stage_ended(model, points),
+            None => Ok(()),
+        }
+    }
+
     fn stage_began(&mut self, reached: Option<&Reached>) {
         if let Some(files) = &mut self.0.borrow_mut().worker.files {
+            if let Some(reached) = reached {
+                files.progress.stage_began(reached);
+                files.tell();
+            }
             Observer::<D>::stage_began(&mut files.results, reached);
         }
     }

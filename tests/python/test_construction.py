@@ -160,3 +160,34 @@ def test_settlement_and_bearing_pressure_on_level_ground(level):
     text = (ROOT / "docs/how-to/footing.md").read_text()
     assert f"`mean-dilatation`, `h=0.5` | {found / 1e3:.0f} kPa (+{100 * (found / prandtl - 1):.0f} %)" in text
     assert f"a mean settlement of the loaded area of {mean * 1e3:.2f} mm" in " ".join(text.split())
+
+
+SLIDES = """version: 1
+grid: {type: structured, origin: [0, 0], size: [6, 3], spacing: 0.5}
+materials: {m: {model: tresca, young: 1e6, poisson: 0.3, cohesion: 7e3, density: 2000}}
+bodies:
+  - {name: b, material: m, method: gimp, volumetric: mean-dilatation, points_per_cell: 2,
+     shape: {type: box, min: [0, 0], max: [4, 1.5]}}
+boundary_conditions:
+  - {name: base, nodes: {y: 0}, fix: [x, y]}
+  - {name: left, nodes: {x: 0}, fix: [x]}
+  - {name: right, nodes: {x: 4}, fix: [x]}
+loads: [{name: g, type: gravity, acceleration: [0, -10]}, {name: push, type: body-force, force: [0, -1e6]}]
+stages:
+  - {name: rest, steps: {count: 2}, factors: {g: 1}}
+  - {name: free, release: [right], steps: {count: 4}}
+  - {name: weaker, steps: {count: 5, control: {type: strength-reduction, from: 1, to: 3, tolerance: 0.1}}}
+  - {name: hold, steps: {count: 1, smallest: 1}, factors: {push: PUSH}}
+output: {every: 50}
+"""
+
+
+@pytest.mark.parametrize("push", [0, 1], ids=["holds", "fails"])
+def test_the_end_of_a_stage_that_ends_early_is_in_the_files(mpm, tmp_path, push):
+    (tmp_path / "deck.yaml").write_text(SLIDES.replace("PUSH", str(push)))
+    process = mpm("run", tmp_path / "deck.yaml", "--out", tmp_path / "out")
+    assert process.returncode == push, process.stderr
+    results = Results(tmp_path / "out")
+    times, history = [time for time, _ in results.series("points")], results.history
+    ends = history["time"][history["time"] < 3 - 1e-9].max()
+    assert 2 < ends < 3 and ends in times

@@ -487,6 +487,17 @@ impl Results {
         }
     }
 
+    /// Writes the last step of a stage even if it is not due, as that of a stage that has ended early.
+    fn stage_ended_in<const D: usize>(&mut self, model: &Model<D>, points: &Points<D>) -> io::Result<()> {
+        let ranks = &points.ranks;
+        let settled = self.settle();
+        if ranks.any(settled.is_err()) || !self.lacks_last(ranks) {
+            return settled;
+        }
+        let frames = self.frames.of_points(model, points, self.last);
+        self.show(self.last, frames, ranks)
+    }
+
     fn finished_in<const D: usize>(
         &mut self,
         model: &Model<D>,
@@ -568,6 +579,10 @@ macro_rules! observe {
                 ended: Option<(&FailedAttempt<$D>, &Diagnosis)>,
             ) -> io::Result<()> {
                 self.failed_in(model, points, attempt, ended)
+            }
+
+            fn stage_ended(&mut self, model: &Model<$D>, points: &Points<$D>) -> io::Result<()> {
+                self.stage_ended_in(model, points)
             }
 
             fn stage_began(&mut self, reached: Option<&Reached>) {

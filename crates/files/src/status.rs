@@ -195,6 +195,11 @@ impl Progress {
         }
     }
 
+    /// Records that a stage has begun.
+    pub fn stage_began(&mut self, reached: &Reached) {
+        self.set_stage(&reached.summary);
+    }
+
     /// Records that the run resumes from a step that an earlier run reached.
     pub fn resumed(&mut self, reached: &Reached) {
         let end = reached.step.end;

@@ -318,7 +318,15 @@ where
         self.results.bisected(model, points, step)
     }
 
+    fn stage_ended(&mut self, model: &Model<D>, points: &Points<D>) -> io::Result<()> {
+        self.results.stage_ended(model, points)
+    }
+
     fn stage_began(&mut self, reached: Option<&Reached>) {
+        if let Some(reached) = reached {
+            self.progress.stage_began(reached);
+            self.update_status();
+        }
         Observer::<D>::stage_began(&mut self.results, reached);
     }
 

@@ -70,6 +70,14 @@ pub trait Observer<const D: usize> {
         Ok(())
     }
 
+    /// Called when a stage that another one follows has ended, before the next stage changes the points.
+    ///
+    /// # Errors
+    /// Any error stops the run.
+    fn stage_ended(&mut self, _model: &Model<D>, _points: &Points<D>) -> std::io::Result<()> {
+        Ok(())
+    }
+
     /// Called when a stage after the first has begun, before its first step. `reached` is the end of the previous stage
     /// together with the new stage: it belongs to the points as the stage has changed them. `None` if the stage could
     /// not begin, which ends the run; the points are then in no state from which a run can resume.

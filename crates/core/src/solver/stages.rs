@@ -8,6 +8,7 @@ use crate::model::{Control, Model, Present, Stage};
 use crate::points::Points;
 use crate::step::Step;
 use crate::tensor::padded;
+use crate::timing::Phase;
 
 use super::Solvable;
 use super::agree::agree;
@@ -291,6 +292,9 @@ where
         if model.present.stage + 1 >= model.stages.len() {
             return Ok(());
         }
+        let observe = || observer.stage_ended(model, points);
+        let observed = reached.summary.timings.measure(Phase::Output, observe);
+        agree(&points.ranks, observed.map_err(SolveError::Output))?;
         let entered = enter(model, points, reached);
         observer.stage_began(entered.is_ok().then_some(&*reached));
         entered?;
