@@ -154,8 +154,8 @@ fn table_by_axis(
 /// Forces and probes at the end of the last step.
 fn end_of_run(page: &mut Page, run: &Run, naming: &Naming) {
     let Some(step) = run.column("step").last().map(|step| html(*step, 9)) else { return };
-    let axes: Vec<&str> =
-        AXES.into_iter().filter(|axis| !run.names_before(&format!("_r{axis}")).is_empty()).collect();
+    let has = |axis: &&str| "rfu".chars().any(|letter| run.has_column_of(&format!("_{letter}{axis}")));
+    let axes: Vec<&str> = AXES.into_iter().filter(has).collect();
     let forces = &run.summary["forces"];
     let along = |key: &str| -> Option<Vec<Option<f64>>> {
         Some(forces[key].as_array()?.iter().map(Value::as_f64).collect())
