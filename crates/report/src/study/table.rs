@@ -98,9 +98,15 @@ pub fn may_be_replaced(path: &Path) -> bool {
 /// The first record of a table: its first line, or several lines if a quoted entry contains line breaks.
 fn first_record(path: &Path) -> io::Result<String> {
     let mut file = io::BufReader::new(std::fs::File::open(path)?);
-    let mut record = String::new();
-    while file.read_line(&mut record)? > 0 && record.matches('"').count() % 2 == 1 {}
-    Ok(record)
+    let (mut record, mut is_quoted) = (String::new(), false);
+    loop {
+        let line = record.len();
+        let is_end = file.read_line(&mut record)? == 0;
+        is_quoted ^= record[line..].matches('"').count() % 2 == 1;
+        if is_end || !is_quoted {
+            return Ok(record);
+        }
+    }
 }
 
 fn entries(row: &Row, reduces: bool, extents: &[String], history: &[String]) -> Vec<String> {
