@@ -261,6 +261,8 @@ pub enum SolveError {
 pub enum Obstacle {
     /// Boundary conditions or ties of one node contradict each other.
     Conflict,
+    /// Other conditions keep a surface from its prescribed displacement.
+    Unmet,
     /// A formula has no finite value.
     NotFinite,
     /// Nodes on the axis of revolution are free to leave it.
@@ -272,9 +274,8 @@ pub enum Obstacle {
 impl From<&ConstraintError> for Obstacle {
     fn from(error: &ConstraintError) -> Self {
         match error {
-            ConstraintError::Conflict { .. }
-            | ConstraintError::Tie { .. }
-            | ConstraintError::Unmet { .. } => Obstacle::Conflict,
+            ConstraintError::Conflict { .. } | ConstraintError::Tie { .. } => Obstacle::Conflict,
+            ConstraintError::Unmet { .. } => Obstacle::Unmet,
             ConstraintError::NotFinite { .. } => Obstacle::NotFinite,
             ConstraintError::LooseAxis { .. } => Obstacle::LooseAxis,
         }

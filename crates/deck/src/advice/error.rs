@@ -96,6 +96,9 @@ fn on_contact(error: &ContactError) -> Option<&'static str> {
 pub fn against(obstacle: Obstacle) -> &'static str {
     match obstacle {
         Obstacle::Conflict => "prescribe each axis of a node with one boundary condition only",
+        Obstacle::Unmet => {
+            "remove one of the conditions: the other one holds the nodes or the surface on which this one acts"
+        }
         Obstacle::NotFinite => "the formula divides by zero or leaves its domain there",
         Obstacle::LooseAxis => "add `{name: axis, nodes: {x: 0}, fix: [x]}` to the boundary conditions",
         Obstacle::Memory => "use a coarser grid or, on a structured grid, `solver: {linear: iterative}`",
