@@ -106,9 +106,9 @@ pub fn table(law: &dyn Material, states: &[ElementState]) -> io::Result<String> 
 
 /// The column of the table in which a state has a number that is not finite, if there is one.
 pub fn infinite(law: &dyn Material, state: &ElementState) -> Option<String> {
-    let mut entries = columns(law, true).into_iter().zip(row(law, 0, state, true));
     let is_infinite = |entry: &Entry| matches!(entry, Entry::Number(value) if !value.is_finite());
-    entries.find(|(_, entry)| is_infinite(entry)).map(|(column, _)| column)
+    let column = row(law, 0, state, true).iter().position(is_infinite)?;
+    columns(law, true).into_iter().nth(column)
 }
 
 fn columns(law: &dyn Material, in_space: bool) -> Vec<String> {
