@@ -276,31 +276,10 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         timings.measure(Phase::Solve, || self.solve_bordered(place, system, rhs, delta, tolerance))
     }
 
-    /// As [`Equations::solve`], for another right-hand side with the matrix of the last solve.
+    /// As [`Equations::solve`], but with the existing factor or preconditioner; if that fails, with a fresh one.
     ///
     /// # Errors
     /// As for [`Equations::solve`].
-    pub(super) fn solve_again(
-        &mut self,
-        place: Place<D, N>,
-        system: &mut System<N>,
-        rhs: RightHandSide<N>,
-        delta: &mut [[f64; N]],
-        tolerance: f64,
-        timings: &mut Timings,
-    ) -> Result<(Solved, Vec<f64>), LinearError> {
-        match self.solve_with_last_factor(place, system, rhs, delta, tolerance, timings) {
-            Err(_) if matches!(self.method, Method::Iterative | Method::Algebraic) => {
-                self.solve(place, system, rhs, delta, tolerance, timings)
-            }
-            outcome => outcome,
-        }
-    }
-
-    /// As [`Equations::solve`], but with the existing factor or preconditioner.
-    ///
-    /// # Errors
-    /// [`LinearError`] if the backend does not find the solution.
     pub(super) fn solve_with_last_factor(
         &mut self,
         place: Place<D, N>,
@@ -313,7 +292,10 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         if self.is_iterative() {
             timings.measure(Phase::Factorise, || system.reduce(place.dofs));
         }
-        timings.measure(Phase::Solve, || self.solve_bordered(place, system, rhs, delta, tolerance))
+        let solve = || self.solve_bordered(place, system, rhs, delta, tolerance);
+        timings
+            .measure(Phase::Solve, solve)
+            .or_else(|_| self.solve(place, system, rhs, delta, tolerance, timings))
     }
 
     /// Solves for the nodal and the global unknowns; `delta` is unchanged if the solution fails.

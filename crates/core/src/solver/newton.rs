@@ -195,12 +195,10 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             && course.falls_fast();
         let Unknowns { rhs, iterative, .. } = &mut *unknowns;
         let rhs = RightHandSide { forces: rhs, globals: None };
-        let reused = may_reuse_factor
-            .then(|| equations.solve_with_last_factor(place, system, rhs, iterative, eta, timings));
-        // If the last factor fails, a fresh one is formed.
-        let (mut solved, globals) = match reused {
-            Some(Ok(solved)) => solved,
-            _ => equations.solve(place, system, rhs, iterative, eta, timings)?,
+        let (mut solved, globals) = if may_reuse_factor {
+            equations.solve_with_last_factor(place, system, rhs, iterative, eta, timings)?
+        } else {
+            equations.solve(place, system, rhs, iterative, eta, timings)?
         };
         course.has_factor = true;
         (unknowns.iterative_globals, unknowns.iterative_factor) = (globals, 0.0);
@@ -210,7 +208,8 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             // The load factor changes the global equations, too.
             let of_globals = system.border.per_factor.clone();
             let rhs = RightHandSide { forces: &rhs, globals: Some(&of_globals) };
-            let (again, globals) = equations.solve_again(place, system, rhs, &mut of_load, eta, timings)?;
+            let (again, globals) =
+                equations.solve_with_last_factor(place, system, rhs, &mut of_load, eta, timings)?;
             solved.iterations += again.iterations;
             let change = condition
                 .change(
@@ -251,7 +250,8 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             let rhs = RightHandSide { forces: &added.force, globals: Some(&added.globals) };
             let (system, timings) = (sum.system_mut(), &mut summary.timings);
             let mut more = vec![[0.0; N]; iterative.len()];
-            let (_, of_globals) = equations.solve_again(place, system, rhs, &mut more, eta, timings)?;
+            let (_, of_globals) =
+                equations.solve_with_last_factor(place, system, rhs, &mut more, eta, timings)?;
             unknowns.add_to_increment(1.0, &more, &of_globals);
         }
         Ok(())
