@@ -64,10 +64,10 @@ impl<const D: usize> Contact<D> {
         let found = self.search(step, points).run(&mut pieces, &mut candidates);
         (self.pieces, self.candidates) = (pieces, candidates);
         found?;
-        let has_begun = |candidate: &&Candidate<D>| self.has_begun[candidate.body];
-        let kept: Vec<Option<Kept<D>>> = (self.candidates.iter())
-            .map(|candidate| self.converged.get(&Some(candidate).filter(has_begun)?.key).copied())
-            .collect();
+        let kept_by = |candidate: &Candidate<D>| {
+            self.converged.get(&candidate.key).filter(|_| self.has_begun[candidate.body]).copied()
+        };
+        let kept: Vec<Option<Kept<D>>> = self.candidates.iter().map(kept_by).collect();
         self.start =
             kept.iter().map(|kept| kept.map_or_else(Multiplier::default, |kept| kept.multiplier)).collect();
         let touches = |candidate: &Candidate<D>| candidate.near.gap <= candidates::TOUCHING * candidate.size;

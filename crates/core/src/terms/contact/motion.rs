@@ -135,9 +135,7 @@ impl<const D: usize> Moving<D> {
         if angle <= QUARTER {
             return 0.0;
         }
-        let arm = minus(x, &self.start.position());
-        let arm = std::array::from_fn(|d| if d < D { arm[d % D] } else { 0.0 });
-        norm(&cross(&self.turn, &arm))
+        norm(&cross(&self.turn, &in_space(&minus(x, &self.start.position()))))
     }
 
     /// The distance over which the tool has moved since the start of the step, [length]; `None` if it has turned.
