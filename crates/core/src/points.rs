@@ -31,13 +31,16 @@ mod tests;
 /// Smallest number of points assigned to one thread.
 pub const PIECE: usize = 1 << 10;
 
-/// A position as text for messages.
+/// A position as text for messages: with six decimals, or in exponential notation if all coordinates are so small or any
+/// is so large that decimals do not suit them.
 pub fn coordinates(position: &[f64]) -> String {
-    let without_sign = |text: String| match text.strip_prefix('-') {
-        Some(rest) if rest.bytes().all(|b| b == b'0' || b == b'.') => rest.to_owned(),
-        _ => text,
-    };
-    let numbers: Vec<String> = position.iter().map(|x| without_sign(format!("{x:.6}"))).collect();
+    let largest = position.iter().fold(0.0, |largest: f64, x| largest.max(x.abs()));
+    let suits_decimals = largest == 0.0 || (1e-3..1e9).contains(&largest);
+    let least = if suits_decimals { 5e-7 } else { 1e-9 * largest };
+    // Round-off is shown as 0, without a sign.
+    let shown = |x: f64| if x.abs() < least { 0.0 } else { x };
+    let text = |x: f64| if suits_decimals { format!("{x:.6}") } else { format!("{x:.6e}") };
+    let numbers: Vec<String> = position.iter().map(|x| text(shown(*x))).collect();
     format!("({})", numbers.join(", "))
 }
 

@@ -28,7 +28,7 @@ pub enum ConstraintError {
     /// A formula has no finite value at a node or on a surface.
     #[error(
         "the displacement of boundary condition `{name}` along {axis} is not finite at {}: the formula `{formula}` \
-         gives {value} at load factor {factor}", coordinates(.node)
+         gives {value} at load factor {factor:?}", coordinates(.node)
     )]
     NotFinite {
         /// Name of the boundary condition.

@@ -31,6 +31,14 @@ fn spec(name: &str, kind: FieldKind, components: usize, n: usize) -> PointFieldS
 }
 
 #[test]
+fn coordinates_of_any_size_are_legible() {
+    assert_eq!(coordinates(&[1.25, -1e-8]), "(1.250000, 0.000000)");
+    assert_eq!(coordinates(&[-3.5e-6, 1e-17, 2e-5]), "(-3.500000e-6, 0.000000e0, 2.000000e-5)");
+    assert_eq!(coordinates(&[1e300, 2.0]), "(1.000000e300, 0.000000e0)");
+    assert_eq!(coordinates(&[f64::NAN, 1.0]), "(NaN, 1.000000)");
+}
+
+#[test]
 fn arrays_stand_by_permanent_number_row_by_row_and_without_factors() {
     let mut points = row(3);
     group(&mut points);

@@ -55,7 +55,7 @@ pub struct SurfaceLost {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error(
     "load `{load}` is not finite at {place} at {}: the formula `{formula}` gives {value} at \
-     load factor {factor}",
+     load factor {factor:?}",
     coordinates(.position)
 )]
 pub struct LoadNotFinite {

@@ -82,7 +82,9 @@ fn on_contact(error: &ContactError) -> Option<&'static str> {
         ContactError::Loose { .. } => {
             Some("place the tool so that it touches a body at the start, or prescribe its motion")
         }
-        ContactError::NotFinite { .. } => Some("the formula divides by zero or leaves its domain there"),
+        ContactError::NotFinite { .. } => {
+            Some("the formula divides by zero, leaves its domain or overflows there")
+        }
         ContactError::UnknownFactor { .. } => Some(
             "prescribe the motion of the tool by numbers or by formulas of `factor`, with rotation about one axis at \
                  most, and only in the last stage; or use `control: {type: load}`",
@@ -99,7 +101,7 @@ pub fn against(obstacle: Obstacle) -> &'static str {
         Obstacle::Unmet => {
             "remove one of the conditions: the other one holds the nodes or the surface on which this one acts"
         }
-        Obstacle::NotFinite => "the formula divides by zero or leaves its domain there",
+        Obstacle::NotFinite => "the formula divides by zero, leaves its domain or overflows there",
         Obstacle::LooseAxis => "add `{name: axis, nodes: {x: 0}, fix: [x]}` to the boundary conditions",
         Obstacle::Memory => "use a coarser grid or, on a structured grid, `solver: {linear: iterative}`",
     }

@@ -89,7 +89,7 @@ pub enum ContactError {
     /// A prescribed motion is not finite.
     #[error(
         "the motion of tool `{tool}` {component} is not finite: the formula `{formula}` gives {value} at load \
-         factor {factor} and time {time}"
+         factor {factor:?} and time {time:?}"
     )]
     NotFinite {
         /// Name of the tool.
