@@ -76,7 +76,7 @@ pub fn write_table<'a>(
     results.extend(FACTORS.into_iter().filter(|_| reduces));
     results.extend(extents.iter().chain(&history).map(String::as_str));
     results.push("reason");
-    let mut columns: Vec<String> = study.names().map(|name| heading(name, &results)).collect();
+    let mut columns = headings(&study.names().collect::<Vec<_>>(), &results);
     columns.extend(results.into_iter().map(str::to_owned));
 
     let mut text = line(&columns);
@@ -135,9 +135,19 @@ fn line(fields: &[String]) -> String {
     fields.join(",") + "\n"
 }
 
-/// The heading of a parameter; it must differ from the columns of results, such as `steps`.
-fn heading(name: &str, results: &[&str]) -> String {
-    if results.contains(&name) { format!("parameter_{name}") } else { name.to_owned() }
+/// The headings of the parameters; they must differ from the columns of results, such as `steps`, and from each other.
+fn headings(parameters: &[&str], results: &[&str]) -> Vec<String> {
+    let is_taken = |heading: &str, name: &str| {
+        results.contains(&heading) || parameters.iter().any(|other| *other != name && *other == heading)
+    };
+    let heading = |name: &&str| {
+        let mut heading = (*name).to_owned();
+        while is_taken(&heading, name) {
+            heading = format!("parameter_{heading}");
+        }
+        heading
+    };
+    parameters.iter().map(heading).collect()
 }
 
 /// The columns of all bodies that appear; their names may depend on the parameters.
@@ -156,4 +166,15 @@ fn common_history(records: &[&Record]) -> Vec<String> {
     let is_common =
         |name: &String| others.iter().all(|record| record.history().iter().any(|(other, _)| other == name));
     first.history().iter().map(|(name, _)| name.clone()).filter(is_common).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn headings_of_parameters_are_unique() {
+        let found = headings(&["steps", "h", "parameter_steps"], &["outcome", "steps"]);
+        assert_eq!(found, ["parameter_parameter_steps", "h", "parameter_steps"]);
+    }
 }
