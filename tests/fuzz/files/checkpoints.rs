@@ -67,7 +67,7 @@ checkpoint: {every: 1}
 ";
 
 /// Bytes before the first block: the line with the version of the format.
-const LINE: usize = "mpm checkpoint 4\n".len();
+const LINE: usize = "mpm checkpoint 5\n".len();
 
 /// The points of a model as they are built.
 enum Fresh {

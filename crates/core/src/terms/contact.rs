@@ -447,10 +447,11 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
     fn commit(&mut self) {
         // Surfaces that have parted no longer transfer tension.
         let touching = self.touching().filter(|(_, _, _, touch)| touch.mode != Mode::Parting);
-        let touching = touching.map(|(_, candidate, trial, _)| {
+        let touching = touching.map(|(_, candidate, trial, touch)| {
             let multiplier = forces_of(trial, &self.tools[candidate.key.tool as usize]);
             let in_space = minus(&trial.position, &candidate.start);
-            (candidate.key, Kept { multiplier, motion: norm(&trial.slip).max(norm(&in_space)) })
+            let motion = norm(&trial.slip).max(norm(&in_space));
+            (candidate.key, Kept { multiplier, motion, excess: (-touch.gap()).max(0.0) })
         });
         // Material points may move to other ranks.
         self.converged = of_all_ranks(self.halo.ranks(), touching.collect()).into_iter().collect();

@@ -77,8 +77,8 @@ impl<const D: usize> Contact<D> {
         for (candidate, kept) in self.candidates.iter_mut().zip(&kept) {
             // Corners of CPDI2 domains stay where contact has put them, so they need no allowance.
             if step.model.bodies[candidate.body].method != Method::Cpdi2 {
-                let motion = kept.map_or(0.0, |kept| kept.motion);
-                candidate.allowance = allowance(candidate.near.gap, candidate.size, motion);
+                let (motion, excess) = kept.map_or((0.0, 0.0), |kept| (kept.motion, kept.excess));
+                candidate.allowance = allowance(candidate.near.gap, candidate.size, motion, excess);
             }
         }
         Ok(())

@@ -12,7 +12,7 @@ use crate::ranks::Halo;
 use crate::region::vector::{along, norm};
 
 of_parts!([] Worst, { tool, named, rank, size, place, mean, overlap, slip });
-of_parts!([const D: usize] Kept<D>, { multiplier, motion });
+of_parts!([const D: usize] Kept<D>, { multiplier, motion, excess });
 
 /// Largest error of a single contact point, relative to the size of a cell, [-]. Contact points that touch may hinder
 /// each other: along an edge, a cell has degrees of freedom for only two of them, and the domains of GIMP points leave
@@ -41,6 +41,8 @@ pub(super) struct Kept<const D: usize> {
     pub(super) multiplier: Multiplier<D>,
     /// How far the contact point has moved in the step, in space or along the tool, whichever is larger, [length].
     pub(super) motion: f64,
+    /// How far the overlap exceeded the allowed overlap at the end of the step, [length].
+    pub(super) excess: f64,
 }
 
 /// The largest differences between forces and multipliers, and where they occur.

@@ -24,7 +24,7 @@ pub(super) fn save<const D: usize>(
     let kept = || places.iter().map(|(_, kept)| *kept);
     let forces: Vec<f64> =
         kept().flat_map(|kept| [kept.multiplier.normal].into_iter().chain(kept.multiplier.shear)).collect();
-    let motions: Vec<f64> = kept().map(|kept| kept.motion).collect();
+    let motions: Vec<f64> = kept().flat_map(|kept| [kept.motion, kept.excess]).collect();
     json!({"poses": poses, "places": keys, "forces": forces, "motions": motions, "bodies": has_begun})
 }
 
@@ -44,19 +44,22 @@ pub(super) fn restore<const D: usize>(
     let has_begun: Vec<bool> = part(saved, "bodies")?;
     let poses: Option<Vec<Pose<D>>> = poses.iter().map(|numbers| Pose::from_numbers(numbers)).collect();
     let poses = poses.filter(|poses| poses.len() == tools).ok_or("its poses are not those of the tools")?;
+    let (motions, rest) = motions.as_chunks::<2>();
     let n = motions.len();
-    if keys.len() != 3 * n || forces.len() != (1 + D) * n || has_begun.len() != bodies {
+    let fits = rest.is_empty() && keys.len() == 3 * n && forces.len() == (1 + D) * n;
+    if !fits || has_begun.len() != bodies {
         return Err("its contact points are not those of the bodies".to_owned());
     }
     let mut converged = FxHashMap::default();
     for ((key, force), motion) in keys.chunks_exact(3).zip(forces.chunks_exact(1 + D)).zip(motions) {
+        let [motion, excess] = *motion;
         let key = Key { tool: key[0], point: key[1], corner: key[2] };
         let multiplier = Multiplier { normal: force[0], shear: std::array::from_fn(|d| force[1 + d]) };
-        let is_known = (key.tool as usize) < tools && motion >= 0.0;
+        let is_known = (key.tool as usize) < tools && motion >= 0.0 && excess >= 0.0;
         if !is_known || !force.iter().all(|f| f.is_finite()) {
             return Err("a force on its contact points is invalid".to_owned());
         }
-        converged.insert(key, Kept { multiplier, motion });
+        converged.insert(key, Kept { multiplier, motion, excess });
     }
     Ok((poses, converged, has_begun))
 }
