@@ -164,6 +164,11 @@ impl<const D: usize> Model<D> {
             && (self.stepping.control.has_unknown_factor() || self.common_curve().is_some())
     }
 
+    /// True if a shear stress can act between a tool and a body.
+    pub fn has_friction(&self) -> bool {
+        self.tools.iter().any(Tool::resists_sliding)
+    }
+
     /// True if a boundary condition acts in the current stage.
     pub fn is_set(&self, condition: usize) -> bool {
         !self.present.is_released.get(condition).is_some_and(|released| *released)

@@ -96,6 +96,13 @@ impl Factorisation {
         matches!(self, Cholesky | Lu | Multigrid | MultigridUnsymmetric)
     }
 
+    /// True if the matrix shows that an equilibrium is unstable; `has_potential` tells if all forces derive from a
+    /// potential, at least approximately. The signs of the pivots of an unsymmetric matrix depend on the order of the
+    /// unknowns, so friction says nothing about stability.
+    pub fn shows_instability(self, has_potential: bool) -> bool {
+        !self.is_definite() && (has_potential || self == Factorisation::Ldlt)
+    }
+
     /// True if nothing was factorised.
     pub fn is_iterative(self) -> bool {
         use Factorisation::{Multigrid, MultigridIndefinite, MultigridUnsymmetric};

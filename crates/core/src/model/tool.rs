@@ -102,6 +102,11 @@ impl Interface {
 
     /// An interface on which the surfaces stick as long as they touch, and separate freely.
     pub const ROUGH: Interface = Interface { shear: Shear::Rough, tension_cut_off: 0.0 };
+
+    /// True if a shear stress can act on the interface.
+    pub fn resists_sliding(&self) -> bool {
+        self.shear != Shear::Coulomb { friction: 0.0, adhesion: 0.0 }
+    }
 }
 
 /// Control of the contact of a tool.
@@ -195,6 +200,12 @@ impl<const D: usize> Tool<D> {
     pub fn interface_with(&self, body: usize) -> Option<Interface> {
         let listed = self.pairs.iter().find(|(number, _)| *number == body);
         listed.map_or(self.interface, |(_, interface)| *interface)
+    }
+
+    /// True if a shear stress can act between the tool and a body.
+    pub fn resists_sliding(&self) -> bool {
+        let listed = self.pairs.iter().filter_map(|(_, interface)| *interface);
+        self.interface.into_iter().chain(listed).any(|interface| interface.resists_sliding())
     }
 
     /// True if component `k` of the motion of the tool is prescribed and is not always 0.

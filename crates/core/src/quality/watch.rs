@@ -10,7 +10,6 @@ use super::thresholds::{
 use super::warning::{Code, Detail, Location, Warning};
 use super::{Quality, Worst, contrast, gaps, holding};
 use crate::equilibrium::StepReport;
-use crate::linear::Factorisation;
 use crate::material::Material;
 use crate::model::{Body, Model};
 use crate::points::{Points, coordinates};
@@ -54,14 +53,15 @@ impl Quality {
         found.extend(self.turned_boxes(model, step));
         found.extend(hidden_residuals(model, report));
         found.extend(report.damped.then(|| (0, damped(step, report.energy.damping_work != 0.0))));
-        let is_definite =
-            |of: Option<&Factorisation>| of.is_some_and(|factorisation| factorisation.is_definite());
-        self.was_stable |= is_definite(report.factorisations.first());
+        self.was_stable |= report.factorisations.first().is_some_and(|first| first.is_definite());
         let flows = report.energy.plastic_work > ELASTIC * report.energy.strain_energy;
         // Indefinite stiffnesses are expected beyond a limit point when a path is followed, and in bodies that flow. If
-        // the stiffness has never been definite, round-off decides its sign.
+        // the stiffness has never been definite, round-off decides its sign. A step whose predicted state was in
+        // equilibrium has no factorisation.
         if self.was_stable && !model.stepping.control.has_unknown_factor() && !flows {
-            found.extend((!is_definite(report.factorisations.last())).then(|| (0, unstable(step))));
+            let last = report.factorisations.last();
+            let is_unstable = last.is_some_and(|last| last.shows_instability(!model.has_friction()));
+            found.extend(is_unstable.then(|| (0, unstable(step))));
         }
         found.extend(replaced_domains(model, points, report).map(|warning| (0, warning)));
         if let Some(InFlow { value, is_standard }) = oscillation_in_flow(model, points, links) {

@@ -128,7 +128,8 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
             augmentations: course.augmentations,
             linear_iterations: course.linear_iterations(),
             load_factor: self.load_factor(context),
-            indefinite: self.course.solved.iter().any(|s| !s.factorisation.is_definite()),
+            indefinite: (self.course.solved.iter())
+                .any(|solved| solved.factorisation.shows_instability(!context.model.has_friction())),
             iterate: Some(Iterate {
                 links: Connectivity::default(),
                 delta_d: displacement(&self.unknowns.delta_d).into_owned(),
