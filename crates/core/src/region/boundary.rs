@@ -190,16 +190,15 @@ pub fn divided<const D: usize>(corners: &[[f64; D]], spacing: f64, side: usize) 
             let longest = |pairs: [[&[f64; D]; 2]; 2]| {
                 pairs.iter().map(|[from, to]| norm(&minus(to, from))).fold(0.0, f64::max)
             };
-            // The diagonal of a rectangular piece is at most `spacing` long.
-            let n = parts(longest([[a, b], [d, c]]), spacing / 2f64.sqrt());
-            let m = parts(longest([[a, d], [b, c]]), spacing / 2f64.sqrt());
+            let n = parts(longest([[a, b], [d, c]]), spacing);
+            let m = parts(longest([[a, d], [b, c]]), spacing);
             let at = |i: usize, j: usize| -> [f64; D] {
                 let (s, t) = (i as f64 / n as f64, j as f64 / m as f64);
                 std::array::from_fn(|k| {
                     (1.0 - s) * ((1.0 - t) * a[k] + t * d[k]) + s * ((1.0 - t) * b[k] + t * c[k])
                 })
             };
-            quadrilaterals(n, m, &at, side)
+            crossed_quadrilaterals(n, m, &at, side)
         }
         _ => Vec::new(),
     }
@@ -254,12 +253,28 @@ pub(super) fn parallelogram<const D: usize>(
     spacing: f64,
     side: usize,
 ) -> Vec<Facet<D>> {
-    // The diagonal of a rectangular piece is at most `spacing` long.
-    let [n, m] = edges.map(|edge| parts(norm(edge), spacing / 2f64.sqrt()));
+    let [n, m] = edges.map(|edge| parts(norm(edge), spacing));
     let at = |i: usize, j: usize| {
         along(&along(corner, i as f64 / n as f64, edges[0]), j as f64 / m as f64, edges[1])
     };
-    quadrilaterals(n, m, &at, side)
+    crossed_quadrilaterals(n, m, &at, side)
+}
+
+/// Four triangles, around the mean of the corners, for each cell of a grid of n × m flat cells in space; empty in the
+/// plane. They are symmetric, and the mean of a bilinear function over their corners is its mean over the cell.
+fn crossed_quadrilaterals<const D: usize>(
+    n: usize,
+    m: usize,
+    at: &dyn Fn(usize, usize) -> [f64; D],
+    side: usize,
+) -> Vec<Facet<D>> {
+    let mut facets = Vec::new();
+    for (i, j) in (0..n).flat_map(|i| (0..m).map(move |j| (i, j))) {
+        let corners = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+        let middle = std::array::from_fn(|d| 0.25 * corners.iter().map(|corner| corner[d]).sum::<f64>());
+        facets.extend((0..4).filter_map(|k| triangle_of(corners[k], corners[(k + 1) % 4], middle, side)));
+    }
+    facets
 }
 
 /// Two triangles for each cell of a curved grid of n × m cells in space, without triangles that have shrunk to a line;

@@ -488,3 +488,12 @@ fn groups_of_cells_are_parts_of_regions() {
     let apart = union(&[group, brick([3.0, 0.0], [4.0, 1.0])]);
     assert_eq!(closed_form(&apart), 5.0);
 }
+
+#[test]
+fn facets_of_rectangles_integrate_bilinear_functions_exactly() {
+    let facets = brick([0.0; 3], [2.0, 3.0, 1.0]).boundary(0.7).unwrap();
+    let mean = |facet: &Facet<3>| facet.corners.iter().map(|x| x[0] * x[1]).sum::<f64>() / 3.0;
+    let top = facets.iter().filter(|facet| facet.corners.iter().all(|x| x[2] == 1.0));
+    let integral: f64 = top.map(|facet| area_vector(&facet.corners)[2] * mean(facet)).sum();
+    assert!(near(integral, 9.0, 1e-14), "{integral}");
+}
