@@ -147,9 +147,14 @@ where
     }
 }
 
-/// Size of the smallest cell at the corners and the middle of the box around a region, [length].
+/// Size of the smallest cell in the box around a region, or on a mesh, at the corners and the middle of this box,
+/// [length].
 fn cell_at<const D: usize>(grid: &dyn Grid<D>, region: &Region<D>) -> f64 {
     let bounds = region.bounds();
+    if let Some(grid) = grid.structured() {
+        let smallest = |d: usize| grid.axes()[d].smallest_within(bounds[0][d], bounds[1][d]);
+        return (0..D).map(smallest).fold(f64::INFINITY, f64::min);
+    }
     let corner = |k: usize| std::array::from_fn(|d| bounds[k >> d & 1][d]);
     let middle = std::array::from_fn(|d| 0.5 * (bounds[0][d] + bounds[1][d]));
     let places = (0..1usize << D).map(corner).chain([middle]);
