@@ -158,6 +158,8 @@ impl Reached {
 
 /// Relative round-off of a stored energy, [-].
 const ROUND_OFF: f64 = 1e-13;
+/// Work, relative to the energy of an initial stress, below which it is hardly more than round-off, [-].
+const LEAST_WORK: f64 = 1e-10;
 
 /// Upper bound on each count of a run.
 const MOST_COUNTED: usize = 1 << 48;
@@ -208,7 +210,7 @@ impl Summary {
             work + self.exchanged_energy - self.strain_energy - self.plastic_work - self.friction_work;
         if let Some(InitialState { energy, .. }) = self.initial_state {
             let missing = missing + energy;
-            let counts = missing.abs() > ROUND_OFF * energy && self.gross_work > 0.0;
+            let counts = missing.abs() > ROUND_OFF * energy && self.gross_work > LEAST_WORK * energy;
             return if counts { missing / self.gross_work } else { 0.0 };
         }
         if self.gross_work > 0.0 { missing / self.gross_work } else { 0.0 }
