@@ -12,6 +12,7 @@ mod holding;
 mod measure;
 mod motion;
 mod overlap;
+mod passing;
 mod pressure;
 #[cfg(test)]
 mod tests;

@@ -70,6 +70,9 @@ pub enum Code {
     /// Bodies slumped before their strength was reduced.
     #[serde(rename = "W020")]
     Slumped,
+    /// Nodes with prescribed motion pull material beyond them.
+    #[serde(rename = "W021")]
+    PassedNodes,
 }
 
 /// The codes of all warnings, each with its title.
@@ -94,6 +97,7 @@ pub const CODES: &[(&str, &str)] = &[
     ("W018", "bodies that slide while their strength is reduced"),
     ("W019", "a strength reduction that ends before displacements run away"),
     ("W020", "a strength reduction of bodies that have slumped"),
+    ("W021", "material pulled beyond prescribed nodes"),
 ];
 
 impl Code {
@@ -205,6 +209,7 @@ mod tests {
             Slides,
             StoppedShort,
             Slumped,
+            PassedNodes,
         ];
         assert_eq!(all.len(), CODES.len());
         for (code, (text, _)) in all.iter().zip(CODES) {

@@ -8,7 +8,7 @@ use super::thresholds::{
     MOST_REGRIDDING,
 };
 use super::warning::{Code, Detail, Location, Warning};
-use super::{Quality, Worst, contrast, gaps, holding};
+use super::{Quality, Worst, contrast, gaps, holding, passing};
 use crate::equilibrium::StepReport;
 use crate::material::Material;
 use crate::model::{Body, Model};
@@ -48,6 +48,7 @@ impl Quality {
         let ranks = &points.ranks;
         let mut found = Cohesion::watch(&mut self.cohesion, model, points, &report.grid, step);
         found.extend(holding::watch(&mut self.held, model, points, links, &report.grid.delta_d, step));
+        found.extend(passing::watch(model, points, links, &report.grid.delta_d, step));
         found.extend(gaps::watch(model, points, links, step));
         found.extend(contrast::watch(model, points, links, step));
         found.extend(self.turned_boxes(model, step));

@@ -73,6 +73,9 @@ pub fn on_warning(warning: &Warning) -> String {
              control. With smaller cells, a slope that has slid comes to rest again less readily; with a larger `young`, the \
              bodies settle very little before they slide"
         }
+        (Code::PassedNodes, _) => {
+            "let grid lines follow the nodes (`grid: {follow}`), or move a stiff body or a tool instead of nodes"
+        }
         (Code::Slumped, _) => {
             "the factor of safety of the original shape is below 1 if the bodies slumped at full strength: multiply \
              `cohesion` and the tangent of `friction_angle` by a number k for which the bodies stand, and divide the \

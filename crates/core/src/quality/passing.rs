@@ -1,0 +1,136 @@
+//! Material that passes nodes with prescribed motion.
+//!
+//! Grid nodes return to their positions after every step. Where they pull material along, domains soon reach beyond
+//! them into cells without points. Nothing holds the nodes of these cells: the points whose domains reach there lose
+//! their stress, and the reaction of the prescribed nodes is too small, however little material has passed.
+
+use super::warning::{Code, Location, Warning};
+use crate::basis::Connectivity;
+use crate::model::{BoundaryCondition, Model, NodeSet};
+use crate::points::{Points, coordinates};
+use crate::region::vector::{along, dot, minus, norm};
+
+/// Material at a node of a cell without points, relative to the volume of the cell, from which it counts, [-]. A domain
+/// that reaches 0.2 % of a cell beyond the prescribed nodes has more.
+const LEAST: f64 = 1e-6;
+/// Cosine of the largest angle between the prescribed motion and the way to a node that lies ahead, [-].
+const AHEAD: f64 = 0.5;
+
+/// The boundary conditions whose nodes pull material beyond them in a step, each with its warning.
+pub fn watch<const D: usize>(
+    model: &Model<D>,
+    points: &Points<D>,
+    links: &Connectivity<D>,
+    delta_d: &[[f64; D]],
+    step: usize,
+) -> Vec<(usize, Warning)> {
+    let moving = model.boundary_conditions.iter().enumerate().filter_map(|(number, condition)| {
+        let NodeSet::Fixed(nodes) = &condition.nodes else { return None };
+        (condition.moves() && model.is_set(number)).then_some((number, condition, nodes))
+    });
+    let mut moving = moving.peekable();
+    if moving.peek().is_none() {
+        return Vec::new();
+    }
+    let material = Material::new(model, points, links);
+    let mut found = Vec::new();
+    for (number, condition, nodes) in moving {
+        if let Some(place) = material.ahead_of((model, points, links), condition, nodes, delta_d) {
+            found.push((number, warn(&condition.name, place, step)));
+        }
+    }
+    found
+}
+
+fn warn<const D: usize>(condition: &str, place: [f64; D], step: usize) -> Warning {
+    Warning {
+        code: Code::PassedNodes,
+        step,
+        location: Location {
+            boundary_condition: Some(condition.to_owned()),
+            position: Some(place.to_vec()),
+            ..Location::default()
+        },
+        value: None,
+        threshold: None,
+        message: format!(
+            "the nodes of `{condition}` pull material beyond them, first towards {}: nothing holds it there, and the \
+             reaction is too small",
+            coordinates(&place)
+        ),
+        detail: None,
+    }
+}
+
+/// The material at the active nodes.
+struct Material {
+    /// For each node, the number of points in the cells around it.
+    points_around: Vec<f64>,
+    /// For each node without points around it, Σ S_vp V_p, [volume].
+    beyond: Vec<f64>,
+}
+
+impl Material {
+    fn new<const D: usize>(model: &Model<D>, points: &Points<D>, links: &Connectivity<D>) -> Material {
+        let mut points_around = vec![0.0; links.n_active()];
+        for p in 0..points.len() {
+            for &node in model.grid.corners(points.cell[p] as usize).nodes() {
+                if let Some(active) = links.active_number(node as usize) {
+                    points_around[active] += 1.0;
+                }
+            }
+        }
+        links.halo().add_numbers(&mut points_around);
+        let mut beyond = vec![0.0; links.n_active()];
+        for group in 0..links.n_groups() {
+            let nodes = links.nodes_of(group);
+            if nodes.iter().all(|&node| points_around[node as usize] > 0.0) {
+                continue;
+            }
+            for p in links.points_of(group) {
+                let volume = points.volume(p);
+                links.for_each_value(p, |place, value| beyond[nodes[place] as usize] += value * volume);
+            }
+        }
+        links.halo().add_numbers(&mut beyond);
+        Material { points_around, beyond }
+    }
+
+    /// True if a node holds material although no point is around it; a cell there has this size, [length].
+    fn is_beyond<const D: usize>(&self, node: usize, size: f64) -> bool {
+        self.points_around[node] == 0.0 && self.beyond[node] > LEAST * size.powi(D as i32)
+    }
+
+    /// Position of the first node, in the order of the grid, that lies ahead of a moving node of the condition and
+    /// holds material although no point is around it; `None` if there is none.
+    fn ahead_of<const D: usize>(
+        &self,
+        (model, points, links): (&Model<D>, &Points<D>, &Connectivity<D>),
+        condition: &BoundaryCondition<D>,
+        nodes: &[u32],
+        delta_d: &[[f64; D]],
+    ) -> Option<[f64; D]> {
+        let position = |active: usize| model.grid.node_position(links.active_nodes()[active] as usize);
+        // The prescribed part of the motion of the nodes; `None` for other nodes.
+        let mut motion = vec![None; links.n_active()];
+        for active in nodes.iter().filter_map(|&node| links.active_number(node as usize)) {
+            let along_all = condition.directions().iter().fold([0.0; D], |motion, direction| {
+                along(&motion, dot(&delta_d[active], direction), direction)
+            });
+            motion[active] = Some(along_all);
+        }
+        let is_ahead = |node: usize, of: usize, size: f64| {
+            let Some(motion) = motion[of].filter(|_| self.points_around[of] > 0.0) else { return false };
+            let way = minus(&position(node), &position(of));
+            norm(&way) < 2.0 * size && dot(&way, &motion) > AHEAD * norm(&way) * norm(&motion)
+        };
+        let first_of_group = |group: usize| {
+            let size = model.grid.size(points.cell[links.points_of(group).start] as usize);
+            let nodes = || links.nodes_of(group).iter().map(|&node| node as usize);
+            let beyond = nodes().filter(|&node| motion[node].is_none() && self.is_beyond::<D>(node, size));
+            beyond.filter(|&node| nodes().any(|of| is_ahead(node, of, size))).min()
+        };
+        let first = (0..links.n_groups()).filter_map(first_of_group).min()?;
+        Some(position(first))
+    }
+}
