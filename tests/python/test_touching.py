@@ -172,3 +172,18 @@ def test_a_body_that_is_added_again_touches_tools_anew(run):
         history = run(of_stages).history
         forces.append([history["t_fx"], history["t_fy"]])
     np.testing.assert_allclose(forces[0], forces[1], rtol=1e-9, atol=1e-6)
+
+
+@pytest.mark.parametrize("method", ["gimp", "mpm", "cpdi1"])
+def test_a_tool_at_rest_adds_no_energy(run, method):
+    base = {"name": "base", "nodes": {"y": 0}, "fix": ["x", "y"]}
+    tool = {"name": "t", "shape": {"type": "circle", "center": [2, 3], "radius": 1.5}, "uy": -0.16}
+    tool["curve"] = [[0, 0], [1, 1], [2, 1]]
+    stages = [{"name": "push", "steps": {"count": 4}}, {"name": "still", "steps": {"count": 40}}]
+    grid = {"origin": [-1, 0], "size": [6, 4], "spacing": 0.5}
+    body = {"method": method}
+    history = run(deck(grid, [[0, 0], [4, 1.5]], [base], tools=[tool], stages=stages, body=body)).history
+    force, work = history["t_fy"], history["external_work"]
+    # In the first step at rest, the grid is fresh once more.
+    assert force[-1] == pytest.approx(force[5], rel=1e-3)
+    assert work[-1] == pytest.approx(work[5], rel=1e-3)
