@@ -303,6 +303,71 @@ impl Observer<2> for Recorder {
     }
 }
 
+/// The stabilisation of a ring or a column of one material or of several.
+fn of_bodies(materials: &str, bodies: &str) -> Ghost {
+    let deck = format!(
+        "version: 1
+analysis: {{stabilisation: {{mode: on}}}}
+grid: {{type: structured, origin: [0, 0], size: [4, 8], spacing: 0.5}}
+materials: {{{materials}}}
+bodies: [{bodies}]
+boundary_conditions: [{{name: low, nodes: {{y: 0}}, fix: [x, y]}}]
+steps: {{count: 1}}"
+    );
+    let (model, mut points) = plane(&deck);
+    let links = link(&model, &mut points);
+    Ghost::new(&model, &points, &links)
+}
+
+/// The stiffness of all faces in the order of faces.
+fn stiffness(ghost: &Ghost) -> Vec<f64> {
+    (0..ghost.n_faces()).flat_map(|face| ghost.stiffness_of(face).to_vec()).collect()
+}
+
+/// Two layers are stabilised alike whether they are two bodies or one whose stiffness is a formula.
+#[test]
+fn a_stiffness_that_varies_is_that_of_the_points() {
+    let one = of_bodies(
+        "m: {model: hencky, young: 'if(Y > 5, 1e3, 1e7)', poisson: 0.3}",
+        "{name: a, material: m, shape: {type: box, min: [0, 0], max: [1.8, 5.8]}, points_per_cell: 2}",
+    );
+    let two = of_bodies(
+        "m: {model: hencky, young: 1e7, poisson: 0.3}, s: {model: hencky, young: 1e3, poisson: 0.3}",
+        "{name: b, material: m, shape: {type: box, min: [0, 0], max: [1.8, 5]}, points_per_cell: 2},
+         {name: a, material: s, shape: {type: box, min: [0, 5], max: [1.8, 5.8]}, points_per_cell: 2}",
+    );
+    let (one, two) = (stiffness(&one), stiffness(&two));
+    assert!(one.len() == two.len() && one.len() > 100, "{} {}", one.len(), two.len());
+    let (least, most) =
+        one.iter().filter(|k| **k > 0.0).fold((f64::MAX, 0.0f64), |(a, b), k| (a.min(*k), b.max(*k)));
+    assert!(most > 1e3 * least, "{least} {most}");
+    for (one, two) in one.iter().zip(&two) {
+        assert!((one - two).abs() <= 1e-12 * one.abs().max(two.abs()) + 1e-16 * most, "{one} {two}");
+    }
+}
+
+/// A formula need not make sense in the hole of a ring, where the ring has no points.
+#[test]
+fn the_stiffness_where_a_body_has_a_hole_does_not_matter() {
+    let ring = |model: &str, young: &str, strength: &str| {
+        let ring = "{name: a, material: m, shape: {type: annulus, center: [2, 2], inner: 0.75, outer: 1.7}, \
+                    points_per_cell: 2}";
+        of_bodies(&format!("m: {{model: {model}, young: '{young}', poisson: 0.3{strength}}}"), ring)
+    };
+    for (young, twin) in [
+        ("1e6*ln(hypot(X - 2, Y - 2)/0.5)", "1e6*ln(max(hypot(X - 2, Y - 2), 0.6)/0.5)"),
+        ("1e5/hypot(X - 2, Y - 2)", "1e5/max(0.1, hypot(X - 2, Y - 2))"),
+        ("1e6*(hypot(X - 2, Y - 2) - 0.6)", "1e6*(max(hypot(X - 2, Y - 2), 0.7) - 0.6)"),
+    ] {
+        for (model, strength) in [("hencky", ""), ("tresca", ", cohesion: '1e4*(hypot(X - 2, Y - 2) - 0.6)'")]
+        {
+            let ghost = ring(model, young, strength);
+            assert!(ghost.n_faces() > 20 && stiffness(&ghost).iter().all(|k| k.is_finite()), "{young}");
+            assert_eq!(ghost, ring(model, twin, strength), "{young}");
+        }
+    }
+}
+
 /// Runs a deck of `inputs/` without cutting steps.
 fn run(deck: &str, set: &[(&str, &str)], mode: StabilisationMode) -> (Result<Summary, SolveError>, Recorder) {
     let set: Vec<_> = set.iter().map(|(k, v)| ((*k).to_owned(), (*v).to_owned())).collect();

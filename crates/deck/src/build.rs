@@ -9,6 +9,7 @@ mod nodes;
 mod stages;
 mod surfaces;
 mod tools;
+mod typical;
 
 use std::collections::HashMap;
 
@@ -173,7 +174,7 @@ where
         if self.ranks.any(outline.is_none()) {
             return None;
         }
-        let Outline { grid, regions, groups, laws, size } = outline?;
+        let Outline { grid, regions, groups, mut laws, size } = outline?;
         self.memory_needed = size.memory();
         if size.points > f64::from(u32::MAX) {
             let message = format!(
@@ -192,10 +193,11 @@ where
         if self.ranks.any(is_too_large || laws.len() < deck.materials.len()) {
             return None;
         }
-        self.magnitudes(grid.as_ref(), &laws);
         let bodies = self.bodies();
         let revolved = deck.analysis.idealisation == Idealisation::Axisymmetric;
         let (mut seeds, numbers) = self.seeds(grid.as_ref(), &laws, &bodies, (&regions, &groups));
+        self.take_typical_points(grid.as_ref(), &mut laws, &seeds, &numbers);
+        self.magnitudes(grid.as_ref(), &laws);
         if revolved {
             axisymmetry::revolve(&mut seeds);
         }

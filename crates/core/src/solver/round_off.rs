@@ -2,8 +2,8 @@
 
 use crate::assembly::System;
 use crate::basis::Connectivity;
-use crate::material::axial_modulus_at_rest;
-use crate::model::Model;
+use crate::material::Modulus;
+use crate::model::{Model, ModuliAtRest};
 use crate::points::Points;
 use crate::step::Nodal;
 
@@ -74,12 +74,12 @@ pub(super) fn forces_of_unit_strain<const D: usize>(
     points: &Points<D>,
     links: &Connectivity<D>,
 ) -> Vec<f64> {
-    let moduli: Vec<f64> = model.materials.iter().map(|m| axial_modulus_at_rest(m.law.as_ref())).collect();
+    let moduli = ModuliAtRest::new(model, Modulus::Axial);
     let mut forces = vec![0.0; links.n_active()];
     for group in 0..links.n_groups() {
         let nodes = links.nodes_of(group);
         for p in links.points_of(group) {
-            let stiffness = model.volume(points, p) * moduli[model.bodies[points.body[p] as usize].material];
+            let stiffness = model.volume(points, p) * moduli.of(points, p);
             links.for_each_link(p, |local, _, gradient| {
                 forces[nodes[local] as usize] += stiffness * norm(gradient.iter().copied());
             });

@@ -2,8 +2,8 @@
 
 use crate::basis::Connectivity;
 use crate::grid::Grid;
-use crate::material::shear_modulus_at_rest;
-use crate::model::Model;
+use crate::material::Modulus;
+use crate::model::{Model, ModuliAtRest};
 use crate::points::Points;
 
 /// The material that each active node carries at the start of a step.
@@ -17,15 +17,14 @@ pub struct HeldMaterial {
 impl HeldMaterial {
     /// The material at the start of the step to which the links belong.
     pub fn new<const D: usize>(model: &Model<D>, points: &Points<D>, links: &Connectivity<D>) -> Self {
-        let moduli: Vec<f64> =
-            model.materials.iter().map(|m| shear_modulus_at_rest(m.law.as_ref())).collect();
+        let moduli = ModuliAtRest::new(model, Modulus::Shear);
         let mut held =
             HeldMaterial { volume: vec![0.0; links.n_active()], stiffness: vec![0.0; links.n_active()] };
         for group in 0..links.n_groups() {
             let nodes = links.nodes_of(group);
             for p in links.points_of(group) {
                 let volume = model.volume(points, p);
-                let modulus = moduli[model.bodies[points.body[p] as usize].material];
+                let modulus = moduli.of(points, p);
                 links.for_each_value(p, |local, value| {
                     let node = nodes[local] as usize;
                     held.volume[node] += value * volume;

@@ -16,7 +16,7 @@ impl<const D: usize> Builder<'_, D>
 where
     Region<D>: OfDeck<D>,
 {
-    /// Refuses materials whose forces on a cell or on the whole grid leave the range `POSSIBLE`. Within it, results do
+    /// Refuses materials in use whose forces on a cell or on the whole grid leave the range `POSSIBLE`. Within it, results do
     /// not depend on the units: in units that differ by powers of four, they are identical to the last bit.
     pub(super) fn magnitudes(&mut self, grid: &dyn Grid<D>, materials: &[MaterialOfPoints]) {
         let [low, high] = grid.bounds();
@@ -29,14 +29,17 @@ where
             None => (0..grid.n_cells()).map(|cell| grid.size(cell)).fold(f64::INFINITY, f64::min),
         };
         let deck = self.deck;
-        for MaterialOfPoints { name, law, .. } in materials {
+        let used = deck.used_materials();
+        for MaterialOfPoints { name, law, .. } in materials.iter().filter(|m| used.contains(m.name.as_str()))
+        {
             let of_deck = &deck.materials[name];
             let (stiffness, key) = match of_deck.young() {
                 Some(young) => (young, "young"),
                 None => (axial_modulus_at_rest(law.as_ref()), "model"),
             };
-            // Without confinement, a law may have no stiffness, or no response.
-            if stiffness == 0.0 {
+            // Without confinement, a law may have no stiffness, or no response. Properties that are no numbers have
+            // been reported.
+            if stiffness == 0.0 || stiffness.is_nan() {
                 continue;
             }
             let what_is = if key == "young" { "Young's modulus" } else { "the stiffness" };

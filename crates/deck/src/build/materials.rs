@@ -24,12 +24,7 @@ where
         let mut laws = Vec::new();
         for (name, material) in &deck.materials {
             let body = deck.bodies.iter().position(|body| body.material == *name);
-            let surroundings = Surroundings {
-                parameters: Some(&deck.parameters),
-                dimensions: D,
-                typical: body.and_then(|body| regions.get(body)).map_or([0.0; 3], centre),
-                cells: cells.clone(),
-            };
+            let typical = body.and_then(|body| regions.get(body)).map_or([0.0; 3], centre);
             let density = material.density().map(|density| vec![("density".to_owned(), density)]);
             let density = density.and_then(|density| at_start(density, &deck.parameters, D).ok()?.pop());
             let density = density.filter(|density| density.as_constant().is_none());
@@ -66,7 +61,8 @@ where
                 self.softening(&name, material, &cells);
             }
             self.factor_of_safety(&name);
-            match material.law(&surroundings) {
+            let built = material.law(&self.surroundings(typical, &cells));
+            match built {
                 Ok(built) => {
                     // Now that the cell size is known, softening may prove too fast.
                     self.found.extend(built.contradiction(&self.loaded.source, &name));
@@ -83,6 +79,11 @@ where
             }
         }
         laws
+    }
+
+    /// What the properties of a material may refer to, with typical values at this position.
+    pub(super) fn surroundings(&self, typical: [f64; 3], cells: &CellSize) -> Surroundings<'_> {
+        Surroundings { parameters: Some(&self.deck.parameters), dimensions: D, typical, cells: cells.clone() }
     }
 
     /// Reports that softening depends on the cell size, or how it is adapted to the cell size.
@@ -246,7 +247,7 @@ fn centre<const D: usize>(region: &Region<D>) -> [f64; 3] {
 }
 
 /// Cell size; for a mesh, the mean.
-fn size_of_cells<const D: usize>(grid: &dyn Grid<D>) -> CellSize {
+pub(super) fn size_of_cells<const D: usize>(grid: &dyn Grid<D>) -> CellSize {
     match grid.structured() {
         Some(grid) => CellSize::of_axes(grid.axes()),
         None => {

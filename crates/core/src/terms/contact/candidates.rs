@@ -21,8 +21,8 @@ use super::error::ContactPlace;
 use super::motion::{Moving, farthest};
 use crate::basis::{Connectivity, Method};
 use crate::grid::{CellBasis, MAX_CORNERS};
-use crate::material::shear_modulus_at_rest;
-use crate::model::{Model, Tool};
+use crate::material::Modulus;
+use crate::model::{Model, ModuliAtRest, Tool};
 use crate::points::Points;
 use crate::region::vector::{along, dot, minus, norm};
 use crate::tool::{Closest, Shape};
@@ -210,15 +210,14 @@ impl<const D: usize> Near<D> {
 }
 
 impl<const D: usize> Search<'_, D> {
-    /// Four times the shear moduli of the materials at rest, [stress]: the stiffness of a half-space under a strip is
-    /// between this value and half of it, even for nearly incompressible bodies.
-    pub(super) fn moduli(&self) -> Vec<f64> {
-        self.model.materials.iter().map(|m| 4.0 * shear_modulus_at_rest(m.law.as_ref())).collect()
+    /// The shear moduli of the material points at rest, [stress].
+    pub(super) fn moduli(&self) -> ModuliAtRest<'_, D> {
+        ModuliAtRest::new(self.model, Modulus::Shear)
     }
 
     /// The candidate for a contact point, unless it has no area or belongs to another rank. The
     /// penalty of the candidate follows from the stiffness of a cell of material beneath that area.
-    pub(super) fn candidate(&self, place: Near<D>, moduli: &[f64]) -> Option<Candidate<D>> {
+    pub(super) fn candidate(&self, place: Near<D>, moduli: &ModuliAtRest<D>) -> Option<Candidate<D>> {
         let Search { model, points, .. } = *self;
         // Corners of domains without extent along the tool transfer no force.
         let bears = place.area.max(place.area_of_corner) > 0.0;
@@ -246,7 +245,9 @@ impl<const D: usize> Search<'_, D> {
         let mut in_cell = start;
         in_cell[0] = in_cell[0].max(0.5 * size);
         let of_cell = size.powi(D as i32 - 1) * model.depth(&in_cell);
-        let of_cell_below = moduli[body.material] / size;
+        // The stiffness of a half-space under a strip is between four times the shear modulus and half of that, even
+        // for nearly incompressible bodies.
+        let of_cell_below = 4.0 * moduli.of(points, p) / size;
         let of_area = model.tools[key.tool as usize].control.penalty * of_cell_below;
         Some(Candidate {
             key,
