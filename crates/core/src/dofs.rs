@@ -19,6 +19,7 @@ use crate::points::Points;
 use crate::ranks::Ranks;
 
 pub use constraints::Constraints;
+use constraints::conditions_at;
 pub use covered::{Covered, covered};
 pub use error::ConstraintError;
 pub use prescribed::{displacement_increment, nodes_of};
@@ -329,14 +330,9 @@ impl<const N: usize> DofMap<N> {
     /// The indices of the boundary conditions that prescribe a component, in the order of the model; empty if it is
     /// free or tied. All of them prescribe the same motion.
     pub fn conditions(&self, node: usize, component: usize) -> Vec<usize> {
-        let place = (node as u32, component as u8);
-        let begin = self.shared.partition_point(|(node, component, _)| (*node, *component) < place);
-        let length =
-            self.shared[begin..].partition_point(|(node, component, _)| (*node, *component) == place);
         let first = self.prescribed(node, component).map(|(_, condition)| condition);
-        let mut all: Vec<usize> = first.into_iter().collect();
-        all.extend(self.shared[begin..][..length].iter().map(|(_, _, condition)| *condition as usize));
-        all
+        let others = conditions_at(&self.shared, node as u32, component as u8).map(usize::from);
+        first.into_iter().chain(others).collect()
     }
 
     /// Distributes the reaction of a node among the boundary conditions that carry it: `visit(condition, component,
@@ -354,7 +350,10 @@ impl<const N: usize> DofMap<N> {
     ) {
         let is_of_model = |condition: &usize| *condition < model.boundary_conditions.len();
         if let Some(turned) = self.turned(node) {
-            turned.for_each_share(reaction, |condition, component, force| {
+            let fixes = |condition: usize, direction: &[f64; N]| {
+                model.boundary_conditions.get(condition).is_some_and(|c| c.holds_along(direction))
+            };
+            turned.for_each_share(reaction, fixes, |condition, component, force| {
                 if is_of_model(&condition) && component < D {
                     visit(condition, component, force);
                 }

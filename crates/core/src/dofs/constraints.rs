@@ -167,20 +167,20 @@ impl<'a, const N: usize> Constraints<'a, N> {
     #[inline(never)]
     pub fn into_map(mut self) -> Result<DofMap<N>, ConstraintError> {
         self.resolve_ties()?;
+        self.shared.sort_unstable();
         let turned = self.turn()?;
         self.keep_axis(&turned)?;
-        let Constraints { dofs, mut shared, ties, .. } = self;
+        let Constraints { dofs, shared, ties, .. } = self;
         let numbering = Numbering::new(dofs.len(), |node, component| dofs[node][component] == Dof::Free);
         let bound = dofs.as_flattened().iter().filter_map(|dof| match dof {
             Dof::Free => None,
             Dof::Bound(bound) => Some(*bound),
         });
-        shared.sort_unstable();
         Ok(DofMap { numbering, bound: bound.collect(), shared, turned, ties })
     }
 
     /// Turns the axes of the nodes with prescribed directions: the unknowns along the directions of such a node are
-    /// stored in place of its components.
+    /// stored in place of its components, and every condition on it prescribes a motion along a direction.
     fn turn(&mut self) -> Result<Vec<Turned<N>>, ConstraintError> {
         let mut turned = Vec::new();
         for (node, along) in std::mem::take(&mut self.along) {
@@ -190,6 +190,8 @@ impl<'a, const N: usize> Constraints<'a, N> {
                 if let Dof::Bound(Bound::Held { condition, increment }) = *dof {
                     let direction = std::array::from_fn(|c| f64::from(u8::from(c == axis)));
                     motions.push(Along { direction, increment, condition });
+                    let repeated = conditions_at(&self.shared, node, axis as u8);
+                    motions.extend(repeated.map(|condition| Along { direction, increment, condition }));
                 } else if matches!(dof, Dof::Bound(Bound::Tied(_))) {
                     return Err(self.tied(node as usize, axis, "the node is held along a direction"));
                 }
@@ -206,6 +208,7 @@ impl<'a, const N: usize> Constraints<'a, N> {
             }
             turned.push(found);
         }
+        self.shared.retain(|(node, ..)| turned.binary_search_by_key(node, |turned| turned.node).is_err());
         Ok(turned)
     }
 
@@ -294,4 +297,17 @@ impl<'a, const N: usize> Constraints<'a, N> {
     fn tied(&self, node: usize, component: usize, reason: &'static str) -> ConstraintError {
         ConstraintError::Tie { node: (self.position)(node), axis: AXES[component % 3], reason }
     }
+}
+
+/// The conditions that repeat what an earlier one prescribes of a component, from the sorted list of all of them.
+pub(super) fn conditions_at(
+    shared: &[(u32, u8, u16)],
+    node: u32,
+    component: u8,
+) -> impl Iterator<Item = u16> + '_ {
+    let begin = shared.partition_point(|(n, c, _)| (*n, *c) < (node, component));
+    shared[begin..]
+        .iter()
+        .take_while(move |(n, c, _)| (*n, *c) == (node, component))
+        .map(|(_, _, condition)| *condition)
 }

@@ -161,32 +161,48 @@ impl<const N: usize> Turned<N> {
 
     /// Distributes a reaction among the conditions: each carries a force along its own direction. If the directions
     /// depend on each other, the sum of the squares of these forces is the least possible, so that conditions along the
-    /// same direction carry equal forces.
-    pub(super) fn for_each_share(&self, reaction: &[f64; N], mut visit: impl FnMut(usize, usize, f64)) {
+    /// same direction carry equal forces. Where conditions that fix the node prevent a motion, conditions that prescribe
+    /// it carry nothing.
+    pub(super) fn for_each_share(
+        &self,
+        reaction: &[f64; N],
+        fixes: impl Fn(usize, &[f64; N]) -> bool,
+        mut visit: impl FnMut(usize, usize, f64),
+    ) {
         let mut carry = |along: &Along<N>, share: f64| {
             for c in 0..N {
                 visit(along.condition as usize, c, share * along.direction[c]);
             }
         };
-        if let Some(multiplier) = self.of_least_forces(reaction) {
-            let all = self.prescribed.iter().chain(&self.implied);
-            all.for_each(|along| carry(along, dot(&along.direction, &multiplier)));
-            return;
+        if !self.implied.is_empty() {
+            let bearers = self.bearers(fixes);
+            if let Some(multiplier) = self.of_least_forces(reaction, &bearers) {
+                bearers.iter().for_each(|along| carry(along, dot(&along.direction, &multiplier)));
+                return;
+            }
         }
         let shares = shares(reaction, &self.prescribed, &self.directions);
         self.prescribed.iter().zip(shares).rev().for_each(|(along, share)| carry(along, share));
     }
 
-    /// The vector whose components along the directions of all conditions are the forces of least squares that add up
-    /// to a reaction; `None` if the directions are independent.
-    fn of_least_forces(&self, reaction: &[f64; N]) -> Option<[f64; N]> {
-        if self.implied.is_empty() {
-            return None;
+    /// The conditions that fix the node, and the others whose directions are independent of those of the former.
+    fn bearers(&self, fixes: impl Fn(usize, &[f64; N]) -> bool) -> Vec<Along<N>> {
+        let all = || self.prescribed.iter().chain(&self.implied).copied();
+        let is_fixed = |along: &Along<N>| fixes(along.condition as usize, &along.direction);
+        let mut fixed = Vec::new();
+        for along in all().filter(is_fixed) {
+            fixed.extend(unit(&beside(&along.direction, &fixed)).map(|(direction, _)| direction));
         }
+        all().filter(|along| is_fixed(along) || unit(&beside(&along.direction, &fixed)).is_some()).collect()
+    }
+
+    /// The vector whose components along the directions of these conditions are the forces of least squares that add up
+    /// to a reaction.
+    fn of_least_forces(&self, reaction: &[f64; N], bearers: &[Along<N>]) -> Option<[f64; N]> {
         let n = self.n_held();
         let held = &self.directions[..n];
         let mut gram = DMatrix::<f64>::zeros(n, n);
-        for along in self.prescribed.iter().chain(&self.implied) {
+        for along in bearers {
             let parts = DVector::from_iterator(n, held.iter().map(|e| dot(e, &along.direction)));
             gram.ger(1.0, &parts, &parts, 1.0);
         }
@@ -246,7 +262,7 @@ mod tests {
         let h = 0.5f64.sqrt();
         let reaction = [2.0 + 3.0 * h, 3.0 * h, 0.0];
         let mut shares = [[0.0; 3]; 7];
-        turned.for_each_share(&reaction, |condition, c, force| shares[condition][c] += force);
+        turned.for_each_share(&reaction, |_, _| false, |condition, c, force| shares[condition][c] += force);
         let expected = [[2.0, 0.0, 0.0], [3.0 * h, 3.0 * h, 0.0]];
         for (found, expected) in [shares[4], shares[6]].iter().flatten().zip(expected.iter().flatten()) {
             assert!((found - expected).abs() < 1e-14, "{shares:?}");
@@ -262,12 +278,30 @@ mod tests {
         for order in [[0, 1, 2], [1, 0, 2], [2, 1, 0], [0, 2, 1]] {
             let motions = order.map(|k| along(rollers[k], 0.0, k as u16));
             let mut shares = [[0.0; 3]; 3];
-            Turned::new(0, &motions).unwrap().for_each_share(&reaction, |k, c, force| shares[k][c] += force);
+            let turned = Turned::new(0, &motions).unwrap();
+            turned.for_each_share(&reaction, |_, _| false, |k, c, force| shares[k][c] += force);
             for c in 0..3 {
                 let sum: f64 = shares.iter().map(|share| share[c]).sum();
                 assert!((sum - reaction[c]).abs() < 1e-14 && (shares[0][c] - shares[1][c]).abs() < 1e-14);
             }
             let expected = expected.get_or_insert(shares);
+            for (found, expected) in shares.as_flattened().iter().zip(expected.as_flattened()) {
+                assert!((found - expected).abs() < 1e-14, "{order:?}: {shares:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_condition_that_fixes_takes_precedence() {
+        // The second and the fourth condition fix the node; the first and the third move it.
+        let all = [[1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [1.0, 0.0, 0.0], [-1.0, -1.0, 0.0]];
+        let reaction = [3.0, 1.0, 0.0];
+        for order in [[0, 1, 2, 3], [3, 2, 1, 0], [2, 0, 3, 1]] {
+            let motions = order.map(|k| along(all[k], 0.0, k as u16));
+            let mut shares = [[0.0; 3]; 4];
+            let turned = Turned::new(0, &motions).unwrap();
+            turned.for_each_share(&reaction, |k, _| k % 2 == 1, |k, c, force| shares[k][c] += force);
+            let expected = [[0.0; 3], [0.5, 0.5, 0.0], [2.0, 0.0, 0.0], [0.5, 0.5, 0.0]];
             for (found, expected) in shares.as_flattened().iter().zip(expected.as_flattened()) {
                 assert!((found - expected).abs() < 1e-14, "{order:?}: {shares:?}");
             }

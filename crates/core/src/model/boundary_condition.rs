@@ -78,14 +78,22 @@ impl<const D: usize> BoundaryCondition<D> {
 
     /// The directions along which the condition prescribes the displacement, as unit vectors.
     pub fn directions(&self) -> Vec<[f64; D]> {
-        let prescribed = (0..D).filter(|&k| self.displacement[k].is_some());
-        let axis = |k: usize| std::array::from_fn(|d| f64::from(u8::from(d == k)));
-        prescribed.map(|k| self.axes.map_or_else(|| axis(k), |axes| axes[k])).collect()
+        (0..D).filter(|&k| self.displacement[k].is_some()).map(|k| self.direction_of(k)).collect()
     }
 
-    /// True if the condition fixes its nodes along an axis.
+    /// True if the condition fixes its nodes along an axis; if it has directions of its own, along this one of them.
     pub fn holds(&self, axis: usize) -> bool {
         self.displacement[axis].as_ref().is_some_and(|formula| formula.as_constant() == Some(0.0))
+    }
+
+    /// True if the condition fixes its nodes along a direction; further components of the direction are ignored.
+    pub fn holds_along(&self, direction: &[f64]) -> bool {
+        (0..D).any(|k| self.holds(k) && self.direction_of(k)[..] == direction[..D])
+    }
+
+    /// The direction of a component of the displacement, as a unit vector.
+    fn direction_of(&self, k: usize) -> [f64; D] {
+        self.axes.map_or_else(|| std::array::from_fn(|d| f64::from(u8::from(d == k))), |axes| axes[k])
     }
 }
 
