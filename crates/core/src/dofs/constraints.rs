@@ -10,7 +10,8 @@ use crate::points::Points;
 use super::turned::{Along, Turned};
 use super::{AXES, Bound, ConstraintError, DofMap, ON_AXIS, Tie};
 
-/// Two prescribed increments agree if they differ by less than this, relative to their size.
+/// Two prescribed increments agree if they differ by less than this, relative to their size or, as displacements, to
+/// the size of a cell.
 const SAME: f64 = 1e-12;
 
 /// Reason for refusing a tie that leads back to itself.
@@ -41,6 +42,8 @@ pub struct Constraints<'a, const N: usize> {
     ties: Vec<Tie>,
     /// Position of an active node, [length].
     position: Box<dyn Fn(usize) -> Vec<f64> + 'a>,
+    /// Size of the cells around an active node, [length]; 0 for a component that is no displacement.
+    size: Box<dyn Fn(usize, usize) -> f64 + 'a>,
     /// Name of a condition; empty if it does not belong to the model.
     name: Box<dyn Fn(usize) -> String + 'a>,
     /// Active nodes on the axis of revolution.
@@ -76,6 +79,11 @@ impl<'a, const N: usize> Constraints<'a, N> {
             along: BTreeMap::new(),
             ties: Vec::new(),
             position: Box::new(|node| model.grid.node_position(nodes[node] as usize).to_vec()),
+            size: Box::new(
+                |node, component| {
+                    if component < D { model.grid.size_around(nodes[node] as usize) } else { 0.0 }
+                },
+            ),
             name: Box::new(|number| {
                 model
                     .boundary_conditions
@@ -94,6 +102,7 @@ impl<'a, const N: usize> Constraints<'a, N> {
             along: BTreeMap::new(),
             ties: Vec::new(),
             position: Box::new(|node| vec![node as f64]),
+            size: Box::new(|_, _| 1.0),
             name: Box::new(|number| number.to_string()),
             on_axis: Vec::new(),
         }
@@ -115,7 +124,8 @@ impl<'a, const N: usize> Constraints<'a, N> {
         match self.dofs[node][component] {
             Dof::Free => self.dofs[node][component] = Dof::Bound(Bound::Held { condition, increment }),
             Dof::Bound(Bound::Held { increment: held, .. })
-                if (held - increment).abs() <= SAME * held.abs().max(increment.abs()) =>
+                if (held - increment).abs()
+                    <= SAME * held.abs().max(increment.abs()).max((self.size)(node, component)) =>
             {
                 self.shared.push((node as u32, component as u8, condition));
             }
@@ -197,9 +207,11 @@ impl<'a, const N: usize> Constraints<'a, N> {
                 }
             }
             motions.extend(along);
-            let found = Turned::new(node, &motions).map_err(|(conditions, increments)| {
-                self.conflict(node as usize, "the normal of a wall", conditions, increments)
-            })?;
+            let found = Turned::new(node, &motions, (self.size)(node as usize, 0)).map_err(
+                |(conditions, increments)| {
+                    self.conflict(node as usize, "the normal of a wall", conditions, increments)
+                },
+            )?;
             for k in 0..N {
                 self.dofs[node as usize][k] = match found.held(k) {
                     Some((increment, condition)) => Dof::Bound(Bound::Held { condition, increment }),
@@ -269,14 +281,24 @@ impl<'a, const N: usize> Constraints<'a, N> {
         }
     }
 
-    /// Checks that the constraints keep nodes on the axis: the ring through such a node has zero radius, so the node
-    /// must not leave the axis.
-    fn keep_axis(&self, turned: &[Turned<N>]) -> Result<(), ConstraintError> {
-        let is_kept = |node: usize| match turned.iter().find(|turned| turned.node as usize == node) {
-            Some(turned) => turned.fixes_axis(0),
-            None => matches!(self.dofs[node][0], Dof::Bound(Bound::Held { increment: 0.0, .. })),
-        };
-        let loose = self.on_axis.iter().filter(|&&node| !is_kept(node)).count();
+    /// Keeps nodes on the axis: the ring through such a node has zero radius, so the node must not leave the axis. An
+    /// increment that is round-off becomes 0.
+    fn keep_axis(&mut self, turned: &[Turned<N>]) -> Result<(), ConstraintError> {
+        let mut loose = 0;
+        for &node in &self.on_axis {
+            let size = (self.size)(node, 0);
+            let is_kept = match turned.iter().find(|turned| turned.node as usize == node) {
+                Some(turned) => turned.fixes_axis(0, size),
+                None => match &mut self.dofs[node][0] {
+                    Dof::Bound(Bound::Held { increment, .. }) if increment.abs() <= SAME * size => {
+                        *increment = 0.0;
+                        true
+                    }
+                    _ => false,
+                },
+            };
+            loose += usize::from(!is_kept);
+        }
         if loose > 0 {
             return Err(ConstraintError::LooseAxis { loose, all: self.on_axis.len() });
         }
@@ -310,4 +332,21 @@ pub(super) fn conditions_at(
         .iter()
         .take_while(move |(n, c, _)| (*n, *c) == (node, component))
         .map(|(_, _, condition)| *condition)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nodes_stay_on_the_axis_in_spite_of_round_off() {
+        let on_axis = |increment: f64| {
+            let mut constraints = Constraints::<2>::on_nodes(2);
+            constraints.on_axis = vec![1];
+            constraints.hold(1, 0, increment, 0).unwrap();
+            constraints.into_map()
+        };
+        assert_eq!(on_axis(-2.2e-18).unwrap().prescribed(1, 0), Some((0.0, 0)));
+        assert!(matches!(on_axis(1e-9), Err(ConstraintError::LooseAxis { .. })));
+    }
 }

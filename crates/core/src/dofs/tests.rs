@@ -123,3 +123,13 @@ fn ties_in_a_circle_are_refused() {
     constraints.hold(0, 0, 0.0, 0).unwrap();
     assert!(constraints.tie(0, 0, &[(1, 0, 1.0)], 0.0).is_err());
 }
+
+#[test]
+fn increments_agree_up_to_the_round_off_of_a_cell() {
+    let mut constraints = Constraints::<2>::on_nodes(1);
+    constraints.hold(0, 0, 0.0, 0).unwrap();
+    constraints.hold(0, 0, -2.2e-18, 1).unwrap();
+    assert!(matches!(constraints.hold(0, 0, 1e-9, 2), Err(ConstraintError::Conflict { .. })));
+    let map = constraints.into_map().unwrap();
+    assert_eq!(map.conditions(0, 0), [0, 1]);
+}

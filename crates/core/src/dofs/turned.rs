@@ -53,11 +53,11 @@ fn unit<const N: usize>(vector: &[f64; N]) -> Option<([f64; N], f64)> {
 }
 
 impl<const N: usize> Turned<N> {
-    /// A node with these prescribed motions.
+    /// A node with these prescribed motions, in cells of this size, [length].
     ///
     /// # Errors
     /// The two conditions that contradict each other, and their increments.
-    pub(super) fn new(node: u32, motions: &[Along<N>]) -> Result<Self, ([u16; 2], [f64; 2])> {
+    pub(super) fn new(node: u32, motions: &[Along<N>], cell: f64) -> Result<Self, ([u16; 2], [f64; 2])> {
         let (mut directions, mut prescribed, mut increment) =
             (Vec::new(), Vec::<Along<N>>::new(), Vec::new());
         let mut implied = Vec::new();
@@ -73,7 +73,7 @@ impl<const N: usize> Turned<N> {
                 }
                 None => {
                     let size = motion.increment.abs().max(known.abs());
-                    if unless_round_off(motion.increment - known, size / INDEPENDENT) != 0.0 {
+                    if unless_round_off(motion.increment - known, cell.max(size / INDEPENDENT)) != 0.0 {
                         let shares = shares(&motion.direction, &prescribed, &directions);
                         let involved = |share: &f64| share.abs() > INDEPENDENT;
                         let first = shares.iter().rposition(involved).map_or(motion, |k| &prescribed[k]);
@@ -108,12 +108,13 @@ impl<const N: usize> Turned<N> {
         Some((*self.increment.get(k)?, self.prescribed[k].condition))
     }
 
-    /// True if the prescribed motions prevent any motion of the node along an axis.
-    pub(super) fn fixes_axis(&self, axis: usize) -> bool {
+    /// True if the prescribed motions prevent any motion of the node along an axis, up to the round-off of cells of
+    /// this size, [length].
+    pub(super) fn fixes_axis(&self, axis: usize, cell: f64) -> bool {
         let held = || self.directions.iter().zip(&self.increment);
         let part: f64 = held().map(|(direction, _)| direction[axis] * direction[axis]).sum();
         let moved: f64 = held().map(|(direction, increment)| direction[axis] * increment).sum();
-        let size = self.increment.iter().fold(0.0, |size: f64, x| size.max(x.abs()));
+        let size = self.increment.iter().fold(cell, |size: f64, x| size.max(x.abs()));
         1.0 - part < INDEPENDENT && unless_round_off(moved, size) == 0.0
     }
 
@@ -241,7 +242,7 @@ mod tests {
     fn directions_are_orthonormal_and_give_the_prescribed_increments() {
         let motions = [along([1.0, 2.0, 0.5], 0.3, 0), along([0.0, 1.0, 1.0], -0.2, 1)];
         for n in [1, 2] {
-            let turned = Turned::new(7, &motions[..n]).unwrap();
+            let turned = Turned::new(7, &motions[..n], 1.0).unwrap();
             for (a, k) in (0..3).flat_map(|a| (0..3).map(move |k| (a, k))) {
                 let product = dot(&turned.directions[a], &turned.directions[k]);
                 assert!((product - f64::from(u8::from(a == k))).abs() < 1e-15, "{a} {k}: {product}");
@@ -257,7 +258,7 @@ mod tests {
     #[test]
     fn walls_that_are_not_normal_to_each_other_bear_forces_along_their_normals() {
         let motions = [along([1.0, 0.0, 0.0], 0.0, 4), along([1.0, 1.0, 0.0], 0.0, 6)];
-        let turned = Turned::new(0, &motions).unwrap();
+        let turned = Turned::new(0, &motions, 1.0).unwrap();
         // The reaction is twice the first normal plus three times the second.
         let h = 0.5f64.sqrt();
         let reaction = [2.0 + 3.0 * h, 3.0 * h, 0.0];
@@ -278,7 +279,7 @@ mod tests {
         for order in [[0, 1, 2], [1, 0, 2], [2, 1, 0], [0, 2, 1]] {
             let motions = order.map(|k| along(rollers[k], 0.0, k as u16));
             let mut shares = [[0.0; 3]; 3];
-            let turned = Turned::new(0, &motions).unwrap();
+            let turned = Turned::new(0, &motions, 1.0).unwrap();
             turned.for_each_share(&reaction, |_, _| false, |k, c, force| shares[k][c] += force);
             for c in 0..3 {
                 let sum: f64 = shares.iter().map(|share| share[c]).sum();
@@ -299,7 +300,7 @@ mod tests {
         for order in [[0, 1, 2, 3], [3, 2, 1, 0], [2, 0, 3, 1]] {
             let motions = order.map(|k| along(all[k], 0.0, k as u16));
             let mut shares = [[0.0; 3]; 4];
-            let turned = Turned::new(0, &motions).unwrap();
+            let turned = Turned::new(0, &motions, 1.0).unwrap();
             turned.for_each_share(&reaction, |k, _| k % 2 == 1, |k, c, force| shares[k][c] += force);
             let expected = [[0.0; 3], [0.5, 0.5, 0.0], [2.0, 0.0, 0.0], [0.5, 0.5, 0.0]];
             for (found, expected) in shares.as_flattened().iter().zip(expected.as_flattened()) {
@@ -311,11 +312,14 @@ mod tests {
     #[test]
     fn contradictions_are_found_and_repetitions_are_none() {
         let twice = [along([1.0, 1.0, 0.0], 0.1, 0), along([-1.0, -1.0, 0.0], -0.1, 1)];
-        assert_eq!(Turned::new(0, &twice).unwrap().n_held(), 1);
+        assert_eq!(Turned::new(0, &twice, 1.0).unwrap().n_held(), 1);
         let against = [along([1.0, 1.0, 0.0], 0.1, 0), along([-1.0, -1.0, 0.0], 0.1, 1)];
-        assert!(Turned::new(0, &against).is_err());
+        assert!(Turned::new(0, &against, 1.0).is_err());
+        // Two formulas for the same motion may differ by round-off.
+        let round_off = [along([1.0, 1.0, 0.0], 0.0, 0), along([1.0, 1.0, 0.0], -2e-18, 1)];
+        assert!(Turned::new(0, &round_off, 1.0).is_ok() && Turned::new(0, &round_off, 1e-9).is_err());
         // Only the first of two conditions contradicts the third.
         let third = [against[0], along([0.0, 0.0, 1.0], 0.0, 1), Along { condition: 2, ..against[1] }];
-        assert_eq!(Turned::new(0, &third).unwrap_err().0, [0, 2]);
+        assert_eq!(Turned::new(0, &third, 1.0).unwrap_err().0, [0, 2]);
     }
 }
