@@ -164,12 +164,12 @@ mod tests {
                 .collect();
             let given: Vec<f64> = (0..inner.pattern.n).map(|j| (j as f64).cos()).collect();
             let mut direct = Direct::default();
-            direct.analyse(inner.pattern.clone(), &|| inner.order.clone()).unwrap();
+            direct.analyse(inner.pattern.clone(), inner.order.clone()).unwrap();
             direct.factorise(&values).unwrap();
             let mut expected = given.clone();
             direct.solve(&mut expected).unwrap();
             let mut direct = Direct::default();
-            direct.analyse(outer.pattern.clone(), &|| outer.order.clone()).unwrap();
+            direct.analyse(outer.pattern.clone(), outer.order.clone()).unwrap();
             direct.factorise(&embedding.values(&values)).unwrap();
             let mut all = embedding.spread(&given);
             direct.solve(&mut all).unwrap();

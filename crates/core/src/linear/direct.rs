@@ -96,17 +96,17 @@ pub(super) fn is_available(here: u64, on_this_machine: u64) -> bool {
 }
 
 impl LinearSolver for Direct {
-    fn analyse(&mut self, pattern: Pattern, order: &dyn Fn() -> Vec<usize>) -> Result<bool, LinearError> {
-        if self.pattern == pattern && (self.fronts.is_some() || self.pivoted.is_some()) {
+    fn analyse(&mut self, pattern: Pattern, order: Vec<usize>) -> Result<bool, LinearError> {
+        let is_same = self.pattern == pattern && self.order == order;
+        if is_same && (self.fronts.is_some() || self.pivoted.is_some()) {
             self.largest = 0.0; // a resumed run knows nothing of earlier steps
             return Ok(false);
         }
-        *self = Direct { pattern, ..Direct::default() };
+        *self = Direct { pattern, order, ..Direct::default() };
         let pattern = &self.pattern;
         if pattern.n == 0 {
             return Ok(true);
         }
-        self.order = order();
         match Multifrontal::new(pattern, &self.order) {
             Some(fronts) => {
                 ask_for(fronts.bytes())?;

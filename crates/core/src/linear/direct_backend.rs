@@ -91,7 +91,7 @@ impl DirectBackend {
             }
         }
         match &self.kept {
-            Some(kept) => self.direct.analyse(kept.pattern.clone(), &|| kept.order.clone()).map(|_| ()),
+            Some(kept) => self.direct.analyse(kept.pattern.clone(), kept.order.clone()).map(|_| ()),
             None => Ok(()),
         }
     }
@@ -185,9 +185,9 @@ impl<const D: usize, const N: usize> Backend<D, N> for DirectBackend {
             return self.prepare_contained(layout, matrix, pattern);
         }
         self.kept = None;
-        self.direct
-            .analyse(pattern, &|| elimination_order(layout.lattice, layout.numbering, matrix, |_| true))
-            .map(|_| ())
+        // The order may change while the pattern stays; a resumed run has no earlier one.
+        let order = elimination_order(layout.lattice, layout.numbering, matrix, |_| true);
+        self.direct.analyse(pattern, order).map(|_| ())
     }
 
     fn factorise(&mut self, layout: &Layout<D, N>, matrix: &BlockMatrix<N>) -> Result<(), LinearError> {

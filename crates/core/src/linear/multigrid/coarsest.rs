@@ -53,11 +53,9 @@ impl Coarsest {
         }
         let pattern = lower_triangle::<N>(&rows);
         self.start = pattern.column_start.iter().copied().step_by(N).collect();
-        let order = || {
-            let nodes = ordering::nested_dissection(places, level.lattice.reach);
-            nodes.iter().flat_map(|&node| (0..N).map(move |d| N * node + d)).collect()
-        };
-        let outcome = self.direct.analyse(pattern, &order).map(|_| ());
+        let nodes = ordering::nested_dissection(places, level.lattice.reach);
+        let order = nodes.iter().flat_map(|&node| (0..N).map(move |d| N * node + d)).collect();
+        let outcome = self.direct.analyse(pattern, order).map(|_| ());
         match &level.shared {
             None => outcome,
             Some(shared) => agree(&shared.ghosts.ranks, outcome),
