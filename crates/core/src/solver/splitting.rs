@@ -7,6 +7,10 @@ use crate::model::Model;
 use crate::points::{Points, Split, Splitting};
 use crate::terms::Terms;
 
+/// Length beyond the limit, relative to it, up to which a domain is not too long, [-]: the length of a domain that is
+/// exactly as long as its body allows depends on round-off.
+const ROUND_OFF: f64 = 1e-9;
+
 /// The rules of a model without its state.
 struct OfModel<'a, const D: usize> {
     model: &'a Model<D>,
@@ -73,7 +77,7 @@ impl<const D: usize> Splitting<D> for OfModel<'_, D> {
         };
         // The cell of a point that a stage has added is not known yet.
         let cell = self.model.grid.locate(&points.converged.position[p], Some(points.cell[p]));
-        cell.map_or(f64::INFINITY, |cell| above * self.model.grid.size(cell as usize))
+        cell.map_or(f64::INFINITY, |cell| (1.0 + ROUND_OFF) * above * self.model.grid.size(cell as usize))
     }
 
     fn depth(&self, position: &[f64; D]) -> f64 {
@@ -108,5 +112,34 @@ impl<const D: usize, const N: usize> Splitting<D> for Present<'_, D, N> {
 
     fn is_valid(&self, points: &Points<D>, p: usize, corners: &[[f64; D]]) -> bool {
         self.of_model.is_valid(points, p, corners)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::basis::Method;
+    use crate::grid::Structured;
+    use crate::model::{Builder, Fill};
+
+    #[test]
+    fn a_domain_exactly_as_long_as_allowed_stays_whole() {
+        for (origin, size) in [(0.0, 0.5), (0.0, 0.1), (1.1, 0.1), (0.3, 0.7), (100.1, 0.3048)] {
+            let grid = Structured::new([origin; 2], [size; 2], [4, 4]);
+            let (mut model, mut points) = Builder::new(grid)
+                .material("steel", crate::material::Hencky::new(1e3, 0.3))
+                .body("a", "steel", Fill { method: Method::Cpdi2, ..Fill::default() }, |_| true)
+                .build()
+                .unwrap();
+            let whole = points.len();
+            let mut split = |above: f64| {
+                model.bodies[0].split_above = Some(above);
+                points.split_long(&OfModel { model: &model }, whole as u32);
+                points.len()
+            };
+            // There are two points along a side of a cell.
+            assert_eq!(split(0.5), whole, "{origin} {size}");
+            assert!(split(0.5 - 1e-6) > whole, "{origin} {size}");
+        }
     }
 }
