@@ -467,8 +467,9 @@ class Run:
 
         The next step begins from the current state of the points. At the end of that step, a load is its new value
         times its new curve: it jumps within the step if the new curve does not continue the old one. A prescribed
-        displacement grows by its new value times the growth of its curve. The model is built again, which takes as long
-        as the start of the run. After the last step, the call has no effect.
+        displacement grows by its new value times the growth of its curve, and grid lines that follow it move as far.
+        The model is built again, which takes as long as the start of the run. After the last step, the call has no
+        effect.
 
         Raises:
             DeckError: The changed deck cannot be used; the run can go on as it was.

@@ -15,7 +15,7 @@ use mpm::output::status::{Progress, StatusFile};
 use mpm::points::Points;
 use mpm::solver::{
     Change, Diagnosis, FailedAttempt, Observer, Reached, Solvable, SolveError, Step, StepReport, Summary,
-    resume_stage, run_with_changes,
+    change_model, run_with_changes,
 };
 use serde_json::{Map, Value, json};
 
@@ -175,8 +175,8 @@ impl Follower<'_> {
     fn carry_out<const D: usize>(
         &mut self,
         model: &mut Model<D>,
-        points: &Points<D>,
-        reached: &Reached,
+        points: &mut Points<D>,
+        reached: &mut Reached,
         deck: &mut LoadedDeck,
         model_of: fn(Analysis) -> Option<Model<D>>,
     ) -> Result<bool, SolveError> {
@@ -186,7 +186,7 @@ impl Follower<'_> {
             self.worker.account_for(deck);
         }
         drop(reply.send(outcome));
-        self.wait(&(&*model, points));
+        self.wait(&(&*model, &*points));
         Ok(!matches!(self.decided, Some(Decision::Stop)))
     }
 }
@@ -197,7 +197,7 @@ impl Follower<'_> {
 /// A reason, if the other deck changes something on which earlier steps depend, such as the grid or the bodies.
 fn exchange<const D: usize>(
     model: &mut Model<D>,
-    reached: &Reached,
+    reached: &mut Reached,
     deck: &LoadedDeck,
     changed: Changed,
     model_of: fn(Analysis) -> Option<Model<D>>,
@@ -206,10 +206,8 @@ fn exchange<const D: usize>(
     if !fixed.is_empty() {
         return Err(format!("what earlier steps depend on cannot change during a run: {}", fixed.join("; ")));
     }
-    let mut next = model_of(changed.analysis).ok_or("the number of axes cannot change during a run")?;
-    // The points stay; only the model must know its stage.
-    resume_stage(&mut next, &mut Points::new(&[]), reached)?;
-    *model = next;
+    let next = model_of(changed.analysis).ok_or("the number of axes cannot change during a run")?;
+    change_model(model, next, reached)?;
     Ok(changed.loaded)
 }
 

@@ -124,6 +124,100 @@ def test_a_yield_stress_changed_between_steps_acts_from_the_next_step_on():
     assert radius.max() == pytest.approx(19e3, rel=1e-9)
 
 
+def pressed(**condition):
+    """A block of 2 m by 2 m between frictionless walls, whose top moves down by 0.4 m in 8 steps."""
+    box = {"type": "box", "min": [0, 0], "max": [2, 2]}
+    return mpm.Deck(
+        {
+            "version": 1,
+            "grid": {"type": "structured", "origin": [0, 0], "size": [2, 4], "spacing": 0.5},
+            "materials": {"clay": {"model": "hencky", "young": 1e6, "poisson": 0.3}},
+            "bodies": [{"name": "block", "material": "clay", "points_per_cell": 2, "shape": box}],
+            "boundary_conditions": [
+                {"name": "floor", "nodes": {"y": 0}, "fix": ["y"]},
+                {"name": "left", "nodes": {"x": 0}, "fix": ["x"]},
+                {"name": "right", "nodes": {"x": 2}, "fix": ["x"]},
+                {"name": "push", **condition, "uy": -0.4},
+            ],
+            "steps": {"count": 8},
+        }
+    )
+
+
+def pressed_by_lines():
+    """The same block, whose top stays on a grid line."""
+    deck = pressed(nodes={"y": 2})
+    deck["grid"]["follow"] = [{"axis": "y", "from": 2, "condition": "push"}]
+    return deck
+
+
+def force_on_top(settlement):
+    """The exact force on the block under a uniform compression by this settlement."""
+    modulus, stretch = 1e6 * 0.7 / (1.3 * 0.4), 1 - np.asarray(settlement) / 2
+    return 2 * modulus * np.log(stretch) / stretch
+
+
+def slower(deck):
+    """Half as fast from now on: without a curve, the factor grows up to the end time."""
+    deck["steps"] = {"count": 16, "end_time": 2}
+
+
+def faster(deck):
+    deck["boundary_conditions"][3]["uy"] = -0.8
+
+
+def back(deck):
+    deck["boundary_conditions"][3]["curve"] = [[0, 0], [0.5, 0.5], [1, 0]]
+
+
+#: Changes at time 0.5, when the top has moved by 0.2 m, and the settlement at the times that follow.
+MOTIONS = {
+    "faster": (faster, lambda time: 0.2 + 0.8 * (time - 0.5)),
+    "slower": (slower, lambda time: 0.2 + 0.2 * (time - 0.5)),
+    "back": (back, lambda time: 0.4 * (1 - time)),
+}
+
+
+def changed_at_half_time(run, change):
+    """Takes all steps of a run, with a change of its deck after time 0.5."""
+    for step in run:
+        if step.time == 0.5:
+            change(run.deck)
+            run.change()
+    return run.history
+
+
+def assert_moved_without_jump(history, settlement):
+    time = history["time"]
+    exact = force_on_top(np.where(time <= 0.5, 0.4 * time, settlement(time)))
+    np.testing.assert_allclose(history["push_ry"], exact, rtol=0, atol=1e-8 * np.abs(exact).max())
+
+
+@pytest.mark.parametrize("what", MOTIONS)
+def test_lines_of_the_grid_continue_from_where_they_stand(what):
+    change, settlement = MOTIONS[what]
+    assert_moved_without_jump(changed_at_half_time(pressed_by_lines().start(), change), settlement)
+
+
+def test_a_run_whose_lines_have_an_offset_resumes(tmp_path):
+    deck = pressed_by_lines()
+    deck["checkpoint"] = {"every": 1}
+    whole = deck.start(threads=1, out=tmp_path / "whole")
+    changed_at_half_time(whole, faster)
+    part = deck.start(threads=1, out=tmp_path / "part")
+    for step in part:
+        if step.index == 4:
+            faster(part.deck)
+            part.change()
+        if step.index == 6:
+            part.stop()
+    part.deck.save(tmp_path / "deck.yaml")
+    command = [sys.executable, "-m", "mpm", "run", tmp_path / "deck.yaml", "--resume", "--out", tmp_path / "part"]
+    subprocess.run(command, check=True, capture_output=True)
+    for name in ("history.csv", "quality.csv"):
+        assert (tmp_path / "part" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+
+
 FORBIDDEN = {
     "grid": lambda deck: deck["grid"].update(spacing=0.5),
     "bodies": lambda deck: deck["bodies"][0].update(points_per_cell=3),

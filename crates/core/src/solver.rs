@@ -5,6 +5,7 @@
 //! | `stepper`, `pace` | the sequence of steps, and their size |
 //! | `acceptance`, `refusal` | the commit of a step in equilibrium, and what follows a failed attempt |
 //! | `stages`, `release` | the transition between stages: what is added and removed, and the forces that are released |
+//! | `change` | the change of a model between two steps |
 //! | `load_step`, `step_system`, `fields` | one attempt at a step, and what it sets up once |
 //! | `newton` | the iterations, eqs. (26), (30) |
 //! | `evaluation`, `unknowns` | forces and K of an iterate; Δd, δd and reactions, eq. (28) |
@@ -31,6 +32,7 @@ mod acceptance;
 mod agree;
 mod attempt;
 mod body_residual;
+mod change;
 mod conclusion;
 mod control;
 mod course;
@@ -76,6 +78,7 @@ use release::balancing_forces;
 pub use crate::equilibrium::{GridFields, InitialState, ReactionMoment, StepReport};
 pub use crate::step::Step;
 pub use attempt::{FailedAttempt, Iterate};
+pub use change::change_model;
 pub use control::{NoPath, Path, path_length};
 pub use diagnosis::{Circumstances, Diagnosis, Kind, Loss};
 pub use error::{CODES, Obstacle, SolveError};

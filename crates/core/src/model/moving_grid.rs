@@ -1,7 +1,7 @@
 //! A background grid whose lines follow prescribed displacements.
 //!
 //! The grid carries no state between load steps, so its lines can be moved between steps: the grid of a step is a
-//! function of the time at which the step starts. A tool or footing then stays on grid lines (the moving mesh of Phuong
+//! function of the time at which the step starts. If a condition changes during a run, its lines keep an offset. A tool or footing then stays on grid lines (the moving mesh of Phuong
 //! et al., Comput. Geotech. 73 (2016) 58-71). Lines move as a whole, whatever material their cells contain.
 
 use crate::formula::Formula;
@@ -33,6 +33,9 @@ pub struct MovingGrid<const D: usize> {
     /// The grid at time 0.
     original: Structured<D>,
     following: Vec<FollowingLines>,
+    /// For each entry, the displacement of its lines in addition to the one that the condition prescribes, [length]. It
+    /// is 0 unless the condition has changed during the run.
+    offsets: Vec<f64>,
     /// The time for which the grid of the model has been placed, [time].
     time: f64,
 }
@@ -119,6 +122,16 @@ impl<const D: usize> BoundaryCondition<D> {
 }
 
 impl<const D: usize> MovingGrid<D> {
+    /// The displacement that the condition of an entry prescribes at a load factor, [length].
+    fn prescribed(&self, model: &Model<D>, entry: usize, time: f64, factor: f64) -> f64 {
+        let FollowingLines { axis, condition, .. } = self.following[entry];
+        // Nothing has moved yet at time 0, whatever the value of the curve.
+        match model.boundary_conditions[condition].along(axis).filter(|_| time > 0.0) {
+            Some((sign, formula)) => sign * displacement_at(formula, &[0.0; D], &[0.0; D], factor),
+            None => 0.0,
+        }
+    }
+
     /// The carried lines along each axis, ascending, at a time when the boundary conditions have these load factors.
     fn carried(
         &self,
@@ -128,14 +141,7 @@ impl<const D: usize> MovingGrid<D> {
     ) -> Result<[Vec<CarriedLines>; D], GridMotionError> {
         let mut carried: [Vec<CarriedLines>; D] = std::array::from_fn(|_| Vec::new());
         for (entry, lines) in self.following.iter().enumerate() {
-            let condition = &model.boundary_conditions[lines.condition];
-            // Nothing has moved yet at time 0, whatever the value of the curve.
-            let by = match condition.along(lines.axis).filter(|_| time > 0.0) {
-                Some((sign, formula)) => {
-                    sign * displacement_at(formula, &[0.0; D], &[0.0; D], factor(lines.condition))
-                }
-                None => 0.0,
-            };
+            let by = self.offsets[entry] + self.prescribed(model, entry, time, factor(lines.condition));
             if !by.is_finite() {
                 return Err(GridMotionError::NotFinite { entry, time, value: by });
             }
@@ -190,7 +196,8 @@ impl<const D: usize> Model<D> {
         });
         let faults: Vec<_> = faults.collect();
         if faults.is_empty() {
-            self.moving_grid = Some(MovingGrid { original: grid.clone(), following, time: 0.0 });
+            let offsets = vec![0.0; following.len()];
+            self.moving_grid = Some(MovingGrid { original: grid.clone(), following, offsets, time: 0.0 });
         }
         if faults.is_empty() { Ok(()) } else { Err(faults) }
     }
@@ -232,6 +239,34 @@ impl<const D: usize> Model<D> {
         }
         let factor = |condition: usize| self.boundary_conditions[condition].curve.factor(time);
         moving.at(self, time, &factor).map(Some)
+    }
+
+    /// The offsets with which the lines of this model continue, at a time, from where those of the model `before` stand:
+    /// from then on, they move by the growth of the displacement that their condition prescribes, [length]. Empty if the
+    /// grid does not move. Both models must be in the same stage, and the same lines must follow the same conditions.
+    pub fn offsets_of_lines(&self, before: &Model<D>, time: f64) -> Vec<f64> {
+        let (Some(moving), Some(moved)) = (&self.moving_grid, &before.moving_grid) else { return Vec::new() };
+        let prescribed = |moving: &MovingGrid<D>, model: &Model<D>, entry: usize| {
+            let condition = moving.following[entry].condition;
+            moving.prescribed(model, entry, time, model.boundary_conditions[condition].curve.factor(time))
+        };
+        let offset = |(entry, offset): (usize, &f64)| {
+            offset + (prescribed(moved, before, entry) - prescribed(moving, self, entry))
+        };
+        moved.offsets.iter().enumerate().map(offset).collect()
+    }
+
+    /// Adds offsets to the displacements of the lines that follow conditions, one for each entry, [length].
+    ///
+    /// # Errors
+    /// The reason, if they are not offsets of these lines.
+    pub fn offset_lines(&mut self, offsets: &[f64]) -> Result<(), String> {
+        let kept = self.moving_grid.as_mut().map(|moving| &mut moving.offsets);
+        match kept.filter(|kept| kept.len() == offsets.len()) {
+            Some(kept) if offsets.iter().all(|by| by.is_finite()) => kept.copy_from_slice(offsets),
+            _ => return Err("its grid lines do not follow the same conditions".to_owned()),
+        }
+        Ok(())
     }
 
     /// Moves the grid to its position for a step of the current stage that starts at this time.

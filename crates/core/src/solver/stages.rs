@@ -175,7 +175,10 @@ pub fn resume_stage<const D: usize>(
     points: &mut Points<D>,
     reached: &Reached,
 ) -> Result<(), String> {
-    let splits = &reached.summary.splits;
+    let Summary { splits, offsets_of_lines, .. } = &reached.summary;
+    if !offsets_of_lines.is_empty() {
+        model.offset_lines(offsets_of_lines)?;
+    }
     let Some(StageReached { number, began, released_forces, splits_before }) = &reached.summary.stage else {
         return split_again(model, points, splits);
     };
@@ -224,13 +227,12 @@ where
     run_with_changes(model, points, reached, observer, &mut |_, _, _| Ok(false))
 }
 
-/// A change to a model between two steps, given the points and the last step in equilibrium.
+/// A change to a model between two steps, with the points and the last step in equilibrium.
 pub type Change<'a, const D: usize> =
-    &'a mut dyn FnMut(&mut Model<D>, &Points<D>, &Reached) -> Result<bool, SolveError>;
+    &'a mut dyn FnMut(&mut Model<D>, &mut Points<D>, &mut Reached) -> Result<bool, SolveError>;
 
-/// Like [`run_stages`], but whenever the observer has interrupted the run between two steps, `change` may alter the
-/// model, and the run goes on if `change` returns true. The points, the grid and the terms of equilibrium stay as they
-/// are.
+/// Like [`run_stages`], but whenever the observer has interrupted the run between two steps, `change` may exchange the
+/// model by [`change_model`](super::change_model), and the run goes on if `change` returns true.
 ///
 /// # Errors
 /// The errors of [`run_stages`] and those of `change`.
@@ -252,7 +254,7 @@ where
     let outcome = started.and_then(|()| {
         loop {
             match all_stages(model, points, &mut reached, observer) {
-                Err(SolveError::Interrupted { .. }) if change(model, points, &reached)? => {}
+                Err(SolveError::Interrupted { .. }) if change(model, points, &mut reached)? => {}
                 outcome => return outcome,
             }
         }

@@ -65,6 +65,10 @@ pub struct Summary {
     /// The current stage; `None` in the first stage.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stage: Option<StageReached>,
+    /// The displacement that each group of lines of a moving grid has in addition to the one that its condition
+    /// prescribes, [length]; empty unless the model has changed during the run.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub offsets_of_lines: Vec<f64>,
     /// The factors of each stage in which the strength is reduced, in the order of the stages.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub strength: Vec<StageStrength>,
