@@ -462,8 +462,8 @@ class Run:
 
         Loads, boundary conditions, parameters of materials, the number and size of steps, the solver, and the output
         may change. Grid, bodies, tools, probes, models and densities of materials, laws in Python, the names and types
-        of loads, the names of boundary conditions, and the control of the steps may not; nor may materials that vary in
-        space.
+        of loads, the names of boundary conditions, the directions of conditions on surfaces, and the control of the
+        steps may not; nor may materials that vary in space.
 
         The next step begins from the current state of the points. At the end of that step, a load is its new value
         times its new curve: it jumps within the step if the new curve does not continue the old one. A prescribed

@@ -199,6 +199,42 @@ def test_lines_of_the_grid_continue_from_where_they_stand(what):
     assert_moved_without_jump(changed_at_half_time(pressed_by_lines().start(), change), settlement)
 
 
+def pressed_by_a_surface():
+    """The same block, whose top is a surface; it does not stay on a grid line."""
+    deck = pressed(surface="top")
+    deck["surfaces"] = [{"name": "top", "body": "block", "part": {"edge": 2}}]
+    return deck
+
+
+def test_a_surface_continues_from_where_it_is():
+    for change, curve in [
+        (faster, [[0, 0], [0.5, 0.5], [1, 1.5]]),
+        (slower, [[0, 0], [0.5, 0.5], [2, 1.25]]),
+        (back, [[0, 0], [0.5, 0.5], [1, 0]]),
+    ]:
+        given = pressed_by_a_surface()
+        given["boundary_conditions"][3]["curve"] = curve
+        if change is slower:
+            slower(given)
+        expected = given.run(progress=False).history
+        history = changed_at_half_time(pressed_by_a_surface().start(), change)
+        np.testing.assert_array_equal(history["time"], expected["time"])
+        largest = np.abs(expected["push_ry"]).max()
+        np.testing.assert_allclose(history["push_ry"], expected["push_ry"], rtol=0, atol=1e-6 * largest)
+
+
+@pytest.mark.parametrize("components", [{"ux": 0.1}, {"ux": 0.1, "uy": -0.4}])
+def test_a_surface_keeps_the_directions_of_its_condition(components):
+    run = pressed_by_a_surface().start()
+    next(run)
+    push = run.deck["boundary_conditions"][3]
+    del push["uy"]
+    push.update(components)
+    with pytest.raises(mpm.UsageError, match="the directions in which `push` prescribes"):
+        run.change()
+    assert len(list(run)) == 7
+
+
 def test_a_run_whose_lines_have_an_offset_resumes(tmp_path):
     deck = pressed_by_lines()
     deck["checkpoint"] = {"every": 1}

@@ -2,13 +2,14 @@
 
 use crate::model::Model;
 use crate::points::Points;
+use crate::terms::Surfaces;
 
 use super::stages::resume_stage;
 use super::summary::Reached;
 
 /// Puts another model of the same analysis in place of the current one. The next step begins from the last one in
-/// equilibrium: the lines of a moving grid stay where they are and then move by the growth of the displacement that
-/// their condition prescribes.
+/// equilibrium: the lines of a moving grid, and the surfaces on which conditions act, stay where they are and then move
+/// by the growth of the displacement that their condition prescribes.
 ///
 /// The models must have the same grid, bodies, tools, probes and stages, and the same loads and conditions apart from
 /// their values and curves.
@@ -28,6 +29,7 @@ pub fn change_model<const D: usize>(
         next.offset_lines(&offsets)?;
     }
     next.place_grid(time).map_err(|error| error.to_string())?;
+    Surfaces::continue_from([model, &next], &mut reached.summary.terms, time)?;
     reached.summary.offsets_of_lines = offsets;
     *model = next;
     Ok(())

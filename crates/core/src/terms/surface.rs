@@ -6,6 +6,8 @@
 mod condition;
 mod load;
 
+use std::collections::BTreeMap;
+
 use serde_json::{Value, json};
 
 use crate::assembly::{System, Wanted};
@@ -22,6 +24,9 @@ use super::saved::Saved;
 use super::term::{Augmentation, SurfaceReaction, Term};
 use condition::Condition;
 use load::SurfaceLoad;
+
+/// Name of the term.
+const NAME: &str = "surfaces";
 
 /// The surfaces of a model, with their loads and conditions.
 pub struct Surfaces<const D: usize> {
@@ -68,6 +73,36 @@ impl<const D: usize> Surfaces<D> {
         surfaces.find_bodies(model, points);
         surfaces.renew_fields(model);
         surfaces.fields
+    }
+
+    /// Adapts the saved states of the terms of the model `before`, as of this time, to the model `now`: conditions that
+    /// have changed then hold their surfaces where they are.
+    ///
+    /// # Errors
+    /// The reason why a run cannot go on with the model `now`; the states are then unchanged.
+    pub fn continue_from(
+        [before, now]: [&Model<D>; 2],
+        states: &mut BTreeMap<String, Saved>,
+        time: f64,
+    ) -> Result<(), String> {
+        let mut surfaces = Surfaces::new(now);
+        let Some(state) = states.get(NAME).filter(|_| !surfaces.conditions.is_empty()) else { return Ok(()) };
+        let earlier = Surfaces::new(before).conditions;
+        let mut pairs = surfaces.conditions.iter().zip(&earlier);
+        if let Some((changed, _)) = pairs.find(|(now, before)| !now.has_directions_of(before)) {
+            let name = &now.boundary_conditions[changed.number()].name;
+            return Err(format!(
+                "the directions in which `{name}` prescribes the displacement cannot change"
+            ));
+        }
+        Term::<D, D>::restore(&mut surfaces, &state.value())?;
+        let Surfaces { conditions, carried, .. } = &mut surfaces;
+        for condition in conditions {
+            let carried = &carried[condition.surface()];
+            condition.continue_from([before, now], carried, time).map_err(|error| error.to_string())?;
+        }
+        states.extend(Term::<D, D>::save(&surfaces).map(|state| (NAME.to_owned(), state)));
+        Ok(())
     }
 
     /// Determines which surfaces belong to bodies that have points.
@@ -118,7 +153,7 @@ fn lost<const D: usize>(model: &Model<D>, surface: &Surface<D>, position: &[f64;
 
 impl<const D: usize, const N: usize> Term<D, N> for Surfaces<D> {
     fn name(&self) -> &'static str {
-        "surfaces"
+        NAME
     }
 
     fn is_symmetric(&self, step: &StepContext<D>) -> bool {

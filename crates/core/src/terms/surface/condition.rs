@@ -79,8 +79,9 @@ pub(super) struct Condition<const D: usize> {
     components: Vec<usize>,
     patches: Vec<Patch>,
     equations: Vec<Equation<D>>,
-    /// m of each equation when the condition began to act; the condition holds the surface at this value. First as of
-    /// the last step in equilibrium, then in the current step. `None` while the condition does not act.
+    /// m of each equation when the condition began to act, shifted by changes of the condition during the run; the
+    /// condition holds the surface at this value. First as of the last step in equilibrium, then in the current step.
+    /// `None` while the condition does not act.
     origins: Option<Vec<f64>>,
     trial_origins: Option<Vec<f64>>,
     /// λ of the last step in equilibrium and of the last evaluation; zero while the condition does not act.
@@ -224,32 +225,75 @@ impl<const D: usize> Condition<D> {
         carried: &Carried<D>,
         time: f64,
     ) -> Result<Vec<Vec<f64>>, BeginError> {
-        let condition = &step.model.boundary_conditions[self.number];
         let surface = &step.model.surfaces[self.on.surface];
+        let mut gaps = self.prescribed(step.model, carried, time).map_err(BeginError::Constraint)?;
+        for (gaps, directions) in gaps.iter_mut().zip(&self.directions) {
+            for (sample, (gap, original)) in gaps.iter_mut().zip(&surface.samples).enumerate() {
+                let x = centre(&carried.facet(sample));
+                let moved: f64 = (0..D).map(|d| (x[d] - original[d]) * directions[sample][d]).sum();
+                *gap = moved - *gap;
+            }
+        }
+        Ok(gaps)
+    }
+
+    /// ū at a time, for each component and sample at its trial position, [length].
+    fn prescribed(
+        &self,
+        model: &Model<D>,
+        carried: &Carried<D>,
+        time: f64,
+    ) -> Result<Vec<Vec<f64>>, ConstraintError> {
+        let condition = &model.boundary_conditions[self.number];
+        let surface = &model.surfaces[self.on.surface];
         let factor = condition.curve.factor(time);
         let mut all = Vec::new();
-        for (component, directions) in self.components.iter().zip(&self.directions) {
+        for component in &self.components {
             let Some(formula) = &condition.displacement[*component] else { continue };
-            let mut gaps = Vec::with_capacity(surface.len());
+            let mut values = Vec::with_capacity(surface.len());
             for (sample, original) in surface.samples.iter().enumerate() {
                 let x = centre(&carried.facet(sample));
-                let prescribed = at_place(formula, &x, original, factor);
-                if !prescribed.is_finite() {
-                    return Err(BeginError::Constraint(ConstraintError::NotFinite {
+                let value = at_place(formula, &x, original, factor);
+                if !value.is_finite() {
+                    return Err(ConstraintError::NotFinite {
                         name: condition.name.clone(),
                         axis: crate::dofs::AXES[component % 3],
                         node: x.to_vec(),
                         factor,
                         formula: formula.text().to_owned(),
-                        value: prescribed,
-                    }));
+                        value,
+                    });
                 }
-                let moved: f64 = (0..D).map(|d| (x[d] - original[d]) * directions[sample][d]).sum();
-                gaps.push(moved - prescribed);
+                values.push(value);
             }
-            all.push(gaps);
+            all.push(values);
         }
         Ok(all)
+    }
+
+    /// True if the condition prescribes the displacement in the same directions as another one on its surface.
+    pub(super) fn has_directions_of(&self, other: &Self) -> bool {
+        self.directions == other.directions
+    }
+
+    /// Continues, at a time, from where the same condition of the model `before` holds the surface: from then on, the
+    /// surface moves by the growth of ū in the model `now`, to which this condition belongs. `carried` must be in the
+    /// state at this time, and both conditions must have the same directions.
+    ///
+    /// # Errors
+    /// [`ConstraintError::NotFinite`] if ū is not finite.
+    pub(super) fn continue_from(
+        &mut self,
+        models: [&Model<D>; 2],
+        carried: &Carried<D>,
+        time: f64,
+    ) -> Result<(), ConstraintError> {
+        let Some(origins) = &self.origins else { return Ok(()) };
+        let [before, now] = models.map(|model| Ok(self.sums(&self.prescribed(model, carried, time)?)));
+        let growth = before?.into_iter().zip(now?);
+        let shifted = origins.iter().zip(growth).map(|(origin, (before, now))| origin + (before - now));
+        self.origins = Some(shifted.collect());
+        Ok(())
     }
 
     /// Calls `couple` with the nodes of each equation.
