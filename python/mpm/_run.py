@@ -468,6 +468,8 @@ class Run:
         The next step begins from the current state of the points. At the end of that step, a load is its new value
         times its new curve: it jumps within the step if the new curve does not continue the old one. A prescribed
         displacement grows by its new value times the growth of its curve, and grid lines that follow it move as far.
+        Points keep their stress if the elasticity of their material changes; a law that cannot compute the elastic
+        strain of a stress, such as one of a library without this function, keeps its elasticity.
         The model is built again, which takes as long as the start of the run. After the last step, the call has no
         effect.
 

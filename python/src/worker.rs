@@ -181,7 +181,7 @@ impl Follower<'_> {
         model_of: fn(Analysis) -> Option<Model<D>>,
     ) -> Result<bool, SolveError> {
         let Some(Decision::Change(changed, reply)) = self.decided.take() else { return Ok(false) };
-        let outcome = exchange(model, reached, deck, *changed, model_of).map(|next| *deck = next);
+        let outcome = exchange(model, points, reached, deck, *changed, model_of).map(|next| *deck = next);
         if outcome.is_ok() {
             self.worker.account_for(deck);
         }
@@ -197,6 +197,7 @@ impl Follower<'_> {
 /// A reason, if the other deck changes something on which earlier steps depend, such as the grid or the bodies.
 fn exchange<const D: usize>(
     model: &mut Model<D>,
+    points: &mut Points<D>,
     reached: &mut Reached,
     deck: &LoadedDeck,
     changed: Changed,
@@ -207,7 +208,8 @@ fn exchange<const D: usize>(
         return Err(format!("what earlier steps depend on cannot change during a run: {}", fixed.join("; ")));
     }
     let next = model_of(changed.analysis).ok_or("the number of axes cannot change during a run")?;
-    change_model(model, next, reached)?;
+    let [before, now] = [&deck.deck, &changed.loaded.deck].map(|deck| &deck.materials);
+    change_model(model, next, points, reached, &|name| before.get(name) != now.get(name))?;
     Ok(changed.loaded)
 }
 

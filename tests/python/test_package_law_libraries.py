@@ -33,9 +33,10 @@ def test_a_law_in_python_takes_the_place_of_that_of_a_library(deck, tmp_path):
 
 
 def test_parameters_of_a_library_change_between_steps(deck, tmp_path):
-    compiled(FAULTY, tmp_path / "law.so")
+    compiled(LAWS / "law.c", tmp_path / "law.so")
     largest = {}
-    with mpm.Deck.load(deck(block(**of_library("law.so", **ELASTIC)))).start() as run:
+    strong = PLASTIC | {"deviatoric_yield_stress": 1e9}
+    with mpm.Deck.load(deck(block(**of_library("law.so", **strong)))).start() as run:
         for step in run:
             largest[step.index] = np.abs(run.points["cauchy_stress"]).max()
             if step.index == 1:
@@ -43,7 +44,18 @@ def test_parameters_of_a_library_change_between_steps(deck, tmp_path):
                 run.change()
             if step.index == 2:
                 break
-    assert 3 < largest[2] / largest[1] < 5, "twice the strain, twice the stiffness"
+    assert 2.5 < largest[2] / largest[1] < 3.5, "the same stress, and one more step at twice the stiffness"
+
+
+def test_a_law_without_an_inverse_keeps_its_elasticity(deck, tmp_path):
+    compiled(FAULTY, tmp_path / "law.so")
+    with mpm.Deck.load(deck(block(**of_library("law.so", **ELASTIC)))).start() as run:
+        next(run)
+        run.change()
+        run.deck["materials"]["clay"]["parameters"]["young"] = 2e6
+        with pytest.raises(mpm.UsageError, match="material of `block` cannot carry its stress: the law cannot compute"):
+            run.change()
+        next(run)
 
 
 def test_a_library_that_changes_in_a_session_is_refused(deck, tmp_path):

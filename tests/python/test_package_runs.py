@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from conftest import ROOT
-from package import assert_same_points, column, load, mpm
+from package import assert_same_points, column, load, mpm, worst
 
 
 def after(run, steps):
@@ -122,6 +122,49 @@ def test_a_yield_stress_changed_between_steps_acts_from_the_next_step_on():
     mean = results["softer later"].kirchhoff_stress[:, :3].mean(axis=1)
     radius = np.sqrt(stress.sum(axis=1) - 3 * mean**2)
     assert radius.max() == pytest.approx(19e3, rel=1e-9)
+
+
+def test_a_changed_stiffness_keeps_the_stress():
+    deck = column()
+    deck["loads"][0]["curve"] = [[0, 0], [0.5, 1], [1, 1]]
+    run = deck.start()
+    after(run, 2)
+    before, stored = dict(run.points), run.step.strain_energy
+    run.deck["materials"]["clay"]["young"] = 2e6
+    run.change()
+    np.testing.assert_array_equal(run.points.cauchy_stress, before["cauchy_stress"])
+    np.testing.assert_allclose(run.points.elastic_strain, before["elastic_strain"] / 2, rtol=1e-12, atol=1e-16)
+    for _ in run:
+        pass
+    moved = np.abs(run.points.position - before["position"]).max()
+    assert moved < 1e-2 * np.abs(before["displacement"]).max()
+    assert run.result().summary["exchanged_energy"] == pytest.approx(-stored / 2, rel=1e-9)
+    assert abs(run.quality["energy_error"][-1]) < 1e-2
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters", "changes"),
+    [
+        ("triaxial", {}, {"swelling_index": 0.009, "shear_modulus": 6e6}),
+        ("slope", {"h": 2, "n": 2}, {"young": 50e6, "poisson": 0.2}),
+    ],
+)
+def test_a_soil_keeps_its_history_when_its_elasticity_changes(name, parameters, changes):
+    def volumetric(points):
+        return points["elastic_strain"][:, :3].sum(axis=1) + points["plastic_volumetric_strain"]
+
+    run = load(name, **parameters).start()
+    after(run, 4)
+    before = dict(run.points)
+    run.deck["materials"][next(iter(run.deck["materials"]))].update(changes)
+    run.change()
+    now = dict(run.points)
+    assert worst(now, before, "elastic_strain") > 0.1
+    np.testing.assert_allclose(volumetric(now), volumetric(before), rtol=0, atol=1e-14)
+    adapted = {"elastic_strain", "plastic_volumetric_strain"}
+    for array in before.keys() - adapted:
+        np.testing.assert_array_equal(now[array], before[array], err_msg=array)
+    assert np.isfinite(next(run).residual)
 
 
 def pressed(**condition):

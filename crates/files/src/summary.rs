@@ -254,6 +254,8 @@ impl Account {
         }
         if !model.stages.is_empty() {
             document["stages"] = stages(model, summary);
+        } else if summary.exchanged_energy != 0.0 {
+            document["exchanged_energy"] = json!(summary.exchanged_energy);
         }
         let reductions: Vec<Value> =
             summary.strength.iter().map(|of| strength_reduction(model, of)).collect();

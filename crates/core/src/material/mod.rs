@@ -233,6 +233,10 @@ pub trait Material: Send + Sync + std::fmt::Debug {
     /// its volume ratio J.
     fn start_from(&self, _elastic_strain: &Sym3, _volume_ratio: f64, _history: &mut [f64]) {}
 
+    /// Adapts the history variables of a point to a `change` of its elastic strain, in the measure of the law, at constant
+    /// deformation: the parameters of the law have changed, and the stress stays.
+    fn keep_deformation(&self, _change: &Sym3, _history: &mut [f64]) {}
+
     /// Elastic strain, in the measure of the law, whose Kirchhoff stress is `tau`: the inverse of the elastic law.
     /// Yielding is disregarded: a stress outside the yield surface also has such a strain.
     ///

@@ -168,6 +168,10 @@ impl Material for ModifiedCamClay {
         history[VOLUMETRIC_STRAIN] = volume_ratio.ln() - volumetric;
     }
 
+    fn keep_deformation(&self, change: &Sym3, history: &mut [f64]) {
+        history[VOLUMETRIC_STRAIN] -= change.trace();
+    }
+
     fn elastic_strain(&self, tau: &Sym3, _: &[f64]) -> Result<Sym3, MaterialError> {
         let (pressure, deviator) = (-tau.trace() / 3.0, tau.deviator());
         if pressure.is_nan() || pressure <= 0.0 {

@@ -13,6 +13,8 @@ const FIELDS: [StateField; 3] = [
     StateField::new("plastic_work", "energy/volume", 0.0),
 ];
 
+/// Index of the plastic volumetric strain among these variables.
+const VOLUMETRIC_STRAIN: usize = 1;
 /// Index of the plastic work among these variables.
 pub(super) const PLASTIC_WORK: usize = 2;
 
@@ -44,7 +46,11 @@ impl<L: SoilPlasticity> Material for L {
     /// The plastic volumetric strain is defined such that tr ε^e + ε_v^p = ln J holds in every state, so that the law
     /// knows J.
     fn start_from(&self, elastic_strain: &Sym3, volume_ratio: f64, history: &mut [f64]) {
-        history[1] = volume_ratio.ln() - elastic_strain.trace();
+        history[VOLUMETRIC_STRAIN] = volume_ratio.ln() - elastic_strain.trace();
+    }
+
+    fn keep_deformation(&self, change: &Sym3, history: &mut [f64]) {
+        history[VOLUMETRIC_STRAIN] -= change.trace();
     }
 
     fn elastic_strain(&self, tau: &Sym3, _: &[f64]) -> Result<Sym3, MaterialError> {

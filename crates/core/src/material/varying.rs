@@ -150,6 +150,11 @@ impl<L: Material + Clone + 'static> Material for Varying<L> {
         self.with(properties, |law| law.start_from(elastic_strain, volume_ratio, own));
     }
 
+    fn keep_deformation(&self, change: &Sym3, history: &mut [f64]) {
+        let (own, properties) = history.split_at_mut(history.len() - self.n_properties);
+        self.with(properties, |law| law.keep_deformation(change, own));
+    }
+
     fn elastic_strain(&self, tau: &Sym3, history: &[f64]) -> Result<Sym3, MaterialError> {
         let (own, properties) = self.split(history);
         self.with(properties, |law| law.elastic_strain(tau, own))

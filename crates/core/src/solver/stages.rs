@@ -4,10 +4,11 @@
 
 use std::collections::BTreeSet;
 
+use crate::material::Material;
 use crate::model::{Control, Model, Present, Stage};
 use crate::points::Points;
 use crate::step::Step;
-use crate::tensor::padded;
+use crate::tensor::{Sym3, padded};
 use crate::timing::Phase;
 
 use super::Solvable;
@@ -108,7 +109,7 @@ where
         let ranks = points.ranks.clone();
         agree(&ranks, keep_stress(model, points, number))?;
         let now = Amount::of(model, points);
-        reached.summary.exchanged_energy += now.energy - before.energy;
+        reached.summary.exchanged_energy += now.energy() - before.energy();
         reached.summary.quality.exchange(now.mass - before.mass, now.volume - before.volume);
         // The loads are still as the previous stage has left them.
         let control = std::mem::replace(&mut model.stepping.control, Control::Load);
@@ -139,29 +140,37 @@ where
 }
 
 /// Totals over all points.
-struct Amount {
+pub(super) struct Amount {
     mass: f64,
     volume: f64,
-    /// Stored energy and plastic work, [energy].
-    energy: f64,
+    /// Stored elastic energy, [energy].
+    pub stored: f64,
+    /// Plastic work, [energy].
+    pub plastic: f64,
 }
 
 impl Amount {
-    fn of<const D: usize>(model: &Model<D>, points: &Points<D>) -> Amount {
+    pub fn of<const D: usize>(model: &Model<D>, points: &Points<D>) -> Amount {
         let n = points.history_len;
-        let energy = |p: usize| {
-            let law = model.law(points, p);
-            let history = &points.converged.history[p * n..][..law.state_fields().len()];
-            let density =
-                law.energy(&points.converged.elastic_strain[p], history) + law.plastic_work(history);
-            density * points.original_volume[p]
+        let total = |density: &dyn Fn(&dyn Material, &Sym3, &[f64]) -> f64| {
+            let of_point = |p: usize| {
+                let law = model.law(points, p);
+                let history = &points.converged.history[p * n..][..law.state_fields().len()];
+                density(law, &points.converged.elastic_strain[p], history) * points.original_volume[p]
+            };
+            points.ranks.total((0..points.len()).map(of_point).sum())
         };
-        let ranks = &points.ranks;
         Amount {
-            mass: ranks.total(points.mass.iter().sum()),
-            volume: ranks.total((0..points.len()).map(|p| points.volume(p)).sum()),
-            energy: ranks.total((0..points.len()).map(energy).sum()),
+            mass: points.ranks.total(points.mass.iter().sum()),
+            volume: points.ranks.total((0..points.len()).map(|p| points.volume(p)).sum()),
+            stored: total(&|law, strain, history| law.energy(strain, history)),
+            plastic: total(&|law, _, history| law.plastic_work(history)),
         }
+    }
+
+    /// Stored energy and plastic work, [energy].
+    pub fn energy(&self) -> f64 {
+        self.stored + self.plastic
     }
 }
 

@@ -108,7 +108,7 @@ pub struct Summary {
     /// Work absorbed so far by the stabilisation of faces, and lost at the end of each step, [energy].
     pub stabilisation_work: f64,
     /// Stored energy and plastic work of bodies that were added, less those of bodies that were removed, plus the
-    /// change of both in bodies that changed their material, [energy].
+    /// change of both in bodies that changed their material or whose material has changed, [energy].
     #[serde(default)]
     pub exchanged_energy: f64,
     /// Work absorbed so far by damped iterations between grids, [energy].
