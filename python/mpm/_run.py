@@ -461,17 +461,16 @@ class Run:
         """Continues the run with the current content of :attr:`deck`.
 
         Loads, boundary conditions, parameters of materials, the number and size of steps, the solver, and the output
-        may change. Grid, bodies, tools, probes, models and densities of materials, laws in Python, the names and types
-        of loads, the names of boundary conditions, the directions of conditions on surfaces, and the control of the
-        steps may not; nor may materials that vary in space.
+        and checkpoints of later steps may change. Grid, bodies, tools, probes, models and densities of materials, laws
+        in Python, the names and types of loads, the names of boundary conditions, the directions of conditions on
+        surfaces, and the control of the steps may not; nor may materials that vary in space.
 
         The next step begins from the current state of the points. At the end of that step, a load is its new value
         times its new curve: it jumps within the step if the new curve does not continue the old one. A prescribed
         displacement grows by its new value times the growth of its curve, and grid lines that follow it move as far.
         Points keep their stress if the elasticity of their material changes; a law that cannot compute the elastic
-        strain of a stress, such as one of a library without this function, keeps its elasticity.
-        The model is built again, which takes as long as the start of the run. After the last step, the call has no
-        effect.
+        strain of a stress, such as one of a library without this function, keeps its elasticity. The model is built
+        again, which takes as long as the start of the run. After the last step, the call has no effect.
 
         Raises:
             DeckError: The changed deck cannot be used; the run can go on as it was.

@@ -91,11 +91,12 @@ impl Worker {
         }
     }
 
-    /// Makes the files and the summary describe another deck.
-    fn account_for(&mut self, deck: &LoadedDeck) {
+    /// Makes the files and the summary those of another deck.
+    fn change(&mut self, deck: &LoadedDeck) {
         self.record.restate(|account| deck.restate(account));
         if let Some(files) = &mut self.files {
             files.results.restate(|account| deck.restate(account));
+            files.results.change(&deck.deck.request());
         }
     }
 
@@ -183,7 +184,7 @@ impl Follower<'_> {
         let Some(Decision::Change(changed, reply)) = self.decided.take() else { return Ok(false) };
         let outcome = exchange(model, points, reached, deck, *changed, model_of).map(|next| *deck = next);
         if outcome.is_ok() {
-            self.worker.account_for(deck);
+            self.worker.change(deck);
         }
         drop(reply.send(outcome));
         self.wait(&(&*model, &*points));

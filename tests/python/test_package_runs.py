@@ -297,6 +297,48 @@ def test_a_run_whose_lines_have_an_offset_resumes(tmp_path):
         assert (tmp_path / "part" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
 
 
+def frames_after_a_change(directory, output, change):
+    """The frames of six steps of the column, after whose second step the output changes."""
+    deck = column(steps={"count": 6}, output=output)
+    run = deck.start(out=directory, threads=1)
+    after(run, 2)
+    run.deck["output"].update(change)
+    run.change()
+    for _ in run:
+        pass
+    return run.result().frames
+
+
+@pytest.mark.parametrize(
+    ("every", "change", "written"),
+    [(1, 0, [0, 1, 2]), (1, 2, [0, 1, 2, 4, 6]), (3, 1, [0, 3, 4, 5, 6]), (0, 3, [3, 6])],
+)
+def test_the_interval_of_the_files_may_change(tmp_path, every, change, written):
+    frames = frames_after_a_change(tmp_path, {"every": every}, {"every": change})
+    assert [frame.time for frame in frames] == pytest.approx(np.array(written) / 6)
+
+
+def test_fields_and_precision_of_later_files_may_change(tmp_path):
+    change = {"fields": ["displacement"], "precision": "single"}
+    frames = frames_after_a_change(tmp_path, {"fields": ["displacement", "J"]}, change)
+    assert [{"displacement", "J"} <= frame.fields.keys() for frame in frames] == [True] * 3 + [False] * 4
+    assert all("displacement" in frame.fields for frame in frames)
+    texts = [frame.path.read_bytes() for frame in frames]
+    is_single = [b'type="Float32" Name="displacement"' in text for text in texts]
+    assert is_single == [False] * 3 + [True] * 4, texts[-1][:1000]
+
+
+def test_checkpoints_may_begin_during_a_run(tmp_path):
+    run = column(steps={"count": 6}).start(out=tmp_path)
+    found = []
+    for step in run:
+        found.append(len(list(tmp_path.glob("checkpoint*"))))
+        if step.index == 2:
+            run.deck["checkpoint"] = {"every": 1}
+            run.change()
+    assert found == [0, 0, 1, 2, 2, 2]
+
+
 FORBIDDEN = {
     "grid": lambda deck: deck["grid"].update(spacing=0.5),
     "bodies": lambda deck: deck["bodies"][0].update(points_per_cell=3),

@@ -144,6 +144,12 @@ impl Frames {
         }
     }
 
+    /// Creates further frames with these fields of the points, in this precision.
+    pub fn change(&mut self, fields: &[PointField], precision: Precision) {
+        let outlines = take(&mut self.outlines);
+        *self = Frames { outlines, ..Frames::new(fields, precision) };
+    }
+
     /// Frames of the points in their converged state, and of their domains if they have any.
     ///
     /// # Errors

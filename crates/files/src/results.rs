@@ -222,6 +222,13 @@ impl Results {
         change(&mut self.account);
     }
 
+    /// Writes the VTU files and checkpoints of the steps that follow as `asked` states.
+    pub fn change(&mut self, asked: &Request) {
+        let Request { every, fields, precision, checkpoints } = asked;
+        (self.every, self.checkpoints) = (*every, *checkpoints);
+        self.frames.change(fields, *precision);
+    }
+
     /// The directory.
     pub fn directory(&self) -> &Path {
         &self.directory
