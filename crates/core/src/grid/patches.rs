@@ -30,8 +30,8 @@ const NONE: u32 = u32::MAX;
 
 impl Patches {
     /// Forms the patches of a mesh from its cells in order: each patch repeatedly adds the neighbour that shares the
-    /// most sides with it, or the nearest of several such neighbours, or of equally near ones the first. Patches of at most half the full size are then
-    /// joined to their smallest neighbouring patch.
+    /// most sides with it, or the nearest of several such neighbours, or the first of those that are equally near.
+    /// Patches of at most half the full size are then joined to their smallest neighbouring patch.
     pub fn new<const D: usize>(grid: &dyn Grid<D>) -> Self {
         let neighbours = neighbours(grid);
         let n = grid.n_cells();
