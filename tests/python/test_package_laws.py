@@ -394,3 +394,36 @@ def test_laws_are_refused_before_the_run():
     ]:
         with pytest.raises(mpm.UsageError, match=text):
             deck.start(laws={"clay": bad})
+
+
+class FailingEnergy(Hencky):
+    """A law whose energy fails at the end of the third step, then always or only once."""
+
+    def __init__(self, fail, times):
+        super().__init__(**ELASTIC)
+        # The first call is made before the run.
+        self.calls, self.fail, self.failing = 0, fail, range(4, 4 + times)
+
+    def energy(self, strain):
+        self.calls += 1
+        return self.fail(len(strain)) if self.calls in self.failing else super().energy(strain)
+
+
+def raising_energy(n):
+    raise LookupError("no energy")
+
+
+@pytest.mark.parametrize("times", [1, 1000])
+@pytest.mark.parametrize("writes", [False, True])
+@pytest.mark.parametrize("fail", [raising_energy, lambda n: np.full(n, np.nan), lambda n: np.full(n, np.inf)])
+def test_an_energy_that_fails_ends_the_run_at_its_step(tmp_path, fail, writes, times):
+    out = tmp_path / "out" if writes else None
+    run = column().start(laws={"clay": FailingEnergy(fail, times)}, out=out, threads=1)
+    with pytest.raises(mpm.SolveError, match="law of material `clay` has failed") as raised:
+        list(run)
+    assert raised.value.code == "S019" and run.step.index == 2
+    assert isinstance(raised.value.__cause__, LookupError if fail is raising_energy else type(None))
+    for result in [run.result()] + ([mpm.read(out)] if writes else []):
+        assert (result.summary["outcome"], result.summary["code"], result.summary["steps"]) == ("failed", "S019", 2)
+        assert result.history["converged"].tolist() == [1, 1, 0]
+        assert np.isfinite(result.history["strain_energy"][:2]).all() and len(result.quality["step"]) == 2

@@ -10,12 +10,14 @@ use crate::points::Points;
 use crate::step::{Nodal, StepContext, displacement};
 use crate::terms::Terms;
 
+use super::agree::agree;
 use super::attempt::{FailedAttempt, Iterate, Slump};
 use super::body_residual;
 use super::control::Path;
 use super::course::Course;
 use super::damping;
 use super::error::SolveError;
+use super::located::with_energy;
 use super::motion::Motion;
 use super::residual::RoundOff;
 use super::step_system::StepSystem;
@@ -31,16 +33,19 @@ pub(super) struct LastIterate<const D: usize, const N: usize> {
 
 impl<const D: usize, const N: usize> LastIterate<D, N> {
     /// The report of a step in equilibrium, without the links (the caller holds them), and the path after the step.
+    ///
+    /// # Errors
+    /// [`SolveError::Law`] if a law has no finite energy.
     pub(super) fn report(
         &mut self,
         context: &StepContext<D>,
         points: &Points<D>,
         summary: &Summary,
         slump: Slump,
-    ) -> (StepReport<D>, Path) {
+    ) -> Result<(StepReport<D>, Path), SolveError> {
         let StepContext { model, links, step, .. } = *context;
         let load_factor = self.load_factor(context);
-        let (energy, reaction) = self.energy(context, points, slump);
+        let (energy, reaction) = self.energy(context, points, slump)?;
         let undone = summary.undone_work + energy.undone_work;
         let energy = Energy { plastic_work: energy.plastic_work - undone, ..energy };
         let LastIterate { system: StepSystem { dofs, sum, condition, parts }, unknowns, course } = self;
@@ -99,20 +104,23 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
             linear_iterations: course.linear_iterations(),
             augmentations: course.augmentations,
         };
-        (report, path)
+        Ok((report, path))
     }
 
     /// The energy when damped iterations stop because they need a fresh grid.
+    ///
+    /// # Errors
+    /// [`SolveError::Law`] if a law has no finite energy.
     pub(super) fn energy_on_the_way(
         &self,
         context: &StepContext<D>,
         points: &Points<D>,
         slump: Slump,
-    ) -> Energy {
-        let (energy, _) = self.energy(context, points, slump);
+    ) -> Result<Energy, SolveError> {
+        let (energy, _) = self.energy(context, points, slump)?;
         let halo = context.links.halo();
         let at_end = damping::work(halo, &self.course.out_of_balance, &self.unknowns.delta_d);
-        Energy { damping_work: energy.damping_work + at_end, ..energy }
+        Ok(Energy { damping_work: energy.damping_work + at_end, ..energy })
     }
 
     /// The failed attempt with the grid fields at which its iterations ended, but without the links, which the caller
@@ -157,20 +165,31 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
     }
 
     /// Work and energy, and the reactions on the active nodes, [force].
-    fn energy(&self, context: &StepContext<D>, points: &Points<D>, slump: Slump) -> (Energy, Nodal<N>) {
+    ///
+    /// # Errors
+    /// [`SolveError::Law`] if a law has no finite energy.
+    fn energy(
+        &self,
+        context: &StepContext<D>,
+        points: &Points<D>,
+        slump: Slump,
+    ) -> Result<(Energy, Nodal<N>), SolveError> {
         let LastIterate { system: StepSystem { dofs, sum, .. }, unknowns, course } = self;
         let f_ext = sum.system().external_force();
         // While bodies slump, the loads have already grown to their values at the end of the step.
         let f_ext_start = if slump.has_begun() { f_ext.clone() } else { sum.external_force_at_start(dofs) };
         let reaction = reactions_of(f_ext, sum.system().internal_force(), dofs);
         let reaction_start = reactions_of(&f_ext_start, &course.f_int_start, dofs);
+        let halo = context.links.halo();
+        let ledger = sum.ledger(context, points, unknowns.at());
+        agree(halo.ranks(), with_energy(&ledger, context.model, points, &points.trial, context.step))?;
         let energy = Energy::new(
-            context.links.halo(),
+            halo,
             &displacement::<D, N>(&unknowns.delta_d),
             [(&f_ext_start, &reaction_start), (f_ext, &reaction)],
             &course.f_int_start,
-            sum.ledger(context, points, unknowns.at()),
+            ledger,
         );
-        (if slump.has_begun() { energy.of_slump() } else { energy }, reaction)
+        Ok((if slump.has_begun() { energy.of_slump() } else { energy }, reaction))
     }
 }

@@ -8,7 +8,7 @@ use crate::timing::Phase;
 
 use super::agree::agree;
 use super::error::SolveError;
-use super::located::{locate_failure, worst};
+use super::located::{locate_failure, with_energy, worst};
 use super::observer::Observer;
 use super::residual::Forces;
 use super::round_off::EvaluatedAt;
@@ -56,7 +56,8 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         let evaluate = || system.sum.evaluate(&context, points, unknowns.at(), Wanted::Stiffness);
         let evaluated = timings.measure(Phase::Assembly, evaluate);
         let state = evaluated
-            .map(|()| {
+            .map_err(|failure| locate_failure(failure, model, points, step, 0, &[]))
+            .and_then(|()| {
                 system.sum.system_mut().complete();
                 system.sum.system_mut().condense(&system.dofs);
                 let forces = system.sum.system();
@@ -75,14 +76,15 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
                 }
                 .measure(&system.parts, tolerance, &at);
                 let ledger = system.sum.ledger(&context, points, unknowns.at());
-                InitialState {
+                let ranks = links.halo().ranks();
+                agree(ranks, with_energy(&ledger, model, points, &points.trial, step))?;
+                Ok(InitialState {
                     residual: measured.residual,
                     is_balanced: measured.residual <= tolerance,
                     worst: worst(model, &links, &displacement(&out_of_balance)),
-                    energy: links.halo().ranks().total(ledger.stored),
-                }
-            })
-            .map_err(|failure| locate_failure(failure, model, points, step, 0, &[]));
+                    energy: ranks.total(ledger.stored),
+                })
+            });
         let state = agree(links.halo().ranks(), state);
         self.terms = system.sum.into_terms();
         self.links = links;

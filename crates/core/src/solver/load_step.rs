@@ -69,17 +69,26 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         let ended = ended.and_then(|ended| Ok((ended, load_step.move_points()?))); // section 6.4
         let mut last = load_step.into_last_iterate();
         let (points, summary) = (&*self.points, &self.reached.summary);
-        let outcome = match ended {
-            Ok((Ended::Balanced, replaced_domains)) => {
-                let (report, path) = last.report(&context, points, summary, slump);
-                let mut report = StepReport { replaced_domains, ..report };
+        let concluded = ended.and_then(|(ended, replaced_domains)| {
+            Ok(match ended {
+                Ended::Balanced => {
+                    let (report, path) = last.report(&context, points, summary, slump)?;
+                    Attempt::Equilibrium(Box::new(StepReport { replaced_domains, ..report }), path)
+                }
+                Ended::Strayed { is_at_rest } => {
+                    let energy = last.energy_on_the_way(&context, points, slump)?;
+                    Attempt::OnTheWay(OnTheWay { energy, replaced_domains, is_at_rest })
+                }
+            })
+        });
+        let outcome = match concluded {
+            Ok(Attempt::Equilibrium(mut report, path)) => {
                 report.grid.links = links;
-                Ok(Attempt::Equilibrium(Box::new(report), path))
+                Ok(Attempt::Equilibrium(report, path))
             }
-            Ok((Ended::Strayed { is_at_rest }, replaced_domains)) => {
-                let energy = last.energy_on_the_way(&context, points, slump);
+            Ok(on_the_way) => {
                 self.links = links;
-                Ok(Attempt::OnTheWay(OnTheWay { energy, replaced_domains, is_at_rest }))
+                Ok(on_the_way)
             }
             Err(error) => {
                 let agreed = agree(links.halo().ranks(), Err::<(), _>(error));

@@ -4,9 +4,9 @@ use crate::basis::{Connectivity, SupportError, SupportFailure};
 use crate::domain::Collapsed;
 use crate::linear::LinearError;
 use crate::model::{Model, Tool};
-use crate::points::Points;
+use crate::points::{Points, State};
 use crate::step::Step;
-use crate::terms::{EvaluateError, LawFailure, PointFailure};
+use crate::terms::{EvaluateError, LawFailure, Ledger, PointFailure};
 
 use super::equations::Place as Equation;
 use super::error::{PointPlace, SolveError};
@@ -135,6 +135,42 @@ fn place<const D: usize>(model: &Model<D>, points: &Points<D>, p: usize, positio
         point: points.id[p],
         position: position.to_vec(),
     }
+}
+
+/// Checks that the laws have a finite energy in a state of the points, given the sum over all points.
+///
+/// # Errors
+/// [`SolveError::Law`] with the first point at fault.
+pub(super) fn with_energy<const D: usize>(
+    Ledger { stored, plastic, .. }: &Ledger,
+    model: &Model<D>,
+    points: &Points<D>,
+    state: &State<D>,
+    step: Step,
+) -> Result<(), SolveError> {
+    if (stored + plastic).is_finite() {
+        return Ok(());
+    }
+    let is_at_fault = |p: &usize| {
+        let law = model.law(points, *p);
+        let history = &state.history[p * points.history_len..][..law.state_fields().len()];
+        !(law.energy(&state.elastic_strain[*p], history) + law.plastic_work(history)).is_finite()
+    };
+    let point = (0..points.len()).find(is_at_fault);
+    let material = match point {
+        Some(p) => model.bodies[points.body[p] as usize].material,
+        // A law that is evaluated in batches may have failed once only.
+        None => match model.materials.iter().position(|material| material.law.batch().is_some()) {
+            Some(material) => material,
+            None => return Ok(()),
+        },
+    };
+    Err(SolveError::Law {
+        step: step.index,
+        material: model.materials[material].name.clone(),
+        place: point.map(|p| place(model, points, p, points.converged.position[p])),
+        message: "its stored energy or its plastic work is not finite".to_owned(),
+    })
 }
 
 /// The error for a failure during assembly, with the point or the law at fault.

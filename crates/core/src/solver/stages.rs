@@ -9,12 +9,14 @@ use crate::model::{Control, Model, Present, Stage};
 use crate::points::Points;
 use crate::step::Step;
 use crate::tensor::{Sym3, padded};
+use crate::terms::Ledger;
 use crate::timing::Phase;
 
 use super::Solvable;
 use super::agree::agree;
 use super::control::Path;
 use super::error::SolveError;
+use super::located::with_energy;
 use super::observer::Observer;
 use super::pace::Pace;
 use super::residual::MOST_OF_ROUND_OFF;
@@ -77,7 +79,8 @@ fn keep_stress<const D: usize>(
 /// Begins the next stage; the current one has ended.
 ///
 /// # Errors
-/// [`SolveError`] if the state of the new stage cannot be evaluated, or a new material cannot carry the current stress.
+/// [`SolveError`] if the state of the new stage cannot be evaluated, or a new material cannot carry the current stress
+/// or has no finite energy.
 fn enter<const D: usize>(
     model: &mut Model<D>,
     points: &mut Points<D>,
@@ -109,7 +112,9 @@ where
         let ranks = points.ranks.clone();
         agree(&ranks, keep_stress(model, points, number))?;
         let now = Amount::of(model, points);
-        reached.summary.exchanged_energy += now.energy() - before.energy();
+        let exchanged = Ledger { stored: now.energy() - before.energy(), ..Ledger::default() };
+        agree(&ranks, with_energy(&exchanged, model, points, &points.converged, step))?;
+        reached.summary.exchanged_energy += exchanged.stored;
         reached.summary.quality.exchange(now.mass - before.mass, now.volume - before.volume);
         // The loads are still as the previous stage has left them.
         let control = std::mem::replace(&mut model.stepping.control, Control::Load);
