@@ -281,6 +281,13 @@ def test_the_check_passes_good_laws(kind, model):
     assert mpm.testing.check_material(law(kind, model)) == []
 
 
+@pytest.mark.parametrize("largest", [0.05, 0.01, 0.001])
+def test_the_check_passes_a_law_with_a_stress_at_zero_strain(largest):
+    parameters = dict(compression_index=0.09, swelling_index=0.018, critical_state_ratio=1.05, shear_modulus=2e6)
+    clay = mpm.BuiltInLaw("modified-cam-clay", **parameters, reference_pressure=1e5)
+    assert mpm.testing.check_material(clay, largest=largest) == []
+
+
 def test_the_check_passes_the_other_strain_measure():
     rubber = mpm.BuiltInLaw("neo-hookean", young=1e6, poisson=0.3)
     assert rubber.measure == "left-cauchy-green" and mpm.testing.check_material(rubber) == []

@@ -191,9 +191,11 @@ impl<'a> At<'a> {
         Some(At { law, logarithmic: *logarithmic, trial, old, new, response, scale, at_rest })
     }
 
-    /// Approximate stress of an elastic point at this strain, [stress].
+    /// Approximate stress of an elastic point at this strain, [stress]; the stress itself if that is larger, since some
+    /// laws have a stress at zero strain.
     fn elastic_stress(&self) -> f64 {
-        self.scale * self.logarithmic.norm().max(f64::MIN_POSITIVE)
+        let of_strain = self.scale * self.logarithmic.norm();
+        of_strain.max(self.response.tau.norm()).max(f64::MIN_POSITIVE)
     }
 
     fn purity(&self) -> Deviation {
@@ -203,7 +205,8 @@ impl<'a> At<'a> {
     }
 
     fn tangent(&self) -> Deviation {
-        let h = 1e-7;
+        // A small part of the strain: the tangent of a law that yields at small strains changes as fast as the strain.
+        let h = (1e-4 * self.logarithmic.norm()).clamp(1e-9, 1e-7);
         let error_of_column = |c: usize| {
             let (mut p, mut m) = (self.trial, self.trial);
             p.0[c] += h;
