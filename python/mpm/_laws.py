@@ -27,7 +27,7 @@ class Law(Protocol):
 
     Any object with a method :meth:`update` is a law; pass it to :meth:`Deck.start` or :meth:`Deck.run` in ``laws``. The
     attributes are optional, and so are three more methods; the first two only serve to compute the energies in the
-    results:
+    results. Only laws of the library, such as :class:`BuiltInLaw`, can be used where a deck reduces the strength.
 
     - ``energy(strain)``: stored energy per initial volume, shape (n,), at elastic strains, shape (n, 6). The default,
       half the product of stress and strain, is exact for linear elasticity.
@@ -199,21 +199,27 @@ class _Adapter:
         return np.ascontiguousarray(stored), spent
 
 
-def adapters(laws: Mapping[str, Law]) -> dict[str, _Adapter]:
-    """The laws as the library calls them."""
+def adapters(laws: Mapping[str, Law]) -> dict[str, _Adapter | _mpm.BuiltIn]:
+    """The laws as the library takes them: adapters that it calls, and laws of its own."""
     if not isinstance(laws, Mapping):
         raise UsageError("laws must be a mapping of material names to laws")
     for name in laws:
         if not isinstance(name, str):
             raise UsageError(f"laws has the key {name!r}, which is not a material name")
-    found = {name: _Adapter(name, law) for name, law in laws.items()}
+    found: dict[str, _Adapter | _mpm.BuiltIn] = {}
+    for name, law in laws.items():
+        # A subclass may have methods of its own.
+        found[name] = law._law if type(law) is BuiltInLaw else _Adapter(name, law)
     for adapter in found.values():
-        adapter.try_out()
+        if isinstance(adapter, _Adapter):
+            adapter.try_out()
     return found
 
 
 class BuiltInLaw:
     """A law of the library, to be evaluated from Python; itself a :class:`Law`.
+
+    In ``laws`` of :meth:`Deck.start` or :meth:`Deck.run` it runs as a law of the deck does, without Python.
 
     Args:
         model: Name of the law in decks, such as ``"von-mises"``.

@@ -60,11 +60,29 @@ impl Facts {
     }
 }
 
-/// The laws of a run, keyed by material name: adapters of the package around the objects of users.
+/// The laws of a run, keyed by material name.
 #[derive(Clone)]
 pub struct Laws {
-    list: Vec<(String, Facts, Arc<Py<PyAny>>)>,
+    list: Vec<(String, Given)>,
     calls: Calls,
+}
+
+/// A law that replaces that of a material.
+#[derive(Clone)]
+enum Given {
+    /// An adapter of the package around the object of a user.
+    Adapter(Facts, Arc<Py<PyAny>>),
+    /// A law of the program, as the material of a deck. It runs as in a deck, without the interpreter.
+    BuiltIn(serde_json::Value),
+}
+
+impl Given {
+    fn new(law: &Bound<'_, PyAny>) -> PyResult<Given> {
+        match law.cast::<BuiltIn>() {
+            Ok(built_in) => Ok(Given::BuiltIn(built_in.get().material.clone())),
+            Err(_) => Ok(Given::Adapter(Facts::new(law)?, Arc::new(law.clone().unbind()))),
+        }
+    }
 }
 
 /// State that all calls of the laws share.
@@ -77,18 +95,17 @@ struct Calls {
 }
 
 impl Laws {
-    /// Laws from a dictionary of adapters.
+    /// Laws from a dictionary of adapters and of laws of the program.
     pub fn new(laws: &Bound<'_, PyDict>) -> PyResult<Laws> {
-        let law = |(name, adapter): (Bound<'_, PyAny>, Bound<'_, PyAny>)| {
-            Ok((name.extract()?, Facts::new(&adapter)?, Arc::new(adapter.unbind())))
-        };
+        let law =
+            |(name, law): (Bound<'_, PyAny>, Bound<'_, PyAny>)| Ok((name.extract()?, Given::new(&law)?));
         Ok(Laws { list: laws.iter().map(law).collect::<PyResult<_>>()?, calls: Calls::default() })
     }
 
     /// Replaces laws of a deck with these laws.
     pub fn replace(&self, deck: &mut LoadedDeck) -> Result<(), Raised> {
-        for (name, facts, adapter) in &self.list {
-            if !deck.deck.materials.contains_key(name) {
+        for (name, given) in &self.list {
+            let Some(material) = deck.deck.materials.get_mut(name) else {
                 let known: Vec<String> =
                     deck.deck.materials.keys().map(|known| format!("{known:?}")).collect();
                 let known = match &known[..] {
@@ -97,10 +114,15 @@ impl Laws {
                     several => format!("the materials are {}", several.join(", ")),
                 };
                 return Err(Raised::misuse(format!("there is no material {name:?}; {known}")));
+            };
+            match given {
+                Given::BuiltIn(law) => *material = with_density_of(material, law)?,
+                Given::Adapter(facts, adapter) => {
+                    let (facts, adapter) = (facts.clone(), Arc::clone(adapter));
+                    let law = PythonLaw { facts, adapter, calls: self.calls.clone() };
+                    deck.laws.insert(name.clone(), OwnLaw(Arc::new(move || Box::new(law.clone()))));
+                }
             }
-            let law =
-                PythonLaw { facts: facts.clone(), adapter: Arc::clone(adapter), calls: self.calls.clone() };
-            deck.laws.insert(name.clone(), OwnLaw(Arc::new(move || Box::new(law.clone()))));
         }
         Ok(())
     }
@@ -112,7 +134,10 @@ impl Laws {
 
     /// Shows the objects of users to the cycle collector of Python.
     pub fn traverse(&self, visit: &PyVisit<'_>) -> Result<(), PyTraverseError> {
-        self.list.iter().try_for_each(|(_, _, adapter)| visit.call(adapter.as_ref()))
+        self.list.iter().try_for_each(|(_, given)| match given {
+            Given::Adapter(_, adapter) => visit.call(adapter.as_ref()),
+            Given::BuiltIn(_) => Ok(()),
+        })
     }
 
     /// The first exception that a law has raised.
@@ -124,6 +149,18 @@ impl Laws {
     pub fn end_calls(&self) {
         self.calls.are_over.store(true, Ordering::SeqCst);
     }
+}
+
+/// A law of the program with the density that the deck states for another material.
+fn with_density_of(of_deck: &MaterialDeck, law: &serde_json::Value) -> Result<MaterialDeck, Raised> {
+    let unusable = |error: serde_json::Error| Raised::misuse(format!("the material cannot be used: {error}"));
+    let mut document = law.clone();
+    if let Some(entries) = document.as_object_mut() {
+        entries.remove("density");
+        let density = of_deck.density().map(serde_json::to_value).transpose().map_err(unusable)?;
+        entries.extend(density.map(|density| ("density".to_owned(), density)));
+    }
+    serde_json::from_value(document).map_err(unusable)
 }
 
 /// The answer of a law.
@@ -286,6 +323,8 @@ fn rows<'py>(py: Python<'py>, strain: &[f64], history: &[f64]) -> PyResult<[Boun
 /// A law of the library.
 #[pyclass(frozen, module = "mpm._mpm")]
 pub struct BuiltIn {
+    /// The material of a deck with this law.
+    material: serde_json::Value,
     law: Box<dyn Material>,
 }
 
@@ -294,10 +333,13 @@ impl BuiltIn {
     /// The law of a material; the material is given as in a deck, as JSON.
     #[new]
     fn new(material: &str) -> PyResult<BuiltIn> {
-        let read: Result<MaterialDeck, _> = serde_json::from_str(material);
-        let law = read.map_err(|error| error.to_string()).and_then(|material| material.law_alone());
-        let law = law.map_err(|error| Raised::misuse(format!("the material cannot be used: {error}")))?;
-        Ok(BuiltIn { law })
+        let read = || -> Result<BuiltIn, String> {
+            let in_words = |error: serde_json::Error| error.to_string();
+            let material: serde_json::Value = serde_json::from_str(material).map_err(in_words)?;
+            let of_deck: MaterialDeck = serde_json::from_value(material.clone()).map_err(in_words)?;
+            Ok(BuiltIn { law: of_deck.law_alone()?, material })
+        };
+        Ok(read().map_err(|error| Raised::misuse(format!("the material cannot be used: {error}")))?)
     }
 
     /// Names, units and initial values of the history variables.

@@ -580,6 +580,11 @@ def test_members_that_fail_do_not_end_the_study(tmp_path, processes):
         assert list(frame["h"]) == [0.5, 0.3, 0.25, -1] and frame["error"].notna().sum() == 3
 
 
+def slope():
+    """The deck of a slope on a coarse grid, whose strength is reduced until it fails."""
+    return load("slope", h=2, n=2)
+
+
 def leaving():
     """A deck of a block so weak that it flows beyond the grid."""
     deck = load("collapse", h=1, n=3, steps=8)

@@ -153,6 +153,7 @@ where
         let grid = self.grid()?;
         let (regions, groups) = self.regions(grid.as_ref())?;
         let laws = self.laws(grid.as_ref(), &regions);
+        self.strengths(&laws);
         let is_symmetric = laws.iter().all(|material| material.law.tangent_is_symmetric())
             && deck.bodies.iter().all(|body| body.volumetric != Volumetric::FBar);
         let size = Size::of(deck, grid.as_ref(), &regions, is_symmetric);

@@ -1,6 +1,7 @@
 //! The laws of materials, and the properties of their points.
 
 use super::Builder;
+use crate::ControlDeck;
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::formulas::at_start;
 use crate::law_library::{self, OfLibrary};
@@ -127,6 +128,40 @@ where
         let at = format!("/materials/{}/softening", escape(name));
         let found = Diagnostic::at(&self.loaded.source, "D060", &at, message).severity(Severity::Note);
         self.found.push(found.help(help));
+    }
+
+    /// Checks that the strength can be reduced, if the deck reduces it: a law in use must have a strength, and so must
+    /// every law that replaces a law of the deck, because nothing is known about whether it yields.
+    pub(super) fn strengths(&mut self, laws: &[MaterialOfPoints]) {
+        let deck = self.deck;
+        let used = deck.used_materials();
+        if !deck.reduces_strength() || laws.len() < deck.materials.len() {
+            return;
+        }
+        // The solver evaluates laws in batches at their full strength.
+        let is_reducible =
+            |of: &MaterialOfPoints| of.law.batch().is_none() && of.law.with_strength_divided(1.0).is_some();
+        let (reducible, others): (Vec<_>, Vec<_>) =
+            laws.iter().filter(|of| used.contains(of.name.as_str())).partition(|of| is_reducible(of));
+        let own: Vec<_> = others.iter().filter(|of| self.loaded.laws.contains_key(&of.name)).collect();
+        for of in &own {
+            let message = format!(
+                "the strength of the material {} cannot be reduced: its law is not a law of the program",
+                quote(&of.name)
+            );
+            let help = "use a law of the program, such as `mohr-coulomb` (in Python, `mpm.BuiltInLaw`)";
+            self.error("D049", &format!("/materials/{}/model", escape(&of.name)), message, help.to_owned());
+        }
+        if !reducible.is_empty() || !own.is_empty() {
+            return;
+        }
+        for (pointer, steps) in deck.courses() {
+            if matches!(steps.control, ControlDeck::StrengthReduction { .. }) {
+                let message = "no material has a strength that could be reduced".to_owned();
+                let help = "use `tresca`, `mohr-coulomb`, `drucker-prager` or `von-mises`".to_owned();
+                self.error("D049", &format!("{pointer}/control"), message, help);
+            }
+        }
     }
 
     /// Reports that a material yields, but is exempt from the strength reduction.

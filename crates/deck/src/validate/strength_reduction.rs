@@ -5,13 +5,11 @@ use super::steps::{depends_on_time, stands_still};
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::initial_stress::{InitialStressDeck, curve_of, initial_factor};
 use crate::quoting::quote;
-use crate::{
-    BodyDeck, BoundaryConditionDeck, ControlDeck, LoadCurve, LoadDeck, MaterialDeck, StageDeck, ToolDeck,
-};
+use crate::{BodyDeck, BoundaryConditionDeck, ControlDeck, LoadCurve, LoadDeck, StageDeck, ToolDeck};
 
 impl Check<'_> {
     /// Checks that loads, boundary conditions and tools stay constant in an analysis, or in a stage between two times,
-    /// while the strength is reduced, and that a material in use has a strength.
+    /// while the strength is reduced.
     pub(super) fn constant_loads(&mut self, control: &str, stage: Option<(&StageDeck, [f64; 2])>) {
         let deck = self.deck;
         let stays = |name: &str, curve: Option<&LoadCurve>| match (stage, curve) {
@@ -68,17 +66,6 @@ impl Check<'_> {
             );
             let help = format!("move `{key}` to a stage before this one");
             self.error("D049", control, message, &help);
-        }
-        let has_strength = |material: &MaterialDeck| {
-            let is_foreign = matches!(material, MaterialDeck::Library { .. });
-            let law = material.law_alone().ok();
-            !is_foreign && law.is_none_or(|law| law.with_strength_divided(1.0).is_some())
-        };
-        let used = deck.used_materials();
-        if !used.iter().any(|name| deck.materials.get(*name).is_some_and(has_strength)) {
-            let message = "no material has a strength that could be reduced";
-            let help = "use `tresca`, `mohr-coulomb`, `drucker-prager` or `von-mises`";
-            self.error("D049", control, message, help);
         }
     }
 
