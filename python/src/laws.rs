@@ -249,6 +249,11 @@ impl Material for PythonLaw {
         self.energies(std::slice::from_ref(elastic_strain), history, &[1.0])[0]
     }
 
+    /// The plastic work that the law states; the adapter takes it to be zero if the law does not state it.
+    fn plastic_work(&self, history: &[f64]) -> f64 {
+        self.energies(&[Sym3::ZERO], history, &[1.0])[1]
+    }
+
     fn tangent_is_symmetric(&self) -> bool {
         self.facts.is_symmetric
     }

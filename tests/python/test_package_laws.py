@@ -436,6 +436,42 @@ def test_a_law_whose_strength_cannot_be_reduced_is_refused(others):
         assert raised.value.code == "D049"
 
 
+def test_the_plastic_work_of_removed_bodies_is_exchanged():
+    box = {"type": "box", "min": [0, 0], "max": [2, 1]}
+    deck = mpm.Deck(
+        {
+            "version": 1,
+            "analysis": {"stabilisation": {"mode": "off"}},
+            "grid": {"type": "structured", "origin": [0, 0], "size": [4, 4], "spacing": 0.5},
+            "materials": {
+                "metal": {"model": "von-mises", "density": 1000, **PLASTIC, "deviatoric_yield_stress": 5e3},
+                "base": {"model": "hencky", "density": 1000, **ELASTIC},
+            },
+            "bodies": [
+                {"name": "low", "material": "base", "shape": box, "points_per_cell": 2},
+                {"name": "up", "material": "metal", "shape": box | {"min": [0, 1], "max": [2, 2]}, "points_per_cell": 2},
+            ],
+            "boundary_conditions": [
+                {"name": "floor", "nodes": {"y": 0}, "fix": ["x", "y"]},
+                {"name": "left", "nodes": {"x": 0}, "fix": ["x"]},
+            ],
+            "loads": [{"name": "weight", "type": "gravity", "acceleration": [0, -20]}],
+            "stages": [
+                {"name": "load", "steps": {"count": 5}, "factors": {"weight": 1}},
+                {"name": "cut", "steps": {"count": 5}, "remove": ["up"]},
+            ],
+        }
+    )
+    expected = deck.run(threads=1)
+    found = deck.run(laws={"metal": VonMises(**PLASTIC | {"deviatoric_yield_stress": 5e3})}, threads=1)
+    exchanged = [result.summary["stages"]["exchanged_energy"] for result in (found, expected)]
+    assert exchanged[0] == pytest.approx(exchanged[1], rel=1e-9)
+    work = expected.quality["plastic_work"]
+    assert work[4] > 0.01 * abs(exchanged[1]), "the removed body has yielded"
+    np.testing.assert_allclose(found.quality["energy_error"], expected.quality["energy_error"], atol=1e-9)
+    assert [of["code"] for of in found.summary["warnings"]] == [of["code"] for of in expected.summary["warnings"]]
+
+
 class FailingEnergy(Hencky):
     """A law whose energy fails at the end of the third step, then always or only once."""
 
