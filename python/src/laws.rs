@@ -145,6 +145,15 @@ impl Laws {
         self.calls.raised.lock().ok()?.take()
     }
 
+    /// An error, whose cause is the exception that a law has raised, if any.
+    pub fn blamed(&self, py: Python<'_>, error: Raised) -> PyErr {
+        let error = PyErr::from(error);
+        if let Some(raised) = self.take_raised() {
+            error.set_cause(py, Some(raised));
+        }
+        error
+    }
+
     /// Stops all calls of laws: the run is abandoned, or the interpreter is about to end.
     pub fn end_calls(&self) {
         self.calls.are_over.store(true, Ordering::SeqCst);

@@ -100,7 +100,7 @@ impl Session {
         let tells_iterations = on_iteration.is_some();
         let begun = py
             .detach(|| begin((name, text, &overrides), threads, out.clone(), &laws, link, tells_iterations));
-        let Begun { thread, notes, history } = begun?;
+        let Begun { thread, notes, history } = begun.map_err(|error| laws.blamed(py, error))?;
         let running = Running {
             events: received,
             requests: Some(requests),
@@ -244,7 +244,8 @@ impl Session {
             self.laws.replace(&mut deck)?;
             let Prepared { loaded, analysis, .. } = prepared(deck, &pool)?;
             Ok(Changed { loaded, analysis })
-        })?;
+        });
+        let changed = changed.map_err(|error| self.laws.blamed(py, error))?;
         let running = &mut *self.lock()?;
         self.is_paused(running)?;
         if running.ended.is_some() {

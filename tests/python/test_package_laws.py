@@ -503,3 +503,29 @@ def test_an_energy_that_fails_ends_the_run_at_its_step(tmp_path, fail, writes, t
         assert (result.summary["outcome"], result.summary["code"], result.summary["steps"]) == ("failed", "S019", 2)
         assert result.history["converged"].tolist() == [1, 1, 0]
         assert np.isfinite(result.history["strain_energy"][:2]).all() and len(result.quality["step"]) == 2
+
+
+@pytest.mark.parametrize(
+    ("fail", "kind"), [(raising_energy, LookupError), (lambda n: np.zeros(n), mpm.UsageError)], ids=["raises", "shape"]
+)
+def test_an_elastic_strain_that_fails_is_the_cause_of_the_error(fail, kind):
+    class Inverse(Hencky):
+        fails = True
+
+        def elastic_strain(self, stress):
+            return fail(6) if self.fails else mpm.BuiltInLaw("hencky", **ELASTIC).elastic_strain(stress)
+
+    deck, law = column(), Inverse(**ELASTIC)
+    deck["bodies"][0]["initial_stress"] = {"type": "geostatic", "surface": 2, "k0": 3 / 7}
+    with pytest.raises(mpm.DeckError) as raised:
+        deck.start(laws={"clay": law})
+    assert raised.value.code == "D051" and isinstance(raised.value.__cause__, kind)
+    law.fails = False
+    with deck.start(laws={"clay": law}) as run:
+        next(run)
+        law.fails = True
+        with pytest.raises(mpm.DeckError) as raised:
+            run.change()
+        assert isinstance(raised.value.__cause__, kind)
+        law.fails = False
+        assert len(list(run)) == 3
