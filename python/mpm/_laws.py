@@ -223,8 +223,8 @@ class BuiltInLaw:
 
     Args:
         model: Name of the law in decks, such as ``"von-mises"``.
-        parameters: Parameters of the law as in decks, such as ``young=1e6, poisson=0.3``. Their unit of stress is
-            also that of the results.
+        parameters: Parameters of the law as in decks, such as ``young=1e6, poisson=0.3``: numbers, words such as
+            ``match="compression"``, and the mapping ``softening``. Their unit of stress is also that of the results.
 
     Attributes:
         state: Names of the history variables with their initial values.
@@ -241,11 +241,11 @@ class BuiltInLaw:
         array([1200.,  400.,  400.])
     """
 
-    def __init__(self, model: str, /, **parameters: float) -> None:
+    def __init__(self, model: str, /, **parameters: float | str | Mapping[str, float]) -> None:
         if not isinstance(model, str):
             raise UsageError(f"model must be the name of a law, not {model!r}")
-        numbers = {name: _number(name, value) for name, value in parameters.items()}
-        self._made_of: dict[str, Any] = {"model": model, **numbers}
+        plain = {name: _property(name, value) for name, value in parameters.items()}
+        self._made_of: dict[str, Any] = {"model": model, **plain}
         self._law = _mpm.BuiltIn(json.dumps(self._made_of))
         self.state = {name: initial for name, _, initial in self._law.fields()}
         self.measure = "logarithmic" if self._law.is_logarithmic() else "left-cauchy-green"
@@ -287,6 +287,22 @@ class BuiltInLaw:
 def _made(made_of: dict[str, Any]) -> BuiltInLaw:
     parameters = dict(made_of)
     return BuiltInLaw(parameters.pop("model"), **parameters)
+
+
+#: Properties of laws that are words.
+_WORDS = ("match", "strength")
+
+
+def _property(name: str, value: Any) -> float | str | dict[str, float]:
+    if name in _WORDS:
+        if not isinstance(value, str):
+            raise UsageError(f"{name} must be a word, not {value!r}")
+        return str.__str__(value)
+    if name == "softening":
+        if not isinstance(value, Mapping):
+            raise UsageError(f"softening must be a mapping of names to numbers, not {value!r}")
+        return {str(key): _number(f"{name}/{key}", entry) for key, entry in value.items()}
+    return _number(name, value)
 
 
 def _number(name: str, value: Any) -> float:

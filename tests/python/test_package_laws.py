@@ -1,5 +1,6 @@
 """Laws written in Python: the answers of those of the library, and what happens to bad ones."""
 
+import pickle
 import traceback
 
 import numpy as np
@@ -529,3 +530,26 @@ def test_an_elastic_strain_that_fails_is_the_cause_of_the_error(fail, kind):
         assert isinstance(raised.value.__cause__, kind)
         law.fails = False
         assert len(list(run)) == 3
+
+
+SAND = {**ELASTIC, "cohesion": 1e3, "friction_angle": 30, "dilation_angle": 5}
+WORDS = {
+    "match": ("drucker-prager", {**SAND, "match": "plane-strain"}),
+    "strength": ("mohr-coulomb", {**SAND, "strength": "kirchhoff"}),
+    "softening": ("tresca", {**ELASTIC, "cohesion": 2e3, "softening": {"strain": 0.5, "residual_cohesion": 1e3}}),
+}
+
+
+@pytest.mark.parametrize("word", WORDS)
+def test_properties_of_laws_may_be_words_and_mappings(word):
+    model, parameters = WORDS[word]
+    deck = column()
+    deck["materials"]["clay"] = {"model": model, "density": 1000, **parameters}
+    expected = deck.run(threads=1)
+    law = pickle.loads(pickle.dumps(mpm.BuiltInLaw(model, **parameters)))
+    assert f"{word}={parameters[word]!r}" in repr(law)
+    assert_same_points(column().run(laws={"clay": law}, threads=1).points, expected.points)
+    assert mpm.testing.check_material(law, largest=0.01) == []
+    for bad in (3, None, "cone", ["plane-strain"], {"strain": "0.5"}, {"band": 1.0}):
+        with pytest.raises(mpm.UsageError):
+            mpm.BuiltInLaw(model, **parameters | {word: bad})
