@@ -93,13 +93,6 @@ class Law(Protocol):
 
 _WORD = re.compile(r"[A-Za-z_]\w*\Z")
 
-#: Names that other fields of points already have.
-_TAKEN = frozenset(
-    """position displacement deformation_gradient kirchhoff_stress cauchy_stress elastic_strain volume mass body body_id
-    point_id J pressure pressure_smoothed von_mises_stress plastic_strain original_position half_lengths corners history
-    reaction displacement_increment displacement_datum""".split()
-)
-
 
 class _Adapter:
     """A law as the library calls it: contiguous arrays of the right shapes."""
@@ -114,7 +107,7 @@ class _Adapter:
         self._name, self._law = name, law
         self._raised: BaseException | None = None
         for key in state:
-            if not isinstance(key, str) or not _WORD.match(key) or key in _TAKEN:
+            if not isinstance(key, str) or not _WORD.match(key) or _mpm.is_field_of_points(key):
                 raise UsageError(f"a history variable of the law of {name!r} cannot be named {key!r}")
         self.fields = [(key, "-", self._initial(key, value)) for key, value in state.items()]
         measure = getattr(law, "measure", "logarithmic")

@@ -18,6 +18,7 @@ __all__ = [
     "check",
     "conformance",
     "dump",
+    "is_field_of_points",
     "main",
     "mesh",
     "read",
@@ -75,6 +76,9 @@ def mesh(path: _StrPath) -> tuple[dict[str, _Array], dict[str, _Array]]:
 
 def conformance(law: _Adapter, largest: float) -> list[tuple[str, list[float], float, float]]:
     """The properties that a law lacks: name, strain, relative error, and what is tolerated."""
+
+def is_field_of_points(name: str) -> bool:
+    """Whether the points have a field of this name, which a history variable of a law can therefore not have."""
 
 @final
 class BuiltIn:

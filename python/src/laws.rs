@@ -448,6 +448,12 @@ impl BuiltIn {
     }
 }
 
+/// True if the points have a field of this name, which a history variable of a law can therefore not have.
+#[pyfunction]
+pub fn is_field_of_points(name: &str) -> bool {
+    mpm::deck::is_field_of_points(name)
+}
+
 /// The name of a property, a strain, the relative error at that strain, and the tolerance.
 type Finding = (String, Vec<f64>, f64, f64);
 

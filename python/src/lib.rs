@@ -31,7 +31,7 @@ mod _mpm {
     #[pymodule_export]
     use super::files::{mesh, series, table};
     #[pymodule_export]
-    use super::laws::{BuiltIn, conformance};
+    use super::laws::{BuiltIn, conformance, is_field_of_points};
     #[pymodule_export]
     use super::main;
     #[pymodule_export]

@@ -81,7 +81,10 @@ def test_leaving_a_run_ends_it_whatever_its_callback_does():
     assert run.ended and run.result().summary["outcome"] == "interrupted"
 
 
-@pytest.mark.parametrize("name", ["position", "cauchy_stress", "J", "point_id", "", "two words", 1])
+@pytest.mark.parametrize(
+    "name",
+    ["position", "cauchy_stress", "J", "point_id", "material_id", "displacement_datum", "", "two words", 1],
+)
 def test_history_variables_have_names_of_their_own(name):
     class Named(mpm.BuiltInLaw):
         state = {name: 0.0}

@@ -80,8 +80,18 @@ impl<const D: usize> Points<D> {
     /// # Errors
     /// [`FieldError`] if the name, shape or initial values are invalid.
     pub fn declare(&mut self, spec: PointFieldSpec) -> Result<FieldHandle, FieldError> {
-        let is_taken = |name: &str| Self::STORED.contains(&name) || PointArray::named(name).is_some();
-        self.further.declare(spec, &self.id, is_taken)
+        self.further.declare(spec, &self.id, Self::stores)
+    }
+
+    /// True if the points store a field, or have an array, of this name.
+    fn stores(name: &str) -> bool {
+        Self::STORED.contains(&name) || PointArray::named(name).is_some()
+    }
+
+    /// True if the points of some analyses have a field or an array of this name, which a history variable of a law
+    /// can therefore not have.
+    pub fn reserves(name: &str) -> bool {
+        Self::stores(name) || name == arrays::DATUM
     }
 
     /// Half lengths of the domain of a point in the converged state, [length]; zero for points without half lengths.

@@ -12,7 +12,7 @@ use super::span::escape;
 use mpm_core::formula::closest;
 use mpm_core::material::Material;
 use mpm_core::material::conformance::{Property, check};
-use mpm_core::points::PointArray;
+use mpm_core::points::Points;
 use mpm_core::tensor::Sym3;
 use mpm_files::fields::PointField;
 use mpm_foreign::{Described, Kind, Library, LibraryError, LibraryLaw, differs_between_threads};
@@ -49,7 +49,7 @@ impl OfLibrary<'_> {
                     .help("change the values of `parameters`; the law decides which ones it can have"),
             ]
         })?;
-        match law.state_fields().iter().find(|field| is_taken(&field.name)) {
+        match law.state_fields().iter().find(|field| is_field_of_points(&field.name)) {
             None => Ok(Box::new(law)),
             Some(field) => {
                 let message = format!(
@@ -133,10 +133,10 @@ impl OfLibrary<'_> {
 }
 
 /// True if the result files or the arrays of the points have a field of this name that is not a history variable.
-fn is_taken(name: &str) -> bool {
+pub fn is_field_of_points(name: &str) -> bool {
     let of_files = PointField::ALL.into_iter().filter(|field| *field != PointField::EquivalentPlasticStrain);
     let mut of_files = of_files.map(PointField::name).chain(["body_id", "material_id", "point_id"]);
-    of_files.any(|taken| taken == name) || PointArray::named(name).is_some()
+    of_files.any(|taken| taken == name) || Points::<3>::reserves(name)
 }
 
 /// Advice on a library that cannot be used.
@@ -254,5 +254,17 @@ fn in_words(property: Property) -> (Severity, &'static str, &'static str) {
             "it lacks a property on which the solver relies",
             "compare it with the header `mpm_law.h`",
         ),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::is_field_of_points;
+
+    #[test]
+    fn history_variables_have_names_of_their_own() {
+        let taken = ["pressure", "material_id", "position", "displacement_datum", "half_lengths", "history"];
+        assert!(taken.into_iter().all(is_field_of_points));
+        assert!(!["equivalent_plastic_strain", "hardening"].into_iter().any(is_field_of_points));
     }
 }

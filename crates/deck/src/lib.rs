@@ -18,6 +18,7 @@ pub use boundary_conditions::{
 };
 pub use grid::{AxisSpacing, FollowDeck, GridDeck, IntervalDeck, SpacingDeck};
 pub use initial_stress::{InitialStressDeck, StressDeck, initial_factor};
+pub use law_library::is_field_of_points;
 pub use loads::{HydrostaticDeck, LoadCurve, LoadDeck, Per, PointSelector};
 pub use material::{
     BuiltLaw, CellSize, CohesionSofteningDeck, FrictionSofteningDeck, MaterialDeck, Surroundings,

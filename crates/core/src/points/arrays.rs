@@ -4,7 +4,7 @@ use super::{FieldError, FieldKind, PointFieldSpec, PointValues, Points};
 use crate::tensor::Sym3;
 
 /// Name of the additional field that stores the displacements at the last reset.
-const DATUM: &str = "displacement_datum";
+pub(super) const DATUM: &str = "displacement_datum";
 
 /// A quantity of the points in their converged state.
 ///
