@@ -18,6 +18,7 @@ __all__ = [
     "check",
     "conformance",
     "dump",
+    "headings",
     "is_field_of_points",
     "main",
     "mesh",
@@ -79,6 +80,9 @@ def conformance(law: _Adapter, largest: float) -> list[tuple[str, list[float], f
 
 def is_field_of_points(name: str) -> bool:
     """Whether the points have a field of this name, which a history variable of a law can therefore not have."""
+
+def headings(parameters: list[str], results: list[str]) -> list[str]:
+    """Headings of parameters that differ from the columns of results and from each other."""
 
 @final
 class BuiltIn:

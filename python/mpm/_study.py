@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 import numpy.typing as npt
 
-from mpm._deck import Deck, StrPath, Value, _parameter, _setting
+from mpm import _mpm
+from mpm._deck import Deck, StrPath, Value, _directory, _parameter, _setting
 from mpm._errors import MpmError, UsageError
 from mpm._run import Result, _package
 
@@ -64,23 +65,41 @@ class Study(Sequence[Member]):
         return f"<Study of {len(self)} members, {failed} failed>"
 
     def column(self, name: str) -> list[float | None]:
-        """The last value of a column in the history of each member; ``None`` for members that failed.
+        """The value of a column of the history at the last step in equilibrium of each member.
+
+        It is ``None`` for members that failed or that have no step in equilibrium.
 
         Args:
             name: Name of the column, such as ``tip_uy``.
         """
-        return [None if of.result is None else float(of.result.history[name][-1]) for of in self]
+        return [None if of.result is None else _at_end(of.result.history, name) for of in self]
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """One row per member: parameters, last row of the history, and error. Needs pandas."""
+        """One row per member: parameters, history at the last step in equilibrium, and error. Needs pandas.
+
+        A parameter with the name of another column is named ``parameter_NAME``, as in the table of ``mpm sweep``.
+        """
+        histories = [{} if of.result is None else of.result.history for of in self]
+        results = list(dict.fromkeys([name for history in histories for name in history] + ["error"]))
         rows = []
-        for member in self:
-            last = {} if member.result is None else {k: float(v[-1]) for k, v in member.result.history.items()}
-            rows.append({**member.parameters, **last, "error": member.error})
+        for member, history in zip(self, histories):
+            headings = _mpm.headings(list(member.parameters), results)
+            parameters = dict(zip(headings, member.parameters.values()))
+            rows.append({**parameters, **{name: _at_end(history, name) for name in history}, "error": member.error})
         return _package("pandas").DataFrame(rows)
 
 
-def _solve(work: tuple[Deck, dict[str, Value], int, Path | None]) -> tuple[Result | None, str | None]:
+def _at_end(history: Mapping[str, npt.NDArray[np.float64]], name: str) -> float | None:
+    """The value of a column at the last step in equilibrium; failed attempts may follow it."""
+    column, converged = history[name], np.flatnonzero(history["converged"] == 1)
+    return float(column[converged[-1]]) if len(converged) else None
+
+
+Work = tuple[Deck, dict[str, Value], int, Path | None]
+Outcome = tuple[Result | None, str | None]
+
+
+def _solve(work: Work) -> Outcome:
     deck, parameters, threads, out = work
     try:
         return deck.with_parameters(**parameters).run(out, threads=threads, progress=False), None

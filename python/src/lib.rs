@@ -11,6 +11,7 @@ mod files;
 mod laws;
 mod link;
 mod session;
+mod study;
 mod tools;
 mod worker;
 
@@ -36,6 +37,8 @@ mod _mpm {
     use super::main;
     #[pymodule_export]
     use super::session::Session;
+    #[pymodule_export]
+    use super::study::headings;
 
     #[pymodule_export]
     const VERSION: &str = mpm::output::summary::VERSION;

@@ -585,6 +585,29 @@ def slope():
     return load("slope", h=2, n=2)
 
 
+def test_the_results_of_a_study_are_those_of_the_last_step_in_equilibrium():
+    study = mpm.sweep(slope().with_parameters(to=2), {"c": [10e3, 12e3]}, processes=1)
+    pytest.importorskip("pandas")
+    frame = study.to_dataframe()
+    for name in ("strength_factor", "crest_uy"):
+        assert study.column(name) == list(frame[name])
+    for member, factor in zip(study, study.column("strength_factor")):
+        assert member.result.history["converged"][-1] == 0, "the slope fails at last"
+        assert factor == member.result.summary["strength_reduction"]["stands"]
+    with pytest.raises(KeyError, match="no column 'nowhere'"):
+        study.column("nowhere")
+
+
+def test_parameters_and_results_have_columns_of_their_own():
+    pytest.importorskip("pandas")
+    deck = column(parameters={"step": 1, "g": 10, "error": 0, "parameter_step": 0})
+    study = mpm.sweep(deck, {"step": [2, 3], "g": [9], "error": [5], "parameter_step": [7]}, processes=1)
+    frame = study.to_dataframe()
+    assert list(frame["parameter_parameter_step"]) == [2, 3] and list(frame["step"]) == [4, 4]
+    assert list(frame["parameter_step"]) == [7, 7] and list(frame["g"]) == [9, 9]
+    assert list(frame["parameter_error"]) == [5, 5] and frame["error"].isna().all()
+
+
 def leaving():
     """A deck of a block so weak that it flows beyond the grid."""
     deck = load("collapse", h=1, n=3, steps=8)

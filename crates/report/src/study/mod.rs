@@ -16,7 +16,7 @@ use mpm_deck::quoting::{list, quote};
 
 pub use record::Record;
 pub use strength::dependence_on_cells;
-pub use table::{Outcome, Row, may_be_replaced, write_table};
+pub use table::{Outcome, Row, headings, may_be_replaced, write_table};
 
 /// An invalid study.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]

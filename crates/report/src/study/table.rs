@@ -136,7 +136,7 @@ fn line(fields: &[String]) -> String {
 }
 
 /// The headings of the parameters; they must differ from the columns of results, such as `steps`, and from each other.
-fn headings(parameters: &[&str], results: &[&str]) -> Vec<String> {
+pub fn headings(parameters: &[&str], results: &[&str]) -> Vec<String> {
     let is_taken = |heading: &str, name: &str| {
         results.contains(&heading) || parameters.iter().any(|other| *other != name && *other == heading)
     };
