@@ -302,18 +302,23 @@ class Deck(MutableMapping[str, Any]):
         on_iteration: Callable[[int, int, float], None] | None,
     ) -> _mpm.Session:
         text, overrides = self._source()
-        directory = None if out is None else os.fsdecode(out)
-        if directory == "":
-            raise UsageError("out must be the name of a directory, not empty text")
         return _mpm.Session(
             self._name,
             text,
             overrides,
             threads=threads,
-            out=directory,
+            out=_directory(out),
             laws=adapters({} if laws is None else laws),
             on_iteration=on_iteration,
         )
+
+
+def _directory(out: StrPath | None) -> str | None:
+    """The name of a results directory."""
+    directory = None if out is None else os.fsdecode(out)
+    if directory == "":
+        raise UsageError("out must be the name of a directory, not empty text")
+    return directory
 
 
 def _document(data: dict[str, Any]) -> str:

@@ -12,10 +12,12 @@ _Array = npt.NDArray[np.float64]
 _StrPath = str | os.PathLike[str]
 
 __all__ = [
+    "MOST_THREADS",
     "VERSION",
     "BuiltIn",
     "Session",
     "check",
+    "check_axis",
     "conformance",
     "dump",
     "headings",
@@ -29,6 +31,7 @@ __all__ = [
     "text_of_code",
 ]
 
+MOST_THREADS: int
 VERSION: str
 
 class _Adapter(Protocol):
@@ -80,6 +83,9 @@ def conformance(law: _Adapter, largest: float) -> list[tuple[str, list[float], f
 
 def is_field_of_points(name: str) -> bool:
     """Whether the points have a field of this name, which a history variable of a law can therefore not have."""
+
+def check_axis(name: str, values: list[str]) -> None:
+    """Checks the values of a parameter in a study; the values are written as in ``--set``."""
 
 def headings(parameters: list[str], results: list[str]) -> list[str]:
     """Headings of parameters that differ from the columns of results and from each other."""

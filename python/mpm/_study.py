@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -18,6 +19,8 @@ from mpm._errors import MpmError, UsageError
 from mpm._run import Result, _package
 
 if TYPE_CHECKING:
+    from multiprocessing.synchronize import Event
+
     import pandas
 
 
@@ -107,6 +110,52 @@ def _solve(work: Work) -> Outcome:
         return None, str(error)
 
 
+#: Outcome of a member that was running, or waiting, when a process of the study ended.
+_LOST = (
+    None,
+    "a process of the study ended before this member was solved: it was killed, perhaps for lack of memory",
+)
+
+
+def _begin(has_begun: Event) -> None:
+    has_begun.set()
+
+
+def _solve_in_processes(work: Sequence[Work], count: int) -> list[Outcome]:
+    import multiprocessing
+    from concurrent.futures import Future, ProcessPoolExecutor
+    from concurrent.futures.process import BrokenProcessPool
+
+    # A fresh interpreter: the threads of this one do not survive a fork.
+    context = multiprocessing.get_context("spawn")
+    has_begun = context.Event()
+    pool = ProcessPoolExecutor(count, mp_context=context, initializer=_begin, initargs=(has_begun,))
+    outcomes: list[Outcome] = []
+    try:
+        futures: list[Future[Outcome]] = []
+        with contextlib.suppress(BrokenProcessPool):
+            for entry in work:
+                futures.append(pool.submit(_solve, entry))
+        for future in futures:
+            try:
+                outcomes.append(future.result())
+            except BrokenProcessPool:
+                outcomes.append(_LOST)
+    except BaseException:  # Ctrl-C: members that are running or waiting are abandoned
+        for process in (pool._processes or {}).values():
+            process.terminate()
+        raise
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+    outcomes += [_LOST] * (len(work) - len(outcomes))
+    if _LOST in outcomes and not has_begun.is_set():
+        raise UsageError(
+            "the processes of the study have ended before they began; a script that calls sweep needs the guard "
+            "`if __name__ == '__main__':`, since each process imports the script"
+        )
+    return outcomes
+
+
 def sweep(
     deck: Deck,
     over: Mapping[str, Sequence[Value] | npt.NDArray[Any]],
@@ -117,8 +166,8 @@ def sweep(
 ) -> Study:
     """Runs a deck for every combination of parameter values, several at a time in separate processes.
 
-    A member that fails does not end the study; its ``error`` is the message. With one process, the members run in the
-    calling process.
+    A member that fails does not end the study; its ``error`` is the message. If a process is killed, the members that
+    it leaves unsolved fail. With one process, the members run in the calling process.
 
     A script that uses several processes must have its code under ``if __name__ == "__main__":``, since each process
     imports the script; notebooks need no such guard.
@@ -127,7 +176,7 @@ def sweep(
         deck: The deck; it defines the parameters.
         over: Lists of values, by the names of the parameters.
         processes: Number of processes; by default, one per core, and at most one per member.
-        threads: Number of threads of each process.
+        threads: Number of threads of each process, from 1 to 1024.
         out: Directory in which each member has its own result directory, named as in ``mpm sweep``; without ``out``,
             nothing is written, and results from several processes have no points.
 
@@ -135,7 +184,8 @@ def sweep(
         The members, in the order of the combinations; the last parameter varies fastest.
 
     Raises:
-        UsageError: The deck lacks a parameter that ``over`` names, or the values of one are not a list.
+        UsageError: The deck lacks a parameter that ``over`` names, the values of one are not a list or are repeated, or
+            another argument is wrong.
 
     Example:
         >>> deck = mpm.Deck.load("inputs/beam.yaml", steps=10)
@@ -157,36 +207,19 @@ def sweep(
             raise UsageError(f"the values of {name!r} must be a list that is not empty")
     if processes is not None and (isinstance(processes, bool) or not isinstance(processes, int) or processes < 1):
         raise UsageError(f"processes must be a whole number above 0, not {processes!r}")
+    if isinstance(threads, bool) or not isinstance(threads, int) or not 1 <= threads <= _mpm.MOST_THREADS:
+        raise UsageError(f"threads must be a whole number from 1 to {_mpm.MOST_THREADS}, not {threads!r}")
     lists = [[_parameter(name, value) for value in values] for name, values in over.items()]
+    for name, values in zip(over, lists):
+        _mpm.check_axis(name, [_setting(value) for value in values])
     combinations = [dict(zip(over, values)) for values in itertools.product(*lists)]
     for parameters in combinations[:1]:
         deck.with_parameters(**parameters)  # unknown names are found here, not in every process
-    folder = None if out is None else Path(os.fsdecode(out))
+    directory = _directory(out)
+    folder = None if directory is None else Path(directory)
     work = [(deck, chosen, threads, folder and folder / _name(chosen)) for chosen in combinations]
     count = min(processes or os.cpu_count() or 1, len(work))
-    if count == 1:
-        outcomes = [_solve(entry) for entry in work]
-    else:
-        import multiprocessing
-        from concurrent.futures import ProcessPoolExecutor
-        from concurrent.futures.process import BrokenProcessPool
-
-        # A fresh interpreter: the threads of this one do not survive a fork.
-        context = multiprocessing.get_context("spawn")
-        pool = ProcessPoolExecutor(count, mp_context=context)
-        try:
-            outcomes = list(pool.map(_solve, work))
-        except BrokenProcessPool:
-            raise UsageError(
-                "the processes of the study have ended early; a script that calls sweep needs the guard "
-                "`if __name__ == '__main__':`, since each process imports the script"
-            ) from None
-        except BaseException:  # Ctrl-C: members that are running or waiting are abandoned
-            for process in (pool._processes or {}).values():
-                process.terminate()
-            raise
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
+    outcomes = [_solve(entry) for entry in work] if count == 1 else _solve_in_processes(work, count)
     return Study([Member(chosen, *outcome) for chosen, outcome in zip(combinations, outcomes)])
 
 

@@ -38,8 +38,10 @@ mod _mpm {
     #[pymodule_export]
     use super::session::Session;
     #[pymodule_export]
-    use super::study::headings;
+    use super::study::{check_axis, headings};
 
+    #[pymodule_export]
+    const MOST_THREADS: usize = super::session::MOST_THREADS;
     #[pymodule_export]
     const VERSION: &str = mpm::output::summary::VERSION;
 }

@@ -27,7 +27,7 @@ use crate::link::{Changed, Ended, Event, Failure, Link, Name, Request};
 use crate::worker::{Files, Worker};
 
 /// Largest number of threads.
-const MOST_THREADS: usize = 1024;
+pub const MOST_THREADS: usize = 1024;
 
 /// Longest time between two checks for signals such as Ctrl-C.
 const LOOK: Duration = Duration::from_millis(50);

@@ -608,6 +608,46 @@ def test_parameters_and_results_have_columns_of_their_own():
     assert list(frame["parameter_error"]) == [5, 5] and frame["error"].isna().all()
 
 
+def test_wrong_arguments_of_a_study_are_refused_before_it_begins(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    deck = load("beam", steps=1)
+    for values, more, text in [
+        ([0.5], {"threads": 0}, "threads"),
+        ([0.5], {"threads": 1025}, "threads"),
+        ([0.5], {"threads": "two"}, "threads"),
+        ([0.5], {"threads": True}, "threads"),
+        ([0.5], {"out": ""}, "directory"),
+        ([0.5, 0.5], {}, "appears twice"),
+        ([0.5, 0.25, "5e-1"], {"out": "study"}, "appears twice"),
+        (np.array([1, 1.0]), {}, "appears twice"),
+    ]:
+        with pytest.raises(mpm.UsageError, match=text):
+            mpm.sweep(deck, {"h": values}, processes=1, **more)
+    assert not list(tmp_path.iterdir())
+
+
+class Deadly(mpm.Deck):
+    """A deck that kills the process of one member of a study, once another member has its results."""
+
+    def run(self, out=None, **more):
+        if self["parameters"]["h"] != 0.5:
+            for _ in range(1200):
+                if (out.parent / "h=0.5" / "summary.json").exists():
+                    break
+                time.sleep(0.05)
+            time.sleep(1)
+            os.kill(os.getpid(), signal.SIGKILL)
+        return super().run(out, **more)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="there is no such signal")
+def test_the_death_of_a_process_keeps_the_results_of_a_study(tmp_path):
+    deck = Deadly.load(ROOT / "inputs/beam.yaml", steps=2)
+    study = mpm.sweep(deck, {"h": [0.5, 0.25]}, processes=2, out=tmp_path)
+    assert study[0].error is None and study[0].result.summary["outcome"] == "completed"
+    assert study[1].result is None and "a process of the study ended" in study[1].error
+
+
 def leaving():
     """A deck of a block so weak that it flows beyond the grid."""
     deck = load("collapse", h=1, n=3, steps=8)

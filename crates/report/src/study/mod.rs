@@ -67,6 +67,16 @@ impl FromStr for Axis {
         if name.is_empty() || values.iter().any(String::is_empty) {
             return Err(StudyError::NoList);
         }
+        Axis::new(name, values)
+    }
+}
+
+impl Axis {
+    /// A parameter that takes these values, which are written as in `--set`.
+    ///
+    /// # Errors
+    /// [`StudyError::RepeatedValue`].
+    pub fn new(name: String, values: Vec<String>) -> Result<Axis, StudyError> {
         let meant: Vec<Parameter> = values.iter().map(|value| Parameter::from_text(value)).collect();
         if let Some(index) = (1..meant.len()).find(|&i| meant[..i].contains(&meant[i])) {
             return Err(StudyError::RepeatedValue(name, values[index].clone()));
