@@ -454,8 +454,8 @@ class Run:
 
     @property
     def ended(self) -> bool:
-        """Whether the run has ended: at the end of the analysis, by an error, or by :meth:`stop`."""
-        return self._session.has_ended()
+        """Whether the run has ended: at the end of the analysis, by an error, or by :meth:`stop` or :meth:`close`."""
+        return self._session.has_ended() or self._closed
 
     def change(self) -> None:
         """Continues the run with the current content of :attr:`deck`.
@@ -491,7 +491,7 @@ class Run:
         """
         text, overrides = self._deck._source()
         step = self._step
-        if step is not None and step.time >= step.end_time * (1 - 1e-12) and not (self._closed or self.ended):
+        if step is not None and step.time >= step.end_time * (1 - 1e-12) and not self.ended:
             return  # the analysis has taken its last step, and only has to end
         self._session.change(self._deck._name, text, overrides)
 
@@ -533,6 +533,8 @@ class Run:
             UsageError: The run has not ended, or is closed.
         """
         summary = self._session.summary()
+        if self._closed:
+            raise UsageError("the run is closed")
         if summary is None:
             raise UsageError("the run has not ended; iterate over it, or stop it")
         tables = {name: Table(self._session.table(name)) for name in ("history", "quality", "convergence")}

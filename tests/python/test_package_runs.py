@@ -648,6 +648,20 @@ def test_the_death_of_a_process_keeps_the_results_of_a_study(tmp_path):
     assert study[1].result is None and "a process of the study ended" in study[1].error
 
 
+def test_a_closed_run_says_so():
+    run = column().start(threads=1)
+    next(run)
+    run.close()
+    assert run.ended
+    with pytest.raises(mpm.UsageError, match="closed"):
+        run.result()
+    run = column().start(threads=1)
+    list(run)
+    run.close()
+    with pytest.raises(mpm.UsageError, match="closed"):
+        run.result()
+
+
 def leaving():
     """A deck of a block so weak that it flows beyond the grid."""
     deck = load("collapse", h=1, n=3, steps=8)
