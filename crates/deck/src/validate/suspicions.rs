@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use super::Check;
 use crate::diagnostic::{Diagnostic, Severity};
+use crate::initial_stress::initial_factor;
 use crate::quoting::{quote, rounded};
 use crate::span::escape;
 use crate::{BoundaryConditionDeck, Deck, InitialStressDeck, LoadCurve, LoadDeck, MaterialDeck, ToolDeck};
@@ -79,6 +80,10 @@ impl Check<'_> {
                 self.warn("D037", &format!("/loads/{index}/curve"), message, help);
             } else {
                 any = true;
+                let is_at_work = initial_factor(deck, load) != 0.0 || depends_on_factor(load);
+                if load.curve().is_none() && !is_at_work {
+                    self.never_named(&format!("/loads/{index}/name"), "load", load.name());
+                }
             }
         }
         for (index, condition) in deck.boundary_conditions.iter().enumerate() {
@@ -88,6 +93,9 @@ impl Check<'_> {
                 let message = format!("the factor of the boundary condition {name} is zero at all times");
                 let help = "give a factor that is not zero at some time of the analysis, or fix the nodes with `fix`";
                 self.warn("D037", &format!("/boundary_conditions/{index}/curve"), message, help);
+            } else if moves && condition.curve.is_none() {
+                let at = format!("/boundary_conditions/{index}/name");
+                self.never_named(&at, "boundary condition", &condition.name);
             }
             any |= moves;
         }
@@ -101,6 +109,24 @@ impl Check<'_> {
             let help = "add `loads`, or give `ux` or another displacement in a boundary condition";
             self.warn_at_key("D037", "/boundary_conditions", message.to_owned(), help);
         }
+    }
+
+    /// Warns of a load or a prescribed motion without a curve whose factor remains 0 in all stages.
+    fn never_named(&mut self, pointer: &str, kind: &str, name: &str) {
+        let deck = self.deck;
+        let mut factors = deck.stages.iter().filter_map(|stage| stage.factors.get(name)).peekable();
+        let reason = match factors.peek() {
+            None => "no stage names it under `factors`",
+            Some(_) => "the stages give it no other factor",
+        };
+        if deck.stages.is_empty() || factors.any(|factor| *factor != 0.0) {
+            return;
+        }
+        let message = format!("the factor of the {kind} {} is zero at all times: {reason}", quote(name));
+        let help = format!(
+            "state in a stage the factor that it reaches there, such as `factors: {{{name}: 1}}`; or give the {kind} a `curve`"
+        );
+        self.warn("D037", pointer, message, &help);
     }
 
     /// True if a load curve is zero throughout the analysis.
@@ -154,6 +180,12 @@ impl Check<'_> {
             self.warn("D045", pointer, message, "use 1e-12 or more");
         }
     }
+}
+
+/// True if a formula of a load contains `factor`; the load may then act even at a factor of 0.
+fn depends_on_factor(load: &LoadDeck) -> bool {
+    let formulas = load.expressions().into_iter().filter_map(|(_, given)| given.as_formula());
+    formulas.flat_map(names).any(|(_, name)| name == "factor")
 }
 
 /// The names in formulas.
