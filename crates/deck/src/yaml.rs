@@ -200,17 +200,19 @@ impl<'a> Builder<'a> {
     }
 
     fn syntax_fault(&self, error: &granit_parser::ScanError) -> Diagnostic {
-        let start = self.byte(*error.marker());
+        let found = self.byte(*error.marker());
+        let indented = self.first_tab_from(found, error.kind().to_string().contains("tab"));
+        let start = indented.unwrap_or(found);
         let length = self.text[start..].chars().next().filter(|c| !c.is_control()).map_or(0, char::len_utf8);
         let line_start = self.text[..start].rfind(['\n', '\r']).map_or(0, |newline| newline + 1);
         let line = self.text[line_start..].split(['\n', '\r']).next().unwrap_or("");
         let fault =
             fault("D002", Span { start, end: start + length }, format!("this is not YAML: {}", error.kind()));
+        if indented.is_some() {
+            return fault.help("indent with spaces instead of tabs");
+        }
         if line.contains("${") {
             return fault.help("inside `{ }` and `[ ]` an expression needs quotes: \"${h/2}\"");
-        }
-        if line.starts_with(|c: char| c.is_whitespace()) && line.trim_end().contains('\t') {
-            return fault.help("indent with spaces instead of tabs");
         }
         let is_about_alias = fault.message.contains("anchor");
         fault.help(if is_about_alias {
@@ -219,6 +221,23 @@ impl<'a> Builder<'a> {
             "check this line and the one before: close all brackets, braces and quotes, and indent the keys of \
              a mapping alike"
         })
+    }
+
+    /// Place behind the indentation of the line with the byte `at` if that indentation contains a tab; if `further`, of
+    /// the first such line from there on, because the parser reports some tabs at the value before them.
+    fn first_tab_from(&self, at: usize, further: bool) -> Option<usize> {
+        let mut start = self.text[..at].rfind(['\n', '\r']).map_or(0, |newline| newline + 1);
+        for line in self.text[start..].split_inclusive(['\n', '\r']) {
+            let indentation = &line[..line.len() - line.trim_start().len()];
+            if indentation.contains('\t') && !line.trim().is_empty() {
+                return Some(start + indentation.len());
+            }
+            start += line.len();
+            if !further && start > at {
+                break;
+            }
+        }
+        None
     }
 
     fn add(&mut self, node: Rc<Node>, anchor: usize) -> Result<(), Diagnostic> {
