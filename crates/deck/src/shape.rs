@@ -14,13 +14,13 @@ use boon::{ErrorKind, Type, Types};
 use serde_json::{Number, Value};
 
 use self::words::{KEYS, count_in_words, number_help, subschema};
-use super::Deck;
 use super::diagnostic::Diagnostic;
 use super::quoting::{either, list, quote};
 use super::references::{existing, known_names};
 use super::schema::{Fault, Validator, resolve, shortest, strict_schema};
 use super::source::Source;
 use super::span::escape;
+use super::{AXES, Deck};
 use mpm_core::formula::closest;
 
 pub(crate) use words::written_number;
@@ -228,8 +228,8 @@ impl Gate<'_> {
                  {normal: [1, 0]}`"
                     .to_owned()
             }
-            _ if pointer.ends_with("/fix") && matches!(found, "x" | "y" | "z") => {
-                format!("write axes as a list, `fix: [{found}]`")
+            _ if pointer.ends_with("/fix") && axes_in(found).is_some() => {
+                format!("write axes as a list, `fix: [{}]`", axes_in(found).unwrap_or_default())
             }
             (_, 1) => format!("the only possible word here is {known}"),
             (Some(best), _) => format!("did you mean {}? the words here are {known}", quote(best)),
@@ -257,6 +257,14 @@ impl Gate<'_> {
             self.found.push(diagnostic.expected(choices).help(help));
         }
     }
+}
+
+/// The axes in a word such as `xy`, separated by commas; `None` if the word contains anything else.
+fn axes_in(word: &str) -> Option<String> {
+    let letters = word.chars().filter(|c| !matches!(c, ' ' | ',')).map(|c| c.to_ascii_lowercase());
+    let axes: Vec<String> = letters.map(String::from).collect();
+    let are_axes = !axes.is_empty() && axes.iter().all(|axis| AXES.contains(&axis.as_str()));
+    are_axes.then(|| axes.join(", "))
 }
 
 /// The key that is probably the misspelt tag of a choice between variants: no variant has it.
@@ -344,7 +352,7 @@ fn alternatives<S: AsRef<str>>(words: impl IntoIterator<Item = S>) -> String {
 
 fn found(value: &Value) -> String {
     match value {
-        Value::Null => "nothing".into(),
+        Value::Null => "an empty value".into(),
         Value::Bool(value) => format!("`{value}`"),
         Value::Number(number) => format!("the number {number}"),
         Value::String(text) => format!("the text {}", quote(text)),

@@ -61,7 +61,9 @@ fn of_count(fault: &Fault) -> String {
     let pointer = fault.pointer.as_str();
     let key = last_key(pointer);
     let what = match key {
-        "curve" => return "write a pair for each kink: `curve: [[0, 0], [1, 1]]`".to_owned(),
+        "curve" => {
+            return "give at least two pairs of a time and a factor: `curve: [[0, 0], [1, 1]]`".to_owned();
+        }
         "bodies" if pointer == "/bodies" => {
             return "add a body: `- {name: ..., material: ..., shape: {...}, points_per_cell: 2}`".to_owned();
         }
