@@ -5,7 +5,7 @@ use super::extent::{Extent, GridBox};
 use crate::diagnostic::Diagnostic;
 use crate::quoting::quote;
 use crate::seeding::placed_in_cells;
-use crate::{AXES, BodyDeck, GridDeck, Method, PerAxis};
+use crate::{AXES, BodyDeck, GridDeck, Method, Parameter, PerAxis};
 
 /// Largest number of cells of a grid, and of points of a body: far more than can be computed.
 pub(super) const MOST: f64 = 1e8;
@@ -88,6 +88,13 @@ impl Check<'_> {
         let low = self.vector(&format!("{pointer}/min"), min);
         let high = self.vector(&format!("{pointer}/max"), max);
         let (min, max) = (low?, high?);
+        if min.iter().zip(&max).all(|(low, high)| low > high) {
+            let message = "the corners of the box are swapped: its min lies above its max along every axis";
+            let numbers = |corner: &[f64]| corner.iter().map(f64::to_string).collect::<Vec<_>>().join(", ");
+            let help = format!("write `min: [{}], max: [{}]`", numbers(&max), numbers(&min));
+            self.error("D016", &format!("{pointer}/min"), message, help);
+            return None;
+        }
         let mut fits = true;
         for axis in 0..min.len() {
             if min[axis] >= max[axis] {
@@ -96,7 +103,11 @@ impl Check<'_> {
                     "the box has no extent along {}: its min {} is not below its max {}",
                     AXES[axis], min[axis], max[axis]
                 );
-                let help = format!("give a max above {}", min[axis]);
+                let help = if min[axis] > max[axis] {
+                    format!("swap the two, or give a max above {}", min[axis])
+                } else {
+                    format!("give a max above {}", min[axis])
+                };
                 self.error("D016", &format!("{pointer}/max/{axis}"), message, help);
             }
         }
@@ -231,10 +242,12 @@ impl Check<'_> {
     /// Checks that the sides of a body with points per cell lie on grid lines.
     fn aligned(&mut self, pointer: &str, body: &BodyDeck, extent: &Extent, grid: &GridBox) {
         for (axis, name) in AXES.iter().enumerate().take(self.dimensions()) {
+            let nearest = |edge: f64| grid.axes[axis].coordinate(edge).round();
+            let is_thin = nearest(extent.min[axis]) == nearest(extent.max[axis]);
             for (corner, edge) in [("min", extent.min[axis]), ("max", extent.max[axis])] {
                 let lines = &grid.axes[axis];
                 let spacing = lines.size_at(edge);
-                let line = lines.position(lines.coordinate(edge).round());
+                let line = lines.position(nearest(edge));
                 if (edge - line).abs() > WHOLE * spacing {
                     // Six digits relative to the size of a cell are enough.
                     let digits = 10f64.powf(6.0 - spacing.log10().floor());
@@ -244,9 +257,15 @@ impl Check<'_> {
                         quote(&body.name),
                         (edge - line).abs()
                     );
-                    let help = format!(
-                        "move the edge to {line}, or give `point_spacing` instead of `points_per_cell`"
-                    );
+                    let remedy = if is_thin {
+                        format!(
+                            "make the cells no larger than the side {} of the body",
+                            Parameter::Number(extent.side(axis))
+                        )
+                    } else {
+                        format!("move the edge to {line}")
+                    };
+                    let help = format!("{remedy}, or give `point_spacing` instead of `points_per_cell`");
                     self.error("D028", &format!("{pointer}/shape/{corner}/{axis}"), message, help);
                 }
             }

@@ -87,7 +87,12 @@ impl Check<'_> {
                 AXES[axis],
                 Parameter::Number(spacing)
             );
-            let help = format!("{} would fit", Parameter::Number(count.round().max(1.0) * spacing));
+            let fits = Parameter::Number(count.round().max(1.0) * spacing);
+            let help = if count < 1.0 {
+                format!("use a spacing of at most {}, or a size of at least {fits}", Parameter::Number(side))
+            } else {
+                format!("{fits} would fit")
+            };
             self.error("D027", &format!("/grid/size/{axis}"), message, help);
         }
         Axis::even(origin, spacing, count.round().max(1.0) as usize)
