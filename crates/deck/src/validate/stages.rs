@@ -20,6 +20,10 @@ impl Check<'_> {
     pub(super) fn stages(&mut self) {
         let deck = self.deck;
         match (&deck.steps, deck.stages.is_empty()) {
+            (None, true) if self.source.span_of("/stages").is_some() => {
+                let help = "add a stage, such as `- {name: load, steps: {count: 10}}`, or replace `stages` by `steps: {count: 10}`";
+                self.error("D053", "/stages", "the list of stages is empty", help);
+            }
             (None, true) => {
                 let help = "add `steps: {count: 10}`, or `stages` with steps of their own";
                 self.error("D053", "", "the deck has neither `steps` nor `stages`", help);
