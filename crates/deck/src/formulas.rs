@@ -8,6 +8,9 @@ use super::{AXES, Expression, Parameter};
 use mpm_core::formula::{Formula, FormulaError, MOST_INTERMEDIATE, names};
 use mpm_core::model::VectorFormula;
 
+/// Help for a name that formulas cannot contain.
+pub(crate) const NAMES: &str = "use letters, digits and `_`, with a letter or `_` first";
+
 /// Names of the variables of a formula for points or grid nodes, in the order of their values.
 fn variables(dimensions: usize) -> Vec<&'static str> {
     let n = dimensions.min(3);
@@ -214,8 +217,7 @@ fn in_order<'a>(
         let is_name =
             (first.is_alphabetic() || first == '_') && name.chars().all(|c| c.is_alphanumeric() || c == '_');
         if !is_name {
-            let help = "use letters, digits and `_`, with a letter or `_` first";
-            faults.push(fault(name, format!("`{name}` cannot be a name in a formula"), help));
+            faults.push(fault(name, format!("`{name}` cannot be a name in a formula"), NAMES));
         } else if VARIABLES.contains(&name.as_str()) || mpm_core::formula::is_reserved(name) {
             faults.push(fault(
                 name,

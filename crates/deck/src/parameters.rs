@@ -23,7 +23,7 @@ const MOST_IN_TEXT: usize = 10_000;
 const MOST_IN_ALL: usize = 16 << 20;
 
 // Names that already have a meaning in formulas.
-use super::formulas::VARIABLES;
+use super::formulas::{NAMES, VARIABLES};
 
 /// A parameter with everything needed to find its value.
 #[derive(Debug)]
@@ -127,10 +127,7 @@ impl Table<'_> {
     fn check_name(&mut self, name: &str) {
         let starts_well = name.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_');
         let fault = if !starts_well || !name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_') {
-            Some((
-                format!("{} cannot be the name of a parameter", quote(name)),
-                "use letters, digits and `_`",
-            ))
+            Some((format!("{} cannot be the name of a parameter", quote(name)), NAMES))
         } else if VARIABLES.contains(&name) {
             Some((
                 format!("the name {} stands for a variable in formulas", quote(name)),
