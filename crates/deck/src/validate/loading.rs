@@ -177,29 +177,38 @@ impl Check<'_> {
 
     pub(super) fn curve(&mut self, pointer: &str, curve: Option<&LoadCurve>) {
         let Some(LoadCurve(pairs)) = curve else { return };
-        for (index, pair) in pairs.windows(2).enumerate() {
-            if pair[1][0] <= pair[0][0] {
-                let message =
-                    format!("the times of a load curve must increase; {} follows {}", pair[1][0], pair[0][0]);
-                let help = format!("give a time above {}, or remove the pair", pair[0][0]);
-                self.error("D022", &format!("{pointer}/{}/0", index + 1), message, help);
+        // Sorted, the pairs may be a curve without further faults.
+        let mut sorted: Vec<(usize, [f64; 2])> = pairs.iter().copied().enumerate().collect();
+        sorted.sort_by(|(_, a), (_, b)| a[0].total_cmp(&b[0]));
+        let unsorted = pairs.windows(2).position(|pair| pair[1][0] < pair[0][0]);
+        if let Some(index) = unsorted {
+            let [before, after] = [pairs[index][0], pairs[index + 1][0]];
+            let message = format!("the times of a load curve must increase; {after} follows {before}");
+            let help = format!("sort the pairs by time, or give a time above {before}");
+            self.error("D022", &format!("{pointer}/{}/0", index + 1), message, help);
+        }
+        for pair in sorted.windows(2) {
+            let [(_, [time, _]), (index, [next, _])] = [pair[0], pair[1]];
+            if next == time {
+                let message = format!("the times of a load curve must increase; {next} follows {time}");
+                let help = format!("give a time above {time}, or remove the pair");
+                self.error("D022", &format!("{pointer}/{index}/0"), message, help);
             }
         }
         let end_time = self.deck.end_time();
-        if let Some([first, _]) = pairs.first()
+        if let Some((index, [first, _])) = sorted.first()
             && *first > 0.0
         {
             let message = format!("the load curve starts at time {first}; it must cover time 0");
-            self.error("D022", &format!("{pointer}/0/0"), message, "add the pair `[0, 0]` before it");
+            self.error("D022", &format!("{pointer}/{index}/0"), message, "add the pair `[0, 0]` before it");
         }
-        if let Some([last, _]) = pairs.last()
+        if let Some((index, [last, factor])) = sorted.last()
             && *last < end_time
         {
             let message =
                 format!("the load curve ends at time {last}, but the analysis ends at time {end_time}");
-            let factor = pairs.last().map_or(0.0, |pair| pair[1]);
             let help = format!("add a pair at time {end_time}, such as `[{end_time}, {factor}]`");
-            self.error("D022", &format!("{pointer}/{}/0", pairs.len() - 1), message, help);
+            self.error("D022", &format!("{pointer}/{index}/0"), message, help);
         }
     }
 
