@@ -81,6 +81,17 @@ def test_files_of_others_are_never_replaced(mpm, tmp_path, name):
     assert mpm("run", deck, "--out", tmp_path / "used", *SMALL).returncode == 0
 
 
+@pytest.mark.parametrize("below", ["", "deeper/still"])
+def test_a_file_in_the_place_of_the_directory(mpm, tmp_path, below):
+    deck, file = deck_of(tmp_path), tmp_path / "file"
+    file.write_text("mine")
+    for command in (["run", deck, *SMALL], ["sweep", deck, "--over", "n=2,3"]):
+        process = mpm(*command, "--out", file / below)
+        assert process.returncode == 2 and "error[R001]" in process.stderr, process.stderr
+        assert f"`{file}` is a file; choose another directory with `--out`, or move the file away" in process.stderr
+        assert "os error" not in process.stderr and file.read_text() == "mine"
+
+
 @pytest.mark.parametrize("name", ["quality.csv", "convergence.csv.tmp", "points.pvd", "run.json", "status.json"])
 def test_a_directory_in_the_place_of_a_file_is_refused_first(mpm, tmp_path, name):
     deck, out = deck_of(tmp_path), tmp_path / "out"
