@@ -5,10 +5,10 @@ use mpm_core::points::{Points, coordinates};
 use mpm_core::region::Bounds;
 use mpm_core::terms::{StartOverlap, boxes_on_the_way, overlaps_at_start};
 
-use super::AXES;
 use super::diagnostic::Severity;
 use super::first_step::Check;
 use super::quoting::quote;
+use super::{AXES, Shape};
 
 /// Number of equal intervals between the instants at which prescribed motions are evaluated.
 const TIMES: usize = 100;
@@ -31,7 +31,7 @@ impl Check<'_> {
     }
 
     fn overlap_at_start<const D: usize>(&mut self, model: &Model<D>, found: &StartOverlap<D>) {
-        let StartOverlap { tool, body, place, overlap, points, way } = found;
+        let StartOverlap { tool, body, place, overlap, points, reach, way } = found;
         let message = format!(
             "the tool {} overlaps the body {} at the start: by up to {} at {}, in the domains of {}",
             quote(&model.tools[*tool].name),
@@ -40,7 +40,21 @@ impl Check<'_> {
             coordinates(&place.position),
             if *points == 1 { "1 point".to_owned() } else { format!("{points} points") },
         );
-        let instead = "subtract its shape from that of the body with a `difference`";
+        let is_cut = (self.loaded.deck.bodies.get(*body)).is_some_and(|body| subtracts(&body.shape));
+        let instead = match reach {
+            // Subtracting the shape of the tool removes only points that lie in it.
+            Some(reach) if is_cut => format!(
+                "enlarge what the `difference` subtracts at the tool by {} on every side: boxes of points reach beyond its \
+                 boundary",
+                rounded_up(*reach)
+            ),
+            Some(reach) => format!(
+                "subtract its shape, enlarged by {} on every side, from that of the body with a `difference`: boxes of \
+                 points reach beyond its boundary",
+                rounded_up(*reach)
+            ),
+            None => "subtract its shape from that of the body with a `difference`".to_owned(),
+        };
         let axis = way.and_then(|way| (0..D).find(|d| way[*d] != 0.0).map(|d| (d, way[d])));
         let help = match axis {
             Some((d, length)) => {
@@ -104,6 +118,11 @@ impl Check<'_> {
             self.found.push(found.help(help));
         }
     }
+}
+
+/// True if a shape is, or contains, a difference.
+fn subtracts(shape: &Shape) -> bool {
+    matches!(shape, Shape::Difference { .. }) || shape.parts().iter().any(|(_, part)| subtracts(part))
 }
 
 /// The box around the points of a body; `None` if the body has no points at the start. All ranks must call this

@@ -26,14 +26,17 @@ pub struct StartOverlap<const D: usize> {
     pub overlap: f64,
     /// Number of material points whose domains reach into the tool.
     pub points: usize,
+    /// The largest distance of a corner of these domains from its material point, [length], if all these points lie
+    /// outside the tool, so that only the size of their domains causes the overlap.
+    pub reach: Option<f64>,
     /// The shortest translation along an axis by which the tool leaves all bodies, [length]; `None` if no translation
     /// along an axis achieves this.
     pub way: Option<[f64; D]>,
 }
 
 /// The deepest corner of a body in a tool: permanent number of its material point, the corner, its overlap, and the
-/// number of material points whose domains reach into the tool.
-type Deepest = (u32, Vec<f64>, f64, usize);
+/// number and the reach of the material points whose domains reach into the tool.
+type Deepest = (u32, Vec<f64>, f64, usize, Option<f64>);
 
 /// The tools and bodies that overlap at the start, in the order of their numbers: overlap means that corners of domains
 /// of material points lie inside a tool by more than round-off. All ranks must call this together.
@@ -47,19 +50,21 @@ pub fn overlaps_at_start<const D: usize>(model: &Model<D>, points: &Points<D>) -
             let of_body: Vec<&Inside<D>> =
                 inside.iter().filter(|inside| points.body[inside.p] as usize == body).collect();
             let deepest = of_body.iter().copied().reduce(|a, b| if b.overlap > a.overlap { b } else { a });
-            let own = deepest.map(|Inside { p, corner, overlap }| -> Deepest {
-                (points.id[*p], corner.to_vec(), *overlap, of_body.len())
+            let larger = |a: Option<f64>, b: Option<f64>| a.zip(b).map(|(a, b)| a.max(b));
+            let reach = of_body.iter().map(|inside| inside.reach).fold(Some(0.0), larger);
+            let own = deepest.map(|Inside { p, corner, overlap, .. }| -> Deepest {
+                (points.id[*p], corner.to_vec(), *overlap, of_body.len(), reach)
             });
             let of_ranks = points.ranks.gather_all(own).into_iter().flatten();
             let deepest = of_ranks.reduce(|a, b| {
-                let n = a.3 + b.3;
+                let (n, reach) = (a.3 + b.3, larger(a.4, b.4));
                 let deeper = if b.2 > a.2 { b } else { a };
-                (deeper.0, deeper.1, deeper.2, n)
+                (deeper.0, deeper.1, deeper.2, n, reach)
             });
-            let Some((id, corner, overlap, n)) = deepest else { continue };
+            let Some((id, corner, overlap, n, reach)) = deepest else { continue };
             let Ok(corner) = <[f64; D]>::try_from(corner) else { continue };
             let place = named(model, tool, body, id, &corner);
-            found.push(StartOverlap { tool: number, body, place, overlap, points: n, way });
+            found.push(StartOverlap { tool: number, body, place, overlap, points: n, reach, way });
         }
     }
     found
@@ -71,6 +76,8 @@ struct Inside<const D: usize> {
     /// The corner of its domain that lies deepest in the tool, [length].
     corner: [f64; D],
     overlap: f64,
+    /// The largest distance of a corner from the material point, [length]; `None` if the point lies in the tool.
+    reach: Option<f64>,
 }
 
 /// A tool among the bodies at the start.
@@ -92,11 +99,14 @@ impl<const D: usize> Placed<'_, D> {
             let x = &points.converged.position[p];
             let corners = domain(points, p);
             let radius = corners.iter().map(|corner| norm(&minus(corner, x))).fold(0.0, f64::max);
-            if gap_at(x) > radius {
+            let gap = gap_at(x);
+            if gap > radius {
                 return None;
             }
+            let reach = (gap > 0.0).then_some(radius);
             let least = TOUCHING * self.model.grid.size(points.cell[p] as usize);
-            let overlaps = corners.into_iter().map(|corner| Inside { p, corner, overlap: -gap_at(&corner) });
+            let overlaps =
+                corners.into_iter().map(|corner| Inside { p, corner, overlap: -gap_at(&corner), reach });
             overlaps.filter(|inside| inside.overlap > least).max_by(|a, b| a.overlap.total_cmp(&b.overlap))
         };
         self.touchable().filter_map(of_point).collect()
@@ -220,6 +230,8 @@ mod tests {
             let (model, points) = block(method, brick(), [2.0, 1.9]);
             let found = only(overlaps_at_start(&model, &points));
             assert!((found.overlap - 0.1).abs() < 1e-12, "{found:?}");
+            // Half a diagonal of the domains, which are 0.25 m wide.
+            assert!((found.reach.unwrap() - 0.125 * 2f64.sqrt()).abs() < 1e-12, "{found:?}");
             let way = found.way.unwrap();
             assert!(way[0] == 0.0 && (way[1] - 0.1).abs() < 1e-9, "{way:?}");
             let (model, points) = block(method, brick(), [2.0, 1.9 + way[1]]);
@@ -234,6 +246,7 @@ mod tests {
         let found = only(overlaps_at_start(&model, &points));
         let way = found.way.unwrap();
         assert!(way[1] > 1.2 && way[1] <= 1.25 + 1e-9, "{found:?}");
+        assert_eq!(found.reach, None);
         let (model, points) = block(Method::Gimp, Ball::new([0.0; 2], 0.5).unwrap(), [2.0, 1.25 + way[1]]);
         assert_eq!(overlaps_at_start(&model, &points), []);
         let floor = HalfSpace::new([0.0; 2], [0.0, 1.0]).unwrap();
