@@ -178,6 +178,34 @@ def test_locking_is_named_where_pressures_alternate_in_isochoric_flow(diagnosis_
     assert "`volumetric: mean-dilatation`" in diagnosis["advice"]
 
 
+PRESSED = """version: 1
+title: A tool pressed deep into clay
+grid: {type: structured, origin: [0, 0], size: [4, 3.5], spacing: 0.5}
+materials: {clay: {model: tresca, young: 3e6, poisson: 0.49, cohesion: 1e4, density: 1800}}
+bodies:
+  - {name: g, material: clay, method: gimp, volumetric: mean-dilatation, shape: {type: box, min: [0, 0], max: [4, 2]}, points_per_cell: 2}
+boundary_conditions:
+  - {name: l, nodes: {x: 0}, fix: [x]}
+  - {name: r, nodes: {x: 4}, fix: [x]}
+  - {name: b, nodes: {y: 0}, fix: [x, y]}
+tools:
+  - {name: f, shape: {type: box, min: [-1, 2], max: [0.5, 3]}, uy: -1.9, friction: rough}
+steps: {count: 10, smallest: 0.05}
+solver: {predictor: last-step}
+output: {every: 0}
+"""
+
+
+def test_a_tool_drives_the_bodies(mpm, tmp_path):
+    """Nothing is loaded, so neither the cause nor the advice speaks of a load."""
+    deck = tmp_path / "pressed.yaml"
+    deck.write_text(PRESSED)
+    process = mpm("run", deck, "--out", tmp_path / "out")
+    assert process.returncode == 1, process.stderr
+    assert "diagnosis: plastic collapse: the bodies flow under the prescribed motion" in process.stderr, process.stderr
+    assert "changes with the prescribed motion" in process.stderr and "prescribe displacements" not in process.stderr
+
+
 def test_a_run_that_cannot_go_on_says_why(mpm, tmp_path):
     deck, out = tmp_path / "strip.yaml", tmp_path / "out"
     deck.write_text(STRIP)

@@ -5,7 +5,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::material::MaterialError;
-use crate::model::{Model, Newton, SAME_TIME, StabilisationMode, Stepping};
+use crate::model::{Model, Newton, SAME_TIME, StabilisationMode, Stepping, Tool};
 use crate::points::{Points, coordinates};
 use crate::quality::oscillation;
 use crate::step::Step;
@@ -137,8 +137,12 @@ pub enum Loss {
 pub struct Circumstances {
     /// True if small cut cells are stabilised.
     pub is_stabilised: bool,
-    /// True if boundary conditions move, or displacements or the arc length of the path are prescribed.
+    /// True if boundary conditions or tools move as prescribed, or displacements or the arc length of the path are
+    /// prescribed.
     pub is_driven: bool,
+    /// True if neither the bodies nor the tools bear a load.
+    #[serde(default)]
+    pub is_unloaded: bool,
     /// True if there is a single material.
     pub has_one_material: bool,
     /// True if cells hold so few points on average that bodies may yield at too small a load.
@@ -196,7 +200,13 @@ pub struct Diagnosis {
 
 impl std::fmt::Display for Diagnosis {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{}", self.kind.words())?;
+        let Circumstances { is_driven, is_unloaded, .. } = self.circumstances;
+        match self.kind {
+            Kind::PlasticCollapse if is_driven && is_unloaded => {
+                write!(f, "plastic collapse: the bodies flow under the prescribed motion")?;
+            }
+            kind => write!(f, "{}", kind.words())?,
+        }
         match (self.kind, self.circumstances.cut_to) {
             (Kind::LargeSteps, None) => write!(f, "; smaller ones have not been tried")?,
             (Kind::LargeSteps, Some(size)) => write!(f, ", even at {size:.1e} times the requested size")?,
@@ -259,7 +269,9 @@ impl Diagnosis {
         let circumstances = Circumstances {
             is_stabilised: model.stabilisation.mode != StabilisationMode::Off,
             is_driven: model.stepping.control.has_unknown_factor()
-                || model.boundary_conditions.iter().any(|condition| condition.moves()),
+                || model.boundary_conditions.iter().any(|condition| condition.moves())
+                || model.tools.iter().any(|tool| Tool::<D>::components().any(|k| tool.is_driven(k))),
+            is_unloaded: model.loads.is_empty() && model.tools.iter().all(|tool| tool.loads.is_empty()),
             has_one_material: model.materials.len() == 1,
             has_few_points: evidence::mean_points_per_cell(points) < FEW,
             is_in_collapse: flowing > MOST,

@@ -45,8 +45,8 @@ fn advice(kind: Kind, of: &Circumstances) -> &'static str {
             "stabilise such cells, `analysis: {stabilisation: {mode: auto}}`; or use more points per cell, or another grid"
         }
         Kind::PlasticCollapse | Kind::Instability if of.is_driven => {
-            "use smaller steps (`steps: {count, smallest}`) or a coarser grid; only the prescribed motion limits the \
-             plastic flow of the bodies"
+            "use smaller steps (`steps: {count, smallest}`) or a coarser grid, because the region that flows plastically \
+             changes with the prescribed motion"
         }
         Kind::PlasticCollapse => {
             "the bodies yield at about the largest load factor with equilibrium; check how this factor changes with \
