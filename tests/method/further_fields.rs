@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use mpm::assembly::{System, Wanted};
-use mpm::deck::advice::WORDING;
+use mpm::deck::advice::Means;
 use mpm::deck::build::build;
 use mpm::deck::load::load;
 use mpm::model::Model;
@@ -99,7 +99,7 @@ fn account() -> Account {
         messages: Vec::new(),
         set_up: Timings::default(),
         threads: 1,
-        wording: WORDING,
+        wording: std::sync::Arc::new(Means::default()),
     }
 }
 

@@ -1,8 +1,10 @@
 //! The account of a run that a deck describes.
 
+use std::sync::Arc;
+
 use serde_json::Value;
 
-use super::advice::WORDING;
+use super::advice::Means;
 use super::diagnostic::Diagnostic;
 use super::load::LoadedDeck;
 use mpm_core::timing::Timings;
@@ -28,7 +30,7 @@ impl LoadedDeck {
             messages: self.notes.iter().map(in_files).collect(),
             set_up,
             threads,
-            wording: WORDING,
+            wording: Arc::new(Means::of(&self.deck)),
         })
     }
 

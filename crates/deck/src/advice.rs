@@ -2,18 +2,32 @@
 
 mod error;
 mod failure;
+mod means;
 #[cfg(test)]
 mod tests;
 mod warning;
 
 pub use error::{against, on_error};
-pub use failure::on_failure;
-pub use warning::on_warning;
+pub use means::Means;
 
+use mpm_core::quality::Warning;
+use mpm_core::solver::Diagnosis;
 use mpm_files::summary::Wording;
-
-/// The advice of this module, for the result files of a run.
-pub const WORDING: Wording = Wording { on_failure, on_warning };
 
 /// The remedy if steps are too large.
 const SMALLER_STEPS: &str = "use smaller steps (`steps: {count, smallest}`)";
+
+/// Advice on a warning of a run whose deck is unknown.
+pub fn on_warning(warning: &Warning) -> String {
+    warning::on_warning(warning, &Means::default())
+}
+
+impl Wording for Means {
+    fn on_failure(&self, diagnosis: &Diagnosis) -> String {
+        failure::on_failure(diagnosis, self)
+    }
+
+    fn on_warning(&self, warning: &Warning) -> String {
+        warning::on_warning(warning, self)
+    }
+}

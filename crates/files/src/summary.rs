@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::io;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use cpu_time::ProcessTime;
@@ -80,12 +81,11 @@ impl Start {
 }
 
 /// The advice in the files. The caller provides it, because this crate does not know how users state an analysis.
-#[derive(Debug, Clone, Copy)]
-pub struct Wording {
+pub trait Wording: fmt::Debug + Send + Sync {
     /// Advice on the failure of a run.
-    pub on_failure: fn(&Diagnosis) -> String,
+    fn on_failure(&self, diagnosis: &Diagnosis) -> String;
     /// Advice on a warning.
-    pub on_warning: fn(&Warning) -> String,
+    fn on_warning(&self, warning: &Warning) -> String;
 }
 
 /// A shared library that provides the law of a material.
@@ -145,7 +145,7 @@ pub struct Account {
     /// Number of threads.
     pub threads: usize,
     /// The advice.
-    pub wording: Wording,
+    pub wording: Arc<dyn Wording>,
 }
 
 impl Account {
@@ -194,7 +194,7 @@ impl Account {
         let (wall, cpu) = (spent.wall.as_secs_f64(), spent.cpu.as_secs_f64());
         let solved = cpu - timings.of(Phase::Output).cpu.as_secs_f64();
         let warnings: Vec<Value> =
-            summary.warnings.iter().map(|of| warning(of, (self.wording.on_warning)(of))).collect();
+            summary.warnings.iter().map(|of| warning(of, self.wording.on_warning(of))).collect();
         let visits = (whole.points * summary.evaluations) as f64;
         let mut document = json!({
             "outcome": word,
@@ -214,7 +214,7 @@ impl Account {
             "failed_attempts": summary.failed_attempts,
             "load_factor": load_factor,
             "largest_load_factor": summary.largest_load_factor,
-            "diagnosis": summary.diagnosis.as_ref().map(|of| diagnosis(of, (self.wording.on_failure)(of))),
+            "diagnosis": summary.diagnosis.as_ref().map(|of| diagnosis(of, self.wording.on_failure(of))),
             "stabilised_faces": summary.stabilised_faces,
             "evaluations": summary.evaluations,
             "linear_solves": summary.linear_solves,

@@ -210,6 +210,7 @@ pub fn run_into(run: Run, ready: Prepared, set_up: Timings) -> anyhow::Result<Op
     let asked = loaded.deck.request();
     let account = loaded.account(start, set_up, rayon::current_num_threads())?;
     let law_libraries = account.law_libraries.clone();
+    let shown = (view, Arc::clone(&account.wording));
     let (results, from) = match from {
         None => {
             let created = match &analysis {
@@ -233,7 +234,7 @@ pub fn run_into(run: Run, ready: Prepared, set_up: Timings) -> anyhow::Result<Op
             (results, Some((checkpoint, reached)))
         }
     };
-    if let View::Run { log: Some(log) } = &view {
+    if let View::Run { log: Some(log) } = &shown.0 {
         // A write error of the log is reported by the progress display.
         let _ = log.begin();
     }
@@ -241,8 +242,8 @@ pub fn run_into(run: Run, ready: Prepared, set_up: Timings) -> anyhow::Result<Op
     // The points of a resumed run may differ from those of the first stage.
     let n = if machines.ranks().is_alone() { analysis.n_points() } else { extent.points };
     let mut watch = match &analysis {
-        Analysis::Plane(parts) => Watch::new(results, &parts.0, n, start, view, stop),
-        Analysis::Solid(parts) => Watch::new(results, &parts.0, n, start, view, stop),
+        Analysis::Plane(parts) => Watch::new(results, &parts.0, n, start, shown, stop),
+        Analysis::Solid(parts) => Watch::new(results, &parts.0, n, start, shown, stop),
     };
     watch.law_libraries(&law_libraries);
     machines.equip(&mut analysis);

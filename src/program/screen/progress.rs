@@ -5,13 +5,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use crate::deck::advice;
 use crate::deck::quoting::counted;
 use crate::model::Model;
 use crate::output::checkpoint::Checkpoint;
 use crate::output::results::Results;
 use crate::output::status::{Progress, Status, StatusFile};
-use crate::output::summary::{LawLibrary, Start};
+use crate::output::summary::{LawLibrary, Start, Wording};
 use crate::points::{Points, coordinates};
 use crate::program::screen::closing::Closing;
 use crate::program::screen::log::LogFile;
@@ -53,6 +52,7 @@ pub struct Watch {
     /// Number of warnings printed so far.
     warned: usize,
     stop: Arc<AtomicBool>,
+    wording: Arc<dyn Wording>,
     closing: Option<Closing>,
 }
 
@@ -78,7 +78,7 @@ impl Watch {
         model: &Model<D>,
         points: usize,
         start: Start,
-        view: View,
+        (view, wording): (View, Arc<dyn Wording>),
         stop: Arc<AtomicBool>,
     ) -> Self {
         let label = match &view {
@@ -106,6 +106,7 @@ impl Watch {
             display,
             warned: 0,
             stop,
+            wording,
             closing: None,
         };
         if let View::Run { .. } = watch.view {
@@ -171,7 +172,7 @@ impl Watch {
         });
         let time = significant(diagnosis.time, 6);
         self.say(&format!("  in equilibrium up to time {time}{factor}"));
-        self.say(&format!("  help: {}", advice::on_failure(diagnosis)));
+        self.say(&format!("  help: {}", self.wording.on_failure(diagnosis)));
     }
 
     fn update_status(&mut self) {
@@ -222,7 +223,7 @@ impl Watch {
         let indent = if let View::Member(_) = self.view { "  " } else { "" };
         for warning in &summary.warnings[self.warned..] {
             let text =
-                format!("warning[{}]: {warning}\n  help: {}", warning.code, advice::on_warning(warning));
+                format!("warning[{}]: {warning}\n  help: {}", warning.code, self.wording.on_warning(warning));
             for line in text.lines() {
                 self.say(&format!("{indent}{line}"));
             }

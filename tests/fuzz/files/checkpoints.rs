@@ -13,7 +13,7 @@ use flate2::Compression;
 use flate2::read::ZlibDecoder;
 use flate2::write::ZlibEncoder;
 use mpm::deck::Deck;
-use mpm::deck::advice::WORDING;
+use mpm::deck::advice::Means;
 use mpm::deck::changes::{changes, step_at};
 use mpm::deck::load::{LoadedDeck, load_text};
 use mpm::deck::ready::{Analysis, ready};
@@ -99,7 +99,7 @@ fn account(loaded: &LoadedDeck) -> Account {
         messages: Vec::new(),
         set_up: Timings::default(),
         threads: 1,
-        wording: WORDING,
+        wording: std::sync::Arc::new(Means::default()),
     }
 }
 

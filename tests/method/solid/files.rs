@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use mpm::basis::Method;
-use mpm::deck::advice::WORDING;
+use mpm::deck::advice::Means;
 use mpm::domain::DomainUpdate;
 use mpm::grid::{Grid, Structured};
 use mpm::material::VonMises;
@@ -48,7 +48,7 @@ fn results(
         messages: Vec::new(),
         set_up: Timings::default(),
         threads: 1,
-        wording: WORDING,
+        wording: std::sync::Arc::new(Means::default()),
     };
     let mut files = Results::create(&directory, &Request::default(), &model, account).unwrap();
     solver::run(&model, &mut points, &mut files).unwrap_or_else(|error| panic!("{error}"));

@@ -2,12 +2,12 @@
 
 use mpm_core::solver::{Circumstances, Diagnosis, Kind, Loss};
 
-use super::against;
+use super::{Means, against};
 
 /// Advice on the probable cause of a failure.
-pub fn on_failure(diagnosis: &Diagnosis) -> String {
+pub fn on_failure(diagnosis: &Diagnosis, means: &Means) -> String {
     let of = &diagnosis.circumstances;
-    let advice = advice(diagnosis.kind, of);
+    let advice = advice(diagnosis.kind, of, means);
     match diagnosis.kind {
         Kind::Creeping => match of.enough_iterations {
             Some(enough) => {
@@ -31,7 +31,8 @@ pub fn on_failure(diagnosis: &Diagnosis) -> String {
     }
 }
 
-fn advice(kind: Kind, of: &Circumstances) -> &'static str {
+fn advice(kind: Kind, of: &Circumstances, means: &Means) -> &'static str {
+    let has_no_path = means.is_known && !means.can_follow_path;
     match kind {
         Kind::RigidBodyMode => "hold every part of the bodies along every axis and against rotation",
         Kind::FreeTool => {
@@ -48,10 +49,17 @@ fn advice(kind: Kind, of: &Circumstances) -> &'static str {
             "use smaller steps (`steps: {count, smallest}`) or a coarser grid, because the region that flows plastically \
              changes with the prescribed motion"
         }
+        Kind::PlasticCollapse if has_no_path => {
+            "the bodies yield at about the largest load factor with equilibrium; check how this factor changes with \
+             more points per cell and a finer grid. To continue beyond it, prescribe displacements"
+        }
         Kind::PlasticCollapse => {
             "the bodies yield at about the largest load factor with equilibrium; check how this factor changes with \
              more points per cell and a finer grid. To continue beyond it, prescribe displacements or use `steps: \
              {control: {type: arc-length}}`"
+        }
+        Kind::Instability if has_no_path => {
+            "use smaller steps (`steps: {count, smallest}`), or prescribe displacements"
         }
         Kind::Instability => {
             "follow the path with `steps: {control: {type: arc-length}}`, or prescribe displacements"

@@ -2,8 +2,9 @@ use mpm_core::linear::LinearError;
 use mpm_core::quality::{Code, Detail, Location, Warning};
 use mpm_core::solver::{Circumstances, Diagnosis, Kind, Loss, NoPath, Obstacle, SolveError};
 
-use super::{on_error, on_failure, on_warning};
+use super::{Means, on_error, on_warning};
 use crate::schema::deck_schema;
+use mpm_files::summary::Wording;
 
 fn about(code: Code, detail: Option<Detail>) -> String {
     let location = Location::body("block");
@@ -12,7 +13,11 @@ fn about(code: Code, detail: Option<Detail>) -> String {
 }
 
 fn against_kind(kind: Kind, circumstances: Circumstances) -> String {
-    on_failure(&Diagnosis {
+    Means::default().on_failure(&failure(kind, circumstances))
+}
+
+fn failure(kind: Kind, circumstances: Circumstances) -> Diagnosis {
+    Diagnosis {
         kind,
         step: 1,
         time: 0.0,
@@ -25,7 +30,7 @@ fn against_kind(kind: Kind, circumstances: Circumstances) -> String {
         flowing: 0.0,
         refusal: None,
         circumstances,
-    })
+    }
 }
 
 const CODES: [Code; 17] = {
@@ -175,4 +180,67 @@ fn advice_on_failures_depends_on_the_circumstances() {
     let memory = Circumstances { obstacle: Some(Obstacle::Memory), ..of };
     assert!(against_kind(Kind::Setting, memory).ends_with("`solver: {linear: iterative}`"));
     assert_eq!(against_kind(Kind::Setting, of), "see the message");
+}
+
+/// A deck whose top is pushed down by nodes of a structured grid.
+fn pushed(changes: &[(&str, &str)]) -> Means {
+    let mut text = "
+version: 1
+grid: {type: structured, origin: [0, 0], size: [4, 4], spacing: 1}
+materials: {sand: {model: mohr-coulomb, young: 1e6, poisson: 0.3, cohesion: 0, friction_angle: 30, density: 2000}}
+bodies:
+  - {name: block, material: sand, shape: {type: box, min: [0, 0], max: [4, 2]}, method: gimp, points_per_cell: 2}
+boundary_conditions:
+  - {name: base, nodes: {y: 0}, fix: [x, y]}
+  - {name: push, nodes: {y: 2}, uy: -0.1}
+loads:
+  - {name: weight, type: gravity, acceleration: [0, -10]}
+steps: {count: 1}
+"
+    .to_owned();
+    for (from, to) in changes {
+        assert!(text.contains(from), "{from}");
+        text = text.replace(from, to);
+    }
+    let loaded = crate::load::load_text("pushed.yaml", text.as_bytes(), &[]);
+    Means::of(&loaded.unwrap_or_else(|failure| panic!("{failure}")).deck)
+}
+
+#[test]
+fn advice_depends_on_the_deck() {
+    let about = |means: &Means, code: Code| {
+        let location = Location { boundary_condition: Some("push".to_owned()), ..Location::default() };
+        let message = String::new();
+        means.on_warning(&Warning {
+            code,
+            step: 1,
+            location,
+            value: None,
+            threshold: None,
+            message,
+            detail: None,
+        })
+    };
+    let by_nodes = pushed(&[]);
+    let follow = "`grid: {follow: [{axis: y, from: ..., condition: push}]}`";
+    assert!(about(&by_nodes, Code::LeftNodes).contains(follow), "{}", about(&by_nodes, Code::LeftNodes));
+    let regridding = about(&by_nodes, Code::Regridding);
+    assert!(regridding.contains(follow) && regridding.contains("; or use `method: cpdi2`"), "{regridding}");
+    let lines = "spacing: 1, follow: [{axis: y, from: 2, condition: push}]}";
+    let followed = pushed(&[("spacing: 1}", lines), ("method: gimp", "method: cpdi2")]);
+    assert_eq!(about(&followed, Code::Regridding), "use more points per cell, or a finer grid");
+    assert!(about(&followed, Code::LeftNodes).starts_with("move a body"));
+    let varying = pushed(&[("uy: -0.1", "uy: -0.1*x")]);
+    assert!(!about(&varying, Code::LeftNodes).contains("follow"));
+    let mpm = pushed(&[("method: gimp", "method: mpm"), ("uy: -0.1", "fix: [y]")]);
+    assert!(about(&mpm, Code::Regridding).starts_with("use `method: gimp` or"));
+    // Only loads can follow a path.
+    let path = "`steps: {control: {type: arc-length}}`";
+    assert!(about(&mpm, Code::Damped).contains(path) && !about(&by_nodes, Code::Damped).contains(path));
+    let stressed = pushed(&[
+        ("method: gimp", "method: gimp, initial_stress: {type: geostatic, surface: 2, k0: 0.5}"),
+        ("uy: -0.1", "fix: [y]"),
+    ]);
+    let collapse = failure(Kind::PlasticCollapse, Circumstances::default());
+    assert!(mpm.on_failure(&collapse).contains(path) && !stressed.on_failure(&collapse).contains(path));
 }

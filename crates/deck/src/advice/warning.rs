@@ -2,8 +2,11 @@
 
 use mpm_core::quality::{Code, Detail, Warning};
 
+use super::Means;
+use crate::Method;
+
 /// Advice on a warning.
-pub fn on_warning(warning: &Warning) -> String {
+pub fn on_warning(warning: &Warning, means: &Means) -> String {
     let advice = match (warning.code, warning.detail) {
         (Code::HiddenResidual, Some(Detail::Tolerance(tolerance))) => {
             return format!("use a smaller tolerance, `solver: {{tolerance: {tolerance:.0e}}}`");
@@ -26,17 +29,12 @@ pub fn on_warning(warning: &Warning) -> String {
             "from this step on, the results are those of separate parts: end the analysis before this step, or use a \
              coarser grid, more points per cell, or `method: cpdi2`, whose domains stretch with the material"
         }
-        (Code::LeftNodes, _) => {
-            "move a body instead of grid nodes: model the pushing part as a separate, stiff body and prescribe the motion \
-             of its `outer_layer`"
-        }
+        (Code::LeftNodes, _) => return on_left_nodes(warning, means),
         (Code::AcrossGap, _) => {
             "use a finer grid: bodies are joined wherever they share a node, up to two cells apart; the forces between \
              these bodies are not contact forces"
         }
-        (Code::Regridding, _) => {
-            "use `method: gimp` or `method: cpdi2`, more points per cell, or a finer grid"
-        }
+        (Code::Regridding, _) => return on_regridding(means),
         (Code::Energy, _) => {
             "use more load steps (`steps: count`): the error of the balance decreases with the square of the step size"
         }
@@ -51,6 +49,10 @@ pub fn on_warning(warning: &Warning) -> String {
         (Code::Locking, _) => {
             "do not rely on the pressures of single points; use `output: {fields: [pressure_smoothed]}`, and compare \
              grids"
+        }
+        (Code::Damped, _) if means.is_known && !means.can_follow_path => {
+            "note the largest load or reaction before this step, and use more load steps (`steps: count`) to locate it; with \
+             `steps: {damping: false}` the run stops instead"
         }
         (Code::Damped, _) => {
             "note the largest load before this step, and follow the path with `steps: {control: {type: arc-length}}`; with \
@@ -89,4 +91,41 @@ pub fn on_warning(warning: &Warning) -> String {
         }
     };
     advice.to_owned()
+}
+
+/// Advice on nodes that lose their material: lines of a structured grid may follow them.
+fn on_left_nodes(warning: &Warning, means: &Means) -> String {
+    let body =
+        "model the pushing part as a separate, stiff body and prescribe the motion of its `outer_layer`";
+    let name = warning.location.boundary_condition.as_deref();
+    let condition = means.could_be_followed.iter().find(|(other, _)| Some(other.as_str()) == name);
+    match condition {
+        Some(condition) => format!("{}; or {body}", follow(condition)),
+        None if means.is_known => format!("move a body instead of grid nodes: {body}"),
+        None => format!("let grid lines follow the nodes, `grid: {{follow: ...}}`; or {body}"),
+    }
+}
+
+/// Advice on regridding work. Nodes that leave their material are a common cause.
+fn on_regridding(means: &Means) -> String {
+    let methods = &means.methods;
+    let finer = match methods.iter().all(|method| *method == Method::Cpdi2) {
+        _ if methods.is_empty() || methods.contains(&Method::Mpm) => {
+            "use `method: gimp` or `method: cpdi2`, more points per cell, or a finer grid"
+        }
+        true => "use more points per cell, or a finer grid",
+        false => "use `method: cpdi2`, more points per cell, or a finer grid",
+    };
+    match means.could_be_followed.first() {
+        Some(condition) => format!("{}; or {finer}", follow(condition)),
+        None => finer.to_owned(),
+    }
+}
+
+/// Advice to let grid lines follow a condition.
+fn follow((name, axis): &(String, &str)) -> String {
+    format!(
+        "let the grid lines at the nodes of the condition follow it, `grid: {{follow: [{{axis: {axis}, from: ..., condition: \
+         {name}}}]}}`"
+    )
 }
