@@ -3,9 +3,39 @@
 use mpm_core::solver::{Circumstances, Diagnosis, Kind, Loss};
 
 use super::{Means, against};
+use crate::quoting::quote;
 
 /// Advice on the probable cause of a failure.
 pub fn on_failure(diagnosis: &Diagnosis, means: &Means) -> String {
+    let advice = by_kind(diagnosis, means);
+    match means.cohesionless.first().filter(|_| may_lack_cohesion(diagnosis)) {
+        Some(material) => format!(
+            "give the material {} a small `cohesion`, about 1 % of the largest stress: without cohesion, points at a free \
+             surface have no stiffness once they yield. If that does not help, {advice}",
+            quote(material)
+        ),
+        None => advice,
+    }
+}
+
+/// True for failures of iterations that points without stiffness may cause, if points have yielded.
+fn may_lack_cohesion(diagnosis: &Diagnosis) -> bool {
+    let is_about_stiffness = matches!(
+        diagnosis.kind,
+        Kind::RigidBodyMode
+            | Kind::SmallCutCell
+            | Kind::PlasticCollapse
+            | Kind::Instability
+            | Kind::Hourglass
+            | Kind::LargeSteps
+            | Kind::ElementInversion
+            | Kind::Unknown
+    );
+    is_about_stiffness && diagnosis.flowing > 0.0
+}
+
+/// Advice that depends on the kind of the failure and its circumstances.
+fn by_kind(diagnosis: &Diagnosis, means: &Means) -> String {
     let of = &diagnosis.circumstances;
     let advice = advice(diagnosis.kind, of, means);
     match diagnosis.kind {

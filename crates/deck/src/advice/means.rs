@@ -17,6 +17,8 @@ pub struct Means {
     pub(super) could_be_followed: Vec<(String, &'static str)>,
     /// True if the deck remains valid with arc-length control.
     pub(super) can_follow_path: bool,
+    /// Names of materials in use that have no cohesion.
+    pub(super) cohesionless: Vec<String>,
 }
 
 impl Means {
@@ -27,6 +29,7 @@ impl Means {
             methods: deck.bodies.iter().map(|body| body.method).collect(),
             could_be_followed: could_be_followed(deck),
             can_follow_path: can_follow_path(deck),
+            cohesionless: cohesionless(deck),
         }
     }
 }
@@ -67,4 +70,13 @@ fn can_follow_path(deck: &Deck) -> bool {
     };
     last.control = ControlDeck::ArcLength { length: None };
     !validate(&other, &Source::without_text("")).iter().any(crate::diagnostic::Diagnostic::is_error)
+}
+
+fn cohesionless(deck: &Deck) -> Vec<String> {
+    let used = deck.used_materials();
+    let materials = deck.materials.iter().filter(|(name, _)| used.contains(name.as_str()));
+    let has_none = materials.filter(|(_, material)| {
+        material.properties().into_iter().any(|(key, given)| key == "cohesion" && given.is_zero())
+    });
+    has_none.map(|(name, _)| name.clone()).collect()
 }

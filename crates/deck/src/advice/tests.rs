@@ -244,3 +244,15 @@ fn advice_depends_on_the_deck() {
     let collapse = failure(Kind::PlasticCollapse, Circumstances::default());
     assert!(mpm.on_failure(&collapse).contains(path) && !stressed.on_failure(&collapse).contains(path));
 }
+
+#[test]
+fn soil_without_cohesion_needs_some_first() {
+    let cohesive = pushed(&[("cohesion: 0", "cohesion: 10")]);
+    for kind in [Kind::PlasticCollapse, Kind::SmallCutCell, Kind::LargeSteps] {
+        let flows = Diagnosis { flowing: 0.1, ..failure(kind, Circumstances::default()) };
+        let advice = pushed(&[]).on_failure(&flows);
+        assert!(advice.starts_with("give the material `sand` a small `cohesion`"), "{advice}");
+        assert!(!cohesive.on_failure(&flows).contains("`cohesion`"), "{kind:?}");
+        assert!(!pushed(&[]).on_failure(&failure(kind, Circumstances::default())).contains("`cohesion`"));
+    }
+}
