@@ -8,6 +8,7 @@ use crate::span::escape;
 use mpm_core::grid::Grid;
 use mpm_core::material::axial_modulus_at_rest;
 use mpm_core::region::Region;
+use mpm_files::shortest;
 
 /// Range in which forces and energies, and their products with a tolerance, can be squared.
 const POSSIBLE: std::ops::RangeInclusive<f64> = 1e-120..=1e140;
@@ -49,9 +50,12 @@ where
                     powers.map(|power| stiffness * power).into_iter().find(|force| !POSSIBLE.contains(force));
                 let Some(force) = out else { continue };
                 let message = format!(
-                    "{what_is} {stiffness:e} of the material {} and the size {length:e} of {what} give forces \
-                     or energies of {force:e}, beyond the range of floating-point arithmetic",
-                    quote(name)
+                    "{what_is} {} of the material {} and the size {} of {what} give forces or energies of {}, \
+                     beyond the range of floating-point arithmetic",
+                    shortest(stiffness),
+                    quote(name),
+                    shortest(length),
+                    shortest(force)
                 );
                 let help = format!(
                     "use units in which they are between {:e} and {:e}",

@@ -6,7 +6,7 @@ use super::Check;
 use super::extent::Extent;
 use crate::quoting::quote;
 use crate::span::escape;
-use crate::{BodyDeck, Expression, GridDeck, LoadDeck};
+use crate::{BodyDeck, Expression, GridDeck, LoadDeck, Parameter};
 
 /// Acceleration of gravity in m/s², exact or rounded.
 const GRAVITY_IN_METRES: std::ops::RangeInclusive<f64> = 9.5..=10.5;
@@ -73,9 +73,9 @@ impl Check<'_> {
         let help = "give all values in one system of units, for example m, kg, N, Pa or m, t, kN, kPa";
         if in_metres && speed > FASTEST {
             let message = format!(
-                "the units look mixed: {values} imply a wave speed of {:.0} km/s in the material {material}, \
+                "the units look mixed: {values} imply a wave speed of {} km/s in the material {material}, \
                  faster than in any solid",
-                speed / 1e3
+                about(speed / 1e3)
             );
             self.warn("D040", &at, message, help);
         } else if in_metres && density <= DENSEST_IN_TONNES && strain < HARDLY_STRAINED {
@@ -109,13 +109,18 @@ impl Check<'_> {
             && most / least >= DENSITIES_APART
         {
             let message = format!(
-                "the units look mixed: the density {most} of the material {} is {:.0} times that of the material {}",
+                "the units look mixed: the density {most} of the material {} is {} times that of the material {}",
                 quote(heavy),
-                most / least,
+                about(most / least),
                 quote(light)
             );
             let help = "give all densities in the same unit";
             self.warn("D040", &format!("/materials/{}/density", escape(heavy)), message, help);
         }
     }
+}
+
+/// A number with three significant digits, in scientific notation if it is large.
+fn about(number: f64) -> String {
+    Parameter::Number(format!("{number:.2e}").parse().unwrap_or(number)).to_string()
 }
