@@ -27,7 +27,7 @@ fn row<const D: usize>(machine: &Machine, name: &str, n: usize) {
     let mut direct = Direct::default();
     let analyse = least(|| {
         direct = Direct::default();
-        direct.analyse(pattern.clone(), &order).expect("the factor fits into memory");
+        direct.analyse(pattern.clone(), order()).expect("the factor fits into memory");
     });
     let factorise = least(|| {
         direct.factorise(&values).expect("the stiffness is positive definite");

@@ -228,7 +228,7 @@ fn measure<const D: usize, M: Mechanics<D>>(
             .filter_map(|(n, a)| dofs.free(n, a))
             .collect()
     };
-    direct.analyse(entries.pattern, &order).expect("the factor fits into memory");
+    direct.analyse(entries.pattern, order()).expect("the factor fits into memory");
     let kind = direct.factorise(&values).expect("the stiffness is regular");
     let factorise = least(|| {
         direct.factorise(&values).expect("the stiffness is regular");

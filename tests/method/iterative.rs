@@ -132,7 +132,7 @@ impl<const D: usize> Equations<D> {
         entries.values(&matrix, &mut values);
         let mut direct = Direct::default();
         let n = self.dofs.n_free();
-        direct.analyse(entries.pattern, &|| (0..n).collect()).unwrap();
+        direct.analyse(entries.pattern, (0..n).collect()).unwrap();
         assert_eq!(direct.factorise(&values).unwrap(), Factorisation::Cholesky);
         let mut x = vec![0.0; n];
         for (node, load) in load.iter().enumerate() {
