@@ -3,6 +3,7 @@
 use boon::ErrorKind;
 use serde_json::Value;
 
+use crate::quoting::quote;
 use crate::schema::{Fault, shortest, strict_schema};
 
 /// The keys of a mapping, as messages name them, in the singular and in the plural.
@@ -65,8 +66,54 @@ pub(super) fn number_help(value: &Value, code: &str) -> Option<String> {
     written_number(value.as_str().filter(|_| code == "D008")?)
 }
 
-/// Help for a string that is a number with separators.
+/// Help for a string that is a number with separators or with a unit.
 pub(crate) fn written_number(text: &str) -> Option<String> {
     let bare = text.replace(['_', ' ', '\''], "").replace(',', ".");
-    bare.parse::<f64>().ok().filter(|value| value.is_finite()).map(|_| format!("write the number as {bare}"))
+    if bare.parse::<f64>().is_ok_and(f64::is_finite) {
+        return Some(format!("write the number as {bare}"));
+    }
+    let unit = unit_behind_number(text)?;
+    Some(format!(
+        "values carry no units: leave out {}, and convert the number to the units of the deck",
+        quote(unit)
+    ))
+}
+
+/// Units that are often written behind numbers.
+const UNITS: &[&str] = &[
+    "m", "mm", "cm", "km", "N", "kN", "MN", "Pa", "kPa", "MPa", "GPa", "bar", "kg", "g", "t", "s", "ms",
+    "min", "h", "deg", "degrees", "rad", "°", "%",
+];
+
+/// The unit behind a number, such as `kN/m^2`.
+fn unit_behind_number(text: &str) -> Option<&str> {
+    let text = text.trim();
+    let ends =
+        text.char_indices().map(|(end, _)| end).filter(|end| text[..*end].trim().parse::<f64>().is_ok());
+    let unit = text[ends.last()?..].trim();
+    let without_power = |part: &str| {
+        let power = ['^', '-', '0', '1', '2', '3', '4', '²', '³'];
+        UNITS.contains(&part.trim().trim_end_matches(power))
+    };
+    unit.split(['/', '*', '·']).all(without_power).then_some(unit)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::written_number;
+
+    #[test]
+    fn units_behind_numbers_are_found() {
+        for (text, unit) in
+            [("10 MPa", "MPa"), ("1.8e3kg/m^3", "kg/m^3"), ("20 kN/m²", "kN/m²"), ("30°", "°")]
+        {
+            let help = written_number(text).unwrap_or_default();
+            assert!(help.contains(&format!("leave out `{unit}`")), "{text}: {help}");
+        }
+        assert_eq!(written_number("1 000,5").as_deref(), Some("write the number as 1000.5"));
+        for text in ["10 x", "MPa", "10", "2 gamma", ""] {
+            let help = written_number(text).unwrap_or_default();
+            assert!(!help.contains("units"), "{text}: {help}");
+        }
+    }
 }
