@@ -20,10 +20,13 @@ const HARDLY_STRAINED: f64 = 1e-3;
 const CRUSHED: f64 = 100.0;
 /// Ratio of the densities of two solids that only mixed units can explain.
 const DENSITIES_APART: f64 = 200.0;
+/// Friction angle below which an angle other than 0 is probably in radians, [degrees].
+const LEAST_FRICTION: f64 = 1.0;
 
 impl Check<'_> {
     /// Warns of stiffness, density and gravity that do not fit one system of units.
     pub(super) fn units(&mut self) {
+        self.friction_angles();
         let deck = self.deck;
         let mut checked: BTreeSet<&str> = BTreeSet::new();
         for load in &deck.loads {
@@ -45,6 +48,25 @@ impl Check<'_> {
         }
         if !checked.is_empty() {
             self.densities();
+        }
+    }
+
+    /// Warns of friction angles that are probably in radians.
+    fn friction_angles(&mut self) {
+        let deck = self.deck;
+        let used = deck.used_materials();
+        for (name, material) in deck.materials.iter().filter(|(name, _)| used.contains(name.as_str())) {
+            let mut properties = material.properties().into_iter();
+            let angle = properties.find(|(key, _)| key == "friction_angle");
+            let Some(angle) = angle.and_then(|(_, given)| given.as_number()) else { continue };
+            if angle > 0.0 && angle < LEAST_FRICTION {
+                let message = format!(
+                    "the friction angle {angle} of the material {} is in degrees; it looks like an angle in radians",
+                    quote(name)
+                );
+                let help = format!("write {} for this angle in radians", about(angle.to_degrees()));
+                self.warn("D040", &format!("/materials/{}/friction_angle", escape(name)), message, &help);
+            }
         }
     }
 
