@@ -503,7 +503,7 @@ where
                     along_normal: condition.holds_along_surface_normal(),
                     penalty: condition.penalty.unwrap_or(PENALTY),
                 }),
-                (Some(nodes), None) => self.nodes(grid, (nodes, &condition.name), &pointer),
+                (Some(nodes), None) => self.nodes(grid, (nodes, condition), &pointer),
                 (None, None) => NodeSet::Fixed(Vec::new()),
             };
             let mut prescribed = match at_nodes(

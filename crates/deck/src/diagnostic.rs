@@ -115,7 +115,7 @@ pub const CODES: &[(&str, &str)] = &[
     ("D026", "a name that cannot head a column"),
     ("D027", "a grid whose size is not a whole number of cells, or that is too fine"),
     ("D028", "a body that does not fit the grid or the spacing of its points"),
-    ("D029", "a boundary condition that selects no node"),
+    ("D029", "a boundary condition that selects no node, or fewer than its box covers"),
     ("D030", "a selection of points that cannot be made"),
     ("D031", "a physical group that does not exist"),
     ("D032", "a mesh file that cannot be used, or looks wrong"),

@@ -1,13 +1,14 @@
 //! The grid nodes that boundary conditions select.
 
 use super::Builder;
+use crate::diagnostic::{Diagnostic, Severity};
 use crate::grid::line_at;
 use crate::per_axis::array;
 use crate::placing;
-use crate::quoting::quote;
+use crate::quoting::{quote, rounded};
 use crate::references::existing;
 use crate::region::OfDeck;
-use crate::{AXES, NodeSelector};
+use crate::{AXES, BoundaryConditionDeck, NodeSelector};
 use mpm_core::grid::{Grid, Structured};
 use mpm_core::model::NodeSet;
 use mpm_core::region::Region;
@@ -15,6 +16,9 @@ use mpm_core::region::Region;
 /// Largest distance of a node from a box, or from a stated coordinate, at which it counts as lying there, relative to
 /// the size of the cells around it, [-].
 const IN_BOX: f64 = 1e-6;
+/// Distance of the end of a box from the last grid line in it, above which the box is probably meant to reach beyond
+/// this line, relative to the size of a cell, [-].
+const BETWEEN_LINES: f64 = 0.1;
 
 impl<const D: usize> Builder<'_, D>
 where
@@ -24,10 +28,11 @@ where
     pub(super) fn nodes(
         &mut self,
         grid: &dyn Grid<D>,
-        (selected, name): (&NodeSelector, &str),
+        (selected, condition): (&NodeSelector, &BoundaryConditionDeck),
         pointer: &str,
     ) -> NodeSet {
         let NodeSelector { within, group, outer_layer, .. } = selected;
+        let name = &condition.name;
         let coordinates = selected.coordinates();
         if let Some(body) = outer_layer {
             return NodeSet::OuterLayer(self.body_number(body) as u16);
@@ -88,7 +93,49 @@ where
             );
             self.error("D029", &format!("{pointer}/nodes"), message, help);
         }
+        if let (Some(grid), true, true) = (grid.structured(), within.is_some(), condition.moves()) {
+            self.ends_between_lines(grid, &bounds, name, pointer);
+        }
         NodeSet::Fixed(nodes)
+    }
+
+    /// Warns of a box of moving nodes that ends between grid lines. An axis along which the box contains a single line
+    /// is exempt, because the box then only needs to surround this line.
+    fn ends_between_lines(
+        &mut self,
+        grid: &Structured<D>,
+        [low, high]: &[[f64; D]; 2],
+        condition: &str,
+        pointer: &str,
+    ) {
+        for (axis, lines) in grid.axes().iter().enumerate() {
+            let [from, to] = [low[axis], high[axis]].map(|end| lines.coordinate(end));
+            let [first, last] = [from.ceil().max(0.0), to.floor().min(lines.n_cells() as f64)];
+            if first >= last {
+                continue;
+            }
+            for (corner, end, line, beyond) in
+                [("min", low[axis], first, first - 1.0), ("max", high[axis], last, last + 1.0)]
+            {
+                let left = (lines.coordinate(end) - line).abs();
+                if left <= BETWEEN_LINES || !(0.0..=lines.n_cells() as f64).contains(&beyond) {
+                    continue;
+                }
+                let (name, [line, beyond]) =
+                    (AXES[axis], [line, beyond].map(|line| rounded(lines.position(line))));
+                let message = format!(
+                    "the box of the boundary condition {} ends at {name} = {end}, between grid lines: it moves nodes only up \
+                     to {name} = {line}",
+                    quote(condition)
+                );
+                let help = format!(
+                    "let the box end at {line} or {beyond}, or choose a spacing for which a grid line lies at {end}"
+                );
+                let at = format!("{pointer}/nodes/box/{corner}/{axis}");
+                let found = Diagnostic::at(&self.loaded.source, "D029", &at, message);
+                self.found.push(found.severity(Severity::Warning).help(help));
+            }
+        }
     }
 
     /// The index of the grid line at a coordinate along an axis; reports an error if there is none.
