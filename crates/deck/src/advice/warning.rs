@@ -29,7 +29,7 @@ pub fn on_warning(warning: &Warning, means: &Means) -> String {
             "from this step on, the results are those of separate parts: end the analysis before this step, or use a \
              coarser grid, more points per cell, or `method: cpdi2`, whose domains stretch with the material"
         }
-        (Code::LeftNodes, _) => return on_left_nodes(warning, means),
+        (Code::LeftNodes | Code::PassedNodes, _) => return on_left_nodes(warning, means),
         (Code::AcrossGap, _) => {
             "use a finer grid: bodies are joined wherever they share a node, up to two cells apart; the forces between \
              these bodies are not contact forces"
@@ -75,9 +75,6 @@ pub fn on_warning(warning: &Warning, means: &Means) -> String {
              control. With smaller cells, a slope that has slid comes to rest again less readily; with a larger `young`, the \
              bodies settle very little before they slide"
         }
-        (Code::PassedNodes, _) => {
-            "let grid lines follow the nodes (`grid: {follow}`), or move a stiff body or a tool instead of nodes"
-        }
         (Code::Slumped, _) => {
             "the factor of safety of the original shape is below 1 if the bodies slumped at full strength: multiply \
              `cohesion` and the tangent of `friction_angle` by a number k for which the bodies stand, and divide the \
@@ -93,10 +90,10 @@ pub fn on_warning(warning: &Warning, means: &Means) -> String {
     advice.to_owned()
 }
 
-/// Advice on nodes that lose their material: lines of a structured grid may follow them.
+/// Advice on nodes that lose their material or pull it beyond them: lines of a structured grid may follow them.
 fn on_left_nodes(warning: &Warning, means: &Means) -> String {
     let body =
-        "model the pushing part as a separate, stiff body and prescribe the motion of its `outer_layer`";
+        "model the part that moves as a separate, stiff body and prescribe the motion of its `outer_layer`";
     let name = warning.location.boundary_condition.as_deref();
     let condition = means.could_be_followed.iter().find(|(other, _)| Some(other.as_str()) == name);
     match condition {
