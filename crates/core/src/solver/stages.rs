@@ -4,11 +4,10 @@
 
 use std::collections::BTreeSet;
 
-use crate::material::Material;
 use crate::model::{Control, Model, Present, Stage};
 use crate::points::Points;
 use crate::step::Step;
-use crate::tensor::{Sym3, padded};
+use crate::tensor::padded;
 use crate::terms::Ledger;
 use crate::timing::Phase;
 
@@ -157,19 +156,19 @@ pub(super) struct Amount {
 impl Amount {
     pub fn of<const D: usize>(model: &Model<D>, points: &Points<D>) -> Amount {
         let n = points.history_len;
-        let total = |density: &dyn Fn(&dyn Material, &Sym3, &[f64]) -> f64| {
-            let of_point = |p: usize| {
-                let law = model.law(points, p);
-                let history = &points.converged.history[p * n..][..law.state_fields().len()];
-                density(law, &points.converged.elastic_strain[p], history) * points.original_volume[p]
-            };
-            points.ranks.total((0..points.len()).map(of_point).sum())
-        };
+        let [mut stored, mut plastic] = [0.0; 2];
+        for p in 0..points.len() {
+            let law = model.law(points, p);
+            let history = &points.converged.history[p * n..][..law.state_fields().len()];
+            stored += law.energy(&points.converged.elastic_strain[p], history) * points.original_volume[p];
+            plastic += law.plastic_work(history) * points.original_volume[p];
+        }
+        let ranks = &points.ranks;
         Amount {
-            mass: points.ranks.total(points.mass.iter().sum()),
-            volume: points.ranks.total((0..points.len()).map(|p| points.volume(p)).sum()),
-            stored: total(&|law, strain, history| law.energy(strain, history)),
-            plastic: total(&|law, _, history| law.plastic_work(history)),
+            mass: ranks.total(points.mass.iter().sum()),
+            volume: ranks.total((0..points.len()).map(|p| points.volume(p)).sum()),
+            stored: ranks.total(stored),
+            plastic: ranks.total(plastic),
         }
     }
 
