@@ -294,7 +294,8 @@ fn results_that_cannot_be_written_are_a_usage_error() {
         let run = mpm(&["run", "inputs/beam.yaml", "--out", out.to_str().unwrap()]);
         let text = String::from_utf8_lossy(&run.stderr).into_owned();
         assert_eq!(run.status.code(), Some(2), "{text}");
-        let expected = format!("the results directory `{}` cannot be written", out.display());
+        let (out, file) = (out.display(), file.display());
+        let expected = format!("the results directory `{out}` cannot be created: `{file}` is a file");
         assert!(text.contains(&expected) && !text.contains("panicked"), "{text}");
     }
 }
