@@ -22,16 +22,13 @@ const fn most_cells(dimension: usize) -> usize {
     if dimension == 3 { 8 } else { 4 }
 }
 
-/// Distances that differ by less than this, relative to the size of a cell, are equal, [-].
-const SAME: f64 = 1e-9;
-
 /// Marks a cell without a patch.
 const NONE: u32 = u32::MAX;
 
 impl Patches {
     /// Forms the patches of a mesh from its cells in order: each patch repeatedly adds the neighbour that shares the
-    /// most sides with it, or the nearest of several such neighbours, or the first of those that are equally near.
-    /// Patches of at most half the full size are then joined to their smallest neighbouring patch.
+    /// most sides with it, or the nearest of several such neighbours. Patches of at most half the full size are then
+    /// joined to their smallest neighbouring patch.
     pub fn new<const D: usize>(grid: &dyn Grid<D>) -> Self {
         let neighbours = neighbours(grid);
         let n = grid.n_cells();
@@ -69,35 +66,31 @@ impl Patches {
     }
 }
 
-/// The cell that shares the most sides with a patch; if there are several, the one nearest to the centre of the patch;
-/// of equally near ones, that with the lowest number. The choice does not depend on units, nor on where the mesh lies.
+/// The cell that shares the most sides with a patch; if there are several, the one nearest to the centre of the patch.
 fn best<const D: usize>(
     grid: &dyn Grid<D>,
     patch: &[u32],
     candidates: impl Iterator<Item = u32>,
     neighbours: &[Vec<u32>],
 ) -> Option<u32> {
-    let origin = grid.centre(*patch.first()? as usize);
-    let from_origin = |cell: u32| -> [f64; D] {
-        let centre = grid.centre(cell as usize);
-        std::array::from_fn(|d| centre[d] - origin[d])
-    };
     let mut middle = [0.0; D];
     for &cell in patch {
-        let of_cell = from_origin(cell);
+        let of_cell = grid.centre(cell as usize);
         (0..D).for_each(|d| middle[d] += of_cell[d] / patch.len() as f64);
     }
-    let shared = |cell: u32| neighbours[cell as usize].iter().filter(|other| patch.contains(other)).count();
-    let distance = |cell: u32| {
-        let of_cell = from_origin(cell);
-        (0..D).map(|d| (of_cell[d] - middle[d]).powi(2)).sum::<f64>().sqrt()
+    let rating = |cell: u32| {
+        let shared = neighbours[cell as usize].iter().filter(|other| patch.contains(other)).count();
+        let of_cell = grid.centre(cell as usize);
+        let distance: f64 = (0..D).map(|d| (of_cell[d] - middle[d]).powi(2)).sum();
+        (shared, distance)
     };
-    let rated: Vec<_> = candidates.map(|cell| (cell, shared(cell), distance(cell))).collect();
-    let most = rated.iter().map(|(_, shared, _)| *shared).max()?;
-    let rated = || rated.iter().filter(|(_, shared, _)| *shared == most);
-    let nearest = rated().map(|(.., distance)| *distance).fold(f64::INFINITY, f64::min);
-    let limit = nearest + SAME * grid.size(patch[0] as usize);
-    rated().filter(|(.., distance)| *distance <= limit).map(|(cell, ..)| *cell).min()
+    candidates
+        .map(|cell| (rating(cell), cell))
+        .fold(None, |best: Option<((usize, f64), u32)>, one| match best {
+            Some(best) if (best.0.0, -best.0.1, one.1) >= (one.0.0, -one.0.1, best.1) => Some(best),
+            _ => Some(one),
+        })
+        .map(|(_, cell)| cell)
 }
 
 /// Joins small patches to their smallest neighbouring patch.

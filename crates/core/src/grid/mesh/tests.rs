@@ -283,28 +283,6 @@ proptest! {
     }
 }
 
-/// Patches of a regular mesh, where many neighbours are equally near, are the same in other units, elsewhere, and turned.
-#[test]
-fn patches_depend_neither_on_units_nor_on_the_place_of_the_mesh() {
-    let n = 12;
-    let mut elements = Vec::new();
-    for (i, j) in (0..n).flat_map(|j| (0..n).map(move |i| (i, j))) {
-        let a = j * (n + 1) + i;
-        let (b, c, d) = (a + 1, a + n + 2, a + n + 1);
-        elements.extend([(2, vec![a, b, c]), (2, vec![a, c, d])]);
-    }
-    let patches = |place: &dyn Fn(f64, f64) -> [f64; 2]| {
-        let node = |k: usize| place((k % (n + 1)) as f64, (k / (n + 1)) as f64);
-        let nodes: Vec<_> = (0..(n + 1).pow(2)).map(node).collect();
-        mesh(&nodes, &elements).with_patches().patches.unwrap()
-    };
-    let given = patches(&|x, y| [x, y]);
-    let (sin, cos) = 0.7f64.sin_cos();
-    assert_eq!(patches(&|x, y| [0.3048 * x, 0.3048 * y]), given);
-    assert_eq!(patches(&|x, y| [0.1 * x + 123.456, 0.1 * y - 78.9]), given);
-    assert_eq!(patches(&|x, y| [cos * x - sin * y, sin * x + cos * y]), given);
-}
-
 #[test]
 #[ignore = "a measurement"]
 fn point_location_takes_the_same_time_in_small_and_large_meshes() {
