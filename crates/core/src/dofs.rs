@@ -19,7 +19,6 @@ use crate::points::Points;
 use crate::ranks::Ranks;
 
 pub use constraints::Constraints;
-use constraints::conditions_at;
 pub use covered::{Covered, covered};
 pub use error::ConstraintError;
 pub use prescribed::{displacement_increment, nodes_of};
@@ -371,6 +370,15 @@ impl<const N: usize> DofMap<N> {
             bearers.into_iter().for_each(|condition| visit(condition, component, share));
         }
     }
+}
+
+/// The conditions that repeat what an earlier one prescribes of a component, from the sorted list of all of them.
+fn conditions_at(shared: &[(u32, u8, u16)], node: u32, component: u8) -> impl Iterator<Item = u16> + '_ {
+    let begin = shared.partition_point(|(n, c, _)| (*n, *c) < (node, component));
+    shared[begin..]
+        .iter()
+        .take_while(move |(n, c, _)| (*n, *c) == (node, component))
+        .map(|(_, _, condition)| *condition)
 }
 
 /// The remainder of a sum of terms of this size, or 0 if the remainder is round-off.

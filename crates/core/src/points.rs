@@ -88,12 +88,6 @@ impl<const D: usize> Points<D> {
         Self::STORED.contains(&name) || PointArray::named(name).is_some()
     }
 
-    /// True if the points of some analyses have a field or an array of this name, which a history variable of a law
-    /// can therefore not have.
-    pub fn reserves(name: &str) -> bool {
-        Self::stores(name) || name == arrays::DATUM
-    }
-
     /// Half lengths of the domain of a point in the converged state, [length]; zero for points without half lengths.
     #[inline]
     pub fn half_lengths(&self, p: usize) -> [f64; D] {

@@ -14,9 +14,6 @@ use mpm_core::quality::Warning;
 use mpm_core::solver::Diagnosis;
 use mpm_files::summary::Wording;
 
-/// The remedy if steps are too large.
-const SMALLER_STEPS: &str = "use smaller steps (`steps: {count, smallest}`)";
-
 /// Advice on a warning of a run whose deck is unknown.
 pub fn on_warning(warning: &Warning) -> String {
     warning::on_warning(warning, &Means::default())

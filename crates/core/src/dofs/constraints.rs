@@ -8,7 +8,7 @@ use crate::model::Model;
 use crate::points::Points;
 
 use super::turned::{Along, Turned};
-use super::{AXES, Bound, ConstraintError, DofMap, ON_AXIS, Tie};
+use super::{AXES, Bound, ConstraintError, DofMap, ON_AXIS, Tie, conditions_at};
 
 /// Two prescribed increments agree if they differ by less than this, relative to their size or, as displacements, to
 /// the size of a cell.
@@ -319,19 +319,6 @@ impl<'a, const N: usize> Constraints<'a, N> {
     fn tied(&self, node: usize, component: usize, reason: &'static str) -> ConstraintError {
         ConstraintError::Tie { node: (self.position)(node), axis: AXES[component % 3], reason }
     }
-}
-
-/// The conditions that repeat what an earlier one prescribes of a component, from the sorted list of all of them.
-pub(super) fn conditions_at(
-    shared: &[(u32, u8, u16)],
-    node: u32,
-    component: u8,
-) -> impl Iterator<Item = u16> + '_ {
-    let begin = shared.partition_point(|(n, c, _)| (*n, *c) < (node, component));
-    shared[begin..]
-        .iter()
-        .take_while(move |(n, c, _)| (*n, *c) == (node, component))
-        .map(|(_, _, condition)| *condition)
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use super::{FieldError, FieldKind, PointFieldSpec, PointValues, Points};
 use crate::tensor::Sym3;
 
 /// Name of the additional field that stores the displacements at the last reset.
-pub(super) const DATUM: &str = "displacement_datum";
+const DATUM: &str = "displacement_datum";
 
 /// A quantity of the points in their converged state.
 ///
@@ -87,6 +87,12 @@ impl<const D: usize> Points<D> {
             return None;
         }
         self.further.handle(DATUM).map(|datum| self.further.converged(datum))
+    }
+
+    /// True if the points of some analyses have a field or an array of this name, which a history variable of a law
+    /// can therefore not have.
+    pub fn reserves(name: &str) -> bool {
+        Self::stores(name) || name == DATUM
     }
 
     /// Prepares the points for resets of their displacement.

@@ -3,7 +3,8 @@
 use mpm_core::solver::{NoPath, Obstacle, SolveError};
 use mpm_core::terms::ContactError;
 
-use super::SMALLER_STEPS;
+/// The remedy if steps are too large.
+const SMALLER_STEPS: &str = "use smaller steps (`steps: {count, smallest}`)";
 
 /// Advice on an error; `None` if there is none to give.
 pub fn on_error(error: &SolveError) -> Option<&'static str> {
