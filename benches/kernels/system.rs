@@ -220,7 +220,7 @@ fn measure<const D: usize, M: Mechanics<D>>(
     let mut direct = Direct::default();
     let lattice = |active: usize| grid.lattice(links.active_nodes()[active] as usize);
     let coordinates: Vec<[u32; D]> = (0..links.n_active()).map(lattice).collect();
-    let order = || {
+    let order = || -> Vec<usize> {
         let nodes = ordering::nested_dissection(&coordinates, sum.system().matrix().reach(lattice));
         nodes
             .iter()

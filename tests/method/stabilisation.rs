@@ -329,12 +329,12 @@ fn stiffness(ghost: &Ghost) -> Vec<f64> {
 fn a_stiffness_that_varies_is_that_of_the_points() {
     let one = of_bodies(
         "m: {model: hencky, young: 'if(Y > 5, 1e3, 1e7)', poisson: 0.3}",
-        "{name: a, material: m, shape: {type: box, min: [0, 0], max: [1.8, 5.8]}, point_spacing: 0.2}",
+        "{name: a, material: m, shape: {type: box, min: [0, 0], max: [2, 6]}, points_per_cell: 2}",
     );
     let two = of_bodies(
         "m: {model: hencky, young: 1e7, poisson: 0.3}, s: {model: hencky, young: 1e3, poisson: 0.3}",
-        "{name: b, material: m, shape: {type: box, min: [0, 0], max: [1.8, 5]}, point_spacing: 0.2},
-         {name: a, material: s, shape: {type: box, min: [0, 5], max: [1.8, 5.8]}, point_spacing: 0.2}",
+        "{name: b, material: m, shape: {type: box, min: [0, 0], max: [2, 5]}, points_per_cell: 2},
+         {name: a, material: s, shape: {type: box, min: [0, 5], max: [2, 6]}, points_per_cell: 2}",
     );
     let (one, two) = (stiffness(&one), stiffness(&two));
     assert!(one.len() == two.len() && one.len() > 100, "{} {}", one.len(), two.len());
