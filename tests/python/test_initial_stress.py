@@ -236,6 +236,38 @@ def test_a_surcharge_and_a_curve_of_the_weight_count_at_time_0(run_text):
     assert not results.summary["initial_state"]["balanced"]
 
 
+SURCHARGE_IN_SPACE = """
+version: 1
+parameters: {method: cpdi2}
+analysis: {idealisation: solid}
+grid: {type: structured, origin: [0, 0, 0], size: [2, 2, 3], spacing: 0.5}
+materials: {clay: {model: hencky, young: 1e6, poisson: 0.3, density: 2000}}
+bodies:
+  - {name: ground, material: clay, method: "${method}", points_per_cell: 2,
+     shape: {type: box, min: [0, 0, 0], max: [2, 2, 2]},
+     initial_stress: {type: geostatic, surface: 2, k0: 0.5, surcharge: 3e3}}
+surfaces: [{name: top, body: ground, part: {box: {min: [0, 0, 2], max: [2, 2, 2]}}}]
+boundary_conditions:
+  - {name: left, nodes: {x: 0}, fix: [x]}
+  - {name: right, nodes: {x: 2}, fix: [x]}
+  - {name: front, nodes: {y: 0}, fix: [y]}
+  - {name: back, nodes: {y: 2}, fix: [y]}
+  - {name: base, nodes: {z: 0}, fix: [x, y, z]}
+loads:
+  - {name: weight, type: gravity, acceleration: [0, 0, -9.81]}
+  - {name: fill, type: traction, surface: top, traction: [0, 0, -3e3], curve: [[0, 1], [1, 1]]}
+steps: {count: 1}
+output: {every: 0}
+"""
+
+
+@pytest.mark.parametrize("method", ["gimp", "cpdi1", "cpdi2"])
+def test_a_traction_balances_a_surcharge_in_space(run_text, method):
+    process, results = run_text(SURCHARGE_IN_SPACE, "--set", f"method={method}")
+    assert process.returncode == 0, process.stderr
+    assert results.summary["initial_state"]["balanced"]
+
+
 def mesh_of_layers(path):
     """Squares of side 1 in gmsh format 2.2, 3 by 10, in the groups `clay` below and `sand` above."""
     node = lambda i, j: 1 + i + 4 * j
