@@ -88,9 +88,9 @@ const UNITS: &[&str] = &[
 /// The unit behind a number, such as `kN/m^2`.
 fn unit_behind_number(text: &str) -> Option<&str> {
     let text = text.trim();
-    let ends =
-        text.char_indices().map(|(end, _)| end).filter(|end| text[..*end].trim().parse::<f64>().is_ok());
-    let unit = text[ends.last()?..].trim();
+    let mut ends = text.char_indices().rev().map(|(end, _)| end);
+    let end = ends.find(|end| text[..*end].trim().parse::<f64>().is_ok())?;
+    let unit = text[end..].trim();
     let without_power = |part: &str| {
         let power = ['^', '-', '0', '1', '2', '3', '4', '²', '³'];
         UNITS.contains(&part.trim().trim_end_matches(power))
