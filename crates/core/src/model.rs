@@ -176,6 +176,16 @@ impl<const D: usize> Model<D> {
         !self.present.is_released.get(condition).is_some_and(|released| *released)
     }
 
+    /// The boundary conditions that move given nodes in the current stage, each with its number and its nodes.
+    pub fn moved_nodes(&self) -> impl Iterator<Item = (usize, &BoundaryCondition<D>, &[u32])> {
+        self.boundary_conditions.iter().enumerate().filter_map(|(number, condition)| match &condition.nodes {
+            NodeSet::Fixed(nodes) if condition.moves() && self.is_set(number) => {
+                Some((number, condition, nodes.as_slice()))
+            }
+            _ => None,
+        })
+    }
+
     /// Share of the released forces that still acts at a time, [-].
     pub fn share_not_released(&self, time: f64) -> f64 {
         ((self.stepping.end_time - time) / self.stepping.duration()).clamp(0.0, 1.0)

@@ -1,8 +1,9 @@
 //! A background grid whose lines follow prescribed displacements.
 //!
 //! The grid carries no state between load steps, so its lines can be moved between steps: the grid of a step is a
-//! function of the time at which the step starts. If a condition changes during a run, its lines keep an offset. A tool or footing then stays on grid lines (the moving mesh of Phuong
-//! et al., Comput. Geotech. 73 (2016) 58-71). Lines move as a whole, whatever material their cells contain.
+//! function of the time at which the step starts. A tool or footing then stays on grid lines (the moving mesh of Phuong
+//! et al., Comput. Geotech. 73 (2016) 58-71). Lines move as a whole, whatever material their cells contain. If the
+//! condition that they follow changes during a run, they keep an offset from its displacement.
 
 use crate::formula::Formula;
 use crate::grid::{Axis, CarriedLines, CarryError, ON_LINE, Structured};

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::warning::{Code, Location, Warning};
 use crate::basis::Connectivity;
-use crate::model::{Model, NodeSet};
+use crate::model::Model;
 use crate::points::{Points, coordinates};
 
 /// Material at the nodes, relative to the largest amount that they have ever held, below which a warning is raised,
@@ -47,11 +47,7 @@ pub fn watch<const D: usize>(
 ) -> Vec<(usize, Warning)> {
     held.resize(model.boundary_conditions.len(), Held::default());
     let mut found = Vec::new();
-    for (number, condition) in model.boundary_conditions.iter().enumerate() {
-        let NodeSet::Fixed(nodes) = &condition.nodes else { continue };
-        if !condition.moves() || !model.is_set(number) {
-            continue;
-        }
+    for (number, condition, nodes) in model.moved_nodes() {
         let at_nodes = AtNodes::new(points, links, nodes, &condition.directions(), delta_d);
         let held = &mut held[number];
         held.now = at_nodes.volume;

@@ -6,7 +6,7 @@
 
 use super::warning::{Code, Location, Warning};
 use crate::basis::Connectivity;
-use crate::model::{BoundaryCondition, Model, NodeSet};
+use crate::model::{BoundaryCondition, Model};
 use crate::points::{Points, coordinates};
 use crate::region::vector::{along, dot, minus, norm};
 
@@ -24,11 +24,7 @@ pub fn watch<const D: usize>(
     delta_d: &[[f64; D]],
     step: usize,
 ) -> Vec<(usize, Warning)> {
-    let moving = model.boundary_conditions.iter().enumerate().filter_map(|(number, condition)| {
-        let NodeSet::Fixed(nodes) = &condition.nodes else { return None };
-        (condition.moves() && model.is_set(number)).then_some((number, condition, nodes))
-    });
-    let mut moving = moving.peekable();
+    let mut moving = model.moved_nodes().peekable();
     if moving.peek().is_none() {
         return Vec::new();
     }

@@ -269,12 +269,21 @@ fn crossed_quadrilaterals<const D: usize>(
     side: usize,
 ) -> Vec<Facet<D>> {
     let mut facets = Vec::new();
-    for (i, j) in (0..n).flat_map(|i| (0..m).map(move |j| (i, j))) {
-        let corners = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+    for corners in corners_of_cells(n, m, at) {
         let middle = std::array::from_fn(|d| 0.25 * corners.iter().map(|corner| corner[d]).sum::<f64>());
         facets.extend((0..4).filter_map(|k| triangle_of(corners[k], corners[(k + 1) % 4], middle, side)));
     }
     facets
+}
+
+/// The corners, in cyclic order, of each cell of a grid of n × m cells.
+fn corners_of_cells<const D: usize>(
+    n: usize,
+    m: usize,
+    at: &dyn Fn(usize, usize) -> [f64; D],
+) -> impl Iterator<Item = [[f64; D]; 4]> {
+    let cells = (0..n).flat_map(move |i| (0..m).map(move |j| (i, j)));
+    cells.map(move |(i, j)| [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)])
 }
 
 /// Two triangles for each cell of a curved grid of n × m cells in space, without triangles that have shrunk to a line;
@@ -286,8 +295,7 @@ pub(crate) fn quadrilaterals<const D: usize>(
     side: usize,
 ) -> Vec<Facet<D>> {
     let mut facets = Vec::new();
-    for (i, j) in (0..n).flat_map(|i| (0..m).map(move |j| (i, j))) {
-        let corners = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+    for corners in corners_of_cells(n, m, at) {
         for [a, b, c] in [[0, 1, 2], [0, 2, 3]] {
             let [a, b, c] = [corners[a], corners[b], corners[c]];
             facets.extend((a != b && b != c && c != a).then(|| triangle_of(a, b, c, side)).flatten());

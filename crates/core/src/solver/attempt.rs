@@ -129,7 +129,8 @@ pub struct FailedAttempt<const D: usize> {
     pub linear_iterations: usize,
     /// Load factor of the attempt, [-]; `None` unless all loads and prescribed motions share one.
     pub load_factor: Option<f64>,
-    /// True if the stiffness of an iteration was not positive definite.
+    /// True if the stiffness of an iteration showed an instability; see
+    /// [`Factorisation::shows_instability`](crate::linear::Factorisation::shows_instability).
     pub indefinite: bool,
     /// The fields at which the iterations ended; `None` if they did not begin, or if the points of a failed slump have
     /// been restored.
