@@ -10,7 +10,7 @@ use mpm::deck::build::build;
 use mpm::deck::load::{load, load_text};
 use mpm::dofs::DofMap;
 use mpm::model::{Model, StabilisationMode};
-use mpm::points::Points;
+use mpm::points::{Points, State};
 use mpm::solver::{self, Observer, SolveError, StepReport, Summary};
 use mpm::step::{At, StepContext};
 use mpm::stress::{Axisymmetric, Mechanics, PlaneStrain, Solid};
@@ -366,6 +366,37 @@ fn the_stiffness_where_a_body_has_a_hole_does_not_matter() {
             assert_eq!(ghost, ring(model, twin, strength), "{young}");
         }
     }
+}
+
+/// At a seam, the displacement gradient jumps in truth: the penalty must not couple a soft layer to the stiff one below
+/// it. With the arithmetic mean of the moduli, the top would sink by 39 % of what it should.
+#[test]
+fn a_soft_layer_on_a_stiff_one_sinks_as_without_stabilisation() {
+    let sinks = |mode: &str| {
+        let deck = format!(
+            "version: 1
+analysis: {{stabilisation: {{mode: {mode}}}}}
+grid: {{type: structured, origin: [0, 0], size: [1, 3], spacing: 0.5}}
+materials: {{stiff: {{model: hencky, young: 1e11, poisson: 0}}, soft: {{model: hencky, young: 1e5, poisson: 0}}}}
+bodies:
+  - {{name: below, material: stiff, shape: {{type: box, min: [0, 0], max: [1, 1]}}, method: gimp, points_per_cell: 1}}
+  - {{name: above, material: soft, shape: {{type: box, min: [0, 1], max: [1, 2]}}, method: gimp, points_per_cell: 1}}
+boundary_conditions:
+  - {{name: left, nodes: {{x: 0}}, fix: [x]}}
+  - {{name: right, nodes: {{x: 1}}, fix: [x]}}
+  - {{name: base, nodes: {{y: 0}}, fix: [y]}}
+loads: [{{name: press, type: body-force, force: [0, -1000], bodies: [above]}}]
+steps: {{count: 1}}"
+        );
+        let (model, mut points) = plane(&deck);
+        solver::run(&model, &mut points, &mut Recorder::default()).unwrap();
+        let State { position, .. } = &points.converged;
+        (0..points.len()).map(|p| points.original_position[p][1] - position[p][1]).fold(0.0, f64::max)
+    };
+    let (with, without) = (sinks("auto"), sinks("off"));
+    // Half of the weight of the layer compresses its lower cell: 750 · 0.5/1e5 up to its middle, and more above.
+    assert!(without > 3.7e-3, "{without}");
+    assert!((with - without).abs() < 1e-3 * without, "{with} {without}");
 }
 
 /// Runs a deck of `inputs/` without cutting steps.

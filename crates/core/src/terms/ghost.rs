@@ -7,8 +7,8 @@
 //!
 //! f_G = Σ_faces ∫ γ G h ⟦∂N/∂n⟧ᵀ ⟦∂Δd/∂n⟧ dA,
 //!
-//! with the shear modulus G at rest of the surrounding material, the thickness h of the cells across the face and a
-//! number γ. Like the equations of equilibrium, the penalty is written in the displacement increment of the step and in
+//! with the shear modulus G at rest of the surrounding material (the harmonic mean, because the gradient does jump
+//! between soft and stiff material), the thickness h of the cells across the face and a number γ. Like the equations of equilibrium, the penalty is written in the displacement increment of the step and in
 //! the configuration at the start of the step. A linear increment (uniform strain, any translation, any linearised
 //! rotation) has no jump: patch tests hold, and the forces have no resultant and no moment. f_G is linear in Δd, so
 //! Newton's method still converges quadratically.

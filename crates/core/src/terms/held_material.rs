@@ -10,16 +10,18 @@ use crate::points::Points;
 pub struct HeldMaterial {
     /// Σ S_vp V_p, [volume].
     volume: Vec<f64>,
-    /// Σ S_vp V_p G_p, [stress·volume].
-    stiffness: Vec<f64>,
+    /// Σ S_vp V_p of the points with shear stiffness, [volume].
+    stiff: Vec<f64>,
+    /// Σ S_vp V_p / G_p of these points, [volume/stress].
+    flexibility: Vec<f64>,
 }
 
 impl HeldMaterial {
     /// The material at the start of the step to which the links belong.
     pub fn new<const D: usize>(model: &Model<D>, points: &Points<D>, links: &Connectivity<D>) -> Self {
         let moduli = ModuliAtRest::new(model, Modulus::Shear);
-        let mut held =
-            HeldMaterial { volume: vec![0.0; links.n_active()], stiffness: vec![0.0; links.n_active()] };
+        let zeros = || vec![0.0; links.n_active()];
+        let mut held = HeldMaterial { volume: zeros(), stiff: zeros(), flexibility: zeros() };
         for group in 0..links.n_groups() {
             let nodes = links.nodes_of(group);
             for p in links.points_of(group) {
@@ -28,12 +30,16 @@ impl HeldMaterial {
                 links.for_each_value(p, |local, value| {
                     let node = nodes[local] as usize;
                     held.volume[node] += value * volume;
-                    held.stiffness[node] += value * volume * modulus;
+                    if modulus > 0.0 {
+                        held.stiff[node] += value * volume;
+                        held.flexibility[node] += value * volume / modulus;
+                    }
                 });
             }
         }
-        links.halo().add_numbers(&mut held.volume);
-        links.halo().add_numbers(&mut held.stiffness);
+        for sum in [&mut held.volume, &mut held.stiff, &mut held.flexibility] {
+            links.halo().add_numbers(sum);
+        }
         held
     }
 
@@ -49,11 +55,12 @@ impl HeldMaterial {
         corners.nodes().iter().map(of_node).fold(f64::INFINITY, f64::min)
     }
 
-    /// Mean shear modulus of the material that these nodes carry, [stress].
+    /// Harmonic mean of the shear modulus of the material that these nodes carry, [stress]: where soft material lies
+    /// beside stiff material, the soft one decides. Zero if no material there has shear stiffness.
     pub fn shear_modulus(&self, nodes: &[u32]) -> f64 {
         let sum = |of: &[f64]| nodes.iter().map(|n| of[*n as usize]).sum::<f64>();
-        let volume = sum(&self.volume);
-        if volume > 0.0 { sum(&self.stiffness) / volume } else { 0.0 }
+        let flexibility = sum(&self.flexibility);
+        if flexibility > 0.0 { sum(&self.stiff) / flexibility } else { 0.0 }
     }
 }
 
