@@ -169,17 +169,23 @@ impl Axis {
         self.size(line.saturating_sub(1).min(last)).min(self.size(line.min(last)))
     }
 
-    /// Size of the smallest cell that overlaps the range from `low` to `high`, [length]; if no cell does, the size of
-    /// the nearest one.
-    pub fn smallest_within(&self, low: f64, high: f64) -> f64 {
+    /// Sizes of the smallest and the largest cell that overlap the range from `low` to `high`, [length]; if no cell
+    /// does, the size of the nearest one.
+    pub fn sizes_within(&self, low: f64, high: f64) -> [f64; 2] {
         match &self.lines {
-            Lines::Even { spacing, .. } => *spacing,
+            Lines::Even { spacing, .. } => [*spacing; 2],
             Lines::Graded(_) => {
                 let first = self.cell_of(self.coordinate(low));
                 let last = self.cell_of(self.coordinate(high).ceil() - 1.0).max(first);
-                (first..=last).map(|cell| self.size(cell)).fold(f64::INFINITY, f64::min)
+                let sizes = (first..=last).map(|cell| self.size(cell));
+                sizes.fold([f64::INFINITY, 0.0], |[least, most], size| [least.min(size), most.max(size)])
             }
         }
+    }
+
+    /// Size of the smallest cell that overlaps the range from `low` to `high`, [length]; see [`Axis::sizes_within`].
+    pub fn smallest_within(&self, low: f64, high: f64) -> f64 {
+        self.sizes_within(low, high)[0]
     }
 
     /// The cell at a cell coordinate; beyond the ends, the first or last cell. A line belongs to the cell above it.
@@ -308,6 +314,7 @@ mod tests {
         assert_eq!((axis.line(0), axis.line(4), axis.line(7)), (0.0, 1.0, 7.0));
         assert_eq!((axis.size_around(4), axis.size_around(7)), (axis.size(3), 2.0));
         assert_eq!((axis.smallest_within(0.1, 0.2), axis.smallest_within(1.0, 9.0)), (axis.size(0), 2.0));
+        assert_eq!(axis.sizes_within(0.6, 9.0), [axis.size(3), 2.0]);
     }
 
     #[test]

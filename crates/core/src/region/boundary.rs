@@ -82,7 +82,7 @@ pub enum NoBoundary {
     #[error("the boundary of a group of cells in a union, intersection or difference is not available")]
     Cells,
     /// The side number refers to a union, intersection or difference, or exceeds the number of sides.
-    #[error("it has no side {0}")]
+    #[error("the shape of the body has no edge {0}")]
     NoSide(usize),
     /// There would be too many facets.
     #[error("it would be divided into more than {MOST_FACETS} pieces")]

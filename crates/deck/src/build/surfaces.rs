@@ -11,8 +11,10 @@ use crate::quoting::quote;
 use crate::region::{Groups, OfDeck};
 use crate::{BoxDeck, HalfSpaceDeck, Idealisation, PartDeck, SurfaceDeck};
 
-/// Length of the samples of a surface relative to the smallest cell at the body, [-].
+/// Length of the samples of a surface relative to the smallest cell at the surface, [-].
 const LENGTH: f64 = 0.25;
+/// On a mesh, cells are looked up at about this many samples of a surface.
+const PLACES: usize = 200;
 
 impl<const D: usize> Builder<'_, D>
 where
@@ -40,7 +42,7 @@ where
                 Some(_) => Part::Whole,
             };
             let cell = cell_at(grid, region);
-            let spacing = deck.spacing.unwrap_or(LENGTH * cell);
+            let mut spacing = deck.spacing.unwrap_or(LENGTH * cell);
             let at = format!("/surfaces/{index}");
             let by_group = deck.part.as_ref().is_some_and(|part| part.group.is_some());
             if by_group && region.as_group().is_none() {
@@ -53,19 +55,28 @@ where
                 self.error("D050", &format!("{at}/part/group"), message, help.to_owned());
                 continue;
             }
-            let sampled = match region.as_group() {
-                None => Surface::new(deck.name.clone(), body, region, &part, [spacing, cell]),
-                Some((group, motion)) => {
-                    let Ok(nodes) = self.nodes_of_part(grid, deck, &at) else { continue };
-                    if let Part::Side(side) = part {
-                        Err(NoBoundary::NoSide(side))
-                    } else {
-                        let cells = groups.cells(group.key, grid.n_cells());
-                        boundary_of_cells(grid, &cells, motion, nodes.as_deref(), spacing)
-                            .map(|facets| Surface::of_facets(deck.name.clone(), body, facets, &part, cell))
-                    }
+            let Ok(nodes) = self.nodes_of_part(grid, deck, &at) else { continue };
+            let sample = |spacing: f64| match (region.as_group(), &part) {
+                (None, _) => Surface::new(deck.name.clone(), body, region, &part, [spacing, cell]),
+                (Some(_), Part::Side(side)) => Err(NoBoundary::NoSide(*side)),
+                (Some((group, motion)), _) => {
+                    let cells = groups.cells(group.key, grid.n_cells());
+                    let facets = boundary_of_cells(grid, &cells, motion, nodes.as_deref(), spacing)?;
+                    Ok(Surface::of_facets(deck.name.clone(), body, facets, &part, cell))
                 }
             };
+            let mut sampled = sample(spacing);
+            // The cells at the surface are known once it has been sampled.
+            if let Ok([least, most]) = sampled.as_ref().map(|surface| sides_at(grid, surface))
+                && least[0].is_finite()
+            {
+                let finest = LENGTH * least.into_iter().fold(f64::INFINITY, f64::min);
+                if deck.spacing.is_none() && finest < spacing {
+                    spacing = finest;
+                    sampled = sample(spacing);
+                }
+                sampled = sampled.map(|surface| Surface { cell: most, ..surface });
+            }
             match sampled {
                 Ok(surface) if surface.is_empty() => {
                     let message =
@@ -95,11 +106,11 @@ where
                 }
                 Ok(surface) => surfaces.push(surface),
                 Err(error) => {
-                    let message = format!("the surface {} cannot be sampled: {error}", quote(&deck.name));
+                    let message = format!("the surface {} cannot be found: {error}", quote(&deck.name));
                     let (at, help) = match error {
                         NoBoundary::NoSide(_) => (
                             format!("{at}/part/edge"),
-                            "give the number of a side of a single shape, counted from 0, or select the part with `box` or `half_space`",
+                            "give the number of an edge of a single shape, counted from 0, or select the part with `box` or `half_space`",
                         ),
                         NoBoundary::Cells => (
                             format!("{at}/body"),
@@ -138,7 +149,7 @@ where
     /// True if the surface of a body of revolution lies on the axis.
     fn has_no_area(&self, surface: &Surface<D>) -> bool {
         let is_revolved = self.loaded.deck.analysis.idealisation == Idealisation::Axisymmetric;
-        is_revolved && surface.corners.iter().all(|x| x[0].abs() <= 1e-9 * surface.cell)
+        is_revolved && surface.corners.iter().all(|x| x[0].abs() <= 1e-9 * surface.cell_size())
     }
 
     /// Index of a surface.
@@ -147,17 +158,37 @@ where
     }
 }
 
-/// Size of the smallest cell in the box around a region, or on a mesh, at the corners and the middle of this box,
-/// [length].
+/// Size of the smallest cell at the corners and the middle of the box around a region, [length].
 fn cell_at<const D: usize>(grid: &dyn Grid<D>, region: &Region<D>) -> f64 {
     let bounds = region.bounds();
-    if let Some(grid) = grid.structured() {
-        let smallest = |d: usize| grid.axes()[d].smallest_within(bounds[0][d], bounds[1][d]);
-        return (0..D).map(smallest).fold(f64::INFINITY, f64::min);
-    }
     let corner = |k: usize| std::array::from_fn(|d| bounds[k >> d & 1][d]);
     let middle = std::array::from_fn(|d| 0.5 * (bounds[0][d] + bounds[1][d]));
     let places = (0..1usize << D).map(corner).chain([middle]);
     let sizes = places.map(|x: [f64; D]| grid.size(grid.nearest_cell(&x) as usize));
     sizes.fold(f64::INFINITY, f64::min)
+}
+
+/// The shortest and the longest sides, along each axis, of the cells in the box around a surface, or on a mesh, of the
+/// cells at its samples, [length]; infinite and zero if the surface is empty.
+fn sides_at<const D: usize>(grid: &dyn Grid<D>, surface: &Surface<D>) -> [[f64; D]; 2] {
+    let (mut least, mut most) = ([f64::INFINITY; D], [0.0; D]);
+    if surface.is_empty() {
+        return [least, most];
+    }
+    if let Some(grid) = grid.structured() {
+        for d in 0..D {
+            let along = || surface.corners.iter().map(|x| x[d]);
+            let (low, high) =
+                (along().fold(f64::INFINITY, f64::min), along().fold(f64::NEG_INFINITY, f64::max));
+            // A surface on a grid line lies at the cells on both sides of it.
+            let slack = if high - low > surface.cell[d] * 1e-6 { 0.0 } else { surface.cell[d] * 1e-6 };
+            [least[d], most[d]] = grid.axes()[d].sizes_within(low - slack, high + slack);
+        }
+        return [least, most];
+    }
+    for x in surface.samples.iter().step_by(surface.len().div_ceil(PLACES)) {
+        let size = grid.size(grid.nearest_cell(x) as usize);
+        (least, most) = (least.map(|least| least.min(size)), most.map(|most: f64| most.max(size)));
+    }
+    [least, most]
 }

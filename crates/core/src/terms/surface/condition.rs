@@ -31,6 +31,9 @@ use super::super::term::SurfaceReaction;
 
 /// Width of a patch in cells, [-].
 const WIDTH: f64 = 3.0;
+/// Distance from the boundary between two patches within which a sample counts as lying on it, relative to the width of
+/// a patch, [-].
+const ON_BOUNDARY: f64 = 1e-9;
 /// A function is omitted if its part orthogonal to the earlier functions is smaller than this fraction of the largest
 /// possible part, [-].
 const INDEPENDENT: f64 = 1e-3;
@@ -102,7 +105,7 @@ impl<const D: usize> Condition<D> {
         let NodeSet::Surface(on) = condition.nodes else { return None };
         let surface = &model.surfaces[on.surface];
         let law = model.materials[model.bodies[surface.body].material].law.as_ref();
-        let penalty = on.penalty * axial_modulus_at_rest(law) / surface.cell;
+        let penalty = on.penalty * axial_modulus_at_rest(law) / surface.cell_size();
         let components: Vec<usize> = (0..D).filter(|&d| condition.displacement[d].is_some()).collect();
         let of_component = |&component: &usize| {
             (0..surface.len()).map(|s| condition.direction(component, surface.normal(s))).collect()
@@ -190,7 +193,7 @@ impl<const D: usize> Condition<D> {
                             (0..D).for_each(|i| entry[i] += q * value * d[i]);
                         });
                     }
-                    let scale = surface.cell * patch.area.sqrt();
+                    let scale = surface.cell_size() * patch.area.sqrt();
                     self.equations.push(Equation { row: row.into_iter().collect(), gap, scale, is_own });
                 }
             }
@@ -361,7 +364,7 @@ impl<const D: usize> Condition<D> {
         Err(ConstraintError::Unmet {
             name: model.boundary_conditions[self.number].name.clone(),
             surface: surface.name.clone(),
-            distance: self.unmet * surface.cell,
+            distance: self.unmet * surface.cell_size(),
         })
     }
 
@@ -469,7 +472,7 @@ fn at_place<const D: usize>(formula: &Formula, x: &[f64; D], original: &[f64; D]
 /// The patches of a surface: its samples, grouped by sides of the shape and by boxes that divide each side into equal
 /// parts of about [`WIDTH`] cells.
 fn patches<const D: usize>(model: &Model<D>, surface: &Surface<D>) -> Vec<Patch> {
-    let width = WIDTH * surface.cell;
+    let width = surface.cell.map(|side| WIDTH * side);
     let mut by_place: BTreeMap<(usize, [i64; D]), Vec<u32>> = BTreeMap::new();
     let mut ends: BTreeMap<usize, [[f64; D]; 2]> = BTreeMap::new();
     for (sample, &side) in surface.sides.iter().enumerate() {
@@ -484,8 +487,10 @@ fn patches<const D: usize>(model: &Model<D>, surface: &Surface<D>) -> Vec<Patch>
         let [low, high] = ends[&surface.sides[sample]];
         let key = std::array::from_fn(|d| {
             let length = high[d] - low[d];
-            let n = (length / width).round().max(1.0);
-            if length > 0.0 { ((x[d] - low[d]) / length * n).floor().min(n - 1.0) as i64 } else { 0 }
+            let n = (length / width[d]).round().max(1.0);
+            // A sample at the boundary between two patches belongs to the upper one, whatever its round-off.
+            let place = (x[d] - low[d]) / length * n + ON_BOUNDARY;
+            if length > 0.0 { place.floor().min(n - 1.0) as i64 } else { 0 }
         });
         by_place.entry((surface.sides[sample], key)).or_default().push(sample as u32);
     }
@@ -499,13 +504,13 @@ fn patches<const D: usize>(model: &Model<D>, surface: &Surface<D>) -> Vec<Patch>
     by_place.into_values().map(of_samples).collect()
 }
 
-/// The functions 1, x, y(, z) on a patch, orthonormalised in this order with respect to area and then multiplied by the
-/// areas of the samples; functions that depend on earlier ones are omitted.
+/// The functions 1, x, y(, z) on a patch of this width, [length], orthonormalised in this order with respect to area and
+/// then multiplied by the areas of the samples; functions that depend on earlier ones are omitted.
 fn orthonormal<const D: usize>(
     surface: &Surface<D>,
     samples: &[u32],
     areas: &[f64],
-    width: f64,
+    width: [f64; D],
 ) -> Vec<Vec<f64>> {
     let total: f64 = areas.iter().sum();
     let product = |a: &[f64], b: &[f64]| -> f64 { (0..areas.len()).map(|s| areas[s] * a[s] * b[s]).sum() };
@@ -515,7 +520,7 @@ fn orthonormal<const D: usize>(
             0 => 1.0,
             d => {
                 (surface.samples[sample as usize][d - 1] - surface.samples[samples[0] as usize][d - 1])
-                    / width
+                    / width[d - 1]
             }
         };
         let mut function: Vec<f64> = samples.iter().map(at).collect();
