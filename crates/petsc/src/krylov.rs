@@ -303,7 +303,8 @@ impl Run<'_> {
         let kind = |definite: bool| match (symmetric, definite) {
             (true, true) => Factorisation::Multigrid,
             (false, true) => Factorisation::MultigridUnsymmetric,
-            (_, false) => Factorisation::MultigridIndefinite,
+            (true, false) => Factorisation::MultigridIndefinite,
+            (false, false) => Factorisation::MultigridIndefiniteUnsymmetric,
         };
         if size == 0.0 {
             x.fill([0.0; N]);

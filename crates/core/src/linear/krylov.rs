@@ -101,8 +101,11 @@ impl<const D: usize, const N: usize> Backend<D, N> for Krylov<D, N> {
         }
         let iterations = before + gmres.solve(over, &mut masked, &mut precondition, &rhs, x, tolerance)?;
         // A symmetric matrix reaches this line only if it is not positive definite.
-        let factorisation =
-            if *definite { Factorisation::MultigridUnsymmetric } else { Factorisation::MultigridIndefinite };
+        let factorisation = match (*definite, is_symmetric) {
+            (true, _) => Factorisation::MultigridUnsymmetric,
+            (false, true) => Factorisation::MultigridIndefinite,
+            (false, false) => Factorisation::MultigridIndefiniteUnsymmetric,
+        };
         Ok(Solved { factorisation, iterations })
     }
 

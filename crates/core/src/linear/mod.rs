@@ -82,9 +82,12 @@ pub enum Factorisation {
     /// No factorisation: generalised minimal residuals with a multigrid preconditioner, for an unsymmetric matrix whose
     /// symmetric part has shown no negative curvature.
     MultigridUnsymmetric,
-    /// No factorisation: generalised minimal residuals with a multigrid preconditioner; the matrix, or its symmetric
-    /// part, is not positive definite.
+    /// No factorisation: generalised minimal residuals with a multigrid preconditioner, for a symmetric matrix that is
+    /// not positive definite.
     MultigridIndefinite,
+    /// No factorisation: generalised minimal residuals with a multigrid preconditioner, for an unsymmetric matrix whose
+    /// symmetric part is not positive definite.
+    MultigridIndefiniteUnsymmetric,
 }
 
 impl Factorisation {
@@ -100,13 +103,14 @@ impl Factorisation {
     /// potential, at least approximately. The signs of the pivots of an unsymmetric matrix depend on the order of the
     /// unknowns, so friction says nothing about stability.
     pub fn shows_instability(self, has_potential: bool) -> bool {
-        !self.is_definite() && (has_potential || self == Factorisation::Ldlt)
+        use Factorisation::{Ldlt, MultigridIndefinite};
+        !self.is_definite() && (has_potential || matches!(self, Ldlt | MultigridIndefinite))
     }
 
     /// True if nothing was factorised.
     pub fn is_iterative(self) -> bool {
-        use Factorisation::{Multigrid, MultigridIndefinite, MultigridUnsymmetric};
-        matches!(self, Multigrid | MultigridUnsymmetric | MultigridIndefinite)
+        use Factorisation::{Cholesky, Ldlt, Lu, LuIndefinite};
+        !matches!(self, Cholesky | Ldlt | Lu | LuIndefinite)
     }
 }
 
@@ -185,7 +189,7 @@ impl<'de> Deserialize<'de> for Text {
     }
 }
 
-/// A solver for sparse linear systems.
+/// A direct solver for sparse linear systems, as used by the direct [`Backend`].
 pub trait LinearSolver {
     /// Prepares for matrices of this pattern; `order` lists the unknowns in the order of elimination. Does nothing if
     /// the pattern and the order are those analysed last; returns true if the pattern was analysed.
