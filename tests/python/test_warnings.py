@@ -285,6 +285,60 @@ def test_an_equilibrium_that_is_not_stable_is_told(run):
     assert summary["warnings"] == [], "the grid is a little stiffer"
 
 
+def test_a_tool_with_friction_that_touches_nothing_tells_nothing_about_stability(run):
+    """The stiffness is symmetric as long as nothing slides, so the column of the test above is told all the same."""
+    buckles = 7.84 * 1e6 / (1 - 0.3**2) * 0.5**3 / 12 / (2000 * 0.5 * 10**3)
+    tool = "tools: [{name: far, shape: {type: circle, center: [7.5, 11.5], radius: 0.2}, friction: 0.3}]\n"
+    for linear in ("direct", "iterative"):
+        _, summary = run(COLUMN + tool + f"solver: {{linear: {linear}}}\n", weight=1.1 * buckles)
+        assert of_code(summary, "W017")["step"] == 4, linear
+
+
+PULLED = """
+version: 1
+parameters: {s: 1, side: 0.5, origin: 0, height: 4, uy: 0.01, above: 2, ideal: plane-strain}
+analysis: {idealisation: "${ideal}"}
+grid: {type: structured, origin: [0, "${origin*s}"], size: ["${4*s}", "${(height+above)*s}"], spacing: ["${side*s}", "${0.5*s}"]}
+materials: {m: {model: hencky, young: 1e6, poisson: 0.3}}
+bodies:
+  - {name: block, material: m, method: gimp, points_per_cell: 2,
+     shape: {type: box, min: [0, "${origin*s}"], max: ["${2*s}", "${(origin+height)*s}"]}}
+boundary_conditions:
+  - {name: axis, nodes: {x: 0}, fix: [x]}
+  - {name: floor, nodes: {y: "${origin*s}"}, FLOOR}
+  - {name: top, nodes: {y: "${(origin+height)*s}"}, TOP}
+steps: {count: 4}
+output: {every: 0}
+"""
+
+
+def codes(summary):
+    return [warning["code"] for warning in summary["warnings"]]
+
+
+def test_nodes_that_pull_material_beyond_them_are_told_in_any_unit(run):
+    """The reaction is too small: cells without points lie beyond the nodes, and nothing holds the material there."""
+    pulled = PULLED.replace("FLOOR", "fix: [y]").replace("TOP", 'uy: "${uy*s}"')
+    for ideal in ("plane-strain", "axisymmetric"):
+        least = [[uy for uy in (1e-6, 1e-5, 1e-4, 1e-3, 1e-2) if "W021" in codes(run(pulled, s=s, uy=uy, ideal=ideal)[1])]
+                 for s in (1e3, 1, 1e-3)]
+        assert least[0] == least[1] == least[2] and 1e-2 in least[0] and 1e-6 not in least[0], (ideal, least)
+    for side in (1, 0.4, 0.25, 0.1):
+        assert codes(run(pulled, side=side)[1]) == ["W021"], side
+
+
+def test_nodes_that_push_or_that_others_hold_are_not_told(run):
+    pushed = PULLED.replace("FLOOR", 'uy: "${uy*s}"').replace("TOP", "uy: 0")
+    # A body one cell thick: the nodes beyond its free side are two cells from the nodes that push.
+    pushed = pushed.replace(", TOP", ", fix: [x]").replace('  - {name: top, nodes: {y: "${(origin+height)*s}"}, uy: 0}\n', "")
+    for origin in (0, 0.1, 0.2, 0.3, 0.5, 0.6, 0.7):
+        assert codes(run(pushed, origin=origin, height=0.5, s=0.2)[1]) == [], origin
+    held = PULLED.replace("FLOOR", "fix: [y]").replace("TOP", 'uy: "${uy*s}"')
+    ceiling = '  - {name: ceiling, nodes: {y: "${(height+0.5)*s}"}, fix: [x, y]}\nsteps:'
+    assert codes(run(held.replace("steps:", ceiling), above=0.5)[1]) == []
+    assert codes(run(held, above=0.5)[1]) == ["W021"]
+
+
 def test_a_motion_without_strain_gives_no_warning_about_work(analyse):
     summary = analyse("inputs/domains.yaml", angle=0.9, every=0).summary
     assert [warning["code"] for warning in summary["warnings"]] == ["W011"]

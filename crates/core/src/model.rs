@@ -7,6 +7,7 @@ use crate::grid::Grid;
 use crate::linear::Engines;
 use crate::material::Material;
 use crate::points::{PointVolume, Points};
+use crate::region::vector::{dot, norm};
 use crate::stress::{Formulation, Volumetric};
 use crate::surface::Surface;
 
@@ -183,6 +184,18 @@ impl<const D: usize> Model<D> {
                 Some((number, condition, nodes.as_slice()))
             }
             _ => None,
+        })
+    }
+
+    /// True if boundary conditions of the current stage that hold given nodes hold this one, [grid number], against a
+    /// motion in this direction.
+    pub fn holds_node(&self, node: u32, motion: &[f64; D]) -> bool {
+        self.boundary_conditions.iter().enumerate().any(|(number, condition)| match &condition.nodes {
+            NodeSet::Fixed(nodes) if self.is_set(number) && nodes.contains(&node) => {
+                let resists = |along: &[f64; D]| dot(along, motion).abs() > 0.5 * norm(motion);
+                condition.directions().iter().any(resists)
+            }
+            _ => false,
         })
     }
 

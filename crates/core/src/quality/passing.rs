@@ -13,8 +13,8 @@ use crate::region::vector::{along, dot, minus, norm};
 /// Material at a node of a cell without points, relative to the volume of the cell, from which it counts, [-]. A domain
 /// that reaches 0.2 % of a cell beyond the prescribed nodes has more.
 const LEAST: f64 = 1e-6;
-/// Cosine of the largest angle between the prescribed motion and the way to a node that lies ahead, [-]. Nodes diagonally
-/// ahead do not count: bodies that bulge beside a plate reach them as well.
+/// Cosine of the largest angle between the prescribed motion and the way to a node that lies ahead, both relative to the
+/// sides of the cell, [-]. Nodes diagonally ahead do not count: bodies that bulge beside a plate reach them as well.
 const AHEAD: f64 = 0.9;
 
 /// The boundary conditions whose nodes pull material beyond them in a step, each with its warning.
@@ -93,13 +93,14 @@ impl Material {
         Material { points_around, beyond }
     }
 
-    /// True if a node holds material although no point is around it; a cell there has this size, [length].
-    fn is_beyond<const D: usize>(&self, node: usize, size: f64) -> bool {
-        self.points_around[node] == 0.0 && self.beyond[node] > LEAST * size.powi(D as i32)
+    /// True if a node holds material although no point is around it; a cell there has this volume.
+    fn is_beyond(&self, node: usize, volume: f64) -> bool {
+        self.points_around[node] == 0.0 && self.beyond[node] > LEAST * volume
     }
 
-    /// Position of the first node, in the order of the grid, that lies ahead of a moving node of the condition and
-    /// holds material although no point is around it; `None` if there is none.
+    /// Position of a node next to a moving node of the condition that lies ahead of it, is free to move there, and
+    /// holds material although no point is around it: the first one, in the order of the grid, on this rank. `None` if
+    /// there is none.
     fn ahead_of<const D: usize>(
         &self,
         (model, points, links): (&Model<D>, &Points<D>, &Connectivity<D>),
@@ -116,16 +117,29 @@ impl Material {
             });
             motion[active] = Some(along_all);
         }
-        let is_ahead = |node: usize, of: usize, size: f64| {
+        let grid = model.grid.as_ref();
+        let share_a_cell = |a: usize, b: usize| {
+            let middle = std::array::from_fn(|d| 0.5 * (position(a)[d] + position(b)[d]));
+            let corners = grid.corners(grid.nearest_cell(&middle) as usize);
+            [a, b].iter().all(|&node| corners.nodes().contains(&links.active_nodes()[node]))
+        };
+        let is_ahead = |node: usize, of: usize, sides: &[f64; D]| {
             let Some(motion) = motion[of].filter(|_| self.points_around[of] > 0.0) else { return false };
-            let way = minus(&position(node), &position(of));
-            norm(&way) < 2.0 * size && dot(&way, &motion) > AHEAD * norm(&way) * norm(&motion)
+            let in_cells = |way: [f64; D]| -> [f64; D] { std::array::from_fn(|d| way[d] / sides[d]) };
+            let (way, ahead) = (in_cells(minus(&position(node), &position(of))), in_cells(motion));
+            dot(&way, &ahead) > AHEAD * norm(&way) * norm(&ahead)
+                && share_a_cell(node, of)
+                && !model.holds_node(links.active_nodes()[node], &motion)
         };
         let first_of_group = |group: usize| {
-            let size = model.grid.size(points.cell[links.points_of(group).start] as usize);
+            let first = links.points_of(group).start;
+            let cell = points.cell[first] as usize;
+            let volume = grid.volume(cell) * model.depth(&points.converged.position[first]);
+            let sides =
+                grid.structured().map_or([grid.size(cell); D], |grid| grid.sides(grid.cell_index(cell)));
             let nodes = || links.nodes_of(group).iter().map(|&node| node as usize);
-            let beyond = nodes().filter(|&node| motion[node].is_none() && self.is_beyond::<D>(node, size));
-            beyond.filter(|&node| nodes().any(|of| is_ahead(node, of, size))).min()
+            let beyond = nodes().filter(|&node| motion[node].is_none() && self.is_beyond(node, volume));
+            beyond.filter(|&node| nodes().any(|of| is_ahead(node, of, &sides))).min()
         };
         let first = (0..links.n_groups()).filter_map(first_of_group).min()?;
         Some(position(first))
