@@ -10,6 +10,9 @@ use crate::terms::Surfaces;
 use super::stages::{Amount, resume_stage};
 use super::summary::Reached;
 
+/// Part of the elastic strain of a point at which its law is elastic even if the point yields, [-].
+const ELASTIC_PART: f64 = 1e-3;
+
 /// Puts another model of the same analysis in place of the current one. The next step begins from the last one in
 /// equilibrium:
 ///
@@ -89,9 +92,10 @@ fn strain_of_stress<const D: usize>(
     match laws.map(|law| law.elastic_strain(stress, history)) {
         [before, Ok(now)] => Ok(Some(now).filter(|now| before != Ok(*now))),
         [_, Err(error)] => {
-            // A law without an inverse can go on if the change leaves the stress at this strain as it is.
-            let strain = &points.converged.elastic_strain[p];
-            let [before, now] = laws.map(|law| law.update(strain, history, &mut history.to_vec()));
+            // A law without an inverse can go on if the change leaves its elasticity as it is. At a small part of the
+            // strain, points that yield are elastic, too.
+            let strain = points.converged.elastic_strain[p] * ELASTIC_PART;
+            let [before, now] = laws.map(|law| law.update(&strain, history, &mut history.to_vec()));
             let same = before.is_ok_and(|before| now.is_ok_and(|now| now.tau == before.tau));
             if same { Ok(None) } else { Err(error) }
         }
