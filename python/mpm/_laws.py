@@ -187,9 +187,13 @@ class _Adapter:
             stored = 0.5 * np.einsum("pi,pi->p", stress, strain)
         else:
             stored = self._shaped("energy", energy(strain), (n,))
+        return np.ascontiguousarray(stored), self.plastic_work(history)
+
+    def plastic_work(self, history: Array) -> Array:
+        """Plastic work per initial volume; zero if the law does not state it."""
         work = getattr(self._law, "plastic_work", None)
-        spent = np.zeros(n) if work is None else self._shaped("plastic_work", work(history), (n,))
-        return np.ascontiguousarray(stored), spent
+        n = len(history)
+        return np.zeros(n) if work is None else self._shaped("plastic_work", work(history), (n,))
 
 
 def adapters(laws: Mapping[str, Law]) -> dict[str, _Adapter | _mpm.BuiltIn]:

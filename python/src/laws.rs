@@ -260,7 +260,14 @@ impl Material for PythonLaw {
 
     /// The plastic work that the law states; the adapter takes it to be zero if the law does not state it.
     fn plastic_work(&self, history: &[f64]) -> f64 {
-        self.energies(&[Sym3::ZERO], history, &[1.0])[1]
+        let asked = |py: Python<'_>| {
+            let history = PyArray1::from_slice(py, history).reshape([1, history.len()])?;
+            let work: PyReadonlyArrayDyn<'_, f64> =
+                self.adapter.call_method1(py, "plastic_work", (history,))?.extract(py)?;
+            Ok(work.as_slice()?[0])
+        };
+        // A work of NaN ends the run.
+        self.with_interpreter(asked).unwrap_or(f64::NAN)
     }
 
     fn tangent_is_symmetric(&self) -> bool {
