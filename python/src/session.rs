@@ -412,7 +412,7 @@ fn begin(
     let asked = loaded.deck.request();
     let not_writable = |directory: &std::path::Path, error: std::io::Error| Raised::Results {
         code: Some("R001"),
-        message: format!("the results directory `{}` cannot be written: {error}", directory.display()),
+        message: Results::refusal(directory, &error, "`out`"),
     };
     let files = match &out {
         None => None,

@@ -12,6 +12,7 @@ use mpm::model::Model;
 use mpm::output::record::Record;
 use mpm::output::results::Results;
 use mpm::output::status::{Progress, StatusFile};
+use mpm::output::summary::Wording;
 use mpm::points::Points;
 use mpm::solver::{
     Change, Diagnosis, FailedAttempt, Observer, Reached, Solvable, SolveError, Step, StepReport, Summary,
@@ -259,7 +260,8 @@ where
             files.progress.converged(report, summary);
             files.tell();
         }
-        follower.pause(&(model, points), Some(step_document(model, report, summary)));
+        let document = step_document(model, report, summary, worker.record.wording());
+        follower.pause(&(model, points), Some(document));
         Ok(())
     }
 
@@ -318,7 +320,12 @@ where
 }
 
 /// A step in equilibrium as a document.
-fn step_document<const D: usize>(model: &Model<D>, report: &StepReport<D>, summary: &Summary) -> Value {
+fn step_document<const D: usize>(
+    model: &Model<D>,
+    report: &StepReport<D>,
+    summary: &Summary,
+    wording: &dyn Wording,
+) -> Value {
     let named = |names: &mut dyn Iterator<Item = &String>, forces: &[[f64; D]]| {
         let entries = names.zip(forces).map(|(name, force)| (name.clone(), json!(force.to_vec())));
         Value::Object(entries.collect::<Map<_, _>>())
@@ -326,7 +333,7 @@ fn step_document<const D: usize>(model: &Model<D>, report: &StepReport<D>, summa
     let stage = model.stages.get(model.present.stage).map(|stage| &stage.name);
     let before = summary.warnings.iter().filter(|of| of.step == report.step.index);
     let warnings: Vec<Value> = before
-        .map(|of| json!({"code": of.code, "message": of.message, "help": advice::on_warning(of)}))
+        .map(|of| json!({"code": of.code, "message": of.message, "help": wording.on_warning(of)}))
         .collect();
     json!({
         "index": report.step.index,

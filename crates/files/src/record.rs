@@ -13,7 +13,7 @@ use super::history::{
     CONVERGENCE, QUALITY, columns_of_history, row_of_attempt, row_of_convergence, row_of_history,
     row_of_quality,
 };
-use super::summary::{Account, Outcome, Whole};
+use super::summary::{Account, Outcome, Whole, Wording};
 use super::table::Entry;
 
 /// A table in memory.
@@ -67,6 +67,11 @@ impl Record {
             account,
             findings: Findings::default(),
         }
+    }
+
+    /// The words in which the record advises on warnings and failures.
+    pub fn wording(&self) -> &dyn Wording {
+        self.account.wording.as_ref()
     }
 
     /// Changes facts about the run, such as its deck.

@@ -90,6 +90,20 @@ struct Tables {
 }
 
 impl Results {
+    /// The reason why the directory of the results could not be created or written; `choose` says how another one is
+    /// chosen.
+    pub fn refusal(directory: &Path, error: &io::Error, choose: &str) -> String {
+        let name = directory.display();
+        match directory.ancestors().find(|path| path.is_file()) {
+            Some(file) => format!(
+                "the results directory `{name}` cannot be created: `{}` is a file; choose another directory with \
+                 {choose}, or move the file away",
+                file.display()
+            ),
+            None => format!("the results directory `{name}` cannot be written: {error}"),
+        }
+    }
+
     /// Prepares a directory for a run: creates it, removes the results of an earlier run and opens the tables.
     /// VTU files and checkpoints are written as `asked` states.
     ///

@@ -340,16 +340,7 @@ fn checkpoint_in(
 
 /// Error of a results directory that cannot be written.
 pub fn not_writable(directory: &Path, error: io::Error) -> Coded {
-    let name = directory.display();
-    let reason = match directory.ancestors().find(|path| path.is_file()) {
-        Some(file) => format!(
-            "the results directory `{name}` cannot be created: `{}` is a file; choose another directory with \
-             `--out`, or move the file away",
-            file.display()
-        ),
-        None => format!("the results directory `{name}` cannot be written: {error}"),
-    };
-    Coded::new("R001", reason)
+    Coded::new("R001", Results::refusal(directory, &error, "`--out`"))
 }
 
 /// Number of residuals shown from the beginning of a failed step.
