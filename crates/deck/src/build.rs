@@ -209,7 +209,7 @@ where
         self.centres(grid.as_ref(), &points);
         let surfaces = self.surfaces(grid.as_ref(), (&regions, &groups));
         let tools = self.tools(grid.as_ref());
-        let boundary_conditions = self.boundary_conditions(grid.as_ref());
+        let boundary_conditions = self.boundary_conditions(grid.as_ref(), &points);
         let loads = self.loads(grid.as_ref(), &points);
         if revolved {
             self.found.extend(axisymmetry::faults(self.loaded, grid.as_ref()));
@@ -492,7 +492,7 @@ where
         }
     }
 
-    fn boundary_conditions(&mut self, grid: &dyn Grid<D>) -> Vec<BoundaryCondition<D>> {
+    fn boundary_conditions(&mut self, grid: &dyn Grid<D>, points: &Points<D>) -> Vec<BoundaryCondition<D>> {
         let deck = self.deck;
         let mut conditions = Vec::new();
         for (number, condition) in deck.boundary_conditions.iter().enumerate() {
@@ -503,7 +503,7 @@ where
                     along_normal: condition.holds_along_surface_normal(),
                     penalty: condition.penalty.unwrap_or(PENALTY),
                 }),
-                (Some(nodes), None) => self.nodes(grid, (nodes, condition), &pointer),
+                (Some(nodes), None) => self.nodes(grid, points, (nodes, condition), &pointer),
                 (None, None) => NodeSet::Fixed(Vec::new()),
             };
             let mut prescribed = match at_nodes(

@@ -11,6 +11,7 @@ use crate::region::OfDeck;
 use crate::{AXES, BoundaryConditionDeck, NodeSelector};
 use mpm_core::grid::{Grid, Structured};
 use mpm_core::model::NodeSet;
+use mpm_core::points::Points;
 use mpm_core::region::Region;
 
 /// Largest distance of a node from a box, or from a stated coordinate, at which it counts as lying there, relative to
@@ -28,6 +29,7 @@ where
     pub(super) fn nodes(
         &mut self,
         grid: &dyn Grid<D>,
+        points: &Points<D>,
         (selected, condition): (&NodeSelector, &BoundaryConditionDeck),
         pointer: &str,
     ) -> NodeSet {
@@ -94,23 +96,24 @@ where
             self.error("D029", &format!("{pointer}/nodes"), message, help);
         }
         if let (Some(grid), true, true) = (grid.structured(), within.is_some(), condition.moves()) {
-            self.ends_between_lines(grid, &bounds, name, pointer);
+            self.ends_between_lines((grid, points), &bounds, name, pointer);
         }
         NodeSet::Fixed(nodes)
     }
 
-    /// Warns of a box of moving nodes that ends between grid lines. An axis along which the box contains a single line
-    /// is exempt, because the box then only needs to surround this line.
+    /// Warns of a box of moving nodes that ends between grid lines, if there is material up to the line beyond. An axis
+    /// along which the box contains a single line is exempt, because the box then only needs to surround this line.
     fn ends_between_lines(
         &mut self,
-        grid: &Structured<D>,
+        (grid, points): (&Structured<D>, &Points<D>),
         [low, high]: &[[f64; D]; 2],
         condition: &str,
         pointer: &str,
     ) {
         for (axis, lines) in grid.axes().iter().enumerate() {
             let [from, to] = [low[axis], high[axis]].map(|end| lines.coordinate(end));
-            let [first, last] = [from.ceil().max(0.0), to.floor().min(lines.n_cells() as f64)];
+            let first = (from - IN_BOX).ceil().max(0.0);
+            let last = (to + IN_BOX).floor().min(lines.n_cells() as f64);
             if first >= last {
                 continue;
             }
@@ -119,6 +122,10 @@ where
             {
                 let left = (lines.coordinate(end) - line).abs();
                 if left <= BETWEEN_LINES || !(0.0..=lines.n_cells() as f64).contains(&beyond) {
+                    continue;
+                }
+                let material = || points.converged.position.iter().map(|x| lines.coordinate(x[axis]));
+                if !self.ranks.any(material().any(|x| line.min(beyond) < x && x < line.max(beyond))) {
                     continue;
                 }
                 let (name, [line, beyond]) =
