@@ -7,7 +7,9 @@ use crate::diagnostic::{Diagnostic, Severity};
 use crate::initial_stress::initial_factor;
 use crate::quoting::{quote, rounded};
 use crate::span::escape;
-use crate::{BoundaryConditionDeck, Deck, InitialStressDeck, LoadCurve, LoadDeck, MaterialDeck, ToolDeck};
+use crate::{
+    BoundaryConditionDeck, Deck, Expression, InitialStressDeck, LoadCurve, LoadDeck, MaterialDeck, ToolDeck,
+};
 use mpm_core::formula::names;
 
 /// Tolerances above this accept steps that are not really in equilibrium.
@@ -93,7 +95,7 @@ impl Check<'_> {
                 let message = format!("the factor of the boundary condition {name} is zero at all times");
                 let help = "give a factor that is not zero at some time of the analysis, or fix the nodes with `fix`";
                 self.warn("D037", &format!("/boundary_conditions/{index}/curve"), message, help);
-            } else if moves && condition.curve.is_none() {
+            } else if moves && condition.curve.is_none() && !moves_by_formula(condition) {
                 let at = format!("/boundary_conditions/{index}/name");
                 self.never_named(&at, "boundary condition", &condition.name);
             }
@@ -172,7 +174,7 @@ impl Check<'_> {
                  load is out of balance",
                 rounded(100.0 * tolerance)
             );
-            let help = "use 1e-6 or less: with quadratic convergence this costs one more iteration";
+            let help = "use 1e-6 or less: convergence is quadratic, so this costs only a few more iterations";
             self.warn("D045", pointer, message, help);
         } else if tolerance < OUT_OF_REACH {
             let message =
@@ -184,8 +186,16 @@ impl Check<'_> {
 
 /// True if a formula of a load contains `factor`; the load may then act even at a factor of 0.
 fn depends_on_factor(load: &LoadDeck) -> bool {
-    let formulas = load.expressions().into_iter().filter_map(|(_, given)| given.as_formula());
-    formulas.flat_map(names).any(|(_, name)| name == "factor")
+    load.expressions().into_iter().any(|(_, given)| contains_factor(given))
+}
+
+/// True if a prescribed displacement contains `factor`; the nodes may then move even at a factor of 0.
+fn moves_by_formula(condition: &BoundaryConditionDeck) -> bool {
+    condition.displacements().into_iter().any(|displacement| contains_factor(&displacement.value))
+}
+
+fn contains_factor(given: &Expression) -> bool {
+    given.as_formula().is_some_and(|formula| names(formula).into_iter().any(|(_, name)| name == "factor"))
 }
 
 /// The names in formulas.
