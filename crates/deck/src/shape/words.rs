@@ -73,10 +73,15 @@ pub(crate) fn written_number(text: &str) -> Option<String> {
         return Some(format!("write the number as {bare}"));
     }
     let unit = unit_behind_number(text)?;
-    Some(format!(
+    let mut help = format!(
         "values carry no units: leave out {}, and convert the number to the units of the deck",
         quote(unit)
-    ))
+    );
+    if unit.chars().all(char::is_alphabetic) {
+        let number = text.trim().strip_suffix(unit).unwrap_or_default().trim();
+        help.push_str(&format!("; or, if `{unit}` is a parameter, write the product `{number}*{unit}`"));
+    }
+    Some(help)
 }
 
 /// Units that are often written behind numbers.
@@ -110,6 +115,7 @@ mod tests {
             let help = written_number(text).unwrap_or_default();
             assert!(help.contains(&format!("leave out `{unit}`")), "{text}: {help}");
         }
+        assert!(written_number("-0.1 h").is_some_and(|help| help.ends_with("write the product `-0.1*h`")));
         assert_eq!(written_number("1 000,5").as_deref(), Some("write the number as 1000.5"));
         for text in ["10 x", "MPa", "10", "2 gamma", ""] {
             let help = written_number(text).unwrap_or_default();
