@@ -109,7 +109,7 @@ fn nodes_are_selected_on_lines_and_messages_name_the_nearest() {
 fn bodies_must_end_on_graded_lines() {
     let shape = "shape: {type: box, min: [1, 0], max: [3.1, 2]}, points_per_cell: 2";
     let failure = load_text("deck", text(&[("SHAPE", shape)]).as_bytes(), &[]).unwrap_err();
-    assert!(failure.to_string().contains("off the nearest grid line 3"), "{failure}");
+    assert!(failure.to_string().contains("is 0.1 away from the nearest grid line, x = 3"), "{failure}");
     let (_, points) =
         deck(&[("SHAPE", "shape: {type: box, min: [1, 0], max: [3.1, 2]}, point_spacing: [0.3, 0.25]")]);
     assert_eq!(points.len(), 7 * 8);

@@ -32,7 +32,7 @@ pub struct Formula {
 }
 
 impl Formula {
-    /// Parses a formula of the given variables; [`Formula::evaluate`] takes their values in the same order.
+    /// Parses a formula in the given variables; [`Formula::evaluate`] takes their values in the same order.
     ///
     /// # Errors
     /// The first error in the text, with its location.
@@ -40,7 +40,7 @@ impl Formula {
         Formula::parse_with_constants(text, variables, &[])
     }
 
-    /// Parses a formula of the given variables, with additional names for constants.
+    /// Parses a formula in the given variables, with additional names for constants.
     ///
     /// # Errors
     /// The first error in the text, with its location.
@@ -59,7 +59,7 @@ impl Formula {
         Formula { text: value.to_string(), code, variables: 0, intermediate: Vec::new() }
     }
 
-    /// Defines the last variables of the formula as intermediate values, each given by a formula of the variables
+    /// Defines the last variables of the formula as intermediate values, each given by a formula in the variables
     /// before it. The formula can use at most [`MOST_INTERMEDIATE`] intermediate values and 7 other variables.
     pub fn with_intermediate(mut self, intermediate: &[Formula]) -> Formula {
         let used = intermediate.len().min(MOST_INTERMEDIATE);

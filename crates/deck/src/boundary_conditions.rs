@@ -38,7 +38,7 @@ pub struct BoundaryConditionDeck {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1e-3, max = 1e6), extend("examples" = [10]))]
     pub penalty: Option<f64>,
-    /// Displacement along x at load factor 1, [length]: a number, or a formula of X, Y (in space also Z), the original
+    /// Displacement along x at load factor 1, [length]: a number, or a formula in X, Y (in space also Z), the original
     /// position of the material at the node, of the node's coordinates x, y (in space also z), of `factor` (the load
     /// factor) and of the parameters. A formula that contains `factor` states the whole displacement; any other formula
     /// is multiplied by the load factor. Material moves past the nodes from step to step, and each step adds the change

@@ -167,7 +167,7 @@ pub fn at_places<const D: usize, const C: usize>(
     Ok(VectorFormula::new(given, vector))
 }
 
-/// A formula of the load factor, `factor`, and of `time`, in this order.
+/// A formula in the load factor, `factor`, and `time`, in this order.
 ///
 /// # Errors
 /// The fault of the formula, with an empty key.

@@ -22,7 +22,7 @@ pub use cell_size::CellSize;
 pub use law::Surroundings;
 pub(crate) use of_points::MaterialOfPoints;
 
-/// A constitutive law and its properties. Each number of a built-in law may also be a formula of X, Y (in space also
+/// A constitutive law and its properties. Each number of a built-in law may also be a formula in X, Y (in space also
 /// Z), the original position, and of the parameters.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "model", rename_all = "kebab-case", deny_unknown_fields)]

@@ -98,7 +98,7 @@ fn placement<const D: usize>(
     Ok(Placement::Lattice(per_axis(spacing)))
 }
 
-/// Checks that a surface lies in the grid; this needs its file.
+/// Checks that an STL surface lies in the grid, which is known only once its file has been read.
 fn surface_in_grid<const D: usize>(
     region: &Region<D>,
     grid: &dyn Grid<D>,
@@ -165,13 +165,13 @@ fn fault<const D: usize>(error: FillError, deck: &BodyDeck) -> Fault {
             "D009",
             "/points_per_tetrahedron",
             format!("a tetrahedron cannot be divided evenly into {n} parts"),
-            "use 1, 8, 27, … or 4",
+            "use 4, or a cube: 1, 8, 27, …",
         ),
         FillError::Uneven(n) => (
             "D009",
             "/points_per_triangle",
             format!("a triangle cannot be divided evenly into {n} parts"),
-            "use 1, 4, 9, 16, … or 8",
+            "use 8, or a square: 1, 4, 9, 16, …",
         ),
         other => ("D028", "", format!("the body {name} cannot be filled: {other}"), "change its shape"),
     };

@@ -26,7 +26,7 @@ pub struct ToolDeck {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = [30, [0, 0, 30]]))]
     pub turned: Option<Turn>,
-    /// Displacement of the reference point along x at load factor 1, [length]: a number, or a formula of `factor` (the
+    /// Displacement of the reference point along x at load factor 1, [length]: a number, or a formula in `factor` (the
     /// load factor), `time` and the parameters. A formula that contains `factor` or `time` states the whole
     /// displacement; any other formula is multiplied by the load factor. 0 by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -112,7 +112,7 @@ impl Check<'_> {
                     .help("give one of the two another name");
                     if let Some(span) = place {
                         let (line, _) = self.source.line_column(span.start);
-                        diagnostic = diagnostic.note(format!("it is first used in line {line}"));
+                        diagnostic = diagnostic.note(format!("it is first used on line {line}"));
                     }
                     self.found.push(diagnostic);
                 }

@@ -332,9 +332,9 @@ impl<'a> Builder<'a> {
         // A text with this many faults is not a deck.
         if let Some(earlier) = earlier.filter(|_| self.diagnostics.len() < 1000) {
             let line = line_starts(self.text).take_while(|start| *start <= earlier.start).count() + 1;
-            let diagnostic = fault("D003", span, format!("the key {} is given twice", quote(text)));
-            let help = format!("keep one of them: remove this one, or the one in line {line}");
-            let diagnostic = diagnostic.note(format!("it is first given in line {line}"));
+            let diagnostic = fault("D003", span, format!("the key {} is given again", quote(text)));
+            let help = format!("keep one of them: remove this one, or the one on line {line}");
+            let diagnostic = diagnostic.note(format!("it is first given on line {line}"));
             self.diagnostics.push(diagnostic.help(help));
         }
         Ok(())
@@ -353,8 +353,9 @@ impl<'a> Builder<'a> {
             return Err(fault("D004", span, "tags are not used in decks").help("remove the `!...`"));
         }
         if self.expects_key() {
-            return Err(fault("D004", span, "a key must be a plain word")
-                .help("an expression in braces needs quotes: \"${h/2}\""));
+            return Err(fault("D004", span, "a key must be a plain word").help(
+                "write the key as a word, `key: value`; if an expression is meant, quote it: \"${h/2}\"",
+            ));
         }
         if self.stack.len() >= MAX_DEPTH {
             return Err(nesting_fault(span));

@@ -214,7 +214,7 @@ impl<'a> Parser<'a> {
                 opened_at,
                 1,
                 "this parenthesis is never closed",
-                format!("add `{symbol}` where it ends"),
+                format!("add `{symbol}` at the end of the part in parentheses"),
             )),
         }
     }

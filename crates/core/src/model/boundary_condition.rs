@@ -37,7 +37,7 @@ pub struct BoundaryCondition<const D: usize> {
     /// Nodes with prescribed displacement.
     pub nodes: NodeSet,
     /// Prescribed displacement along each axis, or along each direction of `axes`, [length]; `None` if the axis is
-    /// free. It is a formula of the coordinates of the node (`D` values), the original position of the material at the
+    /// free. It is a formula in the coordinates of the node (`D` values), the original position of the material at the
     /// node (`D` values) and the load factor. A formula that does not contain the load factor is multiplied by it.
     pub displacement: [Option<Formula>; D],
     /// Directions to which `displacement` refers if they are not the axes: orthonormal vectors, `[direction][axis]`.

@@ -105,7 +105,7 @@ pub enum Pressure<const D: usize> {
     },
 }
 
-/// A quantity with `C` components (one per axis, or a single one), each a formula of position, original position and
+/// A quantity with `C` components (one per axis, or a single one), each a formula in position, original position and
 /// load factor.
 ///
 /// The variables of every component are, in this order: position x (`D` values), original position X (`D` values), the

@@ -46,7 +46,7 @@ pub struct Tool<const D: usize> {
 /// One component of the motion of a tool.
 #[derive(Debug, Clone)]
 pub enum Freedom {
-    /// The displacement, [length], or rotation, [rad], since time 0, as a formula of the load factor and the time, in
+    /// The displacement, [length], or rotation, [rad], since time 0, as a formula in the load factor and the time, in
     /// this order; a formula that depends on neither is multiplied by the load factor. In space, three prescribed
     /// rotations are the components of a rotation vector.
     Prescribed(Formula),

@@ -66,7 +66,7 @@ where
                     "the displacement that {condition} prescribes along {axis} depends on the position, but grid lines \
                      move as a whole"
                 ),
-                "use a number, or a formula of `factor` and parameters".to_owned(),
+                "use a number, or a formula in `factor` and parameters".to_owned(),
             ),
             FollowError::Overlap { with } => {
                 let other = quote(&follow[with].condition);

@@ -134,9 +134,9 @@ where
         let empty = tool.parts.iter().filter(|part| !tool.reaches_into(part, grid));
         for part in empty {
             let message = format!(
-                "the part {} of the tool {} contains none of its surface",
-                quote(&part.name),
-                quote(&tool.name)
+                "no surface of the tool {} lies in its part {}",
+                quote(&tool.name),
+                quote(&part.name)
             );
             let help = match (&part.sides, &part.bounds) {
                 (Some(_), Some(_)) => "the `edges` do not reach into the `box`: change one of the two",

@@ -3,7 +3,7 @@
 use super::Check;
 use super::extent::{Extent, GridBox};
 use crate::diagnostic::Diagnostic;
-use crate::quoting::quote;
+use crate::quoting::{quote, rounded};
 use crate::seeding::placed_in_cells;
 use crate::{AXES, BodyDeck, GridDeck, Method, Parameter, PerAxis};
 
@@ -46,11 +46,12 @@ impl Check<'_> {
     /// Reports an entry that needs a number of dimensions other than that of the deck.
     pub(super) fn of_other_dimension(&mut self, pointer: &str, what: &str, needed: usize) {
         let idealisation = self.deck.analysis.idealisation.name();
-        let (place, help) = match needed {
-            3 => ("space", "`idealisation: solid`"),
-            _ => ("the plane", "`idealisation: plane-strain` or `axisymmetric`"),
+        let (count, help) = match needed {
+            3 => ("three", "`idealisation: solid`"),
+            _ => ("two", "`idealisation: plane-strain` or `axisymmetric`"),
         };
-        let message = format!("{what} exists in {place} only, but the idealisation is `{idealisation}`");
+        let message =
+            format!("{what} exists in {count} dimensions only, but the idealisation is `{idealisation}`");
         self.error("D048", pointer, message, format!("{what} needs {help}"));
     }
 
@@ -253,13 +254,13 @@ impl Check<'_> {
                     let digits = 10f64.powf(6.0 - spacing.log10().floor());
                     let line = (line * digits).round() / digits;
                     let message = format!(
-                        "the {corner} edge {name} = {edge} of the body {} lies {:.6} off the nearest grid line {line}",
+                        "the edge {name} = {edge} (`{corner}`) of the body {} is {} away from the nearest grid line, {name} = {line}",
                         quote(&body.name),
-                        (edge - line).abs()
+                        rounded((edge - line).abs())
                     );
                     let remedy = if is_thin {
                         format!(
-                            "make the cells no larger than the side {} of the body",
+                            "make the cells no larger than the body, which measures {} along {name}",
                             Parameter::Number(extent.side(axis))
                         )
                     } else {

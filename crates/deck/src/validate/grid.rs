@@ -89,9 +89,9 @@ impl Check<'_> {
             );
             let fits = Parameter::Number(count.round().max(1.0) * spacing);
             let help = if count < 1.0 {
-                format!("use a spacing of at most {}, or a size of at least {fits}", Parameter::Number(side))
+                format!("use a spacing that divides {}, or a size of {fits}", Parameter::Number(side))
             } else {
-                format!("{fits} would fit")
+                format!("use a size of {fits}, or a spacing that divides {}", Parameter::Number(side))
             };
             self.error("D027", &format!("/grid/size/{axis}"), message, help);
         }

@@ -111,11 +111,12 @@ impl Check<'_> {
             let repeated = conditions[..index].iter().find(|earlier| condition.repeats(earlier));
             if let (Some(earlier), true) = (repeated, self.deck.stages.is_empty()) {
                 let message = format!(
-                    "the boundary conditions {} and {} prescribe the same displacement of one surface",
+                    "the boundary conditions {} and {} both prescribe the displacement of the surface {} in the same direction",
                     quote(&earlier.name),
-                    quote(&condition.name)
+                    quote(&condition.name),
+                    quote(condition.surface.as_deref().unwrap_or_default())
                 );
-                self.error("D042", &pointer, message, "remove one of the two");
+                self.error("D042", &pointer, message, "remove it from one of the two");
             }
             self.curve(&format!("{pointer}/curve"), condition.curve.as_ref());
         }

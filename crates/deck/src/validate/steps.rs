@@ -168,7 +168,7 @@ impl Check<'_> {
                     quote(key),
                     quote(&tool.name)
                 );
-                let help = "write it as a number, or as a formula of `factor`";
+                let help = "write it as a number, or as a formula in `factor`";
                 self.error("D049", &format!("{pointer}/{key}"), message, help);
             }
             let turns =
