@@ -58,7 +58,7 @@ fn load_step(model: &Model<2>, points: &mut Points<2>, step: Step) -> Option<(Ve
         let g = Vector3::from(padded(&g)) * load.curve.factor(step.end);
         for p in (0..points.len()).filter(|p| load.acts_on[points.body[*p] as usize]) {
             for (v, S, _) in &basis[p] {
-                f_ext.fixed_rows_mut::<3>(3 * v).add_assign(*S * points.mass[p] * g); // (24), (29): b V_p^n = m_p g
+                f_ext.fixed_rows_mut::<3>(3 * v).add_assign(*S * points.mass[p] * g); // (24), (29) with b V_p^n = m_p g
             }
         }
     }
@@ -66,7 +66,7 @@ fn load_step(model: &Model<2>, points: &mut Points<2>, step: Step) -> Option<(Ve
     let (mut delta_d, mut f_react, mut residuals) = (Vector::zeros(n), Vector::zeros(n), Vec::new());
     for _ in 0..=model.newton.max_iterations {
         let (f_int, K) = assemble(model, points, &basis, &delta_d)?;
-        let f_R = &f_ext - f_int + &f_react; // (28) with the sign that (26) needs
+        let f_R = &f_ext - f_int + &f_react; // (28) with the sign that (26) needs, plus f^react, which is zero at first
         residuals.push(f_R.norm() / (&f_ext + &f_react).norm()); // (40)
         if *residuals.last()? <= model.newton.tolerance {
             move_points(points, &basis, &delta_d);

@@ -18,7 +18,7 @@
 //! # Modules
 //!
 //! Read `examples/load_step.rs` first: it solves one load step in plain loops, equation by equation. Then start with
-//! [`solver`], which follows the algorithm of the paper from top to bottom. `docs/theory.md` ends with a list of where
+//! `solver/load_step.rs`, one attempt at a load step, and `solver/newton.rs`, its iterations. `docs/theory.md` ends with a list of where
 //! each equation is implemented, and with the steps for adding a law, a term, a method or a grid.
 //!
 //! | Task | Modules |
@@ -33,7 +33,7 @@
 //! | Linear solvers | [`linear`]: the trait [`linear::Backend`], the direct backend and the multigrid backend |
 //! | Quality of results | [`quality`]: measures of numerical quality, and the warnings derived from them |
 //! | Surfaces of bodies | [`surface`]: samples of the boundary of a body, carried by the grid, for tractions, pressures and weakly prescribed motions |
-//! | Geometry | [`region`]: primitives, closed surfaces from STL files, booleans and motions, with their volumes; [`formula`]: formulas of position and time; [`tool`]: shapes of rigid tools, their closest points, and poses |
+//! | Geometry | [`region`]: primitives, closed surfaces from STL files, booleans and motions, with their volumes; [`formula`]: formulas in position and time; [`tool`]: shapes of rigid tools, their closest points, and poses |
 //! | Many machines | [`ranks`]: the processes that share an analysis, each with the points in its part of the grid; [`ranks::Halo`]: the nodes that several processes touch |
 //! | Resources | [`memory`]: memory limits; [`timing`]: time per phase of a run |
 //!
@@ -70,8 +70,8 @@
 //! | δd | `iterative` in `solver/unknowns.rs` | change of Δd in one iteration, eq. (26) |
 //! | f^int, f^ext | [`internal_force`](assembly::System::internal_force), `f_ext` | internal and external force, eqs. (23) and (29) |
 //! | f^react | `reaction` in `solver/unknowns.rs` | reactions: forces at prescribed degrees of freedom |
-//! | f^R | `out_of_balance` | out-of-balance force f^ext − f^int + f^react, eq. (28) with the sign of eq. (26) |
-//! | K | [`System`](assembly::System) | stiffness matrix of the active nodes, eq. (27) |
+//! | f^R | `out_of_balance` | out-of-balance force f^ext − f^int + f^react: eq. (28) with the sign of eq. (26), plus reactions (section 6 of `docs/theory.md`) |
+//! | K | [`System::matrix`](assembly::System::matrix) | stiffness matrix of the active nodes, eq. (27) |
 //! | λ | `factor` | load factor, if it is unknown |
 //! | – | `globals` | unknowns that belong to no node |
 //! | ρ_y | `yield_radius` | deviatoric yield stress, eq. (43) |

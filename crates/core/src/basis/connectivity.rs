@@ -1,4 +1,4 @@
-//! The links of a load step: the nodes that each point touches, with basis function values and gradients (section 5.1).
+//! The links of a load step: the nodes that each point touches, with basis function values and gradients (section 6.1).
 
 mod divided;
 mod piece;

@@ -39,8 +39,8 @@ impl VonMises {
 /// Result of the return mapping.
 struct Returned<T, const N: usize> {
     response: CompactResponse<T, N>,
-    /// Norm of the trial deviator, [stress].
-    rho: T,
+    /// |s|, norm of the trial deviator, [stress].
+    s_norm: T,
     /// Norm of the plastic strain increment |Δε^p|, [-].
     flow: T,
 }
@@ -63,16 +63,16 @@ impl VonMises {
             *x = *x * (2.0 * shear);
             square += *x * *x;
         }
-        let rho = square.sqrt();
+        let s_norm = square.sqrt();
         let reached = *kappa * self.hardening + T::splat(self.yield_radius);
         let limit = reached * (1.0 + ON_SURFACE);
-        let where_elastic = |yes: T, no: T| rho.where_below(limit, yes, no);
+        let where_elastic = |yes: T, no: T| s_norm.where_below(limit, yes, no);
 
         let growth = EQUIVALENT * self.hardening;
-        let flow = where_elastic(zero, (rho - reached) / T::splat(2.0 * shear + growth)); // |Δε^p|
-        let per_rho = where_elastic(zero, one / rho);
-        let ratio = where_elastic(one, (reached + flow * growth) * per_rho); // ρ/|s|
-        let n = s.map(|x| x * per_rho);
+        let flow = where_elastic(zero, (s_norm - reached) / T::splat(2.0 * shear + growth)); // |Δε^p|
+        let per_norm = where_elastic(zero, one / s_norm);
+        let ratio = where_elastic(one, (reached + flow * growth) * per_norm); // ρ/|s|
+        let n = s.map(|x| x * per_norm);
         let mut tau = s.map(|x| x * ratio);
         for normal in &mut tau[..3] {
             *normal += trace * bulk;
@@ -92,7 +92,7 @@ impl VonMises {
             along: where_elastic(zero, mu * 2.0 - kept),
             n,
         };
-        Returned { response, rho, flow }
+        Returned { response, s_norm, flow }
     }
 }
 
@@ -103,8 +103,8 @@ impl Material for VonMises {
 
     fn update(&self, trial: &Sym3, old: &[f64], new: &mut [f64]) -> Result<Response, MaterialError> {
         new.copy_from_slice(old);
-        let Returned { response, rho, flow } = self.radial_return(&trial.0, &mut new[0]);
-        if !(rho + trial.trace()).is_finite() {
+        let Returned { response, s_norm, flow } = self.radial_return(&trial.0, &mut new[0]);
+        if !(s_norm + trial.trace()).is_finite() {
             return Err(MaterialError::NotFinite);
         }
         let n = Sym3(response.n);

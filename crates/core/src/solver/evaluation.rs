@@ -1,4 +1,4 @@
-//! Evaluation of an iterate: eqs. (19)-(25), (27)-(29), and the residual of eq. (40).
+//! Evaluation of an iterate: eqs. (19)-(23), (27), (28), and the residual of eq. (40).
 
 use crate::assembly::Wanted;
 use crate::step::StepContext;

@@ -58,7 +58,7 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
     ) -> Result<Attempt<D>, Box<FailedAttempt<D>>> {
         let at_once = |error| FailedAttempt::at_once(step, error);
         let (model, old) = (self.model, self.old_links());
-        // The grid is undeformed: S_vp and ∇S_vp are fixed for the step (section 5.1), as is the pattern of K unless
+        // The grid is undeformed: S_vp and ∇S_vp are fixed for the step (section 3.1), as is the pattern of K unless
         // terms outgrow it.
         let link = || old.renew(model.grid.as_ref(), self.points, &model.methods());
         let linked = self.reached.summary.timings.measure(Phase::Basis, link);

@@ -1,4 +1,4 @@
-//! Errors with the point, the node or the law at fault.
+//! Builds errors that name the point, the node or the law at fault.
 
 use crate::basis::{Connectivity, SupportError, SupportFailure};
 use crate::domain::Collapsed;

@@ -33,7 +33,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         let mut iteration = 0;
         loop {
             let wanted = self.wanted();
-            let measured = self.evaluate(wanted).map(|()| self.residual(wanted)); // (19)-(25), (27)-(29), (40)
+            let measured = self.evaluate(wanted).map(|()| self.residual(wanted)); // (19)-(23), (27), (28), (40)
             let Some(residual) = self.settle(iteration, wanted, measured)? else { continue };
             let is_balanced = self.is_balanced();
             if is_balanced && self.augment(iteration)? == Augmentation::Updated {

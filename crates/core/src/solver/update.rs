@@ -220,7 +220,7 @@ fn move_point<const D: usize>(
     for (&local, value) in of_point.local.iter().zip(of_point.value) {
         let du = &delta_d[nodes[local as usize] as usize];
         for d in 0..D {
-            position[d] += value * du[d];
+            position[d] += value * du[d]; // (31)
         }
     }
     let held = match next_grid.structured() {
@@ -232,7 +232,7 @@ fn move_point<const D: usize>(
     }
     let start = &points.converged.position[p];
     let dF = Increment::new(model.revolved, nodes, &of_point, delta_d, start).in_space();
-    let F = dF * points.converged.deformation_gradient[p];
+    let F = dF * points.converged.deformation_gradient[p]; // (16)
     let body = &model.bodies[points.body[p] as usize];
     moved.position = position;
     moved.deformation_gradient = F;
@@ -251,7 +251,7 @@ fn move_point<const D: usize>(
             };
             moved.half_lengths = body
                 .domain_update
-                .half_lengths(&motion)
+                .half_lengths(&motion) // (32)-(39)
                 .map_err(|error| SolveError::collapsed(model, points, p, position, step, error))?;
         }
         DomainKind::Corners => {

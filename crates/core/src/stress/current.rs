@@ -13,7 +13,7 @@ use super::{Contribution, Lane, Lanes, WeakForm, transposed};
 pub struct Current<const D: usize, const E: usize, T = f64> {
     /// V⁰τ with the reference volume V⁰ = V_n/J_n, `[j][i]`, [stress·volume].
     pub stress: [[T; D]; E],
-    /// V⁰ (∂τ/∂L − τ_il δ_jk) with the displacement gradient L in the current configuration, `[l][j][i][k]`,
+    /// V⁰ (∂τ/∂H − τ_il δ_jk) with the displacement gradient H in the current configuration, `[l][j][i][k]`,
     /// [stress·volume]; (A.1) times the volume.
     pub tangent: [[[[T; D]; D]; E]; E],
     /// ΔF⁻¹.

@@ -54,7 +54,7 @@ impl WeakForm<2> for InPlane {
         let [x, y] = *gradient;
         let [along_x, along_y] = &self.stress;
         for i in 0..2 {
-            force[i] += along_x[i] * x + along_y[i] * y;
+            force[i] += along_x[i] * x + along_y[i] * y; // (23)
         }
         let [along_x, along_y] = &self.tangent;
         let (along_x, along_y) =
@@ -71,7 +71,7 @@ impl WeakForm<2> for InPlane {
         let [x, y] = column;
         let (x, y) = (x.as_flattened(), y.as_flattened());
         for (e, entry) in block.as_flattened_mut().iter_mut().enumerate() {
-            *entry += gradient[0] * x[e] + gradient[1] * y[e];
+            *entry += gradient[0] * x[e] + gradient[1] * y[e]; // (21)
         }
     }
 }

@@ -124,8 +124,8 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
         None
     }
 
-    /// Adds the force of the term and, if wanted, its stiffness at these unknowns. The term may change only the trial
-    /// state of the points.
+    /// Adds the force of the term at these unknowns, either to the internal or to the external force of `sum`, and, if
+    /// wanted, its stiffness ∂(f^int − f^ext)/∂Δd. The term may change only the trial state of the points.
     ///
     /// # Errors
     /// [`EvaluateError`]: the first point that could not follow the increment, or a law that failed.
