@@ -89,8 +89,8 @@ impl<const D: usize> Model<D> {
         }
     }
 
-    /// Begins a stage with these factors: adopts its load steps, the courses of its factors, its conditions and its
-    /// materials.
+    /// Begins a stage: adopts its load steps, the variation of its load factors, its conditions and its materials.
+    /// `stands` are the factors reached so far.
     pub fn begin_stage(&mut self, number: usize, stands: &Factors) {
         let Some(stage) = self.stages.get(number) else { return };
         let Stage { stepping, newton, loads, boundary_conditions, .. } = stage;

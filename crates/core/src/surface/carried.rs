@@ -169,7 +169,7 @@ impl<const D: usize> Carried<D> {
         }
     }
 
-    /// Adds N_v f, for a force f on a sample, to the forces on the nodes, [force].
+    /// Distributes a force f on a facet, given by its sample, to the nodes: adds N_v f to `nodal`, [force].
     pub fn spread<const N: usize>(&self, sample: usize, force: &[f64; D], nodal: &mut [[f64; N]]) {
         self.for_each_value(sample, |node, value| {
             (0..D).for_each(|d| nodal[node][d] += value * force[d]);

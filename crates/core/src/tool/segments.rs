@@ -28,7 +28,7 @@ impl Segments {
         self.tree.bounds()
     }
 
-    /// The closest feature within a distance, [length].
+    /// The closest feature at a distance of at most `limit`, [length].
     pub(super) fn nearest(&self, x: &[f64; 2], limit: f64) -> Nearest<2> {
         let mut nearest = Nearest::within(limit);
         self.tree.approach(x, nearest.squared_limit(), |item| {
@@ -49,7 +49,7 @@ impl Segments {
         self.normals[item]
     }
 
-    /// Visits the segments whose boxes come within a distance of a box, [length].
+    /// Visits the segments whose bounding boxes are at most `distance`, [length], from a box.
     pub(super) fn each_near(
         &self,
         [low, high]: &Bounds<2>,

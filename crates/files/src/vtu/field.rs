@@ -43,7 +43,7 @@ pub enum Precision {
     /// 64 bits, 16 digits: the precision of the computation.
     #[default]
     Double,
-    /// 32 bits, 7 digits: half the size. Numbers beyond ±3.4e38 are cut to ±3.4e38.
+    /// 32 bits, 7 digits: half the size. Numbers beyond ±3.4e38 are clamped to ±3.4e38.
     Single,
 }
 

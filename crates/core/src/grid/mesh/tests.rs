@@ -64,7 +64,7 @@ pub(crate) fn hexahedra(n: usize) -> Mesh<3> {
     mesh(&lattice(n), &elements.collect::<Vec<_>>())
 }
 
-/// The same as [`hexahedra`], with each hexahedron cut into six tetrahedra along its diagonal.
+/// The same as [`hexahedra`], with each hexahedron cut into six tetrahedra that share a space diagonal.
 pub(crate) fn tetrahedra(n: usize) -> Mesh<3> {
     const PATHS: [[usize; 2]; 6] = [[1, 3], [3, 2], [2, 6], [6, 4], [4, 5], [5, 1]];
     let cut = |c: [usize; 8]| PATHS.map(|[a, b]| (4, vec![c[0], c[a], c[b], c[7]]));

@@ -110,7 +110,7 @@ impl Messages {
         }
     }
 
-    /// Replaces values by the received values.
+    /// Sends the values of own nodes and overwrites those of the ghosts with the received ones.
     fn copy<const N: usize>(&self, ranks: &Ranks, values: &mut [[f64; N]]) {
         self.pass(ranks, values, |value, new| value.copy_from_slice(new));
     }

@@ -11,9 +11,9 @@ pub(crate) struct Neighbours {
     /// Number of each corner of each facet. A corner at which several sheets of the surface touch has one number for
     /// each sheet.
     pub(crate) corners: Vec<[u32; 3]>,
-    /// Number of corners.
+    /// How many corners there are.
     pub(crate) number: usize,
-    /// The facet beyond the edge from corner k to corner k + 1 of each facet.
+    /// For each facet, its neighbour across the edge from corner k to corner k + 1.
     pub(crate) beyond: Vec<[u32; 3]>,
     /// True for the corners at which several sheets touch.
     pub(crate) touching: Vec<bool>,
