@@ -487,7 +487,7 @@ class Run:
             ...             ram["curve"] = [[0, 0], [step.time, step.time], [1, 0]]
             ...             run.change()
             >>> print(f'{run.history["footing_uy"].min():.3f}')
-            -0.033
+            -0.037
         """
         text, overrides = self._deck._source()
         step = self._step
