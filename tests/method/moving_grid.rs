@@ -277,7 +277,7 @@ fn motions_that_squeeze_cells_are_found_before_the_run() {
     let message = refused("[2, 0.8]", "[1.5, -7], [2, 0]");
     assert_eq!(
         message,
-        "at time 1.44, the grid lines between y = 2 and 4 cannot follow: the cells shrink to 0.094 of their original size; \
+        "at time 1.44, between the original grid lines y = 2 and 4, cells would shrink to 0.094 of their original size; \
          the smallest allowed ratio is 0.1"
     );
     // The second stage begins where the first one ends.
@@ -286,11 +286,14 @@ fn motions_that_squeeze_cells_are_found_before_the_run() {
         .replace("factors: {weight: 1}", "factors: {weight: 1, push: 2}")
         .replace("release: [push], factors: {weight: 1.1}", "factors: {push: 9}");
     let found = build::<2>(&loaded(&by_factors)).unwrap_err();
-    assert!(found[0].message.starts_with("at time 1.58, the grid lines between y = 0 and 2"), "{found:?}");
+    assert!(
+        found[0].message.starts_with("at time 1.58, between the original grid lines y = 0 and 2"),
+        "{found:?}"
+    );
     // A formula may also go astray between the times of the steps.
     let message = refused("uy: -0.3", "uy: -1.9*sin(4*pi*factor)^2");
     assert!(
-        message.contains("the grid lines between y = 0 and 2") && message.contains("shrink to 0.0"),
+        message.contains("between the original grid lines y = 0 and 2") && message.contains("shrink to 0.0"),
         "{message}"
     );
     let message = refused("uy: -0.3", "uy: sqrt(0.9 - factor)");

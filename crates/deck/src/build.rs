@@ -296,7 +296,9 @@ where
             Err(GmshError::Io(_) | GmshError::NotAFile | GmshError::TooLarge { .. }) => {
                 format!("the path is relative to the deck; here it means `{}`", path.display())
             }
-            Err(GmshError::NotGmsh) => "save the mesh from gmsh as `.msh`, format 4.1 or 2.2".to_owned(),
+            Err(GmshError::NotGmsh | GmshError::Version { .. }) => {
+                "save the mesh from gmsh as `.msh`, format 4.1 or 2.2".to_owned()
+            }
             _ => "repair the mesh in gmsh and save it again".to_owned(),
         };
         let mesh = read

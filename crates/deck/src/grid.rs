@@ -47,10 +47,10 @@ pub enum GridDeck {
 pub struct FollowDeck {
     /// Axis along which the lines move.
     pub axis: DeckAxis,
-    /// Coordinate of the first line at the start, [length].
+    /// Original coordinate of the first line, [length].
     #[schemars(extend("examples" = [4]))]
     pub from: f64,
-    /// Coordinate of the last line at the start, [length]; by default `from`.
+    /// Original coordinate of the last line, [length]; by default `from`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = [5]))]
     pub to: Option<f64>,

@@ -103,16 +103,16 @@ impl Check<'_> {
                 (format!("/stages/{stage}"), format!("in the stage {}, ", quote(&model.stages[stage].name)))
             }
         };
-        let place = coordinates(&part.node);
+        let place =
+            if part.whole { String::new() } else { format!(" (with the node {})", coordinates(&part.node)) };
         let found = if part.axes.is_empty() && part.directions.is_empty() {
             let about = match &part.centre {
                 Some(centre) => format!(" about {}", coordinates(centre)),
                 None if D > 2 => String::new(),
                 None => " about a point".to_owned(),
             };
-            let message = format!(
-                "{when}no boundary condition prevents {bodies} at the node {place} from rotating{about}"
-            );
+            let message =
+                format!("{when}no boundary condition prevents {bodies}{place} from rotating{about}");
             let help = if D > 2 {
                 "fix it at three nodes that are not on one line, along more than one axis"
             } else {
@@ -126,7 +126,7 @@ impl Check<'_> {
             let along: Vec<String> = axes.chain(directions).collect();
             let turning = if part.rotations > 0 { ", or against rotation" } else { "" };
             let message = format!(
-                "{when}no boundary condition holds {bodies} at the node {place} along {}{turning}",
+                "{when}no boundary condition holds {bodies}{place} along {}{turning}",
                 either(&along)
             );
             let which = match (along.len(), part.directions.is_empty()) {
@@ -135,8 +135,9 @@ impl Check<'_> {
                 (_, true) => "these axes",
                 (_, false) => "these directions",
             };
+            let further = if part.rotations > 0 { ", and at further nodes against the rotation" } else { "" };
             let help = format!(
-                "fix or prescribe the displacement along {which} at one or more nodes of each separate part"
+                "fix or prescribe the displacement along {which} at one or more nodes of each separate part{further}"
             );
             self.at("D035", &pointer, message).help(help)
         };

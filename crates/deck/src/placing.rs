@@ -132,7 +132,7 @@ pub(super) fn overlaps<const D: usize>(
     let message = |((later, earlier), (count, _, place)): ((u16, u16), (usize, u32, Vec<f64>))| {
         let (lie, at) = if count == 1 { ("lies", "at") } else { ("lie", "the first at") };
         let text = format!(
-            "the body {} overlaps the body {}: {} of one {lie} in the region of the other, {at} {}",
+            "the body {} overlaps the body {}: {} {lie} in the region of the other body, {at} {}",
             name(later),
             name(earlier),
             counted(count, "point", "points"),

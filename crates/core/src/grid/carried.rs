@@ -36,11 +36,11 @@ pub enum CarryError {
 fn squeezed(ratio: f64) -> String {
     if ratio > 0.0 {
         format!(
-            "the cells shrink to {ratio:.3} of their original size; the smallest allowed ratio is {LEAST_SIZE}"
+            "cells would shrink to {ratio:.3} of their original size; the smallest allowed ratio is {LEAST_SIZE}"
         )
     } else {
         format!(
-            "their displacements would invert cells; a cell must keep at least {LEAST_SIZE} of its original size"
+            "displacements would invert cells; a cell must keep at least {LEAST_SIZE} of its original size"
         )
     }
 }

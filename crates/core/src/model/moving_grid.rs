@@ -84,7 +84,7 @@ pub enum GridMotionError {
         value: f64,
     },
     /// Cells would become too small.
-    #[error("at time {time}, the grid lines between {} = {} and {} cannot follow: {error}", ["x", "y", "z"][axis % 3], between[0], between[1])]
+    #[error("at time {time}, between the original grid lines {} = {} and {}, {error}", ["x", "y", "z"][axis % 3], between[0], between[1])]
     Squeezed {
         /// Axis, from 0.
         axis: usize,

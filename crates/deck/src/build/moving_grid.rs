@@ -71,7 +71,7 @@ where
             FollowError::Overlap { with } => {
                 let other = quote(&follow[with].condition);
                 let message = format!("some of these lines of constant {axis} already follow {other}");
-                ("", message, "let each line follow one boundary condition".to_owned())
+                ("", message, "let each line follow only one boundary condition".to_owned())
             }
             FollowError::OnAxis => (
                 "/from",
@@ -96,7 +96,7 @@ where
             }
             _ => {
                 let help = format!(
-                    "keep cells above {LEAST_SIZE} of their size: prescribe smaller displacements, leave more cells \
+                    "keep cells above {LEAST_SIZE} of their original size: prescribe smaller displacements, leave more cells \
                      between lines that move and those that stay, or let the end of the grid follow as well"
                 );
                 ("/grid/follow".to_owned(), help)

@@ -17,8 +17,8 @@ use mpm_core::region::Region;
 /// Largest distance of a node from a box, or from a stated coordinate, at which it counts as lying there, relative to
 /// the size of the cells around it, [-].
 const IN_BOX: f64 = 1e-6;
-/// Distance of the end of a box from the last grid line in it, above which the box is probably meant to reach beyond
-/// this line, relative to the size of a cell, [-].
+/// A box that ends farther than this beyond the last grid line in it is probably meant to reach the next line; relative
+/// to the size of a cell, [-].
 const BETWEEN_LINES: f64 = 0.1;
 
 impl<const D: usize> Builder<'_, D>

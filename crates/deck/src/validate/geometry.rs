@@ -279,7 +279,7 @@ impl Check<'_> {
         for axis in 0..counts.len() {
             if !is_whole(counts[axis]) {
                 let message = format!(
-                    "the side {} of the body along {} is not a whole multiple of the point spacing {}",
+                    "the length of the body, {} along {}, is not a whole multiple of the point spacing {}",
                     extent.side(axis),
                     AXES[axis],
                     spacing[axis]

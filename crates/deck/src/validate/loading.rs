@@ -132,8 +132,7 @@ impl Check<'_> {
             } else {
                 "nodes are selected in more than one way here"
             };
-            let help =
-                "give exactly one of: coordinates (`x`, `y`, in space `z`), `box`, `group`, `outer_layer`";
+            let help = "give exactly one of: coordinates (`x`, `y` and, in space, `z`), `box`, `group`, `outer_layer`";
             self.error("D019", pointer, message, help);
         }
         if nodes.z.is_some() && self.dimensions() < 3 {

@@ -78,7 +78,7 @@ impl Check<'_> {
                 );
             } else if self.stays_zero(load.curve()) {
                 let message = format!("the factor of the load {name} is zero at all times");
-                let help = "give a factor that is not zero at some time of the analysis, or remove the load";
+                let help = "give a factor that is nonzero at some time of the analysis, or remove the load";
                 self.warn("D037", &format!("/loads/{index}/curve"), message, help);
             } else {
                 any = true;
@@ -93,7 +93,8 @@ impl Check<'_> {
             if moves && self.stays_zero(condition.curve.as_ref()) {
                 let name = quote(&condition.name);
                 let message = format!("the factor of the boundary condition {name} is zero at all times");
-                let help = "give a factor that is not zero at some time of the analysis, or fix the nodes with `fix`";
+                let help =
+                    "give a factor that is nonzero at some time of the analysis, or fix the nodes with `fix`";
                 self.warn("D037", &format!("/boundary_conditions/{index}/curve"), message, help);
             } else if moves && condition.curve.is_none() && !moves_by_formula(condition) {
                 let at = format!("/boundary_conditions/{index}/name");
@@ -170,8 +171,8 @@ impl Check<'_> {
     fn tolerance(&mut self, pointer: &str, tolerance: f64) {
         if tolerance > LOOSE {
             let message = format!(
-                "with the tolerance {tolerance} a step is accepted as in equilibrium although {} % of its \
-                 load is out of balance",
+                "with the tolerance {tolerance} a step is accepted as in equilibrium although up to {} % of \
+                 its load is out of balance",
                 rounded(100.0 * tolerance)
             );
             let help = "use 1e-6 or less: convergence is quadratic, so this costs only a few more iterations";

@@ -47,7 +47,7 @@ pub enum GmshError {
     #[error("not a gmsh mesh file: it does not begin with a section `$MeshFormat`")]
     NotGmsh,
     /// The format version is not supported.
-    #[error("gmsh format {version} is not supported; save the mesh in format 4.1 or 2.2")]
+    #[error("gmsh format {version} is not supported")]
     Version {
         /// Version stated by the file.
         version: String,
