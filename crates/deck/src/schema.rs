@@ -136,7 +136,7 @@ fn forbid_null(object: &mut Map<String, Value>) {
     }
 }
 
-/// Removes formats, which editors do not know; the range of an integer takes the place of its format.
+/// Removes the formats `uint32` and `double`, which editors do not know; the range of a `uint32` takes its place.
 fn state_integer_range(object: &mut Map<String, Value>) {
     let format = object.get("format").and_then(Value::as_str).map(str::to_owned);
     if matches!(format.as_deref(), Some("uint32" | "double")) {

@@ -132,8 +132,8 @@ impl Deck {
         self.courses().iter().map(|(_, steps)| steps.count as usize).sum()
     }
 
-    /// True if a body exists, or a boundary condition acts, before the first stage. This depends on whether `begins` or
-    /// `ends` names it first.
+    /// True if a body exists, or a boundary condition acts, before the first stage. False only if the first stage that
+    /// names it under `begins` or `ends` names it under `begins` alone.
     pub(crate) fn is_there_at_start(
         &self,
         name: &str,

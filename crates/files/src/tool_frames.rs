@@ -49,7 +49,8 @@ impl Outlined {
         }
     }
 
-    /// The facet of a part whose centre is closest to a position in the frame of the tool.
+    /// Among the facets on one side of the tool, `part`, the one whose centre is closest to a position in the frame of
+    /// the tool.
     fn facet_at<const D: usize>(&self, part: usize, x: &[f64; D]) -> Option<usize> {
         let distance = |k: &usize| (0..D).map(|d| (self.centres[*k][d] - x[d]).powi(2)).sum::<f64>();
         let of_part = (0..self.facets.len()).filter(|k| self.parts[*k] == part);

@@ -80,7 +80,7 @@ impl Multifrontal {
         if self.fronts.kept > 0 { self.fronts.front.last().map_or(0, Front::update_len) } else { 0 }
     }
 
-    /// Entries and operations of the factor, without the padding of fronts.
+    /// Number of entries of the factor, and of operations that compute it, without the padding of fronts.
     pub fn size(&self) -> FactorSize {
         let mut size = FactorSize::default();
         for front in self.fronts.eliminated() {

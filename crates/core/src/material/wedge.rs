@@ -103,7 +103,7 @@ struct Flowed {
     kappa: f64,
     /// Direction of the deviatoric plastic strain increment times √(2/3); zero if there is no such increment.
     direction: [f64; 3],
-    /// Derivative of `kappa` with respect to the assumed κ.
+    /// Derivative of `kappa` with respect to the κ at which the strength is evaluated.
     slope: f64,
 }
 

@@ -124,7 +124,7 @@ pub struct Filling<'a, const D: usize> {
     pub in_group: &'a (dyn Fn(usize, usize) -> bool + Sync),
     /// Body number.
     pub body: u16,
-    /// The domains of the points.
+    /// Kind of the domains of the points.
     pub domain: DomainKind,
     /// Density, [mass/volume].
     pub density: f64,

@@ -25,7 +25,7 @@ pub enum Code {
     /// A body has come apart, or connected bodies have separated.
     #[serde(rename = "W005")]
     Apart,
-    /// The material leaves the nodes that prescribe its motion.
+    /// The material leaves the nodes whose motion is prescribed.
     #[serde(rename = "W006")]
     LeftNodes,
     /// Bodies act on each other across a gap.
@@ -138,7 +138,7 @@ impl Location {
     }
 }
 
-/// A fact, beyond the code of a warning, that decides what may help.
+/// A fact that, together with the code of a warning, determines the advice.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Detail {

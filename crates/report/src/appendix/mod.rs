@@ -1,7 +1,7 @@
 //! Reports: the results of runs as one page, for the appendix of an engineer's document.
 //!
-//! A page is one self-contained HTML file, which can be sent, printed and archived. It is made only from the result
-//! files, so a report can be written long after the run, or during it.
+//! A page is one self-contained HTML file, which can be sent, printed and archived. A page about runs is made only
+//! from the result files, so it can be written long after the run, or during it.
 //!
 //! `run` reads a directory. `chart` (with `scale`) draws curves, `picture` (with `scene`, `view`, `raster` and
 //! `colour`) draws the points; `page` numbers sections, figures and tables. `single` (with `stages` and `tools`) and

@@ -8,7 +8,7 @@ pub(super) const MOST: usize = 300;
 
 /// Reasons why the conjugate gradient iterations end without a solution.
 pub(super) enum Failure {
-    /// A search direction or the preconditioner has shown that the matrix is not positive definite.
+    /// The matrix or the preconditioner is not positive definite: pᵀAp or rᵀz is not positive.
     NotPositiveDefinite {
         /// Number of iterations so far.
         iterations: usize,
