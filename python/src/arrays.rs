@@ -4,7 +4,7 @@ use numpy::{PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-/// One number for each point, or a row of `components` numbers.
+/// An array with one number, or one row of `components` numbers, for each point.
 pub fn matrix<'py>(py: Python<'py>, values: Vec<f64>, components: usize) -> PyResult<Bound<'py, PyAny>> {
     let rows = values.len() / components.max(1);
     let flat = PyArray1::from_vec(py, values);

@@ -67,10 +67,10 @@ pub struct Laws {
     calls: Calls,
 }
 
-/// A law that replaces that of a material.
+/// A law that replaces the law of a material.
 #[derive(Clone)]
 enum Given {
-    /// An adapter of the package around the object of a user.
+    /// The package's adapter around an object of the user.
     Adapter(Facts, Arc<Py<PyAny>>),
     /// A law of the program, as the material of a deck. It runs as in a deck, without the interpreter.
     BuiltIn(serde_json::Value),
@@ -160,7 +160,7 @@ impl Laws {
     }
 }
 
-/// A law of the program with the density that the deck states for another material.
+/// A law of the program, with the density that the deck states for the material whose law it replaces.
 fn with_density_of(of_deck: &MaterialDeck, law: &serde_json::Value) -> Result<MaterialDeck, Raised> {
     let unusable = |error: serde_json::Error| Raised::misuse(format!("the material cannot be used: {error}"));
     let mut document = law.clone();
@@ -266,7 +266,7 @@ impl Material for PythonLaw {
                 self.adapter.call_method1(py, "plastic_work", (history,))?.extract(py)?;
             Ok(work.as_slice()?[0])
         };
-        // A work of NaN ends the run.
+        // NaN plastic work ends the run.
         self.with_interpreter(asked).unwrap_or(f64::NAN)
     }
 

@@ -1,8 +1,8 @@
 //! The Python module `mpm._mpm`: decks, runs, laws and results of the material point method, for the package `mpm`.
 //!
-//! The package wraps it in classes with documentation; nothing here is meant to be called by users. Structured data
-//! pass between Rust and Python as JSON, arrays as NumPy arrays. The analysis runs on a thread of its own, which holds
-//! the interpreter lock only while it calls a law defined in Python.
+//! The package wraps this module in classes with documentation; nothing here is meant to be called by users. Structured
+//! data pass between Rust and Python as JSON, arrays as NumPy arrays. The analysis runs on a thread of its own, which
+//! holds the interpreter lock only while it calls a law defined in Python.
 
 mod arrays;
 mod decks;

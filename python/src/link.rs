@@ -29,7 +29,7 @@ pub struct Changed {
     pub analysis: Analysis,
 }
 
-/// The tables of a run.
+/// Names of the tables of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Name {
     History,

@@ -41,7 +41,7 @@ pub fn pool(threads: Option<usize>) -> Result<ThreadPool, Raised> {
     built.map_err(|error| Raised::misuse(format!("the threads cannot be started: {error}")))
 }
 
-/// Builds the model of a deck up to the first load step.
+/// Prepares the model of a deck for its first load step.
 pub fn prepared(loaded: LoadedDeck, pool: &ThreadPool) -> Result<Prepared, Raised> {
     let built = pool.install(|| ready::prepare(loaded, Memory::of_this_machine(), false));
     built.map_err(Raised::Deck)
@@ -310,13 +310,13 @@ impl Session {
         received(py, answer)
     }
 
-    /// Waits until the run pauses or ends; the report of the step as JSON, if there is one.
+    /// Waits until the run pauses or ends; returns the report of the step as JSON, if there is one.
     fn wait(&self, py: Python<'_>, running: &mut Running) -> PyResult<Option<String>> {
         let hears = self.on_iteration.lock().ok().and_then(|heard| heard.as_ref().map(|f| f.clone_ref(py)));
         self.wait_until(py, running, hears.as_ref())
     }
 
-    /// The same as `wait`, but calls `hears`, if given, in place of `on_iteration` for every iteration.
+    /// The same as `wait`, but for every iteration calls `hears`, if given, instead of `on_iteration`.
     fn wait_until(
         &self,
         py: Python<'_>,

@@ -23,7 +23,7 @@ use serde_json::{Map, Value, json};
 use crate::link::{Array, Changed, Ended, Event, Failure, Link, Request};
 use crate::tools::tools_document;
 
-/// Writes the files of a run, and its status.
+/// Writers of the files and the status of a run.
 pub struct Files {
     pub results: Results,
     pub progress: Progress,
@@ -92,7 +92,7 @@ impl Worker {
         }
     }
 
-    /// Makes the files and the summary those of another deck.
+    /// Updates the files and the summary for another deck.
     fn change(&mut self, deck: &LoadedDeck) {
         self.record.restate(|account| deck.restate(account));
         if let Some(files) = &mut self.files {

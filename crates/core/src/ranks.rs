@@ -170,12 +170,12 @@ impl Ranks {
         -self.largest(-value)
     }
 
-    /// True if `is` is true on any rank.
+    /// True if any rank passes true.
     pub fn any(&self, is: bool) -> bool {
         if self.is_alone() { is } else { self.largest(f64::from(u8::from(is))) > 0.0 }
     }
 
-    /// True if `is` is true on all ranks.
+    /// True if all ranks pass true.
     pub fn all(&self, is: bool) -> bool {
         !self.any(!is)
     }

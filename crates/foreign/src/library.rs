@@ -36,7 +36,7 @@ type Known = (u128, Result<Arc<Library>, LibraryError>);
 static KNOWN: Mutex<BTreeMap<PathBuf, Known>> = Mutex::new(BTreeMap::new());
 
 impl Library {
-    /// Loads the library in a file, once during the life of the program; `hash` is the hash of the file contents.
+    /// Loads the library in a file, once in the lifetime of the program; `hash` is the hash of the file contents.
     /// Loading runs code of the library.
     ///
     /// # Errors

@@ -5,16 +5,16 @@ use mpm_core::linear::{Backend, BlockMatrix, Divided, Layout, LinearError, Solve
 
 use crate::direct::Direct;
 
-/// On more than [`MOST_RANKS`] ranks, MUMPS factorises the systems of three-dimensional problems that have more
-/// unknowns than this, where prescribed components count as unknowns, too. In the core's factorisation, a single rank
-/// eliminates the last separator, which takes a growing share of the time. On few ranks MUMPS takes longer, and its
-/// results are not bitwise reproducible.
+/// Number of unknowns above which MUMPS factorises the systems of three-dimensional problems on more than
+/// [`MOST_RANKS`] ranks; prescribed components are counted, too. In the core's factorisation, a single rank eliminates
+/// the last separator, which takes a growing share of the time. MUMPS takes longer on few ranks, and its results are
+/// not bitwise reproducible.
 pub const MOST_UNKNOWNS: f64 = 2e5;
 
 /// Largest number of ranks that factorise such systems without MUMPS.
 pub const MOST_RANKS: usize = 4;
 
-/// Factorises with the core, divided between ranks, or with MUMPS if there are many unknowns and ranks.
+/// Factorises with the divided backend of the core, or with MUMPS if there are many unknowns and ranks.
 pub struct ByExtent<const D: usize, const N: usize = D> {
     divided: Divided<D, N>,
     /// `None` while the core factorises.

@@ -106,7 +106,7 @@ impl<const D: usize, const N: usize> Backend<D, N> for Direct<N> {
         let outcome = system.factorise(layout.halo, matrix);
         let outcome = agree(ranks, outcome);
         if matches!(outcome, Err(LinearError::Library(_))) {
-            self.system = None; // PETSc may have left its objects in the middle of a call
+            self.system = None; // PETSc may have left its objects in an undefined state
         }
         outcome
     }
@@ -218,8 +218,8 @@ impl<const N: usize> System<N> {
         halo.ranks().any(own.iter().any(|shift| *shift > 0.0)).then_some(own)
     }
 
-    /// True if the factor of the shifted matrix solves the original equations for a right-hand side for which they have
-    /// a solution.
+    /// True if the factor of the shifted matrix solves the original equations for a right-hand side that has a
+    /// solution.
     fn is_accurate(&mut self, ranks: &Ranks) -> Result<bool, LinearError> {
         let some: Vec<f64> = (0..self.known.numbers().own()).map(|j| 1.0 + (j % 7) as f64).collect();
         let trial = self.multiply(&some)?;

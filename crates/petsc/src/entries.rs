@@ -119,8 +119,8 @@ impl<const N: usize> GlobalNumbers<N> {
         Ok([rows, columns])
     }
 
-    /// Values of the same entries; zero unless `is_coupled` holds for the index of the row and for that of the column.
-    /// `diagonal` lists the values of the further entries.
+    /// Values of the entries that `entries` lists; zero unless `is_coupled` holds for the indices of both the row and
+    /// the column. `diagonal` lists the values of the further entries.
     ///
     /// # Errors
     /// [`LinearError::OutOfMemory`].

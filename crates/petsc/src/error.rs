@@ -45,7 +45,7 @@ pub enum Error {
 /// The message of the last error.
 static MESSAGE: Mutex<String> = Mutex::new(String::new());
 
-/// Replaces PETSc's error handler, which prints messages, by one that keeps the message.
+/// Keeps the message of an error; used in place of PETSc's own error handler, which prints it.
 pub(crate) unsafe extern "C" fn keep_message(
     _: ffi::MPI_Comm,
     _: c_int,

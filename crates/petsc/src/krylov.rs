@@ -1,4 +1,4 @@
-//! The iterative backend over many ranks: conjugate gradients or GMRES of PETSc, preconditioned by its algebraic
+//! The iterative backend over many ranks: PETSc's conjugate gradients or GMRES, preconditioned by PETSc's algebraic
 //! multigrid or by a preconditioner that the caller provides.
 
 mod shell;
@@ -191,7 +191,7 @@ impl<const D: usize, const N: usize> Backend<D, N> for Krylov<D, N> {
         };
         let outcome = agree(layout.halo.ranks(), run.solve(&mut context, b, x, tolerance));
         if matches!(outcome, Err(LinearError::Library(_))) {
-            *system = None; // PETSc may have left its objects in the middle of a call
+            *system = None; // PETSc may have left its objects in an undefined state
         }
         outcome
     }

@@ -26,7 +26,7 @@ pub(crate) struct Vector(ffi::Vec_);
 unsafe impl Send for Vector {}
 
 impl Vector {
-    /// A vector with `own` numbers on this rank, in blocks.
+    /// A vector with `own` numbers on this rank, in blocks of `block` numbers.
     pub fn new(own: usize, block: usize) -> Result<Self, Error> {
         let mut vector = ffi::Vec_::NULL;
         // SAFETY: PETSc is running, and the pointer refers to a local variable.
@@ -42,14 +42,14 @@ impl Vector {
         self.0
     }
 
-    /// Works on the `own` numbers of this rank.
+    /// Calls `work` with the `own` numbers of this rank.
     pub fn with<T>(&mut self, own: usize, work: impl FnOnce(&mut [f64]) -> T) -> Result<T, Error> {
         // SAFETY: The vector holds `own` numbers on this rank, and is borrowed exclusively.
         unsafe { with_numbers(self.0, own, work) }
     }
 }
 
-/// Works on the numbers of a vector on this rank.
+/// Calls `work` with the numbers of a vector on this rank, which it may change.
 ///
 /// # Safety
 /// The vector must exist, hold `own` numbers on this rank, and be used by nobody else.
@@ -73,7 +73,7 @@ pub(crate) unsafe fn with_numbers<T>(
     Ok(found)
 }
 
-/// Reads the numbers of a vector on this rank.
+/// Calls `work` with the numbers of a vector on this rank, for reading only.
 ///
 /// # Safety
 /// The vector must exist, hold `own` numbers on this rank, and not be written meanwhile.
@@ -113,8 +113,8 @@ pub(crate) struct Matrix(ffi::Mat);
 unsafe impl Send for Matrix {}
 
 impl Matrix {
-    /// A sparse matrix with `own` rows on this rank, in blocks, from the rows and columns of entries on any rank.
-    /// Entries at the same position are added up.
+    /// A sparse matrix with `own` rows on this rank, in blocks of `block` rows, from the rows and columns of entries on
+    /// any rank. Entries at the same position are added up.
     pub fn sparse(
         own: usize,
         block: usize,
@@ -172,7 +172,7 @@ impl Matrix {
         Ok(())
     }
 
-    /// States that rigid-body motions of the own nodes, at these positions, meet little resistance.
+    /// Sets the near-null space to the rigid-body motions of the own nodes, which are at these positions.
     pub fn set_near_rigid_motions<const D: usize>(
         &self,
         positions: impl Iterator<Item = [f64; D]>,

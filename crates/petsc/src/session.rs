@@ -28,7 +28,7 @@ pub(crate) fn is_running() -> bool {
     RUNNING.load(Ordering::Acquire)
 }
 
-/// MPI and PETSc at work, until this value is dropped; the communicator and all solvers must not be used after that.
+/// MPI and PETSc, which run until this value is dropped; the communicator and all solvers must not be used after that.
 /// The session stays on the thread that started it.
 ///
 /// If the thread panics, its session aborts all ranks, which would otherwise wait for this rank.
@@ -76,7 +76,7 @@ pub fn start(options: &str) -> Result<Session, Error> {
 /// Starts MPI unless it is already running; returns true if it was not.
 fn start_mpi() -> Result<bool, Error> {
     let (mut runs, mut provided) = (0, 0);
-    // SAFETY: MPI allows the first call at any time, and the others before or after its start.
+    // SAFETY: MPI allows the first call at any time, the second before its start, and the third after it.
     let code = unsafe {
         ffi::MPI_Initialized(&mut runs);
         match runs {

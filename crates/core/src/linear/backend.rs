@@ -123,7 +123,7 @@ impl<const D: usize, const N: usize> Layout<'_, D, N> {
 pub struct Stiffness<'a, const N: usize> {
     /// The matrix over all components of the active nodes, whether unknown or not.
     pub matrix: BlockMatrix<'a, N>,
-    /// The division of its columns between threads.
+    /// The division of the columns of the matrix into tasks.
     pub division: &'a mut Division<N>,
 }
 

@@ -7,7 +7,7 @@ use pulp::Arch;
 /// The block of a pair of nodes, `[i][k]`: row component i, column component k.
 pub type Block<const N: usize> = [[f64; N]; N];
 
-/// Smallest number of columns in a task, except in the last one.
+/// Smallest number of columns in a task, except the last task.
 const COLUMNS: usize = 2048;
 
 /// Largest number of rows in a sum that is not divided further.
@@ -185,7 +185,7 @@ mod tests {
             let (a, b) = (r.max(c) as f64, r.min(c) as f64);
             let off = 0.1 * (a - b);
             let block = [[2.0 + (a * 0.7).sin(), off], [(b * 0.3).cos(), 1.0 - off]];
-            // In a symmetric matrix, this is the mirror image.
+            // A block above the diagonal is the transpose of its mirror image.
             if r >= c { block } else { [[block[0][0], block[1][0]], [block[0][1], block[1][1]]] }
         };
         let x: Vec<[f64; 2]> = (0..n).map(|i| [(i as f64).sin(), (i as f64).cos()]).collect();

@@ -22,8 +22,8 @@ pub enum Choice {
 /// Number of operations of a factorisation, divided by the cube of the number of columns of its last separator.
 const WORK_OF_SEPARATOR: f64 = 5.0;
 
-/// Number of operations that a factorisation performs in twice the time that conjugate gradients take per block of the
-/// matrix, including set-up and all iterations; measured, see `docs/performance.md`.
+/// Number of operations of a factorisation, per block of the matrix, at which it takes twice as long as conjugate
+/// gradients with their set-up; measured, see `docs/performance.md`.
 const WORK_OF_BLOCK: f64 = 40e3;
 
 /// Number of unknowns up to which a factorisation is faster in the plane.

@@ -18,7 +18,7 @@ const LITTLE: u64 = 64 << 20;
 /// hardly touch.
 pub(super) const WEAK: f64 = 1e-2;
 
-/// Weak unknowns count as lost if they move farther than the others by more than this factor.
+/// Weak unknowns count as lost if they move more than this many times as far as the others.
 pub(super) const LOST: f64 = 1e5;
 
 /// Relative shift of the diagonal entries of weak unknowns that leave the matrix singular.
@@ -33,7 +33,7 @@ pub(super) const REFINEMENTS: usize = 4;
 /// Relative residual at which iterative refinement after a shift stops.
 const REFINED_RESIDUAL: f64 = 1e-12;
 
-/// Relative residual at which iterative refinement aims if pivots are not exchanged, to match the accuracy of LU with
+/// Relative residual that iterative refinement aims for if pivots are not exchanged, to match the accuracy of LU with
 /// pivoting.
 pub(super) const ROUND_OFF: f64 = 1e-14;
 
@@ -41,16 +41,16 @@ pub(super) const ROUND_OFF: f64 = 1e-14;
 /// other matrix by LU. If the result is not accurate, it uses LU with pivoting.
 ///
 /// If weak unknowns leave the matrix singular to working precision, their diagonal entries are shifted and solutions
-/// are refined until they solve the original equations. This happens if only a corner of a domain touches two nodes:
-/// their basis functions are then proportional to each other, so that one combination of the two nodal motions causes
-/// no strain and no displacement, and carries no load.
+/// are refined until they solve the original equations. This happens if two nodes are touched only by the same corner
+/// of one domain: their basis functions are then proportional to each other, so that one combination of the two nodal
+/// motions causes no strain and no displacement, and carries no load.
 ///
-/// Threads share the fronts of LLᵀ and LU in a way that leaves the factor the same to the last bit; everything else
-/// runs on one thread.
+/// Threads share the work on the fronts of LLᵀ and LU, and the factor is the same to the last bit for any number of
+/// threads; everything else runs on one thread.
 #[derive(Default)]
 pub struct Direct {
     pattern: Pattern,
-    /// Index of the diagonal entry of each unknown, if the multifrontal factorisation has a layout.
+    /// Index of the diagonal entry of each unknown, if the pattern has a multifrontal layout.
     diagonal: Vec<usize>,
     /// The unknowns in the order of elimination.
     order: Vec<usize>,
@@ -294,7 +294,7 @@ impl Direct {
     }
 
     /// Replaces the right-hand side by the solution of the equations without the shift, refined until its relative
-    /// residual is at most `enough`, if it can be; returns the residual reached.
+    /// residual is at most `enough`, if possible; returns the residual reached.
     fn refine(&mut self, rhs: &mut [f64], enough: f64) -> f64 {
         let given = rhs.to_vec();
         self.back_substitute(rhs);
@@ -406,7 +406,7 @@ fn norm(v: &[f64]) -> f64 {
     v.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
-/// The index of the diagonal entry of each unknown; a multifrontal pattern has all diagonal entries.
+/// The index of the diagonal entry of each unknown; a pattern with a multifrontal layout has all diagonal entries.
 fn diagonal(pattern: &Pattern) -> Vec<usize> {
     let place = |j: usize| {
         let start = pattern.column_start[j];

@@ -185,7 +185,8 @@ impl<const D: usize, const N: usize> Backend<D, N> for DirectBackend {
             return self.prepare_contained(layout, matrix, pattern);
         }
         self.kept = None;
-        // The order may change while the pattern stays; a resumed run has no earlier one.
+        // The order is always computed afresh: it may change while the pattern stays, and a resumed run has no earlier
+        // order.
         let order = elimination_order(layout.lattice, layout.numbering, matrix, |_| true);
         self.direct.analyse(pattern, order).map(|_| ())
     }

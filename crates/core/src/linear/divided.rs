@@ -1,6 +1,6 @@
-//! The direct backend for several ranks: each rank eliminates the unknowns in its matrix alone; pairs of ranks,
-//! pairs of pairs and so on eliminate the unknowns that they share. Rank 0 gathers and factorises systems that are
-//! small or that cannot be solved in this way.
+//! The direct backend for several ranks: each rank eliminates the unknowns that only its own matrix couples; pairs of
+//! ranks, pairs of pairs and so on eliminate the unknowns that they share. Rank 0 gathers and factorises systems that
+//! are small or that cannot be solved in this way.
 
 mod stages;
 #[cfg(test)]
@@ -27,7 +27,7 @@ pub struct Divided<const D: usize, const N: usize = D> {
     parts: Option<Parts<N>>,
     /// Rank 0 factorises systems with fewer unknowns than this.
     fewest: f64,
-    /// True if the last matrix had no divided factor and was not positive definite.
+    /// True if rank 0 factorised the last matrix and found it not positive definite.
     is_indefinite: bool,
 }
 

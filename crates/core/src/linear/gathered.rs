@@ -183,7 +183,7 @@ impl<const D: usize, const N: usize> Gathered<D, N> {
         self.direct.kept()
     }
 
-    /// Passes the outcome on rank 0 to all ranks; an unknown in an error is converted to its index on the receiving
+    /// Passes the outcome of rank 0 to all ranks; an unknown in an error is converted to its index on the receiving
     /// rank.
     fn share<T: Serialize + DeserializeOwned>(
         &self,

@@ -16,11 +16,11 @@ use conjugate::ConjugateGradients;
 use gmres::Gmres;
 
 /// The iterative backend on structured grids. It applies the assembled matrix block by block; only the preconditioner
-/// keeps a copy, in single precision. The preconditioner of an unsymmetric matrix is computed from its symmetric part,
-/// which is also kept, in double precision.
+/// keeps a copy, in single precision. For an unsymmetric matrix, the preconditioner is computed from the symmetric part
+/// of the matrix, which is also kept, in double precision.
 ///
-/// Several ranks together compute the same result as a single rank, up to round-off: products are completed, and sums
-/// run over the nodes of all ranks.
+/// Several ranks together compute the same result as a single rank, up to round-off: matrix products are completed
+/// across ranks, and scalar products run over the nodes of all ranks.
 #[derive(Default)]
 pub struct Krylov<const D: usize, const N: usize = D> {
     preconditioner: Preconditioner<D, N>,

@@ -66,7 +66,7 @@ impl<const D: usize> Lattice<D> {
             }
         }
         ranks.maximum(&mut largest);
-        // Conversions saturate if there is no node.
+        // Without nodes, the values are infinite and the conversions saturate.
         let low: [u32; D] = std::array::from_fn(|d| -largest[d] as u32);
         let extent = std::array::from_fn(|d| (largest[D + d] as u32).saturating_sub(low[d]) + 1);
         for p in &mut place {
@@ -278,7 +278,7 @@ impl Transfer {
         Transfer { parent_start, parent, child_start, child }
     }
 
-    /// Extends the coarse nodes to this number; no fine node of this rank is interpolated from the added nodes.
+    /// Extends the list of coarse nodes to this length; no fine node of this rank is interpolated from the added nodes.
     pub(super) fn extend(&mut self, n_coarse: usize) {
         let end = self.child_start.last().copied().unwrap_or(0);
         self.child_start.resize(n_coarse + 1, end);

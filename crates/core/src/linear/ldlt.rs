@@ -26,7 +26,7 @@ pub(super) struct ZeroPivot {
 
 impl Ldlt {
     /// Lays out the factor for this order of elimination. `ask_for` receives the number of additional bytes needed for
-    /// the factor and for working space; `present` values of the factor exist already. `ask_for` can refuse.
+    /// the factor and for working space; room for `present` values of the factor exists already. `ask_for` can refuse.
     pub fn new(
         pattern: &Pattern,
         order: &[usize],

@@ -77,7 +77,8 @@ pub enum Factorisation {
     Lu,
     /// LU with a negative pivot or with pivoting; it also serves symmetric matrices that LDLᵀ cannot solve.
     LuIndefinite,
-    /// No factorisation: conjugate gradients with a multigrid preconditioner; they found the matrix positive definite.
+    /// No factorisation: conjugate gradients with a multigrid preconditioner, for a symmetric matrix that has shown no
+    /// negative curvature.
     Multigrid,
     /// No factorisation: generalised minimal residuals with a multigrid preconditioner, for an unsymmetric matrix whose
     /// symmetric part has shown no negative curvature.
@@ -92,16 +93,16 @@ pub enum Factorisation {
 
 impl Factorisation {
     /// True if the matrix was positive definite. An unsymmetric matrix counts as positive definite if all pivots of its
-    /// LU are positive (which holds if its symmetric part is positive definite), or if GMRES has found no negative
-    /// curvature of its symmetric part.
+    /// LU are positive (which holds if its symmetric part is positive definite), or if the set-up of the multigrid
+    /// preconditioner has found no negative curvature of its symmetric part.
     pub fn is_definite(self) -> bool {
         use Factorisation::{Cholesky, Lu, Multigrid, MultigridUnsymmetric};
         matches!(self, Cholesky | Lu | Multigrid | MultigridUnsymmetric)
     }
 
-    /// True if the matrix shows that an equilibrium is unstable; `has_potential` tells if all forces derive from a
+    /// True if the matrix shows that an equilibrium is unstable; `has_potential` tells whether all forces derive from a
     /// potential, at least approximately. The signs of the pivots of an unsymmetric matrix depend on the order of the
-    /// unknowns, so friction says nothing about stability.
+    /// unknowns, so without a potential, as with friction, they say nothing about stability.
     pub fn shows_instability(self, has_potential: bool) -> bool {
         use Factorisation::{Ldlt, MultigridIndefinite};
         !self.is_definite() && (has_potential || matches!(self, Ldlt | MultigridIndefinite))
@@ -119,7 +120,7 @@ impl Factorisation {
 pub struct FactorSize {
     /// Entries of L, or of L and U.
     pub entries: usize,
-    /// Number of sums and products of the factorisation, to leading order.
+    /// Number of additions and multiplications of the factorisation, to leading order.
     pub operations: f64,
 }
 
@@ -184,7 +185,7 @@ impl Serialize for Text {
 
 impl<'de> Deserialize<'de> for Text {
     fn deserialize<D: serde::Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
-        // Ranks exchange such an error once, at the end of a run.
+        // The leak is harmless: ranks exchange such an error once, at the end of a run.
         Ok(Text(Box::leak(String::deserialize(from)?.into_boxed_str())))
     }
 }
@@ -192,7 +193,7 @@ impl<'de> Deserialize<'de> for Text {
 /// A direct solver for sparse linear systems, as used by the direct [`Backend`].
 pub trait LinearSolver {
     /// Prepares for matrices of this pattern; `order` lists the unknowns in the order of elimination. Does nothing if
-    /// the pattern and the order are those analysed last; returns true if the pattern was analysed.
+    /// the pattern and the order are the same as in the last analysis; returns false in this case, and true otherwise.
     ///
     /// # Errors
     /// [`LinearError::OutOfMemory`] if the factor does not fit in memory.
@@ -310,8 +311,9 @@ mod conformance {
         }
     }
 
-    /// Two unknowns whose rows are parallel and a hundred million times weaker than other rows: one combination of them
-    /// meets no resistance. A right-hand side that does not load this combination has a solution; others have none.
+    /// Two unknowns whose rows are parallel and whose diagonal entries are far smaller than the others: one combination
+    /// of the two meets no resistance. A right-hand side that does not load this combination has a solution; others
+    /// have none.
     #[test]
     fn a_weak_mechanism_without_load_is_no_obstacle() {
         for (m, at) in [(3, 4), (20, 210)] {

@@ -2,8 +2,8 @@
 //! a symmetric pattern (Duff and Reid, 1984).
 //!
 //! Unknowns with the same neighbours are eliminated together, as the pivots of a front. A front is a small dense matrix
-//! of their rows and the rows of the later unknowns to which they are coupled, the border. The update of the border is
-//! added to the parent: the front of the first unknown of the border. Two fronts are independent if neither is a
+//! of their rows and of the border: the rows of the later unknowns to which they are coupled. The update of the border
+//! is added to the parent: the front of the first unknown of the border. Two fronts are independent if neither is a
 //! descendant of the other.
 //!
 //! Everything that costs time is a product of small dense matrices. The division of work between threads depends only
@@ -36,7 +36,7 @@ pub(super) struct Multifrontal {
     task: Task,
     /// The updates that fronts pass to their parents.
     passed: Vec<f64>,
-    /// A solution, and the rows of one front.
+    /// Working space for a solution and for the rows of one front.
     solution: Vec<f64>,
 }
 

@@ -30,7 +30,7 @@ struct Dissection<'a, const D: usize> {
 }
 
 impl<const D: usize> Dissection<'_, D> {
-    /// Reorders nodes, which are given in ascending order, for elimination.
+    /// Appends nodes, given in ascending order, to the order of elimination.
     fn dissect(&mut self, nodes: &mut [usize]) {
         if nodes.len() <= LEAF {
             self.order.extend_from_slice(nodes);

@@ -16,8 +16,8 @@ pub(super) struct PivotedLu {
     source: Vec<usize>,
     symbolic: SymbolicLu<usize>,
     factors: Option<Lu<usize, f64>>,
-    /// A pool of one thread, in which faer works: it divides sums between all threads, so that the bits of its results
-    /// depend on their number.
+    /// A pool of one thread for faer, which would otherwise divide sums between all threads, so that the last bits of
+    /// its results would depend on the number of threads.
     pool: ThreadPool,
 }
 

@@ -48,7 +48,7 @@ fn dot_of_own<const N: usize>(halo: &Halo, first: usize, a: &[[f64; N]], b: &[[f
     low + high
 }
 
-/// Scalar product, computed by recursive halving: the order of the sum is fixed, whatever the number of threads.
+/// Scalar product, computed by recursive halving: the order of summation is the same for any number of threads.
 fn dot<const N: usize>(a: &[[f64; N]], b: &[[f64; N]]) -> f64 {
     if a.len() <= TERMS {
         let mut sum = [0.0; N];

@@ -267,7 +267,7 @@ mod tests {
             let owners: Vec<usize> = (0..nodes[own].len()).map(|node| halo.owner(node)).collect();
             assert_eq!(owners, [vec![0, 0, 0, 1], vec![1, 1, 1], vec![1, 1, 2]][own]);
             assert_eq!(halo.sum_over_nodes(nodes[own].len(), |_| 1.0), 7.0);
-            // 1 + 1e16 − 1e16 depends on the order of the sum.
+            // 1 + 1e16 − 1e16 depends on the order of summation.
             let part = [1.0, 1e16, -1e16][own];
             let mut values: Vec<[f64; 2]> = nodes[own].iter().map(|_| [part, own as f64]).collect();
             halo.add(&mut values);

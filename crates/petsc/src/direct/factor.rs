@@ -158,7 +158,7 @@ impl Factor {
 fn factor_of_mumps(pc: ffi::PC) -> Option<ffi::Mat> {
     let mut factor = ffi::Mat::NULL;
     let mut name = std::ptr::null();
-    // SAFETY: The preconditioner exists, and the factor if no call has failed; the name is a string or null.
+    // SAFETY: The preconditioner exists, and so does the factor if no call has failed; the name is a string or null.
     unsafe {
         check(ffi::PCFactorSetUpMatSolverType(pc)).ok()?;
         check(ffi::PCFactorGetMatrix(pc, &mut factor)).ok()?;

@@ -103,8 +103,8 @@ impl<'a, 'b, const D: usize, const N: usize> Context<'a, 'b, D, N> {
         Ok(())
     }
 
-    /// Copies the result to the numbers at this rank's own nodes; components that are not unknowns get `at_held` of the
-    /// argument instead.
+    /// Copies the result to the numbers at this rank's own nodes; at components that are not unknowns, applies
+    /// `at_held` to the argument instead.
     fn finish_held(&mut self, at_held: impl Fn(f64, f64) -> f64) {
         let (found, held) = (self.found.as_flattened(), self.held.as_flattened());
         for (number, place) in self.own.iter_mut().zip(self.numbers.places()) {

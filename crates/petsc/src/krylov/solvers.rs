@@ -40,7 +40,7 @@ pub(super) enum Outcome {
 pub(super) struct Solvers {
     conjugate: Solver,
     general: Solver,
-    /// True if the preconditioner is a function of the caller.
+    /// True if the caller provides the preconditioner.
     is_shell: bool,
 }
 

@@ -17,7 +17,7 @@ pub(super) fn key(name: u64, ranks: impl Iterator<Item = u32> + Clone) -> u64 {
     stage.saturating_sub(1) << STAGE | name
 }
 
-/// The part of one rank in the tree, after its own factorisation.
+/// The tasks of one rank in the tree, after its own factorisation.
 #[derive(Default)]
 pub(super) struct Stages {
     taken: Vec<Stage>,

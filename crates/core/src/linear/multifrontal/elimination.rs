@@ -1,5 +1,5 @@
 //! Numerical factorisation: the fronts of each task assemble entries of the matrix and the updates of their children,
-//! eliminate their unknowns, and pass their own update on. With LU, each front has the columns and the update of L,
+//! eliminate their unknowns, and pass on their own updates. With LU, each front has the columns and the update of L,
 //! followed by the columns and the update of Uᵀ.
 
 use std::ops::Range;
@@ -119,7 +119,8 @@ impl Elimination<'_> {
     }
 }
 
-/// Calls `work` for each factor, with its index and its part of these columns, or this update, of a front.
+/// Calls `work` for each factor of a front, with its index and its part of `numbers`, which are the columns or the
+/// update of the front.
 fn for_each_factor(front: &Front, numbers: &mut [f64], mut work: impl FnMut(usize, &mut [f64])) {
     let len = numbers.len() / front.factors;
     if len > 0 {

@@ -34,7 +34,7 @@ pub(super) struct Front {
     pub children: Range<usize>,
     /// Estimated time for this front and all its descendants, [ns].
     pub cost: f64,
-    /// First of its descendants; the other descendants lie between it and this front.
+    /// First of its descendants, or this front if it has none; the other descendants lie in between.
     pub descendants: usize,
 }
 
@@ -311,7 +311,7 @@ impl Borders {
         }
         let n = tree.pivots.len();
         let mut borders = Borders { start: vec![0], number: Vec::new() };
-        // The last front that contains a node.
+        // For each node, the last front so far that contains it.
         let mut met = vec![NONE; nodes.len()];
         let (mut child, mut sibling) = (vec![NONE; n], vec![NONE; n]);
         for f in 0..n {

@@ -174,7 +174,8 @@ impl Nodes {
     }
 }
 
-/// Calls `visit(a, b, entry)` for all coupled pairs of different nodes; the unknowns of a come first.
+/// Calls `visit(a, b, entry)` for all coupled pairs of different nodes; the unknowns of `a` have lower indices than
+/// those of `b`.
 fn for_each_coupling(pattern: &Pattern, number: &[u32], mut visit: impl FnMut(u32, u32, usize)) {
     for column in 0..pattern.n {
         let a = number[column];

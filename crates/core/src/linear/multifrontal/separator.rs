@@ -20,7 +20,7 @@ pub(in crate::linear) struct Columns<'a> {
 /// The location of the values of columns.
 #[derive(Clone, Copy)]
 pub(in crate::linear) enum Numbers<'a> {
-    /// In a matrix that begins with the column with this index.
+    /// In a matrix whose first stored column has this index.
     From(usize, &'a [f64]),
     /// One after another.
     Packed(&'a [f64]),

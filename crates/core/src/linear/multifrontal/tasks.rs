@@ -1,4 +1,4 @@
-//! The division of the work between threads, and its working space: the tree of the fronts is cut into tasks that
+//! The division of the work and of its working space between threads: the tree of the fronts is cut into tasks that
 //! threads can share, and every front gets a part of the working space of its task.
 
 use std::ops::Range;

@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use super::*;
 use crate::linear::ordering::nested_dissection;
 
-/// Numbers in (0, 1), the same in each run.
+/// Pseudo-random numbers in (0, 1), the same in each run.
 struct Numbers(u64);
 
 impl Numbers {

@@ -10,7 +10,7 @@ const FRONT: f64 = 200.0;
 const ENTRY: f64 = 0.1;
 /// Time per entry of the update of a front, [ns].
 const PASSED: f64 = 0.5;
-/// Number of operations (sums and products) per nanosecond.
+/// Number of operations (additions and multiplications) per nanosecond.
 const RATE: f64 = 60.0;
 
 /// The fronts of a factorisation, children before their parents.
@@ -19,7 +19,8 @@ pub(super) struct Tree {
     pub start: Vec<usize>,
     /// Nodes in the order of elimination.
     pub node: Vec<u32>,
-    /// Number of unknowns that are eliminated in each front; for the front of the kept unknowns, the number of these.
+    /// Number of unknowns that are eliminated in each front; for the front of the kept unknowns, the number of kept
+    /// unknowns.
     pub pivots: Vec<u32>,
     /// Number of rows of each front, including the rows of the pivots.
     pub rows: Vec<u32>,

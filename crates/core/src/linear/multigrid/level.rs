@@ -19,9 +19,9 @@ pub(super) struct Level<const D: usize, const N: usize> {
     pub rows: Rows<N>,
     /// The diagonal of S; zero for degrees of freedom that are held or have no stiffness.
     pub scale: Vec<[f64; N]>,
-    /// The inverse of S; zero for degrees of freedom that are held or have no stiffness.
+    /// The diagonal of S⁻¹; zero for degrees of freedom that are held or have no stiffness.
     pub unscale: Vec<[f64; N]>,
-    /// True for the prescribed degrees of freedom of own nodes.
+    /// True for the held degrees of freedom of own nodes.
     pub held: Vec<[bool; N]>,
     /// Inverses of the diagonal blocks of Â.
     pub inverse: Vec<Block<N>>,

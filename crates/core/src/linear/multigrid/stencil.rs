@@ -4,8 +4,9 @@ use super::super::blocks::Block;
 use super::super::lattice::{Lattice, Transfer};
 use super::rows::Rows;
 
-/// Smallest pivot of a scaled diagonal block; smaller pivots are replaced by it. The outer iterations resolve the weak
-/// motions to which such pivots belong.
+/// Smallest magnitude of a pivot of a scaled diagonal block, relative to the diagonal entry, [-]; smaller pivots are
+/// replaced by this value, with the sign of the diagonal entry. The outer iterations resolve the weak motions to which
+/// such pivots belong.
 const WEAKEST: f64 = 1e-4;
 
 /// Numbers the positions around a node of a level.
