@@ -83,8 +83,8 @@ pub struct Surface<const D: usize> {
 }
 
 impl<const D: usize> Surface<D> {
-    /// Samples a part of the boundary of a region with facets whose edges are no longer than `spacing`; `cell` is the
-    /// side of a grid cell, both [length].
+    /// Samples a part of the boundary of a region with facets whose edges are at most about `spacing` long; `cell` is
+    /// the side of a grid cell, both [length].
     ///
     /// # Errors
     /// [`NoBoundary`] if the boundary is not available, or if it has no side with the number of [`Part::Side`]. Any

@@ -1,7 +1,7 @@
 //! The grid lines along one axis of a structured grid: evenly spaced, or graded by intervals.
 //!
 //! Positions along an axis are measured in *cell coordinates*: line i lies at i, and within a cell the cell coordinate
-//! is linear in the position. Beyond each end, it continues with the size of the cell at that end.
+//! is linear in the position. Beyond each end, the cell coordinate continues with the size of the cell at that end.
 
 use super::ON_LINE;
 
@@ -62,7 +62,7 @@ impl Axis {
         }
         let farthest = lines.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
         for (number, pair) in lines.windows(2).enumerate() {
-            // Positions must be resolved to a fraction of the cell, and sizes must be numbers.
+            // Positions must be resolved to a fraction of the cell, and sizes must be positive and finite.
             let size = pair[1] - pair[0];
             if size.is_nan() || size * ON_LINE < f64::EPSILON * farthest || !(size > 0.0 && size.is_finite())
             {
@@ -73,7 +73,7 @@ impl Axis {
     }
 
     /// Consecutive intervals, starting at `origin`, [length]. With the ratio r, line k of an interval of n cells and
-    /// length L lies L (1 + r + … + r^(k−1)) / (1 + r + … + r^(n−1)) beyond its start.
+    /// length L lies L (1 + r + … + r^(k−1)) / (1 + r + … + r^(n−1)) beyond the start of the interval.
     ///
     /// # Errors
     /// As for [`Axis::graded`]; in particular, if an interval ends before it starts.
@@ -126,7 +126,7 @@ impl Axis {
         matches!(self.lines, Lines::Even { .. })
     }
 
-    /// Coordinates of all lines of a graded axis, [length], ascending.
+    /// Coordinates of all lines of a graded axis, [length], ascending; `None` for an even axis.
     pub fn graded_lines(&self) -> Option<&[f64]> {
         match &self.lines {
             Lines::Even { .. } => None,

@@ -122,14 +122,14 @@ impl<const D: usize> Bins<D> {
     }
 
     /// Visits boxes in order of distance, by rings (shells) of bins around a position. After each ring, `visit`
-    /// receives its boxes (possibly repeated) and a lower bound of the squared distance to all remaining boxes; the
+    /// receives its boxes (possibly repeated) and a lower bound on the squared distance to all remaining boxes; the
     /// search continues while `visit` returns true.
     pub(super) fn outwards(&self, x: &[f64; D], mut visit: impl FnMut(&[u32], f64) -> bool) {
         let centre: [usize; D] = std::array::from_fn(|d| self.index(d, x[d]));
         let step = self.spacing.iter().copied().fold(f64::INFINITY, f64::min);
         let last: usize = (0..D).map(|d| centre[d].max(self.counts[d] - 1 - centre[d])).max().unwrap_or(0);
-        // The angle between the vector to the lattice and any vector from there inwards is at most 90°, so squared
-        // distances add up to a lower bound.
+        // The angle between the vector to the nearest point of the lattice and any vector from that point into the
+        // lattice is at most 90°, so squared distances add up to a lower bound.
         let outside: f64 = (0..D)
             .map(|d| {
                 let upper = self.lower[d] + self.spacing[d] * self.counts[d] as f64;

@@ -2,8 +2,8 @@
 
 use super::{Axis, CoincidentLines, ON_LINE};
 
-/// Smallest size of a cell relative to its original one, [-]. Below it, the basis functions are too steep for the
-/// points in the neighbouring cells.
+/// Smallest size of a cell relative to its original size, [-]. In smaller cells, the basis functions are too steep for
+/// the points in the neighbouring cells.
 pub const LEAST_SIZE: f64 = 0.1;
 
 /// Consecutive grid lines that move by the same displacement.
@@ -57,7 +57,7 @@ impl Axis {
         self.check_carried(carried)?;
         match carried {
             _ if carried.iter().all(|lines| lines.by == 0.0) => return Ok(self.clone()),
-            // Cells that were equal to the last bit remain equal.
+            // Cells of exactly equal size keep exactly equal sizes.
             [CarriedLines { first: 0, last, by }] if *last == n && self.is_even() => {
                 return Ok(Axis::even(self.line(0) + by, self.size(0), n));
             }

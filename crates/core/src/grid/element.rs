@@ -233,7 +233,7 @@ impl ElementShape {
         }
     }
 
-    /// Centre of mass, [length].
+    /// Centroid, [length].
     pub fn centroid<const D: usize>(self, corners: &[[f64; D]]) -> [f64; D] {
         match self {
             ElementShape::Simplex => self.map(corners, self.centre()),

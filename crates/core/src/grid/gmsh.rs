@@ -80,7 +80,7 @@ pub fn read(bytes: &[u8]) -> Result<GmshFile, GmshError> {
     }
 }
 
-/// Supported families of formats.
+/// Supported versions of the format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Version {
     V22,

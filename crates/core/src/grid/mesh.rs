@@ -213,7 +213,8 @@ impl<const D: usize> Mesh<D> {
     }
 }
 
-/// Snaps local coordinates and shape functions to the boundary of the cell if they are within round-off of it.
+/// Shape functions at local coordinates, snapped to the boundary of the cell if they are within round-off of it; the
+/// coordinates of a quadrilateral or hexahedron are snapped as well.
 fn on_border<const D: usize>(shape: ElementShape, mut xi: [f64; D]) -> ([f64; D], [f64; MAX_NODES]) {
     if shape == ElementShape::Box {
         for x in xi.iter_mut().filter(|x| (x.abs() - 1.0).abs() < 2.0 * ON_EDGE) {

@@ -121,8 +121,8 @@ pub trait Grid<const D: usize>: std::fmt::Debug + Send + Sync {
     /// Lowest and highest coordinates, [length].
     fn bounds(&self) -> [[f64; D]; 2];
 
-    /// Integer coordinates of a node on a lattice with about the spacing of the grid, with which linear solvers order
-    /// the unknowns and form coarser levels.
+    /// Integer coordinates of a node on a lattice with about the spacing of the grid. Linear solvers use them to order
+    /// the unknowns and to form coarser levels.
     fn lattice(&self, node: usize) -> [u32; D];
 
     /// Corner nodes of a cell.

@@ -17,7 +17,7 @@ pub struct Patches {
     pub rank_of: Vec<u32>,
 }
 
-/// Largest number of cells to which a patch grows.
+/// Largest number of cells to which a patch grows before small patches are joined to others.
 const fn most_cells(dimension: usize) -> usize {
     if dimension == 3 { 8 } else { 4 }
 }

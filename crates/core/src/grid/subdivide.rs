@@ -18,8 +18,8 @@ pub struct ElementPart<const D: usize> {
 ///
 /// - `n` = k²: the sides are divided into k parts, which yields k² congruent triangles; the points are their centroids.
 /// - `n` = 8: each of the four triangles for k = 2 is halved along its median from the corner that corresponds to the
-///   first node of the whole triangle (in the inverted middle triangle, the corner opposite that node); the points are
-///   the centroids of the halves.
+///   first node of the whole triangle (in the inverted middle triangle, its corner on the side opposite that node); the
+///   points are the centroids of the halves.
 ///
 /// All points have the same area, and their mean is the centroid. `None` for any other `n`.
 pub fn subdivide_triangle(n: usize) -> Option<Vec<([f64; 3], f64)>> {
@@ -27,8 +27,8 @@ pub fn subdivide_triangle(n: usize) -> Option<Vec<([f64; 3], f64)>> {
     Some(points.into_iter().map(|([a, b], _)| ([1.0 - a - b, a, b], 1.0 / n as f64)).collect())
 }
 
-/// Corners, counterclockwise, of the parts whose centroids [`subdivide_triangle`] returns, in the same order. They are
-/// given as coordinates along the two sides from the first node.
+/// Corners, counterclockwise, of the parts whose centroids [`subdivide_triangle`] returns, in the same order. The
+/// corners are given as coordinates along the two sides from the first node.
 pub fn triangle_parts(n: usize) -> Option<Vec<[[f64; 2]; 3]>> {
     let points = if n == 8 { halved() } else { squared(n)? };
     Some(points.into_iter().map(|(_, corners)| corners).collect())
@@ -142,8 +142,8 @@ fn cubed(n: usize) -> Option<Vec<[[f64; 3]; 4]>> {
     if k.pow(3) != n {
         return None;
     }
-    // Every cube of the lattice is cut into six tetrahedra around its diagonal. The corners of each lie on a path from
-    // the lowest corner to the opposite one, one axis at a time.
+    // Every cube of the lattice is cut into six tetrahedra around its diagonal. The corners of each tetrahedron lie on
+    // a path from the lowest corner of the cube to the opposite one, along one axis at a time.
     const STEPS: [[usize; 3]; 6] = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [1, 0, 2], [0, 2, 1], [2, 1, 0]];
     let mut parts = Vec::with_capacity(n);
     for (z, y, x) in (0..k).flat_map(|z| (z..k).flat_map(move |y| (y..k).map(move |x| (z, y, x)))) {
@@ -174,7 +174,7 @@ fn cubed(n: usize) -> Option<Vec<[[f64; 3]; 4]>> {
 /// `n` is the number of parts along each local axis: from the first to the second corner, from the second to the third
 /// and, in space, from the bottom to the top. The parts are quadrilaterals (hexahedra) whose volumes sum to the volume
 /// of the element. The points are the centroids of the parts, so that linear fields are integrated exactly. If the
-/// domain of a point is given by its corners, its basis functions are means over this domain, and they reproduce linear
+/// domain of a point is given by its corners, the basis functions are means over this domain and reproduce linear
 /// fields at the point. The first axis varies fastest.
 ///
 /// `corners` are in VTK order, [length]. `None` if their number is wrong.

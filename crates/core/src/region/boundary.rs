@@ -5,9 +5,9 @@ use std::collections::HashMap;
 use super::vector::{along, cross, minus, norm, unit};
 use super::{Motion, Node, Primitive, Region};
 
-/// Distance from the centre of a facet at which its two sides are examined, relative to its size, [-]. It exceeds the
-/// height of an arc above its chord, at most 0.033 of the chord, and the height of a sphere above a facet, at most
-/// 0.0991 of its longest edge.
+/// Distance from the centre of a facet at which its two sides are examined, relative to the size of the facet, [-]. It
+/// exceeds the height of an arc above its chord, at most 0.033 of the chord, and the height of a sphere above a facet,
+/// at most 0.0991 of its longest edge.
 const ASIDE: f64 = 0.1;
 
 /// A flat piece of a boundary: a segment in the plane, a triangle in space.
@@ -64,7 +64,8 @@ pub fn area_derivative<const D: usize>(corners: &[[f64; D]; D], k: usize) -> [[f
         let sign = if k == 1 { 1.0 } else { -1.0 };
         (derivative[0][1], derivative[1][0]) = (sign, -sign);
     } else if D == 3 {
-        // A motion δ of the corner changes the area by ½ δ × (the edge between the corners after and before it).
+        // A motion δ of the corner changes the area vector by ½ δ × (the edge from the previous corner to the next
+        // one).
         let edge = minus(&corners[(k + 1) % D], &corners[(k + 2) % D]);
         for i in 0..D {
             let (j, l) = ((i + 1) % D, (i + 2) % D);
@@ -93,11 +94,12 @@ pub enum NoBoundary {
 pub const MOST_FACETS: usize = 10_000_000;
 
 impl<const D: usize> Region<D> {
-    /// The boundary in facets whose edges are at most `spacing` long, on spheres at most 1.6 times as long, [length].
+    /// The boundary as facets whose edges are at most `spacing` long, [length]; on spheres, at most 1.6 times as long.
     /// Arcs become chords.
     ///
     /// In unions, intersections and differences, a facet of a primitive belongs to the boundary if the region lies on
-    /// exactly one side of its centre: where primitives cross, the boundary is exact up to the size of a facet.
+    /// exactly one side of the facet at its centre: where primitives cross, the boundary is exact up to the size of a
+    /// facet.
     ///
     /// # Errors
     /// [`NoBoundary`].
@@ -179,9 +181,9 @@ pub(crate) fn chords(radius: f64, spacing: f64) -> usize {
     parts(std::f64::consts::TAU * radius, spacing).max(24).next_multiple_of(4)
 }
 
-/// Facets of a side of a cell with these corners, in cyclic order; the edges of the facets are at most `spacing` long,
-/// [length]; the diagonals of skew quadrilaterals can be longer. The side is a segment in the plane, a triangle or a
-/// quadrilateral in space; for other numbers of corners, there are no facets.
+/// Facets of a side of a cell; `corners` are the corners of the side in cyclic order. The edges of the facets are at
+/// most `spacing` long, [length], but the diagonals of skew quadrilaterals can be longer. The side is a segment in the
+/// plane, a triangle or a quadrilateral in space; for other numbers of corners, there are no facets.
 pub fn divided<const D: usize>(corners: &[[f64; D]], spacing: f64, side: usize) -> Vec<Facet<D>> {
     match corners {
         [a, b] => divide(a, b, spacing, side),
@@ -260,8 +262,8 @@ pub(super) fn parallelogram<const D: usize>(
     crossed_quadrilaterals(n, m, &at, side)
 }
 
-/// Four triangles, around the mean of the corners, for each cell of a grid of n × m flat cells in space; empty in the
-/// plane. They are symmetric, and the mean of a bilinear function over their corners is its mean over the cell.
+/// Four triangles, around the mean of the corners, for each cell of a grid of n × m cells in space; empty in the plane.
+/// The triangles are symmetric, and the mean of a bilinear function over their corners is its mean over the cell.
 fn crossed_quadrilaterals<const D: usize>(
     n: usize,
     m: usize,

@@ -5,7 +5,7 @@ use super::{Bounds, hull, nothing};
 /// Largest number of items in a leaf.
 const LEAF: usize = 4;
 
-/// Upper bound of the depth: a balanced tree of 2³² items is shallower.
+/// Upper bound on the depth: a balanced tree of 2³² items is shallower.
 const DEEPEST: usize = 34;
 
 /// A binary tree of bounding boxes. Items are sorted by leaf, so that every node stands for a range of items.
@@ -26,7 +26,7 @@ struct Node<const D: usize> {
 }
 
 impl<const D: usize> BoxTree<D> {
-    /// The tree of items with these boxes; there must be fewer than 2³².
+    /// The tree of items with these boxes; there must be fewer than 2³² items.
     pub(crate) fn new(boxes: &[Bounds<D>]) -> Self {
         let mut tree = BoxTree { nodes: Vec::new(), order: (0..boxes.len() as u32).collect() };
         tree.split(boxes, 0, boxes.len());

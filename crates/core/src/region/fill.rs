@@ -1,4 +1,4 @@
-//! Filling of regions: the parts of grid cells that have their centres in a region.
+//! Filling of regions: grid cells are divided into parts, and the parts with their centres in a region are collected.
 
 use std::ops::Range;
 
@@ -40,7 +40,7 @@ pub struct Filled<P> {
     pub cells: Vec<FilledCell>,
 }
 
-/// Collects the parts of grid cells that have their centres in a region.
+/// Divides grid cells into parts and collects the parts that have their centres in a region.
 ///
 /// - `divide` returns the parts of a cell; `centre` returns the centre of a part.
 /// - `in_group(key, cell)` is true if a cell belongs to the group `key` of the region.

@@ -380,7 +380,7 @@ pub(crate) fn finite<const N: usize>(what: &'static str, numbers: [f64; N]) -> R
     if numbers.iter().all(|x| x.is_finite()) { Ok(numbers) } else { Err(ShapeError::NotFinite { what }) }
 }
 
-/// The length, if it is finite and positive.
+/// The value, if it is finite and positive.
 pub(crate) fn positive(what: &'static str, value: f64) -> Result<f64, ShapeError> {
     match finite(what, [value])? {
         [x] if x > 0.0 => Ok(x),

@@ -17,7 +17,7 @@ impl<const D: usize> Motion<D> {
         Motion { rotation: std::array::from_fn(unit), scale: 1.0, shift: [0.0; D] }
     }
 
-    /// A translation, [length].
+    /// A translation by `shift`, [length].
     ///
     /// # Errors
     /// [`ShapeError::NotFinite`].
@@ -86,7 +86,7 @@ impl<const D: usize> Motion<D> {
         Line { origin: self.undo(&line.origin), direction: self.undo_direction(&line.direction) }
     }
 
-    /// A coordinate after the motion as a linear function of the position before it: gradient and constant.
+    /// A coordinate after the motion as a linear function of the position before the motion: gradient and constant.
     pub(super) fn undo_coordinate(&self, axis: usize) -> ([f64; D], f64) {
         (self.rotation[axis].map(|r| self.scale * r), self.shift[axis])
     }
@@ -136,7 +136,8 @@ impl Motion<3> {
     }
 }
 
-/// Quarter turns are exact, although no angle in radians is, so that axis-aligned boxes remain axis-aligned.
+/// Sine and cosine of an angle, [rad]. They are exact for quarter turns, although the angle is rounded, so that
+/// axis-aligned boxes remain axis-aligned.
 fn sine_and_cosine(angle: f64) -> Result<[f64; 2], ShapeError> {
     let [angle] = finite("the angle", [angle])?;
     let whole = |x: f64| if (x - x.round()).abs() < 4.0 * f64::EPSILON { x.round() } else { x };

@@ -55,8 +55,8 @@ impl Polygon {
         0.5 * self.sides().map(twice).sum::<f64>()
     }
 
-    /// The polygon divided into triangles by cutting off corners whose triangle contains no other corner, one at a
-    /// time.
+    /// The polygon divided into triangles. A corner is cut off if the triangle that it forms with its two neighbours
+    /// contains no other corner; this is repeated for the rest.
     pub(super) fn triangles(&self) -> Vec<[[f64; 2]; 3]> {
         let mut rest = self.corners.clone();
         if !self.is_counterclockwise() {
@@ -146,9 +146,9 @@ pub(super) fn extent_of<const D: usize>(positions: &[[f64; D]], direction: &[f64
 
 /// True if the side from `a` to `b` crosses the ray from `x` along the first axis.
 ///
-/// A ray through a corner counts as passing just above it; a ray from a side counts as starting just to its right. The
-/// decision is exact and independent of the direction of the side, so that a position lies in exactly one part of a
-/// divided polygon.
+/// A ray through a corner counts as passing just above the corner; a ray from a side counts as starting just to the
+/// right of the side. The decision is exact and independent of the direction of the side, so that a position lies in
+/// exactly one part of a divided polygon.
 pub(super) fn passes_right_of(a: &[f64; 2], b: &[f64; 2], x: &[f64; 2]) -> bool {
     if (a[1] > x[1]) == (b[1] > x[1]) {
         return false;
@@ -164,7 +164,7 @@ pub(super) fn turn(a: &[f64; 2], b: &[f64; 2], c: &[f64; 2]) -> f64 {
 }
 
 /// Finds two sides of a closed polygon that meet anywhere other than at the corner that neighbours share; returns the
-/// indices of their first corners. Exact.
+/// indices of the first corners of these sides. The test is exact.
 pub fn crossing_sides(x: &[[f64; 2]]) -> Option<[usize; 2]> {
     let n = x.len();
     let end = |k: usize| (k + 1) % n;

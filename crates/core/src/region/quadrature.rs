@@ -54,7 +54,7 @@ const NARROWEST: f64 = 1e-13;
 /// Decay ratio of successive coefficient pairs above which a function counts as not smooth.
 const SMOOTH: f64 = 0.25;
 
-/// Largest ratio of true error to estimate for a jump, plus 10 %; the ratio for a kink or a root is smaller.
+/// Largest ratio of true error to estimate for a jump, plus 10 %; the ratio for a kink or a square root is smaller.
 const SAFETY: f64 = 1.13;
 
 fn node(k: usize) -> f64 {
@@ -138,8 +138,8 @@ impl Panel {
 /// Error of the rule on [−1, 1].
 ///
 /// If the function is smooth, the last coefficients of its polynomial bound the error. If the coefficients do not decay
-/// from pair to pair, all of the last eight count: a jump, kink or root shows in one of them wherever it is. A feature
-/// close to an end shows in the value there.
+/// from pair to pair, all of the last eight count: a jump, kink or square root shows in one of them wherever it is. A
+/// feature close to an end shows in the value there.
 fn error_of_rule(values: &[f64; N], ends: [f64; 2]) -> f64 {
     let apply = |form: &[f64; N]| (0..N).map(|k| form[k] * values[k]).sum::<f64>();
     let c = FORMS.coefficients.each_ref().map(apply);
@@ -175,8 +175,8 @@ impl Ord for Panel {
 ///
 /// The panel with the largest error is halved until the sum of the errors is at most `tolerance`, or until `more`,
 /// called with the number of panels, returns false. The errors of the function values add to the error of the integral.
-/// The estimate is valid for smooth functions and for functions with jumps, kinks and roots. A narrow peak between two
-/// neighbouring nodes of a panel is not detected.
+/// The estimate is valid for smooth functions and for functions with jumps, kinks and square roots. A narrow peak
+/// between two neighbouring nodes of a panel is not detected.
 pub fn integrate(
     breaks: &[f64],
     tolerance: f64,

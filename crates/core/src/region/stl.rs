@@ -190,7 +190,7 @@ impl<'a> Words<'a> {
         StlError::Expected { line: self.line, expected, found }
     }
 
-    /// Reads a word that is given between backticks, as messages show it.
+    /// Reads a keyword; `quoted` is the keyword between backticks, as messages show it.
     fn keyword(&mut self, quoted: &'static str) -> Result<(), StlError> {
         let word = self.required(quoted)?;
         let is_it = word.eq_ignore_ascii_case(quoted.trim_matches('`').as_bytes());

@@ -24,7 +24,7 @@ pub use error::{EdgeReport, FacetReport, SurfaceError};
 pub(crate) use neighbours::Neighbours;
 pub use triangle::Triangle;
 
-/// Larger coordinates could overflow in the exact predicates.
+/// Largest magnitude of a coordinate; larger ones could overflow in the exact predicates.
 const LARGEST: f64 = 1e60;
 
 /// A closed surface of triangles without self-intersections, and its interior. It may consist of several shells, side
@@ -44,7 +44,7 @@ impl Surface {
     /// [length].
     ///
     /// Corners with equal coordinates count as one corner. If edges remain open, corners at these edges are merged
-    /// within 10⁻⁶ of the size of the surface; see [`Surface::welded`]. An inside-out surface is refused instead of
+    /// within 10⁻⁶ of the size of the surface; see [`Surface::welded`]. An inside-out surface is refused rather than
     /// reversed, because it might be a cavity whose outer body is missing.
     ///
     /// # Errors

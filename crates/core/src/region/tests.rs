@@ -312,7 +312,8 @@ fn booleans_have_the_volumes_of_textbooks() {
         measured(intersection(&[ball([0.0; 3], 1.0), ball(at, 1.0)]), lens(d), 2e-6);
         measured(union(&[ball([0.0; 3], 1.0), ball(at, 1.0)]), 8.0 / 3.0 * PI - lens(d), 2e-6);
     }
-    // A spherical cap of height h has the volume π h² (3 r − h) / 3; a spherical ring, π h³ / 6 for any ball.
+    // A spherical cap of height h has the volume π h² (3 r − h) / 3; a spherical ring of height h, whatever the radius
+    // of the ball, π h³ / 6.
     measured(
         intersection(&[ball([0.0; 3], 1.0), brick([-2.0, -2.0, 0.7], [2.0; 3])]),
         PI * 0.09 * 2.7 / 3.0,

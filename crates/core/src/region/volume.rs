@@ -118,8 +118,8 @@ struct Lines<'a, const D: usize> {
 
 impl<'a, const D: usize> Lines<'a, D> {
     fn new(region: &'a Region<D>, most: usize) -> Self {
-        // A quarter of the lines is for the initial division. The largest number of panels is the same for every
-        // coordinate except the first, which has none.
+        // A quarter of the lines is reserved for the initial division. The largest number of panels is the same for
+        // every coordinate except the first, which has none.
         let per_coordinate = (most as f64 / 4.0).powf(1.0 / (D.max(2) - 1) as f64);
         let most_panels = (per_coordinate as usize / VALUES_PER_PANEL).max(FEWEST_PANELS);
         let breaks = (0..D).map(|axis| breaks(region, axis, most_panels)).collect();
@@ -182,7 +182,7 @@ fn breaks<const D: usize>(region: &Region<D>, axis: usize, most_panels: usize) -
     cuts
 }
 
-/// Groups of parts: the bounds of parts in different groups do not overlap.
+/// Clusters of parts: the bounds of parts in different clusters do not overlap.
 fn clusters<const D: usize>(parts: &[Region<D>]) -> Vec<Vec<&Region<D>>> {
     let mut clusters: Vec<Vec<&Region<D>>> = Vec::new();
     for part in parts.iter().filter(|part| !is_empty(&part.bounds)) {

@@ -53,7 +53,7 @@ impl<const D: usize> Carried<D> {
     /// Finds the cells that carry the corners in the step from the converged state; `links` must belong to this state.
     ///
     /// # Errors
-    /// The position of the first corner near which no cell has only active nodes, [length].
+    /// The position of the first corner without a nearby cell whose nodes are all active, [length].
     pub fn locate(&mut self, grid: &dyn Grid<D>, links: &Connectivity<D>) -> Result<(), [f64; D]> {
         self.trial.clone_from(&self.converged);
         if self.own.is_some() {
@@ -159,8 +159,8 @@ impl<const D: usize> Carried<D> {
         self.facets[sample].map(|corner| &self.at_corners[corner as usize])
     }
 
-    /// Calls `visit` with each node of a sample and N_v of the node, averaged over the corners of the facet; a node may
-    /// occur at several corners.
+    /// Calls `visit` with the nodes of a sample and their N_v, averaged over the corners of the facet. A node of
+    /// several corners is visited once for each corner, with the share of that corner in the mean.
     pub fn for_each_value(&self, sample: usize, mut visit: impl FnMut(usize, f64)) {
         for support in self.supports(sample) {
             for (&node, value) in support.nodes().iter().zip(support.value()) {

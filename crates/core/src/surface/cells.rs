@@ -8,7 +8,8 @@ use crate::region::{Facet, Motion, NoBoundary, area_vector, divided};
 
 use super::unit;
 
-/// Neighbouring sides of cells form one smooth side if the cosine of the angle between their normals exceeds this.
+/// Neighbouring sides of cells belong to one smooth piece if the cosine of the angle between their normals exceeds this
+/// value.
 const SMOOTH: f64 = 0.9;
 
 /// The boundary of a list of cells: the sides that no other cell of the list shares, moved by `motion` and divided into

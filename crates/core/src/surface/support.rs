@@ -5,7 +5,8 @@ use crate::grid::{CellBasis, Grid};
 
 /// Distance by which a position is moved into the body to find its cell, relative to the size of a cell, [-].
 const NUDGE: f64 = 1e-6;
-/// Number of intervals between the positions, over one cell along the inward normal, at which an active cell is sought.
+/// Number of equal intervals into which the search for an active cell divides the size of a cell along the inward
+/// normal.
 const DEPTHS: usize = 8;
 
 /// Linear basis at a position on a surface, N_v and ∂N_v/∂x, with active-node numbers as its nodes.
@@ -13,8 +14,8 @@ pub type Support<const D: usize> = CellBasis<D>;
 
 /// The basis, at a position x on a surface with the unit normal n, of a cell that has only active nodes.
 ///
-/// A position on the boundary between cells belongs to the cell along −n. If a node of that cell is inactive (the
-/// material points lie inside the surface), the nearest cell along −n that has only active nodes is taken, and its
+/// A position on the boundary between cells belongs to the cell along −n. If a node of that cell is inactive (because
+/// the material points lie inside the surface), the nearest cell along −n that has only active nodes is taken, and its
 /// basis is extrapolated to x: it still reproduces a linear displacement exactly, and forces at x keep their resultant
 /// and their moment. `None` if there is no such cell within the size of a cell.
 pub fn support<const D: usize>(
@@ -37,7 +38,7 @@ pub(super) fn carrying_cell<const D: usize>(
     let is_active = |node: &u32| links.active_number(*node as usize).is_some();
     let size = grid.size(grid.nearest_cell(x) as usize);
     let mut tried = 0;
-    // At its rim, a part of a surface meets other sides of the body, about which its normal says nothing: as a last
+    // At the rim of a surface, the body has other sides, about which the normal of the surface says nothing. As a last
     // resort, the search also looks for cells along all diagonals.
     [false, true].into_iter().find_map(|is_wide| {
         (0..=DEPTHS).find_map(|depth| {

@@ -9,7 +9,7 @@ use crate::region::vector::{along, dot, minus, norm};
 use crate::region::{Bounds, Polygon, Primitive};
 
 /// Sine of the angle between an offset and the plane normal to a pseudonormal, below which the exact test decides on
-/// which side a position lies, because round-off could falsify the sign.
+/// which side a position lies, because round-off could reverse the sign.
 pub(super) const UNSURE: f64 = 1e-6;
 /// Distance from a corner, relative to the length of an edge, within which two faces may be equally near, [-].
 const NEAR_CORNER: f64 = 1e-2;
@@ -71,7 +71,7 @@ fn between_faces(
 }
 
 impl Border {
-    /// The edges for which `is_axis` is false.
+    /// The border of a polygon, without the edges for which `is_axis` is true.
     pub(super) fn new(polygon: Polygon, is_axis: impl Fn(&[[f64; 2]; 2]) -> bool) -> Self {
         let corners = polygon.vertices();
         let n = corners.len();

@@ -46,7 +46,7 @@ impl<const D: usize> Closest<D> {
         found
     }
 
-    /// A corner or an edge that x coincides with, up to round-off; `normal` is one of the normals there.
+    /// A corner or a point on an edge with which x coincides, up to round-off; `normal` is one of the normals there.
     pub(super) fn at_corner(x: &[f64; D], normal: [f64; D], part: usize) -> Self {
         Closest { point: *x, ..Self::on_plane(x, 0.0, normal, part) }
     }

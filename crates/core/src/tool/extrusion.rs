@@ -67,7 +67,7 @@ impl Shape<3> for Extrusion {
         if a <= 0.0 || b <= 0.0 || gap <= TOUCHING * largest(&self.bounds()) {
             return Some(nearer);
         }
-        // At the edge of an end, with g² = a² + b²: g n = a ∇a + b ∇b, and the derivative of this.
+        // Beyond the edge of an end, with g² = a² + b²: g n = a ∇a + b ∇b, and the derivative of this.
         let offset: [f64; 3] = std::array::from_fn(|d| a * lateral.normal[d] + b * end.normal[d]);
         let normal = offset.map(|x| x / gap);
         let mut normal_derivative = [[0.0; 3]; 3];

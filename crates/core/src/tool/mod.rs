@@ -11,7 +11,7 @@
 //! | [`Brick`](crate::region::Brick) | rectangle | box | closed form |
 //! | [`ClosedPolygon`] | simple polygon | – | bounding box tree over the edges |
 //! | [`Wall`] | polyline with a thickness | – | bounding box tree over the segments |
-//! | [`Section`] | section of a body of revolution | – | that of the shape on its side of the axis, or of the mirror image |
+//! | [`Section`] | section of a body of revolution | – | that of the shape or, beyond the axis, of its mirror image |
 //! | [`Frustum`](crate::region::Frustum) | – | cylinder, cone, truncated cone | section (r, h) |
 //! | [`Revolution`] | – | body of revolution: penetrometer, spudcan, open pile | polygon as the section (r, h) |
 //! | [`Extrusion`] | – | extruded polygon | polygon and height |
@@ -29,7 +29,7 @@
 //! | body of revolution | section in (r, h), and ∂n/∂x gains (n_r/r) e_θ⊗e_θ | curvature of the parallels |
 //! | inside a corner of a polygon, on the bisector of its faces | g to the corner, ∂n/∂x = 0 | symmetry |
 //! | inside a tip, on the axis of revolution | g along the axis, ∂n/∂x = 0 | symmetry |
-//! | beyond the edge of an end with gaps a, b | g² = a² + b², g n = a∇a + b∇b | derivative of this for ∂n/∂x |
+//! | beyond an edge between faces with gaps a, b | g² = a² + b², g n = a∇a + b∇b | derivative of this for ∂n/∂x |
 //! | sign at edges and corners of triangles | sign of (x − p) · Σ α_f n_f, with the angles α_f | Bærentzen and Aanæs, *IEEE Trans. Vis. Comput. Graph.* 11 (2005) 243 |
 //! | sign at corners of polygons | sign of (x − p) · (n₁ + n₂) | the same in the plane |
 //! | sign in doubt | winding number with exact predicates | [`Surface`](crate::region::Surface), [`Polygon`](crate::region::Polygon) |
@@ -38,8 +38,8 @@
 //! | closest feature | branch and bound over boxes, near boxes first | |
 //!
 //! Outside a convex edge or corner the gap is that of the rounded parallel surface, so the normal is continuous there;
-//! inside, the normal is that of the closest part and jumps across the medial axis. On the medial axis, beside a corner
-//! of a polygon, the closest point is the corner, and the normal is along the bisector of both faces.
+//! inside, the normal is that of the closest part and jumps across the medial axis. On the medial axis near a corner of
+//! a polygon, the closest point is the corner, and the normal is along the bisector of both faces.
 
 mod border;
 mod closest;

@@ -141,8 +141,8 @@ impl<const D: usize> Pose<D> {
 }
 
 /// The first time at which a point meets the surface of a moving tool, as a fraction of the motion. The point and the
-/// tool move from their first to their second positions such that the path of the point is straight in the frame of the
-/// tool.
+/// tool move from their first to their second positions in such a way that the path of the point is straight in the
+/// frame of the tool.
 pub fn first_contact<const D: usize>(
     shape: &dyn Shape<D>,
     poses: [&Pose<D>; 2],
@@ -163,7 +163,7 @@ impl<const D: usize> Increment<D> {
         std::array::from_fn(|i| std::array::from_fn(|j| matrix[i % 3][j % 3]))
     }
 
-    /// The position after the motion from a pose, [length], of the point of the tool that is at `x` before it.
+    /// The position after the motion from a pose, [length], of the point of the tool that is at `x` before the motion.
     pub fn carry(&self, start: &Pose<D>, x: &[f64; D]) -> [f64; D] {
         let arm = apply(&self.matrix(), &minus(x, &start.position));
         along(&along(&start.position, 1.0, &self.translation), 1.0, &arm)
@@ -211,8 +211,8 @@ impl<const D: usize> Increment<D> {
 
     /// Derivative of the gap of a fixed position with respect to the translation and to the rotation, [-] and [length]:
     /// −n · ∂x/∂(u, θ) for the point x of the tool that is closest, because the gap is stationary along the surface.
-    /// `found` is the closest point on the tool after the motion, and `reference` the position of the reference point
-    /// then.
+    /// `found` is the closest point on the tool after the motion, and `reference` is the position of the reference
+    /// point at that time.
     pub fn gap_derivative(&self, found: &Closest<D>, reference: &[f64; D]) -> ([f64; D], [f64; 3]) {
         let turned = self.rotation_derivative(&minus(&found.point, reference));
         (found.normal.map(|n| -n), turned.map(|row| -dot(&row, &found.normal)))

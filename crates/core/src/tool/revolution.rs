@@ -87,8 +87,8 @@ impl Axis {
 
 impl Revolution {
     /// The body that a closed section sweeps around the axis from `start`, [length], along `direction`, a vector of any
-    /// length. The corners of the section are (r, h): radius and height along the axis from `start`, r ≥ 0, in either
-    /// order.
+    /// length. The corners of the section are (r, h): radius and height along the axis from `start`, r ≥ 0, listed
+    /// clockwise or counterclockwise.
     ///
     /// # Errors
     /// As for [`ClosedPolygon::new`](super::ClosedPolygon::new) for the section; [`ShapeError::NegativeRadius`];

@@ -37,8 +37,8 @@ pub trait Shape<const D: usize>: Debug + Send + Sync {
     /// The closest point on the surface. `None` only if a coordinate is not finite, or so large that round-off hides
     /// the shape or the square of the coordinate overflows.
     ///
-    /// If several points are closest (for a position on the surface, at the centre of a circle or on the medial axis),
-    /// one of them is chosen, the same in every call.
+    /// If there are several closest points or normals (on an edge, at the centre of a circle or on the medial axis),
+    /// one is chosen, the same in every call.
     fn closest(&self, x: [f64; D]) -> Option<Closest<D>> {
         self.closest_within(x, f64::INFINITY)
     }
@@ -93,11 +93,11 @@ pub trait Shape<const D: usize>: Debug + Send + Sync {
         Ok(Outline::of(&facets))
     }
 
-    /// The outline of a bounded shape. For an unbounded shape, the part within a square (segment) of this half width
-    /// around the foot of a position, [length].
+    /// The outline of a bounded shape. For an unbounded shape, the part within a square (segment) of this half width,
+    /// [length], around the point closest to a position.
     ///
     /// # Errors
-    /// [`NoOutline`], also if the half width is not positive.
+    /// [`NoOutline`]; for an unbounded shape, also if the half width is not positive.
     fn outline_near(&self, _x: [f64; D], _half_width: f64, size: f64) -> Result<Outline<D>, NoOutline> {
         self.outline(size)
     }

@@ -11,11 +11,11 @@ use crate::region::surface::{Neighbours, Triangle};
 use crate::region::vector::{along, cross, dot, minus, norm};
 use crate::region::{Bounds, Facet, Primitive, Surface, area_vector, divided};
 
-/// A closed triangulated surface, for example from an STL file. Part k of it is triangle k of those given.
+/// A closed triangulated surface, for example from an STL file. Part k is triangle k in the given order.
 ///
 /// The sign of the gap follows from angle-weighted pseudonormals (Bærentzen and Aanæs, *IEEE Trans. Vis. Comput.
-/// Graph.* 11 (2005) 243), and from the exact test of [`Surface`] where round-off could falsify it or sheets touch at a
-/// corner.
+/// Graph.* 11 (2005) 243), and from the exact test of [`Surface`] where round-off could reverse the sign or sheets
+/// touch at a corner.
 #[derive(Debug, Clone)]
 pub struct TriangulatedSurface {
     surface: Arc<Surface>,

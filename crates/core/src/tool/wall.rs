@@ -12,12 +12,13 @@ use crate::region::{
     Ball, Bounds, Facet, Intervals, Line, Primitive, around, between, chords, divided, finite, positive,
 };
 
-/// A wall of constant thickness along an open polyline, with round ends and bends: all positions within half the
-/// thickness of the polyline. The wall may cross itself. Part k is the segment from corner k to corner k + 1, on both
-/// sides.
+/// A wall of constant thickness along an open polyline, with round ends and bends: all positions at most half the
+/// thickness away from the polyline. The wall may cross itself. Part k is the segment from corner k to corner k + 1, on
+/// both sides.
 ///
 /// The gap is the distance from the polyline minus half the thickness; outside, this is the distance from the wall. At
-/// a position inside the wall, where a path may end, the normal points to the side of the polyline on which it lies.
+/// a position inside the wall, where a path may end, the normal points to the side of the polyline on which the
+/// position lies.
 #[derive(Debug, Clone)]
 pub struct Wall {
     corners: Vec<[f64; 2]>,

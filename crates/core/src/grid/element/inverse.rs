@@ -93,7 +93,7 @@ fn trilinear<const D: usize>(corners: &[[f64; D]], x: &[f64; D]) -> Option<[f64;
     std::iter::once([0.0; D]).chain(parts).find_map(|start| newton(corners, x, start))
 }
 
-/// Newton's method with a line search that keeps the distance decreasing and the map orientation positive.
+/// Newton's method with a line search that keeps the distance decreasing and the determinant of the map positive.
 fn newton<const D: usize>(corners: &[[f64; D]], x: &[f64; D], start: [f64; D]) -> Option<[f64; D]> {
     let shape = ElementShape::Box;
     let mut xi = start;

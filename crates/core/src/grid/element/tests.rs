@@ -95,7 +95,7 @@ fn volumes_and_corners_tell_bad_elements() {
     assert!(ElementShape::Box.corner_determinants(&cube)[6] < 0.0);
 }
 
-/// A hexahedron with a positive determinant at all corners and edge mid-points but not in a face.
+/// A hexahedron with a positive determinant at all corners but not at half height.
 #[test]
 fn folds_between_the_corners_are_found() {
     let cube: Vec<[f64; 3]> = (0..8).map(|k| ElementShape::Box.node_coordinates(k)).collect();

@@ -8,11 +8,11 @@ const MOST_DIVISIONS: usize = 5;
 /// Number of nodes of the quadratic interpolation along an axis.
 const LATTICE: usize = 3;
 
-/// True if the determinant of the map of a hexahedron is at most `least` somewhere inside, [length³].
+/// True if the determinant of the map of a hexahedron is at most `least`, [length³], somewhere inside.
 ///
 /// The determinant is a polynomial of degree two along each local axis. If all its Bernstein coefficients exceed the
-/// limit, so does the polynomial; if one of its values does not exceed it, the hexahedron folds. Otherwise the
-/// hexahedron is divided into octants. A hexahedron that stays undecided counts as folded.
+/// limit, so does the polynomial; if one of the sampled values does not, the hexahedron folds. If neither is the case,
+/// the hexahedron is divided into octants. A hexahedron that stays undecided counts as folded.
 pub fn folds(corners: &[[f64; 3]], least: f64) -> bool {
     if corners.len() < MAX_NODES {
         return true;

@@ -5,7 +5,8 @@ use std::str::FromStr;
 
 use super::error::{FileLocation, GmshError};
 
-/// Section names are short; this limit keeps the search for their end proportional to the file size.
+/// Largest length of a section name, [byte]. The limit keeps the time to find the end of a section proportional to the
+/// file size.
 const MAX_SECTION_NAME: usize = 100;
 
 /// Encoding of numbers.

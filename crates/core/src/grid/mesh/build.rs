@@ -122,7 +122,7 @@ fn report<const D: usize>(element: &Element, cell: &Cell<D>) -> CellReport {
 }
 
 /// Checks that all cells have positive volume, quadrilaterals are convex and hexahedra do not fold. The comparisons are
-/// written such that a NaN volume (from huge coordinates) fails the check.
+/// written so that a NaN volume (from huge coordinates) fails the check.
 fn check_shapes<const D: usize>(elements: &[Element], cells: &[Cell<D>]) -> Result<(), MeshError> {
     let dimension = D;
     let select = |wrong: &dyn Fn(&Cell<D>) -> bool| {
@@ -241,7 +241,7 @@ struct Members {
     cells: Vec<u32>,
 }
 
-/// Adds members to the set with this name, if there are any. Sets are sorted, without duplicates.
+/// Adds members, if any, to the set with this name. Sets are sorted, without duplicates.
 fn add<T: Ord>(sets: &mut BTreeMap<String, Vec<T>>, name: &str, members: Vec<T>) {
     if !members.is_empty() {
         let set = sets.entry(name.to_owned()).or_default();

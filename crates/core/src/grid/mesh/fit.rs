@@ -2,7 +2,7 @@
 //!
 //! The number of cells that cover a position changes only at sides that belong to one cell, and is zero far away. If
 //! two cells overlap, a cell at such a side therefore overlaps another cell. A hanging node and the side on which it
-//! lies are both on the boundary. Only the boundary needs to be checked.
+//! lies are both on the boundary. It is therefore enough to check the boundary.
 
 use rayon::prelude::*;
 

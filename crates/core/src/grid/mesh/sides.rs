@@ -25,8 +25,8 @@ impl Side {
         &self.nodes[..usize::from(self.n)]
     }
 
-    /// The side in a canonical order: from its lowest node towards the lower of its two neighbours. Both cells at a
-    /// side obtain the same order. The flag is true if the given order has this direction.
+    /// The side with its nodes in canonical order: from the lowest node towards the lower of its two neighbours. The
+    /// two cells that share a side obtain the same order. The flag is true if the given order has the same direction.
     fn undirected(&self) -> (Side, bool) {
         let nodes = self.nodes();
         let n = nodes.len();
@@ -52,7 +52,8 @@ pub struct BoundarySide {
 }
 
 impl<const D: usize> Mesh<D> {
-    /// Finds the edges (faces) that belong to one cell only; an error if two cells lie on the same side of one.
+    /// Finds the edges (faces) that belong to one cell only; an error if two cells that share an edge (face) lie on the
+    /// same side of it.
     pub(super) fn find_boundary(&mut self, report: impl Fn(u32) -> CellReport) -> Result<(), MeshError> {
         // Canonical side, its direction in this cell, the cell, and the side as given.
         let mut sides: Vec<(Side, bool, u32, Side)> = Vec::with_capacity(self.cell_nodes.len());

@@ -10,8 +10,8 @@ pub(super) struct Shells {
     pub(super) of_facet: Vec<u32>,
 }
 
-/// An edge of a facet: its ends, lower number first; its facet; true if the facet runs from the lower end to the
-/// higher.
+/// An edge of a facet: its ends, lower number first; the facet; true if the facet runs along the edge from the lower
+/// end to the higher.
 pub(super) type FacetEdge = ([u32; 2], u32, bool);
 
 /// The edges of all facets, sorted so that edges with the same ends follow one another.
@@ -31,7 +31,7 @@ pub(super) fn edges(facet_edges: &[FacetEdge]) -> impl Iterator<Item = &[FacetEd
     facet_edges.chunk_by(|a, b| a.0 == b.0)
 }
 
-/// True if an edge belongs to one facet only.
+/// True if any edge belongs to one facet only.
 pub(super) fn has_open_edges(corners: &[[u32; 3]]) -> bool {
     edges(&facet_edges(corners)).any(|edge| edge.len() == 1)
 }
@@ -77,7 +77,7 @@ pub(super) fn shells(facets: &Facets) -> Result<Shells, SurfaceError> {
     }
 }
 
-/// Connected parts of the facets, numbered by their first facets.
+/// Connected parts of the facets, numbered in the order of their first facets.
 fn connected(n: usize, pairs: impl Iterator<Item = [u32; 2]>) -> Shells {
     let mut parent: Vec<u32> = (0..n as u32).collect();
     for [a, b] in pairs {

@@ -99,7 +99,8 @@ fn damage(file: &mut Vec<u8>, files: &[Vec<u8>], random: &mut Random) {
     }
 }
 
-/// Moves a corner together with all facets at it, or reverses, removes or duplicates a facet.
+/// Moves a corner together with all facets at it; or reverses, removes or duplicates a facet; or adds a shifted copy of
+/// the body.
 fn bend(body: &mut Vec<Triangle>, random: &mut Random) {
     let facet = random.word() as usize % body.len();
     let shift: [f64; 3] = std::array::from_fn(|_| random.between(-2.0, 2.0));

@@ -10,8 +10,8 @@ use crate::region::vector::{dot, frame, minus};
 use crate::region::{Intervals, Line};
 
 /// Visits the facets above a position. `visit` receives the index in tree order, and +1 if the upward ray leaves
-/// through the facet, −1 if the ray enters. A ray through an edge meets exactly one of its facets. A facet through the
-/// position counts as above.
+/// through the facet, −1 if the ray enters. A ray through an edge counts as passing just beside the edge. A facet
+/// through the position counts as above.
 fn each_above(triangles: &[Triangle], tree: &BoxTree<3>, x: &[f64; 3], mut visit: impl FnMut(usize, i32)) {
     let flat = |x: &[f64; 3]| [x[0], x[1]];
     tree.visit(
@@ -39,8 +39,8 @@ pub(super) fn winding(triangles: &[Triangle], tree: &BoxTree<3>, x: &[f64; 3]) -
     sum
 }
 
-/// Refuses inside-out shells: a shell inside an even number of others must enclose a positive volume, one inside an odd
-/// number a cavity. `shell_of` is in tree order.
+/// Refuses inside-out shells: a shell inside an even number of others must enclose a positive volume, and one inside an
+/// odd number a cavity. `shell_of` is in tree order.
 pub(super) fn check_orientation(
     facets: &Facets,
     shells: &Shells,

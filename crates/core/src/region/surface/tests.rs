@@ -95,12 +95,11 @@ pub(super) fn text(triangles: &[Triangle]) -> Vec<u8> {
 #[test]
 fn volumes_are_those_of_the_polyhedra() {
     assert_eq!(Surface::new(&cube([1.0, 2.0, 3.0], 2.0)).unwrap().volume(), 8.0);
-    // The area of a regular polygon of n corners is n/2 sin(2π/n) times the squared radius. The volume of a ring of n
-    // prisms mitred at the bisectors is the area times the length of the path of the centroid, which runs along chords.
+    // The area of a regular polygon of n corners is n/2 sin(2π/n) times the squared radius.
     let (n, m) = (24, 13);
     let polygon = |n: usize| 0.5 * n as f64 * (TAU / n as f64).sin();
     let ring = Surface::new(&torus(2.0, 0.5, n, m)).unwrap();
-    // Pappus for a polygon: volume = ∫ r dA × n sin(2π/n), with ∫ r dA = 2 × area.
+    // A ring of n mitred prisms has the volume ∫ r dA × n sin(2π/n), where ∫ r dA = 2 × area.
     let exact = 2.0 * 0.25 * polygon(m) * n as f64 * (TAU / n as f64).sin();
     assert!((ring.volume() - exact).abs() < 1e-12, "{} {exact}", ring.volume());
     let errors = [1, 2, 4].map(|k| {
@@ -134,7 +133,7 @@ fn positions_are_inside_or_outside_exactly() {
     ] {
         assert!(!body.contains(&x), "{x:?}");
     }
-    // The axis of the ball passes through its poles, where all facets meet; edges lie above the meridians.
+    // The axis of the ball passes through its poles, where many facets meet at a corner.
     let ball = Surface::new(&sphere([0.0; 3], 1.0, 12, 7)).unwrap();
     for k in -20..=20 {
         let z = f64::from(k) * 0.07;
@@ -255,7 +254,7 @@ fn a_surface_that_crosses_or_touches_itself_is_refused_with_the_place() {
         }
         other => panic!("{other}"),
     }
-    // One body pushed through the opposite face of another: facets that share no corner cross.
+    // A pole pushed through the opposite side of the ball: facets that share no corner cross.
     let mut dented = sphere([0.0; 3], 1.0, 12, 7);
     let pole = [0.0, 0.0, -1.0];
     let pushed = |triangles: &mut Vec<Triangle>, to: f64| {

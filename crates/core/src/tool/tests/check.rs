@@ -5,7 +5,7 @@ use crate::region::vector::{along, dot, minus, norm, unit};
 use crate::region::{Bounds, area_vector};
 use crate::tool::{Closest, Pose, Shape, first_contact};
 
-/// The checks to be made.
+/// Parameters of the checks.
 pub(super) struct Check<const D: usize> {
     /// Box in which the positions lie.
     pub(super) within: Bounds<D>,
@@ -102,8 +102,8 @@ fn check_point<const D: usize>(
         assert!(inside(&within), "{x:?} {found:?}");
     }
     if found.gap > 0.0 || *depth_is_distance {
-        // The surface passes within round-off of the point: positions on the other side occur near it, though only in
-        // few directions at sharp tips.
+        // The surface passes within round-off of the point: positions on the other side occur near it, though at sharp
+        // tips only in a few directions.
         let mut near =
             (0..5000).map(|_| along(&found.point, 1e-9 * size, &random.inside(&[[-1.0; D], [1.0; D]])));
         assert!(near.any(|near| inside(&near) != inside(x)), "{x:?} {found:?}");

@@ -126,8 +126,8 @@ fn a_box_is_an_extrusion_and_a_triangulated_surface() {
         for shape in &others {
             let found = shape.closest(x).unwrap();
             assert!((found.gap - expected.gap).abs() < 1e-14, "{x:?} {found:?} {expected:?}");
-            // Inside, the lattice lies on the medial axis; on an edge, any normal between those of its faces is
-            // correct.
+            // Inside, positions of the lattice lie on the medial axis; on an edge, any normal between those of its
+            // faces is correct.
             if expected.gap > 1e-9 {
                 assert!(
                     norm(&minus(&found.normal, &expected.normal)) < 1e-12,

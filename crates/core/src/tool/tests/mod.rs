@@ -44,7 +44,7 @@ pub(super) fn flower(n: usize) -> Vec<[f64; 2]> {
     (0..n).map(at).collect()
 }
 
-/// True within half the thickness of a polyline: in a disc at a corner or in a rectangle along a segment.
+/// True within `radius` of a polyline: in a disc at a corner or in a rectangle along a segment.
 fn in_wall(corners: &[[f64; 2]], radius: f64, x: &[f64; 2]) -> bool {
     let along_segment = |ends: &[[f64; 2]]| {
         let [[a, b], [c, d]] = [ends[0], ends[1]];

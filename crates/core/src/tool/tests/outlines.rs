@@ -7,8 +7,8 @@ use crate::region::area_vector;
 use crate::region::surface::tests::torus;
 use crate::region::vector::{along, minus, norm};
 
-/// Area of an outline whose facets form a closed surface (their area vectors add to zero) and are no larger than
-/// `size`.
+/// Area of the outline of a shape. Checks that the facets form a closed surface (their area vectors add to zero) and
+/// are no larger than `size`.
 fn closed_area<const D: usize>(shape: &dyn Shape<D>, size: f64) -> f64 {
     let outline = shape.outline(size).unwrap();
     let mut sum = [0.0; D];

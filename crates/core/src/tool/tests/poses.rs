@@ -43,7 +43,7 @@ fn positions_and_vectors_are_mapped_both_ways() {
 
 #[test]
 fn many_increments_add_up() {
-    // A thousand turns in increments of 1/100 turn, about an axis in space and in the plane.
+    // 1000.25 turns in increments of 1/100 turn, about an axis in space and in the plane.
     let axis = [2.0, -1.0, 2.0].map(|x| x / 3.0);
     let step = Increment { translation: [0.01, 0.0, 0.0], rotation: axis.map(|x| 0.02 * PI * x) };
     let flat = Increment { translation: [0.01, 0.0], rotation: [0.0, 0.0, 0.02 * PI] };
