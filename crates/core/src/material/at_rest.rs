@@ -9,7 +9,7 @@ use super::Material;
 pub enum Modulus {
     /// Shear modulus, [stress].
     Shear,
-    /// Norm of the stress change under uniaxial strain, lateral stresses included, relative to it, [stress].
+    /// Norm of the stress change under a uniaxial strain, lateral stresses included, relative to that strain, [stress].
     Axial,
 }
 

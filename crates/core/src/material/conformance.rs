@@ -51,8 +51,8 @@ pub struct Nonconformity {
 const TOLERATED: f64 = 1e-10;
 
 /// The properties that a law lacks, each at the strain where its error is largest, for a fixed set of pseudo-random
-/// strains, in space and in the plane, with initial history. `largest` bounds the components of a third of the strains,
-/// [-]; bounds of a tenth and a hundredth of it apply to the others.
+/// strains, in space and in the plane, with initial history. The components are at most `largest`, [-], in one third of
+/// the strains, and at most `largest`/10 and `largest`/100 in the other two thirds.
 pub fn check(law: &dyn Material, largest: f64) -> Vec<Nonconformity> {
     let mut worst: Vec<Nonconformity> = Vec::new();
     for strain in strains(largest) {
@@ -205,7 +205,8 @@ impl<'a> At<'a> {
     }
 
     fn tangent(&self) -> Deviation {
-        // A small part of the strain: the tangent of a law that yields at small strains changes as fast as the strain.
+        // The step is a small part of the strain: if a law yields at small strains, its tangent changes over strains
+        // of that size.
         let h = (1e-4 * self.logarithmic.norm()).clamp(1e-9, 1e-7);
         let error_of_column = |c: usize| {
             let (mut p, mut m) = (self.trial, self.trial);

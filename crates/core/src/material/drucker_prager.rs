@@ -103,7 +103,7 @@ impl PrincipalLaw for DruckerPrager {
         let trace = trial[0] + trial[1] + trial[2];
         let mut factor = Lanes::splat(1.0);
         if self.measure == StrengthMeasure::Cauchy {
-            factor += trace + old[1]; // 1 + x, at most exp(x)
+            factor += trace + old[1]; // 1 + x ≤ exp(x)
         }
         let mean = trace * (1.0 / 3.0);
         let [x, y, z] = [trial[0] - mean, trial[1] - mean, trial[2] - mean];

@@ -141,8 +141,9 @@ pub trait IsotropicModuli {
     fn respond(&self, b: &Sym3) -> Result<IsotropicResponse, MaterialError>;
 }
 
-/// Response of a law in the logarithmic strain whose tangent is D^alg = λ I⊗I + 2μ 𝟙 − α n⊗n. Tensors are the first `N`
-/// components of a Mandel-like layout, normal components before shears. `T` is one number or one SIMD lane per point.
+/// Response of a law in the logarithmic strain whose tangent is D^alg = λ I⊗I + 2μ 𝟙 − α n⊗n. Tensors have `N`
+/// components in the Mandel layout, normal components before shears. `T` is a number for one point, or a vector with
+/// one SIMD lane per point.
 #[derive(Debug, Clone, Copy)]
 pub struct CompactResponse<T, const N: usize> {
     /// Kirchhoff stress τ, [stress].
@@ -233,8 +234,8 @@ pub trait Material: Send + Sync + std::fmt::Debug {
     /// its volume ratio J.
     fn start_from(&self, _elastic_strain: &Sym3, _volume_ratio: f64, _history: &mut [f64]) {}
 
-    /// Adapts the history variables of a point to a `change` of its elastic strain, in the measure of the law, at constant
-    /// deformation: the parameters of the law have changed, and the stress stays.
+    /// Adapts the history variables of a point to a `change` of its elastic strain, in the measure of the law, at
+    /// constant deformation: the parameters of the law have changed, and the stress stays the same.
     fn keep_deformation(&self, _change: &Sym3, _history: &mut [f64]) {}
 
     /// Elastic strain, in the measure of the law, whose Kirchhoff stress is `tau`: the inverse of the elastic law.
@@ -262,7 +263,7 @@ pub trait Material: Send + Sync + std::fmt::Debug {
         None
     }
 
-    /// The law for batches of points, if the solver must evaluate it only in this way. [`Material::update`] is then
+    /// The batch form of the law, if the solver must evaluate the law only in batches. [`Material::update`] is then
     /// used for single points outside the iterations; [`respond_alone`] implements it.
     fn batch(&self) -> Option<&dyn BatchLaw> {
         None
@@ -278,7 +279,7 @@ pub trait Material: Send + Sync + std::fmt::Debug {
     }
 
     /// The law with its strength divided by a factor: cohesion, tensile strength and the tangent of the friction angle,
-    /// or yield stress and hardening modulus; `None` if it has no such strength.
+    /// or yield stress and hardening modulus; `None` if the law has no such strength.
     fn with_strength_divided(&self, _factor: f64) -> Option<Box<dyn Material>> {
         None
     }
@@ -327,8 +328,8 @@ impl Elasticity {
         if strain.norm().is_finite() { Ok(strain) } else { Err(MaterialError::NoStrain) }
     }
 
-    /// The same as [`Elasticity::stress`] for the first `N` components, normal components first; `T` is one number or
-    /// one SIMD lane per point.
+    /// The same as [`Elasticity::stress`] for `N` components, normal components first; `T` is a number for one point,
+    /// or a vector with one SIMD lane per point.
     #[inline(always)]
     pub fn stress_components<T: Lane, const N: usize>(&self, strain: &[T; N]) -> [T; N] {
         let pressure = (strain[0] + strain[1] + strain[2]) * self.lambda();

@@ -10,12 +10,12 @@ use super::{
 };
 use crate::tensor::{Lanes, Sym3};
 
-/// Modified Cam-clay at finite strain (Borja and Tamagnini 1998, doi 10.1016/S0045-7825(97)00141-2): the ellipse f =
-/// q²/M² + P (P − P_c) of the mean pressure P = −tr τ/3 and q = √(3 J₂), associated flow, and bilogarithmic
-/// compression.
+/// Modified Cam-clay at finite strain (Borja and Tamagnini 1998, doi 10.1016/S0045-7825(97)00141-2): the ellipse
+/// f = q²/M² + P (P − P_c) in terms of the mean pressure P = −tr τ/3 and q = √(3 J₂), associated flow, and
+/// bilogarithmic compression.
 ///
-/// On the virgin line, ln J = −λ̂ ln(P/P₀); on unloading, the slope is κ̂. The stored elastic energy is W = P₀ κ̂
-/// e^ω + 3/2 μ ε_s² with ω = −ε_v/κ̂ and μ = μ₀ + α P₀ e^ω (Borja, Tamagnini and Amorosi 1997, doi
+/// On the virgin line, ln J = −λ̂ ln(P/P₀); on unloading, the slope is κ̂. The stored elastic energy is
+/// W = P₀ κ̂ e^ω + 3/2 μ ε_s² with ω = −ε_v/κ̂ and μ = μ₀ + α P₀ e^ω (Borja, Tamagnini and Amorosi 1997, doi
 /// 10.1061/(ASCE)1090-0241(1997)123:10(948)), so that the bulk modulus grows in proportion to the pressure.
 #[derive(Debug, Clone)]
 pub struct ModifiedCamClay {
@@ -131,7 +131,7 @@ impl CamClay {
 
     /// ε_s at the first maximum of q at this pressure, up to which the stored energy is convex; infinite if q grows
     /// without limit. With x = 3α ε_s²/(2κ̂), dq/dε_s has the sign of μ₀ (1 + x)² + α P (1 − x), as has the determinant
-    /// of the second derivatives of W, and this is positive for all x ≥ 0 if α P < 8 μ₀.
+    /// of the second derivatives of W. The expression is positive for all x ≥ 0 if α P < 8 μ₀.
     fn strain_at_largest_shear(&self, pressure: f64) -> f64 {
         let (constant, confined) = (self.shear_modulus, self.shear_modulus_ratio * pressure);
         if confined < 8.0 * constant {

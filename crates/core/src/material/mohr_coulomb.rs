@@ -53,12 +53,12 @@ fn root_of_ratio(slope: f64) -> [f64; 2] {
     [secant + slope, 1.0 + slope / secant]
 }
 
-/// The largest strain of [`Softening`] at which a point loses strength faster than its elastic stress can fall, [-].
-/// The point flows from the peak while its least compressive principal stress is zero; its flow has no solution at or
-/// below this strain. With n = ∂f/∂τ and m the direction of flow, C the elastic stiffness and κ' = √(2/3) |dev m|, the
-/// loss ∂f/∂κ κ' must stay below n·C m; if both angles are zero, this strain is √3 (s_p − s_r)/G. Under compression,
-/// the reduction of friction adds to this loss, so that a larger strain may be necessary there. The first argument is
-/// Young's modulus, [stress], and Poisson's ratio, [-]; the second, the peak and the residual strength.
+/// The largest κ₉₅ of [`Softening`] at which a point loses strength faster than its elastic stress can fall, [-]. The
+/// point flows from the peak while its least compressive principal stress is zero; the flow has no solution if κ₉₅ is
+/// at or below this value. With n = ∂f/∂τ and m the direction of flow, C the elastic stiffness and κ' = √(2/3) |dev m|,
+/// the loss ∂f/∂κ κ' must stay below n·C m; if both angles are zero, this value is √3 (c_p − c_r)/G. Under compression,
+/// the reduction of friction adds to the loss, so that a larger κ₉₅ may be necessary there. The first argument holds
+/// Young's modulus, [stress], and Poisson's ratio, [-]; the second holds the peak and the residual strength.
 pub fn least_softening_strain([young, poisson]: [f64; 2], [peak, residual]: [Friction; 2]) -> f64 {
     let elasticity = Elasticity::from_young_poisson(young, poisson);
     let (shear, lambda) = (elasticity.shear, elasticity.lambda());
@@ -111,8 +111,7 @@ impl MohrCoulomb {
     }
 
     /// Limits principal stresses to this tensile strength, [stress], which is zero or positive. It has no effect if it
-    /// exceeds the tensile strength of the cone, c cot φ. With softening, the tensile strength decays with the
-    /// cohesion.
+    /// exceeds the stress at the apex, c cot φ. With softening, the tensile strength decays with the cohesion.
     pub fn tensile_strength(self, tensile: f64) -> Self {
         MohrCoulomb { tensile, ..self }.prepared()
     }

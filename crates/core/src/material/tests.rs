@@ -99,8 +99,8 @@ proptest! {
     }
 }
 
-/// The stored energy of a modulus with a constant part can stay convex beyond the largest shear strain at which it is
-/// convex without this part.
+/// If the shear modulus has a constant part, the stored energy can stay convex beyond the largest shear strain at which
+/// it is convex without this part.
 #[test]
 fn cam_clay_finds_the_elastic_strain_of_every_stable_stress() {
     for (constant, pressure, ratios) in [(0.5e6, 100e3, &[0.5, 1.0, 2.0][..]), (0.02e6, 500e3, &[0.2, 0.28])]
@@ -146,7 +146,7 @@ fn the_check_of_a_law_finds_nothing_in_those_of_the_library() {
     }
 }
 
-/// A law with errors in most of its functions.
+/// A law whose stress and tangent are wrong.
 #[derive(Debug)]
 struct Wrong(Hencky);
 

@@ -17,10 +17,10 @@ pub struct VaryingProperty {
     pub typical: f64,
 }
 
-/// The values of all properties at an original position.
+/// The values of all properties, as a function of the original position.
 pub type PropertiesAt = dyn Fn(&[f64; 3]) -> Vec<f64> + Send + Sync;
 
-/// The law with given properties.
+/// A law as a function of its properties.
 type LawOf<L> = dyn Fn(&[f64]) -> L + Send + Sync;
 
 /// A law of one kind whose properties vary in space: every point has its own properties, which depend on its original

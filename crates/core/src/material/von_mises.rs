@@ -47,8 +47,8 @@ struct Returned<T, const N: usize> {
 
 impl VonMises {
     /// Radial return. The trial deviator s = 2 G dev(ε) is scaled back along n = s/|s| by the flow |Δε^p|, which
-    /// satisfies |s| − 2 G |Δε^p| = ρ_y + H κ =: ρ. With h = √(2/3) H, the increase of ρ per unit of |Δε^p|, D^alg = K
-    /// I⊗I + 2 G (ρ/|s|) (𝟙_dev − n⊗n) + (2 G h/(2 G + h)) n⊗n. `kappa` is replaced by its new value.
+    /// satisfies |s| − 2 G |Δε^p| = ρ_y + H κ =: ρ. With h = √(2/3) H, the increase of ρ per unit of |Δε^p|, D^alg =
+    /// K I⊗I + 2 G (ρ/|s|) (𝟙_dev − n⊗n) + (2 G h/(2 G + h)) n⊗n. `kappa` is replaced by its new value.
     #[inline(always)]
     fn radial_return<T: Lane, const N: usize>(&self, trial: &[T; N], kappa: &mut T) -> Returned<T, N> {
         let Elasticity { bulk, shear } = self.elasticity;
@@ -155,7 +155,7 @@ impl VectorisedLaw for VonMises {
 mod tests {
     use super::*;
 
-    /// Path with yielding, unloading and reloading, in steps small enough for the trapezoidal rule.
+    /// Path with yielding, unloading and reversed yielding, in steps small enough for the trapezoidal rule.
     #[test]
     fn plastic_work_is_that_of_the_stress_on_the_plastic_strain() {
         let law = VonMises::new(1e6, 0.3, 20e3).hardening(0.4e6);

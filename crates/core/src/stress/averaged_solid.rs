@@ -5,8 +5,8 @@
 use super::products::{MANDEL_INDEX, times};
 use super::{Averaged, Averaging, Isotropic, Lane, Lanes, Spatial, WeakForm, transposed};
 
-/// [`Spatial`] under the pressure of its cell: its moduli are those of the deviator of τ, its stress is V⁰ dev τ + V P
-/// 1.
+/// [`Spatial`] under the pressure of its cell: its moduli are those of the deviator of τ, and its stress is
+/// V⁰ dev τ + V P 1.
 #[derive(Debug, Clone, Copy)]
 pub struct AveragedSpatial {
     point: Spatial,
@@ -28,7 +28,7 @@ impl Averaging<3> for Spatial {
         point.inverse.as_flattened_mut().iter_mut().for_each(|x| *x *= factor);
         let pi = (point.stress[0][0] + point.stress[1][1] + point.stress[2][2]) / 3.0;
         let Spatial { b, moduli, stress, .. } = &mut point;
-        // Trace of the change of τ, and its deviator, for each component of b.
+        // Trace and deviator of the change of τ, for each component of b.
         let mut traces = [0.0; 6];
         for (trace, change) in traces.iter_mut().zip(moduli.iter_mut()) {
             *trace = change[0] + change[1] + change[2];
@@ -162,7 +162,8 @@ impl Averaging<3> for Isotropic {
     }
 }
 
-/// Contribution of node b to its pairs; all vectors except the gradient are multiplied by V⁰.
+/// Contribution of node b to the stiffness of all pairs with this node; all vectors except the gradient are multiplied
+/// by V⁰.
 #[derive(Debug, Clone, Copy)]
 pub struct AveragedVectors {
     /// g_b.

@@ -19,7 +19,7 @@ pub struct Contribution<const D: usize, const E: usize> {
     pub volume: f64,
     /// ΔF⁻¹ if this is the current configuration.
     pub inverse: Option<[[f64; D]; D]>,
-    /// 1/r in this configuration, [1/length]; unused unless `E` exceeds `D`.
+    /// 1/r in this configuration, [1/length]; used only if `E` exceeds `D`.
     pub per_radius: f64,
 }
 

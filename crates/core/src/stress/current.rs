@@ -4,7 +4,7 @@
 use super::{Contribution, Lane, Lanes, WeakForm, transposed};
 
 /// Stress and moduli of a point in the current configuration, with indices in the order in which they are contracted.
-/// `T` is one number or one SIMD lane per point.
+/// `T` is a number for one point, or a vector with one SIMD lane per point.
 ///
 /// The gradient of a basis function has `E` components: those along the `D` axes and, for a body of revolution, S/r,
 /// which is conjugate to the first component of the displacement. Volumetric quantities are sums over these components,
@@ -14,11 +14,11 @@ pub struct Current<const D: usize, const E: usize, T = f64> {
     /// V⁰τ with the reference volume V⁰ = V_n/J_n, `[j][i]`, [stress·volume].
     pub stress: [[T; D]; E],
     /// V⁰ (∂τ/∂H − τ_il δ_jk) with the displacement gradient H in the current configuration, `[l][j][i][k]`,
-    /// [stress·volume]; (A.1) times the volume.
+    /// [stress·volume]; eq. (A.1) times the volume.
     pub tangent: [[[[T; D]; D]; E]; E],
     /// ΔF⁻¹.
     pub inverse: [[T; D]; D],
-    /// 1/r, [1/length]; unused unless `E` exceeds `D`.
+    /// 1/r, [1/length]; used only if `E` exceeds `D`.
     pub per_radius: T,
 }
 

@@ -53,7 +53,7 @@ pub trait Centring<const D: usize> {
     /// The weak form of such a point.
     type Centred: Centred<D>;
 
-    /// The weak form; its forces act in the volume `ratio` V⁰, with `ratio` = ΔJ/ΔJ₀.
+    /// The weak form; its stress is integrated over the volume `ratio` V⁰, with `ratio` = ΔJ/ΔJ₀.
     fn centred(self, factor: f64, ratio: f64) -> Self::Centred;
 }
 
@@ -67,10 +67,10 @@ pub trait Centred<const D: usize>: WeakForm<D> {
     fn add_excess(&self, excess: &[f64; D], column: &mut Self::Column);
 }
 
-/// [`Averaged`] with all its moduli. `T` is one number or one SIMD lane per point.
+/// [`Averaged`] with all its moduli. `T` is a number for one point, or a vector with one SIMD lane per point.
 #[derive(Debug, Clone, Copy)]
 pub struct MeanDilatation<const D: usize, const E: usize, T = f64> {
-    /// The point without the pressure of the cell.
+    /// The point; [`Averaging::averaged`] adds the pressure of the cell.
     point: Current<D, E, T>,
     /// V⁰ 1:Dτ̄:1/n².
     modulus: T,

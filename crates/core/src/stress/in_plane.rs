@@ -2,8 +2,8 @@
 
 use super::{Lane, Lanes, WeakForm, transposed};
 
-/// V P̃ and V Ã of a point, with indices in the order in which they are contracted. `T` is one number or one SIMD lane
-/// per point.
+/// V P̃ and V Ã of a point, with indices in the order in which they are contracted. `T` is a number for one point, or a
+/// vector with one SIMD lane per point.
 #[derive(Debug, Clone, Copy)]
 pub struct InPlane<T = f64> {
     /// V P̃_ij, `[j][i]`.

@@ -6,8 +6,8 @@ use crate::material::IsotropicResponse;
 
 /// A point in the previously converged formulation, with gradients in the current configuration, g = ∂S/∂X̃ ΔF⁻¹.
 ///
-/// With the spatial moduli c, which map the rate of deformation to the Oldroyd rate of τ, the stiffness of eqs.
-/// (A.3)-(A.6) between two nodes is V_n/J_n (g_a·c·g_b + (g_a·τ·g_b) 1). For c = λ̂ 1⊗1 + 2 μ̂ 𝟙 it reduces to products
+/// With the spatial moduli c, which map the rate of deformation to the Oldroyd rate of τ, the stiffness between two
+/// nodes of eqs. (A.3)-(A.6) is V_n/J_n (g_a·c·g_b + (g_a·τ·g_b) 1). For c = λ̂ 1⊗1 + 2 μ̂ 𝟙, it reduces to products
 /// of two vectors: V_n/J_n (λ̂ g_a⊗g_b + μ̂ g_b⊗g_a + (g_a·(τ + μ̂ 1)·g_b) 1).
 #[derive(Debug, Clone, Copy)]
 pub struct Isotropic {

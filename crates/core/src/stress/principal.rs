@@ -1,7 +1,7 @@
 //! Response of laws in principal axes to a trial b, without forming the logarithm of b as a tensor, or its derivative.
 //!
-//! b, the trial strain and τ have the same axes, so that ∂τ/∂b follows from the modulus of the law by ∂ε_a/∂b_a = 1/(2
-//! b_a) on normal components and from divided differences on shears.
+//! b, the trial strain and τ have the same axes, so that ∂τ/∂b follows from the modulus of the law and ∂ε_a/∂b_a =
+//! 1/(2b_a) for normal components, and from divided differences for shear components.
 
 use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 
@@ -68,7 +68,7 @@ fn respond(
     })
 }
 
-/// Derivative of the stresses of two axes with respect to b on their shear: (τ_a − τ_b)/(b_a − b_b).
+/// Derivative of the shear component of τ between two axes with respect to that of b: (τ_a − τ_b)/(b_a − b_b).
 #[inline(always)]
 fn on_shear(response: &PrincipalResponse, strain: &[f64; 3], b: &[f64; 3], pair: (usize, usize)) -> f64 {
     let PrincipalResponse { tau, modulus, .. } = response;

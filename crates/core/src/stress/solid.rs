@@ -28,8 +28,8 @@ pub struct Spatial {
     pub(super) b: [[f64; 3]; 3],
     /// V_n τ/J_n.
     pub(super) stress: [[f64; 3]; 3],
-    /// V_n/J_n times the change of τ with b. The first index is the component of b that changes, by α_q for b_kq (k ≠
-    /// q) or by 2α_k for b_kk with α = b g; the second index is the component of τ. Both are in the Mandel order.
+    /// V_n/J_n times the change of τ with b. The first index is the component of b that changes, by α_q for b_kq
+    /// (k ≠ q) or by 2α_k for b_kk with α = b g; the second index is the component of τ. Both are in the Mandel order.
     pub(super) moduli: [[f64; 6]; 6],
 }
 
@@ -52,8 +52,8 @@ impl WeakForm<3> for Spatial {
         transposed(nodes)
     }
 
-    /// V_n Ã·∇S_b with both gradients mapped, `[m][i][k]`: the change of τ due to a motion of node b along k, minus (τ
-    /// g_b)_i if m = k, the effect of the change of ΔF⁻¹.
+    /// V_n Ã·∇S_b with both gradients mapped, `[m][i][k]`: the change of τ due to a motion of node b along k, minus
+    /// (τ g_b)_i if m = k, the effect of the change of ΔF⁻¹.
     #[inline(always)]
     fn column(&self, gradient: &[f64; 3], force: &mut [f64; 3]) -> [[[f64; 3]; 3]; 3] {
         let traction = times(&self.stress, gradient);

@@ -136,7 +136,8 @@ fn transcription(start: &StartOfStep, dF: &Rows, law: &dyn Material, old: &[f64]
 }
 
 proptest! {
-    // A difference across a corner of a yield surface, which a random state meets now and then, is not a derivative.
+    // The seed is fixed: some random states lie at a corner of a yield surface, where a finite difference is not a
+    // derivative.
     #![proptest_config(ProptestConfig { rng_seed: RngSeed::Fixed(1), ..ProptestConfig::default() })]
 
     #[test]
@@ -391,7 +392,7 @@ proptest! {
     }
 }
 
-/// Strains far inside the surface and just beyond it, at adjacent points.
+/// Strains far inside the surface, and at one of the points a strain beyond it or NaN.
 #[test]
 fn laws_know_which_points_do_not_flow() {
     let mut known = 0;

@@ -6,7 +6,7 @@ use super::Lane;
 
 /// Leading digits of ln 2, few enough that their products with exponents are exact.
 const LN_2_HIGH: f64 = 6.931_471_803_691_238e-1;
-/// ln 2 less [`LN_2_HIGH`].
+/// ln 2 minus [`LN_2_HIGH`].
 const LN_2_LOW: f64 = 1.908_214_929_270_587_7e-10;
 /// 1/k! for k from 13 down to 0; the first neglected term of the series is below 5e-18 for |r| ≤ ½ ln 2.
 const SERIES: [f64; 14] = [

@@ -33,7 +33,7 @@ pub struct PrincipalDerivative {
 impl Spectrum {
     /// Decomposes a tensor. The error is of the order of round-off in its largest entry; NaN yields NaN.
     ///
-    /// The deviator is scaled to B with eigenvalues 2cos θ, 2cos(θ ± 2π/3). Its sign is chosen so that the largest
+    /// The deviator is scaled to B with eigenvalues 2cos θ, 2cos(θ ± 2π/3). The sign of B is chosen so that the largest
     /// eigenvalue is the best separated one (Eberly, *A Robust Eigensolver for 3×3 Symmetric Matrices*). That
     /// eigenvalue and its eigenvector v are well conditioned. One rotation in the plane normal to v then diagonalises
     /// the rest, exactly for any gap.
@@ -48,7 +48,7 @@ impl Spectrum {
         let mut least = f64::MIN_POSITIVE;
         let trace = d[0] + d[1] + d[2];
         if trace.abs() > 1e-3 * size {
-            // If the entries differ by a few units in the last place only, the rounding error of the mean is as large
+            // If the entries differ only by a few units in the last place, the rounding error of the mean is as large
             // as these differences.
             least = least.max(1e-8 * size);
             d = std::array::from_fn(|k| d[k] - trace / 3.0);
@@ -119,8 +119,8 @@ impl Spectrum {
     /// Derivative of an isotropic tensor function. `slope` is the derivative of the scalar function at each eigenvalue;
     /// `across` is its divided difference for the pairs (1, 2), (0, 2) and (0, 1).
     ///
-    /// The derivative is diagonal in the eigenbasis: `slope` on n_a ⊗ n_a, `across` on the symmetric part of √2 n_a ⊗
-    /// n_b.
+    /// The derivative is diagonal in the eigenbasis: `slope` on n_a ⊗ n_a, `across` on the symmetric part of
+    /// √2 n_a ⊗ n_b.
     #[inline]
     pub fn derivative(&self, slope: [f64; 3], across: [f64; 3]) -> Tangent {
         let mut sum = Tangent::zeros();
@@ -160,7 +160,7 @@ fn largest_root(h: f64) -> f64 {
 #[inline]
 fn deflated(B: &[[f64; 3]; 3], root: f64) -> ([f64; 3], [[f64; 3]; 3]) {
     // The rows of B − root I span the plane normal to the eigenvector. The cross product of the two best-conditioned
-    // rows gives it.
+    // rows gives the eigenvector.
     let row =
         |i: usize| -> [f64; 3] { std::array::from_fn(|j| if i == j { B[i][j] - root } else { B[i][j] }) };
     let rows = [row(0), row(1), row(2)];

@@ -36,9 +36,9 @@
 //! tolerance. Each update divides the error by about p_f and costs one linear solve. In the end, gap and slip, averaged
 //! over the contact points around each node, are within the tolerance, whatever the penalty. If more contact points
 //! touch than the grid has degrees of freedom for, they hinder each other, and updates only shift forces between them.
-//! Where an update leaves more than a quarter of the error, 10⁻⁴ of a cell is therefore accepted, or 10⁻³ after six
-//! updates, and single contact points may keep 10⁻³ (see [`multipliers`]). The residual of Newton's method holds for
-//! the final forces, and [`ToolState::overlap`] reports the overlap that is left.
+//! Where an update leaves more than a quarter of the error, an error of 10⁻⁴ of a cell is therefore accepted, or of
+//! 10⁻³ after six updates, and single contact points may keep 10⁻³ (see [`multipliers`]). The residual of Newton's
+//! method is that of the final forces, and [`ToolState::overlap`] reports the overlap that is left.
 //!
 //! Near the solution, the multipliers are updated along one increment of Newton's method per step, without a change of
 //! state (see [`along`]): most steps then need no further update, and no more solves than a step without contact.
@@ -118,8 +118,8 @@ pub struct Contact<const D: usize> {
     has_begun: Vec<bool>,
     /// For each body, true if it has points in the current step.
     is_there: Vec<bool>,
-    /// The contact points on this rank that may touch a tool in the current step; at its start, their multipliers and
-    /// whether they touch; their current multipliers; and their state at the last evaluation.
+    /// The contact points on this rank that may touch a tool in the current step; their multipliers at its start, and
+    /// whether they touched then; their current multipliers; and their state at the last evaluation.
     candidates: Vec<Candidate<D>>,
     start: Vec<Multiplier<D>>,
     has_touched: Vec<bool>,

@@ -191,7 +191,7 @@ pub struct ExternalForces<const D: usize> {
     released: Option<Nodal<D>>,
 }
 
-/// Forces `fixed` + λ `unit` on the active nodes, and their resultants, [force].
+/// Forces `fixed` + λ `unit` on the active nodes, with the load factor λ, and their resultants, [force].
 #[derive(Debug)]
 struct Unknown<const D: usize> {
     /// The force at load factor 0: the loads in the state in which the stage begins, and the forces that are not yet

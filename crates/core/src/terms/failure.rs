@@ -81,7 +81,7 @@ pub struct LoadNotFinite {
 pub enum EvaluateError {
     /// A point could not follow the increment; a smaller one may succeed.
     Point(PointFailure),
-    /// A law that is evaluated in batches cannot be evaluated.
+    /// The evaluation of a law in batches has failed.
     Law(Box<LawFailure>),
     /// The contact with tools cannot be evaluated.
     Contact(Box<ContactError>),
@@ -141,7 +141,7 @@ impl From<PointFailure> for EvaluateError {
     }
 }
 
-/// A law that is evaluated in batches cannot be evaluated.
+/// The evaluation of a law in batches has failed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LawFailure {
     /// Number of the material.

@@ -8,10 +8,11 @@
 //! f_G = Σ_faces ∫ γ G h ⟦∂N/∂n⟧ᵀ ⟦∂Δd/∂n⟧ dA,
 //!
 //! with the shear modulus G at rest of the surrounding material (the harmonic mean, because the gradient does jump
-//! between soft and stiff material), the thickness h of the cells across the face and a number γ. Like the equations of equilibrium, the penalty is written in the displacement increment of the step and in
-//! the configuration at the start of the step. A linear increment (uniform strain, any translation, any linearised
-//! rotation) has no jump: patch tests hold, and the forces have no resultant and no moment. f_G is linear in Δd, so
-//! Newton's method still converges quadratically.
+//! between soft and stiff material), the thickness h of the cells normal to the face and a number γ. Like the equations
+//! of equilibrium, the penalty is written in the displacement increment of the step and in the configuration at the
+//! start of the step. A linear increment (uniform strain, any translation, any linearised rotation) has no jump: patch
+//! tests hold, and the forces have no resultant and no moment. f_G is linear in Δd, so Newton's method still converges
+//! quadratically.
 #![allow(non_snake_case)]
 
 use std::collections::HashSet;
@@ -28,7 +29,7 @@ use super::failure::{BeginError, EvaluateError};
 use super::held_material::HeldMaterial;
 use super::term::{Ledger, Term};
 
-/// Fraction of the penalty, [-], that acts on the faces of cells with few points: enough to resist hourglass motions,
+/// Fraction of the penalty, [-], that acts on the faces of cells with few points: enough to resist hourglass modes,
 /// which would otherwise have no stiffness, and too little to carry load where the material flows.
 const OF_FEW_POINTS: f64 = 0.01;
 
@@ -277,8 +278,8 @@ fn thickness<const D: usize>(grid: &dyn Grid<D>, cells: [u32; 2], area: f64) -> 
 }
 
 /// The cells that hold points, but too few to resist all motions of their nodes: the strain at one point of a
-/// quadrilateral does not resist its hourglass motions, nor do the strains at three points of a hexahedron. Simplices
-/// have no hourglass motions.
+/// quadrilateral does not resist its hourglass modes, nor do the strains at three points of a hexahedron. Simplices
+/// have no hourglass modes.
 fn cells_of_few_points<const D: usize>(
     model: &Model<D>,
     points: &Points<D>,

@@ -34,8 +34,8 @@ use evaluation::{Task, Trial, Work};
 /// Groups are evaluated in batches of about this many node-pair blocks, so that the dense blocks stay in cache.
 const BATCH: usize = 1 << 14;
 
-/// Point data that take no more memory than this are kept from step to step, [bytes]: in small analyses, allocating
-/// them anew costs more than it saves.
+/// Point data that take no more memory than this, [bytes], are kept from step to step: in small analyses, freeing them
+/// saves less than allocating them anew costs.
 const KEPT: usize = 1 << 22;
 
 /// The material points, with the mechanics of an idealisation.
@@ -53,7 +53,7 @@ pub struct MaterialPoints<const D: usize, M> {
     /// For each group, true if it has several points, at least one of them of a body with
     /// [`Volumetric::MeanDilatation`]; empty if there is no such body.
     averaged: Vec<bool>,
-    /// The points whose laws are evaluated in batches.
+    /// One batch of points for each law that is evaluated for all its points at once.
     batched: Vec<Batch>,
     /// The law of each material with reduced strength; `None` if the law has no strength to reduce. The list is empty
     /// at full strength.
@@ -182,8 +182,8 @@ impl<const D: usize, M: Mechanics<D>> MaterialPoints<D, M> {
         Ok(())
     }
 
-    /// Evaluates the points of a model that has laws evaluated in batches; each of these laws is called once, in the
-    /// order of the materials.
+    /// Evaluates the points of a model that has laws evaluated for all their points at once; each of these laws is
+    /// called once, in the order of the materials.
     fn evaluate_batched<const N: usize>(
         &mut self,
         step: &StepContext<D>,

@@ -76,7 +76,7 @@ impl<const D: usize> Surfaces<D> {
     }
 
     /// Adapts the saved states of the terms of the model `before`, as of this time, to the model `now`: conditions that
-    /// have changed then hold their surfaces where they are.
+    /// have changed start from where their surfaces are at this time.
     ///
     /// # Errors
     /// The reason why a run cannot go on with the model `now`; the states are then unchanged.

@@ -46,7 +46,7 @@ pub const FURTHER: usize = 1 << 15;
 ///
 /// With several ranks, each rank has the term and its own points, and adds their contributions; the sum over the ranks
 /// follows. All ranks call the same methods in the same order. If a term itself exchanges messages, a rank that has
-/// found an error must not return before the other ranks have received theirs.
+/// found an error must not return before the other ranks have received their messages.
 ///
 /// There are `D` axes and `N` components at each node; the first `D` components are the displacement.
 pub trait Term<const D: usize, const N: usize = D>: Send {
@@ -201,8 +201,8 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
         place
     }
 
-    /// Further forces on the bodies at the last evaluation, [force], each of which reports list under its own name; for
-    /// example, the force from a wall.
+    /// Further forces on the bodies at the last evaluation, [force], each reported under its own name; for example, the
+    /// force from a wall.
     fn named_forces(&self) -> Vec<NamedForce<D>> {
         Vec::new()
     }
@@ -257,7 +257,7 @@ impl<const N: usize> Response<N> {
         Response { n_nodes, force: Vec::new(), globals: vec![0.0; n_globals], first: 0 }
     }
 
-    /// The external force on the active nodes, [force], to be added to.
+    /// The external force on the active nodes, [force], to which a term adds its own.
     pub fn force_mut(&mut self) -> &mut [[f64; N]] {
         self.force.resize(self.n_nodes, [0.0; N]);
         &mut self.force

@@ -44,8 +44,8 @@ fn case<L: PrincipalLaw + Material + 'static>(
     Case { law: Box::new(law), old, size, yields: Box::new(yields) }
 }
 
-/// The larger of the excesses over the shear and the tensile strength, relative to the sum of c cos φ and the magnitudes
-/// of the largest and the smallest stress, [-].
+/// The larger of the excesses over the shear and the tensile strength, relative to the sum of c cos φ and the
+/// magnitudes of the largest and the smallest stress, [-].
 fn mohr_coulomb(tau: [f64; 3], friction: Friction, tensile: f64, factor: f64) -> f64 {
     let [high, low] = [tau[0].max(tau[1]).max(tau[2]), tau[0].min(tau[1]).min(tau[2])];
     let sine = friction.friction_angle.to_radians().sin();

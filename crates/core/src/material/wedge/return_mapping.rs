@@ -1,10 +1,10 @@
 //! Return mapping to the Mohr-Coulomb planes and the planes of a tension cut-off, in principal stress space.
 //!
-//! In a sector of ordered stresses τ₁ ≥ τ₂ ≥ τ₃ (tension positive) the surface consists of the shear plane N τ₁ − τ₃ =
-//! s and the tension plane τ₁ = T. Their mirror images in the neighbouring sectors, N τ₂ − τ₃ = s, N τ₁ − τ₂ = s and τ₂
-//! = T, meet them in edges and vertices. Stresses and moduli on all faces and edges follow from one formula with one or
-//! two planes (Koiter 1953; de Souza Neto, Perić and Owen 2008, chapter 8; Clausen, Damkilde and Andersen 2007, doi
-//! 10.1016/j.compstruc.2006.10.010), without iteration.
+//! In a sector of ordered stresses τ₁ ≥ τ₂ ≥ τ₃ (tension positive), the surface consists of the shear plane
+//! N τ₁ − τ₃ = s and the tension plane τ₁ = T. Their mirror images in the neighbouring sectors, N τ₂ − τ₃ = s,
+//! N τ₁ − τ₂ = s and τ₂ = T, meet them in edges and vertices. Stresses and moduli on all faces and edges follow from
+//! one formula with one or two planes (Koiter 1953; de Souza Neto, Perić and Owen 2008, chapter 8; Clausen, Damkilde
+//! and Andersen 2007, doi 10.1016/j.compstruc.2006.10.010), without iteration.
 
 use crate::material::Elasticity;
 
@@ -51,7 +51,7 @@ fn dot(a: &Vector, b: &Vector) -> f64 {
 }
 
 impl Plane {
-    /// Normal to the plane: the gradient of its left-hand side.
+    /// Normal to the plane: the gradient of the left-hand side of its equation.
     #[inline(always)]
     fn normal(self, ratio: f64) -> Vector {
         let mut normal = [0.0; 3];
@@ -70,7 +70,7 @@ impl Plane {
         }
     }
 
-    /// Derivative of the gradient with respect to a parameter, given the derivative of the ratio.
+    /// Derivative of the normal with respect to a parameter, given the derivative of the ratio.
     #[inline(always)]
     fn normal_rate(self, ratio_rate: f64) -> Vector {
         let mut rate = [0.0; 3];
@@ -88,7 +88,7 @@ impl Strength {
         if self.ratio > 1.0 { self.compressive / (self.ratio - 1.0) } else { f64::INFINITY }
     }
 
-    /// True if the tension cut-off cuts the cone.
+    /// True if the tension cut-off cuts the pyramid.
     #[inline(always)]
     pub fn is_cut(&self) -> bool {
         self.tensile < self.apex()
@@ -160,10 +160,10 @@ struct Face<const M: usize> {
     tau: Vector,
     /// Multipliers of the flow on each plane, [-].
     flow: [f64; M],
-    /// D A and D G, [stress].
+    /// D A and D G, [stress], with the elastic stiffness D, the normals A and the flow directions G.
     normal_stress: [Vector; M],
     flow_stress: [Vector; M],
-    /// Inverse of Aᵀ D G, where A contains the normals and G the flow directions.
+    /// Inverse of Aᵀ D G.
     inverse: [[f64; M]; M],
 }
 
@@ -194,8 +194,8 @@ impl<const M: usize> Face<M> {
         Face { planes, tau, flow, normal_stress, flow_stress, inverse }
     }
 
-    /// The larger of two violations, [stress]: the amount by which the stress exceeds the strength, and flow against
-    /// its direction, times the shear modulus. Infinite if the result is NaN.
+    /// The larger of two violations, [stress]: the amount by which the stress exceeds the strength, and −G times the
+    /// smallest multiplier of the flow, which is positive if a multiplier is negative. Infinite if the result is NaN.
     #[inline(always)]
     fn violation(&self, strength: &Strength, elasticity: &Elasticity) -> f64 {
         let back = self.flow.iter().fold(f64::NEG_INFINITY, |most, flow| most.max(-elasticity.shear * flow));
@@ -260,7 +260,7 @@ fn inverted<const M: usize>(matrix: [[f64; M]; M]) -> [[f64; M]; M] {
 /// A vertex of the surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Place {
-    /// The apex of the cone, if there is no cut-off.
+    /// The apex of the pyramid, if there is no cut-off.
     Apex,
     /// T, T, T.
     Tension,
@@ -274,7 +274,7 @@ enum Place {
 struct Vertex {
     place: Place,
     tau: Vector,
-    /// Flow against its direction, times the shear modulus, [stress].
+    /// −G times the smallest multiplier of the flow, [stress]; positive if a multiplier is negative.
     violation: f64,
 }
 

@@ -66,7 +66,7 @@ fn tensors_that_differ_from_the_identity_by_round_off_are_decomposed() {
     }
 }
 
-/// A tensor with eigenvalues that differ by gaps of any order, in any direction.
+/// A tensor in any orientation, whose eigenvalues differ by gaps of any order of magnitude.
 fn nearly_equal() -> impl Strategy<Value = Sym3> {
     let (base, exponents) = (0.3..3.0f64, prop::array::uniform2(0.0..17.0f64));
     let signs = prop::array::uniform2(prop::sample::select(vec![-0.6, 0.0, 0.7]));

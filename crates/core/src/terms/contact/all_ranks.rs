@@ -2,8 +2,8 @@
 //!
 //! Each rank treats the contact points of its own material points. A corner shared by domains on several ranks belongs
 //! to the rank whose domain comes first in the order of the grid: the ranks send each other the corners near shared
-//! nodes, and join them in the same way. All ranks know the data that contact points keep from step to step, because
-//! material points migrate. All ranks decide together about errors and multipliers.
+//! nodes, and all join them in the same way. All ranks know the data that contact points keep from step to step,
+//! because material points migrate. All ranks decide together about errors and multipliers.
 
 use super::candidates::{CENTRE, Key, Near, Search};
 use super::plain::{Plain, exchange};
@@ -19,7 +19,7 @@ pub(super) fn place_of(shared: &[u32], node: usize) -> Option<usize> {
 /// The corner of a domain near a tool, as one rank sends it to others.
 #[derive(Debug, Clone, Copy)]
 struct Corner<const D: usize> {
-    /// Position of its cell in the order of the grid.
+    /// Position of the cell of its material point in the order of the grid.
     order: u32,
     key: Key,
     body: usize,
@@ -75,7 +75,7 @@ impl<const D: usize> Search<'_, D> {
         }
         let of_others = exchange(self.ranks(), messages).into_iter().flat_map(|(_, corners)| corners);
         places.extend(of_others.map(|corner| (corner.order, of_other(corner))));
-        // All points of a cell are on one rank.
+        // All points of a cell are on one rank, and the stable sort keeps their order.
         places.sort_by_key(|(order, _)| *order);
         if pieces.is_empty() {
             pieces.push(Found::default());

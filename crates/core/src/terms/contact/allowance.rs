@@ -3,8 +3,8 @@
 //! The boxes of GIMP and of standard points keep their sides along the axes, whatever their corners do, and CPDI1
 //! domains stay parallelograms: the corner of the new domain may lie inside a tool although the corner of the old
 //! domain only touched it. A step that removed all of this overlap would begin far from equilibrium, and forces would
-//! depend on the step size. A contact point therefore starts with the overlap it has, and loses it along its path; at
-//! rest, it keeps it.
+//! depend on the step size. A contact point therefore starts with the overlap it has, and loses this overlap along its
+//! path; at rest, the overlap stays.
 
 /// Path length over which the overlap of a contact point vanishes in one step, and falls to 1/e or less in many steps,
 /// relative to the size of a cell, [-]. With half this length, the force on a pipe in clay differs by 1.1 % instead of

@@ -1,10 +1,11 @@
 //! Updates of the multipliers along an increment of Newton's method.
 //!
-//! If no contact point opens, begins to slide or stops, the increment and the multipliers that close all gaps at its
-//! end follow from one linear system: K δd = r + Σ N_v δf, where δf is the force added by an update λ ← p, λ_t ← t at
-//! the linearised end of the increment. Each update costs one substitution with the factors of K and divides the error
-//! by about p_f. As long as it does, Newton's method converges quadratically to the displacements and the multipliers
-//! together; if contact points hinder each other, further updates would only shift forces between them.
+//! If no contact point opens, and none begins or stops sliding, the increment and the multipliers that close all gaps
+//! at its end follow from one linear system: K δd = r + Σ N_v δf, where δf is the force added by an update λ ← p,
+//! λ_t ← t at the linearised end of the increment. Each update costs one substitution with the factors of K and divides
+//! the error by about p_f. As long as the error falls like this, Newton's method converges quadratically to the
+//! displacements and the multipliers together; if contact points hinder each other, further updates would only shift
+//! forces between them.
 
 use super::candidates::Candidate;
 use super::evaluation::Trial;
@@ -17,7 +18,7 @@ use crate::region::vector::{along, minus};
 pub(super) struct Followed<const D: usize> {
     /// Its multipliers after an update.
     pub(super) multiplier: Multiplier<D>,
-    /// The force that the update adds on the body, [force].
+    /// The force on the body that the update adds, [force].
     pub(super) force: [f64; D],
     /// What the update changes.
     pub(super) change: Option<Change<D>>,

@@ -33,8 +33,8 @@ pub(super) const OTHER_SIDE: f64 = -0.5;
 
 /// Overlap or gap at the start of a step up to which surfaces count as touching, relative to the size of a cell, [-].
 pub(super) const TOUCHING: f64 = 1e-6;
-/// Smallest area that the penalty of a contact point assumes if updates close its gap slowly, relative to a side of its
-/// cell, [-].
+/// Smallest area that the penalty of a contact point assumes if updates close its gap slowly, relative to the area of a
+/// side of its cell, [-].
 const LEAST_AREA: f64 = 0.1;
 /// Fractions of the distance from a corner to its material point at which a cell for the corner is sought.
 const INWARDS: [f64; 5] = [1e-6, 0.25, 0.5, 0.75, 1.0];
@@ -59,13 +59,13 @@ pub(super) struct Candidate<const D: usize> {
     pub(super) body: usize,
     /// Position at the start of the step, [length].
     pub(super) start: [f64; D],
-    /// Active nodes and their basis functions at this position.
+    /// Active nodes, with the values of their basis functions at this position.
     pub(super) basis: Carriers,
     /// True if the surface of the tool is flat over all domains that share the contact point.
     pub(super) is_flat: bool,
     /// Largest motion of the contact point if no node moves farther than 1, [-].
     pub(super) reach: f64,
-    /// Area that the contact point stands for, [length²]: per unit thickness in the plane, over the full circle for
+    /// Area that the contact point stands for, [length²]: for unit thickness in the plane, over the full circle for
     /// bodies of revolution.
     pub(super) area: f64,
     /// Size of its cell, [length].
@@ -74,8 +74,8 @@ pub(super) struct Candidate<const D: usize> {
     pub(super) stiffness: f64,
     /// Penalty ε, [force/length].
     pub(super) penalty: f64,
-    /// ε once updates have closed the gap slowly: contact points with hardly any area would otherwise have too small a
-    /// penalty, [force/length].
+    /// ε, [force/length], once updates have closed the gap slowly: contact points with hardly any area would otherwise
+    /// have too small a penalty.
     pub(super) penalty_if_slow: f64,
     /// The closest point on the tool at the start of the step, in global coordinates.
     pub(super) near: Closest<D>,
@@ -215,7 +215,7 @@ impl<const D: usize> Search<'_, D> {
         ModuliAtRest::new(self.model, Modulus::Shear)
     }
 
-    /// The candidate for a contact point, unless it has no area or belongs to another rank. The
+    /// The candidate for a contact point; `None` if the contact point has no area or belongs to another rank. The
     /// penalty of the candidate follows from the stiffness of a cell of material beneath that area.
     pub(super) fn candidate(&self, place: Near<D>, moduli: &ModuliAtRest<D>) -> Option<Candidate<D>> {
         let Search { model, points, .. } = *self;
@@ -351,8 +351,8 @@ pub(super) fn radius_of<const D: usize>(points: &Points<D>, p: usize) -> f64 {
 }
 
 /// The number of a tool and the index of a material point that was far from the tool at the start of the step: the
-/// point has come so close that corners of its domain without a candidate may be inside, or it has passed through a
-/// part of the tool.
+/// point has come so close that corners of its domain without a candidate may be inside the tool, or the point has
+/// passed through a part of the tool.
 pub(super) fn missed<const D: usize, const N: usize>(
     search: &Search<D>,
     delta_d: &[[f64; N]],

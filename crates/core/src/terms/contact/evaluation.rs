@@ -102,7 +102,7 @@ impl<const D: usize, const N: usize> Trials<'_, D, N> {
             is_fresh: self.at_rest && !loaded && gap <= TOUCHING * size,
         };
         // At the start of the iterations the tool has moved and the bodies have not: the surface is extrapolated as a
-        // plane, because the contact point may lie beyond the middle of a thin tool. A plane is flat everywhere.
+        // plane, because the contact point may lie beyond the middle of a thin tool. For a plane, this is exact.
         if !self.at_rest && !candidate.is_at_plane() {
             let Some(found) = moving.closest(tool.shape.as_ref(), start, &slip) else { return apart };
             if found.gap < -TOUCHING * size && dot(&found.normal, &normal) < OTHER_SIDE {
@@ -175,8 +175,8 @@ pub(super) fn add<const D: usize, const N: usize>(
     }
 }
 
-/// Supports the unknown motions of tools whose contact points all slide with friction, with the stiffness of the cells
-/// below: as long as no contact point sticks, friction does not resist further motion along the surface.
+/// Adds the stiffness of the cells below to the unknown motions of tools whose contact points all slide with friction:
+/// as long as no contact point sticks, friction does not resist further motion along the surface.
 fn support_sliding<const D: usize, const N: usize>(
     tools: &[Moving<D>],
     pairs: &[(&Candidate<D>, &Trial<D>)],
@@ -195,7 +195,7 @@ fn support_sliding<const D: usize, const N: usize>(
     }
 }
 
-/// Supports a contact point along the surface with this normal, with the stiffness of the cell below.
+/// Adds the stiffness of the cell below to a contact point, along the surface with this normal.
 pub(super) fn support<const D: usize, const N: usize>(
     candidate: &Candidate<D>,
     normal: &[f64; D],

@@ -19,8 +19,8 @@ use crate::step::StepContext;
 /// [force/length].
 type Awake<const D: usize> = ([Multiplier<D>; 2], f64);
 
-/// Contact points sleep if their distance from a flat surface exceeds `AWAKE` times the size of the smallest cell and
-/// `AWAKE_AFTER` times the motion of the tool in the step.
+/// Contact points sleep, that is, they are left out, if their distance from a flat surface exceeds `AWAKE` times the
+/// size of the smallest cell and `AWAKE_AFTER` times the motion of the tool in the step.
 const AWAKE: f64 = 0.1;
 const AWAKE_AFTER: f64 = 10.0;
 

@@ -58,7 +58,7 @@ pub(super) struct Added<const D: usize> {
     pub(super) multiplier: Multiplier<D>,
     /// The force on the body, [force].
     pub(super) force: [f64; D],
-    /// The change of the normal multiplier, here, and of the shear, below, divided by the penalty, [length].
+    /// The change of the normal multiplier and, in `slip`, that of the shear, both divided by the penalty, [length].
     pub(super) overlap: f64,
     pub(super) slip: [f64; D],
 }
@@ -77,7 +77,7 @@ pub(super) struct Law {
 }
 
 impl Law {
-    /// The law at a contact point with this area, [length²]. Tension acts only if `has_touched`: if the
+    /// The law at a contact point with this area, [length²]. Tension acts only if `has_touched`, that is, if the
     /// surfaces touch when the step begins.
     pub(super) fn new(interface: &Interface, area: f64, penalty: f64, has_touched: bool) -> Law {
         let (friction, adhesion) = match interface.shear {

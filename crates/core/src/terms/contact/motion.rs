@@ -6,7 +6,7 @@ use crate::region::vector::{along, cross, minus, norm};
 use crate::step::{Step, displacement};
 use crate::tool::{Closest, Increment, Pose, Shape};
 
-/// Change of the load factor, relative to 1 plus its value, with which a prescribed motion is differentiated
+/// Change of the load factor, relative to 1 plus its magnitude, with which a prescribed motion is differentiated
 /// numerically, [-].
 const NEARBY: f64 = 1e-6;
 
@@ -83,7 +83,7 @@ impl<const D: usize> Moving<D> {
         let mut rotation = std::array::from_fn(|k| after[D + k] - before[D + k]);
         self.turn = rotation;
         if D == 3 && !tool.rotation.iter().any(Freedom::is_free) {
-            // The relative rotation of two rotation vectors.
+            // The relative rotation between two rotation vectors.
             let turned = |v: &[f64]| Pose::<D>::new([0.0; D], [v[D], v[D + 1], v[D + 2]]);
             if let (Ok(a), Ok(b)) = (turned(&before), turned(&after)) {
                 rotation = b.rotation_since(&a);
@@ -128,8 +128,8 @@ impl<const D: usize> Moving<D> {
         moved + norm(&self.prescribed.rotation) * distance
     }
 
-    /// Length of the arc, in the step, of the point of the tool at a position, [length], if the tool turns by more than
-    /// a quarter; 0 otherwise. The displacement, a chord, then says little about the path.
+    /// Length of the arc that the point of the tool at a position describes in the step, [length], if the tool turns by
+    /// more than a quarter turn: the displacement, a chord, then says little about the path; 0 otherwise.
     pub(super) fn arc(&self, x: &[f64; D]) -> f64 {
         let angle = norm(&self.turn);
         if angle <= QUARTER {

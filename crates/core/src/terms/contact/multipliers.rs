@@ -95,8 +95,8 @@ impl<const D: usize> Change<D> {
             let now = forces_of(trial, moving);
             let overlap = (now.normal - multiplier.normal) / candidate.penalty;
             let shear = along(&now.shear, -1.0, &multiplier.shear).map(|t| t / candidate.penalty);
-            // A contact point that has opened no longer has a normal; the normal at the start of the step serves as
-            // well.
+            // A contact point that has opened no longer has a normal; the normal at the start of the step serves
+            // instead.
             let normal = trial.touch.as_ref().map_or(candidate.near.normal, |touch| touch.normal());
             Some(Change::new(overlap, &moving.end.vector_to_space(&shear), &normal))
         };
@@ -113,7 +113,7 @@ impl<const D: usize> Change<D> {
     }
 }
 
-/// Numbers of the pairs of a tool and a node that carries contact points of this tool.
+/// Numbers for the pairs of a tool and a node that carries contact points of this tool.
 struct NodeNumbers {
     /// For each contact point, the index in `numbers` at which its numbers begin; consecutive contact points with the
     /// same nodes share their numbers.

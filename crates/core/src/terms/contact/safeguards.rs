@@ -64,7 +64,7 @@ impl<const D: usize> Contact<D> {
                 if gap > APART * candidate.size {
                     motion > gap
                 } else {
-                    // A contact point that has touched may cut a rounded surface when it leaves.
+                    // The straight path of a contact point that leaves the tool may cut a rounded surface.
                     candidate.has_turned(tool.shape.as_ref(), moving, position)
                 }
             };

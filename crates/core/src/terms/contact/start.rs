@@ -128,8 +128,8 @@ impl<const D: usize> Placed<'_, D> {
         shortest.map(|(length, way)| way.map(|e| e * length))
     }
 
-    /// The length of the translation in a direction; `None` if the tool would not leave within the space around the
-    /// grid.
+    /// The length of the shortest translation in a direction after which all corners of domains are outside the tool;
+    /// `None` if the tool would not leave within the space around the grid.
     fn length(&self, direction: &[f64; D]) -> Option<f64> {
         let Placed { model, points, tool } = self;
         let reach = self.reach(model.grid.bounds());

@@ -67,7 +67,7 @@ pub struct ContactPoint<const D: usize> {
     pub position: [f64; D],
     /// Unit normal pointing out of the tool.
     pub normal: [f64; D],
-    /// Area that the contact point stands for, [length²]: per unit thickness in the plane, over the full circle for
+    /// Area that the contact point stands for, [length²]: for unit thickness in the plane, over the full circle for
     /// bodies of revolution.
     pub area: f64,
     /// Force of the tool on the body, [force].

@@ -1,7 +1,7 @@
 //! The responses of points to the mean dilatation of their cell.
 //!
-//! They do not depend on the form of the stiffness to which the points contribute, so they are compiled once for all
-//! forms.
+//! Their evaluation does not depend on the form of the stiffness to which the points contribute, so it is compiled once
+//! for all forms.
 #![allow(non_snake_case)]
 
 use std::ops::Range;

@@ -61,7 +61,7 @@ fn stretch<const D: usize, M: Mechanics<D>>(ratio: f64) -> f64 {
     if M::DILATED == 2 { ratio.sqrt() } else { ratio.cbrt() }
 }
 
-/// The increment with the volume ratio `theta`, and the factor applied to it.
+/// The increment with the volume ratio `theta`, and the factor that scales ΔF.
 #[inline(always)]
 pub(super) fn barred<const D: usize, M: Mechanics<D>>(motion: &Motion<D>, theta: f64) -> (Increment<D>, f64) {
     let factor = stretch::<D, M>(theta / motion.dJ);

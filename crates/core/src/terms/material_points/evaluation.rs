@@ -164,9 +164,9 @@ struct Groups<'t, 'a, 'w, const D: usize, M, const UPDATED: bool> {
 impl<const D: usize, M: Mechanics<D>, const UPDATED: bool> WithSimd for Groups<'_, '_, '_, D, M, UPDATED> {
     type Output = Result<(), PointFailure>;
 
-    /// Chooses the form of the stiffness of each group. Processors without vector instructions and the updated
-    /// Lagrangian formulation, which is a cross-check, use only the general forms, which add the same numbers in the
-    /// same order.
+    /// Chooses the form of the stiffness of each group. On processors without vector instructions, and in the updated
+    /// Lagrangian formulation, which is a cross-check, only the general forms are used; they add the same numbers in
+    /// the same order.
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> Self::Output {
         let Groups { task, groups, work: Work { mut trial, mut dense, mut force, mut room } } = self;

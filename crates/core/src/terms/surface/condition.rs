@@ -6,7 +6,7 @@
 //!
 //! m_k = Σ q_k d · (u − ū) A = 0,   f_v = −Σ_k B_kv (λ_k + β m_k),   B_kv = Σ q_k N_v d A.
 //!
-//! The multipliers λ_k are global unknowns of the step, so Newton's method solves for them exactly, instead of by
+//! The multipliers λ_k are global unknowns of the step, so Newton's method solves for them directly, without
 //! updates λ ← λ + β m between its iterations. The penalty β only makes the stiffness regular: m = 0 at the solution,
 //! so the results do not depend on β. With multipliers on patches wider than a cell, the displacement of cut cells
 //! keeps enough freedom; one multiplier per sample or per cell would cause locking at the boundary. The multipliers are
@@ -37,7 +37,7 @@ const ON_BOUNDARY: f64 = 1e-9;
 /// A function is omitted if its part orthogonal to the earlier functions is smaller than this fraction of the largest
 /// possible part, [-].
 const INDEPENDENT: f64 = 1e-3;
-/// Softening of each equation m = 0 relative to the penalty, [-]. It fixes multipliers that the displacements leave
+/// The number s in m = s λ/β, which softens each equation m = 0, [-]. It fixes multipliers that the displacements leave
 /// undetermined if conditions repeat each other. The error in displacement that remains is this fraction of the
 /// error with the penalty alone.
 const SOFTENING: f64 = 1e-10;
@@ -83,8 +83,8 @@ pub(super) struct Condition<const D: usize> {
     patches: Vec<Patch>,
     equations: Vec<Equation<D>>,
     /// m of each equation when the condition began to act, shifted by changes of the condition during the run; the
-    /// condition holds the surface at this value. First as of the last step in equilibrium, then in the current step.
-    /// `None` while the condition does not act.
+    /// condition holds the surface at this value. `origins` belongs to the last step in equilibrium, `trial_origins` to
+    /// the current step. `None` while the condition does not act.
     origins: Option<Vec<f64>>,
     trial_origins: Option<Vec<f64>>,
     /// λ of the last step in equilibrium and of the last evaluation; zero while the condition does not act.
@@ -504,8 +504,8 @@ fn patches<const D: usize>(model: &Model<D>, surface: &Surface<D>) -> Vec<Patch>
     by_place.into_values().map(of_samples).collect()
 }
 
-/// The functions 1, x, y(, z) on a patch of this width, [length], orthonormalised in this order with respect to area and
-/// then multiplied by the areas of the samples; functions that depend on earlier ones are omitted.
+/// The functions 1, x, y(, z) on a patch of this width, [length], orthonormalised in this order with respect to area
+/// and then multiplied by the areas of the samples; functions that depend on earlier ones are omitted.
 fn orthonormal<const D: usize>(
     surface: &Surface<D>,
     samples: &[u32],

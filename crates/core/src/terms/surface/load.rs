@@ -10,7 +10,7 @@
 //!
 //! ∂f_v/∂Δd_w = −Σ N_v Σ_k N_w(x_k) (p ∂(n a)/∂x_k + n a ⊗ ∂p/∂x_k),
 //!
-//! which is symmetric only for a constant pressure on a closed surface.
+//! which is not symmetric in general.
 
 use crate::assembly::{System, Wanted};
 use crate::model::{Action, Load, Model, Pressure};

@@ -32,7 +32,7 @@ fn controlled(motion: Freedom, load: f64, control: Control, steps: usize) -> Run
         .steps(steps);
     let (mut model, points) = builder.build().unwrap();
     model.stepping.control = control;
-    // The states of contact points take more iterations to settle than bodies do.
+    // The states of the contact points need more iterations than the deformation of the bodies.
     model.newton.max_iterations = 60;
     model.stepping.smallest = 0.01;
     run_model(&model, points).unwrap()
@@ -49,7 +49,8 @@ fn a_footing_sinks_under_a_dead_load_as_far_as_the_load_pushes_it() {
     assert!((tool.displacement[1] / -0.02 - 1.0).abs() < 1e-5, "{}", tool.displacement[1]);
 }
 
-/// The load factor follows from the displacement of the footing, whether a load or a prescribed motion grows with it.
+/// The load factor follows from the displacement of the footing, whether a load or a prescribed motion grows with the
+/// factor.
 #[test]
 fn the_displacement_of_a_footing_determines_its_load_and_its_motion() {
     let pushed = footing(Freedom::Prescribed(Formula::constant(-0.02)), 0.0);
@@ -89,8 +90,8 @@ fn a_loaded_and_a_driven_footing_follow_an_arc_length() {
     assert!(lengths.is_sorted_by(|a, b| a > b), "{lengths:?}");
 }
 
-/// Errors, relative to Hertz, of the half width and of the share of the load near the middle, for a cylinder on a
-/// block.
+/// Errors, relative to Hertz's solution, of the half width and of the share of the load near the middle, for a cylinder
+/// on a block.
 fn hertz(cells: usize, method: Method) -> [f64; 2] {
     let h = 1.0 / cells as f64;
     let (modulus, poisson, radius) = (1e6, 0.3, 1.0);
