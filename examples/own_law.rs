@@ -18,7 +18,7 @@ use mpm::tensor::{Sym3, Tangent, dyad};
 /// τ = K (1 − e^(−a ε_v)) / a I + 2 G dev ε, in the logarithmic elastic strain ε with ε_v = tr ε.
 #[derive(Debug, Clone, Copy)]
 struct Stiffening {
-    /// K at rest, [stress].
+    /// K at zero strain, [stress].
     bulk: f64,
     /// G, [stress].
     shear: f64,

@@ -82,7 +82,7 @@ impl Term<2> for Wall {
                     continue;
                 }
                 let k = self.stiffness * points.original_volume[p];
-                // The internal force resists the motion, so the contribution of the wall points into the wall.
+                // The internal force resists the motion, so the wall contributes a force directed into the wall.
                 let internal = self.normal.map(|n| k * distance * n);
                 for &(node, value) in &links {
                     let force = &mut sum.internal_force_mut()[node];

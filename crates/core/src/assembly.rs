@@ -185,7 +185,7 @@ impl<const N: usize> System<N> {
         &mut self.external
     }
 
-    /// Adds a force that holds a body to the external force, [force].
+    /// Adds to the external force a force that holds a body, [force].
     pub fn add_holding<const D: usize>(&mut self, node: usize, force: &[f64; D]) {
         let n = self.external.len();
         let holding = &mut self.holding.get_or_insert_with(|| vec![[0.0; N]; n])[node];
@@ -209,7 +209,7 @@ impl<const N: usize> System<N> {
         self.round_off.as_deref()
     }
 
-    /// Counts a force that is already part of the external force among the forces that hold bodies, [force].
+    /// Marks a force, already part of the external force, as one that holds bodies, [force].
     pub fn count_as_holding<const D: usize>(&mut self, force: &[[f64; D]]) {
         add(self.holding.get_or_insert_with(|| vec![[0.0; N]; force.len()]), force);
     }
@@ -276,7 +276,7 @@ impl<const N: usize> System<N> {
         sums
     }
 
-    /// Adds a multiple of a diagonal matrix, given per node, to K until K is evaluated again.
+    /// Adds a multiple of a diagonal matrix, given per node, to K; the next evaluation of K discards it.
     pub fn add_to_diagonal(&mut self, factor: f64, diagonal: &[[f64; N]]) {
         let (blocks, halo) = (&mut self.blocks, &self.halo);
         self.pairs.for_each(|row, column, place| {

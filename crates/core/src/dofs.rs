@@ -57,8 +57,7 @@ pub struct DofMap<const N: usize> {
     numbering: Numbering<N>,
     /// The components that are not unknowns, in order.
     bound: Vec<Bound>,
-    /// Further conditions that prescribe the same motion of a component that is already prescribed: active node,
-    /// component and condition, ascending.
+    /// Conditions that repeat the prescribed motion of a component: active node, component and condition, ascending.
     shared: Vec<(u32, u8, u16)>,
     /// The nodes whose unknowns are not along the axes, ascending.
     turned: Vec<Turned<N>>,
@@ -338,8 +337,8 @@ impl<const N: usize> DofMap<N> {
     /// force)`.
     ///
     /// The conditions that fix a component carry equal shares; if none fixes it, the conditions that move it carry
-    /// equal shares. At a turned node, each condition carries a force along its direction. Conditions that do not belong
-    /// to the model get no share.
+    /// equal shares. At a turned node, each condition carries a force along its own direction. Conditions that do not
+    /// belong to the model get no share.
     pub fn for_each_share<const D: usize>(
         &self,
         model: &Model<D>,
@@ -372,7 +371,8 @@ impl<const N: usize> DofMap<N> {
     }
 }
 
-/// The conditions that repeat what an earlier one prescribes of a component, from the sorted list of all of them.
+/// The conditions that repeat what an earlier one prescribes for a component, from the sorted list of all such
+/// conditions.
 fn conditions_at(shared: &[(u32, u8, u16)], node: u32, component: u8) -> impl Iterator<Item = u16> + '_ {
     let begin = shared.partition_point(|(n, c, _)| (*n, *c) < (node, component));
     shared[begin..]
@@ -381,7 +381,7 @@ fn conditions_at(shared: &[(u32, u8, u16)], node: u32, component: u8) -> impl It
         .map(|(_, _, condition)| *condition)
 }
 
-/// The remainder of a sum of terms of this size, or 0 if the remainder is round-off.
+/// The remainder `rest` of a sum whose terms are of magnitude `size`, or 0 if it is round-off.
 fn unless_round_off(rest: f64, size: f64) -> f64 {
     if rest.abs() > REACHED * size { rest } else { 0.0 }
 }

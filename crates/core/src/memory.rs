@@ -25,7 +25,7 @@ pub struct Memory {
 }
 
 impl Memory {
-    /// Limits of this machine and process; `None` if the operating system does not report them (Linux reports them).
+    /// Limits of this machine and process; `None` if the operating system does not report them (Linux does).
     pub fn of_this_machine() -> Option<Memory> {
         Memory::read(Path::new("/"))
     }
@@ -85,7 +85,7 @@ struct ControlGroup {
     usage: PathBuf,
 }
 
-/// The control group of the process and all its ancestors.
+/// The control group of the process, and all ancestors of this group.
 fn control_groups(root: &Path) -> Vec<ControlGroup> {
     let own = std::fs::read_to_string(root.join("proc/self/cgroup")).unwrap_or_default();
     let mut groups = Vec::new();

@@ -187,8 +187,8 @@ impl<const D: usize> Model<D> {
         })
     }
 
-    /// True if boundary conditions of the current stage that hold given nodes hold this one, [grid number], against a
-    /// motion in this direction.
+    /// True if a boundary condition of the current stage that acts on given nodes holds the node with this grid number
+    /// against a motion in this direction.
     pub fn holds_node(&self, node: u32, motion: &[f64; D]) -> bool {
         self.boundary_conditions.iter().enumerate().any(|(number, condition)| match &condition.nodes {
             NodeSet::Fixed(nodes) if self.is_set(number) && nodes.contains(&node) => {

@@ -31,8 +31,8 @@ mod tests;
 /// Smallest number of points assigned to one thread.
 pub const PIECE: usize = 1 << 10;
 
-/// A position as text for messages: with six decimals, or in exponential notation if all coordinates are so small or any
-/// is so large that decimals do not suit them.
+/// A position as text for messages: with six decimals, or in exponential notation if the largest coordinate is too
+/// small or too large for decimals.
 pub fn coordinates(position: &[f64]) -> String {
     let largest = position.iter().fold(0.0, |largest: f64, x| largest.max(x.abs()));
     let suits_decimals = largest == 0.0 || (1e-3..1e9).contains(&largest);

@@ -256,7 +256,8 @@ impl Quality {
         warnings
     }
 
-    /// Records that bodies of this mass and volume were added, or removed if the values are negative, [mass, volume].
+    /// Records that bodies of this mass and volume were added, or removed if the values are negative, [mass] and
+    /// [volume].
     pub fn exchange(&mut self, mass: f64, volume: f64) {
         for (balance, change) in [(&mut self.mass, mass), (&mut self.volume, volume)] {
             balance.start += change;

@@ -26,7 +26,7 @@
 //!
 //! A step that fails leaves no trace in the converged state. It is retried in two halves, down to the smallest step
 //! that the deck allows; only equilibrium is accepted and reported. While bodies slump, the points move on over several
-//! fresh grids; if no equilibrium follows, they are moved back.
+//! fresh grids; if no equilibrium follows, the points are restored.
 
 mod acceptance;
 mod agree;

@@ -107,8 +107,8 @@ impl<const D: usize> Dense<D> for Triangle<'_, D> {
     }
 }
 
-/// The same as [`Triangle`], for a group in the plane whose points all touch its `N` nodes, as standard points do. Each
-/// block is one vector of numbers at a fixed position, so no index has to be looked up.
+/// The same as [`Triangle`], for a two-dimensional group whose points each touch all its `N` nodes, as standard points
+/// do. Each block is one vector of numbers at a fixed position, so no index has to be looked up.
 pub(crate) struct Whole<const D: usize, const N: usize> {
     /// The block of row a and column b is at `[b][a]`.
     blocks: [[Block<D>; N]; N],
@@ -198,9 +198,9 @@ impl<const D: usize> Dense<D> for Square<'_, D> {
     }
 }
 
-/// The stiffness of a group whose points all touch its `N` nodes, as standard points do. It is stored by columns, with
-/// the rows side by side in `C` vectors of [`Lanes::WIDTH`], so that one instruction operates on several rows. It is
-/// small enough for the fastest cache; the blocks are separated once, after all points have been added.
+/// The stiffness of a group whose points each touch all its `N` nodes, as standard points do. It is stored by columns,
+/// with the rows side by side in `C` vectors of [`Lanes::WIDTH`] numbers, so that one instruction operates on several
+/// rows. It is small enough for the fastest cache; the blocks are extracted once, after all points have been added.
 pub(crate) struct Cell<const D: usize, const N: usize, const C: usize> {
     symmetric: bool,
     columns: [[[[Lanes; D]; D]; C]; N],

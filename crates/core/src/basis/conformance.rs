@@ -1,4 +1,4 @@
-//! Conformance test of all methods on all grids. A new method adds one line to the list.
+//! Conformance test of all methods on all grids. A new method only needs an entry in `METHODS`.
 
 use std::sync::LazyLock;
 

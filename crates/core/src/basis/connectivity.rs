@@ -73,7 +73,7 @@ pub struct Connectivity<const D: usize> {
     carried: Vec<[u32; 2]>,
     /// Cells of other ranks next to the cells of this rank, ascending.
     layer_cells: Vec<u32>,
-    /// Active nodes of these cells, and further nodes that terms need on this rank; grid numbers.
+    /// Active nodes of `layer_cells`, and further nodes that terms need on this rank; grid numbers.
     layer_nodes: Vec<u32>,
     /// The active nodes that other ranks also have.
     halo: Halo,
@@ -238,8 +238,8 @@ impl<const D: usize> Connectivity<D> {
         self.group_nodes.extend(piece.group_nodes);
         self.touches.extend(piece.touches);
         self.whole.extend(piece.whole);
-        // Offsets of the next data of each kind. That of the node indices stays at the start of the piece, because a
-        // point can share the indices of an earlier point of its group.
+        // Offsets of the next data of each kind. The offset of the node indices stays at the start of the piece,
+        // because a point can share the indices of an earlier point of its group.
         let mut next = Block { link: links, factor: factors, local: locals };
         for ((&start, form), &local) in piece.start.iter().zip(&piece.form).zip(&piece.local_start) {
             let explicit = form.is_explicit();
@@ -327,7 +327,7 @@ impl<const D: usize> Connectivity<D> {
         Links { local, value, gradient }
     }
 
-    /// Values and gradients of a point at its `n` nodes, if they are stored as such.
+    /// Values and gradients of a point at its `n` nodes, if they are stored explicitly.
     #[inline(always)]
     fn explicit(&self, point: usize, n: usize) -> Option<(&[f64], &[[f64; D]])> {
         let is_explicit = D < 3 || self.form[point].is_explicit();
@@ -410,8 +410,8 @@ impl<const D: usize> Connectivity<D> {
         &self.active_cells
     }
 
-    /// Number, among the active nodes, of the node that moves with a grid node: the node itself, or its carrier if only
-    /// slivers of basis functions touch it; `None` if no point is near.
+    /// Number, among the active nodes, of the node that moves with a grid node: the grid node itself if it is active,
+    /// else its carrier; `None` if it has no carrier either.
     #[inline(always)]
     pub fn moves_with(&self, node: usize) -> Option<usize> {
         match self.active_of[node] {

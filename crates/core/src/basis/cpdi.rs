@@ -41,8 +41,8 @@ impl<const D: usize> Basis<D> for Cpdi {
     }
 }
 
-/// S_v = Σ_c w_c N_v(x_c) and ∇S_v = Σ_c g_c N_v(x_c), on a grid whose type is known statically, so that its methods
-/// can be inlined.
+/// S_v = Σ_c w_c N_v(x_c) and ∇S_v = Σ_c g_c N_v(x_c), generic over the type of the grid, so that the methods of a
+/// structured grid can be inlined.
 fn sum_over_corners<const D: usize, G: Grid<D> + ?Sized>(
     weights: &CornerWeights<D>,
     grid: &G,
@@ -75,8 +75,8 @@ fn sum_over_corners<const D: usize, G: Grid<D> + ?Sized>(
     Ok(())
 }
 
-/// Largest distance of a corner from the grid, in cells. The corners of CPDI1 follow the deformation of their point and
-/// can leave the grid slightly if a body slides along a wall.
+/// Largest distance of a corner from the grid, in cells. The corners of CPDI1 domains follow the deformation of their
+/// point and can leave the grid slightly if a body slides along a wall.
 pub const CORNER_MARGIN: f64 = 0.05;
 
 /// The cell that contains a position or is nearest to it, and the distance of the position from the grid, in cells. The
@@ -172,7 +172,8 @@ impl<const D: usize> CornerWeights<D> {
     }
 
     /// Weights of a quadrilateral. Its det J = d₀ + d·ξ is linear, so V = 4 d₀ and w_c = (1 + ξ_c·d / 3 d₀) / 4. By the
-    /// divergence theorem, g_c is the normal of the line between the two neighbours of the corner, divided by 2V.
+    /// divergence theorem, g_c is the vector normal to the line between the two neighbours of the corner and equal to
+    /// it in length, divided by 2V.
     fn of_quadrilateral(corners: &[[f64; D]]) -> Result<Self, SupportError> {
         let at_corner = quadrilateral(corners)?;
         let mean = 0.25 * at_corner.iter().sum::<f64>();
@@ -241,7 +242,7 @@ fn is_meaningful<const D: usize>(corners: &[[f64; D]]) -> bool {
     if reflex.next().is_some() || !along.is_power_of_two() {
         return false;
     }
-    // The edge that starts at a corner and is parallel to the reflex edge, whose lower end is `a`.
+    // The edge that starts at a corner and runs along the axis of the reflex edge, whose lower end is `a`.
     let edge =
         |from: usize| -> [f64; D] { std::array::from_fn(|d| corners[from | along][d] - corners[from][d]) };
     let others = (0..corners.len()).filter(|c| c & along == 0 && *c != a).map(edge);

@@ -105,7 +105,7 @@ fn for_each_offset<const D: usize>(counts: [usize; D], mut visit: impl FnMut([us
     }
 }
 
-/// Number of nodes along an axis whose basis functions need no heap memory: domains may be 6 cells long.
+/// Largest number of nodes along an axis whose basis functions need no heap memory: enough for domains 6 cells long.
 const FEW: usize = 8;
 
 /// Basis functions, with slopes, at consecutive nodes along one axis.

@@ -97,7 +97,7 @@ pub struct PointGeometry<'a, const D: usize> {
     /// Half lengths of a box domain, [length].
     pub half_lengths: &'a [f64; D],
     /// Corners of a domain of kind [`DomainKind::Corners`], [length]: 2^`D` corners, where bit d of a corner's number
-    /// is its side along parametric axis d, or the `D` + 1 corners of a triangle or tetrahedron.
+    /// gives its side along parametric axis d, or the `D` + 1 corners of a triangle or tetrahedron.
     pub corners: &'a [[f64; D]],
 }
 
@@ -177,7 +177,7 @@ pub enum SupportError {
         /// Number of coordinates.
         dimension: usize,
     },
-    /// The domain is inverted or a bow-tie, or has no volume.
+    /// The domain is inverted, crosses itself or has no volume.
     #[error("its domain is inverted or crosses itself")]
     Distorted,
     /// GIMP requires a structured grid.
@@ -193,7 +193,7 @@ pub enum SupportError {
 
 /// A material point method: evaluates the basis functions of a point from its position and domain.
 pub trait Basis<const D: usize>: Sync {
-    /// Writes the nodes that a point touches, their values and gradients, and the cells it touches to `out`.
+    /// Writes to `out` the nodes that a point touches, their values and gradients, and the cells it touches.
     ///
     /// # Errors
     /// [`SupportError`] if a corner of the domain lies too far outside the grid, if the domain is distorted, or if the

@@ -62,7 +62,7 @@ impl<const D: usize> Connectivity<D> {
                 }
             }
         }
-        // Every root has a lower number than the nodes below it, so one pass is sufficient.
+        // Every parent has a lower number than its children, so one pass in ascending order is sufficient.
         for node in 0..root.len() {
             root[node] = root[root[node]];
         }

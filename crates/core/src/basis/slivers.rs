@@ -1,4 +1,4 @@
-//! Slivers: nodes that points touch only with negligible parts of their basis functions.
+//! Slivers: basis functions with negligible values and slopes, and nodes that points touch only with such functions.
 
 use std::collections::BTreeMap;
 
@@ -78,12 +78,12 @@ impl SharedTouches<'_> {
 }
 
 /// Grid nodes that points touch only by slivers. Their stiffness would be round-off, and nothing would resist their
-/// motion. They are not active; their small contributions go to the other nodes of the point.
+/// motion. They are not active; their small contributions go to the other nodes of each point.
 ///
 /// No ghost penalty supports a node all of whose cells have inactive corners. Therefore a node that points touch weakly
-/// is a sliver node, too, if points touch no cell around it with active corners only, or if a group touches it together
-/// with a sliver node. Both happen where a surface along a grid line deviates from the line by less than the threshold
-/// in one part and by more in another.
+/// is a sliver node, too, if no touched cell around it has active corners only, or if a group touches it together with
+/// a sliver node. Both happen where a surface along a grid line deviates from the line by less than the threshold in
+/// one part and by more in another.
 #[derive(Default)]
 pub(super) struct Slivers {
     /// For each grid node, true if it is a sliver node or no point touches it; empty if there is no sliver node.
@@ -92,8 +92,8 @@ pub(super) struct Slivers {
 
 impl Slivers {
     /// Finds the sliver nodes. `cells` are the cells that points touch, and `touches` states how firmly each group
-    /// touches each of its nodes. The nodes of group g are `group_nodes[starts[g]..starts[g + 1]]`; the nodes of the last
-    /// group extend to the end.
+    /// touches each of its nodes. The nodes of group g are `group_nodes[starts[g]..starts[g + 1]]`; the nodes of the
+    /// last group extend to the end.
     pub(super) fn new<const D: usize>(
         grid: &dyn Grid<D>,
         cells: &[u32],

@@ -42,7 +42,7 @@ pub struct Constraints<'a, const N: usize> {
     ties: Vec<Tie>,
     /// Position of an active node, [length].
     position: Box<dyn Fn(usize) -> Vec<f64> + 'a>,
-    /// Size of the cells around an active node, [length]; 0 for a component that is no displacement.
+    /// Size of the cells around an active node, [length]; 0 for a component that is not a displacement.
     size: Box<dyn Fn(usize, usize) -> f64 + 'a>,
     /// Name of a condition; empty if it does not belong to the model.
     name: Box<dyn Fn(usize) -> String + 'a>,
@@ -281,8 +281,8 @@ impl<'a, const N: usize> Constraints<'a, N> {
         }
     }
 
-    /// Keeps nodes on the axis: the ring through such a node has zero radius, so the node must not leave the axis. An
-    /// increment that is round-off becomes 0.
+    /// Checks that the nodes on the axis of revolution stay on it, because the ring through such a node has zero
+    /// radius. An increment that is round-off becomes 0.
     fn keep_axis(&mut self, turned: &[Turned<N>]) -> Result<(), ConstraintError> {
         let mut loose = 0;
         for &node in &self.on_axis {

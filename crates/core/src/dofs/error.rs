@@ -35,7 +35,7 @@ pub enum ConstraintError {
         name: String,
         /// Name of the axis.
         axis: &'static str,
-        /// Position of the grid node or on the surface, [length].
+        /// Position of the grid node, or position on the surface, [length].
         node: Vec<f64>,
         /// The load factor.
         factor: f64,

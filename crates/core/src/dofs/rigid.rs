@@ -1,4 +1,4 @@
-//! Rigid-body motions that boundary conditions leave free, determined from the degrees of freedom that these hold.
+//! Rigid-body motions that boundary conditions leave free, determined from the held degrees of freedom.
 //!
 //! The grid represents every translation and every small rotation exactly, so a part of the bodies whose held degrees
 //! of freedom do not prevent such a motion has a singular stiffness as long as it is free of stress.
@@ -195,7 +195,8 @@ impl<const D: usize> Part<D> {
         (self.sum.map(|sum| sum / self.n_nodes as f64), size)
     }
 
-    /// A body of revolution moves as a rigid body only along its axis; any other motion stretches its rings.
+    /// Adds the resistance of hoops: a body of revolution moves as a rigid body only along its axis, because any other
+    /// motion stretches its rings.
     fn resist_by_hoops(&mut self) {
         for motion in (0..n_motions(D)).filter(|&motion| motion != 1) {
             self.gram[(motion, motion)] += 1.0;
@@ -247,8 +248,8 @@ impl<const D: usize> Part<D> {
         Some(FreePart { bodies: Vec::new(), whole: true, node, axes, directions, rotations, centre })
     }
 
-    /// Axes along which the part can translate, and the other directions along which it can, at eigenvalues up to
-    /// `bound`.
+    /// Axes along which the part can translate, and other directions along which it can; eigenvalues up to `bound`
+    /// count as zero.
     fn free_translations(&self, bound: f64) -> (Vec<usize>, Vec<[f64; D]>) {
         let (axes, others): (Vec<usize>, Vec<usize>) = (0..D).partition(|&d| self.gram[(d, d)] <= bound);
         if others.is_empty() {
@@ -260,7 +261,7 @@ impl<const D: usize> Part<D> {
         for (vector, _) in
             eigen.eigenvectors.column_iter().zip(&eigen.eigenvalues).filter(|(_, value)| **value <= bound)
         {
-            // The sign by which the largest component is positive.
+            // The sign that makes the component of largest magnitude positive.
             let sign = vector[vector.iamax()].signum();
             let mut direction = [0.0; D];
             for (&d, &component) in others.iter().zip(vector.iter()) {

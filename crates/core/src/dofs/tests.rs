@@ -102,7 +102,7 @@ fn expressions_are_the_rows_of_the_map() {
 #[test]
 fn ties_through_several_others_are_resolved_and_merged() {
     let mut constraints = Constraints::<1>::on_nodes(6);
-    // Node 0 moves as 1 + 2, nodes 1 and 2 as 3 + 4, and nodes 3 and 4 as 5: altogether four times node 5.
+    // Node 0 is tied to nodes 1 and 2, these two to nodes 3 and 4, and those two to node 5, whose total weight is 4.
     constraints.tie(0, 0, &[(1, 0, 1.0), (2, 0, 1.0)], 0.5).unwrap();
     constraints.tie(1, 0, &[(3, 0, 1.0), (4, 0, 1.0)], 0.0).unwrap();
     constraints.tie(2, 0, &[(3, 0, 1.0), (4, 0, 1.0)], 0.0).unwrap();

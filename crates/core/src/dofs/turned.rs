@@ -26,7 +26,7 @@ pub struct Turned<const N: usize> {
     /// The prescribed motions along independent directions. Directions 0 to k of the node span the same space as the
     /// directions of the first k + 1 motions.
     prescribed: Vec<Along<N>>,
-    /// The other prescribed motions, which follow from these.
+    /// The other prescribed motions, which follow from those in `prescribed`.
     implied: Vec<Along<N>>,
     /// The prescribed increment along each of the first directions, [length].
     increment: Vec<f64>,
@@ -162,8 +162,8 @@ impl<const N: usize> Turned<N> {
 
     /// Distributes a reaction among the conditions: each carries a force along its own direction. If the directions
     /// depend on each other, the sum of the squares of these forces is the least possible, so that conditions along the
-    /// same direction carry equal forces. Where conditions that fix the node prevent a motion, conditions that prescribe
-    /// it carry nothing.
+    /// same direction carry equal forces. Along directions in which conditions fix the node, conditions that move it
+    /// carry nothing.
     pub(super) fn for_each_share(
         &self,
         reaction: &[f64; N],
@@ -186,7 +186,7 @@ impl<const N: usize> Turned<N> {
         self.prescribed.iter().zip(shares).rev().for_each(|(along, share)| carry(along, share));
     }
 
-    /// The conditions that fix the node, and the others whose directions are independent of those of the former.
+    /// The conditions that fix the node, and all others whose directions are independent of those in which it is fixed.
     fn bearers(&self, fixes: impl Fn(usize, &[f64; N]) -> bool) -> Vec<Along<N>> {
         let all = || self.prescribed.iter().chain(&self.implied).copied();
         let is_fixed = |along: &Along<N>| fixes(along.condition as usize, &along.direction);
@@ -197,8 +197,8 @@ impl<const N: usize> Turned<N> {
         all().filter(|along| is_fixed(along) || unit(&beside(&along.direction, &fixed)).is_some()).collect()
     }
 
-    /// The vector whose components along the directions of these conditions are the forces of least squares that add up
-    /// to a reaction.
+    /// The vector whose components along the directions of these conditions are the forces with the least sum of
+    /// squares that add up to a reaction.
     fn of_least_forces(&self, reaction: &[f64; N], bearers: &[Along<N>]) -> Option<[f64; N]> {
         let n = self.n_held();
         let held = &self.directions[..n];

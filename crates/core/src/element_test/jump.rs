@@ -11,7 +11,8 @@ const SUDDEN: f64 = 2.0;
 const LEAST: f64 = 1e-10;
 /// Number of halvings of the increment.
 const HALVINGS: usize = 10;
-/// A change is a jump if the last part of the repeatedly halved increment contains more than this share of it, [-].
+/// A change is a jump if the last part of the repeatedly halved increment contains more than this share of the change,
+/// [-].
 const REMAINS: f64 = 0.5;
 
 /// True if most of the change from `start` to `end`, the state at `target`, is sudden: it stays within one part of the

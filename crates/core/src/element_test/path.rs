@@ -31,14 +31,14 @@ impl Target {
         Target { axes, is_axisymmetric: false, shears: [0.0; 3], shear: 0.0 }
     }
 
-    /// The deformation gradient F = exp(e).
+    /// The target with the deformation gradient F = exp(e).
     pub fn strain(e: &Sym3) -> Target {
         let shears = [e.component(1, 2), e.component(0, 2), e.component(0, 1)];
         let axes = [0, 1, 2].map(|axis| Control::Strain(e.0[axis]));
         Target { shears, ..Target::along_axes(axes) }
     }
 
-    /// The principal Cauchy stresses along the axes, [stress].
+    /// The target with these principal Cauchy stresses along the axes, [stress].
     pub fn stress(normal: [f64; 3]) -> Target {
         Target::along_axes(normal.map(Control::Stress))
     }

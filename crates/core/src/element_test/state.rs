@@ -15,8 +15,8 @@ pub struct ElementState {
     pub kirchhoff_stress: Sym3,
     /// History variables of the law.
     pub history: Vec<f64>,
-    /// True if no continuous path leads here from the previous state: beyond a certain point, the stress of a softening
-    /// material falls suddenly, however small the steps are.
+    /// True if no continuous path leads here from the previous state: the stress of a softening material may fall
+    /// suddenly, however small the steps are.
     pub has_jumped: bool,
 }
 

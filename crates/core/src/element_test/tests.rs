@@ -258,7 +258,7 @@ fn a_history_of_stresses_is_reached() {
     assert!(states[1].history[0] > 0.0 && states[3].history[0] == states[1].history[0]);
 }
 
-/// Central differences at a state with shear, for a law in each measure.
+/// Central differences at states with and without shear, for a law in each measure.
 #[test]
 fn rates_of_the_stress_are_its_derivatives() {
     let laws: [&dyn Material; 2] =
@@ -288,8 +288,7 @@ fn test_state(law: &dyn Material) -> ElementState {
     states(law, Path::Oedometer, 10e3, &[0.02], 1).remove(1)
 }
 
-/// A law whose pressure, a function of ln J, stiffens abruptly in compression, and which accepts only increments up to
-/// a bound.
+/// A law whose bulk modulus changes abruptly in compression, and which accepts only increments up to a bound.
 #[derive(Debug)]
 struct Awkward {
     stiffer: f64,

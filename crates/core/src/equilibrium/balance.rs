@@ -46,8 +46,8 @@ impl Energy {
         Energy { damping_work: self.damping_work - self.regridding_work, regridding_work: 0.0, ..self }
     }
 
-    /// Work of this part of a step and of the part `before` it; the energies and the plastic work at the end of this
-    /// part.
+    /// Adds the work of the preceding part of the step, `before`; the energies and the plastic work remain those at the
+    /// end of this part.
     pub fn after(self, before: Energy) -> Energy {
         Energy {
             external_work: before.external_work + self.external_work,

@@ -12,7 +12,8 @@ pub fn closest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) ->
 }
 
 /// Edit distance between two words (wrong, missing, extra or swapped letters); `None` if it is too large for their
-/// length to be a typing error. Two words count as close if one of at least three letters begins the other.
+/// length to be a typing error. Two words also count as close if one of them has at least three letters and begins the
+/// other.
 fn edit_distance(a: &str, b: &str) -> Option<usize> {
     let (shorter, longer) = if a.len() <= b.len() { (a, b) } else { (b, a) };
     let [short, long] = [shorter, longer].map(|word| word.chars().count());

@@ -81,7 +81,8 @@ impl<const D: usize> BoundaryCondition<D> {
         (0..D).filter(|&k| self.displacement[k].is_some()).map(|k| self.direction_of(k)).collect()
     }
 
-    /// True if the condition fixes its nodes along an axis; if it has directions of its own, along this one of them.
+    /// True if the condition fixes its nodes along an axis or, if it has directions of its own, along the direction
+    /// with this index.
     pub fn holds(&self, axis: usize) -> bool {
         self.displacement[axis].as_ref().is_some_and(|formula| formula.as_constant() == Some(0.0))
     }

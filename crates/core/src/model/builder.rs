@@ -96,8 +96,8 @@ impl Default for Fill {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 ///
-/// All loads and prescribed motions grow linearly to their values at the end, at time 1. All other settings can be
-/// changed in the resulting model. Errors are deferred to [`Builder::build`].
+/// All loads and prescribed motions grow linearly to their final values at time 1. All other settings can be changed in
+/// the resulting model. Errors are deferred to [`Builder::build`].
 pub struct Builder<const D: usize> {
     grid: Structured<D>,
     model: Model<D>,
@@ -227,7 +227,7 @@ impl<const D: usize> Builder<D> {
         self
     }
 
-    /// Adds the weight of all bodies under an acceleration, [length/time²].
+    /// Adds the weight of all bodies under a gravitational acceleration, [length/time²].
     pub fn gravity(self, name: &str, acceleration: [f64; D]) -> Self {
         self.load(name, Action::Gravity(acceleration))
     }

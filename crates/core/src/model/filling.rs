@@ -387,7 +387,7 @@ impl<const D: usize> Filling<'_, D> {
         (Box::new(parts.into_iter().map(|part| self.point(part))), n)
     }
 
-    /// The point of a part of a cell of any shape.
+    /// The point that stands for a part of a cell of any shape.
     fn point(&self, part: ElementPart<D>) -> Seed<D> {
         let mut seed = self.seed(part.position, part.volume);
         match self.domain {
@@ -399,8 +399,8 @@ impl<const D: usize> Filling<'_, D> {
     }
 }
 
-/// Half lengths of the box with which a standard point in a part of a cell touches tools, [length]: those of the part if
-/// its sides lie along the axes, otherwise those of a square (cube) of its volume.
+/// Half lengths of the box with which a standard point in a part of a cell touches tools, [length]: those of the part
+/// if its sides lie along the axes, otherwise those of a square (cube) of the same volume.
 fn box_of<const D: usize>(part: &ElementPart<D>) -> [f64; D] {
     let ends = |d: usize| {
         let along = part.corners.iter().map(|corner| corner[d]);

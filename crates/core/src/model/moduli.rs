@@ -1,4 +1,4 @@
-//! The moduli of material points at rest, which are scales of stiffness.
+//! The initial moduli of material points, which serve as scales of stiffness.
 
 use super::Model;
 use crate::material::Modulus;
@@ -9,7 +9,7 @@ use crate::tensor::padded;
 pub struct ModuliAtRest<'a, const D: usize> {
     model: &'a Model<D>,
     modulus: Modulus,
-    /// For each material, its initial history variables with typical properties, and the modulus there.
+    /// For each material, its initial history variables with typical properties, and the modulus for these.
     typical: Vec<(Vec<f64>, f64)>,
 }
 

@@ -242,9 +242,10 @@ impl<const D: usize> Model<D> {
         moving.at(self, time, &factor).map(Some)
     }
 
-    /// The offsets with which the lines of this model continue, at a time, from where those of the model `before` stand:
-    /// from then on, they move by the growth of the displacement that their condition prescribes, [length]. Empty if the
-    /// grid does not move. Both models must be in the same stage, and the same lines must follow the same conditions.
+    /// The offsets, [length], with which the lines of this model continue at `time` from the positions of the lines of
+    /// the model `before`; from then on, they move by the growth of the displacement that their condition prescribes.
+    /// Empty if the grid does not move. Both models must be in the same stage, and the same lines must follow the same
+    /// conditions.
     pub fn offsets_of_lines(&self, before: &Model<D>, time: f64) -> Vec<f64> {
         let (Some(moving), Some(moved)) = (&self.moving_grid, &before.moving_grid) else { return Vec::new() };
         let prescribed = |moving: &MovingGrid<D>, model: &Model<D>, entry: usize| {

@@ -26,8 +26,8 @@ pub struct Stage<const D: usize> {
     /// Boundary conditions that act again, or for the first time.
     pub set: Vec<usize>,
     /// The points of bodies that are added: undeformed, at their original positions, and in the initial state of the
-    /// first material of their body. If a stage so far has given the body another material, the points begin with the
-    /// same stress in that material.
+    /// first material of their body. If this stage or an earlier one has given the body another material, the points
+    /// begin with the same stress in that material.
     pub added: Points<D>,
     /// Bodies whose points are removed. The forces that they carried are released over the stage.
     pub removed: Vec<usize>,

@@ -233,8 +233,8 @@ impl<const D: usize> Tool<D> {
 impl<const D: usize> Tool<D> {
     /// The surface in the frame of the tool, divided into facets of the size of the grid cells where the tool starts,
     /// or larger ones if there would be too many. For an unbounded tool, only a segment (square) of the surface around
-    /// the foot of the reference point; its half width is `width` times the diagonal of the grid. Empty if the shape
-    /// has no outline.
+    /// the foot of the perpendicular from the reference point; its half width is `width` times the diagonal of the
+    /// grid. Empty if the shape has no outline.
     pub fn outline(&self, grid: &dyn Grid<D>, width: f64) -> Outline<D> {
         let [low, high] = grid.bounds();
         let width = width * (0..D).map(|d| (high[d] - low[d]).powi(2)).sum::<f64>().sqrt();

@@ -20,7 +20,7 @@ pub struct ToolPart<const D: usize> {
 }
 
 impl<const D: usize> ToolPart<D> {
-    /// True if a position on a side of the surface belongs to the part. The position is given at the start of the
+    /// True if a position on a side of the surface belongs to the part; `at_start` is this position at the start of the
     /// analysis, [length]. The boundary of the box belongs to the part.
     pub fn holds(&self, side: usize, at_start: &[f64; D]) -> bool {
         self.has_side(side) && self.reaches(&[*at_start; 2])

@@ -89,8 +89,8 @@ impl<const D: usize> Points<D> {
         self.further.handle(DATUM).map(|datum| self.further.converged(datum))
     }
 
-    /// True if the points of some analyses have a field or an array of this name, which a history variable of a law
-    /// can therefore not have.
+    /// True if the points of some analyses have a field or an array of this name, so that no history variable of a law
+    /// may have it.
     pub fn reserves(name: &str) -> bool {
         Self::stores(name) || name == DATUM
     }

@@ -426,7 +426,7 @@ pub(super) fn append<T: Value>(values: &mut Vec<T>, others: &[T], counts: [usize
     values.resize(counts[0] + counts[1], T::ZERO);
 }
 
-/// As [`gather`], but into an existing array.
+/// Like [`gather`], but into an existing array.
 pub(super) fn gather_into<T: Copy + Send + Sync>(values: &[T], order: &[u32], n: usize, room: &mut [T]) {
     let places = room.par_chunks_exact_mut(n.max(1)).with_min_len(PIECE);
     places.zip(order).for_each(|(place, &p)| place.copy_from_slice(&values[p as usize * n..][..n]));

@@ -88,7 +88,7 @@ pub enum FieldError {
     NotFinite {
         /// Name of the field.
         name: String,
-        /// Index of the point in the order of the permanent numbers.
+        /// Permanent number of the point.
         point: usize,
         /// The value.
         value: String,

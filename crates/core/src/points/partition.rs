@@ -1,7 +1,7 @@
 //! The division of the points between ranks: each rank keeps the points in its part of the grid.
 //!
 //! The grid is cut in two across the axis along which the points extend farthest, each part is cut in two, and so on
-//! (recursive coordinate bisection; Berger and Bokhari 1987), so that parts are compact and have plane boundaries. The
+//! (recursive coordinate bisection; Berger and Bokhari 1987), so that parts are compact and have planar boundaries. The
 //! cells of a patch stay together. Points that leave their part move to the rank of the part that they enter; new parts
 //! are chosen when one of them holds too many points.
 
@@ -144,7 +144,7 @@ impl Partition {
 }
 
 /// For each part, the axis along which its points extend farthest. In a tie, the last of these axes: bodies are filled
-/// along the first axes first, so this choice creates most points on the rank where they stay.
+/// along the first axes first, so most points are then created on the rank where they stay.
 fn longest_sides<const D: usize>(ranks: &Ranks, occupied: &[Occupied<D>], parts: usize) -> Vec<usize> {
     let mut ends = vec![f64::NEG_INFINITY; 2 * D * parts];
     for of_cell in occupied {
@@ -427,7 +427,7 @@ mod tests {
         }
     }
 
-    /// A body turns by a quarter in each step, so that on four ranks all points leave their rank: none is lost or
+    /// A body makes a quarter turn in each step, so that on four ranks all points leave their rank: none is lost or
     /// duplicated. `MIGRATING=1000` turns a million points.
     #[test]
     fn points_that_turn_migrate_without_loss() {

@@ -11,7 +11,7 @@ pub struct Seed<const D: usize> {
     /// too: they define the box with which it touches rigid tools.
     pub half_lengths: [f64; D],
     /// Corners of a domain given by corners, [length]; none for other points. 2^D corners define a quadrilateral or
-    /// hexahedron, where bit d of a corner's number is its side along parametric axis d; D + 1 corners define a
+    /// hexahedron, where bit d of a corner's number gives its side along parametric axis d; D + 1 corners define a
     /// triangle or tetrahedron of positive volume.
     pub corners: Vec<[f64; D]>,
     /// Volume, [volume].

@@ -4,7 +4,7 @@
 //! corners and its centre: a domain that is longer than a cell misses nodes and tools in between. Where material flows
 //! along a tool or in a shear band, domains grow without bound. A long domain is therefore cut in two, through the
 //! mid-points of its long edges. Both halves keep the deformation gradient, the elastic strain and the history of the
-//! whole, and share its volume and mass in the ratio of the halves of the original domain: mass, volume, energy and
+//! whole, and share its volume and mass in the ratio of the original volumes of the halves: mass, volume, energy and
 //! stress do not change.
 //!
 //! The mid-points become corners of the two halves, but not of undivided neighbours. From then on they move with the
@@ -267,7 +267,7 @@ mod tests {
         }
     }
 
-    /// The area or volume of a domain without its depth.
+    /// The area or volume of a domain, without the factor of its depth.
     fn size<const D: usize>(corners: &[[f64; D]]) -> f64 {
         volume(corners, &Rules::new(0.0, false))
     }

@@ -99,7 +99,8 @@ pub fn watch<const D: usize>(
         }
     }
     let warning = |(body, taken): (u16, Taken)| {
-        // A held point keeps the stress that it had before; the free points around it show what stress it would carry.
+        // A held point keeps the stress that it had before; the free points around it show what stress it would
+        // otherwise carry.
         let would_carry = |p: usize| {
             let around = corners(p).filter_map(|node| taken.stress.get(&node));
             let [stress, volume] = around.fold([0.0; 2], |[s, v], [stress, volume]| [s + stress, v + volume]);

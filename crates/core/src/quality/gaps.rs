@@ -23,7 +23,7 @@ struct Reach<const D: usize> {
 }
 
 impl<const D: usize> Reach<D> {
-    /// Distance between two boxes, the largest over the axes; negative where they overlap, [length].
+    /// Distance between two boxes, the largest over the axes; negative if they overlap, [length].
     fn distance(&self, other: &Reach<D>) -> f64 {
         let apart = |d: usize| (other.low[d] - self.high[d]).max(self.low[d] - other.high[d]);
         (0..D).map(apart).fold(f64::NEG_INFINITY, f64::max)

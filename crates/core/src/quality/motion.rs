@@ -99,8 +99,8 @@ const MOST_VOLUME_CHANGE: f64 = 0.05;
 /// Ratio of principal stretches beyond which the update with det F is unsuitable, [-].
 const MOST_STRETCH_RATIO: f64 = 1.2;
 
-/// The objection of Table 2 to a domain update: a measure of the departure of the motion from those that the update can
-/// follow, and its limit.
+/// The objection of Table 2 to a domain update: a measure of the departure of the motion from the motions that the
+/// update can follow, and the limit of this measure.
 #[derive(Debug, Clone, Copy)]
 pub struct Objection {
     measure: fn(&Mat3) -> f64,

@@ -10,11 +10,12 @@ use crate::model::{BoundaryCondition, Model};
 use crate::points::{Points, coordinates};
 use crate::region::vector::{along, dot, minus, norm};
 
-/// Material at a node of a cell without points, relative to the volume of the cell, from which it counts, [-]. A domain
-/// that reaches 0.2 % of a cell beyond the prescribed nodes has more.
+/// Smallest amount of material that counts at a node of a cell without points, relative to the volume of the cell, [-].
+/// A domain that reaches 0.2 % of a cell beyond the prescribed nodes contributes more.
 const LEAST: f64 = 1e-6;
-/// Cosine of the largest angle between the prescribed motion and the way to a node that lies ahead, both relative to the
-/// sides of the cell, [-]. Nodes diagonally ahead do not count: bodies that bulge beside a plate reach them as well.
+/// Cosine of the largest angle between the prescribed motion and the way to a node that lies ahead, both relative to
+/// the sides of the cell, [-]. Nodes diagonally ahead do not count: bodies that bulge beside a plate reach them as
+/// well.
 const AHEAD: f64 = 0.9;
 
 /// The boundary conditions whose nodes pull material beyond them in a step, each with its warning.

@@ -1,5 +1,5 @@
-//! The change of a model between two steps of a run: what the steps so far have moved stays where it is, and bodies keep
-//! their stress.
+//! The change of a model between two steps of a run: what the steps so far have moved stays where it is, and bodies
+//! keep their stress.
 
 use crate::material::{Material, MaterialError};
 use crate::model::Model;
@@ -10,7 +10,7 @@ use crate::terms::Surfaces;
 use super::stages::{Amount, resume_stage};
 use super::summary::Reached;
 
-/// Part of the elastic strain of a point at which its law is elastic even if the point yields, [-].
+/// Fraction of the elastic strain of a point at which its law responds elastically even if the point yields, [-].
 const ELASTIC_PART: f64 = 1e-3;
 
 /// Puts another model of the same analysis in place of the current one. The next step begins from the last one in
@@ -56,7 +56,8 @@ pub fn change_model<const D: usize>(
     Ok(())
 }
 
-/// The points whose elastic strain must change so that they keep their stress in the second model, with this strain.
+/// The points whose elastic strain must change so that they keep their stress in the second model, each with its new
+/// strain.
 ///
 /// # Errors
 /// The reason, if a changed material cannot carry the stress of a point.
@@ -80,8 +81,8 @@ fn changed_strains<const D: usize>(
     Ok(changed)
 }
 
-/// The elastic strain for which the second law yields the stress of a point; `None` if it is the strain for which the
-/// first law does.
+/// The elastic strain for which the second law gives the stress of a point; `None` if the first law gives this stress
+/// for the same strain.
 fn strain_of_stress<const D: usize>(
     laws: [&dyn Material; 2],
     points: &Points<D>,
@@ -92,8 +93,8 @@ fn strain_of_stress<const D: usize>(
     match laws.map(|law| law.elastic_strain(stress, history)) {
         [before, Ok(now)] => Ok(Some(now).filter(|now| before != Ok(*now))),
         [_, Err(error)] => {
-            // A law without an inverse can go on if the change leaves its elasticity as it is. At a small part of the
-            // strain, points that yield are elastic, too.
+            // A law without an inverse can go on if the change leaves its elasticity as it is. At a small fraction of
+            // their strain, even points that yield are elastic.
             let strain = points.converged.elastic_strain[p] * ELASTIC_PART;
             let [before, now] = laws.map(|law| law.update(&strain, history, &mut history.to_vec()));
             let same = before.is_ok_and(|before| now.is_ok_and(|now| now.tau == before.tau));

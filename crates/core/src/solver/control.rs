@@ -50,11 +50,11 @@ pub(super) struct Field<'a, const N: usize> {
 pub(super) enum Condition<const D: usize, const N: usize> {
     /// Σ w·Δd over the nodes, with the `weight` w of each node, equals the increment `by`.
     Displacement { weight: Vec<[f64; N]>, by: f64, halo: Halo },
-    /// The increment of the global unknown `number` equals `by`; `None` if there is no such unknown.
+    /// The increment of the global unknown `number` equals `by`; `number` is `None` if there is no such unknown.
     Global { number: Option<usize>, by: f64 },
     /// (Δd − c, Δd − c) equals the square of `length`, in the inner product weighted by the volume that each node
     /// carries. The centre c is the motion due to the out-of-balance forces of a fresh grid, without the part that the
-    /// loads would cause; if it were not subtracted, it would hide the path when steps are small.
+    /// loads would cause; if c were not subtracted, it would hide the path when steps are small.
     ArcLength {
         volume: Vec<f64>,
         halo: Halo,

@@ -1,9 +1,9 @@
 //! Damped iterations, the last resort for a step that Newton's method does not solve.
 //!
-//! An iteration solves (K + μ D) δd = f_ext − f_int, where D is the diagonal of the first stiffness of the step. A
-//! large μ descends the potential in small steps, and so passes through regions where K is nearly singular or not
-//! positive definite; μ = 0 is Newton's method (Levenberg 1944; as pseudo-transient continuation: Kelley and Keyes
-//! 1998, doi 10.1137/S0036142996304796). Damping changes only the way to equilibrium, not its definition; an
+//! An iteration solves (K + μ D) δd = f_ext − f_int, where D is the diagonal of the first stiffness of the step. With a
+//! large μ, the iterations descend the potential in small steps, and so pass through regions where K is nearly singular
+//! or not positive definite; μ = 0 is Newton's method (Levenberg 1944; as pseudo-transient continuation: Kelley and
+//! Keyes 1998, doi 10.1137/S0036142996304796). Damping changes only the way to equilibrium, not its definition; an
 //! equilibrium whose stiffness is not positive definite is not accepted.
 
 use crate::assembly::System;

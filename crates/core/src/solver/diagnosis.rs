@@ -27,7 +27,8 @@ const MOST: f64 = 0.5;
 /// Oscillation of pressures, relative to the deviatoric stress, above which cells count as locking although most points
 /// have yielded, [-].
 const OSCILLATES_IN_COLLAPSE: f64 = 5.0;
-/// The same threshold if fewer points have yielded, [-].
+/// Oscillation of pressures, relative to the deviatoric stress, above which cells count as locking if fewer points have
+/// yielded, [-].
 const OSCILLATES: f64 = 1.0;
 /// Displacements without strain at the points, relative to displacements with strain, above which there is an hourglass
 /// mode, [-].

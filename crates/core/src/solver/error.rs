@@ -111,7 +111,7 @@ pub enum SolveError {
         /// Residual of every evaluation so far, [-].
         residuals: Vec<f64>,
     },
-    /// A law that is evaluated in batches has failed.
+    /// A law that is evaluated in batches has failed, or a law has no finite energy.
     #[error("step {step}: the law of material `{material}` has failed{}: {message}", at_point(place))]
     Law {
         /// Step number.

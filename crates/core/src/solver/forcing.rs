@@ -2,8 +2,8 @@
 
 /// Tolerance of the first solve in a step, [-].
 const FIRST: f64 = 1e-3;
-/// Largest tolerance, [-]. It is so small that the safeguard of choice 2, which keeps large tolerances from falling at
-/// once, could never act.
+/// Largest tolerance, [-]. It is so small that the safeguard of choice 2, which keeps large tolerances from falling too
+/// quickly, could never act.
 const LARGEST: f64 = 1e-2;
 /// γ and α of choice 2.
 const GAMMA: f64 = 0.9;
@@ -49,7 +49,7 @@ mod tests {
     use super::*;
 
     /// If each iteration leaves the residual of the linear solve plus half the square of the previous residual, a few
-    /// iterations suffice to meet the tolerance, and the last does not fall far below it.
+    /// iterations suffice to meet the tolerance, and the last residual does not fall far below it.
     #[test]
     fn newton_iterations_stay_nearly_quadratic() {
         let (mut forcing, mut residual, mut history) = (Forcing::default(), 0.3f64, Vec::new());

@@ -18,14 +18,14 @@ use super::unknowns::Bracket;
 const MOST_HALVINGS: usize = 5;
 /// Largest number of evaluations of a line search.
 const MOST_SEARCHES: usize = 3;
-/// Largest number of these evaluations if the model has tools, because contact forces have kinks.
+/// Largest number of evaluations of a line search if the model has tools, larger because contact forces have kinks.
 const MOST_SEARCHES_OF_CONTACT: usize = 6;
 /// If the model has tools, a line search may follow an increment that does not reduce the residual to this fraction.
 const FAST: f64 = 0.1;
 /// If the model has tools, from this iteration after the last multiplier update onwards, an increment is halved until
 /// the residual no longer increases: friction has no potential whose slope would end a cycle between two states.
 const FIRST_BACKTRACK: usize = 8;
-/// Largest number of such halvings.
+/// Largest number of halvings of an increment that increases the residual.
 const MOST_BACKTRACKS: usize = 5;
 /// First iteration with a line search after a failed attempt.
 const FIRST_SEARCH: usize = 3;
@@ -75,7 +75,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
     }
 
     /// Shortens δd and returns true if a point could not follow it (`found` is then `None`), if the potential rises
-    /// again at its end, or if the residual has grown in a cycle.
+    /// again at the end of δd, or if the residual has grown in a cycle.
     fn shortens(&mut self, iteration: usize, found: Option<&Measured>) -> bool {
         let touches_tools = !self.context.model.tools.is_empty();
         let [most_halvings, most_searches] = match (self.is_damped(), touches_tools) {

@@ -72,8 +72,8 @@ impl Motion {
         self.known(links).into_iter().map(|known| known.unwrap_or([0.0; N])).collect()
     }
 
-    /// The increment on the nodes of the next step, as if the motion continued; nodes that were not active move by the
-    /// average of the nodes around them. `None` before the first step.
+    /// The increment on the nodes of the next step, as if the motion continued; nodes that were not active move as the
+    /// nodes around them do on average. `None` before the first step.
     pub(super) fn extrapolate<const D: usize, const N: usize>(
         &self,
         links: &Connectivity<D>,

@@ -141,8 +141,8 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         Ok(())
     }
 
-    /// An increment of Newton's method. If the equations are singular and contact points slide, it is computed with
-    /// support of these points, because their friction may be all that holds a body.
+    /// An increment of Newton's method. If the equations are singular and contact points slide, these points are
+    /// supported during the solve, because their friction may be all that holds a body.
     fn supported_step(&mut self) -> Result<Option<Solved>, NoIncrement> {
         let may_support = self.course.supported < MOST_SUPPORTED;
         match self.newton_step() {

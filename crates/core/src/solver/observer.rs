@@ -79,8 +79,8 @@ pub trait Observer<const D: usize> {
     }
 
     /// Called when a stage after the first has begun, before its first step. `reached` is the end of the previous stage
-    /// together with the new stage: it belongs to the points as the stage has changed them. `None` if the stage could
-    /// not begin, which ends the run; the points are then in no state from which a run can resume.
+    /// together with the new stage: it belongs to the points as the new stage has changed them. `None` if the stage
+    /// could not begin, which ends the run; the points are then in no state from which a run can resume.
     fn stage_began(&mut self, _reached: Option<&Reached>) {}
 
     /// True if the run is to stop before the next step.
@@ -88,8 +88,8 @@ pub trait Observer<const D: usize> {
         false
     }
 
-    /// Called when the run has ended, with or without an error; `points.converged` is the last state in equilibrium, as
-    /// a stage that has begun since then has changed it.
+    /// Called when the run has ended, with or without an error; `points.converged` is the last state in equilibrium,
+    /// with the changes of any stage that has begun since then.
     ///
     /// # Errors
     /// An error becomes the outcome of a run that ended without one.

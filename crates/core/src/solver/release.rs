@@ -25,9 +25,10 @@ pub type BalancingForces<const D: usize> =
 /// Grid nodes and the forces on them, [force].
 type ByNode<const D: usize> = Vec<(u32, [f64; D])>;
 
-/// The forces on the free unknowns that balance the converged state at a time, by grid node, [force]. As these forces
-/// decrease, what was removed from the state gradually ceases to act, and what was added begins to act. The terms of
-/// the model are in the state `saved`, from which they discard the bodies that the present stage has removed.
+/// The forces on the free unknowns that balance the converged state at the time of `step`, by grid node, [force]. As
+/// these forces decrease, what was removed from the state gradually ceases to act, and what was added begins to act.
+/// The terms of the model are in the state `saved`, from which they discard the bodies that the present stage has
+/// removed.
 ///
 /// # Errors
 /// [`SolveError`] if a point lies outside the grid, constraints contradict each other, or a load is not finite.

@@ -1,7 +1,7 @@
-//! The measure of equilibrium: eq. (40) for each connected part of the bodies, and its limit by round-off.
+//! The measure of equilibrium: eq. (40) for each connected part of the bodies, and the limit that round-off sets.
 //!
 //! Each part is judged by its own forces: a stiff or heavily loaded body elsewhere says nothing about it. If round-off
-//! prevents a part from meeting the tolerance, the step may still be accepted, and is marked, provided that the
+//! prevents a part from meeting the tolerance, the step may still be accepted, and is then marked, provided that the
 //! out-of-balance force is round-off of each node's own equations and small relative to the forces on the part. The
 //! reported residual excludes only parts that carry nothing, up to round-off and residual stresses; other parts without
 //! external forces and reactions are measured relative to their internal force.
@@ -275,7 +275,8 @@ impl<const N: usize> Forces<'_, N> {
             return told(&residuals, RoundOff::NoMatter);
         }
         let (mut carries_nothing, mut is_round_off) = (open.clone(), open.clone());
-        // Equilibrium may leave out of balance a fraction, up to the tolerance, of the force that a body has carried.
+        // In equilibrium, a fraction of the force that a body has carried, up to the tolerance, may stay out of
+        // balance.
         let left: Vec<f64> = parts.carried.iter().map(|f| tolerance.min(MOST_OF_ROUND_OFF) * f).collect();
         self.exclude_beyond(at.round_off_at_most(), &left, parts, &mut is_round_off);
         if is_round_off.contains(&true) {
@@ -317,7 +318,7 @@ impl<const N: usize> Forces<'_, N> {
             }
         }
         if round_off == RoundOff::NoMatter {
-            // A part without forces is measured relative to its internal force.
+            // A part without external forces and reactions is measured relative to its internal force.
             let internal = parts.norms(parts.displacement(), at.system.internal_force().iter().copied());
             for (part, &[out, force]) in of_parts.iter().enumerate() {
                 if force == 0.0 && out > 0.0 && !carries_nothing[part] {

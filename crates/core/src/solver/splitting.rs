@@ -7,8 +7,8 @@ use crate::model::Model;
 use crate::points::{Points, Split, Splitting};
 use crate::terms::Terms;
 
-/// Length beyond the limit, relative to it, up to which a domain is not too long, [-]: the length of a domain that is
-/// exactly as long as its body allows depends on round-off.
+/// Largest excess over the limit, relative to the limit, at which a domain does not yet count as too long, [-]: the
+/// length of a domain that is exactly as long as its body allows depends on round-off.
 const ROUND_OFF: f64 = 1e-9;
 
 /// The rules of a model without its state.

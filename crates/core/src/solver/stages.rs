@@ -1,5 +1,5 @@
 //! The transition from one stage to the next: bodies are added and removed, boundary conditions are set and released,
-//! and everything that these carried is transferred to forces that decrease to zero over the stage, so that every step
+//! and everything that they carried is transferred to forces that decrease to zero over the stage, so that every step
 //! is in equilibrium.
 
 use std::collections::BTreeSet;
@@ -33,9 +33,9 @@ fn change_points<const D: usize>(model: &Model<D>, points: &mut Points<D>, numbe
     points.append(&stage.added);
 }
 
-/// The bodies whose points have a state that belongs to another law when a stage begins: those that change their
-/// material in this stage, and those that it adds and that an earlier stage has given another material, because the
-/// points to be added belong to the first material of their body.
+/// The bodies whose points have a state that belongs to another law when a stage begins. These are the bodies that
+/// change their material in this stage, and the bodies that this stage adds after an earlier stage has given them
+/// another material: points to be added have the state of the first material of their body.
 fn with_new_law<const D: usize>(model: &Model<D>, number: usize) -> BTreeSet<usize> {
     let stage = &model.stages[number];
     let bodies = |stage: &Stage<D>| stage.materials.iter().map(|(body, _)| *body).collect::<BTreeSet<_>>();
@@ -44,11 +44,11 @@ fn with_new_law<const D: usize>(model: &Model<D>, number: usize) -> BTreeSet<usi
     bodies(stage).into_iter().chain(earlier.intersection(&added).copied()).collect()
 }
 
-/// Gives the points of bodies with a new law the initial history of this law and the elastic strain for which it yields
+/// Gives the points of bodies with a new law the initial history of this law and the elastic strain for which it gives
 /// their stress.
 ///
 /// # Errors
-/// [`SolveError::Term`] if the law cannot yield the stress of a point.
+/// [`SolveError::Term`] if the law cannot carry the stress of a point.
 fn keep_stress<const D: usize>(
     model: &Model<D>,
     points: &mut Points<D>,
@@ -199,7 +199,7 @@ pub fn resume_stage<const D: usize>(
     if *number >= model.stages.len() || [began.loads.len(), began.boundary_conditions.len()] != of_model {
         return Err("it belongs to other stages".to_owned());
     }
-    // A body that has been removed and added again has split anew in each of its lives.
+    // A body that has been removed and added again has split anew each time it was present.
     let mut repeated = 0;
     for stage in 1..=*number {
         let before = splits_before.get(stage - 1).copied().unwrap_or(repeated);
@@ -240,7 +240,7 @@ where
     run_with_changes(model, points, reached, observer, &mut |_, _, _| Ok(false))
 }
 
-/// A change to a model between two steps, with the points and the last step in equilibrium.
+/// A function that may change a model between two steps, given the points and the last step in equilibrium.
 pub type Change<'a, const D: usize> =
     &'a mut dyn FnMut(&mut Model<D>, &mut Points<D>, &mut Reached) -> Result<bool, SolveError>;
 

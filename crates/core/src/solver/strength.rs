@@ -35,8 +35,8 @@ pub struct StrengthBracket {
     /// The factor without equilibrium that ended the stage, [-]; `None` if the stage has not ended in this way.
     pub fails: Option<f64>,
     /// The factors before and after the step in which `moved` first exceeded 1 % of the height of the bodies, [-], as
-    /// close to each other as `stands` and `fails`; `None` if it has not exceeded it. Bodies in equilibrium at larger
-    /// factors stand in another shape.
+    /// close to each other as `stands` and `fails`; `None` if `moved` has not exceeded 1 %. Bodies in equilibrium at
+    /// larger factors stand in another shape.
     #[serde(default)]
     pub slides: Option<[f64; 2]>,
     /// Sum, over the steps of the stage, of the largest displacement of a point in each step, [length]: the largest

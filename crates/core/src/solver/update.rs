@@ -17,9 +17,8 @@ use crate::step::{Step, StepContext, displacement};
 use crate::tensor::Mat3;
 use crate::timing::{Phase, Timings};
 
-/// The new position, deformation and domain of one point. Each task overwrites one of these for point after point,
-/// because copies would take a considerable part of the time of the update; only as many corners as the point has are
-/// valid.
+/// The new position, deformation and domain of one point. Each task reuses one instance for point after point, because
+/// copies would take a considerable part of the time of the update; only as many corners as the point has are valid.
 struct Moved<const D: usize> {
     position: [f64; D],
     deformation_gradient: Mat3,

@@ -7,8 +7,8 @@ use crate::grid::Grid;
 use crate::ranks::{Halo, Ranks, Sharing, sharing};
 
 impl<const D: usize> Connectivity<D> {
-    /// Replaces the halo and returns the previous one. Without a halo, the links are treated as the links of this rank
-    /// alone, and nothing is summed over ranks.
+    /// Replaces the halo and returns the previous one. Without a halo, the links are treated as if no other rank shared
+    /// them, and nothing is summed over ranks.
     pub(crate) fn exchange_halo(&mut self, halo: Halo) -> Halo {
         std::mem::replace(&mut self.halo, halo)
     }
@@ -70,8 +70,8 @@ impl<const D: usize> Connectivity<D> {
     }
 
     /// Shares the carriers of nodes that only slivers touch, so that such a node can move on all ranks, whichever ranks
-    /// have the points that touch it. Of the carriers that any rank has found for it, each rank takes the lowest that
-    /// is active on this rank.
+    /// have the points that touch it. Each rank takes, of all carriers found for a node, the lowest that is active on
+    /// this rank.
     pub(super) fn agree_on_carriers(&mut self, ranks: &Ranks) {
         if ranks.is_alone() {
             return;
@@ -93,8 +93,8 @@ impl<const D: usize> Connectivity<D> {
         Halo::new(ranks, &self.active_nodes, &sharing(ranks, &nodes, n_nodes))
     }
 
-    /// The cells, with points or parts of domains in them, that this rank writes to result files: of several ranks that
-    /// have a cell, the lowest writes it. All ranks must call this together.
+    /// The active cells that this rank writes to result files; if several ranks have a cell, the lowest of them writes
+    /// it. All ranks must call this together.
     #[inline(never)]
     pub fn shown_cells(&self, grid: &dyn Grid<D>) -> Vec<u32> {
         let ranks = self.halo.ranks();

@@ -211,7 +211,7 @@ fn inverted_and_crossing_hexahedra_are_refused() {
     assert!(is_refused(&[cube[0], cube[1], cube[2], cube[3]]), "a flat tetrahedron");
 }
 
-/// A domain with one side outside the grid, up to the allowed distance, reproduces linear fields as inside the grid.
+/// A domain with one side outside the grid, by up to the allowed distance, still reproduces linear fields exactly.
 #[test]
 fn a_corner_just_outside_the_grid_loses_nothing() {
     use crate::grid::Structured;
