@@ -11,7 +11,7 @@ use mpm_core::timing::Timings;
 use mpm_files::summary::{Account, DeckMessage, Start};
 
 impl LoadedDeck {
-    /// The facts about this deck that the result files of a run state. The run began at `start`; `set_up` is the time
+    /// The facts about this deck that the result files of a run contain. The run began at `start`; `set_up` is the time
     /// spent on reading and building so far.
     ///
     /// # Errors
@@ -44,7 +44,7 @@ impl LoadedDeck {
     }
 }
 
-/// A message about the deck, in the form in which the result files of a run state it.
+/// A message about the deck, in the form that the result files of a run use.
 fn in_files(message: &Diagnostic) -> DeckMessage {
     DeckMessage {
         code: message.code.to_owned(),

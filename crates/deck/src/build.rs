@@ -395,7 +395,7 @@ where
             let body = &bodies[number];
             let density = self.deck.materials[&deck.material].density().and_then(Expression::as_number);
             let mut history = materials[body.material].law.initial_history();
-            // Points need room for the variables of materials that stages assign to the body.
+            // Points need room for the history variables of materials that stages assign to the body.
             let later = self.deck.stages.iter().filter_map(|stage| stage.material.get(&deck.name));
             let later = materials.iter().filter(|material| later.clone().any(|name| *name == material.name));
             let most = later.map(|material| material.law.state_fields().len()).max().unwrap_or(0);

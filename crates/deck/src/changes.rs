@@ -173,7 +173,7 @@ fn curves(deck: &Deck) -> Vec<(&str, LoadCurve)> {
     conditions.chain(loads).collect()
 }
 
-/// The factor of a load or boundary condition without a curve over all stages, given its factor before the first one.
+/// The factor of a load or boundary condition without a curve, over all stages; `initial` is its factor before them.
 fn course(deck: &Deck, name: &str, initial: f64) -> LoadCurve {
     let (mut time, mut factor) = (0.0, initial);
     let mut pairs = vec![[time, factor]];

@@ -79,7 +79,7 @@ impl OfLibrary<'_> {
             let help = format!("the path is relative to the deck; here it means `{}`", path.display());
             fault(format!("cannot be read: {why}"), help)
         };
-        // A device or a pipe may never end.
+        // Reading a device or a pipe may never end.
         if path.metadata().map_err(|error| unreadable(error.to_string()))?.is_file() {
             let contents = std::fs::read(&path).map_err(|error| unreadable(error.to_string()))?;
             Library::open(&path, fnv1a(&contents)).map_err(|error| {

@@ -75,7 +75,7 @@ pub fn prepare(
     prepare_on(&Ranks::default(), loaded, memory, deny_warnings)
 }
 
-/// Like [`prepare`], but divided between ranks as by [`ready_on`].
+/// Like [`prepare`], but divided between ranks as in [`ready_on`].
 ///
 /// # Errors
 /// As for [`prepare`], on all ranks.

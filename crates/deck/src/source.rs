@@ -182,7 +182,7 @@ impl Source {
         !self.poisoned.is_empty()
     }
 
-    /// The line on which a span starts, with a mark under the span that is cut off at the end of the line.
+    /// The line on which a span starts, with a mark under the span, cut off at the end of the line.
     pub(super) fn excerpt(&self, span: Span) -> Excerpt<'_> {
         let start = floor_boundary(&self.text, span.start);
         let line_start = self.text[..start].rfind(['\n', '\r']).map_or(0, |newline| newline + 1);

@@ -88,7 +88,7 @@ impl Deck {
         only.chain(stages.map(|(number, stage)| (format!("/stages/{number}/steps"), &stage.steps))).collect()
     }
 
-    /// The different tolerances of the analysis, or of its stages, in their order, [-].
+    /// The distinct tolerances of the analysis, or of its stages, in their order, [-].
     pub fn tolerances(&self) -> Vec<f64> {
         let of_stages = self.stages.iter().map(|stage| stage.solver.as_ref().unwrap_or(&self.solver));
         let only = self.stages.is_empty().then_some(&self.solver);
@@ -164,8 +164,8 @@ impl Deck {
         self.presence(bodies).contains(&[true; 2])
     }
 
-    /// True if `other` exists when `body` begins to exist: at the start or, if `body` is absent then, in the first stage
-    /// that adds it.
+    /// True if `other` exists when `body` begins to exist: at the start or, if `body` is absent then, in the first
+    /// stage that adds it.
     pub(crate) fn begins_beside(&self, body: &str, other: &str) -> bool {
         self.presence([body, other]).iter().find(|[begun, _]| *begun).is_some_and(|[_, other]| *other)
     }

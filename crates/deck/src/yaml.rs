@@ -223,8 +223,9 @@ impl<'a> Builder<'a> {
         })
     }
 
-    /// Place behind the indentation of the line with the byte `at` if that indentation contains a tab; if `further`, of
-    /// the first such line from there on, because the parser reports some tabs at the value before them.
+    /// End of the indentation of the line that contains the byte `at`, if there is a tab in the indentation. If
+    /// `further` is true, later lines are searched as well, because the parser reports some tabs at the value before
+    /// them.
     fn first_tab_from(&self, at: usize, further: bool) -> Option<usize> {
         let mut start = self.text[..at].rfind(['\n', '\r']).map_or(0, |newline| newline + 1);
         for line in self.text[start..].split_inclusive(['\n', '\r']) {

@@ -164,8 +164,8 @@ pub fn last_step(directory: &Path) -> Option<usize> {
     find(directory).ok()?.first().copied()
 }
 
-/// The last readable checkpoint in a directory, and the unreadable ones after it. All ranks must call this together;
-/// each reads its share of the pieces.
+/// The last readable checkpoint in a directory, and the later ones that cannot be read. All ranks must call this
+/// together; each reads its share of the pieces.
 ///
 /// # Errors
 /// A file-system error; `NotFound` if there is no checkpoint.

@@ -155,11 +155,11 @@ impl Kind {
     }
 }
 
-/// Bytes of a file that are read to identify it; files about a run as a whole are read completely.
+/// Number of bytes read to identify a file, [byte]; files about a run as a whole are read completely.
 const FIRST: u64 = 2048;
 
-/// True if a file with the name of a result file is one, judged by its content. Also true if the file is empty or the
-/// bytes that are read are all zero, as after a power loss.
+/// True if a file with the name of a result file is one, judged by its content. Also true if the file is empty or all
+/// bytes read are zero, as after a power loss.
 fn is_ours(path: &Path, name: &str) -> bool {
     let half = name.strip_suffix(TEMPORARY);
     let Some(kind) = Kind::of(half.unwrap_or(name)) else { return false };
@@ -197,7 +197,7 @@ pub(super) fn foreign_file(directory: &Path) -> io::Result<Option<String>> {
         let path = entry?.path();
         let Some(name) = path.file_name().and_then(|name| name.to_str()) else { continue };
         let is_in_the_way = match Kind::of(name.strip_suffix(TEMPORARY).unwrap_or(name)) {
-            // Only some runs write these; what none writes may stay.
+            // Not every run writes these files, so a directory with such a name may stay.
             Some(Kind::Mesh | Kind::Pieces | Kind::Checkpoint) => !path.is_dir(),
             other => other.is_some(),
         };

@@ -85,8 +85,8 @@ fn target(table: &Columns, prescribed: Prescribed, row: usize) -> Result<Target,
 }
 
 /// The table of states of an element test: step, strain and stress, invariants, history variables and energies. The
-/// components yz and xz are included if one of these strains is non-zero in any state, and the column `jump`, which is
-/// 1 for states that a jump has reached, if there are such states.
+/// components yz and xz are included if one of these strains is non-zero in any state. If a jump has reached any state,
+/// a column `jump` is added, which is 1 for such states.
 ///
 /// # Errors
 /// `InvalidInput` if a history variable of the law has the name of another column, or if a number is not finite.
@@ -104,7 +104,7 @@ pub fn table(law: &dyn Material, states: &[ElementState]) -> io::Result<String> 
     text_of(&columns, rows)
 }
 
-/// The column of the table in which a state has a number that is not finite, if there is one.
+/// The first column of the table in which a state has a number that is not finite; `None` if all are finite.
 pub fn infinite(law: &dyn Material, state: &ElementState) -> Option<String> {
     let is_infinite = |entry: &Entry| matches!(entry, Entry::Number(value) if !value.is_finite());
     let column = row(law, 0, state, true).iter().position(is_infinite)?;

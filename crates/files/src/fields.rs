@@ -169,8 +169,8 @@ const WELL_CONDITIONED: f64 = 1e-3;
 
 /// Logarithmic plastic strain −½ ln(F⁻¹ b^e F⁻ᵀ) in the original configuration.
 ///
-/// At large strain it follows from the singular values of F⁻¹ √b^e, because round-off could make their squares, the
-/// eigenvalues of F⁻¹ b^e F⁻ᵀ, negative.
+/// At large strain it is computed from the singular values of F⁻¹ √b^e, because round-off could make the eigenvalues of
+/// F⁻¹ b^e F⁻ᵀ, which equal the squares of the singular values, negative.
 fn plastic_strain(f: &Mat3, b: &Sym3) -> Sym3 {
     let inverse = f.try_inverse().unwrap_or_else(Mat3::identity);
     let squares = Sym3::symmetric_part(&(inverse * b.to_matrix() * inverse.transpose())).spectrum();
@@ -186,7 +186,7 @@ fn plastic_strain(f: &Mat3, b: &Sym3) -> Sym3 {
         Sym3::symmetric_part(&(u * Mat3::from_diagonal(&logarithms) * u.transpose()))
     };
     if [(0, 2), (1, 2), (2, 0), (2, 1)].iter().all(|&place| f[place] == 0.0) && b.0[3..5] == [0.0; 2] {
-        strain.0[3..5].fill(0.0); // plane: z is a principal direction, without the round-off of the decomposition
+        strain.0[3..5].fill(0.0); // in the plane, z is a principal direction; removes round-off
     }
     strain
 }
@@ -384,8 +384,8 @@ fn cell_kind<const D: usize>(corners: usize) -> CellKind {
     }
 }
 
-/// The active cells, that is, the cells that points or their domains overlap; cells that are only touched from outside
-/// have inactive nodes and are left out. Corners are node indices in VTK order.
+/// The active cells, that is, the cells that contain points or overlap their domains; cells that are only touched from
+/// outside have inactive nodes and are left out. Corners are node indices in VTK order.
 #[derive(Debug, PartialEq)]
 pub struct GridMesh {
     /// Positions of the nodes.

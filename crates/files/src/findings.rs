@@ -56,7 +56,7 @@ impl ForceBalance {
         let halo = report.grid.links.halo();
         let own = report.grid.reaction.iter().enumerate().filter(|(node, _)| halo.is_own(*node));
         let of_nodes = halo.ranks().total(own.flat_map(|(_, reaction)| reaction).map(|r| r.abs()).sum());
-        // The pressures on a closed surface have no resultant.
+        // A pressure on a closed surface has no resultant, so the magnitudes at its samples are summed.
         let of_surfaces =
             report.surfaces.iter().flat_map(|surface| surface.reaction.iter().chain(&surface.load)).flatten();
         let of_tools = report.tools.iter().flat_map(|tool| tool.contacts.iter().flat_map(|at| &at.force));
@@ -270,7 +270,7 @@ mod tests {
         }
     }
 
-    /// A square under its weight and a body force, in a grid of this height.
+    /// Findings for a square under its weight and a body force, in a grid of this height.
     fn findings(method: &str, top: f64, force: [f64; 2]) -> Findings {
         let deck = format!(
             "version: 1
@@ -309,8 +309,8 @@ steps: {{count: 4}}"
         assert!(found.worst_residual.unwrap().0 <= 1e-9);
     }
 
-    /// The body stretches beyond the top of the grid, where its domains have no basis functions: the load lost there
-    /// appears as a difference.
+    /// The body stretches beyond the top of the grid, where there are no basis functions: the load lost there appears
+    /// as a difference.
     #[test]
     fn a_load_that_basis_functions_lose_is_a_difference() {
         let gimp = "method: gimp, domain_update: none";
@@ -324,7 +324,7 @@ steps: {{count: 4}}"
     fn extremes_are_those_of_a_column() {
         let Extremes { displacement, von_mises_stress, lowest_pressure, highest_pressure } =
             findings("method: mpm", 4.0, [0.0, 7.0]).extremes.unwrap();
-        // The net body force points up: the top rises most, the base is pulled most.
+        // The net body force points up: the displacement is largest at the top, the tension at the base.
         assert!(displacement.value > 0.0 && displacement.position[1] > 1.7);
         assert!(von_mises_stress.value > 0.0 && von_mises_stress.position[1] < 0.3);
         assert!(lowest_pressure.value < highest_pressure.value && lowest_pressure.position[1] < 0.3);

@@ -87,8 +87,8 @@ pub(super) struct Frames {
     /// Reused memory for the order and the volumes of the points.
     order: Vec<usize>,
     volumes: Vec<[f64; 2]>,
-    /// Parts that successive frames of the points share, and parts that those of the domains share; created anew when
-    /// the points change.
+    /// Parts that successive frames of the points share, and parts that successive frames of the domains share; created
+    /// anew when the points change.
     steady: [Option<Steady>; 2],
     /// Stage and number of points of the last frame: a stage may add and remove bodies, and points may be split.
     shown: (usize, usize),
@@ -144,7 +144,7 @@ impl Frames {
         }
     }
 
-    /// Creates further frames with these fields of the points, in this precision.
+    /// Sets the fields of the points, and their precision, for all further frames.
     pub fn change(&mut self, fields: &[PointField], precision: Precision) {
         let outlines = take(&mut self.outlines);
         *self = Frames { outlines, ..Frames::new(fields, precision) };
@@ -161,7 +161,7 @@ impl Frames {
         step: Step,
     ) -> io::Result<Vec<Frame>> {
         let shown = (model.present.stage, points.len());
-        // Points move between ranks.
+        // With several ranks, points may have changed rank since the last frame.
         if shown != self.shown || !points.ranks.is_alone() {
             (self.shown, self.steady) = (shown, [None, None]);
         }

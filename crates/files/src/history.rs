@@ -198,7 +198,7 @@ pub fn row_of_attempt<const D: usize>(width: usize, attempt: &FailedAttempt<D>) 
     row
 }
 
-/// The row of `convergence.csv` of an evaluation.
+/// The row of `convergence.csv` for one evaluation of the residual.
 pub fn row_of_convergence(step: Step, iteration: usize, residual: f64) -> [Entry; 3] {
     [Entry::from(step.index as i64), Entry::from(iteration as i64), Entry::from(residual)]
 }

@@ -69,7 +69,7 @@ pub struct Results {
     findings: Findings,
     all_have_domains: bool,
     last: Step,
-    /// What a checkpoint stores besides the points, once this run has a step in equilibrium; `None` as well if the next
+    /// What a checkpoint stores besides the points; `None` until this run has a step in equilibrium, and if the next
     /// stage could not begin.
     accepted: Option<Reached>,
     /// The last step with a checkpoint.
@@ -174,7 +174,7 @@ impl Results {
     ///
     /// # Errors
     /// If the directory cannot be written to, does not contain the results up to the checkpoint, or has a file with the
-    /// name of a result file that no run wrote; in the last two cases nothing in it is changed.
+    /// name of a result file that no run wrote; in the last two cases nothing in the directory is changed.
     pub fn resume<const D: usize>(
         (directory, lock): (&Path, Lock),
         asked: &Request,
@@ -217,7 +217,7 @@ impl Results {
     /// Checks that the tables of a run are in its directory, with the rows of all steps up to `reached` if it is given.
     ///
     /// # Errors
-    /// Those of [`Results::resume`] about tables.
+    /// The errors of [`Results::resume`] that concern tables.
     pub fn check_tables<const D: usize>(
         directory: &Path,
         model: &Model<D>,
@@ -297,8 +297,8 @@ fn foreign(name: &str, end: &str) -> io::Error {
     io::Error::new(io::ErrorKind::AlreadyExists, what)
 }
 
-/// True if VTU files of a step are due: after every `every` requested steps, or as many as its stage states instead,
-/// and at the end of each stage and of the analysis.
+/// True if VTU files of a step are due: after every `every` requested steps, or at the interval that the stage states
+/// instead, and at the end of each stage and of the analysis.
 fn is_due<const D: usize>(every: usize, model: &Model<D>, step: Step) -> bool {
     let every = model.stages.get(model.present.stage).and_then(|stage| stage.every).unwrap_or(every);
     let requested = model.stepping.requested(step.end);

@@ -12,7 +12,7 @@ use mpm_core::ranks::Ranks;
 
 use super::fields::pressure;
 
-/// A node of the grid with the body that it carries.
+/// A body and a node of the grid to which points of the body contribute.
 type NodeOfBody = (u16, u32);
 
 /// Pressures of the points in `order`, smoothed over points of the same body, [stress]. Constant pressures are

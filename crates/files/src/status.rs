@@ -103,7 +103,7 @@ pub struct Status {
     pub unknowns: usize,
     /// Evaluations of the out-of-balance force since the run began or resumed.
     pub evaluations: usize,
-    /// Points times evaluations per second of the steps so far, including output, [1/s].
+    /// Number of points times evaluations per second over the steps so far, output included, [1/s].
     pub points_per_second: Option<f64>,
     /// Time since the [`Start`] of the run, [s].
     pub elapsed_seconds: f64,
@@ -125,7 +125,7 @@ pub struct Progress {
     start: Start,
     status: Status,
     curve: Option<LoadCurve>,
-    /// Steps that reduce the strength of the materials.
+    /// The stepping of each stage, or of the analysis, that reduces the strength of the materials.
     reductions: Vec<Stepping>,
     /// Names of the stages, and the tolerances of their residuals, [-].
     stages: Vec<(String, f64)>,
@@ -316,7 +316,8 @@ impl StatusFile {
     }
 }
 
-/// Reads the status of the run in a directory. A run that is neither running nor properly ended has died.
+/// Reads the status of the run in a directory. A run that has stopped without recording its end has died, unless its
+/// summary is complete.
 ///
 /// # Errors
 /// If there is no run in the directory, or its status cannot be read.

@@ -278,7 +278,7 @@ impl Account {
     }
 }
 
-/// Checks that the main numbers are finite: JSON would silently write others as null.
+/// Checks that the main numbers are finite: JSON would silently replace a non-finite number by null.
 ///
 /// # Errors
 /// `InvalidInput` with the name of the first non-finite number.
@@ -490,7 +490,7 @@ fn forces(balance: &ForceBalance) -> Value {
     forces
 }
 
-/// The largest values of the fields at the end.
+/// The extreme values of the fields at the end.
 fn largest(extremes: &Extremes) -> Value {
     let Extremes { displacement, von_mises_stress, lowest_pressure, highest_pressure } = extremes;
     let place = |extreme: &Extreme| {

@@ -92,7 +92,7 @@ impl Table {
         Table::begin(path, columns, &header)
     }
 
-    /// Creates a file with this text, to be extended; a killed run leaves no file without a header.
+    /// Creates a file with this text, to be extended; the file never lacks its header, even if the run is killed.
     fn begin(path: PathBuf, columns: Vec<String>, text: &str) -> io::Result<Table> {
         replace_file(&path, |file| file.write_all(text.as_bytes()))?;
         let file = fs::OpenOptions::new().append(true).open(&path)?;

@@ -91,7 +91,7 @@ pub(super) fn surfaces_of_tools<const D: usize>(
             (0..D).for_each(|d| tangential[facet][d] += contact.shear[d] * contact.area);
         }
         for (facet, area) in outlined.areas.iter().enumerate() {
-            // The area of the ring that a facet describes.
+            // In a body of revolution, a facet represents a ring about the axis.
             let x = to_space(&outlined.centres[facet]);
             let around = if model.revolved { std::f64::consts::TAU * x[0].abs() } else { 1.0 };
             let per = if area * around > 0.0 { 1.0 / (area * around) } else { 0.0 };

@@ -60,7 +60,7 @@ impl Closing {
     ) -> Option<Closing> {
         let (steps, asked) = (summary.steps, model.steps_requested());
         let in_equilibrium = format!("{} in equilibrium", counted(steps, "step", "steps"));
-        // Cut steps may be as many as the steps requested, or more, without reaching the end.
+        // With cut steps, a run may have as many steps as requested, or more, without having reached the end.
         let of_all = match steps < asked {
             true => format!("{steps} of {asked} steps in equilibrium"),
             false => in_equilibrium.clone(),

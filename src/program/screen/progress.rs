@@ -367,8 +367,8 @@ fn initial_balance(state: &InitialState) -> String {
     }
 }
 
-/// The current step, with the number of steps requested or, once a step has been cut, with the share of the end time
-/// reached.
+/// The current step, with the number of steps requested or, once steps have been cut or have grown, with the share of
+/// the end time reached.
 fn step_of(status: &Status) -> String {
     let Status { step, steps_requested, time, end_time, .. } = status;
     let reached = time / end_time;

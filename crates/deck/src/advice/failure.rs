@@ -18,7 +18,7 @@ pub fn on_failure(diagnosis: &Diagnosis, means: &Means) -> String {
     }
 }
 
-/// True for failures of iterations that points without stiffness may cause, if points have yielded.
+/// True if points have yielded and the failure is of a kind that points without stiffness may cause.
 fn may_lack_cohesion(diagnosis: &Diagnosis) -> bool {
     let is_about_stiffness = matches!(
         diagnosis.kind,

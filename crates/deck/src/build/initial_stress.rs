@@ -267,8 +267,9 @@ impl<const D: usize> Ground<'_, D> {
 }
 
 impl<const D: usize> Ground<'_, D> {
-    /// The position t on a vertical line, or the level of a node of the cell there if t almost equals it: at a cell
-    /// boundary, the search for the cell of a position tolerates more than round-off.
+    /// The position t on a vertical line, moved to the level of a node of the cell there if it almost coincides with
+    /// this level: near a cell boundary, t is known only within the tolerance of the search for cells, which exceeds
+    /// round-off.
     fn at_node(&self, line: &Line<D>, t: f64) -> f64 {
         let cell = self.grid.nearest_cell(&line.at(t)) as usize;
         let corners = self.grid.corners(cell);

@@ -17,8 +17,8 @@ impl<const D: usize> Builder<'_, D>
 where
     Region<D>: OfDeck<D>,
 {
-    /// Refuses materials in use whose forces on a cell or on the whole grid leave the range `POSSIBLE`. Within it, results do
-    /// not depend on the units: in units that differ by powers of four, they are identical to the last bit.
+    /// Refuses materials in use whose forces on a cell or on the whole grid leave the range `POSSIBLE`. Within it,
+    /// results do not depend on the units: in units that differ by powers of four, they are identical to the last bit.
     pub(super) fn magnitudes(&mut self, grid: &dyn Grid<D>, materials: &[MaterialOfPoints]) {
         let [low, high] = grid.bounds();
         let whole = low.iter().chain(&high).fold(0.0, |most: f64, x| most.max(x.abs()));
@@ -38,8 +38,8 @@ where
                 Some(young) => (young, "young"),
                 None => (axial_modulus_at_rest(law.as_ref()), "model"),
             };
-            // Without confinement, a law may have no stiffness, or no response. Properties that are no numbers have
-            // been reported.
+            // Without confinement, a law may have no stiffness, or no response. Properties that are not numbers have
+            // already been reported.
             if stiffness == 0.0 || stiffness.is_nan() {
                 continue;
             }

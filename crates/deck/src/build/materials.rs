@@ -138,7 +138,7 @@ where
         if !deck.reduces_strength() || laws.len() < deck.materials.len() {
             return;
         }
-        // The solver evaluates laws in batches at their full strength.
+        // A law that the solver evaluates in batches keeps its full strength.
         let is_reducible =
             |of: &MaterialOfPoints| of.law.batch().is_none() && of.law.with_strength_divided(1.0).is_some();
         let (reducible, others): (Vec<_>, Vec<_>) =

@@ -86,7 +86,7 @@ where
         let cell = (grid.structured())
             .map_or_else(|| grid.size(number), |grid| length(grid.sides(grid.cell_index(number))));
         if distance > cell {
-            // As many digits as matter: a location that is written wrongly may be at any distance.
+            // As many digits as matter: a mistyped location may be at any distance.
             let away = if distance < 1e9 { format!("{distance:.3}") } else { format!("{distance:.3e}") };
             let message = format!(
                 "the point of the body {} nearest to this location is at {}, {away} away, more than a cell",

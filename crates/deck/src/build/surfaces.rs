@@ -168,7 +168,7 @@ fn cell_at<const D: usize>(grid: &dyn Grid<D>, region: &Region<D>) -> f64 {
     sizes.fold(f64::INFINITY, f64::min)
 }
 
-/// The shortest and the longest sides, along each axis, of the cells in the box around a surface, or on a mesh, of the
+/// The shortest and the longest sides, along each axis, of the cells in the box around a surface or, on a mesh, of the
 /// cells at its samples, [length]; infinite and zero if the surface is empty.
 fn sides_at<const D: usize>(grid: &dyn Grid<D>, surface: &Surface<D>) -> [[f64; D]; 2] {
     let (mut least, mut most) = ([f64::INFINITY; D], [0.0; D]);

@@ -9,8 +9,8 @@ use mpm_core::points::Seed;
 use mpm_core::region::Region;
 use mpm_core::tensor::padded;
 
-/// Points whose squared distances from the centre of a body differ by less than this, relative to them, are equally far
-/// from it, [-].
+/// Relative difference between the squared distances of two points from the centre of a body below which the points
+/// count as equally far from the centre, [-].
 const SAME: f64 = 1e-9;
 
 impl<const D: usize> Builder<'_, D>

@@ -20,8 +20,8 @@ pub struct Surroundings<'a> {
     pub parameters: Option<&'a BTreeMap<String, Parameter>>,
     /// Number of axes.
     pub dimensions: usize,
-    /// Where the properties have typical values, [length]: at a point of a body of the material. Before bodies are
-    /// filled, the centre of the box around such a body; the origin without such a body.
+    /// Position at which the properties have typical values, [length]: that of a point of a body of the material;
+    /// before bodies are filled, the centre of the box around such a body; the origin if there is no such body.
     pub typical: [f64; 3],
     /// Size of the cells.
     pub cells: CellSize,

@@ -12,7 +12,7 @@ use crate::{BodyDeck, Deck, GridDeck, PerAxis, Volumetric};
 const NEARLY_INCOMPRESSIBLE: f64 = 0.49;
 
 impl Check<'_> {
-    /// Warns of materials whose elasticity or flow locks in their bodies.
+    /// Reports materials whose elasticity or flow locks the cells of their bodies.
     pub(super) fn locking(&mut self) {
         let deck = self.deck;
         for (name, material) in &deck.materials {

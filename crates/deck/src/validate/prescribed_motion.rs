@@ -56,8 +56,8 @@ impl Check<'_> {
         }
     }
 
-    /// The largest measure of `objection` for the mean deformation gradients at the ends of the steps; `None` if a
-    /// component of the displacement is not prescribed or has no finite value.
+    /// The largest measure of `objection` for the mean deformation gradients at the ends of the steps; `None` if this
+    /// motion is not known, for example because a component of the displacement is not prescribed.
     fn worst_on_the_way<const D: usize>(
         &self,
         condition: &BoundaryConditionDeck,

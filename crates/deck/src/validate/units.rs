@@ -70,7 +70,7 @@ impl Check<'_> {
         }
     }
 
-    /// Largest extent of a body, or of the grid if that is unknown, [length].
+    /// Largest extent of a body, or of the grid if that of the body is unknown; 1 if both are unknown, [length].
     fn height(&self, body: &BodyDeck) -> f64 {
         let extent = self.bounds("", &body.shape).ok().or(match &self.deck.grid {
             GridDeck::Structured { origin, size, .. } => {

@@ -85,10 +85,10 @@ impl Rows {
         own
     }
 
-    /// Restores this state and this order to the points.
+    /// Gives the points of a model the state and the order of these rows.
     ///
     /// # Errors
-    /// If they are different points, or if no run can have left them in this state.
+    /// If the rows belong to other points, or if no run can have left the points in this state.
     pub fn restore<const D: usize>(self, model: &Model<D>, points: &mut Points<D>) -> Result<(), String> {
         if self.id.len() != points.len() {
             return Err("it belongs to other points".to_owned());

@@ -58,8 +58,8 @@ fn the_last_two_are_kept_and_read_back_exactly() {
     assert_eq!(others.original_corners, points.original_corners);
 }
 
-/// Number, mass and a stress of each point that `n` ranks restore from the last checkpoint, with its step and the
-/// refused files.
+/// Number, mass and a stress of each point that `n` ranks restore from the last checkpoint, the step of this
+/// checkpoint, and the refused files.
 fn restored(directory: &Path, n: usize) -> (Vec<(u32, f64, f64)>, usize, Vec<String>) {
     let of_ranks = threads::run(n, |ranks| {
         let (_, model, mut points) = analysis_on(&ranks);

@@ -50,7 +50,7 @@ impl Results {
         Ok(())
     }
 
-    /// Begins to write the frames of a step; if there are several ranks, they finish writing together.
+    /// Begins to write the frames of a step; with several ranks, all ranks finish writing before this returns.
     fn show(&mut self, step: Step, frames: io::Result<Vec<Frame>>, ranks: &Ranks) -> io::Result<()> {
         if ranks.is_alone() {
             self.settle()?;
@@ -202,7 +202,7 @@ impl Results {
         }
     }
 
-    /// Writes the last step of a stage even if it is not due, as that of a stage that has ended early.
+    /// Writes the last step of a stage even if it is not due, for example because the stage has ended early.
     fn stage_ended_in<const D: usize>(&mut self, model: &Model<D>, points: &Points<D>) -> io::Result<()> {
         let settled = self.settle();
         if points.ranks.any(settled.is_err()) {

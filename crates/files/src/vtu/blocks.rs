@@ -316,7 +316,7 @@ mod tests {
         // Corners that neighbours share, in any order.
         let shared: Vec<f64> = (0..noise.len()).map(|k| noise[k * 37 % 500]).collect();
         assert!(encoded(&shared, &room).len() < shared.len());
-        // Each block by itself.
+        // Each block is judged separately.
         let mixed = [&noise[..BLOCK / 8], &[1.5; BLOCK / 8]].concat();
         assert!((BLOCK..BLOCK + BLOCK / 50).contains(&encoded(&mixed, &room).len()));
     }

@@ -115,7 +115,7 @@ pub(super) struct Chart {
     pub curves: Vec<Curve>,
     /// Named values of y, drawn as horizontal lines.
     pub levels: Vec<(f64, String)>,
-    /// Named intervals of x one after the other, drawn as bands behind the curves.
+    /// Named, consecutive intervals of x, drawn as bands behind the curves.
     pub bands: Vec<Band>,
     /// Height of the chart.
     pub height: f64,

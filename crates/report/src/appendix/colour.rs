@@ -20,8 +20,8 @@ pub(super) struct ColourMap {
 }
 
 impl ColourMap {
-    /// A map over a range of values. If the range lies on both sides of zero, on the shorter side by more than 5 % of
-    /// the longer side, negative values are blue, positive ones red, and the range is made symmetric.
+    /// A map over a range of values. If the range has a negative and a positive part, the shorter more than 5 % of the
+    /// longer, negative values are blue, positive ones red, and the range is made symmetric.
     pub fn over(low: f64, high: f64) -> ColourMap {
         let diverging = low < 0.0 && high > 0.0 && low.abs().min(high) > 0.05 * low.abs().max(high);
         let (low, high) = if diverging { (-high.max(-low), high.max(-low)) } else { (low, high) };

@@ -269,7 +269,7 @@ pub(super) fn tolerance_in_words(deck: &Deck) -> String {
     }
 }
 
-/// The axis of load steps, from 0 on.
+/// The axis of load steps, starting at 0.
 fn load_steps() -> Axis {
     Axis { contains: vec![0.0, 1.0], ..Axis::counting("load step") }
 }

@@ -114,7 +114,7 @@ impl FieldChoice {
 pub enum StepChoice {
     /// The first step written, usually the undeformed state.
     First,
-    /// The step closest to the middle between the first and the last.
+    /// The step whose number is closest to the mean of the first and the last.
     Middle,
     /// The last step written.
     Last,

@@ -127,7 +127,8 @@ impl Cell {
     }
 
     /// One of several numbers. If the largest is neither very large nor very small, it has `digits` significant digits
-    /// and all have as many decimals; otherwise each has `digits` significant digits, or is 0 if negligible beside it.
+    /// and all have as many decimals; otherwise each has `digits` significant digits, or is 0 if negligible beside the
+    /// largest.
     pub fn beside(value: Option<f64>, largest: f64, digits: usize) -> Cell {
         match value {
             None => Cell::Empty,

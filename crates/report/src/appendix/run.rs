@@ -187,12 +187,12 @@ impl Run {
         names.filter(|name| !self.is_of_tool(name)).collect()
     }
 
-    /// True if the name of a column of the history ends like this.
+    /// True if the name of a column of `history.csv` has this ending.
     pub fn has_column_of(&self, ending: &str) -> bool {
         self.history.names().iter().any(|name| name.ends_with(ending))
     }
 
-    /// True if such a name belongs to a tool, or to a part of a tool.
+    /// True if the name before the ending of a column belongs to a tool, or to a part of a tool.
     fn is_of_tool(&self, name: &str) -> bool {
         self.deck.iter().flat_map(|deck| &deck.tools).any(|tool| {
             let rest = name.strip_prefix(&tool.name);

@@ -30,7 +30,7 @@ pub(super) struct Scale {
     to: f64,
     /// Ticks in ascending order.
     pub ticks: Vec<Tick>,
-    /// Power of ten by which the labels of the ticks are multiplied.
+    /// Exponent of the power of ten that multiplies the labels of the ticks.
     pub power: i32,
 }
 

@@ -83,7 +83,7 @@ impl Scene {
             title,
             values: field.values(&points)?,
             positions: positions.iter().copied().map(plane).collect(),
-            // Half the side of a square with the area of each point, slightly shrunk.
+            // Slightly less than half the side of a square with the area of the point.
             radii: areas.map(|area| 0.45 * area.sqrt()).collect(),
             domains: Vec::new(),
             sides: Vec::new(),

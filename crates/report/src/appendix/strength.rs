@@ -92,7 +92,7 @@ struct Reduction {
     rows: std::ops::Range<usize>,
     /// True if this part began at full strength.
     begins_whole: bool,
-    /// True if displacements count from the start of this part.
+    /// True if displacements are measured from the start of this part.
     begins_at_rest: bool,
 }
 

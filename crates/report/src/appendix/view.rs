@@ -2,7 +2,7 @@
 //! are left out, and the others are drawn from the farthest to the nearest, darker the more they face away from the
 //! light.
 
-/// Direction of the viewer: angle from x towards y in the horizontal plane, and elevation above it, [degrees]. Walls at
+/// Direction of the viewer: angle from x towards y in the horizontal plane, and elevation above it, [degree]. Walls at
 /// the smallest y and at the largest x are visible.
 const AZIMUTH: f64 = -52.0;
 const ELEVATION: f64 = 24.0;
