@@ -163,7 +163,6 @@ impl<const D: usize> FailedAttempt<D> {
     }
 
     /// Number of iterations: linear solves and, with a predictor, the predicted increment.
-
     pub fn solves(&self) -> usize {
         self.residuals.len().saturating_sub(1 + self.augmentations)
     }
