@@ -65,8 +65,43 @@ def test_thin_cells_below_a_surface_do_not_matter_to_its_conditions(run):
         assert ratio == pytest.approx(1, abs=0.02)
 
 
-def test_thin_cells_elsewhere_do_not_matter_to_the_samples_of_a_surface(mpm, tmp_path):
-    cells = "[[{to: 4.9, cells: 5}, {to: 5.1, cells: 8}, {to: 20, cells: 15}], 1, 1]"
+DENT = """
+version: 1
+parameters: {width: 1}
+grid: {type: structured, origin: [0, 0], size: [20, 4], spacing: SPACING}
+materials: {m: {model: hencky, young: 1e6, poisson: 0.3}}
+bodies:
+  - {name: block, material: m, shape: {type: box, min: [0, 0], max: [20, 3]}, method: cpdi2, point_spacing: [0.25, 0.25]}
+surfaces: [{name: top, body: block, part: {edge: 2}}]
+boundary_conditions:
+  - {name: floor, nodes: {y: 0}, fix: [x, y]}
+  - {name: push, surface: top, ux: 0, uy: "-0.1*exp(-((X-10)/width)^2)"}
+steps: {count: 1}
+output: {every: 0}
+"""
+
+
+def test_patches_are_as_fine_as_the_cells_along_a_surface(run):
+    """A dent in fine cells is pressed in as on a grid of such cells alone, however coarse the cells beside it are."""
+    fine = run(DENT.replace("SPACING", "[0.5, 0.5]"))
+    graded = run(DENT.replace("SPACING", "[[{to: 8, cells: 4}, {to: 12, cells: 8}, {to: 20, cells: 4}], 0.5]"))
+    ratio = graded.summary["strain_energy"] / fine.summary["strain_energy"]
+    assert ratio == pytest.approx(1, abs=0.1)
+
+
+def test_a_part_narrower_than_the_cells_elsewhere_is_found(mpm, tmp_path):
+    deck = tmp_path / "deck.yaml"
+    spacing = "[[{to: 4, cells: 4}, {to: 5, cells: 10}, {to: 20, cells: 15}], 1]"
+    text = DENT.replace("SPACING", spacing).replace("part: {edge: 2}", "part: {box: {min: [4.45, 3], max: [4.55, 3]}}")
+    deck.write_text(text)
+    process = mpm("check", deck)
+    assert process.returncode == 0, process.stdout + process.stderr
+
+
+@pytest.mark.parametrize("middle", (5, 10))
+def test_thin_cells_elsewhere_do_not_matter_to_the_samples_of_a_surface(mpm, tmp_path, middle):
+    ends = f"{{to: {middle - 0.1}, cells: 5}}, {{to: {middle + 0.1}, cells: 8}}, {{to: 20, cells: 15}}"
+    cells = f"[[{ends}], 1, 1]"
     deck = tmp_path / "deck.yaml"
     deck.write_text(f"""
 version: 1

@@ -78,13 +78,16 @@ pub struct Surface<const D: usize> {
     pub facets: Vec<[u32; D]>,
     /// Number of the side of the body's shape on which each sample lies.
     pub sides: Vec<usize>,
-    /// Sides of the grid cells at the surface along each axis, [length]; where cells differ, the largest.
-    pub cell: [f64; D],
+    /// Size of the smallest grid cell at the surface, [length].
+    pub cell: f64,
+    /// Original positions of the corners in cells, [-]: the cell coordinates of a structured grid at the start; on a
+    /// mesh, positions divided by the size of the largest cell at the surface.
+    pub in_cells: Vec<[f64; D]>,
 }
 
 impl<const D: usize> Surface<D> {
-    /// Samples a part of the boundary of a region with facets whose edges are at most about `spacing` long; `cell` is
-    /// the side of a grid cell, both [length].
+    /// Samples a part of the boundary of a region with facets whose edges are no longer than `spacing`; `cell` is the
+    /// size of a grid cell, both [length].
     ///
     /// # Errors
     /// [`NoBoundary`] if the boundary is not available, or if it has no side with the number of [`Part::Side`]. Any
@@ -105,7 +108,7 @@ impl<const D: usize> Surface<D> {
         Ok(Surface::of_facets(name, body, facets, part, cell))
     }
 
-    /// The surface formed by the facets that lie in a part of the boundary; `cell` is the side of a grid cell,
+    /// The surface formed by the facets that lie in a part of the boundary; `cell` is the size of a grid cell,
     /// [length].
     pub fn of_facets(
         name: impl Into<String>,
@@ -122,7 +125,8 @@ impl<const D: usize> Surface<D> {
             corners: Vec::new(),
             facets: Vec::new(),
             sides: facets.iter().map(|facet| facet.side).collect(),
-            cell: [cell; D],
+            cell,
+            in_cells: Vec::new(),
         };
         // Neighbouring facets share corners in spite of round-off in their positions.
         let mut known: BTreeMap<[i64; D], u32> = BTreeMap::new();
@@ -139,12 +143,8 @@ impl<const D: usize> Surface<D> {
             });
             surface.facets.push(indices);
         }
+        surface.in_cells = surface.corners.iter().map(|corner| corner.map(|x| x / cell)).collect();
         surface
-    }
-
-    /// Shortest of the sides of [`Surface::cell`], [length].
-    pub fn cell_size(&self) -> f64 {
-        self.cell.iter().copied().fold(f64::INFINITY, f64::min)
     }
 
     /// Number of samples.

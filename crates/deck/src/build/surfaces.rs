@@ -15,6 +15,8 @@ use crate::{BoxDeck, HalfSpaceDeck, Idealisation, PartDeck, SurfaceDeck};
 const LENGTH: f64 = 0.25;
 /// On a mesh, cells are looked up at about this many samples of a surface.
 const PLACES: usize = 200;
+/// Largest number of times that a surface is sampled again with the spacing of the cells found at it.
+const ROUNDS: usize = 4;
 
 impl<const D: usize> Builder<'_, D>
 where
@@ -41,8 +43,8 @@ where
                 Some(PartDeck { edge: Some(edge), .. }) => Part::Side(*edge as usize),
                 Some(_) => Part::Whole,
             };
-            let cell = cell_at(grid, region);
-            let mut spacing = deck.spacing.unwrap_or(LENGTH * cell);
+            let [_, largest] = cells_between(grid, region.bounds(), &[]);
+            let mut spacing = deck.spacing.unwrap_or(LENGTH * least_of(largest));
             let at = format!("/surfaces/{index}");
             let by_group = deck.part.as_ref().is_some_and(|part| part.group.is_some());
             if by_group && region.as_group().is_none() {
@@ -56,7 +58,7 @@ where
                 continue;
             }
             let Ok(nodes) = self.nodes_of_part(grid, deck, &at) else { continue };
-            let sample = |spacing: f64| match (region.as_group(), &part) {
+            let sample = |spacing: f64, cell: f64| match (region.as_group(), &part) {
                 (None, _) => Surface::new(deck.name.clone(), body, region, &part, [spacing, cell]),
                 (Some(_), Part::Side(side)) => Err(NoBoundary::NoSide(*side)),
                 (Some((group, motion)), _) => {
@@ -65,18 +67,24 @@ where
                     Ok(Surface::of_facets(deck.name.clone(), body, facets, &part, cell))
                 }
             };
-            let mut sampled = sample(spacing);
-            // The cells at the surface are known once it has been sampled.
-            if let Ok([least, most]) = sampled.as_ref().map(|surface| sides_at(grid, surface))
-                && least[0].is_finite()
-            {
-                let finest = LENGTH * least.into_iter().fold(f64::INFINITY, f64::min);
-                if deck.spacing.is_none() && finest < spacing {
-                    spacing = finest;
-                    sampled = sample(spacing);
+            let mut cell = spacing / LENGTH;
+            let mut sampled = sample(spacing, cell);
+            // The cells at the surface are known once it has been sampled; smaller ones need further samples.
+            for _ in 0..ROUNDS {
+                let Ok(surface) = &sampled else { break };
+                let [smallest, _] = cells_between(grid, bounds_of(surface, &part, region), &surface.samples);
+                cell = least_of(smallest);
+                let wanted = deck.spacing.unwrap_or(LENGTH * cell);
+                if (wanted - spacing).abs() <= 1e-9 * spacing {
+                    break;
                 }
-                sampled = sampled.map(|surface| Surface { cell: most, ..surface });
+                spacing = wanted;
+                sampled = sample(spacing, cell);
             }
+            let sampled = sampled.map(|surface| {
+                let in_cells = in_cells(grid, &surface);
+                Surface { cell, in_cells, ..surface }
+            });
             match sampled {
                 Ok(surface) if surface.is_empty() => {
                     let message =
@@ -149,7 +157,7 @@ where
     /// True if the surface of a body of revolution lies on the axis.
     fn has_no_area(&self, surface: &Surface<D>) -> bool {
         let is_revolved = self.loaded.deck.analysis.idealisation == Idealisation::Axisymmetric;
-        is_revolved && surface.corners.iter().all(|x| x[0].abs() <= 1e-9 * surface.cell_size())
+        is_revolved && surface.corners.iter().all(|x| x[0].abs() <= 1e-9 * surface.cell)
     }
 
     /// Index of a surface.
@@ -158,37 +166,72 @@ where
     }
 }
 
-/// Size of the smallest cell at the corners and the middle of the box around a region, [length].
-fn cell_at<const D: usize>(grid: &dyn Grid<D>, region: &Region<D>) -> f64 {
-    let bounds = region.bounds();
-    let corner = |k: usize| std::array::from_fn(|d| bounds[k >> d & 1][d]);
-    let middle = std::array::from_fn(|d| 0.5 * (bounds[0][d] + bounds[1][d]));
-    let places = (0..1usize << D).map(corner).chain([middle]);
-    let sizes = places.map(|x: [f64; D]| grid.size(grid.nearest_cell(&x) as usize));
-    sizes.fold(f64::INFINITY, f64::min)
+/// A box around a surface, and around its part of the body if this is given by a box; the box around the body if the
+/// surface is empty.
+fn bounds_of<const D: usize>(surface: &Surface<D>, part: &Part<D>, region: &Region<D>) -> [[f64; D]; 2] {
+    let whole = region.bounds();
+    let [mut low, mut high] =
+        if surface.is_empty() { whole } else { [[f64::INFINITY; D], [f64::NEG_INFINITY; D]] };
+    for corner in &surface.corners {
+        for d in 0..D {
+            (low[d], high[d]) = (low[d].min(corner[d]), high[d].max(corner[d]));
+        }
+    }
+    if let Part::Box(min, max) = part {
+        let within = |d: usize, x: f64| x.clamp(whole[0][d], whole[1][d]);
+        for d in 0..D {
+            let [from, to] = [within(d, min[d]), within(d, max[d])];
+            [low[d], high[d]] =
+                if surface.is_empty() { [from, to] } else { [low[d].min(from), high[d].max(to)] };
+        }
+    }
+    [low, high]
 }
 
-/// The shortest and the longest sides, along each axis, of the cells in the box around a surface or, on a mesh, of the
-/// cells at its samples, [length]; infinite and zero if the surface is empty.
-fn sides_at<const D: usize>(grid: &dyn Grid<D>, surface: &Surface<D>) -> [[f64; D]; 2] {
-    let (mut least, mut most) = ([f64::INFINITY; D], [0.0; D]);
-    if surface.is_empty() {
-        return [least, most];
-    }
+/// The shortest and the longest sides, along each axis, of the cells in a box, [length]. On a mesh, they are the sizes of
+/// the cells at these places, or, if there are none, at the corners and the middle of the box.
+fn cells_between<const D: usize>(
+    grid: &dyn Grid<D>,
+    bounds: [[f64; D]; 2],
+    places: &[[f64; D]],
+) -> [[f64; D]; 2] {
     if let Some(grid) = grid.structured() {
-        for d in 0..D {
-            let along = || surface.corners.iter().map(|x| x[d]);
-            let (low, high) =
-                (along().fold(f64::INFINITY, f64::min), along().fold(f64::NEG_INFINITY, f64::max));
-            // A surface on a grid line lies at the cells on both sides of it.
-            let slack = if high - low > surface.cell[d] * 1e-6 { 0.0 } else { surface.cell[d] * 1e-6 };
-            [least[d], most[d]] = grid.axes()[d].sizes_within(low - slack, high + slack);
-        }
-        return [least, most];
+        let sizes: [[f64; 2]; D] = std::array::from_fn(|d| {
+            // What lies on a grid line lies at the cells on both sides of it.
+            let axis = &grid.axes()[d];
+            let slack = |x: f64| 1e-6 * axis.size_at(x);
+            let is_flat = bounds[1][d] - bounds[0][d] <= slack(bounds[0][d]);
+            let [below, above] = if is_flat { bounds.map(|x| slack(x[d])) } else { [0.0; 2] };
+            axis.sizes_within(bounds[0][d] - below, bounds[1][d] + above)
+        });
+        return [0, 1].map(|end| std::array::from_fn(|d| sizes[d][end]));
     }
-    for x in surface.samples.iter().step_by(surface.len().div_ceil(PLACES)) {
-        let size = grid.size(grid.nearest_cell(x) as usize);
-        (least, most) = (least.map(|least| least.min(size)), most.map(|most: f64| most.max(size)));
+    let size = |x: &[f64; D]| grid.size(grid.nearest_cell(x) as usize);
+    let sizes: Vec<f64> = if places.is_empty() {
+        let corner = |k: usize| std::array::from_fn(|d| bounds[k >> d & 1][d]);
+        let middle = std::array::from_fn(|d| 0.5 * (bounds[0][d] + bounds[1][d]));
+        (0..1usize << D).map(corner).chain([middle]).map(|x| size(&x)).collect()
+    } else {
+        places.iter().step_by(places.len().div_ceil(PLACES)).map(size).collect()
+    };
+    let (least, most) =
+        (sizes.iter().copied().fold(f64::INFINITY, f64::min), sizes.iter().copied().fold(0.0, f64::max));
+    [[least; D], [most; D]]
+}
+
+/// The original positions of the corners of a surface in cells, [-]; see [`Surface::in_cells`].
+fn in_cells<const D: usize>(grid: &dyn Grid<D>, surface: &Surface<D>) -> Vec<[f64; D]> {
+    if let Some(grid) = grid.structured() {
+        let coordinates = |x: &[f64; D]| std::array::from_fn(|d| grid.axes()[d].coordinate(x[d]));
+        return surface.corners.iter().map(coordinates).collect();
     }
-    [least, most]
+    if surface.is_empty() {
+        return Vec::new();
+    }
+    let [_, largest] = cells_between(grid, [[0.0; D]; 2], &surface.samples);
+    surface.corners.iter().map(|x| std::array::from_fn(|d| x[d] / largest[d])).collect()
+}
+
+fn least_of<const D: usize>(sides: [f64; D]) -> f64 {
+    sides.into_iter().fold(f64::INFINITY, f64::min)
 }

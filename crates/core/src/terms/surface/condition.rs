@@ -105,7 +105,7 @@ impl<const D: usize> Condition<D> {
         let NodeSet::Surface(on) = condition.nodes else { return None };
         let surface = &model.surfaces[on.surface];
         let law = model.materials[model.bodies[surface.body].material].law.as_ref();
-        let penalty = on.penalty * axial_modulus_at_rest(law) / surface.cell_size();
+        let penalty = on.penalty * axial_modulus_at_rest(law) / surface.cell;
         let components: Vec<usize> = (0..D).filter(|&d| condition.displacement[d].is_some()).collect();
         let of_component = |&component: &usize| {
             (0..surface.len()).map(|s| condition.direction(component, surface.normal(s))).collect()
@@ -193,7 +193,7 @@ impl<const D: usize> Condition<D> {
                             (0..D).for_each(|i| entry[i] += q * value * d[i]);
                         });
                     }
-                    let scale = surface.cell_size() * patch.area.sqrt();
+                    let scale = surface.cell * patch.area.sqrt();
                     self.equations.push(Equation { row: row.into_iter().collect(), gap, scale, is_own });
                 }
             }
@@ -364,7 +364,7 @@ impl<const D: usize> Condition<D> {
         Err(ConstraintError::Unmet {
             name: model.boundary_conditions[self.number].name.clone(),
             surface: surface.name.clone(),
-            distance: self.unmet * surface.cell_size(),
+            distance: self.unmet * surface.cell,
         })
     }
 
@@ -469,59 +469,56 @@ fn at_place<const D: usize>(formula: &Formula, x: &[f64; D], original: &[f64; D]
     crate::dofs::displacement_increment(formula, x, original, [None, Some(factor)])
 }
 
-/// The patches of a surface: its samples, grouped by sides of the shape and by boxes that divide each side into equal
-/// parts of about [`WIDTH`] cells.
+/// The patches of a surface: its samples, grouped by sides of the shape and by boxes that divide each side, measured in
+/// cells, into equal parts of about [`WIDTH`] cells.
 fn patches<const D: usize>(model: &Model<D>, surface: &Surface<D>) -> Vec<Patch> {
-    let width = surface.cell.map(|side| WIDTH * side);
     let mut by_place: BTreeMap<(usize, [i64; D]), Vec<u32>> = BTreeMap::new();
     let mut ends: BTreeMap<usize, [[f64; D]; 2]> = BTreeMap::new();
+    let corners = |sample: usize| surface.facets[sample].map(|corner| surface.in_cells[corner as usize]);
     for (sample, &side) in surface.sides.iter().enumerate() {
         let [low, high] = ends.entry(side).or_insert([[f64::INFINITY; D], [f64::NEG_INFINITY; D]]);
-        for corner in surface.facets[sample].map(|corner| surface.corners[corner as usize]) {
+        for corner in corners(sample) {
             for d in 0..D {
                 (low[d], high[d]) = (low[d].min(corner[d]), high[d].max(corner[d]));
             }
         }
     }
-    for (sample, x) in surface.samples.iter().enumerate() {
-        let [low, high] = ends[&surface.sides[sample]];
+    for (sample, side) in surface.sides.iter().enumerate() {
+        let [low, high] = ends[side];
         let key = std::array::from_fn(|d| {
             let length = high[d] - low[d];
-            let n = (length / width[d]).round().max(1.0);
+            let n = (length / WIDTH).round().max(1.0);
+            let middle = corners(sample).iter().map(|corner| corner[d]).sum::<f64>() / D as f64;
             // A sample at the boundary between two patches belongs to the upper one, whatever its round-off.
-            let place = (x[d] - low[d]) / length * n + ON_BOUNDARY;
+            let place = (middle - low[d]) / length * n + ON_BOUNDARY;
             if length > 0.0 { place.floor().min(n - 1.0) as i64 } else { 0 }
         });
-        by_place.entry((surface.sides[sample], key)).or_default().push(sample as u32);
+        by_place.entry((*side, key)).or_default().push(sample as u32);
     }
     let of_samples = |samples: Vec<u32>| {
         let areas: Vec<f64> =
             samples.iter().map(|&sample| model.original_area(surface, sample as usize)).collect();
-        let functions = orthonormal(surface, &samples, &areas, width);
+        let functions = orthonormal(surface, &samples, &areas);
         let area = areas.iter().sum();
         Patch { samples, functions, area }
     };
     by_place.into_values().map(of_samples).collect()
 }
 
-/// The functions 1, x, y(, z) on a patch of this width, [length], orthonormalised in this order with respect to area
-/// and then multiplied by the areas of the samples; functions that depend on earlier ones are omitted.
-fn orthonormal<const D: usize>(
-    surface: &Surface<D>,
-    samples: &[u32],
-    areas: &[f64],
-    width: [f64; D],
-) -> Vec<Vec<f64>> {
+/// The functions 1, x, y(, z) on a patch, orthonormalised in this order with respect to area and then multiplied by the
+/// areas of the samples; functions that depend on earlier ones are omitted.
+fn orthonormal<const D: usize>(surface: &Surface<D>, samples: &[u32], areas: &[f64]) -> Vec<Vec<f64>> {
+    let from_first =
+        |sample: u32, d: usize| surface.samples[sample as usize][d] - surface.samples[samples[0] as usize][d];
+    let extents = samples.iter().flat_map(|&sample| (0..D).map(move |d| from_first(sample, d).abs()));
+    let size = extents.fold(f64::MIN_POSITIVE, f64::max);
     let total: f64 = areas.iter().sum();
     let product = |a: &[f64], b: &[f64]| -> f64 { (0..areas.len()).map(|s| areas[s] * a[s] * b[s]).sum() };
     let mut found: Vec<Vec<f64>> = Vec::new();
     for number in 0..=D {
         let at = |&sample: &u32| match number {
             0 => 1.0,
-            d => {
-                (surface.samples[sample as usize][d - 1] - surface.samples[samples[0] as usize][d - 1])
-                    / width[d - 1]
-            }
+            d => from_first(sample, d - 1) / size,
         };
         let mut function: Vec<f64> = samples.iter().map(at).collect();
         // Orthogonalises twice, to suppress round-off.
