@@ -187,12 +187,12 @@ impl<const D: usize> Model<D> {
         })
     }
 
-    /// True if a boundary condition of the current stage that acts on given nodes holds the node with this grid number
-    /// against a motion in this direction.
-    pub fn holds_node(&self, node: u32, motion: &[f64; D]) -> bool {
+    /// True if a boundary condition of the current stage that prescribes the motion of given nodes prescribes that of
+    /// this one, by its number in the grid, along this direction or one within 60° of it.
+    pub fn holds_node(&self, node: u32, direction: &[f64; D]) -> bool {
         self.boundary_conditions.iter().enumerate().any(|(number, condition)| match &condition.nodes {
-            NodeSet::Fixed(nodes) if self.is_set(number) && nodes.contains(&node) => {
-                let resists = |along: &[f64; D]| dot(along, motion).abs() > 0.5 * norm(motion);
+            NodeSet::Fixed(nodes) if self.is_set(number) && nodes.binary_search(&node).is_ok() => {
+                let resists = |along: &[f64; D]| dot(along, direction).abs() > 0.5 * norm(direction);
                 condition.directions().iter().any(resists)
             }
             _ => false,

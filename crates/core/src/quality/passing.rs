@@ -127,10 +127,11 @@ impl Material {
         let is_ahead = |node: usize, of: usize, sides: &[f64; D]| {
             let Some(motion) = motion[of].filter(|_| self.points_around[of] > 0.0) else { return false };
             let in_cells = |way: [f64; D]| -> [f64; D] { std::array::from_fn(|d| way[d] / sides[d]) };
-            let (way, ahead) = (in_cells(minus(&position(node), &position(of))), in_cells(motion));
+            let from_there = minus(&position(node), &position(of));
+            let (way, ahead) = (in_cells(from_there), in_cells(motion));
             dot(&way, &ahead) > AHEAD * norm(&way) * norm(&ahead)
                 && share_a_cell(node, of)
-                && !model.holds_node(links.active_nodes()[node], &motion)
+                && !model.holds_node(links.active_nodes()[node], &from_there)
         };
         let first_of_group = |group: usize| {
             let first = links.points_of(group).start;
