@@ -124,8 +124,15 @@ where
                 if left <= BETWEEN_LINES || !(0.0..=lines.n_cells() as f64).contains(&beyond) {
                     continue;
                 }
-                let material = || points.converged.position.iter().map(|x| lines.coordinate(x[axis]));
-                if !self.ranks.any(material().any(|x| line.min(beyond) < x && x < line.max(beyond))) {
+                let is_between = |x: f64| line.min(beyond) < x && x < line.max(beyond);
+                // Along the other axes, material in the box or in the cells next to it counts.
+                let is_near = |x: &[f64; D], d: usize| {
+                    let [from, to, x] = [low[d], high[d], x[d]].map(|x| grid.axes()[d].coordinate(x));
+                    d == axis || (from - 1.0 < x && x < to + 1.0)
+                };
+                let is_left_out =
+                    |x: &[f64; D]| is_between(lines.coordinate(x[axis])) && (0..D).all(|d| is_near(x, d));
+                if !self.ranks.any(points.converged.position.iter().any(is_left_out)) {
                     continue;
                 }
                 let (name, [line, beyond]) =
