@@ -63,11 +63,11 @@ pub(super) fn range_help(fault: &Fault) -> Option<String> {
 
 /// Help for a string that was probably meant as a number.
 pub(super) fn number_help(value: &Value, code: &str) -> Option<String> {
-    written_number(value.as_str().filter(|_| code == "D008")?)
+    written_number(value.as_str().filter(|_| code == "D008")?, false)
 }
 
-/// Help for a string that is a number with separators or with a unit.
-pub(crate) fn written_number(text: &str) -> Option<String> {
+/// Help for a string that is a number with separators or with a unit, where a formula is allowed or not.
+pub(crate) fn written_number(text: &str, is_formula: bool) -> Option<String> {
     let bare = text.replace(['_', ' ', '\''], "").replace(',', ".");
     if bare.parse::<f64>().is_ok_and(f64::is_finite) {
         return Some(format!("write the number as {bare}"));
@@ -79,7 +79,9 @@ pub(crate) fn written_number(text: &str) -> Option<String> {
     );
     if unit.chars().all(char::is_alphabetic) {
         let number = text.trim().strip_suffix(unit).unwrap_or_default().trim();
-        help.push_str(&format!("; or, if `{unit}` is a parameter, write the product `{number}*{unit}`"));
+        let product =
+            if is_formula { format!("{number}*{unit}") } else { format!("\"${{{number}*{unit}}}\"") };
+        help.push_str(&format!("; or, if `{unit}` is a parameter, write the product as `{product}`"));
     }
     Some(help)
 }
@@ -112,13 +114,15 @@ mod tests {
         for (text, unit) in
             [("10 MPa", "MPa"), ("1.8e3kg/m^3", "kg/m^3"), ("20 kN/m²", "kN/m²"), ("30°", "°")]
         {
-            let help = written_number(text).unwrap_or_default();
+            let help = written_number(text, false).unwrap_or_default();
             assert!(help.contains(&format!("leave out `{unit}`")), "{text}: {help}");
         }
-        assert!(written_number("-0.1 h").is_some_and(|help| help.ends_with("write the product `-0.1*h`")));
-        assert_eq!(written_number("1 000,5").as_deref(), Some("write the number as 1000.5"));
+        let product = |is_formula| written_number("-0.1 h", is_formula).unwrap_or_default();
+        assert!(product(true).ends_with("write the product as `-0.1*h`"), "{}", product(true));
+        assert!(product(false).ends_with("write the product as `\"${-0.1*h}\"`"), "{}", product(false));
+        assert_eq!(written_number("1 000,5", false).as_deref(), Some("write the number as 1000.5"));
         for text in ["10 x", "MPa", "10", "2 gamma", ""] {
-            let help = written_number(text).unwrap_or_default();
+            let help = written_number(text, false).unwrap_or_default();
             assert!(!help.contains("units"), "{text}: {help}");
         }
     }

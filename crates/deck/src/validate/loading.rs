@@ -168,8 +168,8 @@ impl Check<'_> {
             let at = format!("{pointer}/{}", fault.key);
             let place = (fault.text.as_str(), fault.error.offset, fault.error.length);
             let mut diagnostic = Diagnostic::inside(self.source, "D021", &at, place, fault.error.message);
-            // A fault in the name of an intermediate value lies in no part of the formula of this value.
-            let as_number = if fault.error.length > 0 { written_number(&fault.text) } else { None };
+            // A fault of the name of an intermediate value is in no part of its formula.
+            let as_number = if fault.error.length > 0 { written_number(&fault.text, true) } else { None };
             diagnostic.help = as_number.or(fault.error.help);
             self.found.push(diagnostic);
         }
