@@ -93,8 +93,8 @@ fn strain_of_stress<const D: usize>(
     match laws.map(|law| law.elastic_strain(stress, history)) {
         [before, Ok(now)] => Ok(Some(now).filter(|now| before != Ok(*now))),
         [_, Err(error)] => {
-            // A law without an inverse can go on if the change leaves its elasticity as it is. At a small fraction of
-            // their strain, even points that yield are elastic.
+            // A law without an inverse can go on if the change leaves its elasticity as it is, judged by its stress at a
+            // small part of the strain, at which points that yield are elastic, too.
             let strain = points.converged.elastic_strain[p] * ELASTIC_PART;
             let [before, now] = laws.map(|law| law.update(&strain, history, &mut history.to_vec()));
             let same = before.is_ok_and(|before| now.is_ok_and(|now| now.tau == before.tau));

@@ -56,7 +56,8 @@ impl HeldMaterial {
     }
 
     /// Harmonic mean of the shear modulus of the material that these nodes carry, [stress]: where soft material lies
-    /// beside stiff material, the soft material dominates. Zero if no material there has shear stiffness.
+    /// beside stiff material, the soft one decides. Material without shear stiffness, such as a fluid, is left out. Zero
+    /// if no material there has shear stiffness.
     pub fn shear_modulus(&self, nodes: &[u32]) -> f64 {
         let sum = |of: &[f64]| nodes.iter().map(|n| of[*n as usize]).sum::<f64>();
         let flexibility = sum(&self.flexibility);
