@@ -192,7 +192,7 @@ fn depends_on_factor(load: &LoadDeck) -> bool {
 
 /// True if a prescribed displacement contains `factor`; the nodes may then move even at a factor of 0.
 fn moves_by_formula(condition: &BoundaryConditionDeck) -> bool {
-    condition.displacements().into_iter().any(|displacement| contains_factor(&displacement.value))
+    condition.displacements().into_iter().any(|displacement| contains_factor(displacement.value))
 }
 
 fn contains_factor(given: &Expression) -> bool {
