@@ -89,8 +89,8 @@ impl Source {
         self.entries.get(pointer).and_then(|place| place.key)
     }
 
-    /// Location of the value at a JSON pointer, or of the nearest parent that is in the text. An empty value, or a
-    /// value over several lines, is located at its key.
+    /// Location of the value at a JSON pointer, or of its nearest ancestor that is in the text. For an empty value or
+    /// one that spans several lines, the location of its key.
     pub fn nearest_span(&self, pointer: &str) -> Option<Span> {
         let mut pointer = pointer;
         loop {

@@ -70,8 +70,8 @@ pub fn displacement_increment<const D: usize>(
     at(factors[1]) - at(factors[0])
 }
 
-/// Weight of a point whose basis function vanishes at a node: any weight gives the same result if the deformation is
-/// uniform.
+/// Added to the weight of each point at a node, so that the sum of the weights is positive even if the basis function of
+/// the node vanishes at all points. If the deformation is uniform, this does not change the result.
 const LEAST_WEIGHT: f64 = 1e-9;
 
 /// Original position of the material at each active node at the start of a step: the mean of the estimates X_p + F_p⁻¹

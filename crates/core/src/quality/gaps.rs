@@ -66,7 +66,8 @@ struct Gap {
     spacing: f64,
 }
 
-/// The pairs of bodies that share nodes in the links of a step but touch nowhere, each with its warning.
+/// The pairs of bodies that share nodes in a step but touch at none of them, either directly or through other bodies:
+/// the number of each pair, and its warning.
 pub fn watch<const D: usize>(
     model: &Model<D>,
     points: &Points<D>,

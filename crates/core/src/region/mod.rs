@@ -182,7 +182,7 @@ impl<const D: usize> Region<D> {
         Ok(Region { node: Node::Intersection(parts), bounds })
     }
 
-    /// Difference: the region `from` without all regions `minus`.
+    /// Difference: the part of the region `from` that lies in none of the regions `minus`.
     pub fn difference(from: Region<D>, minus: Vec<Region<D>>) -> Self {
         let bounds = from.bounds;
         Region { node: Node::Difference(Box::new(from), minus), bounds }

@@ -55,8 +55,8 @@ impl Polygon {
         0.5 * self.sides().map(twice).sum::<f64>()
     }
 
-    /// The polygon divided into triangles. A corner is cut off if the triangle that it forms with its two neighbours
-    /// contains no other corner; this is repeated for the rest.
+    /// The polygon divided into triangles. A convex corner is cut off if the triangle that it forms with its two
+    /// neighbours contains no other corner; this is repeated for the remaining polygon.
     pub(super) fn triangles(&self) -> Vec<[[f64; 2]; 3]> {
         let mut rest = self.corners.clone();
         if !self.is_counterclockwise() {

@@ -116,7 +116,7 @@ impl<const D: usize> Carried<D> {
         cells.flat_map(|(cell, _)| grid.corners(*cell as usize).nodes().to_vec()).collect()
     }
 
-    /// True if this rank treats a sample.
+    /// True if this rank is responsible for a sample.
     pub fn is_own(&self, sample: usize) -> bool {
         let first = self.facets[sample][0] as usize;
         self.own.is_none_or(|own| self.found.get(first).is_some_and(|(_, rank)| *rank == own))

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::blocks::{Blocks, Number, Room};
 use crate::escape_xml;
 
-/// Number of tuples that are computed at a time before they are rounded to single precision.
+/// Number of tuples that are computed at a time in double precision, and then rounded to single precision.
 const PIECE: usize = 256;
 
 /// The numbers of a field.

@@ -117,7 +117,8 @@ fn extreme(run: &Run, key: &str, quantity: Quantity, naming: &Naming) -> Option<
 /// Names in a table, each with a number, possibly missing, for each axis.
 type Rows = Vec<(Cell, Vec<Option<f64>>)>;
 
-/// The last values of columns of the history: `r` for reactions, `f` for loads, `u` for probes.
+/// The last values of those columns of the history whose kind is `letter`: `r` for reactions, `f` for loads, `u` for
+/// probes.
 fn last_values(run: &Run, letter: char, axes: &[&str]) -> Rows {
     let last = |name: &str, axis: &&str| run.column(&format!("{name}_{letter}{axis}")).last().copied();
     let names = run.names_before(&format!("_{letter}x")).into_iter();

@@ -52,7 +52,7 @@ pub enum GmshError {
         /// Version stated by the file.
         version: String,
     },
-    /// The file contradicts its format.
+    /// The file does not conform to its format.
     #[error("{location}: expected {expected}, found {found}")]
     Expected {
         /// Location of the unexpected data.

@@ -27,8 +27,9 @@ use crate::points::Points;
 use crate::region::vector::{along, dot, minus, norm};
 use crate::tool::{Closest, Shape};
 
-/// Cosine of the angle between the normals at two positions below which the positions count as being on different sides
-/// of the tool, [-]. In one step, a contact point may thus slide around a corner with an angle of more than 60 degrees.
+/// Two positions count as being on different sides of the tool if the cosine of the angle between their normals is below
+/// this value, [-]. In one step, a contact point may thus slide around a corner with an interior angle of more than 60
+/// degrees.
 pub(super) const OTHER_SIDE: f64 = -0.5;
 
 /// Overlap or gap at the start of a step up to which surfaces count as touching, relative to the size of a cell, [-].
