@@ -67,7 +67,7 @@ where
                     Ok(Surface::of_facets(deck.name.clone(), body, facets, &part, cell))
                 }
             };
-            let mut cell = spacing / LENGTH;
+            let mut cell = least_of(largest);
             let mut sampled = sample(spacing, cell);
             // The cells at the surface are known once it has been sampled; smaller ones need further samples.
             for _ in 0..ROUNDS {
@@ -178,7 +178,8 @@ fn bounds_of<const D: usize>(surface: &Surface<D>, part: &Part<D>, region: &Regi
         }
     }
     if let Part::Box(min, max) = part {
-        let within = |d: usize, x: f64| x.clamp(whole[0][d], whole[1][d]);
+        // The box around an empty region has no extent to clamp to.
+        let within = |d: usize, x: f64| x.max(whole[0][d]).min(whole[1][d]);
         for d in 0..D {
             let [from, to] = [within(d, min[d]), within(d, max[d])];
             [low[d], high[d]] =
