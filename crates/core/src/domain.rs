@@ -30,9 +30,9 @@ pub enum DomainUpdate {
 
 /// Motion of one point over a load step: the input of its domain update.
 pub struct DomainMotion<'a, const D: usize> {
-    /// Deformation gradient F at the end of the step along the axes of the grid, without hoop stretch.
+    /// Deformation gradient F at the end of the step, restricted to the axes of the grid: without hoop stretch.
     pub F: &'a Mat3,
-    /// Increment ΔF of the deformation gradient over the step.
+    /// Increment ΔF of the deformation gradient over the step, restricted likewise.
     pub dF: &'a Mat3,
     /// Original half lengths l_p0, [length].
     pub original: &'a [f64; D],
@@ -117,7 +117,7 @@ fn right_stretch(F: &Mat3) -> Sym3 {
     Sym3::symmetric_part(&(F.transpose() * F)).map_eigenvalues(f64::sqrt)
 }
 
-/// Evaluates l_i F_ii (det F / ∏ F_jj)^(1/n_D), eqs. (38) and (39). Returns l_i F_ii if the diagonal of F is not
+/// Evaluates l_i F_ii (det F / ∏ F_jj)^(1/n_D), eqs. (38) and (39). Returns l_i F_ii if a diagonal entry of F is not
 /// positive, because no factor makes such lengths valid.
 fn corrected<const D: usize>(F: &Mat3, lengths: &[f64; D]) -> [f64; D] {
     let factor = if (0..D).all(|j| F[(j, j)] > 0.0) {

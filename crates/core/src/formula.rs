@@ -95,7 +95,7 @@ impl Formula {
         depend.iter().any(|&known| uses(self, known))
     }
 
-    /// Evaluates the formula; returns NaN if it uses a variable without a value.
+    /// Evaluates the formula; a variable without a value counts as NaN.
     pub fn evaluate(&self, values: &[f64]) -> f64 {
         debug_assert!(
             self.variables <= values.len() || !self.code.iter().any(|op| matches!(op, Op::Variable(_)))

@@ -187,8 +187,8 @@ impl<const D: usize> Model<D> {
         })
     }
 
-    /// True if a boundary condition of the current stage that prescribes the motion of given nodes prescribes that of
-    /// this one, by its number in the grid, along this direction or one within 60° of it.
+    /// True if, in the current stage, a boundary condition on given nodes prescribes the displacement of the grid node
+    /// `node` along a direction within 60° of `direction` or of its opposite.
     pub fn holds_node(&self, node: u32, direction: &[f64; D]) -> bool {
         self.boundary_conditions.iter().enumerate().any(|(number, condition)| match &condition.nodes {
             NodeSet::Fixed(nodes) if self.is_set(number) && nodes.binary_search(&node).is_ok() => {

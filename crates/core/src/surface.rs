@@ -34,7 +34,7 @@ pub enum Part<const D: usize> {
     /// The whole boundary.
     #[default]
     Whole,
-    /// The samples inside a closed box with this lowest and highest corner, [length].
+    /// The samples inside a closed box with these lowest and highest corners, [length].
     Box([f64; D], [f64; D]),
     /// The samples x with (x − `point`) · `normal` ≥ 0.
     HalfSpace {
@@ -186,7 +186,7 @@ pub struct SurfaceFields<const D: usize> {
     pub pressure: Vec<f64>,
     /// Sum of the forces of all loads, [force].
     pub load: Vec<[f64; D]>,
-    /// Sum of the reactions of all conditions on the body, [force].
+    /// Sum of the reactions on the body from all conditions, [force].
     pub reaction: Vec<[f64; D]>,
 }
 

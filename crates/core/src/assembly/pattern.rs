@@ -5,7 +5,7 @@ use std::ops::Range;
 use crate::basis::Connectivity;
 use crate::linear::{Block, BlockMatrix, Division};
 
-/// Marks a dense pair whose nodes are not coupled by any point.
+/// Marks a dense pair whose nodes are not coupled within their group.
 pub(crate) const UNCOUPLED: u32 = u32::MAX;
 
 /// Calls its argument with ascending lists of active nodes; all nodes of a list are coupled with one another.

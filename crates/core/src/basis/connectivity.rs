@@ -31,14 +31,14 @@ struct Block {
     local: usize,
 }
 
-/// Marks a grid node that no point touches.
+/// Marks a grid node that is not active.
 const INACTIVE: u32 = u32::MAX;
 
 /// The links between points and grid nodes, built once per load step.
 ///
 /// The points of a grid cell, or of a patch of cells, form a group. A group touches few nodes, so its contributions are
-/// summed in one dense block before they are scattered. Nodes touched by more than slivers of basis functions are
-/// *active* and are numbered in the order of the grid.
+/// summed in one dense block before they are scattered. Touched nodes are *active* and are numbered in the order of the
+/// grid, except sliver nodes, whose basis functions are negligible.
 #[derive(Debug, Clone, Default)]
 pub struct Connectivity<const D: usize> {
     group_points: Vec<usize>,
@@ -69,7 +69,7 @@ pub struct Connectivity<const D: usize> {
     active_nodes: Vec<u32>,
     active_of: Vec<u32>,
     active_cells: Vec<u32>,
-    /// Grid nodes touched only by slivers of basis functions, ascending, each with its carrier node.
+    /// Grid numbers of the sliver nodes, ascending, each with that of its carrier node.
     carried: Vec<[u32; 2]>,
     /// Cells of other ranks next to the cells of this rank, ascending.
     layer_cells: Vec<u32>,
@@ -251,7 +251,7 @@ impl<const D: usize> Connectivity<D> {
             }
             let block = self.blocks[self.start.len() >> BLOCK];
             let from = if explicit { block.link } else { block.factor };
-            // Offsets within a block fit: a point touches a few hundred nodes at most.
+            // Offsets within a block fit: each point stores far fewer than 2²⁰ numbers.
             self.start.push((begin - from) as u32);
             self.local_start.push((local + locals - block.local) as u32);
         }
@@ -421,15 +421,15 @@ impl<const D: usize> Connectivity<D> {
         }
     }
 
-    /// Number, among the active nodes, of the node that carries a grid node touched only by slivers; `None` if there
-    /// is no such node.
+    /// Number, among the active nodes, of the carrier of a grid node; `None` unless the node is a sliver node with an
+    /// active carrier.
     #[cold]
     fn carrier(&self, node: usize) -> Option<usize> {
         let index = self.carried.binary_search_by_key(&(node as u32), |pair| pair[0]).ok()?;
         self.active_number(self.carried[index][1] as usize)
     }
 
-    /// Number of a grid node among the active nodes; `None` if points touch it only by slivers, or not at all.
+    /// Number of a grid node among the active nodes; `None` if it is not active.
     #[inline]
     pub fn active_number(&self, node: usize) -> Option<usize> {
         match self.active_of[node] {

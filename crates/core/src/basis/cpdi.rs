@@ -75,8 +75,8 @@ fn sum_over_corners<const D: usize, G: Grid<D> + ?Sized>(
     Ok(())
 }
 
-/// Largest distance of a corner from the grid, in cells. The corners of CPDI1 domains follow the deformation of their
-/// point and can leave the grid slightly if a body slides along a wall.
+/// Largest distance by which a corner may lie outside the grid, in cells. The corners of CPDI1 domains follow the
+/// deformation of their point and can leave the grid slightly if a body slides along a wall.
 pub const CORNER_MARGIN: f64 = 0.05;
 
 /// The cell that contains a position or is nearest to it, and the distance of the position from the grid, in cells. The

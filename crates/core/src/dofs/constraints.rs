@@ -10,8 +10,8 @@ use crate::points::Points;
 use super::turned::{Along, Turned};
 use super::{AXES, Bound, ConstraintError, DofMap, ON_AXIS, Tie, conditions_at};
 
-/// Two prescribed increments agree if they differ by less than this, relative to their size or, as displacements, to
-/// the size of a cell.
+/// Two prescribed increments agree if they differ by less than this, relative to their size or, for displacements, to
+/// the size of a cell if that is larger.
 const SAME: f64 = 1e-12;
 
 /// Reason for refusing a tie that leads back to itself.

@@ -44,7 +44,7 @@ pub enum ConstraintError {
         /// The resulting increment at a node, or the displacement of a surface.
         value: f64,
     },
-    /// Other conditions keep a surface from its prescribed displacement.
+    /// Other conditions keep a surface from reaching its prescribed displacement.
     #[error(
         "boundary condition `{name}` is not met: other conditions keep surface `{surface}` {distance:.3e} away from the \
          displacement that it prescribes"
@@ -65,7 +65,8 @@ pub enum ConstraintError {
         /// Number of active nodes on the axis.
         all: usize,
     },
-    /// A tied component is already prescribed or tied, or is tied to itself through other ties.
+    /// A tied component is also prescribed, is tied twice or to itself through other ties, or belongs to a node that is
+    /// held along a direction.
     #[error(
         "the motion along {axis} at node {} cannot be tied to that of other nodes: {reason}", coordinates(.node)
     )]

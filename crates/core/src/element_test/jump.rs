@@ -1,4 +1,4 @@
-//! Jumps: increments between whose ends no continuous path of states exists.
+//! Jumps: increments whose ends no continuous path of states connects.
 
 use super::path::{Control, Target};
 use super::solution::solve;
@@ -7,7 +7,7 @@ use crate::material::Material;
 
 /// Change of the elastic strain, relative to the prescribed change, beyond which a jump is possible, [-].
 const SUDDEN: f64 = 2.0;
-/// Change of the elastic strain that counts as round-off, [-].
+/// Largest change of the elastic strain that counts as round-off, [-].
 const LEAST: f64 = 1e-10;
 /// Number of halvings of the increment.
 const HALVINGS: usize = 10;

@@ -228,8 +228,8 @@ fn work_is_energy_and_plastic_work() {
     }
 }
 
-/// Hencky's law is a function of the whole deformation, so a path of strains with shear can be divided into arbitrary
-/// steps.
+/// The stress of a hyperelastic law is a function of the whole deformation, so a path of strains with shear can be
+/// divided into arbitrary steps.
 #[test]
 fn a_history_of_strains_with_shear_gives_the_stress_of_its_end() {
     for law in [&Hencky::new(YOUNG, POISSON) as &dyn Material, &NeoHookean::new(YOUNG, POISSON)] {

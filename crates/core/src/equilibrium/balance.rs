@@ -34,8 +34,8 @@ pub struct Energy {
     /// Plastic work that the history variables of the laws record for this step at full strength, but that was not done
     /// because the strength was reduced, [energy].
     pub undone_work: f64,
-    /// Work of friction between tools and bodies during the step, [energy]. The external work contains it, because the
-    /// work of a tool is the work of its forces on its own motion.
+    /// Work dissipated by friction between tools and bodies during the step, [energy]. The external work contains it,
+    /// because the work of a tool is the work of its forces on its own motion.
     pub friction_work: f64,
 }
 

@@ -44,7 +44,7 @@ pub struct StepReport<const D: usize> {
     pub carried: Vec<f64>,
     /// True if equilibrium was reached only by damped iterations.
     pub damped: bool,
-    /// Permanent numbers, ascending, of the points whose distorted domains were replaced.
+    /// Permanent numbers, ascending, of the points whose torn domains were replaced.
     pub replaced_domains: Vec<u32>,
     /// Factorisation used in each iteration.
     pub factorisations: Vec<Factorisation>,
@@ -61,7 +61,7 @@ pub struct StepReport<const D: usize> {
     pub moments: Option<Vec<ReactionMoment<D>>>,
     /// Resultant of each load on the points or on its surface, [force].
     pub loads: Vec<[f64; D]>,
-    /// Forces of terms other than the loads of the model, such as the forces on walls.
+    /// Forces of terms other than the loads of the model, such as the forces that a stage releases.
     pub forces: Vec<NamedForce<D>>,
     /// The surfaces of the model.
     pub surfaces: Vec<SurfaceFields<D>>,

@@ -4,7 +4,7 @@ use super::error::FormulaError;
 use super::functions::{Binary, FUNCTIONS, Function, Op, STACK, function, power, truth};
 use super::spelling::closest;
 
-/// Deepest nesting of parentheses, calls, powers and signs.
+/// Deepest nesting of expressions: parentheses, arguments, signs and right operands.
 const MAX_NESTING: usize = 64;
 const NESTED: &str = "the formula is nested too deeply";
 const FLATTEN: &str = "use fewer parentheses, or define intermediate values under `where`";

@@ -31,7 +31,7 @@ pub struct Interval {
     pub ratio: f64,
 }
 
-/// Two successive grid lines that are not in ascending order, or are so close that the round-off of their coordinates
+/// Two successive grid lines that are not in ascending order, or are so close that the round-off of the coordinates
 /// exceeds `ON_LINE` times their distance.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[error(

@@ -180,7 +180,7 @@ impl<const D: usize> Body<D> {
         })
     }
 
-    /// The lowest line of the body along an axis.
+    /// Index of the lowest line of the body along an axis.
     fn low(d: usize) -> u32 {
         3 + 2 * d as u32
     }

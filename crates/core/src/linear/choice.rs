@@ -53,9 +53,9 @@ impl Extent {
         Extent { nodes, reach, pairs }
     }
 
-    /// True if conjugate gradients solve a positive definite system of this size in `D` dimensions much faster than a
-    /// factorisation. The work of a factorisation is estimated from its last separator, whose thickness is the reach of
-    /// the couplings. A preconditioner without coarser grids takes longer.
+    /// True if conjugate gradients probably solve a positive definite system of this size in `D` dimensions faster than
+    /// a factorisation: in space, at least twice as fast. The work of a factorisation is estimated from its last
+    /// separator, whose thickness is the reach of the couplings. A preconditioner without coarser grids takes longer.
     pub fn is_large<const D: usize>(&self, has_coarser_grids: bool) -> bool {
         let slower = if has_coarser_grids { 1.0 } else { ALGEBRAIC };
         if D < 3 {

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Pattern;
 
-/// A pattern is reused only if it has at most this factor times as many unknowns as the new pattern, [-].
+/// Largest number of unknowns of a reused pattern, relative to the number of unknowns of the new pattern, [-].
 const MOST: f64 = 1.25;
 
 /// The analysed pattern of a symmetric matrix. The names of its unknowns remain valid from step to step: grid node

@@ -24,8 +24,8 @@ pub(super) const LOST: f64 = 1e5;
 /// Relative shift of the diagonal entries of weak unknowns that leave the matrix singular.
 const SHIFT: f64 = 1e-9;
 
-/// Relative residual below which the shift has only compensated for round-off. Above it, the shift is as large as a
-/// curvature of the matrix, and this curvature may be negative.
+/// Relative residual below which the shift has only compensated for round-off. Above it, the shift is comparable to an
+/// eigenvalue of the matrix, and this eigenvalue may be negative.
 const SINGULAR_RESIDUAL: f64 = 1e-10;
 
 /// Largest number of steps of iterative refinement.
@@ -33,7 +33,7 @@ pub(super) const REFINEMENTS: usize = 4;
 /// Relative residual at which iterative refinement after a shift stops.
 const REFINED_RESIDUAL: f64 = 1e-12;
 
-/// Relative residual that iterative refinement aims for if pivots are not exchanged, to match the accuracy of LU with
+/// Relative residual that iterative refinement of LU without pivoting aims for, to match the accuracy of LU with
 /// pivoting.
 pub(super) const ROUND_OFF: f64 = 1e-14;
 

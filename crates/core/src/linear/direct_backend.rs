@@ -74,7 +74,7 @@ impl DirectBackend {
         self.kept.clone()
     }
 
-    /// Analyses a pattern, unless the last analysed one contains it.
+    /// Analyses a pattern, unless the kept pattern contains it.
     fn prepare_contained<const D: usize, const N: usize>(
         &mut self,
         layout: &Layout<D, N>,
@@ -185,8 +185,8 @@ impl<const D: usize, const N: usize> Backend<D, N> for DirectBackend {
             return self.prepare_contained(layout, matrix, pattern);
         }
         self.kept = None;
-        // The order is always computed afresh: it may change while the pattern stays, and a resumed run has no earlier
-        // order.
+        // The order is always computed afresh: it may change while the pattern stays the same, and a resumed run has no
+        // earlier order.
         let order = elimination_order(layout.lattice, layout.numbering, matrix, |_| true);
         self.direct.analyse(pattern, order).map(|_| ())
     }

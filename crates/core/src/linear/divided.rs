@@ -144,8 +144,8 @@ impl<const D: usize, const N: usize> Backend<D, N> for Divided<D, N> {
 }
 
 impl<const N: usize> Parts<N> {
-    /// Analyses the pattern of this rank, unless it is the pattern of `last`. Returns `None` if the pattern of any rank
-    /// has no multifrontal layout.
+    /// Analyses the pattern of this rank, unless the patterns of all ranks are the same as in `last`. Returns `None` if
+    /// the pattern of any rank has no multifrontal layout.
     fn new<const D: usize>(
         layout: &Layout<D, N>,
         matrix: &BlockMatrix<N>,

@@ -235,7 +235,7 @@ impl<const D: usize, const N: usize> Gathered<D, N> {
         }
     }
 
-    /// Sends the solution to the ranks that need it.
+    /// Sends each rank its part of the solution.
     fn scatter(&self, ranks: &Ranks, x: Option<&[[f64; N]]>, own: &mut [[f64; N]]) {
         let Some(communicator) = ranks.communicator() else { return };
         let messages = x.map_or_else(Vec::new, |x| {

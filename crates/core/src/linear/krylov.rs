@@ -44,8 +44,8 @@ impl<const D: usize, const N: usize> Krylov<D, N> {
 }
 
 impl<const D: usize, const N: usize> Backend<D, N> for Krylov<D, N> {
-    /// Sets up the levels of the preconditioner; does nothing if nodes, pattern and unknowns are the same as in the
-    /// last call.
+    /// Sets up the levels of the preconditioner, unless nodes, pattern and unknowns are the same as in the previous
+    /// call.
     ///
     /// # Errors
     /// [`LinearError::Unsymmetric`] if the pattern is not symmetric; [`LinearError::OutOfMemory`].
@@ -67,7 +67,7 @@ impl<const D: usize, const N: usize> Backend<D, N> for Krylov<D, N> {
     /// Measures the residual in the norm of the forces on the unknowns.
     ///
     /// # Errors
-    /// [`LinearError::NotConverged`] after too many iterations or without a finite residual; errors of the
+    /// [`LinearError::NotConverged`] after too many iterations, or if the residual is not finite; errors of the
     /// preconditioner.
     fn solve(
         &mut self,

@@ -211,7 +211,7 @@ impl<const D: usize> Lattice<D> {
     }
 }
 
-/// The lines from `low` on along each axis; nodes can be interpolated from the line beyond the last position.
+/// The lines along each axis from `low` to the line beyond the last position, from which nodes can be interpolated too.
 fn lines_of<const D: usize>(
     mut lines: [LatticeLines; D],
     low: [u32; D],

@@ -143,7 +143,8 @@ pub enum LinearError {
         /// Memory needed, [byte], if known.
         needed: Option<u64>,
     },
-    /// The iterative solver was requested, but nodes are held along directions other than the axes, or are tied.
+    /// The iterative solver was requested, but nodes are held along directions other than the axes, or are tied, and
+    /// there is no algebraic multigrid.
     #[error("some nodes are held along directions other than the axes, or tied to others")]
     Turned,
     /// The iterative solver was requested, but the grid is a mesh and there is no algebraic multigrid.

@@ -6,7 +6,7 @@
 //! is added to the parent: the front of the first unknown of the border. Two fronts are independent if neither is a
 //! descendant of the other.
 //!
-//! Everything that costs time is a product of small dense matrices. The division of work between threads depends only
+//! All expensive operations are products of small dense matrices. The division of work between threads depends only
 //! on sizes, and every sum has a fixed order, so the factor is the same to the last bit for any number of threads.
 
 mod dense;
@@ -120,7 +120,7 @@ impl Multifrontal {
         self.fronts.front.is_empty() || elimination.run(&self.task, factor, &mut self.passed)
     }
 
-    /// The matrix that the last factorisation has left for the kept unknowns; the call frees the working space. After a
+    /// The matrix that the last factorisation left for the kept unknowns; the call frees the working space. After a
     /// failed factorisation, the values have no meaning; a second call returns no values.
     pub fn take_left(&mut self) -> Vec<f64> {
         let mut left = std::mem::take(&mut self.passed);

@@ -19,7 +19,7 @@ pub struct Preconditioner<const D: usize, const N: usize = D> {
 }
 
 impl<const D: usize, const N: usize> Preconditioner<D, N> {
-    /// Prepares for matrices of this pattern. Keeps what the last call has prepared if nodes, pattern and unknowns are
+    /// Prepares for matrices of this pattern. Keeps what the previous call prepared if nodes, pattern and unknowns are
     /// the same.
     ///
     /// # Errors
@@ -74,7 +74,7 @@ impl<const D: usize, const N: usize> Preconditioner<D, N> {
     }
 }
 
-/// The components of active nodes that are not unknowns.
+/// True for each component of an active node that is not an unknown.
 pub(super) fn held_by<const N: usize>(numbering: &Numbering<N>) -> Vec<[bool; N]> {
     let is_held = |node, component| numbering.unknown(node, component).is_none();
     let of_node = |node| std::array::from_fn(|component| is_held(node, component));

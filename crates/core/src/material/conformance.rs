@@ -51,8 +51,8 @@ pub struct Nonconformity {
 const TOLERATED: f64 = 1e-10;
 
 /// The properties that a law lacks, each at the strain where its error is largest, for a fixed set of pseudo-random
-/// strains, in space and in the plane, with initial history. The components are at most `largest`, [-], in one third of
-/// the strains, and at most `largest`/10 and `largest`/100 in the other two thirds.
+/// strains, in space and in the plane, with initial history. The magnitude of the components is at most `largest`, [-],
+/// in one third of the strains, and at most `largest`/10 and `largest`/100 in the other two thirds.
 pub fn check(law: &dyn Material, largest: f64) -> Vec<Nonconformity> {
     let mut worst: Vec<Nonconformity> = Vec::new();
     for strain in strains(largest) {
@@ -126,7 +126,7 @@ pub(super) fn deviations(law: &dyn Material, logarithmic: &Sym3) -> Vec<Deviatio
     found
 }
 
-/// A fixed set of strains in space and in the plane, whose components are at most `largest`, [-].
+/// A fixed set of strains in space and in the plane, whose components have a magnitude of at most `largest`, [-].
 fn strains(largest: f64) -> impl Iterator<Item = Sym3> {
     let mut state = 0u64;
     // Splitmix64.

@@ -3,8 +3,8 @@
 use super::{Material, MaterialError};
 use crate::tensor::Sym3;
 
-/// Largest number of returns to the yield surface of the undeformed state; with hardening, the size of each return is a
-/// fixed fraction of the size of the previous one.
+/// Largest number of returns to the initial yield surface; with hardening, the size of each return is a fixed fraction
+/// of the size of the previous one.
 const MOST_RETURNS: usize = 200;
 /// Largest change of the strain in a return that counts as round-off, relative to the strain, [-].
 const RETURNED: f64 = 1e-13;

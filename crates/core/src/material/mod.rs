@@ -291,7 +291,7 @@ pub trait Material: Send + Sync + std::fmt::Debug {
     }
 }
 
-/// Isotropic linear elasticity between logarithmic strain and Kirchhoff stress, shared by the laws of this module.
+/// Isotropic linear elasticity between logarithmic strain and Kirchhoff stress, shared by several laws.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Elasticity {
     /// Bulk modulus K, [stress].

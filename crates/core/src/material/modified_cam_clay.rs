@@ -102,7 +102,7 @@ impl CamClay {
     }
 
     /// The elastic strain invariants of a stress, found by bisection in ε_s if μ depends on the pressure; `None` if
-    /// the bisection finds none.
+    /// the elasticity cannot carry the stress.
     fn strain_of(&self, pressure: f64, shear: f64) -> Option<[f64; 2]> {
         let CamClay { swelling_index, shear_modulus, shear_modulus_ratio, reference_pressure, .. } = *self;
         // P = C (1 + 3α ε_s²/(2κ̂)) and q = 3 (μ₀ + α C) ε_s with C = P₀ e^ω.

@@ -81,7 +81,7 @@ pub fn least_softening_strain([young, poisson]: [f64; 2], [peak, residual]: [Fri
 pub struct MohrCoulomb {
     settings: WedgeSettings,
     peak: Slopes,
-    /// Tensile strength, [stress]; infinite without cut-off.
+    /// Tensile strength, [stress]; infinite without a cut-off.
     tensile: f64,
     /// The residual strength and the softening towards it.
     softening: Option<(Slopes, Softening)>,

@@ -7,7 +7,7 @@ use crate::tensor::{Sym3, Tangent};
 
 /// Largest number of iterations to find the volume ratio for a stress.
 const MOST_ITERATIONS: usize = 60;
-/// Largest round-off that the iterations can leave, relative to the strain, [-].
+/// Largest residual of the iterations that counts as round-off, relative to the strain, [-].
 const SETTLED: f64 = 1e-14;
 
 /// Compressible neo-Hookean elasticity, W = μ/2 (tr b − 3) − μ ln J + λ/2 (ln J)², formulated in b and evaluated

@@ -125,7 +125,7 @@ fn cam_clay_finds_the_elastic_strain_of_every_stable_stress() {
             let found = law.update(&strain, &history.clone(), &mut history).unwrap().tau;
             assert!((found - tau).norm() < 1e-9 * tau.norm(), "{constant}, {ratio}: {found:?}, not {tau:?}");
         }
-        // Beyond the largest ratio there is no elastic strain.
+        // The largest ratio q/P of the second law is below 0.5; the first law has no largest ratio.
         let q = 0.5 * pressure;
         let beyond =
             Sym3([-pressure + q / 3.0, -pressure + q / 3.0, -pressure - 2.0 * q / 3.0, 0.0, 0.0, 0.0]);
@@ -138,7 +138,7 @@ fn the_check_of_a_law_finds_nothing_in_those_of_the_library() {
     for law in laws() {
         assert_eq!(check(law.as_ref(), 0.3), [], "{law:?}");
     }
-    // A Cam-clay has a stress at zero strain, and the last one yields there.
+    // A Cam-clay has a stress at zero strain, and those that are normally consolidated yield there.
     for law in cam_clays().into_iter().chain([soft_cam_clay()]) {
         for largest in [0.06, 0.01, 1e-3] {
             assert_eq!(check(&law, largest), [], "{law:?} {largest}");

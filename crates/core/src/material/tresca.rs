@@ -29,7 +29,7 @@ impl Tresca {
         Tresca { settings, softening: Some((residual, softening)), ..self }
     }
 
-    /// Sets the measure of stress that the strength limits.
+    /// Sets the stress measure that the strength limits.
     pub fn limiting(self, measure: StrengthMeasure) -> Self {
         Tresca { settings: WedgeSettings { measure, ..self.settings }, ..self }
     }

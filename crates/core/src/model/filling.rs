@@ -13,7 +13,7 @@ use crate::points::Seed;
 use crate::ranks::Ranks;
 use crate::region::{Bounds, FilledCell, Region, Volume, brick_parts, contains_in_cell, fill};
 
-/// Relative distance to a grid line within which a side of a box counts as on the line.
+/// Distance to a grid line within which a side of a box counts as on the line, in cells, [-].
 const ON_LINE: f64 = 1e-6;
 
 /// Number of divisions of a cut cell along each axis in the plane, to measure the share of the cell in a region.
@@ -56,7 +56,7 @@ pub enum FillError {
         /// Largest number of points.
         most: f64,
     },
-    /// The cells are divided into more than [`MOST_POINTS`] parts.
+    /// The cells are divided into more than [`MOST_POINTS`] parts on this rank.
     #[error("the cells would be divided into more than {MOST_POINTS:.0e} parts")]
     TooManyParts,
     /// The grid has cells of this shape, and the number of their parts is missing.

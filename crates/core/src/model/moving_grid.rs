@@ -11,8 +11,8 @@ use crate::grid::{Axis, CarriedLines, CarryError, ON_LINE, Structured};
 use super::boundary_condition::displacement_at;
 use super::{BoundaryCondition, Model, Stepping};
 
-/// Smallest and largest number of times in a stage at which the motion of the grid is checked before a run, in addition
-/// to the times of the curves.
+/// Smallest and largest number of equal intervals of a stage at whose ends the motion of the grid is checked before a
+/// run, in addition to the times of the curves.
 const TIMES: [usize; 2] = [100, 10_000];
 
 /// Consecutive grid lines that follow the displacement that a boundary condition prescribes along their axis.
@@ -243,7 +243,7 @@ impl<const D: usize> Model<D> {
     }
 
     /// The offsets, [length], with which the lines of this model continue at `time` from the positions of the lines of
-    /// the model `before`; from then on, they move by the growth of the displacement that their condition prescribes.
+    /// the model `before`; from then on, they move by the change of the displacement that their condition prescribes.
     /// Empty if the grid does not move. Both models must be in the same stage, and the same lines must follow the same
     /// conditions.
     pub fn offsets_of_lines(&self, before: &Model<D>, time: f64) -> Vec<f64> {
@@ -258,7 +258,7 @@ impl<const D: usize> Model<D> {
         moved.offsets.iter().enumerate().map(offset).collect()
     }
 
-    /// Adds offsets to the displacements of the lines that follow conditions, one for each entry, [length].
+    /// Sets the offsets of lines from the displacements that their conditions prescribe, one for each entry, [length].
     ///
     /// # Errors
     /// The reason, if they are not offsets of these lines.

@@ -109,7 +109,7 @@ impl Stepping {
         self.damping && self.smallest < 1.0 && self.control == Control::Load
     }
 
-    /// Factor by which the strength of the materials is divided at a time, [-]; `None` at full strength.
+    /// Factor by which the strength of the materials is divided at a time, [-]; `None` without strength reduction.
     pub fn strength_factor(&self, time: f64) -> Option<f64> {
         let Control::StrengthReduction { from, to } = self.control else { return None };
         Some(from + (to - from) * ((time - self.start_time) / self.duration()))

@@ -71,7 +71,7 @@ pub struct ToolLoad<const D: usize> {
 pub struct Interface {
     /// Resistance to sliding.
     pub shear: Shear,
-    /// Largest tension, [stress]. It acts from the first contact of the surfaces until they separate.
+    /// Largest tension, [stress]. Tension can act from the first contact of the surfaces until they separate.
     pub tension_cut_off: f64,
 }
 

@@ -3,7 +3,7 @@
 use super::{FieldError, FieldKind, PointFieldSpec, PointValues, Points};
 use crate::tensor::Sym3;
 
-/// Name of the additional field that stores the displacements at the last reset.
+/// Name of the further field that stores the displacements at the last reset.
 const DATUM: &str = "displacement_datum";
 
 /// A quantity of the points in their converged state.
@@ -145,7 +145,7 @@ impl<const D: usize> Points<D> {
         }
     }
 
-    /// A declared or additional field by its name, in its converged state: `original_position`, `history`, … A field
+    /// A declared or further field by its name, in its converged state: `original_position`, `history`, … A field
     /// with several values per point contains all its values, one after another.
     pub fn field(&self, name: &str) -> Option<PointValues> {
         let order = self.by_id();

@@ -264,7 +264,7 @@ macro_rules! point_fields {
                 ]
             }
 
-            /// Replaces all fields by numbers that [`Self::numbers_of_fields`] has returned.
+            /// Replaces all fields by numbers that [`Self::numbers_of_fields`] returned.
             #[allow(dead_code, reason = "tests declare points that stay on one rank")]
             pub(super) fn take_fields(&mut self, fields: Vec<Vec<f64>>) {
                 let mut fields = fields.into_iter();

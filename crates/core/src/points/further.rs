@@ -188,8 +188,8 @@ impl Further {
         if kept.trial.is_empty() { &kept.converged } else { &kept.trial }
     }
 
-    /// Mutable values of the current step; empty for a fixed field. Fields of the motion have values from the first
-    /// call in a step on; these initially equal the converged values.
+    /// Mutable values of the current step; empty for a fixed field. The first call in a step initialises the values of
+    /// a field of the motion with the converged ones.
     pub fn trial_mut(&mut self, handle: FieldHandle) -> &mut [f64] {
         let Kept { field, converged, trial } = &mut self.fields[handle.0];
         if field.kind == FieldKind::Motion && trial.is_empty() {

@@ -113,7 +113,7 @@ impl Partition {
         }
     }
 
-    /// Chooses parts whose numbers of points are as equal as cells allow, given the points of this rank.
+    /// Chooses parts whose numbers of points are as equal as the cells allow, given the points of this rank.
     #[inline(never)]
     fn choose<const D: usize>(&mut self, ranks: &Ranks, mut occupied: Vec<Occupied<D>>) {
         let n = ranks.count();
@@ -213,7 +213,7 @@ struct Packed {
 }
 
 impl<const D: usize> Points<D> {
-    /// Divides the points between the ranks by the cells that hold them, regardless of the ranks that have created the
+    /// Divides the points between the ranks by the cells that hold them, regardless of the ranks that created the
     /// points.
     pub fn divide_by_cell(&mut self, grid: &dyn Grid<D>) {
         if self.ranks.is_alone() {
@@ -384,8 +384,8 @@ mod tests {
     use crate::points::{FieldKind, PointFieldSpec, Seed};
     use crate::ranks::threads;
 
-    /// A square of points around the origin, with a corner and a history variable each; each rank creates a share of
-    /// the points.
+    /// A square of points around the origin, each with a history variable and every other one with four corners; each
+    /// rank creates a share of the points.
     fn square(n: usize, ranks: &Ranks) -> Points<2> {
         let own = ranks.share(n * n);
         let seeds: Vec<Seed<2>> = (own.clone())

@@ -43,14 +43,14 @@ pub(crate) trait Splitting<const D: usize> {
     /// through the position.
     fn depth(&self, position: &[f64; D]) -> f64;
 
-    /// The position nearest to `place` that a new corner of this body may take, [length].
+    /// The position nearest to `place` that a corner of this body may take, [length].
     fn nearest_allowed(&self, body: usize, place: [f64; D]) -> [f64; D];
 
     /// True if these corners form a valid domain for the method of point `p`.
     fn is_valid(&self, points: &Points<D>, p: usize, corners: &[[f64; D]]) -> bool;
 }
 
-/// The corners of a domain, of which the first `count` are used.
+/// The corners of a domain, and their number; the other entries of the array are unused.
 type Domain<const D: usize> = ([[f64; D]; MAX_CORNERS], usize);
 
 impl<const D: usize> Points<D> {

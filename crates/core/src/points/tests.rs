@@ -55,7 +55,7 @@ fn arrays_stand_by_permanent_number_row_by_row_and_without_factors() {
         values.chunks(components).map(<[f64]>::to_vec).collect::<Vec<_>>()
     };
     let near = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-15);
-    // xx, yy, zz, xy, yz, xz; conversion to and from the factors √2 costs round-off.
+    // xx, yy, zz, xy, yz, xz; the conversion to and from the Mandel layout causes round-off.
     let components = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
     assert!(near(&array(PointArray::KirchhoffStress)[0], &components));
     assert!(near(&array(PointArray::CauchyStress)[0], &components.map(|t| t / 8.0)));

@@ -19,7 +19,7 @@ pub trait Value: Copy + PartialEq + Send + Sync {
     }
 }
 
-/// A value that checkpoints store.
+/// A value that can be rebuilt from its stored numbers.
 pub trait Restored: Value {
     /// Builds a value from [`Value::COMPONENTS`] stored numbers.
     fn from_numbers(numbers: &[f64]) -> Self;
@@ -97,7 +97,7 @@ impl Restored for Sym3 {
     }
 }
 
-/// Implements [`Value`] and [`Restored`] for number types that only fixed fields use.
+/// Implements [`Value`] and [`Restored`] for integer types.
 macro_rules! whole {
     ($($number:ty),*) => {$(
         impl Value for $number {

@@ -1,5 +1,5 @@
-//! Soft bodies that a much stiffer body stiffens: a row of cells moves with the stiff body as one if domains of the
-//! stiff body reach into these cells.
+//! Soft bodies that a much stiffer body stiffens: where domains of the stiff body reach into a row of cells, the whole
+//! row moves with the stiff body.
 
 use std::collections::{BTreeMap, HashMap};
 

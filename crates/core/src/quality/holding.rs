@@ -35,8 +35,8 @@ impl Held {
     }
 }
 
-/// Records a step for all boundary conditions that move given nodes; returns the conditions whose nodes have lost their
-/// material, each with its warning.
+/// Records a step for all boundary conditions that move given nodes; returns the conditions whose nodes have lost too
+/// much of their material, each with its warning.
 pub fn watch<const D: usize>(
     held: &mut Vec<Held>,
     model: &Model<D>,

@@ -29,8 +29,8 @@ pub struct BodyMeasures {
     pub rotation: Option<PointValue>,
     /// Shear, [-].
     pub shear: Option<PointValue>,
-    /// Departure of the motion from the motions that the domain update can follow, [`Objection`]; `None` if the update
-    /// suits every motion.
+    /// Departure of the motion from the motions that the domain update can follow, [`Objection`]; `None` if the domains
+    /// are not boxes, or if the update suits every motion.
     pub objection: Option<PointValue>,
     /// Sum of volume times [`turn`] over the points whose domain is a box that cannot follow the rotation, [volume].
     pub box_turning: f64,

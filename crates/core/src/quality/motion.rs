@@ -104,7 +104,7 @@ const MOST_STRETCH_RATIO: f64 = 1.2;
 #[derive(Debug, Clone, Copy)]
 pub struct Objection {
     measure: fn(&Mat3) -> f64,
-    /// Largest value of the measure at which there is no objection.
+    /// Largest acceptable value of the measure.
     pub limit: f64,
     /// The measure as text.
     pub describe: fn(f64) -> String,

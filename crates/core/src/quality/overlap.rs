@@ -11,7 +11,8 @@ use crate::ranks::Ranks;
 
 /// Side of the bins that domains are sorted into, relative to the mean extent of a domain, [-].
 const BIN: f64 = 2.0;
-/// Largest number of bins along an axis for one domain; the rest of a larger domain is ignored.
+/// Largest number of bins after the first that one domain may reach into along an axis; the rest of a larger domain is
+/// ignored.
 const MOST_BINS: i64 = 1000;
 
 /// A domain: its bounding box, and, in the plane, its halves if it is not a box.

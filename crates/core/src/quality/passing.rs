@@ -13,9 +13,9 @@ use crate::region::vector::{along, dot, minus, norm};
 /// Smallest amount of material that counts at a node of a cell without points, relative to the volume of the cell, [-].
 /// A domain that reaches 0.2 % of a cell beyond the prescribed nodes contributes more.
 const LEAST: f64 = 1e-6;
-/// Cosine of the largest angle between the prescribed motion and the way to a node that lies ahead, both relative to
-/// the sides of the cell, [-]. Nodes diagonally ahead do not count: bodies that bulge beside a plate reach them as
-/// well.
+/// Cosine of the largest angle between the prescribed motion and the direction to a node that counts as ahead, both
+/// scaled by the sides of the cell, [-]. Nodes diagonally ahead do not count: bodies that bulge beside a plate reach
+/// them as well.
 const AHEAD: f64 = 0.9;
 
 /// The boundary conditions whose nodes pull material beyond them in a step, each with its warning.
@@ -99,9 +99,9 @@ impl Material {
         self.points_around[node] == 0.0 && self.beyond[node] > LEAST * volume
     }
 
-    /// Position of a node next to a moving node of the condition that lies ahead of it, is free to move there, and
-    /// holds material although no point is around it: the first one, in the order of the grid, on this rank. `None` if
-    /// there is none.
+    /// Position of a node that lies ahead of a moving node of the condition in the same cell, is free to move in that
+    /// direction, and holds material although no point is around it: the first such node on this rank, in the order of
+    /// the grid. `None` if there is none.
     fn ahead_of<const D: usize>(
         &self,
         (model, points, links): (&Model<D>, &Points<D>, &Connectivity<D>),
@@ -110,7 +110,7 @@ impl Material {
         delta_d: &[[f64; D]],
     ) -> Option<[f64; D]> {
         let position = |active: usize| model.grid.node_position(links.active_nodes()[active] as usize);
-        // The prescribed part of the motion of the nodes; `None` for other nodes.
+        // The prescribed part of the motion of the condition's nodes; `None` for all other nodes.
         let mut motion = vec![None; links.n_active()];
         for active in nodes.iter().filter_map(|&node| links.active_number(node as usize)) {
             let along_all = condition.directions().iter().fold([0.0; D], |motion, direction| {

@@ -113,7 +113,7 @@ impl Quality {
     }
 
     /// Material at the nodes of a boundary condition, relative to the most that they have ever held, [-]; `None` if the
-    /// condition moves no given nodes.
+    /// condition moves no given nodes, or if they have never held any material.
     pub fn held_by_nodes(&self, condition: usize) -> Option<f64> {
         self.held.get(condition)?.share()
     }

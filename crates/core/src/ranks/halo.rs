@@ -27,7 +27,7 @@ pub struct Sharer {
     /// Rank number.
     pub rank: u32,
     /// True if points of the rank touch the node; false if the rank has the node only because it lies in an adjoining
-    /// cell, or because a term asks for it.
+    /// cell, or because a term needs it.
     pub touches: bool,
 }
 

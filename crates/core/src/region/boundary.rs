@@ -79,7 +79,7 @@ pub fn area_derivative<const D: usize>(corners: &[[f64; D]; D], k: usize) -> [[f
 /// Reason why the boundary of a region cannot be divided into facets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum NoBoundary {
-    /// The region combines a group of cells with other shapes.
+    /// The region is or contains a group of cells.
     #[error("the boundary of a group of cells in a union, intersection or difference is not available")]
     Cells,
     /// The side number refers to a union, intersection or difference, or exceeds the number of sides.
@@ -182,8 +182,8 @@ pub(crate) fn chords(radius: f64, spacing: f64) -> usize {
 }
 
 /// Facets of a side of a cell; `corners` are the corners of the side in cyclic order. The edges of the facets are at
-/// most `spacing` long, [length], but the diagonals of skew quadrilaterals can be longer. The side is a segment in the
-/// plane, a triangle or a quadrilateral in space; for other numbers of corners, there are no facets.
+/// most `spacing` long, [length]. The side is a segment in the plane, a triangle or a quadrilateral in space; for other
+/// numbers of corners, there are no facets.
 pub fn divided<const D: usize>(corners: &[[f64; D]], spacing: f64, side: usize) -> Vec<Facet<D>> {
     match corners {
         [a, b] => divide(a, b, spacing, side),
@@ -263,7 +263,8 @@ pub(super) fn parallelogram<const D: usize>(
 }
 
 /// Four triangles, around the mean of the corners, for each cell of a grid of n × m cells in space; empty in the plane.
-/// The triangles are symmetric, and the mean of a bilinear function over their corners is its mean over the cell.
+/// The pattern is symmetric, and a bilinear function has the same mean over the corners of the triangles as over the
+/// cell.
 fn crossed_quadrilaterals<const D: usize>(
     n: usize,
     m: usize,

@@ -78,7 +78,7 @@ pub fn fill<const D: usize, P: Send, I: IntoIterator<Item = P>, E: Send>(
         None => (0..grid.n_cells()).collect(),
     };
     let mut filled = Filled { parts: Vec::new(), cells: Vec::new() };
-    // Cells are filled in chunks, so that the parts are never stored twice.
+    // Cells are filled in chunks, so that at most one chunk of parts is stored twice.
     let own = &candidates[ranks.share(candidates.len())];
     for chunk in own.chunks(CELLS_AT_A_TIME) {
         let by_cell: Vec<_> = chunk.par_iter().map(|&cell| one_cell(cell)).collect();

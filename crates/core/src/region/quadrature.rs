@@ -48,7 +48,7 @@ const GAP: f64 = 1.0 - NODES[0];
 /// Position on [−1, 1] at which the ends are sampled: just inside, because functions may jump at breaks.
 const END: f64 = 1.0 - 1e-10;
 
-/// Relative width of the narrowest panel; in narrower ones, nodes coincide.
+/// Relative width below which a panel is not halved, because its nodes would coincide.
 const NARROWEST: f64 = 1e-13;
 
 /// Decay ratio of successive coefficient pairs above which a function counts as not smooth.

@@ -305,7 +305,7 @@ fn booleans_have_the_volumes_of_textbooks() {
     measured(intersection(&[through(x), through(y)]), 16.0 / 3.0, 2e-6);
     measured(intersection(&[through(y), through(z)]), 16.0 / 3.0, 2e-6);
     measured(intersection(&[through(x), through(y), through(z)]), 8.0 * (2.0 - 2.0f64.sqrt()), 2e-6);
-    // Two unit balls at a distance d share the volume π (4 + d)(2 − d)² / 12.
+    // Two unit balls with centres d apart share the volume π (4 + d)(2 − d)² / 12.
     let lens = |d: f64| PI * (4.0 + d) * (2.0 - d).powi(2) / 12.0;
     for d in [0.1, 1.0, 1.9] {
         let at = [0.6 * d, 0.0, 0.8 * d];

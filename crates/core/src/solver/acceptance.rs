@@ -104,7 +104,7 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         if let Some(factor) = report.strength_factor {
             let movement = Movement::of(model, points, report.step);
             let from = model.stepping.strength_factor(model.stepping.start_time).unwrap_or(factor);
-            // Damped iterations never act while the strength is reduced.
+            // Damped iterations never act while the strength is reduced, so damped steps precede the reduction.
             let slumped = self.reached.summary.damped;
             let bracket = self.reached.summary.strength_of(model.present.stage);
             let begun = bracket.begins(slumped, report.step.index);

@@ -1,5 +1,5 @@
-//! The change of a model between two steps of a run: what the steps so far have moved stays where it is, and bodies
-//! keep their stress.
+//! The change of a model between two steps of a run: grid lines and surfaces that have moved stay where they are, and
+//! bodies keep their stress.
 
 use crate::material::{Material, MaterialError};
 use crate::model::Model;
@@ -93,8 +93,8 @@ fn strain_of_stress<const D: usize>(
     match laws.map(|law| law.elastic_strain(stress, history)) {
         [before, Ok(now)] => Ok(Some(now).filter(|now| before != Ok(*now))),
         [_, Err(error)] => {
-            // A law without an inverse can go on if the change leaves its elasticity as it is, judged by its stress at a
-            // small part of the strain, at which points that yield are elastic, too.
+            // A law without an inverse can go on if its elasticity is unchanged. This is judged by its stress at a
+            // small fraction of the strain, where even points that yield are elastic.
             let strain = points.converged.elastic_strain[p] * ELASTIC_PART;
             let [before, now] = laws.map(|law| law.update(&strain, history, &mut history.to_vec()));
             let same = before.is_ok_and(|before| now.is_ok_and(|now| now.tau == before.tau));

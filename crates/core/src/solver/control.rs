@@ -20,7 +20,8 @@ use crate::step::Step;
 pub struct Path {
     /// Load factor at the end of the last step in equilibrium, if the factor is an unknown, [-].
     pub factor: f64,
-    /// Arc length of the path per unit of time, [length·volume^½/time]; known from the first step on.
+    /// Arc length of the path per unit of time, [length·volume^½/time]; `None` before the first step of the stage, and
+    /// if the arc length does not determine the load factor.
     pub rate: Option<f64>,
     /// Motion in the last step, if the next step uses it.
     pub(super) motion: Motion,

@@ -121,8 +121,8 @@ impl<const N: usize> Course<N> {
 
     /// The next residual, provided that the iterations converge quadratically and each linear solve leaves as large a
     /// residual as its tolerance allows. Infinite if no forecast is possible: in the first step, before two iterations,
-    /// and before as many iterations as the previous step took, because in a step that rotates a body, the first
-    /// iterations are large and predict nothing.
+    /// and for iterations with a lower number than the last one of the previous step, because in a step that rotates a
+    /// body, the first increments are large and predict nothing.
     pub(super) fn forecast(&self, forcing: &Forcing, of_last_step: usize) -> f64 {
         match self.residuals[..] {
             [_, .., before, now] if of_last_step > 0 && self.residuals.len() >= of_last_step => {

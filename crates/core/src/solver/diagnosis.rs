@@ -1,4 +1,4 @@
-//! The probable cause of a failed run: its kind, its location, and the facts that decide what may help.
+//! The probable cause of a failed run: its kind, its location, and the circumstances on which remedies depend.
 //!
 //! Advice refers to the keys of the input and is therefore written in the crate that knows them.
 
@@ -38,8 +38,8 @@ const HOURGLASS: f64 = 10.0;
 const RUNS_AWAY: f64 = 100.0;
 /// Mean number of points per cell below which bodies may yield at too small a load.
 const FEW: f64 = 1.5;
-/// Stiffness ratio of the stiffest to the softest material above which a sum of both stiffnesses retains hardly a digit
-/// of the smaller one, [-].
+/// Stiffness ratio of the stiffest to the softest material above which a sum of both stiffnesses retains at most
+/// about four digits of the smaller one, [-].
 const TOO_FAR_APART: f64 = 1e12;
 
 /// The kind of a failure.
@@ -126,20 +126,20 @@ pub enum Loss {
     OffGrid,
     /// The motion tore the domain.
     Torn {
-        /// True if torn domains would be replaced if damping were switched on.
+        /// True if torn domains would be replaced with damping switched on.
         is_replaceable: bool,
     },
     /// The domain update did not yield a valid domain.
     Collapsed,
 }
 
-/// The facts beyond the kind of a failure that decide what may help.
+/// The circumstances of a failure, beyond its kind, on which remedies depend.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Circumstances {
     /// True if small cut cells are stabilised.
     pub is_stabilised: bool,
-    /// True if boundary conditions or tools move as prescribed, or displacements or the arc length of the path are
-    /// prescribed.
+    /// True if boundary conditions or tools have a prescribed motion, or if a prescribed displacement or arc length
+    /// determines the load factor.
     pub is_driven: bool,
     /// True if neither the bodies nor the tools bear a load.
     #[serde(default)]
@@ -177,7 +177,7 @@ pub struct Diagnosis {
     pub step: usize,
     /// Time of the last step in equilibrium, [time].
     pub time: f64,
-    /// Largest load factor in equilibrium, [-]; `None` unless all loads and prescribed motions share one.
+    /// Load factor of largest magnitude in equilibrium, [-]; `None` unless all loads and prescribed motions share one.
     pub largest_load_factor: Option<f64>,
     /// Name of the body concerned.
     pub body: Option<String>,
@@ -187,14 +187,14 @@ pub struct Diagnosis {
     pub cell: Option<u32>,
     /// Position of the grid node concerned, [length].
     pub node: Option<Vec<f64>>,
-    /// Filling ratio of the emptiest cell at the location of the failure, [-].
+    /// Filling ratio of the emptiest cell at the location of the failure, [-]; `None` unless that cell is the cause.
     pub filling: Option<f64>,
     /// Share of the points that have yielded, [-].
     pub flowing: f64,
     /// The reason why a law refuses a strain, if that is the cause.
     #[serde(default)]
     pub refusal: Option<String>,
-    /// The facts that decide what may help.
+    /// The circumstances on which remedies depend.
     #[serde(default)]
     pub circumstances: Circumstances,
 }

@@ -384,7 +384,8 @@ impl SolveError {
         SolveError::OnRank(Box::default())
     }
 
-    /// The error for results that cannot be written, with a copy of the failure, which the caller still needs.
+    /// The error for results that cannot be written. It holds a copy of `failure`, because the caller still needs the
+    /// original.
     pub fn output(failure: &std::io::Error) -> SolveError {
         SolveError::Output(std::io::Error::new(failure.kind(), failure.to_string()))
     }
@@ -439,7 +440,7 @@ impl SolveError {
         )
     }
 
-    /// Residuals of the failed step, [-]; empty if it has not been evaluated.
+    /// Residuals of the failed step, [-]; empty for errors that do not record them.
     pub fn residuals(&self) -> &[f64] {
         match self {
             SolveError::NotConverged { residuals, .. }

@@ -64,9 +64,9 @@ fn cells_at<const D: usize>(model: &Model<D>, links: &Connectivity<D>, place: &[
     links.active_cells().iter().copied().filter(|cell| touches(*cell)).collect()
 }
 
-/// Number of points that have yielded since the start of the analysis, including the failed step: those whose equivalent
-/// plastic strain, or, if their law has none, any history variable differs from the initial value at their position.
-/// The other variables of soils also change with the initial stress.
+/// Number of points that have yielded since the start of the analysis, including the failed step: those whose
+/// equivalent plastic strain, or, if their law has none, any history variable differs from the initial value at their
+/// position. The other variables of soils also change with the initial stress.
 pub(super) fn points_that_flow<const D: usize>(model: &Model<D>, points: &Points<D>) -> usize {
     let flows = |p: &usize| {
         let law = model.law(points, *p);

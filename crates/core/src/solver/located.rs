@@ -140,7 +140,7 @@ fn place<const D: usize>(model: &Model<D>, points: &Points<D>, p: usize, positio
 /// Checks that the laws have a finite energy in a state of the points, given the sum over all points.
 ///
 /// # Errors
-/// [`SolveError::Law`] with the first point at fault.
+/// [`SolveError::Law`] with the first point at fault, if one is found.
 pub(super) fn with_energy<const D: usize>(
     Ledger { stored, plastic, .. }: &Ledger,
     model: &Model<D>,
@@ -159,7 +159,7 @@ pub(super) fn with_energy<const D: usize>(
     let point = (0..points.len()).find(is_at_fault);
     let material = match point {
         Some(p) => model.bodies[points.body[p] as usize].material,
-        // A law that is evaluated in batches may have failed once only.
+        // The failure of a law that is evaluated in batches need not recur.
         None => match model.materials.iter().position(|material| material.law.batch().is_some()) {
             Some(material) => material,
             None => return Ok(()),

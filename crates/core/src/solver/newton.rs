@@ -87,7 +87,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
 
     /// True if the iterate is in equilibrium: it has the prescribed motion, the load factor meets its condition, and
     /// the residual meets the tolerance or comes as close to it as round-off permits. False in iteration 0, so that
-    /// every step makes at least one solve.
+    /// every step makes at least one iteration.
     fn is_balanced(&self) -> bool {
         self.has_reached_constraints() && self.course.is_equilibrium(self.context.model.newton.tolerance)
     }
@@ -234,8 +234,8 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         Ok(Some(solved))
     }
 
-    /// Updates multipliers along the iterative increment δd until the updates no longer change it, so that both
-    /// together solve the linearised equations.
+    /// Updates multipliers along the iterative increment δd until the updates no longer change δd, so that δd and the
+    /// multipliers together solve the linearised equations.
     fn augment_along(&mut self, eta: f64) -> Result<(), NoIncrement> {
         let LoadStep { context, system: StepSystem { dofs, sum, .. }, unknowns, .. } = self;
         let LoadStep { equations, summary, course, .. } = self;

@@ -275,8 +275,7 @@ impl<const N: usize> Forces<'_, N> {
             return told(&residuals, RoundOff::NoMatter);
         }
         let (mut carries_nothing, mut is_round_off) = (open.clone(), open.clone());
-        // In equilibrium, a fraction of the force that a body has carried, up to the tolerance, may stay out of
-        // balance.
+        // An equilibrium within the tolerance may have left an out-of-balance force of this size.
         let left: Vec<f64> = parts.carried.iter().map(|f| tolerance.min(MOST_OF_ROUND_OFF) * f).collect();
         self.exclude_beyond(at.round_off_at_most(), &left, parts, &mut is_round_off);
         if is_round_off.contains(&true) {
@@ -339,8 +338,8 @@ impl<const N: usize> Forces<'_, N> {
         parts.agree(is_round_off);
     }
 
-    /// Magnitude of the sum of the out-of-balance force over each part, relative to the sum of the magnitudes of all
-    /// forces on the part; only along axes along which the forces on the part must balance.
+    /// Magnitude of the sum of the out-of-balance force over each part, along the axes along which the forces on the
+    /// part must balance, relative to the sum of the magnitudes of all forces on the part, [-].
     fn resultants(&self, parts: &Parts, revolved: bool) -> Vec<f64> {
         let mut sums = vec![([0.0; N], 0.0); parts.n];
         for (node, part) in parts.of_node.iter().enumerate().filter(|(node, _)| parts.halo.is_own(*node)) {

@@ -9,16 +9,16 @@ use crate::step::Nodal;
 
 use super::fields::norm;
 
-/// Round-off of a nodal force relative to the terms Σ |K_vw| |Δd_w| of a displacement increment, in units of the
-/// machine precision.
+/// Round-off of a nodal force relative to the sum Σ |K_vw| |Δd_w| for a displacement increment, in units of the machine
+/// precision.
 pub(super) const IN_MOTION: f64 = 16.0;
 /// Round-off of a nodal force relative to Σ |∇S_vp| V_p M_p, where M is the axial modulus, in units of the machine
 /// precision: the sum is the force if all strains are one, and deformation gradients are of order one.
 pub(super) const IN_STRAIN: f64 = 8.0;
 /// Upper bound on the force under a unit strain, relative to the largest entry of K times the cell size, [-].
 const NO_SUCH_FORCE: f64 = 1e3;
-/// The reactions of a part that carries nothing are round-off that has accumulated in the stresses over the steps, up
-/// to this multiple of the round-off of one step.
+/// Bound on the round-off that accumulates in the stresses over the steps, as a multiple of the round-off of one step.
+/// Forces within this bound count as zero.
 pub(super) const ACCUMULATED: f64 = 100.0;
 
 /// The state in which an evaluation was made.

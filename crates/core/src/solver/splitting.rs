@@ -11,12 +11,12 @@ use crate::terms::Terms;
 /// length of a domain that is exactly as long as its body allows depends on round-off.
 const ROUND_OFF: f64 = 1e-9;
 
-/// The rules of a model without its state.
+/// The splitting rules of a model, without the state of a run.
 struct OfModel<'a, const D: usize> {
     model: &'a Model<D>,
 }
 
-/// The rules of a model in the state of a run.
+/// The splitting rules of a model in the state of a run.
 struct Present<'a, const D: usize, const N: usize> {
     of_model: OfModel<'a, D>,
     terms: &'a Terms<D, N>,

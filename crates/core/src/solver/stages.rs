@@ -115,7 +115,7 @@ where
         agree(&ranks, with_energy(&exchanged, model, points, &points.converged, step))?;
         reached.summary.exchanged_energy += exchanged.stored;
         reached.summary.quality.exchange(now.mass - before.mass, now.volume - before.volume);
-        // The loads are still as the previous stage has left them.
+        // The loads are still those at the end of the previous stage.
         let control = std::mem::replace(&mut model.stepping.control, Control::Load);
         let forces = model.balancing_forces()(model, points, step, &mut reached.summary.terms);
         model.stepping.control = control;

@@ -60,7 +60,7 @@ pub struct Summary {
     pub failed_attempts: usize,
     /// The current step size.
     pub pace: Pace,
-    /// The position on the path, if the load factor is unknown.
+    /// Data on the path so far that the next step needs.
     pub path: Path,
     /// The current stage; `None` in the first stage.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -86,9 +86,9 @@ pub struct Summary {
     pub diagnosis: Option<Diagnosis>,
     /// Largest number of faces stabilised in a step.
     pub stabilised_faces: usize,
-    /// Number of evaluations of internal force and stiffness, including those of failed steps.
+    /// Number of evaluations of the internal force, with or without the stiffness, including those of failed steps.
     pub evaluations: usize,
-    /// Number of linear solves, including those of failed steps.
+    /// Number of linear solves, counted once per iteration, including those of failed steps.
     pub linear_solves: usize,
     /// Number of linear solves by conjugate gradients or GMRES.
     pub iterative_solves: usize,
@@ -96,14 +96,14 @@ pub struct Summary {
     pub linear_iterations: usize,
     /// Number of linear solves whose matrix was not positive definite.
     pub indefinite_solves: usize,
-    /// Number of linear solves of the last step in equilibrium, 0 before the first one.
+    /// Number of iterations of the last step in equilibrium, 0 before the first one.
     #[serde(default)]
     pub last_iterations: usize,
     /// Largest number of unknowns in a step.
     pub unknowns: usize,
     /// Work of loads and reactions so far, [energy].
     pub external_work: f64,
-    /// Work so far of the forces that are out of balance on fresh grids, [energy].
+    /// Work done so far against the out-of-balance forces of fresh grids, [energy].
     pub regridding_work: f64,
     /// Work absorbed so far by the stabilisation of faces, and lost at the end of each step, [energy].
     pub stabilisation_work: f64,
@@ -111,7 +111,7 @@ pub struct Summary {
     /// change of both in bodies that changed their material or whose material has changed, [energy].
     #[serde(default)]
     pub exchanged_energy: f64,
-    /// Work absorbed so far by damped iterations between grids, [energy].
+    /// Work absorbed so far by the damping of damped iterations, [energy].
     #[serde(default)]
     pub damping_work: f64,
     /// Sum over the steps of the magnitude of the sum of external and regridding work, [energy].
@@ -124,7 +124,7 @@ pub struct Summary {
     /// reduced, [energy].
     #[serde(default)]
     pub undone_work: f64,
-    /// Work done so far by friction between tools and bodies, [energy].
+    /// Work dissipated so far by friction between tools and bodies, [energy].
     #[serde(default)]
     pub friction_work: f64,
     /// The quality of the run.

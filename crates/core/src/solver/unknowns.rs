@@ -231,7 +231,7 @@ impl<const N: usize> Unknowns<N> {
     }
 }
 
-/// The bracket of a line search: fractions of an increment, with the negative slopes of the potential there. The search
+/// The bracket of a line search: fractions of an increment, with the negated slopes of the potential there. The search
 /// is the regula falsi with the slope halved at an end that is retained (Illinois algorithm), because contact has kinks
 /// that a secant alone underestimates.
 #[derive(Debug, Default)]

@@ -55,7 +55,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
     /// grid are replaced; returns the permanent numbers of their points on all ranks, ascending.
     ///
     /// # Errors
-    /// [`SolveError`] when a point or a corner of its domain leaves the grid, or a domain collapses.
+    /// [`SolveError`] if a point or a corner of its domain leaves the grid, or a domain is torn or collapses.
     pub(super) fn move_points(&mut self) -> Result<Vec<u32>, SolveError> {
         let StepContext { model, links, step, .. } = self.context;
         let mut timings = Timings::default();

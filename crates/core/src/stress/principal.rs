@@ -117,7 +117,7 @@ fn side_by_side(
     let new = new.get_mut(..history.len())?;
     let response = law.respond_in_lanes(&descending(&strain), history, new)?;
     history.copy_from_slice(new);
-    // z is the largest, the least, or between the axes in the plane.
+    // The strain along z is the largest, the least, or between those of the axes in the plane.
     let of = |above: Lanes, below: Lanes, between: Lanes| {
         first.where_below(z, above, z.where_below(second, below, between))
     };

@@ -17,7 +17,7 @@ pub type Support<const D: usize> = CellBasis<D>;
 /// A position on the boundary between cells belongs to the cell along −n. If a node of that cell is inactive (because
 /// the material points lie inside the surface), the nearest cell along −n that has only active nodes is taken, and its
 /// basis is extrapolated to x: it still reproduces a linear displacement exactly, and forces at x keep their resultant
-/// and their moment. `None` if there is no such cell within the size of a cell.
+/// and their moment. `None` if there is no such cell within one cell size.
 pub fn support<const D: usize>(
     grid: &dyn Grid<D>,
     links: &Connectivity<D>,

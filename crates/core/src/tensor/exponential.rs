@@ -26,7 +26,7 @@ const SERIES: [f64; 14] = [
     1.0,
 ];
 
-/// eˣ, accurate to two units in the last place. NaN unless |x| is at most about 700.
+/// eˣ, accurate to two units in the last place. NaN unless |x| is below about 708.
 ///
 /// With k = x/ln 2 rounded to an integer and r = x − k ln 2, eˣ = 2ᵏ eʳ.
 #[inline(always)]

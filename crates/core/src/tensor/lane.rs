@@ -249,7 +249,7 @@ mod tests {
         for x in [1.0, 0.5, 2.0, 0.75, 0.7, 0.71, 1.41, 1.42, 3e300, 2.3e-308, f64::MIN_POSITIVE, f64::MAX] {
             let (m, e) = x.split();
             assert!((FRAC_1_SQRT_2..=std::f64::consts::SQRT_2).contains(&m), "{x}: {m} {e}");
-            // Two steps, because 2^e alone may be subnormal.
+            // Two steps, because 2^e alone may overflow.
             let half = (e / 2.0).trunc();
             assert_eq!(m * half.exp2() * (e - half).exp2(), x);
         }

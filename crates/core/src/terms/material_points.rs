@@ -50,7 +50,7 @@ pub struct MaterialPoints<const D: usize, M> {
     gradient: Vec<[f64; D]>,
     /// Working space for the gradients of one point of each group in the current configuration, eq. (8).
     mapped: Vec<[f64; D]>,
-    /// For each group, true if it has several points, at least one of them of a body with
+    /// For each group, true if it has several points, at least one of which belongs to a body with
     /// [`Volumetric::MeanDilatation`]; empty if there is no such body.
     averaged: Vec<bool>,
     /// One batch of points for each law that is evaluated for all its points at once.
@@ -113,7 +113,7 @@ impl<const D: usize, M: Mechanics<D>> MaterialPoints<D, M> {
 
 /// One evaluation of all points.
 struct Pass<'a> {
-    /// The law of each point, if the laws differ from those of the model.
+    /// The law of each point, if some laws are stand-ins for laws that are evaluated in batches.
     laws: Option<&'a [&'a dyn Material]>,
     /// True if the points add force and stiffness to the system.
     adds: bool,

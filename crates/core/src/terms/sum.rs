@@ -135,8 +135,7 @@ impl<const D: usize, const N: usize> Sum<D, N> {
     /// Evaluates all terms, on the points of this rank.
     ///
     /// # Errors
-    /// [`EvaluateError`]: the first point that could not follow the increment, or a law that failed; on all ranks if
-    /// one rank has an error.
+    /// [`EvaluateError`] of the first term that cannot be evaluated; on all ranks if one rank has an error.
     pub fn evaluate(
         &mut self,
         step: &StepContext<D>,
@@ -158,7 +157,8 @@ impl<const D: usize, const N: usize> Sum<D, N> {
     /// Updates the multipliers of all terms, once Newton's iterations have converged.
     ///
     /// # Errors
-    /// [`EvaluateError`] of the first term whose multipliers do not converge, on this rank or another one.
+    /// [`EvaluateError`] of the first term whose multipliers do not converge or whose state cannot be accepted, on this
+    /// rank or another one.
     pub fn augment(
         &mut self,
         step: &StepContext<D>,

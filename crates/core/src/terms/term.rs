@@ -92,8 +92,8 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
     /// addition to nodes that share a point.
     fn couples(&self, _couple: &mut dyn FnMut(&[u32])) {}
 
-    /// True if the term has come to couple further nodes since the system was laid out; [`couples`](Term::couples) then
-    /// lists these nodes, too.
+    /// True if the term couples more nodes than when the system was laid out; [`couples`](Term::couples) then lists
+    /// these nodes, too.
     fn outgrows(&self) -> bool {
         false
     }
@@ -128,7 +128,7 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
     /// wanted, its stiffness ∂(f^int − f^ext)/∂Δd. The term may change only the trial state of the points.
     ///
     /// # Errors
-    /// [`EvaluateError`]: the first point that could not follow the increment, or a law that failed.
+    /// [`EvaluateError`] if the term cannot be evaluated, for example because a point cannot follow the increment.
     fn evaluate(
         &mut self,
         step: &StepContext<D>,
@@ -161,7 +161,7 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
     }
 
     /// Adds stiffness, at the last evaluation, where the state of the term leaves bodies without resistance; returns
-    /// true if there is such a location. This changes only the path of the iterations, not the solution.
+    /// true if it added any. This changes only the path of the iterations, not the solution.
     fn support(&self, _sum: &mut System<N>) -> bool {
         false
     }

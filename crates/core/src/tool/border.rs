@@ -11,7 +11,8 @@ use crate::region::{Bounds, Polygon, Primitive};
 /// Sine of the angle between an offset and the plane normal to a pseudonormal, below which the exact test decides on
 /// which side a position lies, because round-off could reverse the sign.
 pub(super) const UNSURE: f64 = 1e-6;
-/// Distance from a corner, relative to the length of an edge, within which two faces may be equally near, [-].
+/// Distance from a corner, relative to the length of an edge, within which the normal between two equally near faces is
+/// along their bisector, [-].
 const NEAR_CORNER: f64 = 1e-2;
 /// Difference between the distances from two faces, relative to the distance from their corner, within which the faces
 /// are equally near, [-].

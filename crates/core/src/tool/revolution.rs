@@ -140,7 +140,8 @@ impl Revolution {
     fn extremum(&self, path: &[[f64; 3]; 2], normal: &[f64; 2]) -> Option<f64> {
         let ((h, w), (end, v)) = (self.axis.split(&path[0]), self.axis.split(&path[1]));
         let (rise, v) = (end - h, minus(&v, &w));
-        // With the closest approach r_c to the axis at t_c: r² = r_c² + |v|² (t − t_c)², and dr/dt = −n_h rise / n_r.
+        // With the closest approach r_c to the axis at t_c: r² = r_c² + |v|² (t − t_c)². At the extremum,
+        // dr/dt = −n_h rise / n_r.
         let speed = norm(&v);
         let t_c = -dot(&w, &v) / (speed * speed);
         let (r_c, slope) = (norm(&along(&w, t_c, &v)), -normal[1] * rise / normal[0]);

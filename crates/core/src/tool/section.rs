@@ -18,8 +18,8 @@ pub struct Section {
 }
 
 impl Section {
-    /// The section of the body of revolution that a shape sweeps about the axis x = `axis`, [length]. Any part of the
-    /// shape beyond the axis is ignored.
+    /// The section of the body of revolution that a shape sweeps about the axis x = `axis`, [length]. A shape that
+    /// extends beyond the axis must be symmetric about it.
     pub fn new(half: Arc<dyn Shape<2>>, axis: f64) -> Self {
         Section { half, axis }
     }

@@ -78,7 +78,7 @@ pub trait Shape<const D: usize>: Debug + Send + Sync {
         if extent == f64::INFINITY {
             return Err(NoOutline::Unbounded);
         }
-        // The surface area of a convex body is less than that of its bounding box.
+        // The surface area of a convex body is at most that of its bounding box.
         if 4.0 * D as f64 * (extent / size).powi(D as i32 - 1) > MOST_FACETS as f64 {
             return Err(NoOutline::TooMany);
         }
@@ -97,7 +97,7 @@ pub trait Shape<const D: usize>: Debug + Send + Sync {
     /// [length], around the point closest to a position.
     ///
     /// # Errors
-    /// [`NoOutline`]; for an unbounded shape, also if the half width is not positive.
+    /// [`NoOutline`]; for an unbounded shape, also if the half width is not positive and finite.
     fn outline_near(&self, _x: [f64; D], _half_width: f64, size: f64) -> Result<Outline<D>, NoOutline> {
         self.outline(size)
     }

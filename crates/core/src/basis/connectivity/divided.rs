@@ -69,9 +69,8 @@ impl<const D: usize> Connectivity<D> {
         self.layer_cells.retain(|cell| own.binary_search(cell).is_err());
     }
 
-    /// Shares the carriers of nodes that only slivers touch, so that such a node can move on all ranks, whichever ranks
-    /// have the points that touch it. Each rank takes, of all carriers found for a node, the lowest that is active on
-    /// this rank.
+    /// Shares the carriers of sliver nodes, so that such a node can move on all ranks, whichever ranks have the points
+    /// that touch it. Each rank takes, of all carriers found for a node, the lowest that is active on this rank.
     pub(super) fn agree_on_carriers(&mut self, ranks: &Ranks) {
         if ranks.is_alone() {
             return;

@@ -10,7 +10,7 @@ use crate::grid::Grid;
 pub(super) struct Piece<const D: usize> {
     pub(super) group_node_start: Vec<usize>,
     pub(super) group_nodes: Vec<u32>,
-    /// This field and the next ones correspond to those of [`Connectivity`](super::Connectivity); offsets count from
+    /// All fields down to `carried` correspond to those of [`Connectivity`](super::Connectivity); offsets count from
     /// the start of the piece.
     pub(super) touches: Vec<Touch>,
     pub(super) whole: Vec<bool>,

@@ -134,7 +134,7 @@ fn check_outside<const D: usize>(mesh: &Mesh<D>) {
     assert!(at(0.0).is_some());
 }
 
-/// A position on the boundary of a cell, up to round-off, touches only the nodes of that part of the boundary.
+/// A position on the boundary of a cell, up to round-off, activates only the nodes of that part of the boundary.
 fn check_border_values<const D: usize>(mesh: &Mesh<D>) {
     for cell in 0..mesh.n_cells() as u32 {
         let corners = mesh.cell(cell);

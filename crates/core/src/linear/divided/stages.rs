@@ -5,8 +5,7 @@
 use crate::linear::multifrontal::{Columns, Multifrontal, Numbers, forget, messages};
 use crate::ranks::{Communicator, Ranks};
 
-/// The bits of a key from this bit on contain the stage at which its unknown is eliminated; the lower bits contain the
-/// name.
+/// Lowest of the bits of a key that hold the stage at which its unknown is eliminated; the bits below hold the name.
 const STAGE: u32 = 56;
 
 /// The key of the unknown with this name, given the ranks that couple it. Shared unknowns are ordered by their keys.
@@ -38,7 +37,7 @@ struct Stage {
     /// True if the other matrix adds no unknowns and all unknowns are eliminated: the factor then replaces this rank's
     /// matrix in place.
     is_in_place: bool,
-    /// The factor, empty before the first factorisation.
+    /// The factor; empty before each factorisation.
     factor: Vec<f64>,
     /// Right-hand side and solution on the unknowns of the front.
     x: Vec<f64>,
@@ -115,8 +114,8 @@ impl Stages {
         self.taken.iter_mut().for_each(|stage| stage.factor = Vec::new());
     }
 
-    /// Factorises the matrix that remains on this rank. All ranks must call this. Returns false if a pivot on this rank
-    /// is not positive or, for LU, is zero or not finite.
+    /// Factorises the matrix that remains on this rank. All ranks must call this. Returns false if, on this rank, a
+    /// pivot of LLᵀ is not positive, or a pivot of LU is zero or not finite.
     pub fn factorise(&mut self, communicator: &dyn Communicator, mut left: Vec<f64>) -> bool {
         let mut is_good = true;
         for stage in &mut self.taken {

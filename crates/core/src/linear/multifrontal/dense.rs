@@ -9,7 +9,7 @@
 //!
 //! Columns are stored one after another with a stride that is a multiple of [`PAD`], so that whole vectors of rows can
 //! be read and written. Values above the diagonal and in padding rows are arbitrary but finite, and never change a
-//! result. Every entry is one sum over the columns to the left, in order, whatever the width of a vector.
+//! result. Every entry is summed over the columns to its left in a fixed order, whatever the width of a vector.
 
 use std::ops::Range;
 

@@ -24,7 +24,7 @@ pub(super) struct Elimination<'a> {
 
 impl Elimination<'_> {
     /// Computes the columns of the fronts of a task, given the memory for them; the update of the last front is then at
-    /// the start of the working space. False if a pivot is not positive or, for LU, is zero or not finite.
+    /// the start of the working space. False if a pivot of LLᵀ is not positive, or a pivot of LU is zero or not finite.
     pub fn run(self, task: &Task, factor: &mut [f64], room: &mut [f64]) -> bool {
         let front = &self.fronts.front;
         let origin = front[task.fronts.start].panel;

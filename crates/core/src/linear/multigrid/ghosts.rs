@@ -20,8 +20,8 @@ pub(super) struct Known {
 pub(super) type Find = FxHashMap<u64, u32>;
 
 impl Known {
-    /// The known nodes, given with their ranks and reordered such that the nodes of this rank come first; both kinds
-    /// keep their order.
+    /// The known nodes, given with their ranks and reordered so that the nodes of this rank come first; both kinds keep
+    /// their order.
     pub(super) fn new(rank: usize, nodes: &[(u64, u32)]) -> (Self, Find) {
         let is_own = |node: &&(u64, u32)| node.1 as usize == rank;
         let own = nodes.iter().filter(is_own).count();

@@ -1,4 +1,4 @@
-//! One level of the hierarchy: its matrix, scaled to entries of about one.
+//! One level of the hierarchy: its matrix, scaled to entries of order one.
 
 use pulp::Arch;
 
@@ -10,9 +10,10 @@ use super::of_ranks::Shared;
 use super::rows::{Rows, in_parts};
 use super::stencil::{Stencil, inverse_of};
 
-/// A level: Â = S A S with the matrix A of the level and a diagonal S that makes the entries about one, even if a body
-/// fills only a small part of a cell. Held degrees of freedom have only a one on the diagonal. If there are several
-/// ranks, each rank has the rows of its own nodes, which come first; fields also have values at the ghosts that follow.
+/// A level: Â = S A S with the matrix A of the level and a diagonal S that makes the entries of order one, even if a
+/// body fills only a small part of a cell. Held degrees of freedom have only a one on the diagonal. If there are
+/// several ranks, each rank has the rows of its own nodes, which come first; fields also have values at the ghosts that
+/// follow.
 #[derive(Debug, Clone)]
 pub(super) struct Level<const D: usize, const N: usize> {
     pub lattice: Lattice<D>,

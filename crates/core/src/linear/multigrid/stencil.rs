@@ -1,4 +1,4 @@
-//! Sums of the Galerkin product Tᵀ A T, and inverses of its diagonal blocks.
+//! Sums of the Galerkin product Tᵀ A T, and inverses of the diagonal blocks of a level.
 
 use super::super::blocks::Block;
 use super::super::lattice::{Lattice, Transfer};

@@ -206,8 +206,8 @@ impl CamClay {
         is_solution.then_some((x, now))
     }
 
-    /// Initial guess of the elastic volumetric strain: the value in the trial state or, if the trial pressure exceeds
-    /// P_c, the value for isotropic compression along the virgin line.
+    /// Initial guess of the elastic volumetric strain: the value in the trial state or, if P₀ e^ω exceeds P_c in that
+    /// state, the value for isotropic compression along the virgin line.
     #[inline(always)]
     fn first<T: Lane>(&self, volumetric: T, size: T) -> T {
         let CamClay { compression_index, swelling_index, reference_pressure, .. } = *self;

@@ -194,8 +194,8 @@ impl<const M: usize> Face<M> {
         Face { planes, tau, flow, normal_stress, flow_stress, inverse }
     }
 
-    /// The larger of two violations, [stress]: the amount by which the stress exceeds the strength, and −G λ,
-    /// where λ is the smallest multiplier of the flow, a violation if λ is negative. Infinite if the result is NaN.
+    /// The larger of two violations, [stress]: the amount by which the stress exceeds the strength, and −G λ with the
+    /// smallest multiplier λ of the flow, which must not be negative. Infinite if the result is NaN.
     #[inline(always)]
     fn violation(&self, strength: &Strength, elasticity: &Elasticity) -> f64 {
         let back = self.flow.iter().fold(f64::NEG_INFINITY, |most, flow| most.max(-elasticity.shear * flow));
@@ -242,7 +242,7 @@ impl<const M: usize> Face<M> {
     }
 }
 
-/// The inverse of a matrix of one or two rows.
+/// The inverse of a 1×1 or 2×2 matrix.
 #[inline(always)]
 fn inverted<const M: usize>(matrix: [[f64; M]; M]) -> [[f64; M]; M] {
     let mut inverse = matrix;

@@ -2,7 +2,8 @@ use super::*;
 use crate::tensor::Mat3;
 use proptest::prelude::*;
 
-/// Rows of `spectral.csv`: a tensor, then logarithm, exponential and their derivatives to 13 digits.
+/// Rows of `spectral.csv`: a tensor, then its logarithm and its exponential, each followed by its derivative, to 13
+/// digits.
 fn reference() -> impl Iterator<Item = (Sym3, Vec<f64>)> {
     let lines =
         include_str!("../../../../../tests/data/spectral.csv").lines().filter(|line| !line.starts_with('#'));

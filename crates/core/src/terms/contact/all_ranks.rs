@@ -11,7 +11,7 @@ use super::search::Found;
 use crate::ranks::{Halo, Ranks};
 use crate::tool::Closest;
 
-/// The index of an active node among those that this rank shares with another one; the same on both ranks.
+/// The index of an active node among those that this rank shares with another rank; the same on both.
 pub(super) fn place_of(shared: &[u32], node: usize) -> Option<usize> {
     shared.binary_search(&(node as u32)).ok()
 }

@@ -40,7 +40,7 @@ const LEAST_AREA: f64 = 0.1;
 /// Fractions of the distance from a corner to its material point at which a cell for the corner is sought.
 const INWARDS: [f64; 5] = [1e-6, 0.25, 0.5, 0.75, 1.0];
 
-/// Corner number of the contact point at the position of a material point whose domain has corners, too.
+/// Corner number of the contact point at the position of a material point whose domain also has corners.
 pub(super) const CENTRE: u32 = MAX_CORNERS as u32;
 
 /// Identifies a contact point that keeps its multipliers from step to step: a tool, and a corner of the domain of a
@@ -75,8 +75,8 @@ pub(super) struct Candidate<const D: usize> {
     pub(super) stiffness: f64,
     /// Penalty ε, [force/length].
     pub(super) penalty: f64,
-    /// ε, [force/length], once updates have closed the gap slowly: contact points with hardly any area would otherwise
-    /// have too small a penalty.
+    /// ε, [force/length], if updates close the gap slowly: contact points with hardly any area would otherwise have
+    /// too small a penalty.
     pub(super) penalty_if_slow: f64,
     /// The closest point on the tool at the start of the step, in global coordinates.
     pub(super) near: Closest<D>,

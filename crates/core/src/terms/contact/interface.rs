@@ -22,7 +22,7 @@ const OF_CLOSEST: f64 = 4.0;
 
 /// m of rough surfaces, [-].
 const OF_ROUGH: f64 = 10.0;
-/// Relative difference from the largest shear within which a contact point slides, [-].
+/// Relative difference from the largest shear within which a contact point counts as sliding, [-].
 const SLIDES: f64 = 1e-6;
 
 /// The multipliers of a contact point.
@@ -56,7 +56,7 @@ pub enum Mode {
 pub(super) struct Added<const D: usize> {
     /// The multipliers after the update; the shear is given in global axes, not in the frame of the tool.
     pub(super) multiplier: Multiplier<D>,
-    /// The force on the body, [force].
+    /// The change of the force on the body, [force].
     pub(super) force: [f64; D],
     /// The change of the normal multiplier and, in `slip`, that of the shear, both divided by the penalty, [length].
     pub(super) overlap: f64,
@@ -272,7 +272,7 @@ impl<const D: usize> Touch<D> {
 
     /// An update of these multipliers, λ ← p and λ_t ← t, at the linearised end of an increment with these motions of
     /// the contact point relative to the tool, as [`Touch::change`] takes them; `None` if the contact point opens,
-    /// begins to slide, stops or turns back.
+    /// parts, begins to slide, stops or turns back.
     pub(super) fn update_along(
         &self,
         now: &Multiplier<D>,

@@ -22,8 +22,8 @@ const APART: f64 = 1e-3;
 /// [-]; anything thinner than twice this depth is no obstacle.
 const GRAZING: f64 = 5e-3;
 
-/// The contact points at the positions of material points, [length], by tool and permanent number of the material
-/// point.
+/// Positions of the contact points that coincide with material points, [length], by tool and permanent number of the
+/// material point.
 type Centres<const D: usize> = FxHashMap<(u32, u32), [f64; D]>;
 
 fn is_centre<const D: usize>(candidate: &Candidate<D>) -> bool {
@@ -89,7 +89,8 @@ impl<const D: usize> Contact<D> {
         Ok(())
     }
 
-    /// The contact points at the positions of material points that this rank needs, at the last evaluation.
+    /// Positions, at the last evaluation, of the contact points that coincide with material points and that this rank
+    /// needs, [length].
     fn centres(&self) -> Centres<D> {
         let centres = (self.candidates.iter().zip(&self.trials))
             .filter(|(candidate, _)| is_centre(candidate))

@@ -203,7 +203,7 @@ impl<const D: usize> Search<'_, D> {
         if !self.model.bodies.iter().any(|body| body.method == Method::Cpdi2) {
             return;
         }
-        // Cells of different sizes share corners, too.
+        // Domains in cells of different sizes may share a corner: the smallest size on any rank decides.
         let places = pieces.iter().flat_map(|found| &found.places);
         let size = self.ranks().smallest(places.map(|place| place.size).fold(f64::INFINITY, f64::min));
         if !self.ranks().is_alone() {

@@ -29,8 +29,8 @@ pub struct ToolState<const D: usize> {
     pub load_moment: [f64; 3],
     /// Largest overlap with a body that contact forces have left, [length]; 0 if there is none.
     pub overlap: f64,
-    /// Largest further overlap of a contact point that touches, [length]; the update of box and CPDI1 domains has left
-    /// it, and it vanishes along the path of the contact point.
+    /// Largest additional overlap that a touching contact point may keep in the step, [length]: the update of box and
+    /// CPDI1 domains left this overlap, which vanishes along the path of the contact point.
     pub allowed_overlap: f64,
     /// Largest slip in the step of a contact point that sticks, [length].
     pub slip: f64,

@@ -41,7 +41,8 @@ const INDEPENDENT: f64 = 1e-3;
 /// undetermined if conditions repeat each other. The error in displacement that remains is this fraction of the
 /// error with the penalty alone.
 const SOFTENING: f64 = 1e-10;
-/// Distance from the prescribed displacement, relative to the cell size, beyond which a condition is not met, [-].
+/// Distance from the prescribed displacement, relative to the cell size, beyond which a condition is not met, [-]; ten
+/// times the tolerance of Newton's method if that is larger.
 const UNMET: f64 = 1e-6;
 
 /// A patch of a surface: its samples, and the functions q_k A at each of them, `[k][sample]`.
