@@ -4,13 +4,13 @@ use std::time::Duration;
 
 use cpu_time::ThreadTime;
 
-/// A measurement ends after this CPU time in total.
+/// CPU time after which a measurement ends, but not before five calls.
 const ENOUGH: Duration = Duration::from_millis(400);
 
 /// Smallest CPU time among repeated calls of `work`, [s]: the cost with the least interference from other programs. CPU
 /// time does not count other programs, but these programs share the caches and the memory.
 ///
-/// Each call takes a few milliseconds, so calls need not be timed in batches.
+/// Calls are timed one by one, because most of them take far longer than reading the clock.
 pub fn least(mut work: impl FnMut()) -> f64 {
     let mut least = f64::INFINITY;
     let begin = ThreadTime::now();

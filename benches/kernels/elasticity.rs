@@ -53,8 +53,8 @@ fn row<const D: usize>(machine: &Machine, name: &str, n: usize) {
     );
 }
 
-/// Pattern and values of the stiffness of a grid with `n` nodes along each axis, and the positions of the nodes. Cell
-/// stiffnesses are random, and the lowest nodes along the last axis are fixed.
+/// Pattern and values of the stiffness of a grid with `n` nodes along each axis, and the positions of its free nodes.
+/// The Young's moduli of the cells are random, and the lowest nodes along the last axis are fixed.
 fn equations<const D: usize>(n: usize) -> (Pattern, Vec<f64>, Vec<[u32; D]>) {
     let place = |node: usize| -> [usize; D] { std::array::from_fn(|d| node / n.pow(d as u32) % n) };
     let number = |place: [usize; D]| (0..D).map(|d| place[d] * n.pow(d as u32)).sum::<usize>();

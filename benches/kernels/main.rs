@@ -4,10 +4,10 @@
 //! cargo bench --bench kernels [-- TEXT]
 //! ```
 //!
-//! With TEXT, the examples of assembly and linear systems are limited to those for which the name followed by the
-//! method contains this text.
-//! Everything runs on one thread. The measure is the smallest CPU time of that thread over several calls, so that other
-//! programs on the machine have little effect. Tables are Markdown, for `docs/performance.md`.
+//! With TEXT, only assembly and linear systems are measured, on those examples for which the name followed by the
+//! method contains this text. Everything runs on one thread. The measure is the smallest CPU time of that thread over
+//! several calls, so that other programs on the machine have little effect. Tables are Markdown, for
+//! `docs/performance.md`.
 #![allow(clippy::print_stdout, reason = "a program")]
 
 mod calibration;

@@ -14,10 +14,9 @@ use pulp::{Arch, Simd, WithSimd};
 
 use crate::clock::least;
 
-/// Number of points in a measurement: few enough that their data remain in the fastest cache and that a call takes a
-/// few tenths of a millisecond.
+/// Number of points in a measurement: few enough that their data remain in the caches of the core.
 const N: usize = 1000;
-/// Number of calls in a measurement.
+/// Number of passes over the points in a timed call.
 const TIMES: usize = 20;
 
 /// A repeatable sequence of numbers that covers [-1, 1] evenly, because it advances in steps of the golden ratio.

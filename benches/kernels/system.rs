@@ -92,7 +92,7 @@ struct Measured {
     work: Work,
 }
 
-/// Prints the cost of every example on the finest grid, and the growth of the cost with the size.
+/// Prints the cost of every selected example on its finest grid, and the growth of the cost with the size.
 pub fn print(machine: &Machine, only: Option<&str>) {
     let wanted = |e: &&Example| only.is_none_or(|text| format!("{} {}", e.name, e.method).contains(text));
     let all: Vec<(&Example, Vec<Measured>)> = EXAMPLES

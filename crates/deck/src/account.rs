@@ -11,8 +11,8 @@ use mpm_core::timing::Timings;
 use mpm_files::summary::{Account, DeckMessage, Start};
 
 impl LoadedDeck {
-    /// The facts about this deck that the result files of a run contain. The run began at `start`; `set_up` is the time
-    /// spent on reading and building so far.
+    /// The information about this deck that the result files of a run contain. The run began at `start`; `set_up` is
+    /// the time spent so far on reading and building.
     ///
     /// # Errors
     /// If the deck cannot be written as JSON.

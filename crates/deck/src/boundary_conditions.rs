@@ -12,7 +12,7 @@ use super::quoting::quote;
 use super::{AXES, BoxDeck, Expression, LoadCurve, Vector};
 
 /// A named set of prescribed displacements of nodes or of a surface; its reaction is reported under its name. If
-/// several conditions prescribe the same displacement of a node along an axis, those that fix the node share the
+/// several conditions prescribe the displacement of a node along the same axis, those that fix the node share the
 /// reaction there equally; if none fixes it, those that move it share the reaction equally.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -23,7 +23,7 @@ pub struct BoundaryConditionDeck {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub nodes: Option<NodeSelector>,
     /// Name of the surface on which it acts. The condition is then imposed weakly, and prescribes the displacement of
-    /// the surface since the start, or since the stage that sets the condition.
+    /// the surface since the start, or since the stage that sets the condition or adds the body.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = ["wall"]))]
     pub surface: Option<String>,
@@ -38,11 +38,12 @@ pub struct BoundaryConditionDeck {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1e-3, max = 1e6), extend("examples" = [10]))]
     pub penalty: Option<f64>,
-    /// Displacement along x at load factor 1, [length]: a number, or a formula in X, Y (in space also Z), the original
-    /// position of the material at the node, of the node's coordinates x, y (in space also z), of `factor` (the load
-    /// factor) and of the parameters. A formula that contains `factor` states the whole displacement; any other formula
-    /// is multiplied by the load factor. Material moves past the nodes from step to step, and each step adds the change
-    /// in the value of the formula at the node: use X, Y, Z to prescribe the displacement of the material.
+    /// Displacement along x at load factor 1, [length]: a number or a formula, which may contain X, Y (the original
+    /// position of the material at the node), x, y (the position of the node), in space also Z and z, `factor` (the
+    /// load factor), the parameters and the names under `where`. A formula that contains `factor`, directly or through
+    /// a name under `where`, states the whole displacement; any other formula is multiplied by the load factor.
+    /// Material moves past the nodes from step to step, and each step adds the change in the value of the formula at
+    /// the node: use X, Y, Z to prescribe the displacement of the material.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = [0.1, "gamma*Y"]))]
     pub ux: Option<Expression>,
@@ -54,8 +55,8 @@ pub struct BoundaryConditionDeck {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = [0, "-0.1*x*factor^2"]))]
     pub uz: Option<Expression>,
-    /// Displacement along a given direction, in place of `ux`, `uy` and `uz`; the nodes stay free perpendicular to this
-    /// direction.
+    /// Displacement along a given direction, in place of `ux`, `uy` and `uz`; motion perpendicular to this direction
+    /// stays free.
     #[serde(rename = "move", default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = [{"along": [0.866, 0.5], "by": 0.2}]))]
     pub along: Option<MoveDeck>,
@@ -154,14 +155,15 @@ impl BoundaryConditionDeck {
         }
     }
 
-    /// Orthonormal directions, `[direction][axis]`; the first is the direction that the condition states. `None` if the
-    /// condition prescribes displacements along the axes.
+    /// Orthonormal directions, `[direction][axis]`; the first is the direction that the condition states. `None` if it
+    /// states none.
     pub(crate) fn frame<const D: usize>(&self) -> Option<[[f64; D]; D]> {
         let (_, direction) = self.direction()?;
         Some(frame(array(direction)))
     }
 
-    /// True if this and another condition prescribe the same displacement of the same surface.
+    /// True if this and another condition prescribe the displacement of the same surface along the same axis, or both
+    /// along its normal.
     pub(crate) fn repeats(&self, other: &Self) -> bool {
         let directions = |condition: &Self| match condition.direction() {
             Some(_) => Vec::new(),
@@ -296,7 +298,7 @@ fn length(vector: &[f64]) -> f64 {
     vector.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
-/// Orthonormal vectors, the first along a vector that is not zero.
+/// Orthonormal vectors, the first of them along `first`, which must not be zero.
 fn frame<const D: usize>(first: [f64; D]) -> [[f64; D]; D] {
     let mut found = [[0.0; D]; D];
     let unit = |vector: [f64; D]| vector.map(|x| x / length(&vector));

@@ -17,8 +17,8 @@ const SAME: f64 = 1e-12;
 const LONGEST: usize = 60;
 
 /// Changes to a deck that prevent a run from resuming at `time`, each as a sentence. The number and size of steps, the
-/// `solver`, the curves of loads and boundary conditions after that time, titles, checkpoints, and the output without
-/// its probes may change.
+/// tolerance of a strength reduction, the `solver`, the curves of loads and boundary conditions after that time,
+/// titles, names of stages, checkpoints, and the output except its probes may change.
 pub fn changes(old: &Deck, new: &Deck, time: f64) -> Vec<String> {
     let mut found = Vec::new();
     compare("", &essential(old), &essential(new), &mut found);
@@ -37,9 +37,9 @@ pub fn changes(old: &Deck, new: &Deck, time: f64) -> Vec<String> {
     found
 }
 
-/// Changes to a deck that prevent a run from continuing, each as a sentence. The parameters of materials, the values
-/// and curves of loads and boundary conditions, the number and size of steps, the `solver`, titles and the output of
-/// files may change.
+/// Changes to a deck that prevent a run from continuing, each as a sentence. What `changes` allows may change, and so
+/// may the properties of a material, except its density, if none of them varies in space, and everything about loads
+/// and boundary conditions except their names, types and surfaces.
 pub fn changes_during_run(old: &Deck, new: &Deck) -> Vec<String> {
     let of = |deck: &Deck| {
         let mut value = essential(deck);
@@ -78,14 +78,14 @@ pub fn changes_during_run(old: &Deck, new: &Deck) -> Vec<String> {
 }
 
 /// The number, in the deck `new`, of the step that ends at `time`: its number `own` in the run of the deck `old` or, if
-/// the number of requested steps up to that time has changed, the larger of `own` and this number, so that no file of
-/// an earlier step is overwritten. `None` after the end of the analysis.
+/// the number of requested steps up to that time has changed, the larger of `own` and the new number, so that no file
+/// of an earlier step is overwritten. `None` after the end of the analysis.
 pub fn step_at([old, new]: [&Deck; 2], time: f64, own: usize) -> Option<usize> {
     if time > new.end_time() * (1.0 + SAME) {
         return None;
     }
     let requested = requested_at(new, time);
-    // Steps that grow are fewer than the requested ones.
+    // If steps grow, there are fewer of them than requested.
     let changed = requested.filter(|_| requested != requested_at(old, time));
     Some(changed.map_or(own, |requested| own.max(requested)))
 }
@@ -185,7 +185,7 @@ fn course(deck: &Deck, name: &str, initial: f64) -> LoadCurve {
     LoadCurve::table(pairs)
 }
 
-/// True if two piecewise linear curves differ up to a time.
+/// True if two piecewise linear curves differ at or before a time.
 fn differ(before: &LoadCurve, after: &LoadCurve, time: f64) -> bool {
     let times = before.times().chain(after.times()).filter(|t| (0.0..time).contains(t));
     times.chain([0.0, time]).any(|t| {

@@ -79,7 +79,7 @@ pub struct Diagnostic {
     pub span: Option<Span>,
     /// Short text beside the marked location.
     pub label: Option<String>,
-    /// Further facts, for example that a value comes from a parameter.
+    /// Further information, for example that a value comes from a parameter.
     pub notes: Vec<String>,
     /// The remedy.
     pub help: Option<String>,
@@ -182,7 +182,7 @@ impl Diagnostic {
     }
 
     /// An error about the value at a JSON pointer, located there or, if the value is not in the text, at the nearest
-    /// parent that is. A note is added if the value comes from a parameter.
+    /// ancestor that is. A note is added if the value comes from a parameter.
     pub fn at(source: &Source, code: &'static str, pointer: &str, message: impl Into<String>) -> Diagnostic {
         let mut diagnostic = Diagnostic::error(code, message);
         diagnostic.span = source.nearest_span(pointer);
@@ -238,7 +238,7 @@ impl Diagnostic {
         self
     }
 
-    /// Adds a further fact.
+    /// Adds a note.
     #[must_use]
     pub fn note(mut self, note: impl Into<String>) -> Diagnostic {
         self.notes.push(note.into());

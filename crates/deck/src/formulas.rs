@@ -283,7 +283,7 @@ mod tests {
         let parameters = BTreeMap::from([("E".to_string(), Parameter::Number(10.0))]);
         let values = formulas(&[("a", "b + 1"), ("b", "c*2"), ("c", "X + Y")]);
         let force = at_points(&[text("E*a + x"), text("factor*b")], &values, &parameters).ok().unwrap();
-        // c = 7, b = 14, a = 15; the first is scaled by the factor, the second depends on it.
+        // c = 7, b = 14, a = 15; the first component is scaled by the factor, the second contains it.
         assert_eq!(force.evaluate(&[1.0, 2.0], &[3.0, 4.0], 0.5), [0.5 * 151.0, 7.0]);
     }
 

@@ -53,7 +53,7 @@ pub(crate) trait Checks {
     );
 }
 
-/// Treatment of points that are equally near if fewer of them are requested.
+/// Treatment of equally near points of which only some are requested.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Ties {
     /// An error, since round-off would choose between them.

@@ -60,7 +60,8 @@ pub struct FollowDeck {
     pub condition: String,
 }
 
-/// Relative distance to a grid line within which a coordinate counts as lying on it.
+/// Distance to a grid line within which a coordinate counts as lying on it, relative to the size of the cells around
+/// the line, [-].
 const ON_LINE: f64 = 1e-6;
 
 /// The index of the grid line at a coordinate.

@@ -16,7 +16,8 @@ use super::quoting::{either, list, quote};
 /// Largest number of parts of the bodies that are reported.
 const MOST_PARTS: usize = 20;
 
-/// Free parts: the bodies in each, the axes along which it is free, and the number of other such directions.
+/// Free parts: the bodies in each, the axes along which it is free, and the number of other directions in which it is
+/// free.
 type Free = BTreeSet<(Vec<u16>, Vec<usize>, usize)>;
 
 impl Check<'_> {

@@ -41,7 +41,7 @@ pub enum InitialStressDeck {
     },
 }
 
-/// Components of a stress, [stress]: numbers, or formulas of X, Y (in space also Z), the original position, and of the
+/// Components of a stress, [stress]: numbers, or formulas in X, Y (the original position), in space also Z, and the
 /// parameters.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -133,8 +133,8 @@ fn holds_stress(deck: &Deck, load: &LoadDeck) -> bool {
     matches!(load, LoadDeck::Gravity { curve: None, .. }) && deck.bodies.iter().any(is_stressed)
 }
 
-/// Load factor of a load at time 0, [-]: 0 without initial stress, 1 for gravity without a curve on a body with initial
-/// stress, otherwise that of its curve.
+/// Load factor of a load at time 0, [-]: 0 if no body has an initial stress, 1 for gravity without a curve on a body
+/// with initial stress, otherwise that of its curve.
 pub fn initial_factor(deck: &Deck, load: &LoadDeck) -> f64 {
     if is_stressed(deck) { curve_of(deck, load).factor(0.0) } else { 0.0 }
 }

@@ -206,7 +206,7 @@ pub struct Analysis {
     /// How the geometry represents the three-dimensional body; this sets the number of axes, and thus the number of
     /// entries in every vector of the deck.
     pub idealisation: Idealisation,
-    /// Configuration in which equilibrium is formulated; both give the same results.
+    /// Configuration in which equilibrium is formulated; results do not depend on it.
     pub formulation: Formulation,
     /// How the current volume of a point is computed.
     pub point_volume: PointVolume,

@@ -55,7 +55,8 @@ pub enum LoadDeck {
         /// Force per volume, [force/volume], or per mass, [length/time²], at load factor 1, one number or formula per
         /// axis. A formula may contain x, y (the position at the start of the step), X, Y (the original position), in
         /// space also z and Z, `factor` (the load factor), the parameters and the names under `where`. A formula that
-        /// contains `factor` states the whole force; any other formula is multiplied by the load factor.
+        /// contains `factor`, directly or through a name under `where`, states the whole force; any other formula is
+        /// multiplied by the load factor.
         #[schemars(with = "Expressions", extend("examples" = [["gamma*y", 0]]))]
         force: Vec<Expression>,
         /// Quantity to which `force` refers.
@@ -177,7 +178,7 @@ impl LoadDeck {
         }
     }
 
-    /// Names of the bodies on whose points the load acts; `None` for all of them.
+    /// Names of the bodies on whose points the load acts; `None` for all bodies, and empty for a load on a surface.
     pub(crate) fn bodies(&self) -> Option<&[String]> {
         match self {
             LoadDeck::Gravity { bodies, .. } | LoadDeck::BodyForce { bodies, .. } => bodies.as_deref(),

@@ -22,8 +22,8 @@ pub use cell_size::CellSize;
 pub use law::Surroundings;
 pub(crate) use of_points::MaterialOfPoints;
 
-/// A constitutive law and its properties. Each number of a built-in law may also be a formula in X, Y (in space also
-/// Z), the original position, and of the parameters.
+/// A constitutive law and its properties. Each number of a built-in law may also be a formula in X, Y (the original
+/// position), in space also Z, and the parameters.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "model", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum MaterialDeck {
@@ -322,8 +322,8 @@ impl MaterialDeck {
         }
     }
 
-    /// True unless the dilation angle differs from the friction angle at the peak or after softening. If it differs,
-    /// factors of safety depend on the cell size.
+    /// True if the dilation angle equals the friction angle, both at the peak and after softening. Otherwise, factors
+    /// of safety depend on the cell size.
     pub fn is_associated(&self) -> bool {
         match self {
             MaterialDeck::MohrCoulomb { friction_angle, dilation_angle, softening, .. } => {

@@ -22,7 +22,7 @@ const MOST_IN_TEXT: usize = 10_000;
 /// Largest number of bytes that expressions may add to all strings of a deck.
 const MOST_IN_ALL: usize = 16 << 20;
 
-// Names that already have a meaning in formulas.
+// Help on names, and the names that already have a meaning in formulas.
 use super::formulas::{NAMES, VARIABLES};
 
 /// A parameter with everything needed to find its value.
@@ -262,7 +262,7 @@ impl Table<'_> {
         }
     }
 
-    /// Inserts the parameters into all strings below a value, except the parameters themselves.
+    /// Inserts the values of the parameters into all strings in a value, except those under `parameters`.
     fn insert(&mut self, value: &mut Value, pointer: &mut String) {
         let parent = pointer.len();
         match value {

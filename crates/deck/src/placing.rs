@@ -39,8 +39,8 @@ pub(super) fn unknown_group<const D: usize>(
     (message, help)
 }
 
-/// All nodes within bounds, in ascending order, and some outside: the nodes next to the bounds or, on an unstructured
-/// grid, all nodes.
+/// All nodes within bounds and some outside, in ascending order: next to the bounds or, on an unstructured grid,
+/// everywhere.
 pub(super) fn nodes_near<'a, const D: usize>(
     grid: &'a dyn Grid<D>,
     bounds: &[[f64; D]; 2],
@@ -51,7 +51,8 @@ pub(super) fn nodes_near<'a, const D: usize>(
     }
 }
 
-/// Checks that all points of a body, and the corners of their domains, lie in cells. All ranks check together.
+/// Checks that all points of a body, and the corners of their domains, lie in cells. Collective: every rank must call
+/// this.
 pub(super) fn inside_grid<const D: usize>(
     grid: &dyn Grid<D>,
     body: &str,
@@ -79,8 +80,8 @@ pub(super) fn inside_grid<const D: usize>(
 }
 
 /// Finds pairs of bodies that exist at the same time, one of which has points in the region of the other; returns the
-/// index of the later body of each pair and a message. All points of a cell must be on one rank; all ranks search
-/// together.
+/// index of the later body of each pair and a message. All points of a cell must be on one rank. Collective: every rank
+/// must call this.
 pub(super) fn overlaps<const D: usize>(
     grid: &dyn Grid<D>,
     deck: &Deck,
@@ -97,8 +98,8 @@ pub(super) fn overlaps<const D: usize>(
             in_cell.entry(cell).or_default().push(p);
         }
     }
-    // For each pair of a later and an earlier body that overlap: the number of points of one body in the region of the
-    // other, and the cell and position of the first such point.
+    // For each pair of a later and an earlier body that overlap: the number of points of either body in the region of
+    // the other, and the cell and position of the first such point.
     let mut found: BTreeMap<(u16, u16), (usize, u32, Vec<f64>)> = BTreeMap::new();
     let in_group = |key: usize, cell: usize| groups.holds(key, cell);
     for (cell, of_cell) in &in_cell {

@@ -75,7 +75,8 @@ impl Plan {
         let size = if ranks > 1 { size.on_several_ranks() } else { size };
         let (n, d) = (ranks as f64, dimensions as f64);
         let constants = Constants::measured(dimensions, size.is_wide);
-        // The own nodes of a rank form a cube (square), and the rank shares two layers of nodes with other ranks.
+        // The own nodes of a rank form a cube (square), and the rank shares two layers of nodes along each axis with
+        // other ranks.
         let own = size.unknowns / d / n;
         let side = own.powf(1.0 / d).max(1.0);
         let shared = if ranks == 1 { 0.0 } else { ((side + 2.0) / side).powf(d) - 1.0 };

@@ -15,7 +15,7 @@ pub fn quote(text: &str) -> String {
     format!("`{shown}`")
 }
 
-/// A number without the round-off of the arithmetic that has led to it.
+/// A number without the round-off of the arithmetic that produced it.
 pub fn rounded(value: f64) -> f64 {
     format!("{value:.9e}").parse().unwrap_or(value)
 }

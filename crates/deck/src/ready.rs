@@ -191,7 +191,7 @@ impl Analysis {
         }
     }
 
-    /// Runs the analysis from `reached`; the points must be in the state of that step.
+    /// Runs the analysis from `reached`; the points must be in that state.
     ///
     /// # Errors
     /// As for [`solver::run`].
@@ -207,7 +207,7 @@ impl Analysis {
     }
 }
 
-// These functions are not generic, so that the program does not compile the stages of an analysis again.
+// These functions are not generic, so that `run_stages` is compiled here and not again in each program.
 fn run_in_plane(
     (model, points): &mut (Model<2>, Points<2>),
     reached: Reached,

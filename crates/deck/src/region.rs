@@ -258,12 +258,12 @@ pub(super) trait Given<const D: usize> {
     fn surface(&mut self, place: &str, file: &str) -> Option<Surface>;
 }
 
-/// Regions that exist in the plane only, or in space only.
+/// The parts of building regions and grids that depend on the number of dimensions.
 pub(super) trait OfDeck<const D: usize>: Sized + ToolOfDeck<D> + Fillable<D> {
     /// Builds a region of a shape that exists only in this number of dimensions; `None` for other shapes.
     fn own(shape: &Shape, place: &str, given: &mut dyn Given<D>) -> Result<Option<Self>, Refusal>;
 
-    /// A rotation about a location.
+    /// A rotation about a centre.
     fn turn(angle: f64, center: [f64; D], axis: Option<&Direction>) -> Result<Motion<D>, ShapeError>;
 
     /// Puts a structured grid into a `Box`.

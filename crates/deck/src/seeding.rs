@@ -10,7 +10,7 @@ use mpm_core::model::{FillError, Fillable, Filling, MOST_POINTS, Placement};
 use mpm_core::points::Seed;
 use mpm_core::region::{Accuracy, Region, Volume};
 
-/// A body that cannot be filled: code, the key of the body that causes it, message and remedy.
+/// The reason why a body cannot be filled: code, the key of the body that causes it, message and remedy.
 #[derive(Debug)]
 pub(super) struct Fault {
     pub(super) code: &'static str,
@@ -30,10 +30,10 @@ pub(super) struct Filled<const D: usize> {
     pub(super) exact: Option<Volume>,
 }
 
-/// Fills a body with points as its deck requests. All ranks fill it together.
+/// Fills a body with points as its deck requests. Collective: every rank must call this.
 ///
 /// # Errors
-/// The fault that prevents it; `None` if only another rank has found one.
+/// The fault that prevents it; `None` if only other ranks found one.
 pub(super) fn fill<const D: usize>(
     region: &Region<D>,
     filling: &Filling<D>,
@@ -98,7 +98,7 @@ fn placement<const D: usize>(
     Ok(Placement::Lattice(per_axis(spacing)))
 }
 
-/// Checks that an STL surface lies in the grid, which is known only once its file has been read.
+/// Checks that an STL surface lies in the grid; its extent is known only once its file has been read.
 fn surface_in_grid<const D: usize>(
     region: &Region<D>,
     grid: &dyn Grid<D>,

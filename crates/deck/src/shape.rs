@@ -25,14 +25,14 @@ use mpm_core::formula::closest;
 
 pub(crate) use words::written_number;
 
-/// Number of passes over a deck with misspelt keys.
+/// Largest number of passes over a deck with misspelt keys.
 const PASSES: usize = 3;
 /// Largest number of unknown keys that are corrected; in a deck with more, most have the same cause.
 const MOST_CORRECTED: usize = 100;
 
 /// Checks a deck against the schema once its parameters have been substituted; adds a message for every fault. Returns
 /// the deck if it can be read, even if a number is out of range or a key is misspelt, so that later checks can run;
-/// otherwise returns the value as far as it could be read.
+/// otherwise returns its value, with misspelt keys corrected.
 pub(super) fn check(
     mut value: Value,
     source: &mut Source,

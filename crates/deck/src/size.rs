@@ -78,8 +78,8 @@ pub(super) struct Size {
     pub(super) memory_of_stiffness: f64,
     /// True if the equations are solved iteratively.
     pub(super) is_iterative: bool,
-    /// Memory of the stiffness of a mesh where several ranks solve the equations iteratively, [byte]; `None` where they
-    /// do not.
+    /// Memory of the stiffness if several ranks solve the equations of a mesh iteratively, [byte]; `None` on a
+    /// structured grid, or if the equations are factorised.
     memory_of_algebraic: Option<f64>,
     /// True if the grid is a mesh.
     pub(super) is_mesh: bool,
@@ -156,8 +156,8 @@ impl Size {
         }
     }
 
-    /// The size, with memory counted only for the parts that the ranks on this machine hold. All ranks must call this
-    /// together.
+    /// The size, with memory counted only for the parts that the ranks on this machine hold. Collective: every rank
+    /// must call this.
     pub(super) fn of_part(self, ranks: &Ranks) -> Size {
         if ranks.is_alone() {
             return self;

@@ -151,8 +151,8 @@ impl Source {
         self.used_parameters.contains(name)
     }
 
-    /// Copies what is known of a value and everything below it to another JSON pointer; locations in the text stay the
-    /// same.
+    /// Copies what is known about a value and everything below it to another JSON pointer; locations in the text stay
+    /// the same.
     pub(super) fn rename(&mut self, from: &str, to: &str) {
         let moved = |pointer: &str| match pointer.strip_prefix(from) {
             Some(rest) if rest.is_empty() || rest.starts_with('/') => Some(format!("{to}{rest}")),

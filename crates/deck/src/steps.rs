@@ -60,8 +60,8 @@ pub enum ControlDeck {
         to: f64,
     },
     /// Arc-length control: the length of the path of all displacements grows in proportion to time; the common factor
-    /// of all loads follows from equilibrium and may decrease. Without `length`, the load factor of the first step
-    /// equals its share of the end time, and all other steps have the path length of the first step.
+    /// of all loads follows from equilibrium and may decrease. Without `length`, the linear response of the first step
+    /// to its share of the loads sets the path length of every step.
     ArcLength {
         /// Length of the path at the end of the analysis, [length]: the sum over the steps of √(Σ V |Δu|² / V₀) over
         /// the nodes. V is the volume assigned to a node at the start of the step, V₀ the original volume of all
@@ -72,9 +72,9 @@ pub enum ControlDeck {
         length: Option<f64>,
     },
     /// Strength reduction: the strength of the materials, such as the cohesion and the tangent of the friction angle,
-    /// is divided by a factor F that grows in proportion to time, until no equilibrium is found. The factor of safety
-    /// lies between the last F with equilibrium and the first F without it; the stage then ends. Loads stay constant,
-    /// and so does the strength of the models `library` and `modified-cam-clay`.
+    /// is divided by a factor F that grows linearly with time, until no equilibrium is found. The factor of safety lies
+    /// between the last F with equilibrium and the first F without it; the stage then ends. Loads stay constant, and so
+    /// does the strength of the models `library` and `modified-cam-clay`.
     StrengthReduction {
         /// Factor at the start, [-].
         #[serde(default = "whole")]

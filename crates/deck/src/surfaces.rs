@@ -35,8 +35,9 @@ pub struct PartDeck {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub half_space: Option<HalfSpaceDeck>,
     /// Number of a side of the shape, from 0. Polygon: side i runs from corner i to the next. Box in the plane: bottom,
-    /// right, top, left. Box in space: lowest and highest x, y, z. Annulus: outer (0) and inner (1) boundary. Cylinder
-    /// or cone: lateral surface (0), start (1), end (2). Extruded polygon: its sides, then its lower and upper ends.
+    /// right, top, left. Box in space: lowest x, highest x, lowest y, and so on. Annulus: outer (0) and inner (1)
+    /// boundary. Cylinder or cone: lateral surface (0), start (1), end (2). Extruded polygon: its sides, then its lower
+    /// and upper ends.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = [2]))]
     pub edge: Option<u32>,

@@ -98,8 +98,8 @@ pub struct ToolDeck {
     #[schemars(range(min = 1e-3, max = 1e6), extend("examples" = [10]))]
     pub penalty: Option<f64>,
     /// Largest mean overlap of a body and the tool around a node that a converged step may have, relative to the cell
-    /// size, [-]; by default 1e-6. Where more corners touch than the nodes have degrees of freedom, up to 1e-4 is
-    /// accepted, and up to 1e-3 at a single corner.
+    /// size, [-]; by default 1e-6. Where more corners touch than the nodes have degrees of freedom, 1e-4 is accepted
+    /// instead, and 1e-3 after many multiplier updates. The overlap of a single corner may always reach 1e-3.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1e-12, max = 0.1), extend("examples" = [1e-6]))]
     pub overlap: Option<f64>,
@@ -296,8 +296,8 @@ pub struct ToolLoadDeck {
 pub struct ToolPartDeck {
     /// Numbers of sides of the shape, from 0; all sides by default. Polygon, polyline (both faces) or section of a body
     /// of revolution: side i runs from corner i to the next. Box in the plane: bottom, right, top, left. Box in space:
-    /// lowest and highest x, y, z. Cylinder or cone: lateral surface (0), start (1), end (2). Extruded polygon: its
-    /// sides, then its lower and upper ends.
+    /// lowest x, highest x, lowest y, and so on. Cylinder or cone: lateral surface (0), start (1), end (2). Extruded
+    /// polygon: its sides, then its lower and upper ends.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(length(min = 1), extend("examples" = [[0, 1]]))]
     pub edges: Option<Vec<u32>>,
@@ -439,7 +439,7 @@ impl ToolDeck {
             || self.motion().iter().any(|(_, _, value)| !value.is_zero())
     }
 
-    /// True if the tool is free along an axis, or a motion along this axis is prescribed.
+    /// True if the tool is free along an axis, or if a non-zero motion along this axis is prescribed.
     pub(crate) fn may_move_along(&self, axis: usize) -> bool {
         let is_along = |component: FreeDeck| component as usize == axis;
         let mut motion = self.motion().into_iter();
@@ -456,7 +456,7 @@ impl ToolDeck {
         named.chain(of_loads)
     }
 
-    /// The prescribed components of the motion, each with its key: the displacements, then the rotation vector.
+    /// The prescribed components of the motion, each with its key: the displacements, then the rotations.
     pub(crate) fn motion(&self) -> Vec<(String, FreeDeck, Expression)> {
         use FreeDeck::{Rotation, Rx, Ry, Rz, X, Y, Z};
         let along = [("ux", X, &self.ux), ("uy", Y, &self.uy), ("uz", Z, &self.uz)];

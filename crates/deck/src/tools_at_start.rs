@@ -125,8 +125,8 @@ fn subtracts(shape: &Shape) -> bool {
     matches!(shape, Shape::Difference { .. }) || shape.parts().iter().any(|(_, part)| subtracts(part))
 }
 
-/// The box around the points of a body; `None` if the body has no points at the start. All ranks must call this
-/// together.
+/// The box around the points of a body; `None` if the body has no points at the start. Collective: every rank must call
+/// this.
 fn box_around<const D: usize>(points: &Points<D>, body: usize) -> Option<Bounds<D>> {
     let of_body = (0..points.len()).filter(|p| points.body[*p] as usize == body);
     let [low, high] = of_body.map(|p| points.converged.position[p]).fold(

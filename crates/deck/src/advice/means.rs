@@ -1,11 +1,11 @@
-//! The facts of a deck that decide which advice applies to its runs.
+//! The properties of a deck that decide which advice applies to its runs.
 
 use crate::source::Source;
 use crate::validate::{names_in, validate};
 use crate::{AXES, BoundaryConditionDeck, ControlDeck, Deck, GridDeck, Method};
 
-/// The facts of a deck that decide which advice applies to its runs. By default, the deck is unknown, and advice is
-/// general.
+/// The properties of a deck that decide which advice applies to its runs. By default, the deck is unknown, and advice
+/// is general.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Means {
     /// True if the deck is known.
@@ -22,7 +22,7 @@ pub struct Means {
 }
 
 impl Means {
-    /// The facts of a deck without errors.
+    /// The properties of a deck without errors.
     pub fn of(deck: &Deck) -> Means {
         Means {
             is_known: true,
@@ -47,7 +47,8 @@ fn could_be_followed(deck: &Deck) -> Vec<(String, &'static str)> {
     conditions.filter_map(|condition| Some((condition.name.clone(), axis_of_motion(condition)?))).collect()
 }
 
-/// The axis along which a condition moves nodes at given positions, all by the same displacement.
+/// The axis along which a condition moves nodes selected by position, all by the same displacement; `None` for any
+/// other condition.
 fn axis_of_motion(condition: &BoundaryConditionDeck) -> Option<&'static str> {
     condition.nodes.as_ref().filter(|nodes| nodes.outer_layer.is_none())?;
     let displacements = condition.displacements();

@@ -130,8 +130,8 @@ where
         self.found.push(found.help(help));
     }
 
-    /// Checks that the strength can be reduced, if the deck reduces it: a law in use must have a strength, and so must
-    /// every law that replaces a law of the deck, because nothing is known about whether it yields.
+    /// If the deck reduces the strength, checks that at least one law in use has a strength that can be reduced, and
+    /// that every law in use that replaces a law of the deck has one, because it is unknown whether such a law yields.
     pub(super) fn strengths(&mut self, laws: &[MaterialOfPoints]) {
         let deck = self.deck;
         let used = deck.used_materials();
@@ -164,7 +164,7 @@ where
         }
     }
 
-    /// Reports that a material yields, but is exempt from the strength reduction.
+    /// Notes that a material that may yield is exempt from the strength reduction.
     fn strength_that_stays(&mut self, name: &str, material: &MaterialDeck) {
         let has_one = matches!(material, MaterialDeck::Library { .. } | MaterialDeck::ModifiedCamClay { .. });
         if !(has_one && self.deck.reduces_strength() && self.deck.used_materials().contains(name)) {

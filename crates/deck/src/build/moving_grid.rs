@@ -15,7 +15,7 @@ where
     /// Makes the lines under `follow` follow their conditions, and checks the motion of the lines over all stages.
     pub(super) fn follow(&mut self, model: &mut Model<D>) {
         let GridDeck::Structured { follow, .. } = &self.deck.grid else { return };
-        // If a condition is missing, the indices of the others mean nothing.
+        // If a condition was left out, the indices of the others are not those in the deck.
         if follow.is_empty() || model.boundary_conditions.len() < self.deck.boundary_conditions.len() {
             return;
         }

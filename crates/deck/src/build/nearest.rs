@@ -14,7 +14,7 @@ use mpm_core::grid::Grid;
 use mpm_core::points::{Points, coordinates};
 use mpm_core::region::Region;
 
-/// Distances that differ by less than this share of a cell count as equal.
+/// Distances that differ by less than this fraction of the cell size count as equal.
 const SAME: f64 = 1e-9;
 
 impl<const D: usize> Builds for Placing<'_, '_, D>

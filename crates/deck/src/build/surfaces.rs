@@ -13,7 +13,7 @@ use crate::{BoxDeck, HalfSpaceDeck, Idealisation, PartDeck, SurfaceDeck};
 
 /// Length of the samples of a surface relative to the smallest cell at the surface, [-].
 const LENGTH: f64 = 0.25;
-/// On a mesh, cells are looked up at about this many samples of a surface.
+/// Largest number of samples of a surface at which the cells of a mesh are looked up.
 const PLACES: usize = 200;
 /// Largest number of times that a surface is sampled again with the spacing of the cells found at it.
 const ROUNDS: usize = 4;
@@ -166,8 +166,9 @@ where
     }
 }
 
-/// A box around a surface, and around its part of the body if this is given by a box; the box around the body if the
-/// surface is empty.
+/// Bounds of a surface, extended to the box that selects its part of the body, if any; only the portion of this box
+/// within the bounds of the body counts. For an empty surface, this portion alone or, without a box, the bounds of the
+/// body.
 fn bounds_of<const D: usize>(surface: &Surface<D>, part: &Part<D>, region: &Region<D>) -> [[f64; D]; 2] {
     let whole = region.bounds();
     let [mut low, mut high] =
@@ -189,8 +190,8 @@ fn bounds_of<const D: usize>(surface: &Surface<D>, part: &Part<D>, region: &Regi
     [low, high]
 }
 
-/// The shortest and the longest sides, along each axis, of the cells in a box, [length]. On a mesh, they are the sizes of
-/// the cells at these places, or, if there are none, at the corners and the middle of the box.
+/// The shortest and the longest sides, along each axis, of the cells in a box, [length]. On a mesh, the smallest and
+/// the largest size of the cells at `places` or, if there are none, at the corners and the middle of the box.
 fn cells_between<const D: usize>(
     grid: &dyn Grid<D>,
     bounds: [[f64; D]; 2],

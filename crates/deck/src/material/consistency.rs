@@ -5,7 +5,7 @@ use super::property::Setting;
 /// A contradiction between properties at a point.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Inconsistency {
-    /// Key of the property to change, such as `dilation_angle` or `softening/strain`; empty if one is missing.
+    /// Key of the property to change, such as `dilation_angle` or `softening/strain`; empty if a property is missing.
     pub key: String,
     /// The contradiction.
     pub message: String,

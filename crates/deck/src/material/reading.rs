@@ -9,7 +9,7 @@ use crate::Expression;
 use crate::formulas::Fault;
 use mpm_core::material::{Friction, Material, Softening, Varying};
 
-/// The properties of a material that have been read, and the limits between them.
+/// The properties of a material that have been read, and the inequalities that they must satisfy.
 pub(super) struct Reading<'a> {
     settings: Settings<'a>,
     limits: Vec<AtMost>,

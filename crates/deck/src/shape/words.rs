@@ -66,7 +66,8 @@ pub(super) fn number_help(value: &Value, code: &str) -> Option<String> {
     written_number(value.as_str().filter(|_| code == "D008")?, false)
 }
 
-/// Help for a string that is a number with separators or with a unit, where a formula is allowed or not.
+/// Help for a string that is a number with separators or with a unit; `is_formula` is true if a formula is allowed
+/// there.
 pub(crate) fn written_number(text: &str, is_formula: bool) -> Option<String> {
     let bare = text.replace(['_', ' ', '\''], "").replace(',', ".");
     if bare.parse::<f64>().is_ok_and(f64::is_finite) {

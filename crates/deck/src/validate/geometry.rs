@@ -139,7 +139,7 @@ impl Check<'_> {
         false
     }
 
-    /// Checks the points of a body with any region.
+    /// Checks how the points of a body are placed, whatever its region; returns false if their placement has a fault.
     fn placing(&mut self, pointer: &str, body: &BodyDeck) -> bool {
         let of_simplices = [
             ("points_per_triangle", body.points_per_triangle, 2, "triangles"),
@@ -318,7 +318,7 @@ impl Check<'_> {
         }
     }
 
-    /// Checks that bodies do not overlap; boxes may touch.
+    /// Checks that bodies that are boxes do not overlap; they may touch.
     pub(super) fn overlaps(&mut self, mut boxes: Vec<(usize, Extent)>) {
         // If the boxes are sorted by their lower sides, each need be compared only with the later boxes that start
         // before its upper side; these are few along the axis on which the boxes are spread out most.

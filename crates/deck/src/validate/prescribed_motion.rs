@@ -16,7 +16,7 @@ use mpm_core::tensor::Mat3;
 
 /// Number of samples of a prescribed displacement along each axis of a side of a box.
 const SAMPLES: usize = 8;
-/// Largest number of steps over which a motion is followed.
+/// Largest number of steps into which a motion is divided.
 const MOST_STEPS: u32 = 100;
 
 impl Check<'_> {

@@ -12,7 +12,7 @@ use crate::{ControlDeck, LoadDeck, MaterialDeck, Parameter, StageDeck};
 /// Shortest step relative to the time at which its stage begins, [-].
 const SHORTEST: f64 = 1e-9;
 
-/// A list of names in a stage.
+/// Selects a list of names in a stage.
 type Names = fn(&StageDeck) -> &Vec<String>;
 
 impl Check<'_> {

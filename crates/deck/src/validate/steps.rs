@@ -8,7 +8,7 @@ use crate::{ControlDeck, Expression, GridDeck, LoadCurve, LoadDeck, StageDeck};
 use mpm_core::formula::names;
 use mpm_files::shortest;
 
-/// A displacement below this share of the grid size is round-off, [-].
+/// A displacement below this fraction of the grid size is round-off, [-].
 const LEAST: f64 = 1e-12;
 /// A usual tolerance of the strength reduction factor, [-].
 const USUAL: f64 = 0.005;
@@ -135,8 +135,8 @@ impl Check<'_> {
         }
     }
 
-    /// Checks that the motions of tools can share an unknown factor. If there are tools, only the last stage may have
-    /// an unknown factor.
+    /// Checks that the motions of tools can share an unknown factor. If a tool moves or bears a load, only the last
+    /// stage may have an unknown factor.
     fn tools_of_common_factor(&mut self, stage: Option<(&StageDeck, [f64; 2])>) {
         let deck = self.deck;
         let times = stage.map_or([0.0, deck.end_time()], |(_, times)| times);

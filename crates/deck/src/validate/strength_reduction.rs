@@ -70,8 +70,9 @@ impl Check<'_> {
     }
 
     /// Checks that the bodies carry something while the stage with this number reduces the strength: a load, a
-    /// prescribed motion or an initial stress. An earlier stage may have removed the weight that a geostatic stress
-    /// carries, and a motion that has been reversed may have left stresses.
+    /// prescribed motion, a tool or an initial stress. A geostatic stress does not count, because an earlier stage may
+    /// have removed the weight that it carries. A motion counts even if it has been reversed, because it may have left
+    /// stresses.
     pub(super) fn something_to_carry(&mut self, control: &str, number: usize) {
         let deck = self.deck;
         let so_far = deck.stages.get(..=number).unwrap_or_default();

@@ -142,7 +142,7 @@ impl Check<'_> {
     }
 }
 
-/// A number with three significant digits, in scientific notation if it is large.
+/// A number with three significant digits, in scientific notation if it is very large or very small.
 fn about(number: f64) -> String {
     Parameter::Number(format!("{number:.2e}").parse().unwrap_or(number)).to_string()
 }

@@ -15,9 +15,9 @@ pub enum Kind {
     Shifted(f64),
     /// Not symmetric.
     Unsymmetric,
-    /// Not held anywhere.
+    /// Singular, because no node is held.
     Loose,
-    /// With weak elements at the right end that do not resist a certain motion of their nodes.
+    /// Nearly singular, because the elements at the right end are weak and have one quadrature point.
     Weak,
     /// With an entry that is not a number, on one rank only.
     NotFinite,
