@@ -309,7 +309,8 @@ impl<const N: usize> Forces<'_, N> {
                 residuals[part] = 0.0;
             } else if !is_round_off[part] {
                 round_off = RoundOff::NoMatter;
-                break;
+            } else if round_off == RoundOff::NoMatter {
+                // Another part exceeds the tolerance for another reason.
             } else if residuals[part].max(resultants[part]) > MOST_OF_ROUND_OFF {
                 round_off = RoundOff::Forbids;
             } else if round_off != RoundOff::Forbids {
