@@ -295,3 +295,20 @@ fn a_varying_law_is_symmetric_only_if_it_is_so_everywhere() {
     });
     assert!(!without_friction_at_the_typical_point.tangent_is_symmetric());
 }
+
+/// Divided by a factor below 1, the strength is larger than the strength of the law; the angle of dilation stays.
+#[test]
+fn a_law_with_more_friction_than_dilation_is_not_symmetric() {
+    let angles = Friction { friction_angle: 25.0, dilation_angle: 25.0, ..CLAY };
+    let associated = move |cohesion| {
+        MohrCoulomb::new(1e6, 0.3, Friction { cohesion, ..angles }).limiting(StrengthMeasure::Kirchhoff)
+    };
+    let property = VaryingProperty { name: "cohesion".into(), unit: "force/area".into(), typical: 1e4 };
+    let at = std::sync::Arc::new(|x: &[f64; 3]| vec![1e4 + x[0]]);
+    let varying = Varying::new(&[property], at, move |p| associated(p[0]));
+    let laws: [&dyn Material; 2] = [&associated(1e4), &varying];
+    for law in laws {
+        let is_symmetric = |factor| law.with_strength_divided(factor).unwrap().tangent_is_symmetric();
+        assert!(law.tangent_is_symmetric() && is_symmetric(1.2) && !is_symmetric(0.8), "{law:?}");
+    }
+}

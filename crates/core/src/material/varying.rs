@@ -171,15 +171,16 @@ impl<L: Material + Clone + 'static> Material for Varying<L> {
     }
 
     fn with_strength_divided(&self, factor: f64) -> Option<Box<dyn Material>> {
-        self.typical.with_strength_divided(factor)?;
+        let divided_by = self.divided_by * factor;
+        let is_symmetric = self.typical.with_strength_divided(divided_by)?.tangent_is_symmetric();
         Some(Box::new(Varying {
             fields: self.fields.clone(),
             n_properties: self.n_properties,
             at: self.at.clone(),
             law: self.law.clone(),
             typical: self.typical.clone(),
-            divided_by: self.divided_by * factor,
-            is_symmetric: self.is_symmetric,
+            divided_by,
+            is_symmetric: self.is_symmetric && is_symmetric,
         }))
     }
 

@@ -218,7 +218,9 @@ impl<const D: usize, const N: usize, M: Mechanics<D>> Term<D, N> for MaterialPoi
     fn is_symmetric(&self, step: &StepContext<D>) -> bool {
         let model = step.model;
         let has_f_bar = model.bodies.iter().any(|body| body.volumetric == Volumetric::FBar);
-        !has_f_bar && model.materials.iter().all(|m| m.law.tangent_is_symmetric())
+        let reduced = self.reduced.iter().flatten().map(|law| law.as_ref());
+        let mut laws = model.materials.iter().map(|material| material.law.as_ref()).chain(reduced);
+        !has_f_bar && laws.all(|law| law.tangent_is_symmetric())
     }
 
     fn couples_group(&self, group: usize) -> bool {
