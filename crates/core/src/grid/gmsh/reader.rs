@@ -216,7 +216,10 @@ impl<'a> Reader<'a> {
     /// Skips to the end of a section.
     pub(super) fn skip(&mut self, section: &str) -> Result<(), GmshError> {
         let end = format!("$End{section}");
-        match self.rest().windows(end.len()).position(|window| window == end.as_bytes()) {
+        let rest = self.rest();
+        let ends_word = |at: usize| rest.get(at).is_none_or(u8::is_ascii_whitespace);
+        let is_end = |(at, window): &(usize, &[u8])| *window == end.as_bytes() && ends_word(at + end.len());
+        match rest.windows(end.len()).enumerate().find(is_end).map(|(at, _)| at) {
             Some(offset) => {
                 self.at += offset;
                 self.end(section)
