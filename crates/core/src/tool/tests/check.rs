@@ -208,7 +208,6 @@ fn check_path<const D: usize>(
         assert!(first.is_some_and(|t| t <= k as f64 / samples as f64 + 1e-12), "{path:?} {first:?}");
     }
     if let Some(t) = first {
-        assert!(changed.is_none_or(|k| (k as f64 - 1.0) / samples as f64 <= t + 1e-12 || t < 1.0));
         let gap = shape.closest(at(t)).unwrap().gap;
         assert!(gap.abs() < 1e-9, "{path:?} {t} {gap}");
     }

@@ -110,7 +110,7 @@ fn a_run_goes_on_from_its_saved_state_with_the_same_bits() {
 
 #[test]
 fn a_square_turns_in_its_hole_and_no_point_slips_through() {
-    for method in [Method::Gimp] {
+    for method in [Method::Gimp, Method::Cpdi2] {
         let hole = |x: &[f64; 2]| x.iter().all(|x| (x - 1.0).abs() < 0.25);
         let shape = Brick::new([-0.25; 2], [0.25; 2]).unwrap();
         let mut tool = Tool::new("square", shape, Pose::new([1.0, 1.0], [0.0; 3]).unwrap());
