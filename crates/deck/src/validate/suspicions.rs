@@ -192,7 +192,8 @@ fn depends_on_factor(load: &LoadDeck) -> bool {
 
 /// True if a prescribed displacement contains `factor`; the nodes may then move even at a factor of 0.
 fn moves_by_formula(condition: &BoundaryConditionDeck) -> bool {
-    condition.displacements().into_iter().any(|displacement| contains_factor(displacement.value))
+    let displacements = condition.displacements().into_iter().map(|displacement| displacement.value);
+    displacements.chain(condition.intermediate.values()).any(contains_factor)
 }
 
 fn contains_factor(given: &Expression) -> bool {
