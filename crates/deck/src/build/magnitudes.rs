@@ -44,17 +44,18 @@ where
                 continue;
             }
             let what_is = if key == "young" { "Young's modulus" } else { "the stiffness" };
-            for (length, what) in [(cell, "a cell"), (whole, "the grid")] {
+            let of_cell = format!("the size {} of a cell", shortest(cell));
+            let of_grid = format!("the largest coordinate {} of the grid", shortest(whole));
+            for (length, what) in [(cell, of_cell), (whole, of_grid)] {
                 let powers = [length.powi(D as i32 - 1), length.powi(D as i32)];
                 let out =
                     powers.map(|power| stiffness * power).into_iter().find(|force| !POSSIBLE.contains(force));
                 let Some(force) = out else { continue };
                 let message = format!(
-                    "{what_is} {} of the material {} and the size {} of {what} give forces or energies of {}, \
-                     beyond the range of floating-point arithmetic",
+                    "{what_is} {} of the material {} and {what} give forces or energies of {}, beyond the range \
+                     of floating-point arithmetic",
                     shortest(stiffness),
                     quote(name),
-                    shortest(length),
                     shortest(force)
                 );
                 let help = format!(
