@@ -151,10 +151,10 @@ impl Session {
         Ok(last)
     }
 
-    /// Ends the run and releases its thread and its memory; nothing can be requested afterwards.
+    /// Ends the run and releases its thread and its memory.
     fn close(&self, py: Python<'_>) -> PyResult<()> {
         let mut running = self.lock()?;
-        running.requests = None; // what an ended run holds is released with this object
+        running.requests = None;
         let thread = running.thread.take();
         drop(running);
         if self.process == std::process::id()
@@ -162,6 +162,9 @@ impl Session {
         {
             py.detach(|| drop(thread.join()));
         }
+        let mut running = self.lock()?;
+        running.ended = None;
+        running.events = mpsc::channel().1; // the end of the run may still wait in the channel
         Ok(())
     }
 

@@ -662,6 +662,33 @@ def test_a_closed_run_says_so():
         run.result()
 
 
+def test_a_closed_run_releases_its_memory():
+    """Whether the run has ended before or not."""
+    source = """
+        import gc, sys, mpm
+
+        def resident():
+            gc.collect()
+            return int(open("/proc/self/statm").read().split()[1]) * 4096 / 2**20
+
+        deck = mpm.Deck.load("inputs/block/block.yaml", h=0.25, steps=2, every=0)
+        for ends in (False, True):
+            before = resident()
+            run = deck.start(threads=1)
+            next(run)
+            if ends:
+                list(run)
+            held = resident() - before
+            run.close()
+            print(held > 40, (resident() - before) / held < 0.5)
+    """
+    environment = dict(os.environ, MALLOC_TRIM_THRESHOLD_="0", MALLOC_MMAP_THRESHOLD_="65536")
+    process = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(source)], cwd=ROOT, env=environment, capture_output=True, text=True
+    )
+    assert process.stdout.split() == ["True"] * 4, process.stdout + process.stderr
+
+
 def leaving():
     """A deck of a block so weak that it flows beyond the grid."""
     deck = load("collapse", h=1, n=3, steps=8)
