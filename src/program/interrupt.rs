@@ -44,8 +44,8 @@ pub fn stop_on_interrupt(speaks: bool) -> anyhow::Result<Arc<AtomicBool>> {
         })
         .map_err(|error| {
             anyhow!(
-                "the threads cannot be started: {error} (the thread that waits for Ctrl-C); `ulimit -u` and \
-                 `ulimit -v` set the limits"
+                "the threads cannot be started: {error} (the thread that waits for Ctrl-C); raise `ulimit -u` or \
+                 `ulimit -v`"
             )
         })?;
     Ok(stop)

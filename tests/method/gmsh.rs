@@ -193,8 +193,7 @@ fn second_order_elements_are_refused_by_name_and_number() {
         other => panic!("{other:?}"),
     }
     let error = read_file(&path("solid_second_order")).unwrap_err().to_string();
-    let expected =
-        ["only linear elements", "`Tetrahedron 10`", "2 × `Hexahedron 27`", "save it with order 1"];
+    let expected = ["only linear elements", "`Tetrahedron 10`", "2 × `Hexahedron 27`", "order to 1 in gmsh"];
     assert!(expected.iter().all(|words| error.contains(words)), "{error}");
 }
 
@@ -208,7 +207,10 @@ fn prisms_and_pyramids_are_refused() {
          hexahedra"
     );
     let mixed = text(nodes, "1 6 2 1 1 1 2 3 4 5 6\n2 9 2 1 1 1 2 3 4 5 6\n").unwrap_err().to_string();
-    assert!(mixed.ends_with("mesh it without prisms and pyramids, and save it with order 1"), "{mixed}");
+    assert!(
+        mixed.ends_with("mesh it without prisms and pyramids, and set the element order to 1 in gmsh"),
+        "{mixed}"
+    );
 }
 
 #[test]
@@ -311,7 +313,7 @@ fn unusable_cells_are_found() {
     assert_eq!(shared, MeshError::SharedName { name: "5".into(), dimensions: [1, 2] });
 }
 
-/// Corners of two cubes, one on top of the other, and of a third beside them that shares no face.
+/// Corners of two cubes, one on top of the other, and a node inside the lower one.
 const CUBES: &str = "1 0 0 0\n2 1 0 0\n3 1 1 0\n4 0 1 0\n5 0 0 1\n6 1 0 1\n7 1 1 1\n8 0 1 1\n\
                      9 0 0 2\n10 1 0 2\n11 1 1 2\n12 0 1 2\n13 .1 .1 .1\n";
 
@@ -431,7 +433,7 @@ fn nodes_on_faces_and_edges_of_connected_solids_are_refused() {
     let hexahedra = refusal::<3>(nodes, &format!("{large}{small}"));
     assert!(hexahedra.starts_with("3 nodes lie on a side"), "{hexahedra}");
     assert!(hexahedra.contains("node 11 at (2, 1, 0) on the side between the nodes "), "{hexahedra}");
-    // A tetrahedron in the middle of a face of another tetrahedron, with which it shares a node.
+    // A tetrahedron on a part of a face of another tetrahedron, with which it shares a node.
     let nodes = "1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n5 .25 .25 0\n6 .25 0 0\n7 0 0 -1\n";
     let tetrahedra = refusal::<3>(nodes, "1 4 0 1 2 3 4\n2 4 0 1 5 6 7\n");
     assert!(tetrahedra.starts_with("2 nodes lie on a side"), "{tetrahedra}");

@@ -127,7 +127,7 @@ def test_a_stress_outside_the_yield_surface_is_brought_back_and_said(run_text, h
     more = f", deviatoric_yield_stress: {radius}, hardening_modulus: {hardening}"
     process, results = run_text(block("equilibrate", "von-mises", more, steps="steps: {count: 4, smallest: 0.01}"))
     assert process.returncode == 0, process.stderr
-    assert "warning[D052]" in process.stderr and "of its 64 points" in process.stderr
+    assert "warning[D052]" in process.stderr and "of the 64 points" in process.stderr
     mesh = results.mesh("points", 0)
     depth = 4 - np.asarray(mesh.points)[:, 1]
     vertical = -2000 * G * depth

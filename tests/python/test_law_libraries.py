@@ -261,7 +261,7 @@ PARAMETERS = [
     ({"young": 1e6}, ["needs the parameter `poisson`", "add `poisson`, [-], to `parameters`"]),
     (ELASTIC | {"density": 1}, ["has no parameter `density`", "are `young`, `poisson`, `deviatoric_yield_stress`"]),
     (ELASTIC | {"hardening_modulus": 0, "deviatoric_yeld_stress": 2e4}, ["did you mean `deviatoric_yield_stress`?"]),
-    (PLASTIC | {"hardening_modulus": -1}, ["refuses its parameters: hardening_modulus must be at least 0"]),
+    (PLASTIC | {"hardening_modulus": -1}, ["rejects its parameters: hardening_modulus must be at least 0"]),
     ({}, ["needs the parameter `young`", "needs the parameter `hardening_modulus`"]),
 ]
 
@@ -298,7 +298,7 @@ def test_laws_that_lack_a_property_are_noticed(mpm, deck, tmp_path, fault):
 def test_a_law_without_response_cuts_the_step_and_ends_the_run(mpm, deck, tmp_path):
     reasons = {
         "NO_NUMBER": "the response of the law to the trial elastic strain is not finite",
-        "REFUSES": "the law refuses the trial elastic strain with the error number 7",
+        "REFUSES": "the law rejects the trial elastic strain (error number 7)",
     }
     for fault, reason in reasons.items():
         compiled(FAULTY, tmp_path / f"{fault}.so", f"-D{fault}=0.03")
@@ -313,7 +313,7 @@ def test_a_law_without_response_cuts_the_step_and_ends_the_run(mpm, deck, tmp_pa
         assert summary["outcome"] == "failed" and reason in summary["reason"]
         assert summary["failed_attempts"] > 1 and summary["steps"] >= 3, "steps were cut before"
         assert summary["diagnosis"]["kind"] == "refused-by-law", "it is not the grid that inverts"
-        assert f"diagnosis: the law of a point refuses its strain: {reason}" in process.stderr
+        assert f"diagnosis: the law of a point rejects its strain: {reason}" in process.stderr
 
 
 @pytest.mark.parametrize(

@@ -43,10 +43,10 @@ impl OfLibrary<'_> {
         let law = LibraryLaw::new(library, values).map_err(|reason| {
             let reason: String = reason.chars().filter(|c| !c.is_control()).take(200).collect();
             let message =
-                format!("the law of the material {} refuses its parameters: {reason}", quote(self.name));
+                format!("the law of the material {} rejects its parameters: {reason}", quote(self.name));
             vec![
                 Diagnostic::at_key(self.source, "D062", &self.at("parameters"), message)
-                    .help("change the values of `parameters`; the law decides which ones it can have"),
+                    .help("change the values of `parameters`; the law decides which values it accepts"),
             ]
         })?;
         match law.state_fields().iter().find(|field| is_field_of_points(&field.name)) {

@@ -411,7 +411,7 @@ const MOST_WITH_TOOLS: usize = 60;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SolverDeck {
-    /// Largest relative out-of-balance force, eq. (40), of a converged step, [-].
+    /// Largest relative out-of-balance force of a converged step, [-].
     #[schemars(extend("exclusiveMinimum" = 0.0, "exclusiveMaximum" = 1.0, "examples" = [1e-9]))]
     pub tolerance: f64,
     /// Largest number of linear solves in a step; by default 20, and 60 with tools, whose contact points open, close,

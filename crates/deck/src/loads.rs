@@ -251,8 +251,8 @@ impl LoadDeck {
                 check.surface(&at("surface"), surface);
                 if hydrostatic.is_some() && !follows {
                     let message =
-                        format!("the pressure {} of a liquid follows its surface", quote(self.name()));
-                    let help = "remove `follows`, or write the pressure as a formula";
+                        format!("the hydrostatic pressure {} always follows its surface", quote(self.name()));
+                    let help = "remove `follows: false`, or give the pressure as a formula under `pressure`";
                     check.error_at_key("D020", &at("follows"), message, help);
                 }
                 if pressure.is_some() == hydrostatic.is_some() {

@@ -64,16 +64,23 @@ pub(super) fn inside_grid<const D: usize>(
     let first = lost.next().map(|first| (first.position.to_vec(), outside(&first.position)));
     let count = ranks.count_all(usize::from(first.is_some()) + lost.count());
     let Some((first, is_outside)) = ranks.first(first) else { return Ok(()) };
-    let part = if is_outside { "" } else { " (a corner of its domain)" };
     let (body, place) = (quote(body), coordinates(&first));
-    let lost = match (count, filled.all) {
-        (1, 1) => format!("the only point of the body {body} lies outside the grid, at"),
-        (1, all) => format!("1 of the {all} points of the body {body} lies outside the grid, at"),
-        (_, all) => {
-            format!("{count} of the {all} points of the body {body} lie outside the grid, the first at")
+    let all = filled.all;
+    let message = match (count, is_outside) {
+        (1, true) if all == 1 => {
+            format!("the only point of the body {body} lies outside the grid, at {place}")
         }
+        (1, true) => format!("1 of the {all} points of the body {body} lies outside the grid, at {place}"),
+        (1, false) => format!("a domain of the body {body} reaches outside the grid at the point at {place}"),
+        (_, true) => format!(
+            "{count} of the {all} points of the body {body} lie outside the grid, or their domains reach outside it; \
+             the first is the point at {place}"
+        ),
+        (_, false) => format!(
+            "{count} of the {all} points of the body {body} lie outside the grid, or their domains reach outside it; \
+             the first is the domain of the point at {place}"
+        ),
     };
-    let message = format!("{lost} {place}{part}");
     let help =
         "move the body, make the grid larger, or cut off the part outside with a `difference`".to_owned();
     Err(Fault { code: "D028", key: "/shape".to_owned(), message, help })
@@ -133,7 +140,7 @@ pub(super) fn overlaps<const D: usize>(
     let message = |((later, earlier), (count, _, place)): ((u16, u16), (usize, u32, Vec<f64>))| {
         let (lie, at) = if count == 1 { ("lies", "at") } else { ("lie", "the first at") };
         let text = format!(
-            "the body {} overlaps the body {}: {} {lie} in the region of the other body, {at} {}",
+            "the body {} overlaps the body {}: {} of one {lie} in the region of the other, {at} {}",
             name(later),
             name(earlier),
             counted(count, "point", "points"),

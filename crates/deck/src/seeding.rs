@@ -138,14 +138,17 @@ fn fault<const D: usize>(error: FillError, deck: &BodyDeck) -> Fault {
             "D028",
             "/point_spacing",
             format!(
-                "cutting the shape of the body {name} would take {count:.1e} points; at most {most:.0e} are possible"
+                "the lattice of points over the extent of the body {name} would have {count:.1e} points; at most {most:.0e} are \
+                 possible"
             ),
             "give a larger spacing",
         ),
         FillError::TooManyParts => (
             "D028",
             "",
-            format!("cutting the shape of the body {name} would take more than {MOST_POINTS:.0e} points"),
+            format!(
+                "the cells that the body {name} covers would be divided into more than {MOST_POINTS:.0e} points"
+            ),
             "use fewer points per cell",
         ),
         FillError::NoCount(shape) => (
@@ -165,13 +168,13 @@ fn fault<const D: usize>(error: FillError, deck: &BodyDeck) -> Fault {
             "D009",
             "/points_per_tetrahedron",
             format!("a tetrahedron cannot be divided evenly into {n} parts"),
-            "use 4, or a cube: 1, 8, 27, …",
+            "use 4, or a cube number: 1, 8, 27, …",
         ),
         FillError::Uneven(n) => (
             "D009",
             "/points_per_triangle",
             format!("a triangle cannot be divided evenly into {n} parts"),
-            "use 8, or a square: 1, 4, 9, 16, …",
+            "use 8, or a square number: 1, 4, 9, 16, …",
         ),
         other => ("D028", "", format!("the body {name} cannot be filled: {other}"), "change its shape"),
     };

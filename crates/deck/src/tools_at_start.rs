@@ -44,13 +44,13 @@ impl Check<'_> {
         let instead = match reach {
             // Subtracting the shape of the tool removes only points that lie in it.
             Some(reach) if is_cut => format!(
-                "enlarge what the `difference` subtracts at the tool by {} on every side: boxes of points reach beyond its \
-                 boundary",
+                "enlarge the region that the `difference` subtracts around the tool by {} on every side, because the \
+                 domains of points reach beyond the boundary of the body",
                 rounded_up(*reach)
             ),
             Some(reach) => format!(
-                "subtract its shape, enlarged by {} on every side, from that of the body with a `difference`: boxes of \
-                 points reach beyond its boundary",
+                "subtract its shape, enlarged by {} on every side, from that of the body with a `difference`, because the \
+                 domains of points reach beyond the boundary of the body",
                 rounded_up(*reach)
             ),
             None => "subtract its shape from that of the body with a `difference`".to_owned(),

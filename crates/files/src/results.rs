@@ -32,14 +32,15 @@ mod observer;
 /// Files that a run writes in addition to the tables, and how often.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Request {
-    /// Number of requested load steps from one set of VTU files to the next; the last step is written as well. 0 writes
-    /// none.
+    /// Number of requested load steps from one set of VTU files to the next, unless a stage states another. The initial
+    /// state and the last step, also of each stage, are written as well. 0 writes none.
     pub every: usize,
     /// Fields of the points in the VTU files.
     pub fields: Vec<PointField>,
     /// Precision of the numbers in the VTU files.
     pub precision: Precision,
-    /// Number of load steps from one checkpoint to the next; `None` writes one only if a run ends early.
+    /// Number of load steps from one checkpoint to the next; the last step has one as well. `None` writes one only if a
+    /// run ends early.
     pub checkpoints: Option<usize>,
 }
 
@@ -69,8 +70,8 @@ pub struct Results {
     findings: Findings,
     all_have_domains: bool,
     last: Step,
-    /// What a checkpoint stores besides the points; `None` until this run has a step in equilibrium, and if the next
-    /// stage could not begin.
+    /// What a checkpoint stores besides the points; `None` before this run has a step in equilibrium or enters a new
+    /// stage, and after a stage that could not begin.
     accepted: Option<Reached>,
     /// The last step with a checkpoint.
     checkpointed: usize,
@@ -90,8 +91,7 @@ struct Tables {
 }
 
 impl Results {
-    /// The reason why the directory of the results could not be created or written; `choose` says how another one is
-    /// chosen.
+    /// The message about a results directory that cannot be created or written to; `choose` says how to choose another.
     pub fn refusal(directory: &Path, error: &io::Error, choose: &str) -> String {
         let name = directory.display();
         match directory.ancestors().find(|path| path.is_file()) {
@@ -135,7 +135,7 @@ impl Results {
     }
 
     /// The results of a rank other than the first, for a run that begins at the start or, with `from`, at a checkpoint,
-    /// whose step is numbered as in this run. Touches no file.
+    /// given with its step as numbered in this run. Touches no file.
     pub fn of_rank<const D: usize>(
         directory: &Path,
         asked: &Request,
@@ -231,12 +231,12 @@ impl Results {
         Results { stop: Some(stop), ..self }
     }
 
-    /// Changes facts about the run, such as its deck.
+    /// Changes the account of the run, for example its deck.
     pub fn restate(&mut self, change: impl FnOnce(&mut Account)) {
         change(&mut self.account);
     }
 
-    /// Writes the VTU files and checkpoints of the steps that follow as `asked` states.
+    /// Makes the steps that follow write VTU files and checkpoints as `asked` states.
     pub fn change(&mut self, asked: &Request) {
         let Request { every, fields, precision, checkpoints } = asked;
         (self.every, self.checkpoints) = (*every, *checkpoints);
@@ -293,7 +293,7 @@ fn tables_in<const D: usize>(
 
 /// The error for a file that a run would replace although no run has written it.
 fn foreign(name: &str, end: &str) -> io::Error {
-    let what = format!("`{name}` in it was not written by a run{end}");
+    let what = format!("`{name}` in the results directory was not written by a run{end}");
     io::Error::new(io::ErrorKind::AlreadyExists, what)
 }
 

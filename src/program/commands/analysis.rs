@@ -161,7 +161,7 @@ pub enum Begin {
     Anew,
     /// The last checkpoint in the directory.
     AtCheckpoint,
-    /// The last checkpoint if it can be used, otherwise the undeformed state.
+    /// The last checkpoint if the run can be resumed from it, otherwise the undeformed state.
     AtCheckpointIfAny,
 }
 
@@ -182,10 +182,10 @@ pub struct Run<'a> {
 }
 
 /// Runs an analysis and writes its results to a directory; `set_up` is the time already spent on setting it up. `None`
-/// if the run in the directory is already complete.
+/// under [`Begin::AtCheckpoint`] if the run in the directory is already complete.
 ///
 /// # Errors
-/// If the directory cannot be written, another run writes there, no checkpoint can be resumed, or another rank has an
+/// If the directory cannot be written, another run writes there, the run cannot be resumed, or another rank has an
 /// error.
 pub fn run_into(run: Run, ready: Prepared, set_up: Timings) -> anyhow::Result<Option<Ended>> {
     let Run { directory, start, view, stop, begin, machines } = run;
@@ -265,7 +265,7 @@ pub fn run_into(run: Run, ready: Prepared, set_up: Timings) -> anyhow::Result<Op
 /// Takes part in a run as a rank other than 0; returns the exit code.
 ///
 /// # Errors
-/// If no checkpoint can be resumed, or signals cannot be handled.
+/// If the run cannot be resumed, or signals cannot be handled.
 pub fn run_along(
     deck: &DeckArgs,
     machines: &Machines,
@@ -380,5 +380,5 @@ pub fn start_threads(threads: Option<usize>) -> anyhow::Result<()> {
     rayon::ThreadPoolBuilder::new()
         .num_threads(threads.unwrap_or(0))
         .build_global()
-        .map_err(|error| anyhow!("the threads cannot be started: {error}; `--threads` sets their number"))
+        .map_err(|error| anyhow!("the threads cannot be started: {error}; use fewer with `--threads`"))
 }

@@ -46,8 +46,8 @@ pub enum ConstraintError {
     },
     /// Other conditions keep a surface from reaching its prescribed displacement.
     #[error(
-        "boundary condition `{name}` is not met: other conditions keep surface `{surface}` {distance:.3e} away from the \
-         displacement that it prescribes"
+        "boundary condition `{name}` cannot be met: other conditions hold surface `{surface}`, whose displacement differs by \
+         {distance:.3e} from the prescribed one"
     )]
     Unmet {
         /// Name of the boundary condition.

@@ -194,7 +194,7 @@ pub enum MaterialError {
     #[error("the response of the law to the trial elastic strain is not finite")]
     ResponseNotFinite,
     /// The law refuses the trial strain with an error number of its own.
-    #[error("the law refuses the trial elastic strain with the error number {0}")]
+    #[error("the law rejects the trial elastic strain (error number {0})")]
     Refused(i32),
     /// The law cannot be evaluated.
     #[error("the evaluation of the law has failed")]

@@ -199,11 +199,11 @@ fn warn<const D: usize>(
         code: Code::Stiffened,
         step,
         message: format!(
-            "body `{stiff}` reaches into cells of body `{soft}`, which is much softer, and drags all their nodes along: \
-             {:.0} % of the stress of `{soft}`, measured as energy, is at points that can no longer strain, such as \
-             the one at {}; `{soft}` is too stiff by about this share",
-            100.0 * share,
-            coordinates(&position)
+            "body `{stiff}` reaches into cells of the much softer body `{soft}` and drags all nodes of these cells along: \
+             points of `{soft}` that can no longer strain, such as the one at {}, would otherwise carry about {:.0} % of \
+             its strain energy; `{soft}` is too stiff by about this share",
+            coordinates(&position),
+            100.0 * share
         ),
         location: Location {
             bodies: names.to_vec(),

@@ -18,7 +18,7 @@ const LEAST: f64 = 1e-6;
 /// them as well.
 const AHEAD: f64 = 0.9;
 
-/// The boundary conditions whose nodes pull material beyond them in a step, each with its warning.
+/// The boundary conditions whose nodes pull material past themselves in a step, each with its warning.
 pub fn watch<const D: usize>(
     model: &Model<D>,
     points: &Points<D>,
@@ -52,7 +52,7 @@ fn warn<const D: usize>(condition: &str, place: [f64; D], step: usize) -> Warnin
         value: None,
         threshold: None,
         message: format!(
-            "the nodes of `{condition}` pull material beyond them, first towards {}: nothing holds it there, and the \
+            "the nodes of `{condition}` pull material past themselves, first towards {}: nothing holds it there, and the \
              reaction is too small",
             coordinates(&place)
         ),

@@ -138,7 +138,7 @@ impl Quality {
                     value: Some(value),
                     threshold: Some(MOST_CROSSINGS),
                     message: format!(
-                        "body `{name}`: its standard points have crossed cell boundaries {value:.2} times each; \
+                        "body `{name}`: its points, which have no domains, have crossed cell boundaries {value:.2} times on average; \
                          stresses are probably wrong by about {error:.0} % (root mean square)"
                     ),
                     detail: None,
@@ -244,7 +244,8 @@ fn damped(step: usize, slumped: bool) -> Warning {
         "the bodies have slumped, through states out of equilibrium, until they came to rest: the load before this step is \
          about the largest that they carried without slumping"
     } else {
-        "it may lie beyond an instability: the states before it are then unknown, and a dynamic analysis could reach a different state"
+        "this equilibrium may lie beyond an instability; the states before it are then unknown, and a dynamic analysis could \
+         reach a different state"
     };
     Warning {
         code: Code::Damped,
@@ -274,13 +275,13 @@ fn replaced_domains<const D: usize>(
     let (at, shape) = (coordinates(&position), if D == 3 { "parallelepiped" } else { "parallelogram" });
     let message = if count == 1 {
         format!(
-            "the motion has torn the domain of point {first}, {at}, or carried it off the grid; a {shape} that follows \
+            "the motion has torn the domain of point {first} at {at} or carried it off the grid; a {shape} that follows \
              the deformation gradient now replaces it"
         )
     } else {
         format!(
-            "the motion has torn the domains of {count} points or carried them off the grid, first at point {first}, \
-             {at}; {shape}s that follow the deformation gradient now replace them"
+            "the motion has torn the domains of {count} points or carried them off the grid, first that of point \
+             {first} at {at}; {shape}s that follow the deformation gradient now replace them"
         )
     };
     Some(Warning {
@@ -346,7 +347,7 @@ impl BalanceSoFar {
             value: Some(value),
             threshold: Some(MOST_REGRIDDING),
             message: format!(
-                "the out-of-balance forces of fresh grids have done work equal to {:.0} % of the external work: \
+                "the forces left out of balance each time the grid is reset have done work equal to {:.0} % of the external work: \
                  displacements and stresses depend on the grid and on the number of steps",
                 100.0 * value.abs()
             ),

@@ -123,7 +123,8 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
                 value: None,
                 threshold: None,
                 message: format!(
-                    "iterations cannot solve the equations, which are factorised instead: {error}"
+                    "the iterative solver cannot solve the linear equations, so the stiffness matrix is factorised instead: \
+                     {error}"
                 ),
                 detail: None,
             });

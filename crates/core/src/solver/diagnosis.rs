@@ -108,7 +108,7 @@ impl Kind {
             Kind::Creeping => "the residual falls steadily, but the iterations end too soon",
             Kind::LargeSteps => "the steps are too large",
             Kind::ElementInversion => "a point turns inside out",
-            Kind::RefusedByLaw => "the law of a point refuses its strain",
+            Kind::RefusedByLaw => "the law of a point rejects its strain",
             Kind::LostDomain => "a point or its domain leaves the grid or loses its shape",
             Kind::LostPath => "the path cannot be followed",
             Kind::BadScaling => "a badly scaled stiffness: its round-off is larger than the forces",

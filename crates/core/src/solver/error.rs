@@ -185,7 +185,8 @@ pub enum SolveError {
     },
     /// The iterative solver has failed, and the factor of the direct one does not fit in memory.
     #[error(
-        "step {step}: the stiffness is too large to factorise, and iterations cannot solve the equations: {error}"
+        "step {step}: the stiffness matrix is too large to factorise, and the iterative solver cannot solve the equations: \
+         {error}"
     )]
     Iterative {
         /// Step number.

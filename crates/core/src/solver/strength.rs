@@ -199,7 +199,8 @@ impl fmt::Display for StrengthBracket {
         if self.slumped > 0 {
             write!(
                 f,
-                "for the original shape, below the factor at which the bodies slumped; for the slumped shape, "
+                "for the original shape, below the factor at which the bodies slumped, which is 1 if they slumped at full \
+                 strength; for the slumped shape, "
             )?;
         }
         if let Some([stood, slid]) = self.slides {
@@ -207,7 +208,7 @@ impl fmt::Display for StrengthBracket {
             write!(
                 f,
                 "between {stood:.decimals$} (in equilibrium) and {slid:.decimals$} (displacements exceed {percent} % of \
-                 the height); in its new shape, "
+                 the height); in the new shape, "
             )?;
         }
         match (self.stands, self.fails) {
@@ -270,7 +271,9 @@ mod tests {
         let bracket = StrengthBracket { stands: Some(1.04), fails: Some(1.05), ..bracket };
         let words = bracket.to_string();
         assert!(
-            words.starts_with("for the original shape, below the factor at which the bodies slumped;"),
+            words.starts_with(
+                "for the original shape, below the factor at which the bodies slumped, which is 1"
+            ),
             "{words}"
         );
         assert!(words.ends_with(
@@ -300,6 +303,6 @@ mod tests {
             words.starts_with("between 1.200 (in equilibrium) and 1.300 (displacements exceed 1 % of"),
             "{words}"
         );
-        assert!(words.ends_with("in its new shape, at least 1.400, the largest that was tried"), "{words}");
+        assert!(words.ends_with("in the new shape, at least 1.400, the largest that was tried"), "{words}");
     }
 }

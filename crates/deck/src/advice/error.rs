@@ -70,7 +70,7 @@ fn on_contact(error: &ContactError) -> Option<&'static str> {
     match error {
         ContactError::Overlap { .. } => Some(
             "move the tool away from the body by this overlap, or subtract its shape from that of the body with a \
-             `difference`; at a curved boundary, boxes of points reach beyond it by up to half their size",
+             `difference`; at a curved boundary, the domains of points reach beyond the boundary by up to half their size",
         ),
         ContactError::Slide { .. } | ContactError::Through { .. } => Some(SMALLER_STEPS),
         ContactError::Between { .. } => Some(
@@ -83,9 +83,9 @@ fn on_contact(error: &ContactError) -> Option<&'static str> {
         ContactError::Loose { .. } => {
             Some("place the tool so that it touches a body at the start, or prescribe its motion")
         }
-        ContactError::NotFinite { .. } => {
-            Some("the formula divides by zero, leaves its domain or overflows there")
-        }
+        ContactError::NotFinite { .. } => Some(
+            "change the formula: there, it divides by zero, overflows, or takes a function outside its domain",
+        ),
         ContactError::UnknownFactor { .. } => Some(
             "prescribe the motion of the tool by numbers or by formulas of `factor`, with rotation about one axis at \
                  most, and only in the last stage; or use `control: {type: load}`",
@@ -98,11 +98,15 @@ fn on_contact(error: &ContactError) -> Option<&'static str> {
 /// Advice on an obstacle that no step size removes.
 pub fn against(obstacle: Obstacle) -> &'static str {
     match obstacle {
-        Obstacle::Conflict => "prescribe each axis of a node with one boundary condition only",
-        Obstacle::Unmet => {
-            "remove one of the conditions: the other one holds the nodes or the surface on which this one acts"
+        Obstacle::Conflict => {
+            "prescribe the displacement of a node along each axis in only one boundary condition"
         }
-        Obstacle::NotFinite => "the formula divides by zero, leaves its domain or overflows there",
+        Obstacle::Unmet => {
+            "remove this condition, or the other conditions that hold the same nodes or surface"
+        }
+        Obstacle::NotFinite => {
+            "change the formula: there, it divides by zero, overflows, or takes a function outside its domain"
+        }
         Obstacle::LooseAxis => "add `{name: axis, nodes: {x: 0}, fix: [x]}` to the boundary conditions",
         Obstacle::Memory => "use a coarser grid or, on a structured grid, `solver: {linear: iterative}`",
     }

@@ -80,11 +80,11 @@ fn advice(kind: Kind, of: &Circumstances, means: &Means) -> &'static str {
              changes with the prescribed motion"
         }
         Kind::PlasticCollapse if has_no_path => {
-            "the bodies yield at about the largest load factor with equilibrium; check how this factor changes with \
+            "the bodies collapse at about the largest load factor with equilibrium; check how this factor changes with \
              more points per cell and a finer grid. To continue beyond it, prescribe displacements"
         }
         Kind::PlasticCollapse => {
-            "the bodies yield at about the largest load factor with equilibrium; check how this factor changes with \
+            "the bodies collapse at about the largest load factor with equilibrium; check how this factor changes with \
              more points per cell and a finer grid. To continue beyond it, prescribe displacements or use `steps: \
              {control: {type: arc-length}}`"
         }
@@ -97,7 +97,7 @@ fn advice(kind: Kind, of: &Circumstances, means: &Means) -> &'static str {
         Kind::Locking if of.has_standard_dilatation => {
             "use `volumetric: mean-dilatation` for the bodies that hardly change their volume"
         }
-        Kind::Locking => "use a finer grid with fewer points per cell, or a law that is less incompressible",
+        Kind::Locking => "use a finer grid with fewer points per cell, or a more compressible material",
         Kind::Hourglass => {
             "use more points per cell (4 in the plane, 8 in space), or `analysis: {stabilisation: {mode: on}}`"
         }

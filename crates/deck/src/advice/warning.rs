@@ -22,8 +22,8 @@ pub fn on_warning(warning: &Warning, means: &Means) -> String {
         }
         (Code::DomainOutside | Code::PartitionOfUnity, _) => "use a larger grid",
         (Code::Factorised, _) => {
-            "the results are not affected; to save memory and time, find out what makes the equations ill-conditioned (`mpm \
-             explain W004`)"
+            "the results are not affected; to save memory and time, find out why the iterative solver fails (`mpm explain \
+             W004`)"
         }
         (Code::Apart, _) => {
             "from this step on, the results are those of separate parts: end the analysis before this step, or use a \

@@ -168,10 +168,10 @@ where
     fn brought_back(&mut self, body: usize, returned: &Returned) {
         let Returned { points, of, largest: (change, before) } = returned;
         let place =
-            if *of == 1 { "its only point".to_owned() } else { format!("{points} of its {of} points") };
+            if *of == 1 { "the only point".to_owned() } else { format!("{points} of the {of} points") };
         let message = format!(
-            "the initial stress of the body {} lies outside the yield surface at {place}; it is \
-             returned to the yield surface, and changes by at most {change:.3e}, {:.1} % of the stress",
+            "at {place} of the body {}, the initial stress lies outside the yield surface; it is returned to the yield \
+             surface, and changes by at most {change:.3e}, {:.1} % of the stress",
             quote(&self.deck.bodies[body].name),
             100.0 * change / before
         );

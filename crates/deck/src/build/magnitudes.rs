@@ -52,14 +52,14 @@ where
                     powers.map(|power| stiffness * power).into_iter().find(|force| !POSSIBLE.contains(force));
                 let Some(force) = out else { continue };
                 let message = format!(
-                    "{what_is} {} of the material {} and {what} give forces or energies of {}, beyond the range \
-                     of floating-point arithmetic",
+                    "{what_is} {} of the material {} and {what} give forces or energies of {}, outside the range \
+                     in which results are accurate",
                     shortest(stiffness),
                     quote(name),
                     shortest(force)
                 );
                 let help = format!(
-                    "use units in which they are between {:e} and {:e}",
+                    "use units in which forces and energies lie between {:e} and {:e}",
                     POSSIBLE.start(),
                     POSSIBLE.end()
                 );

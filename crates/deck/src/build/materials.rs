@@ -122,7 +122,7 @@ where
                     "the material {name_in_quotes} softens without `band`: bands become as narrow as cells, and results \
                      depend on the cell size"
                 ),
-                "add `band` to `softening`, the width of the shear band to which `strain` belongs, and compare two grids",
+                "add to `softening` the key `band`, the width of the shear band to which `strain` refers, and compare two grids",
             ),
         };
         let at = format!("/materials/{}/softening", escape(name));
@@ -146,10 +146,10 @@ where
         let own: Vec<_> = others.iter().filter(|of| self.loaded.laws.contains_key(&of.name)).collect();
         for of in &own {
             let message = format!(
-                "the strength of the material {} cannot be reduced: its law is not a law of the program",
+                "the strength of the material {} cannot be reduced: its law is not built in",
                 quote(&of.name)
             );
-            let help = "use a law of the program, such as `mohr-coulomb` (in Python, `mpm.BuiltInLaw`)";
+            let help = "use a built-in law, such as `mohr-coulomb` (in Python, `mpm.BuiltInLaw`)";
             self.error("D049", &format!("/materials/{}/model", escape(&of.name)), message, help.to_owned());
         }
         if !reducible.is_empty() || !own.is_empty() {

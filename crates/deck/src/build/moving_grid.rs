@@ -88,7 +88,7 @@ where
     fn cannot_move(&mut self, error: &GridMotionError) {
         let (pointer, help) = match error {
             GridMotionError::NotFinite { entry, .. } => {
-                let help = "the formula of its boundary condition divides by zero, leaves its domain or overflows there";
+                let help = "change the formula of this boundary condition: it divides by zero, overflows, or takes a function outside its domain";
                 (format!("/grid/follow/{entry}/condition"), help.to_owned())
             }
             GridMotionError::BeyondAxis { .. } => {

@@ -62,9 +62,15 @@ where
             let message = format!("the body {} has only {points}", quote(body));
             self.error("D030", &format!("{pointer}/count"), message, "lower `count`".to_owned());
         } else if !clear && ties == Ties::Refused {
-            let several = if count == 1 { "several".to_owned() } else { format!("more than {count}") };
-            let message = format!("{several} points are equally near {}", coordinates(place));
-            let help = "change `count`, or move the location so that the choice is unique".to_owned();
+            let at = coordinates(place);
+            let message = match count {
+                1 => format!("several points are equally near {at}"),
+                _ => format!(
+                    "the {count} points nearest to {at} are not unique, because others are equally near"
+                ),
+            };
+            let help =
+                "change `count`, or move the location so that the nearest points are unique".to_owned();
             self.error("D030", &format!("{pointer}/nearest"), message, help);
         } else if let Some(first) = found.first() {
             self.distance(grid, body, &array(place), &array(&first.position), pointer);

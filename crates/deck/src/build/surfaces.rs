@@ -49,9 +49,9 @@ where
             let by_group = deck.part.as_ref().is_some_and(|part| part.group.is_some());
             if by_group && region.as_group().is_none() {
                 let message = format!(
-                    "the body {} of the surface {} has no cells",
-                    quote(&deck.body),
-                    quote(&deck.name)
+                    "the surface {} is selected by a physical group, but the shape of its body {} is not `cells`",
+                    quote(&deck.name),
+                    quote(&deck.body)
                 );
                 let help = "give the body the shape `cells`, or select the part by `box` or `half_space`";
                 self.error("D050", &format!("{at}/part/group"), message, help.to_owned());

@@ -60,7 +60,7 @@ where
         let mut shape = |about: &[f64; D]| match Region::tool(&deck.shape, about, &triangles, revolved)? {
             Ok(shape) => Some(shape),
             Err(error) => {
-                let message = format!("the tool {} has no shape: {error}", quote(&deck.name));
+                let message = format!("the shape of the tool {} is invalid: {error}", quote(&deck.name));
                 self.error(
                     "D016",
                     &at,

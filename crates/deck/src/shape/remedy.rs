@@ -61,6 +61,9 @@ fn of_count(fault: &Fault) -> String {
     let pointer = fault.pointer.as_str();
     let key = last_key(pointer);
     let what = match key {
+        "curve" if !pointer.ends_with("curve") => {
+            return "write each entry as a pair of a time and a factor: `curve: [[0, 0], [1, 1]]`".to_owned();
+        }
         "curve" => {
             return "give at least two pairs of a time and a factor: `curve: [[0, 0], [1, 1]]`".to_owned();
         }

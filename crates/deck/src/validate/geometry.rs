@@ -125,7 +125,7 @@ impl Check<'_> {
         }
         if in_cells {
             let at = format!("{pointer}/point_spacing");
-            let message = "`point_spacing` and points per cell exclude each other";
+            let message = "`point_spacing` and a number of points per cell cannot both be given";
             let found = Diagnostic::at_key(self.source, "D023", &at, message);
             self.found.push(found.help("remove one of them"));
         } else {

@@ -155,7 +155,7 @@ impl Check<'_> {
             if min[axis] > max[axis] {
                 let message = format!("the min {} of the box is above its max {}", min[axis], max[axis]);
                 let help = format!(
-                    "swap the two; both may be {} for a box without extent along {}",
+                    "swap the two, or make both {} for a box without extent along {}",
                     min[axis], AXES[axis]
                 );
                 self.error("D016", &format!("{pointer}/max/{axis}"), message, help);

@@ -76,7 +76,7 @@ impl Check<'_> {
                 };
                 if to.abs() <= LEAST * extent {
                     let message = format!("a displacement of {to} does not determine the load factor");
-                    let help = "give a displacement other than 0 at the end";
+                    let help = "give `to` a value other than 0";
                     self.error("D049", &format!("{pointer}/to"), message, help);
                 }
             }
@@ -194,7 +194,7 @@ impl Check<'_> {
         let is_idle = |load: &LoadDeck| load.magnitude().1;
         let mut loads = deck.loads.iter().filter(|load| changes(load.name()));
         if loads.all(is_idle) && !deck.tools.iter().any(crate::ToolDeck::acts) {
-            let message = "there is no non-zero load whose factor could be determined";
+            let message = "no load acts whose factor could be determined";
             let help = match stage {
                 None => "add a load under `loads`, or prescribe the load factor (`control: {type: load}`)",
                 Some(_) => {
@@ -224,7 +224,7 @@ impl Check<'_> {
                     quote(load.name())
                 );
                 let key = format!("{pointer}/{}", load.magnitude().0);
-                self.error("D049", &key, message, "write it at load factor 1");
+                self.error("D049", &key, message, "give the value at load factor 1, without `factor`");
             }
         }
         self.tools_of_common_factor(stage);

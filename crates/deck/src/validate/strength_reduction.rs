@@ -50,7 +50,12 @@ impl Check<'_> {
                 ),
                 _ => format!("the {kind} {} changes while the strength is reduced", quote(name)),
             };
-            let help = "apply it in a stage before this one, or keep its curve constant";
+            let help = match kind {
+                "tool" => {
+                    "move the tool and change its loads in an earlier stage, or keep their curves constant"
+                }
+                _ => "change it in an earlier stage, or keep its curve constant",
+            };
             self.error("D049", control, message, help);
         }
         let changed = stage.and_then(|(stage, _)| {
@@ -117,8 +122,8 @@ impl Check<'_> {
         let Some(first) = deck.stages.iter().find(reduces) else { return };
         for (number, stage) in deck.stages.iter().enumerate().filter(|(_, stage)| reduces(stage)).skip(1) {
             let message = format!(
-                "the stage {} reduces the strength of bodies that yielded while {} reduced it and that keep their \
-                 displacements",
+                "the stage {} reduces the strength again: the bodies have already yielded in the stage {}, and they keep \
+                 the displacements from it",
                 quote(&stage.name),
                 quote(&first.name)
             );

@@ -21,7 +21,7 @@ impl Check<'_> {
         let given =
             [part.within.is_some(), part.half_space.is_some(), part.edge.is_some(), part.group.is_some()];
         if given.iter().filter(|given| **given).count() != 1 {
-            let message = "a part of a surface is selected in exactly one way";
+            let message = "a part of a surface must be selected in exactly one way";
             self.error("D019", pointer, message, "give exactly one of: `box`, `half_space`, `edge`, `group`");
         }
         if let Some(within) = &part.within {
@@ -36,7 +36,12 @@ impl Check<'_> {
     /// Checks a direction.
     pub(super) fn direction(&mut self, pointer: &str, direction: &[f64]) {
         if self.vector(pointer, direction).is_some() && direction.iter().all(|n| *n == 0.0) {
-            self.error("D016", pointer, "a direction must have a length", "give a vector other than zero");
+            self.error(
+                "D016",
+                pointer,
+                "a direction must not be the zero vector",
+                "give a vector other than zero",
+            );
         }
     }
 }

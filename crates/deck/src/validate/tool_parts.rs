@@ -44,7 +44,7 @@ impl Check<'_> {
 
     fn part_of_tool(&mut self, pointer: &str, tool: &ToolDeck, part: &ToolPartDeck) {
         if part.edges.is_none() && part.within.is_none() {
-            let message = "a part of a tool is selected by its edges, by a box, or by both";
+            let message = "a part of a tool must be selected by its edges, by a box, or by both";
             self.error("D019", pointer, message, "give `edges`, `box`, or both");
         }
         if let Some(within) = &part.within {

@@ -61,10 +61,13 @@ impl Check<'_> {
             let Some(angle) = angle.and_then(|(_, given)| given.as_number()) else { continue };
             if angle > 0.0 && angle < LEAST_FRICTION {
                 let message = format!(
-                    "the friction angle {angle} of the material {} is in degrees; it looks like an angle in radians",
+                    "the friction angle {angle} of the material {} is read as degrees, but looks like radians",
                     quote(name)
                 );
-                let help = format!("write {} for this angle in radians", about(angle.to_degrees()));
+                let help = format!(
+                    "if {angle} is in radians, write {}, the same angle in degrees",
+                    about(angle.to_degrees())
+                );
                 self.warn("D040", &format!("/materials/{}/friction_angle", escape(name)), message, &help);
             }
         }

@@ -190,7 +190,7 @@ pub(super) fn foot(runs: &[Run], naming: &Naming) -> String {
     let sources = sources.join(", ");
     let (now, units) = (now(), units_in_words(naming));
     let thickness = match (naming.per_thickness, runs.iter().any(Run::is_revolved)) {
-        (true, _) => " Plane strain: forces, energies, volumes and masses are per unit thickness.",
+        (true, _) => " Plane strain: forces, moments, energies, volumes and masses are per unit thickness.",
         (_, true) => {
             " Bodies of revolution: x is the distance from the axis; forces, energies, volumes and masses are those of \
              the full circle."

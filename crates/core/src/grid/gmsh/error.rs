@@ -168,10 +168,12 @@ fn unsupported(kinds: &[(&'static str, usize)]) -> String {
     } else if kinds.iter().any(is_other_shape) {
         format!(
             "only tetrahedra, hexahedra, triangles and quadrilaterals of order 1 are supported, but the file has \
-             {found}; mesh it without prisms and pyramids, and save it with order 1"
+             {found}; mesh it without prisms and pyramids, and set the element order to 1 in gmsh"
         )
     } else {
-        format!("only linear elements are supported, but the file has {found}; save it with order 1")
+        format!(
+            "only linear elements are supported, but the file has {found}; set the element order to 1 in gmsh"
+        )
     }
 }
 
