@@ -1,8 +1,8 @@
 //! All message codes, each with the page that explains it.
 //!
-//! The pages are documentation files, one per code: each says what the message means, gives an example and says how to
-//! fix the fault. Tests check that the faulty example on a page produces its code and that the corrected example does
-//! not.
+//! The pages are documentation files, one per code: each says what the message means and how to fix the fault, and
+//! gives an example if a deck can produce the code on every machine. Tests check that the faulty example on a page
+//! produces its code and that the corrected example does not.
 
 /// A code with its page.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

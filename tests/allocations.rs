@@ -1,4 +1,4 @@
-//! Newton iterations assemble in place: once a system exists, evaluating it allocates nothing.
+//! Newton iterations assemble in place: after the first evaluation of a system, evaluating it allocates nothing.
 
 #![allow(unsafe_code, reason = "an allocator that counts cannot be written without")]
 #![allow(clippy::unwrap_used)]

@@ -1,7 +1,7 @@
 //! Finds PETSc and the MPI library that it was built with, and passes on how they were built:
 //!
-//! - `cfg(open_mpi)`: handles of MPI are pointers, as in Open MPI; without it, they are integers, as in MPICH;
-//! - `cfg(wide_indices)`: indices of PETSc have 64 bits.
+//! - `cfg(open_mpi)`: MPI handles are pointers, as in Open MPI; without it, they are integers, as in MPICH;
+//! - `cfg(wide_indices)`: PETSc indices have 64 bits.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -124,7 +124,7 @@ fn link(flags: &str) {
     println!("cargo::metadata=directories={}", directories.join(":"));
 }
 
-/// Asks the MPI compiler for the libraries, for a machine on which pkg-config has no package of MPI.
+/// Asks the MPI compiler for the libraries, on a machine where pkg-config knows no MPI package.
 fn flags_of_mpicc() -> Result<String, String> {
     for option in ["--showme:link", "-link_info"] {
         let output = Command::new("mpicc").arg(option).output();

@@ -603,7 +603,7 @@ class Result:
 
     Attributes:
         history: The rows of ``history.csv``, one per attempt at a step: time, reactions, loads, probes, work and
-            energy. An attempt that failed, after which the step was cut, has ``converged`` 0 and no forces.
+            energy. A failed attempt has ``converged`` 0 and no forces.
         quality: The rows of ``quality.csv``: measures of the quality of every step.
         convergence: The rows of ``convergence.csv``: the residual of every evaluation.
         summary: The content of ``summary.json``: outcome, counts, processor time, memory, warnings.

@@ -46,7 +46,7 @@ pub struct Worker {
     pub tells_iterations: bool,
 }
 
-/// What the interpreter has decided while the analysis was paused.
+/// A decision of the interpreter while the analysis is paused.
 enum Decision {
     Go,
     Stop,

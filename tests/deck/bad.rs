@@ -87,7 +87,7 @@ fn messages_of_rank(path: &Path, ranks: &Ranks) -> String {
     let mut found = built.unwrap_or_else(|found| found);
     found.extend(loaded.notes);
     sort(&mut found);
-    // How much memory and how many points are possible depends on the ranks; each rank counts its nodes on the axis.
+    // The memory and the possible number of points depend on the ranks; each rank counts its own nodes on the axis.
     let depends = |found: &Diagnostic| {
         found.code == "D036"
             || ["are possible", "can move off the axis"].iter().any(|end| found.message.contains(end))

@@ -1,5 +1,5 @@
-//! Every key of the schema, misspelt, with values of every other type, and at the ends of its range: the messages are
-//! those stored in `tests/decks/generated`. `UPDATE_EXPECTED=1` rewrites them.
+//! Every key of the schema, misspelt, with values of every other type, and with values outside its range: the messages
+//! are those stored in `tests/decks/generated`. `UPDATE_EXPECTED=1` rewrites them.
 
 #![allow(clippy::unwrap_used)]
 
@@ -217,7 +217,7 @@ fn every_wrong_type_is_named() {
     compare("wrong_types", &all);
 }
 
-/// Values at the ends of a range and beyond.
+/// Values outside a range: 1 beyond each of its ends, and the ends themselves if they are excluded.
 fn beyond(schema: &Value) -> Vec<f64> {
     let limit = |key: &str| schema.get(key).and_then(Value::as_f64);
     let mut values = Vec::new();

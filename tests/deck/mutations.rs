@@ -54,7 +54,7 @@ fn verdict(name: &str, text: &str) -> Verdict {
     }
 }
 
-/// The types of values, each with one of them.
+/// The types of values, each with an example.
 const TYPES: [(&str, &str); 6] = [
     ("number", "5.5"),
     ("text", "wrong"),

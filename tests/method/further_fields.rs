@@ -24,7 +24,7 @@ use crate::inline_vtu::read;
 
 const STEPS: usize = 20;
 
-/// A term without force that sums the path length of each point and counts its steps.
+/// A term without force that sums the distance that each point travels along each axis, and counts its steps.
 struct Way;
 
 impl Term<2> for Way {

@@ -54,7 +54,7 @@ fn an_inaccurate_factorisation_is_noticed() {
             solver.analyse(pattern.clone(), (0..n).collect()).unwrap();
             let exact: Vec<f64> = (0..n).map(|i| 1.0 + (i as f64).sin()).collect();
             solver.factorise(&values).unwrap();
-            // Solve twice: the second solve must benefit from what the first one has revealed.
+            // Solve twice: the second solve must benefit from what the first one revealed.
             for scale in [1.0, 3.0] {
                 let b: Vec<f64> = matrix.multiply(&exact).iter().map(|b| b * scale).collect();
                 let mut x = b.clone();

@@ -149,7 +149,7 @@ fn lines_stand_where_the_condition_has_moved_them_at_the_start_of_the_step() {
     }
 }
 
-/// A block of clay, pushed by its lowest line of nodes; it touches the upper corner of the grid.
+/// A block of clay, pushed by its nodes up to the height 1.5; it touches the upper corner of the grid.
 fn carried(method: &str, shape: &str, rest: &str) -> String {
     format!(
         "

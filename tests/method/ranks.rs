@@ -15,7 +15,7 @@ use mpm::solver::{Observer, SolveError, StepReport, Summary};
 /// What a run reports on rank 0.
 #[derive(Debug, Default, Clone, PartialEq)]
 struct Told {
-    /// Reactions, loads and energies of each step.
+    /// Reactions, loads, tool forces, surfaces, energies and counts of each step.
     numbers: Vec<Vec<f64>>,
     /// Moments of reactions and tools in each step.
     moments: Vec<Vec<f64>>,
@@ -112,7 +112,7 @@ fn run(deck: &str, set: &[(&str, &str)], steps: usize, ranks: &Ranks) -> (Told, 
     (recorder.told, error.map(|error| error.to_string()))
 }
 
-/// Largest difference of numbers relative to the largest of them.
+/// Largest difference between numbers, relative to `scale`.
 fn difference(a: &[f64], b: &[f64], scale: f64) -> f64 {
     assert_eq!(a.len(), b.len());
     a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max) / scale.max(f64::MIN_POSITIVE)

@@ -69,8 +69,7 @@ steps: {{count: 1}}"
     ]
 }
 
-/// Largest nodal force, resultant and moment due to a displacement increment, relative to those due to a rough field of
-/// that size.
+/// Largest component of the nodal forces due to a displacement increment, of their resultant, and their moment about z.
 fn forces<const D: usize>(ghost: &Ghost, places: &[[f64; D]], field: impl Fn(usize) -> [f64; D]) -> [f64; 3] {
     let delta_d: Vec<[f64; D]> = (0..places.len()).map(field).collect();
     let mut force = vec![[0.0; D]; places.len()];
@@ -195,7 +194,7 @@ steps: {count: 1}",
     enters_force_and_stiffness_alike::<3, Solid>(model, points);
 }
 
-/// Condition number of the stiffness matrix of the unknowns, optionally scaled to a unit diagonal.
+/// Condition number of the stiffness matrix of the unknowns.
 fn condition<const D: usize, M: Mechanics<D>>(model: &Model<D>, points: &mut Points<D>) -> f64 {
     let links = link(model, points);
     let dofs = DofMap::<D>::new(model, points, &links, 0.0, 1.0).unwrap();
@@ -368,7 +367,7 @@ fn the_stiffness_where_a_body_has_a_hole_does_not_matter() {
     }
 }
 
-/// At a seam, the displacement gradient jumps in truth: the penalty must not couple a soft layer to the stiff one below
+/// At a seam, the true displacement gradient jumps: the penalty must not couple a soft layer to the stiff one below
 /// it. With the arithmetic mean of the moduli, the top would sink by 39 % of what it should.
 #[test]
 fn a_soft_layer_on_a_stiff_one_sinks_as_without_stabilisation() {
@@ -394,7 +393,7 @@ steps: {{count: 1}}"
         (0..points.len()).map(|p| points.original_position[p][1] - position[p][1]).fold(0.0, f64::max)
     };
     let (with, without) = (sinks("auto"), sinks("off"));
-    // Half of the weight of the layer compresses its lower cell: 750 · 0.5/1e5 up to its middle, and more above.
+    // Three quarters of the weight of the layer compress its lower cell by 750 · 0.5/1e5; its upper cell adds to that.
     assert!(without > 3.7e-3, "{without}");
     assert!((with - without).abs() < 1e-3 * without, "{with} {without}");
 }

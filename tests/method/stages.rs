@@ -145,7 +145,7 @@ fn the_heave_of_a_stiff_column_is_that_of_small_strains() {
         let Run { points, every, .. } = run(&column(&clay, &clay, "gimp", 0.5, stages));
         let oedometric = young * 0.7 / (1.3 * 0.4);
         let heave = 18e3 * 4.0 * 6.0 / oedometric;
-        // The uppermost points are an eighth of a cell below the surface: 0.125 m.
+        // The uppermost points are a quarter of a cell below the surface: 0.125 m.
         let moved = points.array(PointArray::Displacement).values;
         let top = moved.iter().skip(1).step_by(2).fold(0.0f64, |most, u| most.max(*u));
         let below = 18e3 * 4.0 * 5.875 / oedometric;

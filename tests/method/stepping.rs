@@ -117,7 +117,7 @@ fn run((model, mut points): (Model<2>, Points<2>)) -> (Result<Summary, SolveErro
     (outcome, recorder, points)
 }
 
-/// Lowest and highest coordinates of the points.
+/// Largest coordinate of the points along each axis.
 fn extent(points: &Points<2>) -> [f64; 2] {
     [0, 1].map(|d| points.converged.position.iter().map(|x| x[d]).fold(f64::NEG_INFINITY, f64::max))
 }

@@ -43,7 +43,7 @@ fn assert_balanced(analysis: &Analysis) {
     }
 }
 
-/// Number of correct digits for which a residual stands.
+/// Number of correct digits to which a residual corresponds.
 fn digits(residual: f64) -> f64 {
     -residual.log10()
 }

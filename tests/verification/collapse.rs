@@ -137,7 +137,7 @@ fn table_8() {
             assert!(close, "step {step}: {ours:.4e} for {paper:.3e}");
         }
     }
-    // From the fourth residual on, the number of correct digits doubles.
+    // Once a residual is below 1e-3, the number of correct digits doubles.
     for step in analysis.steps.iter().filter(|s| s.residuals.len() > 4) {
         for pair in step.residuals.windows(2).filter(|pair| pair[0] < 1e-3) {
             assert!(pair[1] < 100.0 * pair[0] * pair[0] || pair[1] < 1e-13, "{:?}", step.residuals);
@@ -168,8 +168,8 @@ fn weakly_indefinite_steps_converge() {
 }
 
 /// CPDI1, whose corners follow the deformation of their point, leaves the plane of symmetry and the base slightly, and
-/// the run completes: balanced, admissible, with the extent and height of CPDI2 within 0.02 %, closer on the finer
-/// grid.
+/// the run completes: balanced, admissible, with the extent and height of CPDI2 within 0.02 %, closer on finer
+/// grids.
 #[test]
 fn cpdi1_slides_along_walls() {
     let mut before = f64::INFINITY;

@@ -223,7 +223,7 @@ fn gimp_errors_equal_the_reference() {
     assert_eq!(compare(|r| r.method == "gimp", 1e-4), 65);
 }
 
-/// Fig. 7: with (33), (34) or (37), the error keeps falling, with an order that grows towards two.
+/// Fig. 7: with (33), (34) and (37) to (39), the error keeps falling, with an order that grows towards two.
 #[test]
 fn gimp_converges_when_domains_follow_the_deformation() {
     for update in ["diagonal", "stretch", "corners", "diagonal-corrected", "diagonal-incremental"] {

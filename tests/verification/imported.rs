@@ -154,7 +154,7 @@ fn distorted_mesh() -> std::path::PathBuf {
     path
 }
 
-/// Homogeneous motions of a body of distorted cells: all points, and the corners of their domains, follow the motion to
+/// Homogeneous motions of a body of distorted cells: all points and their deformation gradients follow the motion to
 /// round-off, and a rotation leaves no stress.
 #[test]
 fn homogeneous_motions_of_distorted_cells() {

@@ -37,8 +37,8 @@ pub fn plane([n, m]: [usize; 2], cells: Cells, place: impl Fn(f64, f64) -> [f64;
     msh(&nodes, &elements, 2)
 }
 
-/// A mesh of the unit cube, mapped by `place`, as MSH 2.2: the group `body` has all cells. Each brick has six
-/// tetrahedra around a diagonal.
+/// A mesh of the unit cube, mapped by `place`, as MSH 2.2: the group `body` has all cells. In a mesh of tetrahedra,
+/// each brick is divided into six around a diagonal.
 pub fn brick(counts: [usize; 3], cells: Cells, place: impl Fn([f64; 3]) -> [f64; 3]) -> String {
     let node = |at: [usize; 3]| (at[2] * (counts[1] + 1) + at[1]) * (counts[0] + 1) + at[0] + 1;
     let each = |most: [usize; 3]| {

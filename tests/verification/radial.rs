@@ -82,7 +82,8 @@ impl<'a> Radial<'a> {
         [along, around, if self.shell == Shell::Sphere { around } else { 1.0 }]
     }
 
-    /// First Piola stress of the original state at stretches, starting from the converged state of a point.
+    /// The response to stretches, starting from the converged state of a point; the stress is the first Piola-Kirchhoff
+    /// stress.
     fn answer(&self, point: &Gauss, stretches: [f64; 3]) -> Answer {
         let measure = self.law.strain_measure();
         let b_n = measure.left_cauchy_green(&point.elastic).0;

@@ -56,7 +56,7 @@ fn largest_error(stresses: &[Sym3], exact: &Sym3) -> f64 {
     stresses.iter().map(|tau| (*tau - *exact).norm()).fold(0.0, f64::max) / exact.norm()
 }
 
-/// Largest difference of the stress between points, relative to the stress of the first.
+/// Largest difference of the stress from that of the first point, relative to the latter.
 fn spread(stresses: &[Sym3]) -> f64 {
     largest_error(stresses, &stresses[0])
 }

@@ -60,7 +60,7 @@ pub struct Head {
     /// Fields of the points that only this analysis has.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     further: Vec<FurtherField>,
-    /// Number of points in each piece; without pieces, the file holds all points.
+    /// Number of points in each piece; empty in a file that holds its points itself.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pieces: Vec<usize>,
 }

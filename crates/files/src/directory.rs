@@ -230,7 +230,7 @@ pub(super) fn series_without_list(directory: &Path) -> io::Result<Option<&'stati
 mod tests {
     use super::*;
 
-    /// The first foreign file in a directory that contains one file.
+    /// The result of [`foreign_file`] for a directory with a single file; checks that a foreign file is not removed.
     fn foreign(name: &str, content: &str) -> Option<String> {
         let directory = tempfile::tempdir().unwrap();
         std::fs::write(directory.path().join(name), content).unwrap();

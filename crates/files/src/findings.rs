@@ -27,8 +27,8 @@ pub struct ForceBalance {
     /// For each axis, true if forces balance along it; false for the radius of a body of revolution, where hoop
     /// stresses pull inwards.
     balanced: Vec<bool>,
-    /// Sum of the magnitudes of all nodal reactions, forces on surfaces and contact forces, or of the loads, whichever
-    /// is larger, [force].
+    /// Sum of the absolute values of the components of all nodal reactions, surface forces and contact forces, or of
+    /// the resultant load if that sum is larger, [force].
     scale: f64,
 }
 
@@ -139,7 +139,8 @@ pub struct Extremes {
 }
 
 impl Extremes {
-    /// Extremes of the converged state of the points of all ranks; `None` if there are no points.
+    /// Extremes of the converged state of the points of all ranks; `None` if there are no points. All ranks must call
+    /// this together.
     pub fn new<const D: usize>(model: &Model<D>, points: &Points<D>) -> Option<Extremes> {
         let of_ranks = points.ranks.gather_all(Extremes::of_rank(model, points)).into_iter().flatten();
         of_ranks.reduce(|a, b| Extremes {
@@ -217,7 +218,7 @@ impl Findings {
         })
     }
 
-    /// Adds a step in equilibrium.
+    /// Adds a step in equilibrium. All ranks must call this together.
     pub(super) fn accept<const D: usize>(
         &mut self,
         model: &Model<D>,

@@ -127,7 +127,7 @@ impl Steady {
 pub(super) type OnNodes<'a, const D: usize> = (&'a str, &'a [[f64; D]]);
 
 impl Frames {
-    /// Creates frames with these fields of the points, in this precision.
+    /// A creator of frames with these fields of the points, in this precision.
     pub fn new(fields: &[PointField], precision: Precision) -> Frames {
         let (room, order, volumes) = (Room::default(), Vec::new(), Vec::new());
         let steady = [None, None];
@@ -144,13 +144,14 @@ impl Frames {
         }
     }
 
-    /// Sets the fields of the points, and their precision, for all further frames.
+    /// Sets the fields of the points, and their precision, for all later frames.
     pub fn change(&mut self, fields: &[PointField], precision: Precision) {
         let outlines = take(&mut self.outlines);
         *self = Frames { outlines, ..Frames::new(fields, precision) };
     }
 
-    /// Frames of the points in their converged state, and of their domains if they have any.
+    /// Frames of the points in their converged state, and of their domains if they have any. All ranks must call this
+    /// together.
     ///
     /// # Errors
     /// `InvalidInput` if a number is not finite.

@@ -74,7 +74,7 @@ impl Record {
         self.account.wording.as_ref()
     }
 
-    /// Changes facts about the run, such as its deck.
+    /// Changes the account of the run, for example its deck.
     pub fn restate(&mut self, change: impl FnOnce(&mut Account)) {
         change(&mut self.account);
     }

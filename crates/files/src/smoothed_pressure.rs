@@ -57,7 +57,7 @@ pub fn smoothed_pressures<const D: usize>(
 type Sent = (NodeOfBody, [f64; 2]);
 
 /// Adds up the sums of the nodes that several ranks touch. Each node has a home rank, which adds the contributions in
-/// rank order and returns the total to the ranks.
+/// rank order and returns the total to these ranks.
 fn add_up(ranks: &Ranks, means: &mut HashMap<NodeOfBody, [f64; 2]>) {
     if ranks.is_alone() {
         return;

@@ -78,9 +78,9 @@ pub struct Status {
     pub steps_requested: usize,
     /// The current step, or the last one.
     pub step: usize,
-    /// The last evaluation in this step; 0 is the evaluation before the first solve.
+    /// Iteration of the last evaluation in this step; 0 before the first solve.
     pub iteration: usize,
-    /// Relative out-of-balance force, eq. (40), of that evaluation, [-]; `None` if it is not finite.
+    /// Relative out-of-balance force, eq. (40), of that evaluation, [-]; `None` before the first, or if not finite.
     pub residual: Option<f64>,
     /// Tolerance of the residual, in the current stage if there are stages, [-].
     pub tolerance: f64,
@@ -88,7 +88,8 @@ pub struct Status {
     pub time: f64,
     /// Time at the end of the analysis, [time].
     pub end_time: f64,
-    /// Load factor at the end of the current step, if all loads and prescribed motions share one, [-].
+    /// Load factor at the end of the current step, if all loads and prescribed motions share one, [-]; if it is an
+    /// unknown, at the end of the last step in equilibrium.
     pub load_factor: Option<f64>,
     /// Factor by which the strength of the materials is divided at the end of the current step, [-]; `None` at full
     /// strength.
@@ -317,7 +318,7 @@ impl StatusFile {
 }
 
 /// Reads the status of the run in a directory. A run that has stopped without recording its end has died, unless its
-/// summary is complete.
+/// summary reports that it completed.
 ///
 /// # Errors
 /// If there is no run in the directory, or its status cannot be read.

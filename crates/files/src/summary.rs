@@ -119,7 +119,7 @@ pub struct DeckMessage {
     pub help: Option<String>,
 }
 
-/// Facts that are known before the run.
+/// Data known before the run.
 #[derive(Debug, Clone)]
 pub struct Account {
     /// Origin of the times of the run.
@@ -328,7 +328,7 @@ fn check(path: &Path, summary: &Summary, findings: &Findings) -> io::Result<()> 
     }
 }
 
-/// Facts about the points of all ranks, for the summary.
+/// Data of all ranks, for the summary.
 pub(super) struct Whole {
     /// Number of points.
     pub points: usize,
@@ -341,7 +341,7 @@ pub(super) struct Whole {
 }
 
 impl Whole {
-    /// Collects the facts of all ranks, which must call this together.
+    /// Gathers the data of all ranks. All ranks must call this together.
     pub fn new<const D: usize>(model: &Model<D>, points: &Points<D>) -> Whole {
         let ranks = &points.ranks;
         let peaks = ranks.gather_all(mpm_core::memory::peak());
@@ -354,8 +354,8 @@ impl Whole {
     }
 }
 
-/// The number of points and the extent of every body, the latter both of its points and of their domains. A point
-/// without a domain counts as a square (cube) of its volume, as in footnote 7 of the paper.
+/// The number of points of every body, the extent of these points, and that of their domains. A point without a domain
+/// counts as a square (cube) of its volume, as in footnote 7 of the paper.
 fn bodies<const D: usize>(model: &Model<D>, points: &Points<D>) -> Value {
     let mut map = Map::new();
     for (number, body) in model.bodies.iter().enumerate() {

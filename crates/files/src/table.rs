@@ -81,7 +81,7 @@ impl Kept {
 }
 
 impl Table {
-    /// Creates the file, or empties it, and writes the header.
+    /// Creates the file, or replaces it, with only the header.
     ///
     /// Errors: file-system errors; `InvalidInput` if there is no column or two have the same name.
     pub fn create(path: impl AsRef<Path>, columns: &[impl AsRef<str>]) -> io::Result<Table> {
@@ -164,7 +164,7 @@ impl Table {
     /// Appends a row with one entry per column; it is in the file when this function returns.
     ///
     /// Errors: file-system errors; `InvalidInput` if the number of entries is wrong or an entry is not finite. No part
-    /// of the row is then in the file.
+    /// of the row is then left in the file, if the file can be cut back.
     pub fn push(&mut self, row: &[Entry]) -> io::Result<()> {
         let line =
             line(row, &self.columns).map_err(|what| invalid(format!("{what} of {}", self.path.display())))?;

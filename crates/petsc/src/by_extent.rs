@@ -14,7 +14,7 @@ pub const MOST_UNKNOWNS: f64 = 2e5;
 /// Largest number of ranks that factorise such systems without MUMPS.
 pub const MOST_RANKS: usize = 4;
 
-/// Factorises with the divided backend of the core, or with MUMPS if there are many unknowns and ranks.
+/// Factorises with the divided backend of the core, or with MUMPS for large problems in three dimensions on many ranks.
 pub struct ByExtent<const D: usize, const N: usize = D> {
     divided: Divided<D, N>,
     /// `None` while the core factorises.

@@ -26,10 +26,12 @@ const ENOUGH: [f64; 2] = [1e-6, 1e-12];
 /// Largest number of steps of iterative refinement, without and with a shift of the matrix.
 const REFINEMENTS: [usize; 2] = [2, 4];
 
-/// Relative residual above which the matrix counts as singular, without and with a shift.
+/// Residual above which the matrix counts as singular: without a shift, relative to the right-hand side; with a shift,
+/// relative to the largest right-hand side so far.
 const SINGULAR: [f64; 2] = [1e-3, 1e-10];
 
-/// Largest relative residual of a trial solution at which a shift has evidently only compensated for round-off.
+/// Largest acceptable relative residual of a trial solution; if it is larger, the shift has compensated for more than
+/// round-off.
 const TRIAL: f64 = 1e-8;
 
 /// A direct backend for matrices whose contributions are distributed over ranks. Symmetric matrices are factorised as
@@ -60,7 +62,7 @@ struct System<const N: usize> {
     factorised: Option<Factorisation>,
     /// Shift of the diagonal entry of each unknown of this rank, if the factor belongs to a shifted matrix.
     shift: Option<Vec<f64>>,
-    /// Norm of the largest right-hand side.
+    /// Norm of the largest right-hand side so far.
     largest: f64,
 }
 

@@ -26,7 +26,7 @@ pub(crate) struct GlobalNumbers<const N: usize> {
 }
 
 impl<const N: usize> GlobalNumbers<N> {
-    /// Numbers the components of `n` nodes for which `is_unknown` holds. All ranks must call this.
+    /// Numbers those components of `n` nodes for which `is_unknown` holds. All ranks must call this.
     pub fn new(halo: &Halo, n: usize, is_unknown: impl Fn(usize, usize) -> bool) -> Result<Self, Error> {
         let components =
             (0..n).filter(|node| halo.is_own(*node)).flat_map(|node| (0..N).map(move |k| (node, k)));

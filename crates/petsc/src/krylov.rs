@@ -18,7 +18,7 @@ use crate::session::is_running;
 use shell::Context;
 use solvers::{Outcome, Solvers};
 
-/// An approximate inverse over all ranks. All ranks call each method together, and all must return the same errors.
+/// An approximate inverse over all ranks. All ranks call each method together; an error on one rank is an error on all.
 pub trait Preconditioner<const D: usize, const N: usize>: Send {
     /// Prepares for matrices of this pattern.
     ///
@@ -113,7 +113,7 @@ impl<const D: usize, const N: usize> Krylov<D, N> {
 }
 
 impl<const D: usize, const N: usize> Backend<D, N> for Krylov<D, N> {
-    /// Keeps the existing objects if the layout is the same as in the last call.
+    /// Keeps the existing objects if the layout is the same as in the previous call.
     ///
     /// # Errors
     /// [`LinearError::OutOfMemory`]; errors of the preconditioner.
@@ -148,7 +148,8 @@ impl<const D: usize, const N: usize> Backend<D, N> for Krylov<D, N> {
     /// Sets up the preconditioner.
     ///
     /// # Errors
-    /// [`LinearError::Singular`] if an unknown has no diagonal stiffness; errors of the preconditioner.
+    /// [`LinearError::Singular`] if an unknown has no diagonal stiffness, or if a value is not finite; errors of the
+    /// preconditioner.
     fn factorise(&mut self, layout: &Layout<D, N>, matrix: &BlockMatrix<N>) -> Result<(), LinearError> {
         let ranks = layout.halo.ranks();
         let system = self.system.as_mut().ok_or(LinearError::Library(Text("the matrix was not prepared")))?;
@@ -164,7 +165,7 @@ impl<const D: usize, const N: usize> Backend<D, N> for Krylov<D, N> {
     /// Solves the equations; the residual is measured in the norm of the forces on the unknowns.
     ///
     /// # Errors
-    /// [`LinearError::NotConverged`] after too many iterations; errors of the preconditioner.
+    /// [`LinearError::NotConverged`] if the iterations do not converge; errors of the preconditioner.
     fn solve(
         &mut self,
         layout: &Layout<D, N>,

@@ -10,7 +10,7 @@ use crate::error::{Error, check, keep_message, text_at};
 use crate::ffi;
 use crate::mpi::Mpi;
 
-/// True from the first call of [`start`] onwards.
+/// True from the first call of [`start`] with valid options onwards.
 static STARTED: AtomicBool = AtomicBool::new(false);
 
 /// True while PETSc objects may be used.
@@ -41,8 +41,8 @@ pub struct Session {
     _on_this_thread: PhantomData<*mut ()>,
 }
 
-/// Starts MPI, unless it is already running, and PETSc with these options, such as `"-ksp_monitor -pc_gamg_threshold
-/// 0.02"`, separated by blanks. PETSc also reads the environment variable `PETSC_OPTIONS` and the file `~/.petscrc`.
+/// Starts MPI, unless it is already running, and PETSc with these options, separated by blanks, such as `"-ksp_monitor
+/// -pc_gamg_threshold 0.02"`. PETSc also reads the environment variable `PETSC_OPTIONS` and the file `~/.petscrc`.
 ///
 /// PETSc then handles no signals and prints no errors.
 ///
@@ -104,7 +104,7 @@ fn return_memory() {
         let settings =
             [(ffi::M_MMAP_MAX, 1 << 16), (ffi::M_MMAP_THRESHOLD, 1 << 19), (ffi::M_TRIM_THRESHOLD, 1 << 22)];
         for (name, value) in settings {
-            // SAFETY: the function may be called at any time; it refuses what it does not know.
+            // SAFETY: The function may be called at any time; it refuses what it does not know.
             unsafe { ffi::mallopt(name, value) };
         }
     }

@@ -22,7 +22,7 @@ use crate::tensor::Sym3;
 use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
 
-/// Largest number of steps from one turning point to the next.
+/// Largest number of steps from one turning point, or row of a history, to the next.
 const MOST_STEPS: u64 = 1_000_000;
 /// Largest number of states in a test; all of them are held in memory.
 const MOST_STATES: usize = 10_000_000;
@@ -211,8 +211,8 @@ pub fn element(args: ElementArgs) -> anyhow::Result<u8> {
 /// A law, and the initial history variables of a point.
 type Beginning = (Box<dyn Material>, Vec<f64>);
 
-/// The law and the initial history variables of a material, at a position if its properties vary; `None` after messages
-/// about the material.
+/// The law and the initial history variables of a material, at a position if its properties vary; `None` if it has
+/// faults, which are then printed.
 fn beginning(loaded: &LoadedDeck, material: &str, at: Option<&[f64]>) -> anyhow::Result<Option<Beginning>> {
     let built =
         loaded.built_law(material).with_context(|| format!("there is no material {}", quote(material)))?;

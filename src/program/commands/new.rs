@@ -118,7 +118,7 @@ fn listing() -> String {
     text
 }
 
-/// Writes all files, or none of them if one exists with other content.
+/// Writes all files, or none of them if one exists with other content and must not be overwritten.
 fn write_all(files: &[(PathBuf, &[u8])], force: bool) -> anyhow::Result<()> {
     let mut missing = Vec::new();
     for (path, content) in files {

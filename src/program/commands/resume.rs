@@ -30,7 +30,8 @@ pub enum Found {
 /// Finds the last usable checkpoint in a directory and restores the points from it. All ranks must call it together.
 ///
 /// # Errors
-/// If there is none, if a part of the deck on which the steps so far depend has changed, or if another rank has ended.
+/// If there is none, if a part of the deck on which the steps so far depend has changed, if the checkpoint was written
+/// after the end of the analysis, or if another rank has ended.
 pub fn find(
     directory: &Path,
     loaded: &LoadedDeck,
@@ -126,8 +127,8 @@ fn complete_without_checkpoint(
     Ok(Found::End(steps))
 }
 
-/// Checks the tables of a complete run, up to `reached` if it is given, and removes the remains of a run that was killed
-/// after it had written its summary. All ranks must call it together.
+/// Checks the tables of a complete run, up to `reached` if it is given, and removes the remains of a run killed after
+/// it had written its summary. All ranks must call it together.
 fn close(
     directory: &Path,
     analysis: &Analysis,

@@ -6,7 +6,7 @@ pub fn significant(value: f64, digits: usize) -> String {
     if value == 0.0 || !value.is_finite() {
         return format!("{value}");
     }
-    // Rounding may add a digit in front of the point: 9.996 becomes 10.00.
+    // Rounding may add a digit in front of the point: 9.9996 becomes 10.00.
     let exponential = format!("{value:.*e}", digits.saturating_sub(1));
     let exponent: i32 =
         exponential.split_once('e').and_then(|(_, exponent)| exponent.parse().ok()).unwrap_or(0);

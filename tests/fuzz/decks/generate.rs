@@ -1,4 +1,4 @@
-//! Random values that the schema allows, mostly.
+//! Random values, most of which the schema allows.
 
 use serde_json::{Map, Value, json};
 

@@ -1,6 +1,6 @@
-//! Random decks, made from the schema and from the decks of the gallery, pass through all stages: reading, the three
-//! gates, and for small ones the first load step. None may cause a panic, take more than ten seconds of processor time
-//! or far more memory than was predicted, and every refusal must have an error with a location.
+//! Random decks, made from the schema and from decks in `inputs` and `tests/decks`, pass through all stages: reading,
+//! the three gates, and for small ones the first load step. None may cause a panic, take more than ten seconds of
+//! processor time or far more memory than was predicted, and every refusal must have an error with a location.
 //!
 //! The usual tests run a few hundred cases. `FUZZ_SECONDS=600 cargo test --test fuzz decks -- --ignored --nocapture`
 //! runs for that much processor time; `FUZZ_SEED` sets the first case (a number; the default depends on the time). The

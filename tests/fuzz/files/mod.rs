@@ -1,4 +1,4 @@
-//! Damaged mesh files of gmsh, surfaces in STL, text and binary, and checkpoints. None may cause a panic, take more
+//! Damaged mesh files of gmsh, STL surfaces in text and binary form, and checkpoints. None may cause a panic, take more
 //! than ten seconds of processor time or more memory than is reasonable for a file of its size; accepted files must be
 //! usable.
 //!

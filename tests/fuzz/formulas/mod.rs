@@ -86,7 +86,7 @@ fn check_text(text: &str) -> bool {
             let deep = error.message.contains("nested too deeply");
             let marks = text.chars().filter(|c| !c.is_alphanumeric()).count();
             assert!(!deep || marks >= 60, "{text:?} is not deep");
-            // A text too deep for the program is too deep for the second parser, whose stack is not limited.
+            // A text too deep for the program is not given to the second parser, which recurses without limit.
             assert!(deep || meaning::value(text, &PLACES[0]).is_none(), "{text:?} is a formula: {error:?}");
             false
         }

@@ -1,7 +1,7 @@
 //! An independent, slow and simple implementation of the point kernel and of the sums over points: full matrices,
 //! spectral functions via nalgebra's eigenvectors, plastic flow by bisection, and stiffness by finite differences of
-//! the internal force. It is compared with the program on random states of every method, law, idealisation and
-//! formulation.
+//! the internal force. It is compared with the program on random states of every method, idealisation and formulation,
+//! and of every law but [`Law::Skewed`].
 
 use mpm::assembly::Wanted;
 use mpm::basis::Method;
@@ -145,7 +145,8 @@ fn check<const D: usize, M: Mechanics<D>>(
     {
         return Err(TestCaseError::reject("the increment turns a point inside out"));
     }
-    // The program passes the part of a node that points touch weakly on to other nodes; the sums here do not.
+    // The program drops nodes that points touch only weakly and passes their share on to other nodes; the sums here do
+    // not.
     let is_dropped = |degree: usize| state.links.active_number(degree / D).is_none();
     let motions = (0..state.points.len()).flat_map(|p| motions_of_point::<D, M>(state, p));
     if motions.into_iter().any(|(degree, motion)| motion.norm() > 0.0 && is_dropped(degree)) {
@@ -201,7 +202,7 @@ fn check<const D: usize, M: Mechanics<D>>(
     Ok(())
 }
 
-/// All combinations of properties of a state.
+/// Random combinations of the properties of a state.
 fn kinds() -> impl Strategy<Value = (Method, Domain, Law, Formulation, u64, usize)> {
     let methods = vec![
         (Method::Mpm, Domain::Box),

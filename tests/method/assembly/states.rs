@@ -93,8 +93,9 @@ pub struct State<const D: usize> {
     pub delta_d: Vec<[f64; D]>,
 }
 
-/// Points at random positions in a grid of oblong cells, some with domains that extend beyond the grid. Elastic strains
-/// up to ±0.2, det(F) from 0.6 to 1.7; the increment stretches, shears and rotates, with noise at the nodes.
+/// Points at random positions in a grid of oblong cells, some with domains that extend beyond the grid. The components
+/// of the elastic strain are up to ±0.2, those of F − I up to ±0.3; the increment stretches, shears and rotates, with
+/// noise at the nodes.
 pub fn random_state<const D: usize, M: Mechanics<D>>(
     method: Method,
     law: Law,

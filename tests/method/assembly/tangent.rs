@@ -257,7 +257,7 @@ fn difference_from_energy<const D: usize, M: Mechanics<D>>(
     volumetric: Volumetric,
     n_points: usize,
 ) -> f64 {
-    // A fourth-order central difference keeps both truncation and round-off below 1e-9 of the force.
+    // A fourth-order central difference keeps both truncation and round-off below 1e-8 of the force.
     const STEP: f64 = 1e-3; // of nodal displacements; cells are 0.5 by 0.4
     let mut state = random_state::<D, M>(method, law, n_points, 23);
     state.model.bodies.iter_mut().for_each(|body| body.volumetric = volumetric);

@@ -54,7 +54,7 @@ pub fn fill(grid: &dyn Grid<3>, cells: &[u32], filling: Filling, law: &dyn Mater
         let count = if *is_in { &mut owners } else { &mut others };
         grid.corners(cell).nodes().iter().for_each(|node| count[*node as usize] += 1);
     }
-    // Nodes on the boundary of a filled grid have fewer than eight hexahedra.
+    // Nodes on the boundary of the body belong to other cells, too, or lie on the boundary of the grid.
     let [low, high] = grid.bounds();
     let on_border = |node: u32| {
         let x = grid.node_position(node as usize);

@@ -38,8 +38,8 @@ fn largest(stress: &[Sym3]) -> f64 {
     stress.iter().flat_map(|tau| tau.0).fold(0.0, |most, tau| most.max(tau.abs()))
 }
 
-/// A ball in the middle of the grid, rotated by 40° about an oblique axis: the motion of the nodes around it is
-/// prescribed.
+/// Largest stress, relative to Young's modulus, in a ball in the middle of the grid that is rotated by 40° about an
+/// oblique axis: the motion of the nodes around it is prescribed.
 fn turned(grid: &str, body: &str, centre: f64) -> f64 {
     let angle = 40f64.to_radians();
     let turn = Motion::<3>::rotation([1.0, 2.0, 3.0], angle, [centre; 3]).unwrap();

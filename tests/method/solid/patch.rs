@@ -72,8 +72,8 @@ fn stress_of(f: &Mat3) -> Sym3 {
     Elasticity::from_young_poisson(YOUNG, POISSON).stress(&logarithmic_strain(f))
 }
 
-/// The grid of rectangles of this kind, with lines on the sides of the block. The cells of a graded grid differ by a
-/// factor of 4.
+/// The rectilinear grid of this kind, with lines on the sides of the block. The sides of the cells of a graded grid
+/// differ by a factor of up to 4.
 fn structured(kind: Kind) -> Structured<3> {
     if kind == Kind::Structured {
         return Structured::new([0.0; 3], [2.0 / 3.0; 3], [12; 3]);

@@ -51,7 +51,8 @@ fn the_formula_is_the_integral_of_the_stress() {
 }
 
 /// Relative error of the pressure when the inner radius has doubled, for a body of revolution one cell high with n
-/// cells through the wall, whose sides are proportional to the radius. A grid line follows the inner radius.
+/// cells through the wall, whose sides are proportional to the radius. If there are several steps, a grid line follows
+/// the inner radius.
 fn error(n: usize, method: &str, volumetric: &str, steps: usize) -> f64 {
     let ratio = OUTER.powf(1.0 / n as f64);
     let beyond = n / 8;

@@ -58,7 +58,7 @@ fn the_formula_is_the_integral_of_the_stress() {
     assert!((integral(radii, |r| r * around(r)) / moment(LARGE) - 1.0).abs() < 1e-10);
 }
 
-/// Grid and shape of the block with n cells through its thickness, in the plane or in space.
+/// The deck of a block with n cells through its thickness, in the plane or in space.
 fn deck<const D: usize>(n: usize, grid: &str, body: &str, volumetric: &str, turn: f64) -> String {
     let young = 2.0 * SHEAR * (1.0 + POISSON);
     let (idealisation, out) = if D == 3 {

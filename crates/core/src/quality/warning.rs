@@ -70,7 +70,7 @@ pub enum Code {
     /// Bodies slumped before their strength was reduced.
     #[serde(rename = "W020")]
     Slumped,
-    /// Nodes with prescribed motion pull material beyond them.
+    /// Nodes with prescribed motion pull material past themselves.
     #[serde(rename = "W021")]
     PassedNodes,
 }

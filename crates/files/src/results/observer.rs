@@ -326,7 +326,7 @@ macro_rules! observe {
 
 observe!(2 3);
 
-/// Frames with one or several more added.
+/// Frames with any number of others added.
 fn joined<I: IntoIterator<Item = Frame>>(
     mut frames: Vec<Frame>,
     more: io::Result<I>,

@@ -97,8 +97,8 @@ impl Drop for Blocks {
 }
 
 impl Blocks {
-    /// Encodes an array of tuples with `components` numbers each; `numbers` fills a vector with a range of them. The
-    /// result is the same for any number of threads.
+    /// Encodes an array of tuples with `components` numbers each; `numbers` fills a vector with those of a range of
+    /// tuples. The result is the same for any number of threads.
     ///
     /// # Errors
     /// The first error of `numbers` or of the compression.

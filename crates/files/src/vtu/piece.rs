@@ -70,7 +70,7 @@ impl Kind {
         }
     }
 
-    /// Decodes a number from [`Kind::size`] bytes; 0 for any other number of bytes.
+    /// Decodes a number from [`Kind::size`] bytes.
     fn number(self, bytes: &[u8]) -> f64 {
         match self {
             Kind::Float64 => bytes.try_into().map_or(0.0, f64::from_le_bytes),

@@ -56,7 +56,7 @@ pub(super) struct Factor {
     mumps: Option<ffi::Mat>,
 }
 
-// SAFETY: The reason is the same as for the objects that a factor consists of.
+// SAFETY: As for the objects that a factor consists of.
 unsafe impl Send for Factor {}
 
 impl Factor {

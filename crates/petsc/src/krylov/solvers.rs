@@ -20,7 +20,7 @@ const RESTART: PetscInt = 40;
 /// Residuals above this multiple of the right-hand side end the iterations.
 const DIVERGED: f64 = 1e30;
 
-/// How the iterations have ended.
+/// How the iterations ended.
 pub(super) enum Outcome {
     Converged {
         iterations: usize,

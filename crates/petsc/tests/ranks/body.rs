@@ -19,7 +19,7 @@ pub enum Kind {
     Loose,
     /// Nearly singular, because the elements at the right end are weak and have one quadrature point.
     Weak,
-    /// With an entry that is not a number, on one rank only.
+    /// With entries that are not numbers, on the last rank only.
     NotFinite,
 }
 
@@ -41,7 +41,7 @@ fn node_at<const D: usize>(elements: [u32; D], place: [u32; D]) -> u32 {
     (0..D).fold(0, |number, d| number * (elements[d] + 1) + place[d])
 }
 
-/// Corner `k` of an element.
+/// Coordinate `d` of corner `k` of an element: 0 or 1.
 fn corner<const D: usize>(k: usize, d: usize) -> u32 {
     (k >> (D - 1 - d)) as u32 & 1
 }
@@ -86,7 +86,8 @@ fn stiffness<const D: usize>(kind: Kind, points: usize) -> Vec<Vec<Block<D>>> {
 }
 
 impl<const D: usize> Part<D> {
-    /// This rank's part of a body with this number of elements along each axis; the body is held at its left end.
+    /// This rank's part of a body with this number of elements along each axis. Unless it is [`Kind::Loose`], the body
+    /// is held at its left end and, along x, at the nodes whose last coordinate is 2.
     pub fn new(ranks: &Ranks, elements: [u32; D], kind: Kind) -> Self {
         let n_elements = elements.iter().product::<u32>();
         let place_of = |element: u32| -> [u32; D] {

@@ -10,7 +10,7 @@ use crate::print;
 pub fn check(ranks: &Ranks) {
     for kind in [Kind::Definite, Kind::Shifted(1.0), Kind::Unsymmetric] {
         agrees(ranks, [7, 4], kind);
-        // Fewer elements than ranks: one rank has none.
+        // On four ranks, one rank has no elements.
         agrees(ranks, [3, 1], kind);
         agrees(ranks, [5, 3, 3], kind);
     }

@@ -84,7 +84,7 @@ fn print(ranks: &Ranks, line: &str) {
     }
 }
 
-/// Signals that a program may want to handle: hang-up, interrupt, illegal instruction, end.
+/// Signals that a program may want to handle: hang-up, interrupt, illegal instruction, termination.
 const SIGNALS: u64 = 1 | 1 << 1 | 1 << 3 | 1 << 14;
 
 /// The signals that this process handles, as bits; none if the system does not report them.

@@ -48,7 +48,7 @@ fn lengths(communicator: &dyn Communicator) {
 
 fn exchange(communicator: &dyn Communicator) {
     let (own, count) = (communicator.own(), communicator.count());
-    // A message is sent if the sum of both ranks is even; rank 0 sends itself an empty message.
+    // A message is sent if the sum of the two ranks is even; rank 0 sends itself an empty message.
     let is_sent = |from: usize, to: usize| (from + to).is_multiple_of(2);
     let messages = (0..count).filter(|to| is_sent(own, *to)).map(|to| (to, bytes(own, to))).collect();
     let expected: Vec<(usize, Vec<u8>)> =

@@ -16,7 +16,7 @@ const LEFT: f64 = 66.0;
 const TOP: f64 = 26.0;
 /// Space below the axes.
 const BOTTOM: f64 = 48.0;
-/// Distance between the names of curves.
+/// Smallest distance between the names of curves.
 const LINE: f64 = 15.0;
 /// Mean width of a letter.
 const LETTER: f64 = 6.6;
@@ -182,8 +182,8 @@ impl Chart {
         }
     }
 
-    /// Writes the name of each band: along the upper side of the chart if there is room, otherwise downwards if there
-    /// is room, otherwise not at all; the name then appears only under the pointer.
+    /// Writes the name of each band along the upper side of the chart or, if there is no room, downwards. A name that
+    /// fits neither way appears only under the pointer.
     fn name_bands(&self, svg: &mut String, x: &Scale, sides: [f64; 2], bottom: f64) {
         for Band { ends, name } in &self.bands {
             let [left, right] = within(x, *ends, sides);

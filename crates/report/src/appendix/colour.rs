@@ -20,8 +20,8 @@ pub(super) struct ColourMap {
 }
 
 impl ColourMap {
-    /// A map over a range of values. If the range has a negative and a positive part, the shorter more than 5 % of the
-    /// longer, negative values are blue, positive ones red, and the range is made symmetric.
+    /// A map over a range of values. If the range has a negative and a positive part, and the shorter is more than 5 %
+    /// of the longer, negative values are blue, positive ones red, and the range is made symmetric.
     pub fn over(low: f64, high: f64) -> ColourMap {
         let diverging = low < 0.0 && high > 0.0 && low.abs().min(high) > 0.05 * low.abs().max(high);
         let (low, high) = if diverging { (-high.max(-low), high.max(-low)) } else { (low, high) };
@@ -52,7 +52,7 @@ fn viridis(share: f64) -> Rgb {
     })
 }
 
-/// From blue at −1 over a pale grey at 0 to red at 1: lightness falls evenly towards both ends, in OkLab.
+/// From blue at −1 through a pale grey at 0 to red at 1: lightness falls evenly towards both ends, in OkLab.
 fn blue_to_red(side: f64) -> Rgb {
     let strength = side.abs();
     let (hue, chroma) = if side < 0.0 { (255f64, 0.135) } else { (32.0, 0.165) };

@@ -113,7 +113,7 @@ impl ReportError {
         }
     }
 
-    /// The same error, in one of several runs; errors about a file name it already.
+    /// The same error, in one of several runs; errors that already name a file or directory are unchanged.
     pub(super) fn of_run(self, run: &str) -> ReportError {
         match self {
             ReportError::NoField { .. } | ReportError::NoComponent { .. } | ReportError::NoStep { .. } => {

@@ -33,7 +33,7 @@ impl Decimal {
         }
     }
 
-    /// A number with `decimals` decimals, including zeros.
+    /// A number with `decimals` decimals, including trailing zeros.
     pub fn fixed(value: f64, decimals: usize) -> Decimal {
         let text = format!("{value:.decimals$}");
         // A number rounded to zero has no sign.

@@ -1,5 +1,5 @@
 //! Pictures of the deformed points: their domains as polygons, coloured by a field, over the active cells of the grid;
-//! in space, the visible sides of the domains.
+//! in space, the visible faces of the domains.
 
 use std::fmt::Write;
 
@@ -33,7 +33,7 @@ const OUTLINE: Rgba = [0, 0, 0, 90];
 /// raster.
 const OUTLINED: f64 = 6.0;
 
-/// Position of a picture on the page, and its axes.
+/// Size of a picture on the page, and its axes.
 struct Frame {
     extent: [[f64; 2]; 2],
     /// Size of the axes.

@@ -2,7 +2,7 @@
 
 use std::io;
 
-/// Samples per pixel along each axis: smooth edges, without seams between polygons that share a side.
+/// Samples per pixel along each axis, which smooth edges without seams between polygons that share a side.
 const SAMPLES: usize = 3;
 
 /// A colour in sRGB with its opacity.
@@ -24,8 +24,8 @@ impl Raster {
         Raster { width, height, samples: vec![[0; 4]; width * height * SAMPLES * SAMPLES] }
     }
 
-    /// Fills a polygon, given in either sense. A side shared with a neighbour belongs to one of the two, never to both.
-    /// A polygon that covers no sample marks the sample at its first corner.
+    /// Fills a polygon, given in either sense. A sample on a side shared with a neighbour belongs to exactly one of the
+    /// two. A polygon that covers no sample marks the sample at its first corner.
     pub fn fill(&mut self, corners: &[[f64; 2]], colour: Rgba) {
         if corners.len() < 3 || corners.iter().flatten().any(|c| !c.is_finite()) {
             return;

@@ -28,7 +28,7 @@ pub(super) enum State {
     Running,
     /// The process of the run ended unexpectedly.
     Died,
-    /// Unknown: there is no summary.
+    /// Unknown: there is no summary, and the status does not say that the run is in progress or has died.
     Unknown,
 }
 
@@ -52,7 +52,7 @@ pub(super) struct Run {
     pub name: String,
     /// State of the run.
     pub state: State,
-    /// `summary.json`; null for a run that has not ended.
+    /// `summary.json`; null if the run has not written it.
     pub summary: Value,
     /// `run.json`; null for a run of a version that did not write it.
     pub start: Value,
@@ -187,12 +187,12 @@ impl Run {
         names.filter(|name| !self.is_of_tool(name)).collect()
     }
 
-    /// True if the name of a column of `history.csv` has this ending.
+    /// True if `history.csv` has a column whose name ends in `ending`.
     pub fn has_column_of(&self, ending: &str) -> bool {
         self.history.names().iter().any(|name| name.ends_with(ending))
     }
 
-    /// True if the name before the ending of a column belongs to a tool, or to a part of a tool.
+    /// True if the name of a column, without its ending, is that of a tool or of a part of a tool.
     fn is_of_tool(&self, name: &str) -> bool {
         self.deck.iter().flat_map(|deck| &deck.tools).any(|tool| {
             let rest = name.strip_prefix(&tool.name);
@@ -234,7 +234,7 @@ impl Run {
         self.deck.as_ref().map(Deck::end_time)
     }
 
-    /// The residuals of the last attempt at every step that was begun; the first is the residual before the first
+    /// The residuals of the last attempt at every step that was begun, starting with the residual before the first
     /// solve.
     pub fn residuals(&self) -> Vec<(usize, Vec<f64>)> {
         let column = |name| self.convergence.column(name).unwrap_or_default();

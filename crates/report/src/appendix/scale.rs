@@ -46,7 +46,7 @@ impl Scale {
             (-step.at_or_below(-low), step.at_or_below(high))
         };
         let (low, high) = if whole { (step.value(first), step.value(last)) } else { (low, high) };
-        // The powers of ten are multiples of three, as usual in engineering.
+        // The exponents are multiples of three, as usual in engineering.
         let largest = low.abs().max(high.abs());
         let power =
             if (1e-3..1e4).contains(&largest) { 0 } else { 3 * (largest.log10() / 3.0).floor() as i32 };

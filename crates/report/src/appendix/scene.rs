@@ -28,12 +28,12 @@ pub(super) struct Scene {
     pub space: Option<[[f64; 3]; 2]>,
 }
 
-/// The domain of a point, or a side of it.
+/// The domain of a point; in space, a face of its domain or cube.
 #[derive(Debug)]
 pub(super) struct Polygon {
     /// Corners of the polygon.
     pub corners: Vec<[f64; 2]>,
-    /// Point number.
+    /// Index of the point in the scene.
     pub point: usize,
     /// Brightness.
     pub shade: f64,
@@ -109,8 +109,8 @@ impl Scene {
         Ok(scene)
     }
 
-    /// Reads a state of bodies in space: the visible sides of domains, or of cubes with the volume of the points that
-    /// have no domain, from the farthest to the nearest.
+    /// Reads a state of bodies in space: the visible faces of domains, or of cubes with slightly less than the volume
+    /// of the points that have no domain, from the farthest to the nearest.
     fn read_in_space(
         run: &Run,
         snapshot: &Snapshot,
@@ -164,7 +164,7 @@ impl Scene {
         })
     }
 
-    /// True if points have domains.
+    /// True if any point has a domain.
     pub fn has_domains(&self) -> bool {
         self.radii.contains(&0.0)
     }
@@ -189,7 +189,8 @@ pub(super) fn around(a: [[f64; 2]; 2], b: [[f64; 2]; 2]) -> [[f64; 2]; 2] {
     [[a[0][0].min(b[0][0]), a[0][1].min(b[0][1])], [a[1][0].max(b[1][0]), a[1][1].max(b[1][1])]]
 }
 
-/// Finds the row of a point in a file of points by its number. Numbers have gaps once bodies have been removed.
+/// Finds the row of a point in a file of points by the number of the point. Numbers have gaps once bodies have been
+/// removed.
 fn rows(points: &MeshFile) -> Result<impl Fn(f64) -> Option<usize>, ReportError> {
     let numbers = values(points, Section::PointData, "point_id")?;
     let rows: HashMap<u64, usize> = numbers.iter().enumerate().map(|(row, id)| (*id as u64, row)).collect();

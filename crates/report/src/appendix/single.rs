@@ -96,7 +96,7 @@ fn outcome(page: &mut Page, run: &Run, naming: &Naming) {
     end_of_run(page, run, naming);
 }
 
-/// Largest values at the end of the last step: key in the summary, name, kind of quantity.
+/// Extreme values at the end of the last step: key in the summary, name, kind of quantity.
 const EXTREMES: [(&str, &str, Quantity); 4] = [
     ("displacement", "Largest displacement", Quantity::Length),
     ("von_mises_stress", "Largest von Mises stress", Quantity::Stress),
@@ -104,7 +104,7 @@ const EXTREMES: [(&str, &str, Quantity); 4] = [
     ("highest_pressure", "Highest pressure", Quantity::Stress),
 ];
 
-/// One of the largest values, and its location.
+/// One of the extreme values, and its location.
 fn extreme(run: &Run, key: &str, quantity: Quantity, naming: &Naming) -> Option<(String, String)> {
     let found = &run.summary["largest"][key];
     let place: Vec<String> =

@@ -76,7 +76,7 @@ fn in_html(found: &StrengthBracket) -> Option<(String, &'static str)> {
     })
 }
 
-/// Why the factor of safety depends on the grid, in HTML; `None` if the flow of all materials is associated.
+/// Why the factor of safety depends on the grid, in HTML; `None` if all materials in use have associated flow.
 fn dependence(run: &Run) -> Option<String> {
     let materials = run.deck.iter().flat_map(|deck| deck.nonassociated_with_reduced_strength());
     let names: Vec<String> = materials.map(|name| format!("<code>{}</code>", escape(name))).collect();

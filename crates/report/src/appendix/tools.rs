@@ -60,7 +60,8 @@ pub(super) fn section(page: &mut Page, run: &Run, naming: &Naming) {
     }
 }
 
-/// The columns of a tool, then the columns of its parts; columns that do not exist are left out.
+/// The columns of a tool and of its parts, then those of its contact. Columns of forces, moments and motions that do
+/// not exist are left out.
 fn columns(run: &Run, tool: &ToolDeck) -> Vec<Quantified> {
     let kinds = [("f", "force", Quantity::Force), ("m", "moment", Quantity::Moment)];
     let motions = [("u", "displacement", Quantity::Length), ("turn_", "rotation", Quantity::Angle)];

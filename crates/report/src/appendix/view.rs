@@ -33,7 +33,7 @@ pub(super) struct Face {
     pub corners: Vec<[f64; 2]>,
     /// Brightness, at most 1.
     pub shade: f64,
-    /// Distance towards the viewer.
+    /// Mean coordinate of the corners towards the viewer.
     pub depth: f64,
 }
 

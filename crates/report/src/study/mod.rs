@@ -85,7 +85,7 @@ impl Axis {
     }
 }
 
-/// The entries of a list, which commas separate; those inside `${...}` belong to an expression.
+/// The entries of a list, separated by commas; commas inside `${...}` belong to an expression.
 fn entries(list: &str) -> Vec<&str> {
     let (mut found, mut begin, mut is_inside) = (Vec::new(), 0, false);
     for (at, character) in list.char_indices() {
@@ -191,8 +191,8 @@ pub struct Member {
 }
 
 impl Member {
-    /// Name of the member's directory, such as `h=0.25,n=6`; characters that a file system might not accept are written
-    /// as `%` and the hexadecimal value of the byte, so that different members have different names.
+    /// Name of the member's directory, such as `h=0.25,n=6`. Bytes of a value that a file system might not accept are
+    /// written as `%` and two hexadecimal digits, so that different members have different names.
     pub fn directory_name(&self) -> String {
         let mut text = String::new();
         for (name, value) in &self.settings {

@@ -98,7 +98,7 @@ impl Record {
         }
     }
 
-    /// The factors of a strength reduction with and without equilibrium; `None` if the run reduced no strength.
+    /// The factors of the last strength reduction with and without equilibrium; `None` if the run reduced no strength.
     pub(super) fn strength(&self) -> Option<StrengthBracket> {
         serde_json::from_value(self.summary.get("strength_reduction")?.clone()).ok()
     }

@@ -23,8 +23,8 @@ fn are_halved(coarse: &[f64], fine: &[f64]) -> bool {
 
 /// One sentence for each stage that reduces the strength and each pair of members that differ only in a parameter that
 /// halves the cells. It states how the factor of safety changes from the coarser to the finer member, and within which
-/// bounds, since each factor is known only up to its bracket. `sides` gives the cell sides of a member along each axis,
-/// if it has a structured grid.
+/// bounds, since each factor is known only to within its bracket. `sides` gives the cell sides of a member along each
+/// axis, if it has a structured grid.
 pub fn dependence_on_cells<'a>(
     study: &Study,
     rows: impl IntoIterator<Item = &'a Row>,
@@ -94,7 +94,7 @@ mod tests {
         format!("{{\"stage\": \"{stage}\", \"stands\": {stands}, \"fails\": {fails}, \"slides\": null}}")
     }
 
-    /// The sides are those that the parameter `h` states; `c` does not change them.
+    /// Cell sides that depend on the parameter `h` only.
     fn sides(member: &Member) -> Option<Vec<f64>> {
         let h: f64 = member.settings.iter().find(|(name, _)| name == "h")?.1.parse().ok()?;
         Some(vec![h, 0.5 * h])
