@@ -178,7 +178,7 @@ def test_compaction_without_update_of_domains(run):
     results, _ = run("inputs/compaction.yaml", update="none", young=1e4, every=0)
     warning = results.summary["warnings"][0]
     message = warning["message"]
-    assert "body `column`" in message and "`none`" in message and "changed its volume by" in message
+    assert "body `column`" in message and "`none`" in message and "changed its area by" in message
     assert results.summary["quality"]["domain_volume_excess"]["value"] > 1
 
 

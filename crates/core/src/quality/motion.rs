@@ -99,7 +99,7 @@ const MOST_VOLUME_CHANGE: f64 = 0.05;
 /// Ratio of principal stretches beyond which the update with det F is unsuitable, [-].
 const MOST_STRETCH_RATIO: f64 = 1.2;
 
-/// The objection of Table 2 to a domain update: a measure of the departure of the motion from the motions that the
+/// A reason of Table 2 to reject a domain update: a measure of how far the motion departs from the motions that the
 /// update can follow, and the limit of this measure.
 #[derive(Debug, Clone, Copy)]
 pub struct Objection {
@@ -115,9 +115,12 @@ impl Objection {
     pub fn to<const D: usize>(update: DomainUpdate) -> Option<Objection> {
         match update {
             DomainUpdate::None => Some(Objection {
-                measure: |F| (F.determinant() - 1.0).abs(),
+                measure: |F| (ratio_of_volume::<D>(F) - 1.0).abs(),
                 limit: MOST_VOLUME_CHANGE,
-                describe: |value| format!("changed its volume by {:.1} %", 100.0 * value),
+                describe: |value| {
+                    let what = if D == 2 { "area" } else { "volume" };
+                    format!("changed its {what} by {:.1} %", 100.0 * value)
+                },
             }),
             DomainUpdate::Determinant => Some(Objection {
                 measure: |F| if axes_differ::<D>(F) { stretch_ratio::<D>(F) } else { 1.0 },
@@ -200,6 +203,14 @@ mod tests {
 
     fn near(a: f64, b: f64) {
         assert!((a - b).abs() < 1e-11, "{a} {b}");
+    }
+
+    /// In axisymmetry, the hoop stretch changes the volume of a point but not its domain.
+    #[test]
+    fn domains_in_the_plane_ignore_the_hoop_stretch() {
+        let F = Mat3::from_diagonal(&Vector3::new(1.0, 1.0, 1.2));
+        assert!(ALL.iter().all(|update| !objects::<2>(*update, &F)));
+        assert!(objects::<3>(DomainUpdate::None, &F));
     }
 
     #[test]

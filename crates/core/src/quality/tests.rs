@@ -125,7 +125,7 @@ fn bodies_are_measured_on_their_own() {
     assert!((warning.value.unwrap() - 0.1).abs() < 1e-14);
     assert_eq!(
         warning.to_string(),
-        "step 7: body `body 0`: its domain update `none` does not suit its motion: point 1 has changed its volume by 10.0 %"
+        "step 7: body `body 0`: its domain update `none` does not suit its motion: point 1 has changed its area by 10.0 %"
     );
     assert!(quality.accept(&model, 8, &measures, &[]).is_empty(), "once is enough");
     let det_f = quality.det_f.unwrap();
