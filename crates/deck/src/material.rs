@@ -235,7 +235,7 @@ pub struct CohesionSofteningDeck {
     /// Remoulded strength, [stress].
     #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [5e3]))]
     pub residual_cohesion: Expression,
-    /// Width of the shear band to which `strain` belongs, [length]: in cells of size h, `strain` is multiplied by
+    /// Width of the shear band for which `strain` is given, [length]: in cells of size h, `strain` is multiplied by
     /// band/h, so that the displacement that softens a band one cell wide does not depend on the grid. Without this
     /// key, results depend on the grid.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -261,7 +261,7 @@ pub struct FrictionSofteningDeck {
     #[serde(default = "zero")]
     #[schemars(extend("minimum" = 0.0, "exclusiveMaximum" = 90.0, "examples" = [0]))]
     pub residual_dilation_angle: Expression,
-    /// Width of the shear band to which `strain` belongs, [length]: in cells of size h, `strain` is multiplied by
+    /// Width of the shear band for which `strain` is given, [length]: in cells of size h, `strain` is multiplied by
     /// band/h, so that the displacement that softens a band one cell wide does not depend on the grid. Without this
     /// key, results depend on the grid.
     #[serde(default, skip_serializing_if = "Option::is_none")]

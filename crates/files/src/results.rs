@@ -70,7 +70,7 @@ pub struct Results {
     findings: Findings,
     all_have_domains: bool,
     last: Step,
-    /// What a checkpoint stores besides the points; `None` before this run has a step in equilibrium or enters a new
+    /// What a checkpoint stores besides the points; `None` before this run has a converged step or enters a new
     /// stage, and after a stage that could not begin.
     accepted: Option<Reached>,
     /// The last step with a checkpoint.
@@ -298,9 +298,10 @@ fn foreign(name: &str, end: &str) -> io::Error {
 }
 
 /// True if VTU files of a step are due: after every `every` requested steps, or at the interval that the stage states
-/// instead, and at the end of each stage and of the analysis.
+/// instead, and at the end of each stage and of the analysis; never if `every` is 0.
 fn is_due<const D: usize>(every: usize, model: &Model<D>, step: Step) -> bool {
-    let every = model.stages.get(model.present.stage).and_then(|stage| stage.every).unwrap_or(every);
+    let of_stage = model.stages.get(model.present.stage).and_then(|stage| stage.every);
+    let every = if every == 0 { 0 } else { of_stage.unwrap_or(every) };
     let requested = model.stepping.requested(step.end);
     let is_due = |number: usize| number.is_multiple_of(every) || number == model.stepping.count;
     every > 0 && requested.is_some_and(is_due)

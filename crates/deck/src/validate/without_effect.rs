@@ -17,6 +17,22 @@ impl Check<'_> {
         self.damping_without_effect();
         self.smallest_without_effect();
         self.imbalance_without_effect();
+        self.interval_without_effect();
+    }
+
+    /// Warns of intervals of stages if no VTU files are written.
+    fn interval_without_effect(&mut self) {
+        if self.deck.output.every > 0 || self.source.is_from_parameter("/output/every") {
+            return;
+        }
+        for number in 0..self.deck.stages.len() {
+            let at = format!("/stages/{number}/every");
+            if self.is_written(&at) {
+                let message = "`every` has no effect: `output: {every: 0}` writes no VTU files";
+                let help = "remove it, or give `every` under `output` a value of 1 or more";
+                self.warn_at_key("D037", &at, message.to_owned(), help);
+            }
+        }
     }
 
     /// True if the deck itself states the value of a key.
