@@ -102,7 +102,7 @@ class DeckError(MpmError):
 
 
 class SolveError(MpmError):
-    """An analysis that ended early. The points are in the state of the last step in equilibrium.
+    """An analysis that ended early. The points are in the state of the last converged step.
 
     If a law written in Python has raised an exception, this exception is the cause (``__cause__``).
 

@@ -34,7 +34,7 @@ _PATIENCE = 1000
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """A load step in equilibrium.
+    """A converged load step.
 
     Attributes:
         index: Step number, from 1. Each part of a step that was cut has its own number.
@@ -311,7 +311,7 @@ class Run:
     """A run that Python controls from step to step: an iterator over :class:`Step`.
 
     :meth:`Deck.start` begins it. The analysis has its own thread, which waits between steps. Meanwhile, :attr:`points`
-    and the tables hold the state of the last step in equilibrium, and :meth:`change` alters the steps that follow.
+    and the tables hold the state of the last converged step, and :meth:`change` alters the steps that follow.
 
     - Each iteration solves the next step. The loop ends at the end of the analysis, or with :class:`SolveError` if a
       step has no equilibrium; in both cases, points, tables and :meth:`result` can be read afterwards.
@@ -420,12 +420,12 @@ class Run:
 
     @property
     def step(self) -> Step | None:
-        """The last step in equilibrium, or ``None`` before the first."""
+        """The last converged step, or ``None`` before the first."""
         return self._step
 
     @property
     def points(self) -> Points:
-        """The material points in the state of the last step in equilibrium, or at first in their initial state.
+        """The material points in the state of the last converged step, or at first in their initial state.
 
         Arrays are copied when they are read. The points themselves follow the run: to keep the states of several steps,
         keep arrays.
@@ -434,7 +434,7 @@ class Run:
 
     @property
     def tools(self) -> dict[str, Tool]:
-        """The rigid tools at the end of the last step in equilibrium, by name; empty before the first step."""
+        """The rigid tools at the end of the last converged step, by name; empty before the first step."""
         return {} if self._step is None else dict(self._step.tools)
 
     @property

@@ -68,9 +68,9 @@ class Study(Sequence[Member]):
         return f"<Study of {len(self)} members, {failed} failed>"
 
     def column(self, name: str) -> list[float | None]:
-        """The value of a column of the history at the last step in equilibrium of each member.
+        """The value of a column of the history at the last converged step of each member.
 
-        It is ``None`` for members that failed or that have no step in equilibrium.
+        It is ``None`` for members that failed or that have no converged step.
 
         Args:
             name: Name of the column, such as ``tip_uy``.
@@ -78,7 +78,7 @@ class Study(Sequence[Member]):
         return [None if of.result is None else _at_end(of.result.history, name) for of in self]
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """One row per member: parameters, history at the last step in equilibrium, and error. Needs pandas.
+        """One row per member: parameters, history at the last converged step, and error. Needs pandas.
 
         A parameter with the name of another column is named ``parameter_NAME``, as in the table of ``mpm sweep``.
         """
@@ -93,7 +93,7 @@ class Study(Sequence[Member]):
 
 
 def _at_end(history: Mapping[str, npt.NDArray[np.float64]], name: str) -> float | None:
-    """The value of a column at the last step in equilibrium; failed attempts may follow it."""
+    """The value of a column at the last converged step; failed attempts may follow it."""
     column, converged = history[name], np.flatnonzero(history["converged"] == 1)
     return float(column[converged[-1]]) if len(converged) else None
 

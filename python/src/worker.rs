@@ -319,7 +319,7 @@ where
     }
 }
 
-/// A step in equilibrium as a document.
+/// A converged step as a document.
 fn step_document<const D: usize>(
     model: &Model<D>,
     report: &StepReport<D>,

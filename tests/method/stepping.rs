@@ -16,7 +16,7 @@ use mpm::solver::{
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
-/// One step in equilibrium.
+/// One converged step.
 #[derive(Debug, Clone, PartialEq)]
 struct Record {
     step: Step,

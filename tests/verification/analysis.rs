@@ -7,7 +7,7 @@ use mpm::model::Model;
 use mpm::points::Points;
 use mpm::solver::{self, Observer, Reached, SolveError, StepReport, Summary};
 
-/// One step in equilibrium.
+/// One converged step.
 #[derive(Debug, Clone)]
 pub struct Record {
     pub residuals: Vec<f64>,
@@ -94,7 +94,7 @@ fn finish(mut model: Model<2>, mut points: Points<2>) -> Analysis {
     Analysis { model, points, steps: recorder.steps, summary }
 }
 
-/// Passes every step in equilibrium to a closure.
+/// Passes every converged step to a closure.
 struct Watcher<F>(F);
 
 impl<F: FnMut(&Points<2>, &StepReport<2>)> Observer<2> for Watcher<F> {
@@ -110,7 +110,7 @@ impl<F: FnMut(&Points<2>, &StepReport<2>)> Observer<2> for Watcher<F> {
     }
 }
 
-/// Runs a model and passes every step in equilibrium to `look`.
+/// Runs a model and passes every converged step to `look`.
 pub fn watch(
     model: &Model<2>,
     points: &mut Points<2>,

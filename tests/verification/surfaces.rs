@@ -24,7 +24,7 @@ pub fn loaded(text: &str) -> mpm::deck::load::LoadedDeck {
     mpm::deck::load::load_text("deck.yaml", text.as_bytes(), &[]).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// Runs a deck given as text, and passes every step in equilibrium to `look`.
+/// Runs a deck given as text, and passes every converged step to `look`.
 pub fn run(text: &str, mut look: impl FnMut(&Points<2>, &StepReport<2>)) -> (Model<2>, Points<2>) {
     let (model, mut points) = built(text);
     watch(&model, &mut points, |points, report| look(points, report)).unwrap_or_else(|e| panic!("{e}"));

@@ -1,4 +1,4 @@
-//! A load step in equilibrium: its report and its balance of energy and moments.
+//! A converged load step: its report and its balance of energy and moments.
 
 mod balance;
 mod initial_state;

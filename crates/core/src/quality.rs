@@ -1,7 +1,7 @@
 //! The quality of a run, judged by measures that cost hardly any time: the partition of unity, how well the domains fit
 //! the bodies and the grid, the filling of the cells, and the convergence of the iterations.
 //!
-//! [`Measures`] are taken once per step in equilibrium; [`Quality`] keeps the worst values of all steps and warns when
+//! [`Measures`] are taken once per converged step; [`Quality`] keeps the worst values of all steps and warns when
 //! a measure is out of bounds for the first time. The overlap of domains costs more and is computed only once, at the
 //! end of the run.
 

@@ -3,7 +3,7 @@
 //! | File | Content |
 //! |---|---|
 //! | `stepper`, `pace` | the sequence of steps, and their size |
-//! | `acceptance`, `refusal` | the commit of a step in equilibrium, and what follows a failed attempt |
+//! | `acceptance`, `refusal` | the commit of a converged step, and what follows a failed attempt |
 //! | `stages`, `release` | the transition between stages: what is added and removed, and the forces that are released |
 //! | `change` | the change of a model between two steps |
 //! | `load_step`, `step_system`, `fields` | one attempt at a step, and what it sets up once |

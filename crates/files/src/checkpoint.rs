@@ -1,4 +1,4 @@
-//! Checkpoints: everything a run needs to resume, bit for bit, from a step in equilibrium.
+//! Checkpoints: everything a run needs to resume, bit for bit, from a converged step.
 //!
 //! A file consists of a line with the format version, blocks of compressed bytes, and a checksum of both (`blocks`).
 //! The bytes hold JSON text with the deck and the summary of the run so far, followed by the arrays of the points. Data
@@ -51,7 +51,7 @@ pub struct Head {
     pub deck: Value,
     /// Hash of the files that the deck names.
     pub files: String,
-    /// The last step in equilibrium, and the summary of the run so far.
+    /// The last converged step, and the summary of the run so far.
     pub reached: Reached,
     /// Findings of the run so far.
     pub findings: Findings,
@@ -94,7 +94,7 @@ pub struct Checkpoint {
     paths: Vec<SolutionPath>,
 }
 
-/// Writes the checkpoint of a step in equilibrium and removes checkpoints that are no longer needed. All ranks must
+/// Writes the checkpoint of a converged step and removes checkpoints that are no longer needed. All ranks must
 /// call this together.
 ///
 /// # Errors
@@ -338,7 +338,7 @@ impl Checkpoint {
         Ok(found)
     }
 
-    /// The last step in equilibrium.
+    /// The last converged step.
     pub fn step(&self) -> Step {
         self.head.reached.step
     }

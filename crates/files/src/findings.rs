@@ -49,7 +49,7 @@ impl Moment {
 }
 
 impl ForceBalance {
-    /// The balance of a step in equilibrium. All ranks must call this together.
+    /// The balance of a converged step. All ranks must call this together.
     pub fn new<const D: usize>(model: &Model<D>, report: &StepReport<D>) -> ForceBalance {
         let names = model.boundary_conditions.iter().map(|condition| condition.name.clone());
         let reactions = names.zip(report.reactions.iter().map(|r| r.to_vec())).collect();
@@ -192,13 +192,13 @@ pub struct Errors {
 pub struct Findings {
     /// Smallest and largest number of linear solves in a step.
     pub iterations: Option<[usize; 2]>,
-    /// Largest residual of a step in equilibrium, eq. (40), and the step, [-].
+    /// Largest residual of a converged step, eq. (40), and the step, [-].
     pub worst_residual: Option<(f64, usize)>,
-    /// Forces at the end of the last step in equilibrium.
+    /// Forces at the end of the last converged step.
     pub balance: Option<ForceBalance>,
     /// Largest errors of the balances over all steps.
     pub errors: Errors,
-    /// Extreme values at the end of the last step in equilibrium.
+    /// Extreme values at the end of the last converged step.
     pub extremes: Option<Extremes>,
 }
 
@@ -218,7 +218,7 @@ impl Findings {
         })
     }
 
-    /// Adds a step in equilibrium. All ranks must call this together.
+    /// Adds a converged step. All ranks must call this together.
     pub(super) fn accept<const D: usize>(
         &mut self,
         model: &Model<D>,
@@ -243,7 +243,7 @@ impl Findings {
         }
     }
 
-    /// Error of the balance of forces at the end of the last step in equilibrium; 0 if there are no forces, [-].
+    /// Error of the balance of forces at the end of the last converged step; 0 if there are no forces, [-].
     pub(super) fn force_error(&self) -> f64 {
         self.balance.as_ref().and_then(ForceBalance::relative_difference).unwrap_or(0.0)
     }

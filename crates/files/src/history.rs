@@ -74,7 +74,7 @@ pub fn columns_of_history<const D: usize>(model: &Model<D>) -> Vec<String> {
     columns
 }
 
-/// The row of `history.csv` of a step in equilibrium. All ranks must call this together.
+/// The row of `history.csv` of a converged step. All ranks must call this together.
 pub fn row_of_history<const D: usize>(
     model: &Model<D>,
     points: &Points<D>,
@@ -155,7 +155,7 @@ fn moved<const D: usize>(model: &Model<D>, points: &Points<D>) -> Vec<Vec<Vec<f6
     moved
 }
 
-/// The row of `quality.csv` of a step in equilibrium.
+/// The row of `quality.csv` of a converged step.
 pub fn row_of_quality<const D: usize>(
     report: &StepReport<D>,
     summary: &Summary,

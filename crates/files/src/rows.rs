@@ -6,7 +6,7 @@ use mpm_core::counted::counted;
 
 use super::table::Kept;
 
-/// Checks that `history.csv`, `quality.csv` and `convergence.csv` have the rows of all `steps` steps in equilibrium.
+/// Checks that `history.csv`, `quality.csv` and `convergence.csv` have the rows of all `steps` converged steps.
 ///
 /// # Errors
 /// `InvalidData`, with the file and the first step whose rows are missing or, if the step numbers have no gap, the

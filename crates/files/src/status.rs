@@ -72,7 +72,7 @@ pub struct Status {
     pub started: Timestamp,
     /// Time of this update.
     pub updated: Timestamp,
-    /// Steps in equilibrium.
+    /// Converged steps.
     pub steps: usize,
     /// Load steps of the deck.
     pub steps_requested: usize,
@@ -89,7 +89,7 @@ pub struct Status {
     /// Time at the end of the analysis, [time].
     pub end_time: f64,
     /// Load factor at the end of the current step, if all loads and prescribed motions share one, [-]; if it is an
-    /// unknown, at the end of the last step in equilibrium.
+    /// unknown, at the end of the last converged step.
     pub load_factor: Option<f64>,
     /// Factor by which the strength of the materials is divided at the end of the current step, [-]; `None` at full
     /// strength.
@@ -100,7 +100,7 @@ pub struct Status {
     pub stage: Option<String>,
     /// Number of material points.
     pub points: usize,
-    /// Free degrees of freedom of the last step in equilibrium.
+    /// Free degrees of freedom of the last converged step.
     pub unknowns: usize,
     /// Evaluations of the out-of-balance force since the run began or resumed.
     pub evaluations: usize,
@@ -222,14 +222,14 @@ impl Progress {
         status.iteration = iteration;
         status.residual = residual.is_finite().then_some(residual);
         status.time = step.end;
-        // If the load factor is an unknown, the status keeps its value at the last step in equilibrium.
+        // If the load factor is an unknown, the status keeps its value at the last converged step.
         if let Some(curve) = &self.curve {
             status.load_factor = Some(curve.factor(step.end));
         }
         status.evaluations += 1;
     }
 
-    /// Records a step in equilibrium.
+    /// Records a converged step.
     pub fn converged<const D: usize>(&mut self, report: &StepReport<D>, summary: &Summary) {
         self.status.steps = summary.steps;
         self.status.unknowns = report.unknowns;

@@ -116,7 +116,7 @@ pub fn messages(prepared: &Result<Prepared, Box<LoadFailure>>, colour: bool) -> 
 /// Reports the messages about a deck that cannot be used; returns the exit code.
 ///
 /// # Errors
-/// If the messages cannot be printed.
+/// If the messages are to be printed as JSON and cannot be; a closed pipe is no error.
 pub fn refuse(failure: Box<LoadFailure>, format: Format) -> anyhow::Result<u8> {
     let refused = Err(failure);
     match format {

@@ -35,7 +35,7 @@ pub enum View {
 const FRAME: Duration = Duration::from_millis(100);
 /// Approximate number of progress lines of a run without a terminal.
 const LINES: usize = 20;
-/// Time after which the next step in equilibrium prints a progress line in any case.
+/// Time after which the next converged step prints a progress line in any case.
 const SILENCE: Duration = Duration::from_secs(30);
 
 /// Writes the results of a run and shows its progress.
@@ -193,7 +193,7 @@ impl Watch {
         bar.set_message(on_the_bar(&self.progress.status()));
     }
 
-    /// Prints a line about a step in equilibrium if there is no terminal and a line is due.
+    /// Prints a line about a converged step if there is no terminal and a line is due.
     fn show_line<const D: usize>(&mut self, report: &StepReport<D>) {
         let Display::Lines { last } = &mut self.display else { return };
         let status = self.progress.status();
@@ -379,7 +379,7 @@ fn step_of(status: &Status) -> String {
     }
 }
 
-/// One line about a step in equilibrium.
+/// One line about a converged step.
 fn in_equilibrium<const D: usize>(report: &StepReport<D>, status: &Status) -> String {
     let solves = counted(report.solves(), "iteration", "iterations");
     let residual = report.residuals.last().copied().unwrap_or(0.0);
@@ -402,7 +402,7 @@ fn on_the_bar(status: &Status) -> String {
     format!("{first}\n{}", second.join("  "))
 }
 
-/// Further entries of the log about a step in equilibrium.
+/// Further entries of the log about a converged step.
 fn in_the_log(status: &Status) -> String {
     let mut parts = Vec::new();
     parts.extend(status.load_factor.map(|factor| format!("load factor {}", significant(factor, 4))));

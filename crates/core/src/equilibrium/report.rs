@@ -1,4 +1,4 @@
-//! Report of a load step in equilibrium.
+//! Report of a converged load step.
 
 use crate::basis::Connectivity;
 use crate::dofs::DofMap;
@@ -25,7 +25,7 @@ pub struct GridFields<const D: usize> {
     pub reaction: Nodal<D>,
 }
 
-/// Report of a load step in equilibrium.
+/// Report of a converged load step.
 #[non_exhaustive]
 #[derive(Debug, Clone)]
 pub struct StepReport<const D: usize> {

@@ -11,7 +11,7 @@ pub enum Property {
     Response,
     /// Equal arguments give equal results.
     Purity,
-    /// D^alg is the derivative of τ with respect to the trial strain, according to finite differences.
+    /// D^alg agrees with finite differences of τ with respect to the trial strain.
     Tangent,
     /// The tangent is symmetric, if the law states that it is.
     Symmetry,

@@ -115,7 +115,7 @@ pub struct ContactControl {
     /// Penalty stiffness per unit area, as a multiple of 4G/h, with the shear modulus G of the body and the cell size
     /// h, [-]. It affects the number of iterations; results do not depend on it.
     pub penalty: f64,
-    /// Largest overlap, and largest slip of sticking contact points, in a step in equilibrium, as a mean over the
+    /// Largest overlap, and largest slip of sticking contact points, in a converged step, as a mean over the
     /// contact points around a node, relative to the cell size, [-]. Where constraints conflict, the mean may reach
     /// 10⁻⁴, or 10⁻³ after six updates of the multipliers. A single contact point may always keep up to 10⁻³.
     pub tolerance: f64,

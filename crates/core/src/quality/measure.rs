@@ -1,4 +1,4 @@
-//! The measures of one step in equilibrium.
+//! The measures of one converged step.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};

@@ -318,7 +318,7 @@ fn locking(value: f64, step: usize, is_standard: bool) -> Warning {
 /// Work and energy of the steps so far.
 #[derive(Debug, Clone, Copy)]
 pub struct BalanceSoFar {
-    /// Number of steps in equilibrium.
+    /// Number of converged steps.
     pub steps: usize,
     /// Work of loads and reactions, [energy].
     pub external_work: f64,

@@ -1,4 +1,4 @@
-//! The commit of a step in equilibrium.
+//! The commit of a converged step.
 
 use crate::equilibrium::StepReport;
 use crate::quality::{Code, Location, Measures, Warning};
@@ -16,7 +16,7 @@ use super::strength::Movement;
 use super::summary::{Reached, Summary};
 
 impl<const D: usize, const N: usize> Stepper<'_, D, N> {
-    /// Makes the trial state of a step in equilibrium the converged state.
+    /// Makes the trial state of a converged step the converged state.
     pub(super) fn accept(
         &mut self,
         report: StepReport<D>,
@@ -74,7 +74,7 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
             && summary.pace.halve(&model.stepping, step.start, step.end)
     }
 
-    /// Reports that a smaller step replaces a step in equilibrium in which bodies begin to slide.
+    /// Reports that a smaller step replaces a converged step in which bodies begin to slide.
     pub(super) fn bisect(
         &mut self,
         report: StepReport<D>,
@@ -88,7 +88,7 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         agree(&points.ranks, observed.map_err(SolveError::Output))
     }
 
-    /// Measures a step in equilibrium before it is committed.
+    /// Measures a converged step before it is committed.
     fn judge(&mut self, report: &StepReport<D>) {
         let (model, points) = (self.model, &*self.points);
         let Summary { timings, quality, warnings, .. } = &mut self.reached.summary;

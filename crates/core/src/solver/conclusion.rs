@@ -32,7 +32,7 @@ pub(super) struct LastIterate<const D: usize, const N: usize> {
 }
 
 impl<const D: usize, const N: usize> LastIterate<D, N> {
-    /// The report of a step in equilibrium, without the links (the caller holds them), and the path after the step.
+    /// The report of a converged step, without the links (the caller holds them), and the path after the step.
     ///
     /// # Errors
     /// [`SolveError::Law`] if a law has no finite energy.

@@ -18,7 +18,7 @@ use crate::step::Step;
 /// Data on the path so far that the next step needs.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Path {
-    /// Load factor at the end of the last step in equilibrium, if the factor is an unknown, [-].
+    /// Load factor at the end of the last converged step, if the factor is an unknown, [-].
     pub factor: f64,
     /// Arc length of the path per unit of time, [length·volume^½/time]; `None` before the first step of the stage, and
     /// if the arc length does not determine the load factor.
@@ -53,9 +53,10 @@ pub(super) enum Condition<const D: usize, const N: usize> {
     Displacement { weight: Vec<[f64; N]>, by: f64, halo: Halo },
     /// The increment of the global unknown `number` equals `by`; `number` is `None` if there is no such unknown.
     Global { number: Option<usize>, by: f64 },
-    /// (Δd − c, Δd − c) equals the square of `length`, in the inner product weighted by the volume that each node
-    /// carries. The centre c is the motion due to the out-of-balance forces of a fresh grid, without the part that the
-    /// loads would cause; if c were not subtracted, it would hide the path when steps are small.
+    /// In the inner product weighted by the volume that each node carries, (Δd − c, Δd − c) equals the square of
+    /// `length`. The centre c is the motion due to the forces left out of balance on a fresh grid, without the part
+    /// that the loads would cause; if c were not subtracted, it would exceed the motion along the path when steps are
+    /// small.
     ArcLength {
         volume: Vec<f64>,
         halo: Halo,

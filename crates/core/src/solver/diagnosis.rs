@@ -175,7 +175,7 @@ pub struct Diagnosis {
     pub kind: Kind,
     /// Number of the step that failed.
     pub step: usize,
-    /// Time of the last step in equilibrium, [time].
+    /// Time of the last converged step, [time].
     pub time: f64,
     /// Load factor of largest magnitude in equilibrium, [-]; `None` unless all loads and prescribed motions share one.
     pub largest_load_factor: Option<f64>,

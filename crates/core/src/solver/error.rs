@@ -38,8 +38,8 @@ impl std::fmt::Display for PointPlace {
     }
 }
 
-/// The reason why a run ends early. The converged state of the points is then the state at the end of the last step in
-/// equilibrium.
+/// The reason why a run ends early. The converged state of the points is then the state at the end of the last
+/// converged step .
 #[non_exhaustive]
 #[derive(Debug, thiserror::Error)]
 pub enum SolveError {

@@ -101,7 +101,7 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         outcome
     }
 
-    /// The links of the last step, whose memory is reused; the last report, if there is one, gives up its links.
+    /// The links of the last step, whose memory is reused: those of the last report, if there is one.
     pub(super) fn old_links(&mut self) -> Connectivity<D> {
         let of_report = self.report.take().map(|report| report.grid.links);
         of_report.unwrap_or_else(|| std::mem::take(&mut self.links))

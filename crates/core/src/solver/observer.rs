@@ -60,7 +60,7 @@ pub trait Observer<const D: usize> {
         Ok(())
     }
 
-    /// Called when bodies begin to slide in a step in equilibrium while their strength is reduced. Half of the step is
+    /// Called when bodies begin to slide in a converged step while their strength is reduced. Half of the step is
     /// then attempted instead, to find the factor at which sliding begins; the converged state is the state before the
     /// step.
     ///

@@ -240,7 +240,7 @@ where
     run_with_changes(model, points, reached, observer, &mut |_, _, _| Ok(false))
 }
 
-/// A function that may change a model between two steps, given the points and the last step in equilibrium.
+/// A function that may change a model between two steps, given the points and the last converged step.
 pub type Change<'a, const D: usize> =
     &'a mut dyn FnMut(&mut Model<D>, &mut Points<D>, &mut Reached) -> Result<bool, SolveError>;
 

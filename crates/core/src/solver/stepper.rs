@@ -45,7 +45,7 @@ pub struct Stepper<'a, const D: usize, const N: usize = D> {
     pub(super) equations: Equations<D, N>,
     /// Links of the previous step, whose memory is reused.
     pub(super) links: Connectivity<D>,
-    /// Report of the last step in equilibrium; `None` while a step is attempted.
+    /// Report of the last converged step; `None` while a step is attempted.
     pub(super) report: Option<StepReport<D>>,
     /// The cause of the failure of the current step, kept while last resorts are tried.
     pub(super) cause: Option<(FailedAttempt<D>, Diagnosis)>,
@@ -264,17 +264,17 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         finish(self.model, self.points, self.reached, outcome, observer)
     }
 
-    /// The points; their converged state is the state at the end of the last step in equilibrium.
+    /// The points; their converged state is the state at the end of the last converged step.
     pub fn points(&self) -> &Points<D> {
         self.points
     }
 
-    /// The last step in equilibrium, and the summary of the run so far.
+    /// The last converged step, and the summary of the run so far.
     pub fn reached(&self) -> &Reached {
         &self.reached
     }
 
-    /// The last step in equilibrium, and the summary of the run so far.
+    /// The last converged step, and the summary of the run so far.
     pub(super) fn into_reached(self) -> Reached {
         self.reached
     }

@@ -44,7 +44,7 @@ pub struct StrengthBracket {
     /// direction, and an upper bound on it otherwise.
     #[serde(default)]
     pub moved: f64,
-    /// Displacement per change of the factor in the last step in equilibrium, relative to the mean over the stage, [-]:
+    /// Displacement per change of the factor in the last converged step, relative to the mean over the stage, [-]:
     /// close to 1 for bodies that deform evenly, large for bodies that begin to run away. `None` before the first step.
     #[serde(default)]
     pub growth: Option<f64>,

@@ -33,10 +33,10 @@ pub struct StageReached {
     pub(super) splits_before: Vec<usize>,
 }
 
-/// The summary of a run up to its last step in equilibrium.
+/// The summary of a run up to its last converged step.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
-    /// Number of steps in equilibrium.
+    /// Number of converged steps.
     pub steps: usize,
     /// Number of steps accepted at the limit of round-off rather than at the tolerance.
     #[serde(default)]
@@ -75,7 +75,7 @@ pub struct Summary {
     /// The sparsity pattern that later steps may reuse.
     #[serde(default, serialize_with = "save_kept", deserialize_with = "load_kept")]
     pub kept: Option<Arc<Named>>,
-    /// Load factor of the last step in equilibrium, [-]; `None` unless all loads and prescribed motions share one.
+    /// Load factor of the last converged step, [-]; `None` unless all loads and prescribed motions share one.
     pub load_factor: Option<f64>,
     /// Load factor of largest magnitude in equilibrium, [-]; `None` unless all loads and prescribed motions share one.
     pub largest_load_factor: Option<f64>,
@@ -96,7 +96,7 @@ pub struct Summary {
     pub linear_iterations: usize,
     /// Number of linear solves whose matrix was not positive definite.
     pub indefinite_solves: usize,
-    /// Number of iterations of the last step in equilibrium, 0 before the first one.
+    /// Number of iterations of the last converged step, 0 before the first one.
     #[serde(default)]
     pub last_iterations: usize,
     /// Largest number of unknowns in a step.
@@ -143,10 +143,10 @@ fn load_kept<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Arc<Named>>, D
     Ok(Option::<Named>::deserialize(from)?.map(Arc::new))
 }
 
-/// The last step in equilibrium of a run: together with the points, all that a restart needs.
+/// The last converged step of a run: together with the points, all that a restart needs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Reached {
-    /// The last step in equilibrium; number and time are 0 before the first one.
+    /// The last converged step; number and time are 0 before the first one.
     pub step: Step,
     /// The summary of the run so far.
     pub summary: Summary,

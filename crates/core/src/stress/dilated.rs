@@ -62,8 +62,8 @@ pub trait Centred<const D: usize>: WeakForm<D> {
     /// Divergence of the basis function times the unit vector of each axis, at the point, [1/length].
     fn divergence(gradient: &Self::Gradient<f64>) -> [f64; D];
 
-    /// Adds to the column of a node the effect of the `excess` of its divergence at the centre over that at the point,
-    /// [1/length].
+    /// Adds the effect of `excess` to the column of a node: the divergence of the node at the centre minus its
+    /// divergence at the point, [1/length].
     fn add_excess(&self, excess: &[f64; D], column: &mut Self::Column);
 }
 

@@ -13,7 +13,7 @@ use crate::region::area_vector;
 /// A surface carried by the grid.
 #[derive(Debug, Clone, Default)]
 pub struct Carried<const D: usize> {
-    /// Positions of the corners at the end of the last step in equilibrium, [length].
+    /// Positions of the corners at the end of the last converged step, [length].
     pub converged: Vec<[f64; D]>,
     /// Positions of the corners at the displacement increment of the last evaluation, [length].
     pub trial: Vec<[f64; D]>,

@@ -112,9 +112,9 @@ pub struct Contact<const D: usize> {
     tools: Vec<Moving<D>>,
     /// The nodes that this rank shares with others in the current step.
     halo: Halo,
-    /// The state kept for the contact points that touched at the end of the last step in equilibrium.
+    /// The state kept for the contact points that touched at the end of the last converged step.
     converged: FxHashMap<Key, Kept<D>>,
-    /// For each body, true if it took part in the last step in equilibrium.
+    /// For each body, true if it took part in the last converged step.
     has_begun: Vec<bool>,
     /// For each body, true if it has points in the current step.
     is_there: Vec<bool>,

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::Value;
 
-/// The state of a term at the end of a step in equilibrium. Its value is formed only when it is read, because most
+/// The state of a term at the end of a converged step. Its value is formed only when it is read, because most
 /// steps store no checkpoint.
 #[derive(Clone)]
 pub struct Saved(Arc<dyn Fn() -> Value + Send + Sync>);

@@ -31,7 +31,7 @@ fn on_nodes<'a, const D: usize>(
 
 /// Writing of tables, frames and checkpoints.
 impl Results {
-    /// Writes a checkpoint of the last step in equilibrium, if there is none yet. Later failed attempts are not part of
+    /// Writes a checkpoint of the last converged step, if there is none yet. Later failed attempts are not part of
     /// it: a resumed run repeats them. All ranks must call this together.
     fn write_checkpoint<const D: usize>(&mut self, points: &Points<D>) -> io::Result<()> {
         // Earlier results must be complete first, because a resumed run does not write them again.
@@ -74,7 +74,7 @@ impl Results {
         }
     }
 
-    /// True if VTU files are wanted and those of the last step in equilibrium are missing. All ranks must call this
+    /// True if VTU files are wanted and those of the last converged step are missing. All ranks must call this
     /// together.
     fn lacks_last(&self, ranks: &Ranks) -> bool {
         let is_missing = self.writer.reached().is_none_or(|time| time < self.last.end);
@@ -211,7 +211,7 @@ impl Results {
         self.write_last(model, points)
     }
 
-    /// Writes the VTU files of the last step in equilibrium if they are wanted and missing. All ranks must call this
+    /// Writes the VTU files of the last converged step if they are wanted and missing. All ranks must call this
     /// together.
     fn write_last<const D: usize>(&mut self, model: &Model<D>, points: &Points<D>) -> io::Result<()> {
         if !self.lacks_last(&points.ranks) {
@@ -234,7 +234,7 @@ impl Results {
         let rows = self.failure.take().map_or(Ok(()), Err);
         let tables = self.tables.iter().flat_map(|of| [&of.history, &of.quality, &of.convergence]);
         let tables = tables.map(Table::check).find(Result::is_err).unwrap_or(Ok(()));
-        // The last step in equilibrium is written even if it is not due, unless `every` is 0.
+        // The last converged step is written even if it is not due, unless `every` is 0.
         let mesh = self.write_last(model, points);
         // A run that ended early can be resumed from its last step, unless the files of that step are missing.
         let has_lost_files = ranks.any(matches!(error, Some(SolveError::Output(_))));

@@ -170,7 +170,7 @@ impl Run {
         self.text("/title").filter(|title| !title.is_empty()).unwrap_or(&self.name)
     }
 
-    /// Number of steps in equilibrium.
+    /// Number of converged steps.
     pub fn steps(&self) -> usize {
         self.history.rows()
     }

@@ -29,7 +29,7 @@ pub(super) fn state_in_words(state: &State) -> &'static str {
     }
 }
 
-/// The number of load steps in equilibrium, and the number requested.
+/// The number of converged load steps, and the number requested.
 pub(super) fn steps_in_words(run: &Run) -> String {
     let wanted = run.number("/steps_requested").or_else(|| Some(run.deck.as_ref()?.step_count() as f64));
     match wanted {
@@ -202,7 +202,7 @@ pub(super) fn foot(runs: &[Run], naming: &Naming) -> String {
     )
 }
 
-/// The largest residual of a step in equilibrium.
+/// The largest residual of a converged step.
 pub(super) fn largest_residual(run: &Run) -> Option<f64> {
     run.column("residual").iter().copied().reduce(f64::max)
 }

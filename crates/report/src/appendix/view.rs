@@ -33,7 +33,7 @@ pub(super) struct Face {
     pub corners: Vec<[f64; 2]>,
     /// Brightness, at most 1.
     pub shade: f64,
-    /// Mean coordinate of the corners towards the viewer.
+    /// Mean, over the corners, of the coordinate along the axis towards the viewer.
     pub depth: f64,
 }
 
@@ -47,7 +47,7 @@ impl View {
         View { right, up: cross(towards, right), towards, light: LIGHT.map(|c| c / length) }
     }
 
-    /// Projects a position to the picture.
+    /// Projects a position onto the plane of the picture.
     pub fn project(&self, place: [f64; 3]) -> [f64; 2] {
         [dot(self.right, place), dot(self.up, place)]
     }

@@ -59,7 +59,7 @@ impl Record {
             && self.summary["deck_hash"] == loaded.hash()
     }
 
-    /// Number of steps in equilibrium.
+    /// Number of converged steps.
     pub fn steps(&self) -> usize {
         self.summary["steps"].as_u64().and_then(|steps| usize::try_from(steps).ok()).unwrap_or(0)
     }

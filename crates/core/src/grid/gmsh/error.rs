@@ -94,9 +94,7 @@ pub enum GmshError {
         left: usize,
     },
     /// The blocks of a section do not sum to its total.
-    #[error(
-        "{location}: the section announces another number of {what} ({declared}) than its blocks contain"
-    )]
+    #[error("{location}: the section declares {declared} {what}, but its blocks contain a different number")]
     Total {
         /// Location of the contradiction.
         location: FileLocation,
@@ -152,7 +150,7 @@ pub enum GmshError {
     /// An element belongs to too many physical groups.
     #[error("an element belongs to {count} physical groups, more than {MAX_GROUPS}")]
     TooManyGroups {
-        /// Number of its groups.
+        /// Number of groups to which the element belongs.
         count: usize,
     },
 }

@@ -26,7 +26,7 @@ pub(super) struct Level<const D: usize, const N: usize> {
     pub held: Vec<[bool; N]>,
     /// Inverses of the diagonal blocks of Â.
     pub inverse: Vec<Block<N>>,
-    /// Own nodes of each colour.
+    /// The nodes of each colour that this rank owns.
     pub colours: Vec<Vec<u32>>,
     pub x: Vec<[f64; N]>,
     pub b: Vec<[f64; N]>,

@@ -157,7 +157,7 @@ impl<const D: usize, const N: usize> Level<D, N> {
         (start, of_rows.into_iter().flatten().collect())
     }
 
-    /// Takes over the values of the matrix, of which each rank has a part.
+    /// Copies the values of the matrix, which is distributed over the ranks.
     ///
     /// # Errors
     /// [`LinearError::Singular`] on all ranks if a free degree of freedom on any rank has no stiffness.

@@ -164,7 +164,7 @@ pub(super) struct Search<'a, const D: usize> {
     pub(super) points: &'a Points<D>,
     pub(super) links: &'a Connectivity<D>,
     pub(super) tools: &'a [Moving<D>],
-    /// For each body, true if it took part in the last step in equilibrium: it may then overlap tools, because domain
+    /// For each body, true if it took part in the last converged step. Such a body may overlap tools, because domain
     /// updates may have left overlaps.
     pub(super) has_begun: &'a [bool],
     /// For each tool, the distance from its surface beyond which contact points under a flat part sleep in the step,

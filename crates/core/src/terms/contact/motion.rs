@@ -18,7 +18,7 @@ const QUARTER: f64 = std::f64::consts::FRAC_PI_2;
 pub(super) struct Moving<const D: usize> {
     /// Pose at the start of the analysis.
     pub(super) original: Pose<D>,
-    /// Pose at the end of the last step in equilibrium.
+    /// Pose at the end of the last converged step.
     pub(super) start: Pose<D>,
     /// Pose at the last evaluation.
     pub(super) end: Pose<D>,

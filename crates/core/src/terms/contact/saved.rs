@@ -11,7 +11,7 @@ use crate::tool::Pose;
 /// The poses of the tools, the state kept for the contact points, and whether each body has begun.
 type State<const D: usize> = (Vec<Pose<D>>, FxHashMap<Key, Kept<D>>, Vec<bool>);
 
-/// The state at the end of the last step in equilibrium.
+/// The state at the end of the last converged step.
 pub(super) fn save<const D: usize>(
     poses: &[Pose<D>],
     converged: &FxHashMap<Key, Kept<D>>,

@@ -84,11 +84,11 @@ pub(super) struct Condition<const D: usize> {
     patches: Vec<Patch>,
     equations: Vec<Equation<D>>,
     /// m of each equation when the condition began to act, shifted by changes of the condition during the run; the
-    /// condition holds the surface at this value. `origins` belongs to the last step in equilibrium, `trial_origins` to
+    /// condition holds the surface at this value. `origins` belongs to the last converged step, `trial_origins` to
     /// the current step. `None` while the condition does not act.
     origins: Option<Vec<f64>>,
     trial_origins: Option<Vec<f64>>,
-    /// λ of the last step in equilibrium and of the last evaluation; zero while the condition does not act.
+    /// λ of the last converged step and of the last evaluation; zero while the condition does not act.
     converged: Vec<f64>,
     trial: Vec<f64>,
     /// Reaction on the body at each sample, [force].
@@ -425,7 +425,7 @@ impl<const D: usize> Condition<D> {
         self.origins = None;
     }
 
-    /// The state at the end of the last step in equilibrium, for a checkpoint.
+    /// The state at the end of the last converged step, for a checkpoint.
     pub(super) fn save(&self) -> Value {
         json!({"multipliers": self.converged, "origins": self.origins})
     }
