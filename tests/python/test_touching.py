@@ -132,7 +132,7 @@ def test_a_condition_on_a_surface_that_cannot_be_met_ends_the_run(run):
     loads = [{"name": "w", "type": "gravity", "acceleration": [0, -10]}]
     base = [{"name": "base", "body": "b", "part": {"edge": 0}}]
     message = run(deck(GRID, [[0, 0], [4, 3]], conditions, surfaces=base, loads=loads, steps={"count": 2}), code=1)
-    assert "S009" in message and "`p1` is not met" in message and "`base`" in message
+    assert "S009" in message and "`p1` cannot be met" in message and "`base`" in message
 
 
 def test_conditions_on_surfaces_keep_the_symmetry_of_a_body_wherever_it_lies(run):
