@@ -103,7 +103,12 @@ impl<const D: usize> Structured<D> {
     /// this range outside it.
     #[inline(always)]
     pub fn local(&self, index: [usize; D], position: &[f64; D]) -> [f64; D] {
-        std::array::from_fn(|d| self.axes[d].local(index[d], position[d]))
+        // A closure might not be inlined.
+        let mut local = [0.0; D];
+        for d in 0..D {
+            local[d] = self.axes[d].local(index[d], position[d]);
+        }
+        local
     }
 
     /// Indices of the cell nearest to a position, and the local coordinates of the position, which are continued
