@@ -307,10 +307,8 @@ impl<const N: usize> Forces<'_, N> {
         for part in (0..parts.n).filter(|&part| open[part]) {
             if carries_nothing[part] {
                 residuals[part] = 0.0;
-            } else if !is_round_off[part] {
-                round_off = RoundOff::NoMatter;
-            } else if round_off == RoundOff::NoMatter {
-                // Another part exceeds the tolerance for another reason.
+            } else if !is_round_off[part] || round_off == RoundOff::NoMatter {
+                round_off = RoundOff::NoMatter; // one part that exceeds the tolerance for another reason decides
             } else if residuals[part].max(resultants[part]) > MOST_OF_ROUND_OFF {
                 round_off = RoundOff::Forbids;
             } else if round_off != RoundOff::Forbids {

@@ -122,7 +122,8 @@ where
                     "the material {name_in_quotes} softens without `band`: bands become as narrow as cells, and results \
                      depend on the cell size"
                 ),
-                "add to `softening` the key `band`, the width of the shear band to which `strain` refers, and compare two grids",
+                "add to `softening` the key `band`, the width of the shear band to which `strain` refers, and compare \
+                 two grids",
             ),
         };
         let at = format!("/materials/{}/softening", escape(name));

@@ -116,7 +116,8 @@ impl Check<'_> {
             };
             let at = format!("{pointer}/damping");
             if self.is_written(&at) && !self.source.is_from_parameter(&format!("{pointer}/{other}")) {
-                let help = "remove it; damping acts only where the load factor is prescribed and steps may be cut (`smallest` below 1)";
+                let help = "remove it; damping acts only where the load factor is prescribed and steps may be cut \
+                            (`smallest` below 1)";
                 self.warn_at_key("D037", &at, format!("`damping` has no effect {because}"), help);
             }
         }
