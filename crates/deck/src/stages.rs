@@ -53,8 +53,8 @@ pub struct StageDeck {
     /// Control of the Newton iterations of this stage, in place of the `solver` of the deck.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub solver: Option<SolverDeck>,
-    /// Number of load steps from one set of VTU files to the next, in place of `every` under `output`, unless that is
-    /// 0; the last step of a stage is always written.
+    /// Number of load steps from one set of VTU files to the next, in place of `every` under `output`,
+    /// unless that is 0; the last step of a stage is always written.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1, max = 10_000_000), extend("examples" = [5]))]
     pub every: Option<u32>,
