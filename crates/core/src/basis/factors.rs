@@ -1,5 +1,7 @@
 //! Storage of basis functions on a structured grid as factors: one function along each axis.
 
+use crate::grid::for_each_corner;
+
 /// Largest number of nodes along an axis; larger domains store the products themselves.
 const MOST: usize = 4;
 
@@ -143,7 +145,7 @@ pub(super) fn multiply<const D: usize>(
     if form == Form::of_cell::<D>() {
         // Because the number of nodes is known, indices need no bounds checks.
         let (value, gradient) = (&mut value[..1 << D], &mut gradient[..1 << D]);
-        return for_each_corner(numbers, per_length, |k, s, ds| (value[k], gradient[k]) = (s, ds));
+        return for_each_corner(local(numbers), per_length, |k, s, ds| (value[k], gradient[k]) = (s, ds));
     }
     for_each_node(form, numbers, per_length, |k, s, ds| (value[k], gradient[k]) = (s, ds));
 }
@@ -157,35 +159,17 @@ pub(super) fn for_each_product<const D: usize>(
     visit: impl FnMut(usize, f64, [f64; D]),
 ) {
     if form == Form::of_cell::<D>() {
-        return for_each_corner(numbers, per_length, visit);
+        return for_each_corner(local(numbers), per_length, visit);
     }
     for_each_node(form, numbers, per_length, visit);
 }
 
-/// The products for a point inside one cell; `numbers` are its local coordinates.
+/// The local coordinates of a point inside one cell, which are its stored numbers.
 #[inline(always)]
-fn for_each_corner<const D: usize>(
-    numbers: &[f64],
-    per_length: &[f64; D],
-    mut visit: impl FnMut(usize, f64, [f64; D]),
-) {
-    let mut hats = [[0.0; 2]; D];
-    for d in 0..D {
-        hats[d] = [1.0 - numbers[d], numbers[d]];
-    }
-    for corner in 0..1 << D {
-        let mut product = 1.0;
-        let mut slopes = [1.0; D];
-        for d in 0..D {
-            let upper = corner >> d & 1;
-            let (s, ds) = (hats[d][upper], if upper == 1 { per_length[d] } else { -per_length[d] });
-            product *= s;
-            for e in 0..D {
-                slopes[e] *= if e == d { ds } else { s };
-            }
-        }
-        visit(corner, product, slopes);
-    }
+fn local<const D: usize>(numbers: &[f64]) -> [f64; D] {
+    let mut local = [0.0; D];
+    local.copy_from_slice(&numbers[..D]);
+    local
 }
 
 /// The products for a point that is not inside one cell.
@@ -240,7 +224,7 @@ mod tests {
             };
             for grid in [even, Structured::with_axes([graded(4.0), Axis::even(0.0, 0.7, 6), graded(3.9)])] {
             let cell = grid.locate(&x, None).unwrap_or_else(|| grid.nearest_cell(&x));
-            let per_length = grid.sides(grid.cell_index(cell as usize)).map(|h| 1.0 / h);
+            let per_length = grid.per_length(grid.cell_index(cell as usize));
             let mut support = Support::default();
             for (basis, numbers_of_cell) in [(&Mpm as &dyn Basis<3>, true), (&Gimp, false)] {
                 let point = PointGeometry { cell, position: &x, half_lengths: &l, corners: &[] };

@@ -12,7 +12,7 @@ mod slivers;
 
 use serde::{Deserialize, Serialize};
 
-use crate::grid::Grid;
+use crate::grid::{Grid, for_each_corner};
 use crate::points::{Points, coordinates};
 
 use factors::Factors;
@@ -137,6 +137,22 @@ impl<const D: usize> Support<D> {
         self.gradient.clear();
         self.cells.clear();
         self.factors = None;
+    }
+
+    /// Replaces the nodes by the corners of a box cell, whose node numbers `node` gives in ascending order; `per_length`
+    /// is 1/h along each axis. Arrays of the right length keep their memory and are not cleared first.
+    #[inline(always)]
+    fn set_corners(&mut self, local: [f64; D], per_length: &[f64; D], node: impl Fn(usize) -> u32) {
+        let n = 1 << D;
+        self.nodes.resize(n, 0);
+        self.value.resize(n, 0.0);
+        self.gradient.resize(n, [0.0; D]);
+        // Because the number of corners is known, indices need no bounds checks.
+        let (nodes, values, gradients) =
+            (&mut self.nodes[..n], &mut self.value[..n], &mut self.gradient[..n]);
+        for_each_corner(local, per_length, |corner, value, gradient| {
+            (nodes[corner], values[corner], gradients[corner]) = (node(corner), value, gradient);
+        });
     }
 
     /// Adds to the value and gradient at a node.

@@ -2,7 +2,7 @@
 
 use super::factors::Factors;
 use super::{Basis, PointGeometry, Support, SupportError};
-use crate::grid::{CellBasis, Grid};
+use crate::grid::Grid;
 
 /// Standard material points: S_vp is the linear basis of the cell that contains the point.
 #[derive(Debug, Clone, Copy)]
@@ -15,38 +15,29 @@ impl<const D: usize> Basis<D> for Mpm {
         point: &PointGeometry<D>,
         out: &mut Support<D>,
     ) -> Result<(), SupportError> {
-        out.clear();
-        out.cells.push(point.cell);
         match grid.structured() {
             Some(grid) => {
                 let base = grid.cell_index(point.cell as usize);
-                let local = grid.local(base, point.position);
-                if D > 2 {
-                    out.factors = Some(Factors::in_cell(&local, &grid.sides(base).map(|h| 1.0 / h)));
-                }
-                append(&grid.basis_in(base, local), out);
+                let (local, per_length) = (grid.local(base, point.position), grid.per_length(base));
+                out.set_corners(local, &per_length, |corner| grid.corner(base, corner) as u32);
+                out.factors = (D > 2).then(|| Factors::in_cell(&local, &per_length));
             }
-            None => append(&grid.basis_at(point.cell, point.position), out),
+            None => {
+                out.clear();
+                let basis = grid.basis_at(point.cell, point.position);
+                for ((&node, &value), &gradient) in
+                    basis.nodes().iter().zip(basis.value()).zip(basis.gradient())
+                {
+                    out.add(node, value, gradient);
+                }
+            }
         }
+        out.cells.clear();
+        out.cells.push(point.cell);
         Ok(())
     }
 
     fn shares(&self, _: &dyn Grid<D>, point: &PointGeometry<D>) -> Vec<(u32, f64)> {
         vec![(point.cell, 1.0)]
-    }
-}
-
-/// Adds the nodes of a cell, with values and gradients, to a support without nodes. It is inlined so that the basis is
-/// not copied.
-#[inline(always)]
-fn append<const D: usize>(basis: &CellBasis<D>, out: &mut Support<D>) {
-    if basis.nodes().is_sorted() {
-        out.nodes.extend_from_slice(basis.nodes());
-        out.value.extend_from_slice(basis.value());
-        out.gradient.extend_from_slice(basis.gradient());
-        return;
-    }
-    for ((&node, &value), &gradient) in basis.nodes().iter().zip(basis.value()).zip(basis.gradient()) {
-        out.add(node, value, gradient);
     }
 }

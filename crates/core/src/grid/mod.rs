@@ -15,7 +15,7 @@ pub use axis::{Axis, CoincidentLines, Interval};
 pub use carried::{CarriedLines, CarryError, LEAST_SIZE};
 pub use mesh::Mesh;
 pub use patches::Patches;
-pub use structured::{Structured, vtk_corner};
+pub use structured::{Structured, for_each_corner, vtk_corner};
 
 /// Boxes grids. The generic code of these grids is compiled here, with full optimisation, and not in the crates that
 /// create them.

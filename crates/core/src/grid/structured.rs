@@ -65,6 +65,12 @@ impl<const D: usize> Structured<D> {
         (0..D).rev().fold(0, |number, d| number * (self.cells[d] + 1) + index[d])
     }
 
+    /// Node number of a corner of the cell with these indices; bit d of the corner is the side along axis d.
+    #[inline(always)]
+    pub fn corner(&self, cell: [usize; D], corner: usize) -> usize {
+        self.node(std::array::from_fn(|d| cell[d] + (corner >> d & 1)))
+    }
+
     /// Indices of a node along the axes.
     #[inline(always)]
     pub fn node_index(&self, node: usize) -> [usize; D] {
@@ -120,24 +126,20 @@ impl<const D: usize> Structured<D> {
         (index, std::array::from_fn(|d| coordinates[d] - index[d] as f64))
     }
 
-    /// Basis of the cell with these indices at these local coordinates; the functions are continued outside the cell.
+    /// 1/h of the cell with these indices along each axis, [1/length].
     #[inline(always)]
-    pub fn basis_in(&self, base: [usize; D], local: [f64; D]) -> CellBasis<D> {
+    pub fn per_length(&self, index: [usize; D]) -> [f64; D] {
+        self.sides(index).map(|h| 1.0 / h)
+    }
+
+    /// Basis of the cell with these indices at these local coordinates; the functions are continued outside the cell.
+    /// `per_length` is 1/h of the cell along each axis, [1/length].
+    #[inline(always)]
+    pub fn basis_in(&self, base: [usize; D], local: [f64; D], per_length: [f64; D]) -> CellBasis<D> {
         let mut basis = CellBasis::default();
-        let hats: [[f64; 2]; D] = local.map(|xi| [1.0 - xi, xi]);
-        let slopes = self.sides(base).map(|h| {
-            let slope = 1.0 / h;
-            [-slope, slope]
+        for_each_corner(local, &per_length, |corner, value, gradient| {
+            basis.push(self.corner(base, corner) as u32, value, gradient);
         });
-        for corner in 0..1usize << D {
-            let upper = |d: usize| corner >> d & 1;
-            let (hat, slope) = (|d: usize| hats[d][upper(d)], |d: usize| slopes[d][upper(d)]);
-            let node = self.node(std::array::from_fn(|d| base[d] + upper(d)));
-            let value = (0..D).map(hat).product();
-            let gradient =
-                std::array::from_fn(|d| (0..D).map(|e| if e == d { slope(e) } else { hat(e) }).product());
-            basis.push(node as u32, value, gradient);
-        }
         basis
     }
 
@@ -193,8 +195,7 @@ impl<const D: usize> Grid<D> for Structured<D> {
         let base = self.cell_index(cell);
         let mut nodes = [0; MAX_CORNERS];
         for (corner, node) in nodes.iter_mut().enumerate().take(1 << D) {
-            let offset = vtk_corner(corner);
-            *node = self.node(std::array::from_fn(|d| base[d] + (offset >> d & 1))) as u32;
+            *node = self.corner(base, vtk_corner(corner)) as u32;
         }
         Corners { nodes, n: 1 << D }
     }
@@ -211,7 +212,7 @@ impl<const D: usize> Grid<D> for Structured<D> {
         self.sides(self.cell_index(cell)).iter().product()
     }
 
-    #[inline]
+    #[inline(always)]
     fn locate(&self, position: &[f64; D], _hint: Option<u32>) -> Option<u32> {
         self.locate_index(position).map(|index| self.cell(index) as u32)
     }
@@ -223,17 +224,45 @@ impl<const D: usize> Grid<D> for Structured<D> {
     #[inline]
     fn basis_at(&self, cell: u32, position: &[f64; D]) -> CellBasis<D> {
         let base = self.cell_index(cell as usize);
-        self.basis_in(base, self.local(base, position))
+        self.basis_in(base, self.local(base, position), self.per_length(base))
     }
 
     #[inline(always)]
     fn basis_near(&self, position: &[f64; D], _hint: Option<u32>) -> (u32, CellBasis<D>) {
         let (base, local) = self.nearest(position);
-        (self.cell(base) as u32, self.basis_in(base, local))
+        (self.cell(base) as u32, self.basis_in(base, local, self.per_length(base)))
     }
 
     fn structured(&self) -> Option<&Structured<D>> {
         Some(self)
+    }
+}
+
+/// Calls `visit` with the index of each corner of a cell, and with the value, [-], and the gradient, [1/length], of its
+/// basis function at local coordinates; `per_length` is 1/h along each axis. Bit d of the index is the side along axis
+/// d.
+#[inline(always)]
+pub fn for_each_corner<const D: usize>(
+    local: [f64; D],
+    per_length: &[f64; D],
+    mut visit: impl FnMut(usize, f64, [f64; D]),
+) {
+    let mut hats = [[0.0; 2]; D];
+    for d in 0..D {
+        hats[d] = [1.0 - local[d], local[d]];
+    }
+    for corner in 0..1 << D {
+        let mut value = 1.0;
+        let mut gradient = [1.0; D];
+        for d in 0..D {
+            let upper = corner >> d & 1;
+            let (hat, slope) = (hats[d][upper], if upper == 1 { per_length[d] } else { -per_length[d] });
+            value *= hat;
+            for e in 0..D {
+                gradient[e] *= if e == d { slope } else { hat };
+            }
+        }
+        visit(corner, value, gradient);
     }
 }
 

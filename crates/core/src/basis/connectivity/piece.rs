@@ -100,7 +100,7 @@ impl<const D: usize> Piece<D> {
         if let (Some(factors), Some(grid)) = (&support.factors, grid.structured()) {
             self.start.push(self.factor.len());
             let per_length = self.per_length.unwrap_or_else(|| {
-                let per_length = grid.sides(grid.cell_index(cell as usize)).map(|h| 1.0 / h);
+                let per_length = grid.per_length(grid.cell_index(cell as usize));
                 self.factor.extend(per_length);
                 per_length
             });
