@@ -11,6 +11,9 @@
 //! - [`program`]: the commands.
 //!
 //! Each module depends only on the modules above it in this list. Only the last one prints or exits.
+//!
+//! `docs/theory.md` derives the equations, states where each is implemented, and gives the steps for adding a law, a
+//! term of equilibrium, a method, a grid or a linear solver. `CONTRIBUTING.md` explains the layout of the sources.
 
 pub use mpm_core::{
     assembly, basis, dofs, domain, element_test, equilibrium, formula, grid, kinematics, linear, material,

@@ -19,7 +19,8 @@
 //!
 //! Read `examples/load_step.rs` first: it solves one load step in plain loops, equation by equation. Then start with
 //! `solver/load_step.rs`, one attempt at a load step, and `solver/newton.rs`, its iterations. `docs/theory.md` ends
-//! with the steps for adding a law, a term, a method or a grid, and with a list of where each equation is implemented.
+//! with the steps for adding a law, a term, a method, a grid or a linear solver, and with a list of where each equation
+//! is implemented.
 //!
 //! | Task | Modules |
 //! |---|---|

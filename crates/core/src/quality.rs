@@ -60,7 +60,7 @@ pub struct Worst {
     pub point: Option<u32>,
 }
 
-/// The smallest filling of a cell so far.
+/// The smallest filling ratio of any cell so far.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Filling {
     /// Volume of the points in the cell relative to the volume of the cell, [-].
@@ -96,7 +96,7 @@ pub struct StepMeasures {
     pub domain_outside_grid: f64,
     /// Volume of the domains relative to the volume of their points, minus 1, [-]; 0 without domains.
     pub domain_volume_excess: f64,
-    /// Smallest filling of a cell that holds points, [-].
+    /// Smallest filling ratio of a cell that holds points, [-].
     pub smallest_cell_filling: f64,
     /// Smallest and largest det F, [-].
     pub det_f: [f64; 2],
@@ -140,7 +140,7 @@ pub struct Quality {
     pub partition_of_unity_loss: Option<Worst>,
     /// Largest share of a domain outside the grid or, for domains given by corners, of its corners, [-].
     pub domain_outside_grid: Option<Worst>,
-    /// Smallest filling of a cell that holds points.
+    /// Smallest filling ratio of a cell that holds points.
     pub smallest_cell_filling: Option<Filling>,
     /// Smallest and largest det F, [-].
     pub det_f: Option<[f64; 2]>,

@@ -80,8 +80,8 @@ pub struct Surface<const D: usize> {
     pub sides: Vec<usize>,
     /// Size of the smallest grid cell at the surface, [length].
     pub cell: f64,
-    /// Original positions of the corners in cells, [-]: the cell coordinates of a structured grid at the start; on a
-    /// mesh, positions divided by the size of the largest cell at the surface.
+    /// Original positions of the corners in units of the cell size, [-]: on a structured grid, the cell coordinates at
+    /// the start; on a mesh, positions divided by the size of the largest cell at the surface.
     pub in_cells: Vec<[f64; D]>,
 }
 

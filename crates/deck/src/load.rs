@@ -250,7 +250,7 @@ pub fn values(name: &str, text: &[u8]) -> Result<Value, Box<LoadFailure>> {
     }
 }
 
-/// Reads at most one byte more than the largest deck: input from a device may never end.
+/// Reads at most one byte more than a deck may have: input from a device may never end.
 fn read_bounded(path: &Path) -> std::io::Result<Vec<u8>> {
     let mut text = Vec::new();
     let limit = Source::MAX_BYTES as u64 + 1;

@@ -76,7 +76,7 @@ pub enum MaterialDeck {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [20e3]))]
         undrained_strength: Option<Expression>,
-        /// Hardening modulus H, the increase of ρ_y per unit of equivalent plastic strain, [stress]; √(2/3) times the
+        /// Hardening modulus H, the increase in ρ_y per unit of equivalent plastic strain, [stress]; √(2/3) times the
         /// slope of uniaxial stress against plastic strain. 0 means perfect plasticity.
         #[serde(default = "zero")]
         #[schemars(extend("minimum" = 0.0))]

@@ -10,7 +10,8 @@ use mpm_core::model::{FillError, Fillable, Filling, MOST_POINTS, Placement};
 use mpm_core::points::Seed;
 use mpm_core::region::{Accuracy, Region, Volume};
 
-/// The reason why a body cannot be filled: code, the key of the body that causes it, message and remedy.
+/// The reason why a body cannot be filled: the code, the key in the entry of the body that is at fault, the message and
+/// the remedy.
 #[derive(Debug)]
 pub(super) struct Fault {
     pub(super) code: &'static str,

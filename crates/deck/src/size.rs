@@ -243,7 +243,10 @@ impl Size {
         }
         let body = &deck.bodies[self.largest_body];
         let key = if body.point_spacing.is_some() {
-            "point_spacing"
+            return (
+                format!("/bodies/{}/point_spacing", self.largest_body),
+                "use a larger spacing of the points",
+            );
         } else if body.points_per_cell.is_some() {
             "points_per_cell"
         } else if deck.dimensions() > 2 {

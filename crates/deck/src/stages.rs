@@ -20,9 +20,9 @@ pub struct StageDeck {
     pub steps: StepsDeck,
     /// Factors that loads and boundary conditions reach at the end of the stage, by name. They change linearly from
     /// their values at the start of the stage. Before the first stage, the factors are 0, except that of gravity on a
-    /// body with `initial_stress`, which is 1. All other factors stay constant, unless there is a `curve`. With
-    /// displacement or arc-length control, the loads named here share the common factor that follows from equilibrium;
-    /// at a common factor of 1, they have the factors given here.
+    /// body with `initial_stress`, which is 1. Factors that a stage does not name stay constant, unless there is a
+    /// `curve`. With displacement or arc-length control, the loads named here grow together: one common multiplier
+    /// follows from equilibrium, and when it is 1, each load has the factor given here.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     #[schemars(extend("examples" = [{"weight": 1}]))]
     pub factors: BTreeMap<String, f64>,

@@ -1,5 +1,5 @@
-//! The stiffness between the nodes of one group of points, and the contribution of each point to it: eqs. (21) and
-//! (23).
+//! The stiffness between the nodes of one group of points, to which each point adds its contribution, eqs. (21) and
+//! (23), which [`WeakForm`] evaluates.
 
 use crate::basis::Links;
 use crate::linear::Block;

@@ -203,7 +203,11 @@ impl<'a, const N: usize> Constraints<'a, N> {
                     let repeated = conditions_at(&self.shared, node, axis as u8);
                     motions.extend(repeated.map(|condition| Along { direction, increment, condition }));
                 } else if matches!(dof, Dof::Bound(Bound::Tied(_))) {
-                    return Err(self.tied(node as usize, axis, "the node is held along a direction"));
+                    return Err(self.tied(
+                        node as usize,
+                        axis,
+                        "the node is held along an inclined direction",
+                    ));
                 }
             }
             motions.extend(along);

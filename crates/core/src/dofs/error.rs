@@ -65,8 +65,8 @@ pub enum ConstraintError {
         /// Number of active nodes on the axis.
         all: usize,
     },
-    /// A tied component is also prescribed, is tied twice or to itself through other ties, or belongs to a node that is
-    /// held along a direction.
+    /// A tied component is also prescribed, is tied twice, is tied to itself through other ties, or belongs to a node
+    /// that is held along an inclined direction.
     #[error(
         "the motion along {axis} at node {} cannot be tied to that of other nodes: {reason}", coordinates(.node)
     )]

@@ -213,7 +213,7 @@ pub trait LinearSolver {
     fn solve(&mut self, rhs: &mut [f64]) -> Result<(), LinearError>;
 }
 
-/// The same checks for every solver; for a new solver, add one line to the list.
+/// The same checks for every [`LinearSolver`]; for a new one, add a line to the list.
 #[cfg(test)]
 mod conformance {
     use super::*;

@@ -1,6 +1,6 @@
 //! Shear strength: the stress measure that it limits, and constants of the laws that yield.
 
-/// The stress measure that a strength limits. The two measures differ by the volume ratio J: σ = τ/J.
+/// The stress measure to which a shear strength applies. The two measures differ by the volume ratio J: σ = τ/J.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]

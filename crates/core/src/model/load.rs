@@ -84,7 +84,9 @@ impl<const D: usize> Action<D> {
     pub fn surface(&self) -> Option<usize> {
         match self {
             Action::Traction { surface, .. } | Action::Pressure { surface, .. } => Some(*surface),
-            _ => None,
+            Action::Gravity(_) | Action::BodyForce(_) | Action::MassForce(_) | Action::PointForce { .. } => {
+                None
+            }
         }
     }
 }

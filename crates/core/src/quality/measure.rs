@@ -233,7 +233,7 @@ impl Measures {
         self.fill_with(model, filled);
     }
 
-    /// Records the filling of a cell, given the volume of the material that it holds, [volume].
+    /// Records the filling ratio of a cell, given the volume of the material in it, [volume].
     fn fill_with<const D: usize>(&mut self, model: &Model<D>, filled: Option<(f64, u32)>) {
         let share = |(filled, cell): (f64, u32)| (filled / volume_of_cell(model, cell as usize), cell);
         self.fill(filled.map(share));

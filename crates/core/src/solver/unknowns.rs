@@ -1,4 +1,4 @@
-//! The unknowns of a load step: nodal increments, reactions, load factor and global unknowns, eqs. (28), (30) and (40).
+//! The unknowns of a load step: nodal increments, reactions, load factor and global unknowns, eqs. (28) and (30).
 
 use crate::assembly::{Border, System};
 use crate::basis::Connectivity;

@@ -121,7 +121,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
     }
 }
 
-/// The part of the trial state that the update of consecutive points writes.
+/// The part of the trial state that is written when a range of consecutive points is updated.
 struct Room<'a, const D: usize> {
     first: usize,
     position: &'a mut [[f64; D]],

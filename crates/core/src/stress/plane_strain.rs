@@ -57,7 +57,7 @@ struct Answer {
     trial: Trial<f64>,
     /// τ and the elastic strain.
     law: (Sym3, Sym3),
-    /// Derivative of τ with respect to b on the in-plane components.
+    /// Derivative of the in-plane components of τ with respect to those of b.
     C: [[f64; 3]; 3],
     tau: Rows<f64>,
 }
@@ -300,7 +300,7 @@ fn invert<T: Lane>(dF: &Rows<T>, dJ: T) -> Rows<T> {
     [[dF[1][1] * per_dJ, dF[0][1] * per_dJ * -1.0], [dF[1][0] * per_dJ * -1.0, dF[0][0] * per_dJ]]
 }
 
-/// D^alg on the in-plane components `xx, yy, √2 xy`.
+/// The in-plane components of D^alg, in the order `xx, yy, √2 xy`.
 #[inline(always)]
 fn tangent<T: Lane>(answer: &CompactResponse<T, 4>) -> [[T; 3]; 3] {
     let CompactResponse { lambda, mu, along, n, .. } = answer;
@@ -312,7 +312,7 @@ fn tangent<T: Lane>(answer: &CompactResponse<T, 4>) -> [[T; 3]; 3] {
     [[xx, xy, xs], [xy, yy, ys], [xs, ys, twice_mu - of_s * s]]
 }
 
-/// C = ½ D^alg L on the in-plane components `xx, yy, √2 xy`: the derivative of τ with respect to b.
+/// The in-plane components of C = ½ D^alg L, the derivative of τ with respect to b, in the order `xx, yy, √2 xy`.
 #[inline(always)]
 fn half_product<T: Lane>(D: &[[T; 3]; 3], L: &[[T; 3]; 3]) -> [[T; 3]; 3] {
     let mut C = *D;

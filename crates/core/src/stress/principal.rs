@@ -12,8 +12,8 @@ use crate::tensor::{PrincipalDerivative, Sym3, ln, log_divided_difference, plane
 /// Largest number of history variables of a law that is evaluated for several points at once.
 pub(crate) const MOST_HISTORY: usize = 16;
 
-/// τ and the elastic strain as `xx, yy, zz, √2 xy`, and the derivative of τ with respect to b on the in-plane
-/// components `xx, yy, √2 xy`.
+/// τ and the elastic strain as `xx, yy, zz, √2 xy`, and the derivative of the in-plane components `xx, yy, √2 xy`
+/// of τ with respect to those of b.
 pub(super) struct InPlaneAnswer<T> {
     pub tau: [T; 4],
     pub elastic_strain: [T; 4],

@@ -69,7 +69,7 @@ impl<const D: usize> Carried<D> {
         Ok(())
     }
 
-    /// The mean normal of the facets around each corner, times an area.
+    /// The sum of the area vectors of the facets around each corner.
     fn normals(&self) -> Vec<[f64; D]> {
         let mut normals = vec![[0.0; D]; self.converged.len()];
         for facet in &self.facets {

@@ -69,7 +69,7 @@ pub struct LoadNotFinite {
     pub position: Vec<f64>,
     /// The load factor.
     pub factor: f64,
-    /// Text of the first formula without a finite value, which may be an intermediate one.
+    /// Text of the first formula whose value is not finite; it may be that of a named intermediate value.
     pub formula: String,
     /// Value of this formula.
     pub value: f64,

@@ -43,19 +43,19 @@ where
             if stiffness == 0.0 || stiffness.is_nan() {
                 continue;
             }
-            let what_is = if key == "young" { "Young's modulus" } else { "the stiffness" };
-            let of_cell = format!("the size {} of a cell", shortest(cell));
-            let of_grid = format!("the largest coordinate {} of the grid", shortest(whole));
+            let what_is = if key == "young" { "a Young's modulus" } else { "a stiffness" };
+            let of_cell = format!("a cell size of {}", shortest(cell));
+            let of_grid = format!("a largest coordinate of {} in the grid", shortest(whole));
             for (length, what) in [(cell, of_cell), (whole, of_grid)] {
                 let powers = [length.powi(D as i32 - 1), length.powi(D as i32)];
                 let out =
                     powers.map(|power| stiffness * power).into_iter().find(|force| !POSSIBLE.contains(force));
                 let Some(force) = out else { continue };
                 let message = format!(
-                    "{what_is} {} of the material {} and {what} give forces or energies of {}, outside the range \
-                     in which results are accurate",
-                    shortest(stiffness),
+                    "the material {} with {what_is} of {}, and {what}, give forces or energies of {}, outside the \
+                     range in which results are accurate",
                     quote(name),
+                    shortest(stiffness),
                     shortest(force)
                 );
                 let help = format!(

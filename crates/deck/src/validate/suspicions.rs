@@ -119,15 +119,15 @@ impl Check<'_> {
         let deck = self.deck;
         let mut factors = deck.stages.iter().filter_map(|stage| stage.factors.get(name)).peekable();
         let reason = match factors.peek() {
-            None => "no stage names it under `factors`",
-            Some(_) => "the stages give it no other factor",
+            None => format!("no stage names the {kind} under `factors`"),
+            Some(_) => format!("no stage gives the {kind} another factor"),
         };
         if deck.stages.is_empty() || factors.any(|factor| *factor != 0.0) {
             return;
         }
         let message = format!("the factor of the {kind} {} is zero at all times: {reason}", quote(name));
         let help = format!(
-            "state in a stage the factor that it reaches there, such as `factors: {{{name}: 1}}`; or give the {kind} a `curve`"
+            "give the {kind} a factor in a stage, such as `factors: {{{name}: 1}}`, or give it a `curve`"
         );
         self.warn("D037", pointer, message, &help);
     }

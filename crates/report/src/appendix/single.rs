@@ -406,7 +406,7 @@ const MEASURES: [(&str, &str, f64, &str); 7] = [
     ("domain_outside_grid", "Domain outside the grid [%]", 100.0, "largest share of a domain"),
     (
         "smallest_cell_filling",
-        "Smallest filling of a cell [%]",
+        "Smallest filling ratio of a cell [%]",
         100.0,
         "volume of the points in a cell divided by that of the cell",
     ),

@@ -84,8 +84,8 @@ impl<const D: usize> Contact<D> {
         Ok(())
     }
 
-    /// Wakes the sleeping contact points if the motion of the nodes, at most `farthest`, [length], may have let one of
-    /// them touch.
+    /// Wakes the sleeping contact points if one of them may touch its tool after the motion of the nodes, of which none
+    /// has moved farther than `farthest`, [length].
     pub(super) fn wake(
         &mut self,
         step: &StepContext<D>,

@@ -29,8 +29,9 @@ struct OfPoint<'a, const D: usize> {
     p: usize,
     tool: usize,
     corners: &'a [[f64; D]],
-    /// Size of its cell, and how far a contact point may move in the step, [length].
+    /// Size of the cell of the material point, [length].
     size: f64,
+    /// Largest distance that a contact point may move in the step, [length].
     reach: f64,
 }
 
@@ -123,7 +124,8 @@ impl<const D: usize> Search<'_, D> {
         Ok(())
     }
 
-    /// Adds the contact points of a material point that a tool may reach, given the closest point for its centre.
+    /// Adds those contact points of a material point that the tool may reach; `near` is the point on the tool closest to
+    /// the centre of the material point.
     fn near_tool(
         &self,
         of: &OfPoint<D>,

@@ -114,7 +114,9 @@ impl<const D: usize> Values<D> {
                 }
                 Ok(Values::Dead(values))
             }
-            _ => Ok(Values::Dead(vec![[0.0; D]; places.len()])),
+            Action::Gravity(_) | Action::BodyForce(_) | Action::MassForce(_) | Action::PointForce { .. } => {
+                Ok(Values::Dead(vec![[0.0; D]; places.len()]))
+            }
         }
     }
 
