@@ -53,6 +53,8 @@ struct Running {
     requests: Option<Sender<Request>>,
     /// True if the next event belongs to a step that is still being solved.
     is_under_way: bool,
+    has_ended: bool,
+    /// The end of the run, until it is closed.
     ended: Option<Box<Ended>>,
     thread: Option<JoinHandle<()>>,
 }
@@ -105,6 +107,7 @@ impl Session {
             events: received,
             requests: Some(requests),
             is_under_way: true,
+            has_ended: false,
             ended: None,
             thread: Some(thread),
         };
@@ -126,7 +129,7 @@ impl Session {
     /// Solves the next step and returns it as JSON; `None` at the end of the run.
     fn step(&self, py: Python<'_>) -> PyResult<Option<String>> {
         let running = &mut *self.lock()?;
-        if running.ended.is_some() {
+        if running.has_ended {
             return Ok(None);
         }
         if !running.is_under_way {
@@ -140,10 +143,10 @@ impl Session {
     fn stop(&self, py: Python<'_>) -> PyResult<Option<String>> {
         let running = &mut *self.lock()?;
         let mut last = None;
-        while running.is_under_way && running.ended.is_none() {
+        while running.is_under_way && !running.has_ended {
             last = self.wait_until(py, running, None)?.or(last);
         }
-        if running.ended.is_none() {
+        if !running.has_ended {
             self.send(running, Request::Stop)?;
             running.is_under_way = true;
             self.wait_until(py, running, None)?;
@@ -156,13 +159,11 @@ impl Session {
         let mut running = self.lock()?;
         running.requests = None;
         let thread = running.thread.take();
-        drop(running);
         if self.process == std::process::id()
             && let Some(thread) = thread
         {
             py.detach(|| drop(thread.join()));
         }
-        let mut running = self.lock()?;
         running.ended = None;
         running.events = mpsc::channel().1; // the end of the run may still wait in the channel
         Ok(())
@@ -197,7 +198,7 @@ impl Session {
 
     /// True if the run has ended.
     fn has_ended(&self) -> PyResult<bool> {
-        Ok(self.lock()?.ended.is_some())
+        Ok(self.lock()?.has_ended)
     }
 
     /// The document of `summary.json`, as JSON; `None` before the end of the run.
@@ -251,7 +252,7 @@ impl Session {
         let changed = changed.map_err(|error| self.laws.blamed(py, error))?;
         let running = &mut *self.lock()?;
         self.is_paused(running)?;
-        if running.ended.is_some() {
+        if running.has_ended {
             return Err(Raised::misuse("the run has ended").into());
         }
         let (reply, answer) = mpsc::channel();
@@ -289,7 +290,7 @@ impl Session {
     }
 
     fn is_paused(&self, running: &Running) -> Result<(), Raised> {
-        if running.is_under_way && running.ended.is_none() {
+        if running.is_under_way && !running.has_ended {
             return Err(Raised::misuse("a step is under way: it was interrupted; take the next step first"));
         }
         Ok(())
@@ -354,6 +355,7 @@ impl Session {
             exception(py, "SolveError", (message.clone(), *code, help.clone(), residuals.clone()))
         });
         running.is_under_way = false;
+        running.has_ended = true;
         running.ended = Some(ended);
         match (self.laws.take_raised(), error) {
             (Some(raised), Some(error)) => {

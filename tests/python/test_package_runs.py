@@ -658,6 +658,7 @@ def test_a_closed_run_says_so():
     run = column().start(threads=1)
     list(run)
     run.close()
+    assert run.ended and list(run) == []
     with pytest.raises(mpm.UsageError, match="closed"):
         run.result()
 
@@ -667,11 +668,11 @@ def test_a_closed_run_says_so():
 def test_a_closed_run_releases_its_memory(ends):
     """Whether the run has ended before or not."""
     source = """
-        import gc, sys, mpm
+        import gc, os, sys, mpm
 
         def resident():
             gc.collect()
-            return int(open("/proc/self/statm").read().split()[1]) * 4096 / 2**20
+            return int(open("/proc/self/statm").read().split()[1]) * os.sysconf("SC_PAGESIZE") / 2**20
 
         deck = mpm.Deck.load("inputs/block/block.yaml", h=0.25, steps=2, every=0)
         before = resident()
