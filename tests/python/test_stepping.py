@@ -33,6 +33,14 @@ RESET = STRIP.replace("steps: {count: 10}", """stages:
   - {name: some, steps: {count: 2}, factors: {pull: 0.5}, then: {reset: [displacement]}}
   - {name: more, steps: {count: 5}, factors: {pull: 1}}""")
 
+PRESSED_BY_FORCE = """version: 1
+grid: {type: structured, origin: [-1, 0], size: [4, 4], spacing: 0.5}
+materials: {clay: {model: hencky, young: 1e6, poisson: 0.3}}
+bodies: [{name: block, material: clay, shape: {type: box, min: [0, 0], max: [2, 2]}, points_per_cell: 2}]
+boundary_conditions: [{name: floor, nodes: {y: 0}, fix: [x, y]}]
+loads: [{name: push, type: body-force, force: [0, -1e3]}]
+"""
+
 
 def settings(**parameters):
     return [word for name, value in parameters.items() for word in ("--set", f"{name}={value}")]
@@ -246,6 +254,22 @@ def test_a_run_that_cannot_go_on_says_why(mpm, tmp_path):
     deck.write_text(STRIP.replace("-707.1", "-100"))
     assert mpm("run", deck, "--out", out).returncode == 0
     assert not (out / "failed_points.vtu").exists() and not (out / "failed_grid.vtu").exists()
+
+
+def test_the_interval_of_a_stage_acts_only_if_files_are_written(mpm, tmp_path):
+    """Without files, steps grow across the times at which they would be written, as without the interval."""
+    deck = tmp_path / "pressed.yaml"
+    steps = {}
+    for every in (0, 16):
+        for interval in ("", "every: 1, "):
+            stage = f"stages: [{{name: press, {interval}factors: {{push: 1}}, steps: {{count: 16, largest: 8}}}}]"
+            deck.write_text(PRESSED_BY_FORCE + f"{stage}\noutput: {{every: {every}}}\n")
+            out = tmp_path / f"{every}{bool(interval)}"
+            process = mpm("run", deck, "--out", out)
+            assert process.returncode == 0, process.stderr
+            steps[every, bool(interval)] = len(Results(out).history["step"])
+            assert bool(list(out.glob("*.vtu"))) == (every > 0)
+    assert steps[0, True] == steps[0, False] < 16 == steps[16, True]
 
 
 def test_a_path_goes_on_after_an_interruption(program, mpm, tmp_path):

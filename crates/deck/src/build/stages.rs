@@ -97,7 +97,7 @@ where
                 )
                 .chain(model.tools.iter().flat_map(|tool| tool.curves()))
                 .collect();
-            let every = stage.every.unwrap_or(deck.output.every);
+            let every = if deck.output.every == 0 { 0 } else { stage.every.unwrap_or(deck.output.every) };
             let stepping = self.stepping(&stage.steps, start_time, every, &curves);
             start_time = stepping.end_time;
             let mut added = points.clone();
