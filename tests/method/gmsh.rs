@@ -247,7 +247,8 @@ const HEAD: &str = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n";
 
 fn text(nodes: &str, elements: &str) -> Result<GmshFile, GmshError> {
     let section = |name: &str, body: &str| format!("${name}\n{}\n{body}$End{name}\n", body.lines().count());
-    let comment = "$Comments\nwhatever $Nodes\n$EndComments\n";
+    // Neither the name of another section nor a longer word ends the comment.
+    let comment = "$Comments\nwhatever $Nodes $EndComments2\n$EndComments\n";
     read(format!("{HEAD}{comment}{}{}", section("Nodes", nodes), section("Elements", elements)).as_bytes())
 }
 
