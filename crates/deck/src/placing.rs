@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::Deck;
-use super::quoting::{counted, quote};
+use super::quoting::quote;
 use super::references::known_names;
 use super::region::Groups;
 use super::seeding::{Fault, Filled};
@@ -138,12 +138,14 @@ pub(super) fn overlaps<const D: usize>(
     }
     let name = |body: u16| quote(&bodies[body as usize].name);
     let message = |((later, earlier), (count, _, place)): ((u16, u16), (usize, u32, Vec<f64>))| {
-        let (lie, at) = if count == 1 { ("lies", "at") } else { ("lie", "the first at") };
+        let points = match count {
+            1 => "1 point of one body lies in the region of the other, at".to_owned(),
+            _ => format!("{count} points of either body lie in the region of the other, the first at"),
+        };
         let text = format!(
-            "the body {} overlaps the body {}: {} of one {lie} in the region of the other, {at} {}",
+            "the body {} overlaps the body {}: {points} {}",
             name(later),
             name(earlier),
-            counted(count, "point", "points"),
             coordinates(&place)
         );
         (later as usize, text)

@@ -201,7 +201,7 @@ fn warn<const D: usize>(
         message: format!(
             "body `{stiff}` reaches into cells of the much softer body `{soft}` and drags all nodes of these cells along: \
              points of `{soft}` that can no longer strain, such as the one at {}, would otherwise carry about {:.0} % of \
-             its strain energy; `{soft}` is too stiff by about this share",
+             its stresses, measured as energy; `{soft}` is too stiff by about this share",
             coordinates(&position),
             100.0 * share
         ),

@@ -94,7 +94,8 @@ fn ratio_of_volume<const D: usize>(F: &Mat3) -> f64 {
 const MOST_ROTATION: f64 = 15.0;
 /// Shear beyond which the update with U_ii is unsuitable, [-].
 const MOST_SHEAR: f64 = 0.3;
-/// Change of det F beyond which domains without an update are unsuitable, [-].
+/// Relative change of the volume of a domain, or of its area in two dimensions, beyond which domains without an update
+/// are unsuitable, [-].
 const MOST_VOLUME_CHANGE: f64 = 0.05;
 /// Ratio of principal stretches beyond which the update with det F is unsuitable, [-].
 const MOST_STRETCH_RATIO: f64 = 1.2;

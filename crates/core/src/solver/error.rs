@@ -39,7 +39,7 @@ impl std::fmt::Display for PointPlace {
 }
 
 /// The reason why a run ends early. The converged state of the points is then the state at the end of the last
-/// converged step .
+/// converged step.
 #[non_exhaustive]
 #[derive(Debug, thiserror::Error)]
 pub enum SolveError {
