@@ -369,7 +369,7 @@ output:
     ]
 }
 
-/// The steps of `mpm check` for long decks; the processor time is printed, and `docs/diagnostics.md` states it.
+/// The steps of `mpm check` for long decks; the processor time is printed.
 #[test]
 fn decks_of_ten_thousand_lines_are_checked() {
     for lines in [1000, 10_000] {
