@@ -150,7 +150,7 @@ def _solve_in_processes(work: Sequence[Work], count: int) -> list[Outcome]:
     outcomes += [_LOST] * (len(work) - len(outcomes))
     if _LOST in outcomes and not has_begun.is_set():
         raise UsageError(
-            "the processes of the study have ended before they began; a script that calls sweep needs the guard "
+            "the processes of the study failed to start; a script that calls sweep needs the guard "
             "`if __name__ == '__main__':`, since each process imports the script"
         )
     return outcomes

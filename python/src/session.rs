@@ -291,7 +291,9 @@ impl Session {
 
     fn is_paused(&self, running: &Running) -> Result<(), Raised> {
         if running.is_under_way && !running.has_ended {
-            return Err(Raised::misuse("a step is under way: it was interrupted; take the next step first"));
+            return Err(Raised::misuse(
+                "an interrupted step is still under way; take the next step first to finish it",
+            ));
         }
         Ok(())
     }

@@ -207,7 +207,10 @@ fn exchange<const D: usize>(
 ) -> Result<LoadedDeck, String> {
     let fixed = changes_during_run(&deck.deck, &changed.loaded.deck);
     if !fixed.is_empty() {
-        return Err(format!("what earlier steps depend on cannot change during a run: {}", fixed.join("; ")));
+        return Err(format!(
+            "values on which earlier steps depend cannot change during a run: {}",
+            fixed.join("; ")
+        ));
     }
     let next = model_of(changed.analysis).ok_or("the number of axes cannot change during a run")?;
     let [before, now] = [&deck.deck, &changed.loaded.deck].map(|deck| &deck.materials);

@@ -208,7 +208,7 @@ fn what_is_wrong_with_a_word_or_a_value_is_said() {
     let clay = "  clay: {model: tresca, young: 1e7, poisson: 0.3, cohesion: \"1e3/(Y - Y)\", density: 2000}";
     let [infinite] = &found(&deck(clay, STEPS))[..] else { panic!() };
     let help = infinite.help.as_deref().unwrap_or_default();
-    assert!(infinite.code == "D058" && help.contains("be finite and"), "{help}");
+    assert!(infinite.code == "D058" && help.contains("is finite and"), "{help}");
     let clay = clay.replace("\"1e3/(Y - Y)\"", "1e3");
     let words = deck(&clay, STEPS).replace("fix: [x, y]", "fix: [normal]");
     let [normal] = &found(&words)[..] else { panic!() };

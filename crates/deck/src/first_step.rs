@@ -192,12 +192,16 @@ impl Check<'_> {
             let name = |number: usize| model.boundary_conditions[number].name.as_str();
             let others = list(by.iter().map(|&number| name(number)));
             let message = format!(
-                "the boundary condition {} has no effect along {}: all of its nodes are already fixed by {others}",
+                "the boundary condition {} has no effect along {}: the displacement of all of its nodes is already \
+                 prescribed by {others}",
                 quote(name(condition)),
                 AXES[axis]
             );
             let at = format!("/boundary_conditions/{condition}");
-            let help = format!("fix {} in one of them only, or select other nodes", AXES[axis]);
+            let help = format!(
+                "fix or prescribe {} in only one of these conditions, or select other nodes",
+                AXES[axis]
+            );
             let found = self.at("D037", &at, message).severity(Severity::Warning);
             self.found.push(found.help(help));
         }

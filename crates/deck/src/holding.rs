@@ -104,8 +104,11 @@ impl Check<'_> {
                 (format!("/stages/{stage}"), format!("in the stage {}, ", quote(&model.stages[stage].name)))
             }
         };
-        let place =
-            if part.whole { String::new() } else { format!(" (with the node {})", coordinates(&part.node)) };
+        let place = if part.whole {
+            String::new()
+        } else {
+            format!(" (the part with the node {})", coordinates(&part.node))
+        };
         let found = if part.axes.is_empty() && part.directions.is_empty() {
             let about = match &part.centre {
                 Some(centre) => format!(" about {}", coordinates(centre)),
@@ -136,7 +139,7 @@ impl Check<'_> {
                 (_, true) => "these axes",
                 (_, false) => "these directions",
             };
-            let further = if part.rotations > 0 { ", and at further nodes against the rotation" } else { "" };
+            let further = if part.rotations > 0 { ", and at further nodes to prevent rotation" } else { "" };
             let help = format!(
                 "fix or prescribe the displacement along {which} at one or more nodes of each separate part{further}"
             );

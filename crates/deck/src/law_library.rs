@@ -178,7 +178,11 @@ pub(super) fn remarks(source: &Source, name: &str, law: &dyn Material) -> Vec<Di
     if let Err(reason) = law.update(&Sym3::ZERO, &old, &mut old.clone()) {
         let help = "correct the source of the library: at zero strain and with the initial history variables, `mpm_law_update` \
             must return 0 and finite numbers";
-        return vec![remark(Severity::Error, format!("it does not respond to zero strain: {reason}"), help)];
+        return vec![remark(
+            Severity::Error,
+            format!("it cannot be evaluated at zero strain: {reason}"),
+            help,
+        )];
     }
     let mut found = Vec::new();
     for lacking in check(law, LARGEST) {
@@ -186,10 +190,9 @@ pub(super) fn remarks(source: &Source, name: &str, law: &dyn Material) -> Vec<Di
         let strain = lacking.strain.to_matrix();
         let strain = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)].map(|at| format!("{:.2e}", strain[at]));
         let numbers = match lacking.error.is_finite() {
-            true => format!(
-                ", by a relative error of {:.1e} where {:.1e} is tolerated",
-                lacking.error, lacking.tolerance
-            ),
+            true => {
+                format!(" (relative error {:.1e}; {:.1e} is tolerated)", lacking.error, lacking.tolerance)
+            }
             false => String::new(),
         };
         let place = format!("at the logarithmic strain xx, yy, zz, yz, xz, xy = {}", strain.join(", "));
@@ -222,7 +225,7 @@ fn in_words(property: Property) -> (Severity, &'static str, &'static str) {
         Property::Tangent => (
             Warning,
             "its tangent is not the derivative of the stress",
-            "correct the tangent, including its shear components, or iterations converge slowly or fail",
+            "correct the tangent, including its shear components; otherwise iterations converge slowly or fail",
         ),
         Property::Symmetry => (
             Warning,

@@ -357,7 +357,7 @@ impl Table<'_> {
             message: format!("parameters add more than {bound} characters to {what}"),
             offset,
             length,
-            help: Some("use shorter words, or fewer parameters that contain each other".into()),
+            help: Some("use shorter words, or fewer parameters that contain other parameters".into()),
         })
     }
 

@@ -71,7 +71,9 @@ pub(super) fn inside_grid<const D: usize>(
             format!("the only point of the body {body} lies outside the grid, at {place}")
         }
         (1, true) => format!("1 of the {all} points of the body {body} lies outside the grid, at {place}"),
-        (1, false) => format!("a domain of the body {body} reaches outside the grid at the point at {place}"),
+        (1, false) => {
+            format!("the domain of the point of the body {body} at {place} reaches outside the grid")
+        }
         (_, true) => format!(
             "{count} of the {all} points of the body {body} lie outside the grid, or their domains reach outside it; \
              the first is the point at {place}"
@@ -140,7 +142,7 @@ pub(super) fn overlaps<const D: usize>(
     let message = |((later, earlier), (count, _, place)): ((u16, u16), (usize, u32, Vec<f64>))| {
         let points = match count {
             1 => "1 point of one body lies in the region of the other, at".to_owned(),
-            _ => format!("{count} points of either body lie in the region of the other, the first at"),
+            _ => format!("{count} of their points lie in the region of the other body, the first at"),
         };
         let text = format!(
             "the body {} overlaps the body {}: {points} {}",

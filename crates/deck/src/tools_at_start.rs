@@ -33,7 +33,7 @@ impl Check<'_> {
     fn overlap_at_start<const D: usize>(&mut self, model: &Model<D>, found: &StartOverlap<D>) {
         let StartOverlap { tool, body, place, overlap, points, reach, way } = found;
         let message = format!(
-            "the tool {} overlaps the body {} at the start, most deeply by {} at {}, in the domains of {}",
+            "the tool {} overlaps the body {} at the start, by up to {} at {}; it reaches into the domains of {}",
             quote(&model.tools[*tool].name),
             quote(&model.bodies[*body].name),
             rounded_up(*overlap),

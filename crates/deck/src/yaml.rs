@@ -389,7 +389,7 @@ impl<'a> Builder<'a> {
         if bytes > MAX_BYTES {
             let message = format!("this part of the deck takes more than {} MiB", MAX_BYTES >> 20);
             return Err(fault("D004", span, message)
-                .help("shorten long keys above many values, and long texts that aliases repeat"));
+                .help("shorten long keys that contain many values, and long texts that aliases repeat"));
         }
         self.add(Rc::new(Node { data, span, weight, depth, bytes }), frame.anchor)
     }

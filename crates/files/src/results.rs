@@ -293,7 +293,7 @@ fn tables_in<const D: usize>(
 
 /// The error for a file that a run would replace although no run has written it.
 fn foreign(name: &str, end: &str) -> io::Error {
-    let what = format!("its file `{name}` was not written by a run{end}");
+    let what = format!("the file `{name}` was not written by a run{end}");
     io::Error::new(io::ErrorKind::AlreadyExists, what)
 }
 

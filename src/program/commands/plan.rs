@@ -53,7 +53,7 @@ pub fn plan(args: &DeckArgs, ranks: usize) -> anyhow::Result<u8> {
     };
     print(&format!(
         "{} on {}, predicted from its size:\n  {:.3e} points and {:.3e} unknowns, {:.3e} and {:.3e} on each rank, \
-         and {:.0} % more nodes shared with others\n  {} of memory for each rank\n  \
+         plus {:.0} % more nodes that the rank shares with others\n  {} of memory for each rank\n  \
          {} s for an evaluation of all points\n{time}",
         loaded.source.name(),
         counted(plan.ranks, "rank", "ranks"),

@@ -8,7 +8,8 @@ use crate::points::coordinates;
 pub enum ConstraintError {
     /// Two boundary conditions prescribe different displacements of one node.
     #[error(
-        "boundary conditions `{first}` and `{second}` prescribe the increments {a:e} and {b:e} along {axis} at node {}",
+        "boundary conditions `{first}` and `{second}` prescribe different increments along {axis} at node {}: {a:e} \
+         and {b:e}",
         coordinates(.node)
     )]
     Conflict {

@@ -148,7 +148,7 @@ pub enum LinearError {
     #[error("some nodes are held along directions other than the axes, or tied to others")]
     Turned,
     /// The iterative solver was requested, but the grid is a mesh and there is no algebraic multigrid.
-    #[error("the grid is a mesh, for which coarser grids are available only on several ranks, through PETSc")]
+    #[error("the grid is a mesh, for which multigrid is available only on several ranks, through PETSc")]
     Unstructured,
     /// The matrix, or its pattern, lacks the symmetry that the solver needs.
     #[error("the matrix is not symmetric")]

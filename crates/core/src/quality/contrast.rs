@@ -200,8 +200,8 @@ fn warn<const D: usize>(
         step,
         message: format!(
             "body `{stiff}` reaches into cells of the much softer body `{soft}` and drags all nodes of these cells along: \
-             points of `{soft}` that can no longer strain, such as the one at {}, would otherwise carry about {:.0} % of \
-             its stresses, measured as energy; `{soft}` is too stiff by about this share",
+             points of `{soft}` such as the one at {} can no longer strain; if they could, they would carry about \
+             {:.0} % of the stresses in that body, measured as energy; `{soft}` is too stiff by about this share",
             coordinates(&position),
             100.0 * share
         ),

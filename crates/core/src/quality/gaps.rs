@@ -137,8 +137,8 @@ fn warn<const D: usize>(model: &Model<D>, bodies: [u16; 2], gap: Gap, step: usiz
         code: Code::AcrossGap,
         step,
         message: format!(
-            "bodies `{a}` and `{b}` act on each other through node {}, although a gap of {width:.4} separates them (up to \
-             {threshold:.4} counts as touching)",
+            "bodies `{a}` and `{b}` act on each other through node {}, although a gap of {width:.4} separates them \
+             (bodies up to {threshold:.4} apart count as touching)",
             coordinates(&node)
         ),
         location: Location { bodies: names.to_vec(), position: Some(node.to_vec()), ..Location::default() },

@@ -75,7 +75,7 @@ fn warn<const D: usize>(
 ) -> Warning {
     let Held { prescribed, followed, .. } = held;
     let whole = 100.0 * share;
-    let place_text = place.map(|place| format!(", least at {}", coordinates(&place))).unwrap_or_default();
+    let place_text = place.map(|place| format!(" (least at {})", coordinates(&place))).unwrap_or_default();
     Warning {
         code: Code::LeftNodes,
         step,
@@ -87,8 +87,9 @@ fn warn<const D: usize>(
         value: Some(share),
         threshold: Some(LEAST_HELD),
         message: format!(
-            "the nodes of `{condition}` now hold {whole:.0} % of the most material they ever held{place_text}; the \
-             material has followed {followed:.4} of the prescribed {prescribed:.4}, and the reaction is too small"
+            "the nodes of `{condition}` now hold {whole:.0} % of the largest amount of material that they ever \
+             held{place_text}; the material has followed {followed:.4} of the prescribed motion of {prescribed:.4}, \
+             and the reaction is too small"
         ),
         detail: None,
     }

@@ -52,8 +52,8 @@ fn warn<const D: usize>(condition: &str, place: [f64; D], step: usize) -> Warnin
         value: None,
         threshold: None,
         message: format!(
-            "the nodes of `{condition}` pull material past themselves, first towards {}: nothing holds it there, and the \
-             reaction is too small",
+            "the nodes of `{condition}` pull material past themselves, for example to node {}: nothing holds the \
+             material there, and the reaction is too small",
             coordinates(&place)
         ),
         detail: None,

@@ -48,7 +48,7 @@ const TOO_FAR_APART: f64 = 1e12;
 pub enum Kind {
     /// A part of the bodies can move or turn freely.
     RigidBodyMode,
-    /// Nothing resists a free motion of a tool.
+    /// Nothing resists the motion of a tool in its free components.
     FreeTool,
     /// A cell holds hardly any material.
     SmallCutCell,
@@ -93,7 +93,7 @@ impl Kind {
     pub fn words(self) -> &'static str {
         match self {
             Kind::RigidBodyMode => "a rigid-body mode is free",
-            Kind::FreeTool => "the bodies do not resist a free motion of a tool",
+            Kind::FreeTool => "the bodies do not resist the motion of a tool in its free components",
             Kind::SmallCutCell => "a cell that holds hardly any material",
             Kind::PlasticCollapse => {
                 "plastic collapse: the load is probably beyond what the bodies can carry"

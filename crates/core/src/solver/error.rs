@@ -331,8 +331,11 @@ fn free_tools(tools: &[String]) -> String {
     let names: Vec<String> = tools.iter().map(|name| format!("`{name}`")).collect();
     match &names[..] {
         [] => String::new(),
-        [name] => format!(": nothing resists a free motion of the tool {name}"),
-        _ => format!(": nothing resists a free motion of one of the tools {}", names.join(", ")),
+        [name] => format!(": nothing resists the motion of the tool {name} in its free components"),
+        _ => format!(
+            ": nothing resists the motion of one of the tools {} in its free components",
+            names.join(", ")
+        ),
     }
 }
 

@@ -137,8 +137,8 @@ impl StrengthBracket {
             message: format!(
                 "points have moved by up to {now:.3e} ({percent:.2} % of the height of the bodies) since the strength \
                  reduction began, and by {moved:.3e} ({percent_before:.2} %) up to the step before: between the \
-                 factors {stood:.decimals$} and {factor:.decimals$} the bodies begin to slide, and at larger factors \
-                 they stand in another shape"
+                 factors {stood:.decimals$} and {factor:.decimals$} the bodies begin to slide, and any equilibrium at \
+                 larger factors is that of another shape"
             ),
             detail: None,
         })
@@ -159,9 +159,9 @@ impl StrengthBracket {
             value: Some(slumped as f64),
             threshold: None,
             message: format!(
-                "the bodies slumped before their strength was reduced: only damped iterations found equilibrium \
-                 in {slumped} of the steps; the factors refer to the slumped shape, and in the original shape the \
-                 bodies may not stand"
+                "the bodies may have slumped before their strength was reduced: only damped iterations found \
+                 equilibrium in {slumped} of the steps; the factors refer to the shape after these steps, and in the \
+                 original shape the bodies may not stand"
             ),
             detail: None,
         })
@@ -180,8 +180,8 @@ impl StrengthBracket {
             threshold: Some(RUNS_AWAY),
             message: format!(
                 "no equilibrium was found at the factor {fails:.decimals$}, but up to {stands:.decimals$} the bodies did \
-                 not begin to run away: in the last step, they moved {growth:.2} times as far per change of the factor as \
-                 on average"
+                 not begin to run away: in the last step, they moved {growth:.2} times as far per unit change of the \
+                 factor as on average"
             ),
             detail: None,
         })

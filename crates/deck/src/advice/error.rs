@@ -20,9 +20,10 @@ pub fn on_error(error: &SolveError) -> Option<&'static str> {
         SolveError::OffGrid { .. } => {
             Some("make the grid larger where the body moves, or hold the body with boundary conditions")
         }
-        SolveError::Domain { .. } => {
-            Some("use a larger grid, more load steps, or another method where the motion tears domains")
-        }
+        SolveError::Domain { .. } => Some(
+            "use a larger grid if the domain reaches outside it; if the motion tears the domain, use more load steps \
+             or another method",
+        ),
         SolveError::Surface { .. } => Some(
             "use more points per cell or smaller load steps where the surface leaves the points of its body, or \
              exclude this part of the surface with `part`",
@@ -70,7 +71,8 @@ fn on_contact(error: &ContactError) -> Option<&'static str> {
     match error {
         ContactError::Overlap { .. } => Some(
             "move the tool away from the body by this overlap, or subtract its shape from that of the body with a \
-             `difference`; at a curved boundary, the domains of points reach beyond the boundary by up to half their size",
+             `difference`; at a curved boundary, the domains of points reach beyond the boundary by up to half their \
+             diagonal",
         ),
         ContactError::Slide { .. } | ContactError::Through { .. } => Some(SMALLER_STEPS),
         ContactError::Between { .. } => Some(
@@ -84,7 +86,8 @@ fn on_contact(error: &ContactError) -> Option<&'static str> {
             Some("place the tool so that it touches a body at the start, or prescribe its motion")
         }
         ContactError::NotFinite { .. } => Some(
-            "change the formula: there, it divides by zero, overflows, or takes a function outside its domain",
+            "change the formula: with these values it divides by zero, overflows, or evaluates a function outside its \
+             domain",
         ),
         ContactError::UnknownFactor { .. } => Some(
             "prescribe the motion of the tool by numbers or by formulas of `factor`, with rotation about one axis at \
@@ -105,7 +108,8 @@ pub fn against(obstacle: Obstacle) -> &'static str {
             "remove this condition, or the other conditions that hold the same nodes or surface"
         }
         Obstacle::NotFinite => {
-            "change the formula: there, it divides by zero, overflows, or takes a function outside its domain"
+            "change the formula: with these values it divides by zero, overflows, or evaluates a function outside its \
+             domain"
         }
         Obstacle::LooseAxis => "add `{name: axis, nodes: {x: 0}, fix: [x]}` to the boundary conditions",
         Obstacle::Memory => "use a coarser grid or, on a structured grid, `solver: {linear: iterative}`",

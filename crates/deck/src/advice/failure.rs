@@ -118,8 +118,13 @@ fn advice(kind: Kind, of: &Circumstances, means: &Means) -> &'static str {
             Some(Loss::Torn { is_replaceable: true }) => {
                 "leave `steps: {damping}` out, so that torn domains are replaced; or use more points per cell, or `method: gimp`"
             }
-            Some(Loss::Torn { .. } | Loss::Collapsed) => {
-                "use more points per cell, smaller steps (`steps: {count, smallest}`), or `method: gimp`"
+            Some(Loss::Torn { .. }) => {
+                "use a larger grid if the domain reaches outside it; otherwise use more points per cell, smaller steps \
+                 (`steps: {count, smallest}`), or `method: gimp`"
+            }
+            Some(Loss::Collapsed) => {
+                "use `domain_update: corners`, or smaller steps (`steps: {count, smallest}`) with \
+                 `diagonal-incremental`"
             }
             Some(Loss::OffGrid) | None => "make the grid larger, or use another method or domain update",
         },

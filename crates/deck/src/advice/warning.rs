@@ -31,8 +31,8 @@ pub fn on_warning(warning: &Warning, means: &Means) -> String {
         }
         (Code::LeftNodes | Code::PassedNodes, _) => return on_left_nodes(warning, means),
         (Code::AcrossGap, _) => {
-            "use a finer grid: bodies are joined wherever they share a node, up to two cells apart; the forces between \
-             these bodies are not contact forces"
+            "use a finer grid: bodies are joined wherever they share a node, even across a gap of up to two cells; the \
+             forces between these bodies are not contact forces"
         }
         (Code::Regridding, _) => return on_regridding(means),
         (Code::Energy, _) => {
@@ -59,7 +59,7 @@ pub fn on_warning(warning: &Warning, means: &Means) -> String {
              `steps: {damping: false}` the run stops instead"
         }
         (Code::ReplacedDomains, _) => {
-            "inspect this location in the VTU files; use more load steps, a finer grid, or a larger one"
+            "inspect this location in the VTU files; use more load steps, or a finer or larger grid"
         }
         (Code::Stiffened, _) => {
             "use a finer grid, because up to one row of cells moves with the stiff body; or replace the stiff body by a \
@@ -67,13 +67,13 @@ pub fn on_warning(warning: &Warning, means: &Means) -> String {
         }
         (Code::Unstable, _) => {
             "disturb the bodies with a small load or an imperfection and compare; more load steps show where the path \
-             branches; if cells hold one point each, use more (this may be an hourglass mode)"
+             branches; if cells hold one point each, use more points, because this may be an hourglass mode"
         }
         (Code::Slides, _) => {
             "use the smaller of these factors as the factor of safety, not the last one with equilibrium. Plot displacement \
              against the factor (`mpm report`), and bring the two factors closer together with a smaller `tolerance` of the \
-             control. With smaller cells, a slope that has slid comes to rest again less readily; with a larger `young`, the \
-             bodies settle very little before they slide"
+             control. With smaller cells, a slope that has slid is less likely to come to rest again; with a larger \
+             `young`, the bodies settle very little before they slide"
         }
         (Code::Slumped, _) => {
             "the factor of safety of the original shape is below 1 if the bodies slumped at full strength: multiply \

@@ -229,7 +229,7 @@ where
                         "density",
                         "D058",
                         message,
-                        format!("let it be {}{}", finite(value), range.in_words()),
+                        format!("change it so that it is {}{}", finite(value), range.in_words()),
                     );
                 }
             }
@@ -249,7 +249,7 @@ where
                         "D058",
                         message,
                         format!(
-                            "let the formula be {}{} in the whole body",
+                            "change the formula so that it is {}{} in the whole body",
                             finite(*value),
                             range.in_words()
                         ),

@@ -88,8 +88,8 @@ where
     fn cannot_move(&mut self, error: &GridMotionError) {
         let (pointer, help) = match error {
             GridMotionError::NotFinite { entry, .. } => {
-                let help = "change the formula of this boundary condition: it divides by zero, overflows, or takes a \
-                            function outside its domain";
+                let help = "change the formula of this boundary condition: at this time the formula divides by zero, \
+                            overflows, or evaluates a function outside its domain";
                 (format!("/grid/follow/{entry}/condition"), help.to_owned())
             }
             GridMotionError::BeyondAxis { .. } => {

@@ -95,7 +95,8 @@ where
             // As many digits as matter: a mistyped location may be at any distance.
             let away = if distance < 1e9 { format!("{distance:.3}") } else { format!("{distance:.3e}") };
             let message = format!(
-                "the point of the body {} nearest to this location is at {}, {away} away, more than a cell",
+                "the point of the body {} nearest to this location is at {}: it is {away} away, more than the size \
+                 of a cell",
                 quote(body),
                 coordinates(found)
             );

@@ -92,7 +92,7 @@ pub(super) fn of_missing_key(key: &str, schema: Option<&Value>) -> String {
     let meaning = meaning.map(|text| text.split([';', ':']).next().unwrap_or(text).trim_end_matches('.'));
     let meaning = meaning.map(|meaning| format!(" ({})", meaning.replace('\n', " "))).unwrap_or_default();
     match sample(&format!("/{key}"), property) {
-        Some(sample) => format!("add it, such as {sample}{meaning}"),
+        Some(sample) => format!("add it, for example {sample}{meaning}"),
         None if key == "version" => format!("add `version: 1`{meaning}"),
         None => format!("add `{key}: ...`{meaning}"),
     }

@@ -58,7 +58,7 @@ pub(super) fn range_help(fault: &Fault) -> Option<String> {
         return Some(format!("must be {range}"));
     };
     let meaning = description.split([';', ':']).next().unwrap_or(description).trim_end_matches('.');
-    Some(format!("must be {range} ({meaning})"))
+    Some(format!("must be {range} ({})", meaning.replace('\n', " ")))
 }
 
 /// Help for a string that was probably meant as a number.

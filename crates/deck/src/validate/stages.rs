@@ -108,7 +108,7 @@ impl Check<'_> {
             let step = stage.steps.end_time / f64::from(stage.steps.count.max(1));
             if step < SHORTEST * start {
                 let last = match stage.steps.count {
-                    1 => format!("the step of this stage lasts {step:e}, too short for a change of time"),
+                    1 => format!("the step of this stage lasts {step:e}, too short to be resolved"),
                     _ => format!(
                         "the steps of this stage last {step:e} each, too short for their times to differ"
                     ),
@@ -195,7 +195,7 @@ impl Check<'_> {
                 let later = deck.stages.iter().position(|stage| !begins(stage).is_empty());
                 if let (0, Some(later), true) = (number, later, ends(stage).is_empty()) {
                     let message = "no body is present before this stage: a body that a stage adds is absent at the start";
-                    let help = "remove it from `add`, or leave another body present at the start";
+                    let help = "remove a body from `add`, or leave another body present at the start";
                     self.error("D053", &format!("/stages/{later}/{begin}"), message, help);
                 } else if !ends(stage).is_empty() {
                     let message = "no body is left in this stage";

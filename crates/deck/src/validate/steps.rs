@@ -178,8 +178,7 @@ impl Check<'_> {
                     "the tool {} turns about several axes, which an unknown load factor cannot drive",
                     quote(&tool.name)
                 );
-                let help =
-                    "prescribe one component of `rotation`, or the load factor (`control: {type: load}`)";
+                let help = "prescribe only one component of `rotation`, or else the load factor (`control: {type: load}`)";
                 self.error("D049", &format!("{pointer}/rotation"), message, help);
             }
         }
@@ -194,7 +193,7 @@ impl Check<'_> {
         let is_idle = |load: &LoadDeck| load.magnitude().1;
         let mut loads = deck.loads.iter().filter(|load| changes(load.name()));
         if loads.all(is_idle) && !deck.tools.iter().any(crate::ToolDeck::acts) {
-            let message = "no load acts whose factor could be determined";
+            let message = "no load acts, so there is no load factor to determine";
             let help = match stage {
                 None => "add a load under `loads`, or prescribe the load factor (`control: {type: load}`)",
                 Some(_) => {

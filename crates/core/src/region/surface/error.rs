@@ -88,7 +88,10 @@ pub enum SurfaceError {
         first: Vec<EdgeReport>,
     },
     /// A facet with the opposite orientation to its neighbours.
-    #[error("the corners of a facet are ordered opposite to those of {}: {at}", counted(*.n, "neighbour", "neighbours"))]
+    #[error(
+        "the corners of a facet are in the opposite order to those of {}: {at}",
+        counted(*.n, "neighbour", "neighbours")
+    )]
     Turned {
         /// Number of neighbours with the opposite orientation.
         n: usize,

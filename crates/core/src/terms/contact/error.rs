@@ -64,7 +64,7 @@ pub enum ContactError {
     /// The updates of the multipliers have not reduced the error to the tolerance.
     #[error(
         "{place}: after {}, {} and the slip is {slip:.3e}; the tolerance is {most:.3e}",
-        counted(*augmentations, "update", "updates"), overlap_in_words(*overlap)
+        counted(*augmentations, "multiplier update", "multiplier updates"), overlap_in_words(*overlap)
     )]
     NotSettled {
         /// The contact point with the largest error.
@@ -78,7 +78,7 @@ pub enum ContactError {
         /// Tolerance for overlap and slip, [length].
         most: f64,
     },
-    /// Nothing resists a free motion of a tool.
+    /// Nothing resists the motion of a tool in its free components.
     #[error("nothing holds tool `{tool}` {component}: it touches no body")]
     Loose {
         /// Name of the tool.
