@@ -3,7 +3,7 @@
     python3 benches/soils.py [STUDY ...] [--mpm target/release/mpm] [--finest LEVEL]
 
 Writes decks into a temporary folder, runs `mpm` (from --mpm or the variable MPM) on one thread, and prints a Markdown
-table for each study; `--finest 2` stops after the second grid of each. All studies take about 20 minutes.
+table for each study; `--finest 2` stops after the second grid of each. All studies take about 16 minutes of CPU time.
 
     slope       strength reduction of example 1 of Griffiths and Lane (1999): by grid, method, points, flow, treatment
     clay-slope  strength reduction of an undrained slope on a foundation of another strength

@@ -3,7 +3,7 @@
     python3 benches/tools.py [STUDY ...] [--mpm target/release/mpm] [--finest LEVEL]
 
 Writes decks into a temporary folder, runs `mpm` (from --mpm or the variable MPM) on one thread, and prints a Markdown
-table for each study; `--finest 2` stops after the second grid of each. All studies take about ten minutes of CPU time.
+table for each study; `--finest 2` stops after the second grid of each. All studies take about half an hour of CPU time.
 
     platen    a cube between a floor and a smooth plate: uniform stress, overlap
     hertz     cylinders and spheres pressed onto a block: half width and pressure of Hertz

@@ -44,7 +44,7 @@ fn counts() -> Vec<Counts> {
 /// no power of ten gives them (`docs/verification/beam.md`). The counts are therefore compared with two other programs
 /// at both tolerances, and with the paper at 1e-6 where agreement is possible: standard points and CPDI2 within 2 of
 /// about 210, GIMP at h = 0.5 m within 3. In the remaining two rows, this program and the independent one both need 10
-/// and 12 evaluations fewer than the paper, and the test expects that. It also asserts that 1e-9 is not the paper's
+/// and 12 evaluations fewer than the paper, which is not tested. The test also asserts that 1e-9 is not the paper's
 /// tolerance.
 #[test]
 fn table_4() {
