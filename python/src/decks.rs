@@ -2,13 +2,13 @@
 
 use mpm::codes;
 use mpm::deck::diagnostic::{as_json, render_all};
-use mpm::deck::load::{LoadedDeck, load_text, read as read_bytes, values};
+use mpm::deck::load::{read as read_bytes, values};
 use mpm::deck::schema::deck_schema;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
 use crate::errors::Raised;
-use crate::session::{pool, prepared};
+use crate::preparation::{loaded, pool, prepared};
 
 /// The bytes of a deck and its values as JSON.
 #[pyfunction]
@@ -29,11 +29,6 @@ pub fn dump(document: &str) -> PyResult<String> {
         |error: &dyn std::fmt::Display| Raised::misuse(format!("the deck cannot be written: {error}"));
     let value: serde_json::Value = serde_json::from_str(document).map_err(|error| invalid(&error))?;
     Ok(serde_yaml::to_string(&value).map_err(|error| invalid(&error))?)
-}
-
-/// Reads a deck from its text.
-pub fn loaded(name: &str, text: &[u8], overrides: &[(String, String)]) -> Result<LoadedDeck, Raised> {
-    load_text(name, text, overrides).map_err(Raised::Deck)
 }
 
 /// Does everything that precedes the first load step, and returns the messages about the deck, as JSON and as text.

@@ -10,6 +10,7 @@ mod errors;
 mod files;
 mod laws;
 mod link;
+mod preparation;
 mod session;
 mod study;
 mod tools;
@@ -41,7 +42,7 @@ mod _mpm {
     use super::study::{check_axis, headings};
 
     #[pymodule_export]
-    const MOST_THREADS: usize = super::session::MOST_THREADS;
+    const MOST_THREADS: usize = super::preparation::MOST_THREADS;
     #[pymodule_export]
     const VERSION: &str = mpm::output::summary::VERSION;
 }

@@ -6,9 +6,7 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use mpm::deck::load::LoadedDeck;
-use mpm::deck::ready::{self, Analysis, Prepared};
-use mpm::memory::Memory;
+use mpm::deck::ready::{Analysis, Prepared};
 use mpm::output::record::Record;
 use mpm::output::results::Results;
 use mpm::output::status::{Progress, StatusFile};
@@ -17,35 +15,16 @@ use mpm::timing::{Phase, Timings};
 use pyo3::gc::{PyTraverseError, PyVisit};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::arrays::{dictionary, matrix};
-use crate::decks::loaded;
 use crate::errors::{Raised, exception};
 use crate::laws::Laws;
 use crate::link::{Changed, Ended, Event, Failure, Link, Name, Request};
+use crate::preparation::{loaded, pool, prepared};
 use crate::worker::{Files, Worker};
-
-/// Largest number of threads.
-pub const MOST_THREADS: usize = 1024;
 
 /// Longest time between two checks for signals such as Ctrl-C.
 const LOOK: Duration = Duration::from_millis(50);
-
-/// A pool of threads for one run only; by default, one thread per core.
-pub fn pool(threads: Option<usize>) -> Result<ThreadPool, Raised> {
-    if threads.is_some_and(|n| !(1..=MOST_THREADS).contains(&n)) {
-        return Err(Raised::misuse(format!("threads must be a number from 1 to {MOST_THREADS}")));
-    }
-    let built = ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build();
-    built.map_err(|error| Raised::misuse(format!("the threads cannot be started: {error}")))
-}
-
-/// Prepares the model of a deck for its first load step.
-pub fn prepared(loaded: LoadedDeck, pool: &ThreadPool) -> Result<Prepared, Raised> {
-    let built = pool.install(|| ready::prepare(loaded, Memory::of_this_machine(), false));
-    built.map_err(Raised::Deck)
-}
 
 /// The parts of a run that the methods of [`Session`] change.
 struct Running {
@@ -99,9 +78,10 @@ impl Session {
         let (events, received) = mpsc::channel();
         let (requests, link) = mpsc::channel();
         let link = Link { events, requests: link };
-        let tells_iterations = on_iteration.is_some();
-        let begun = py
-            .detach(|| begin((name, text, &overrides), threads, out.clone(), &laws, link, tells_iterations));
+        let reports_iterations = on_iteration.is_some();
+        let begun = py.detach(|| {
+            begin((name, text, &overrides), threads, out.clone(), &laws, link, reports_iterations)
+        });
         let Begun { thread, notes, history } = begun.map_err(|error| laws.blamed(py, error))?;
         let running = Running {
             events: received,
@@ -398,7 +378,7 @@ fn begin(
     out: Option<PathBuf>,
     laws: &Laws,
     link: Link,
-    tells_iterations: bool,
+    reports_iterations: bool,
 ) -> Result<Begun, Raised> {
     let start = Start::now();
     let pool = pool(threads)?;
@@ -443,7 +423,7 @@ fn begin(
         Analysis::Solid(parts) => parts.0.history_names(),
     };
     let history = history.into_iter().map(str::to_owned).collect();
-    let worker = Worker { link, record, files, tells_iterations };
+    let worker = Worker { link, record, files, reports_iterations };
     let builder = std::thread::Builder::new().name("mpm".to_owned());
     let thread = builder.spawn(move || pool.install(|| worker.run(analysis, loaded)));
     let thread = thread.map_err(|error| Raised::misuse(format!("the threads cannot be started: {error}")))?;

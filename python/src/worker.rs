@@ -32,7 +32,7 @@ pub struct Files {
 
 impl Files {
     /// Writes the status. It serves only to watch the run, which continues if the status cannot be written.
-    fn tell(&mut self) {
+    fn write_status(&mut self) {
         let _ = self.status.update(&self.progress);
     }
 }
@@ -43,7 +43,7 @@ pub struct Worker {
     pub record: Record,
     pub files: Option<Files>,
     /// True if the interpreter wants to be told of every iteration.
-    pub tells_iterations: bool,
+    pub reports_iterations: bool,
 }
 
 /// A decision of the interpreter while the analysis is paused.
@@ -73,7 +73,7 @@ impl<const D: usize> State for (&Model<D>, &Points<D>) {
 
 impl Worker {
     /// Reports an event. If the interpreter has dropped the run, nobody listens, and the next pause ends the run.
-    fn tell(&self, event: Event) {
+    fn send(&self, event: Event) {
         let _ = self.link.events.send(event);
     }
 
@@ -162,7 +162,7 @@ impl Worker {
 impl Follower<'_> {
     /// Pauses between two steps.
     fn pause(&mut self, state: &dyn State, report: Option<Value>) {
-        self.worker.tell(Event::Paused(report.map(Box::new)));
+        self.worker.send(Event::Paused(report.map(Box::new)));
         self.wait(state);
     }
 
@@ -229,7 +229,7 @@ where
         let mut follower = self.0.borrow_mut();
         if let Some(files) = &mut follower.worker.files {
             files.results.started(model, points)?;
-            files.tell();
+            files.write_status();
         }
         follower.pause(&(model, points), None);
         Ok(())
@@ -241,10 +241,10 @@ where
         if let Some(files) = &mut worker.files {
             Observer::<D>::iteration(&mut files.results, step, iteration, residual);
             files.progress.iteration(step, iteration, residual);
-            files.tell();
+            files.write_status();
         }
-        if worker.tells_iterations {
-            worker.tell(Event::Iteration { step: step.index, iteration, residual });
+        if worker.reports_iterations {
+            worker.send(Event::Iteration { step: step.index, iteration, residual });
         }
     }
 
@@ -261,7 +261,7 @@ where
         if let Some(files) = &mut worker.files {
             files.results.converged(model, points, report, summary)?;
             files.progress.converged(report, summary);
-            files.tell();
+            files.write_status();
         }
         let document = step_document(model, report, summary, worker.record.wording());
         follower.pause(&(model, points), Some(document));
@@ -294,7 +294,7 @@ where
         if let Some(files) = &mut self.0.borrow_mut().worker.files {
             if let Some(reached) = reached {
                 files.progress.stage_began(reached);
-                files.tell();
+                files.write_status();
             }
             Observer::<D>::stage_began(&mut files.results, reached);
         }
@@ -317,7 +317,7 @@ where
         let written = files.results.finished(model, points, summary, error);
         let lost = written.as_ref().err().map(SolveError::output);
         files.progress.finished(error.or(lost.as_ref()));
-        files.tell();
+        files.write_status();
         written.and(recorded)
     }
 }

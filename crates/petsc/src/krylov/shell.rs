@@ -12,7 +12,7 @@ use crate::error::agree;
 use crate::ffi;
 use crate::objects::{read_numbers, with_numbers};
 
-use super::Preconditioner;
+use super::preconditioner::Preconditioner;
 
 /// The data on which the functions work during a solution.
 pub(super) struct Context<'a, 'b, const D: usize, const N: usize> {
