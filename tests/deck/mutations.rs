@@ -598,11 +598,11 @@ fn every_change_of_a_key_is_refused_at_its_line_or_accepted_for_a_reason() {
                             let changed = Source::read(&path, text.as_bytes()).0;
                             let right = |d: &&Diagnostic| is_at_the_right_line(&deck, &changed, &pointer, d);
                             if !errors.iter().copied().any(|d| right(&d)) {
-                                let told: Vec<_> = errors
+                                let reported: Vec<_> = errors
                                     .iter()
                                     .map(|d| format!("{}:{} {}", d.code, place(&changed, d).0, d.message))
                                     .collect();
-                                faults.push(format!("{tried}: refused elsewhere: {told:?}"));
+                                faults.push(format!("{tried}: refused elsewhere: {reported:?}"));
                             }
                         }
                         Verdict::Accepted(notes) => {

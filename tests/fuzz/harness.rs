@@ -61,13 +61,13 @@ pub fn fuzz<B: Bench>(make: impl FnOnce() -> B + Send + 'static, first: u64, mos
     let (send, receive) = channel::<Result<(u64, String, Duration, usize), (u64, String)>>();
     let start = ProcessTime::now();
     let (begun, file) = (channel::<u64>(), current.clone());
-    let (tell, told) = begun;
+    let (sender, receiver) = begun;
     let worker = std::thread::spawn(move || {
         let bench = make();
         for seed in first..first + most {
             let text = bench.case(seed);
             std::fs::write(&file, &text).unwrap();
-            if tell.send(seed).is_err() {
+            if sender.send(seed).is_err() {
                 return;
             }
             let before = ALLOCATOR.allocated();
@@ -93,7 +93,7 @@ pub fn fuzz<B: Bench>(make: impl FnOnce() -> B + Send + 'static, first: u64, mos
     });
     let mut counts: BTreeMap<String, usize> = BTreeMap::new();
     let (mut total, mut longest, mut faults) = (0, (Duration::ZERO, 0), Vec::new());
-    while let Ok(seed) = told.recv() {
+    while let Ok(seed) = receiver.recv() {
         // Processor time, since the machine may be busy.
         let began = ProcessTime::now();
         let report = loop {
@@ -129,7 +129,7 @@ pub fn fuzz<B: Bench>(make: impl FnOnce() -> B + Send + 'static, first: u64, mos
     }
     println!("  longest: {:.2} s, seed {}", longest.0.as_secs_f64(), longest.1);
     assert!(faults.is_empty(), "{}", faults.join("\n"));
-    drop(told);
+    drop(receiver);
     worker.join().unwrap();
     std::fs::remove_dir_all(&folder).unwrap();
 }

@@ -14,7 +14,7 @@ use mpm::solver::{Observer, SolveError, StepReport, Summary};
 
 /// What a run reports on rank 0.
 #[derive(Debug, Default, Clone, PartialEq)]
-struct Told {
+struct Record {
     /// Reactions, loads, tool forces, surfaces, energies and counts of each step.
     numbers: Vec<Vec<f64>>,
     /// Moments of reactions and tools in each step.
@@ -29,7 +29,7 @@ struct Told {
 
 /// Stops after some steps.
 struct Recorder {
-    told: Told,
+    record: Record,
     steps: usize,
 }
 
@@ -58,22 +58,22 @@ impl<const D: usize> Observer<D> for Recorder {
                 .total((0..links.n_active()).filter(|node| links.halo().is_own(*node)).count() as f64),
             report.stabilised_faces as f64,
         ]);
-        self.told.numbers.push(numbers);
+        self.record.numbers.push(numbers);
         let mut moments: Vec<f64> = report.tools.iter().flat_map(|tool| tool.moment).collect();
         moments.extend(report.moments.iter().flatten().flat_map(|of| of.moment));
-        self.told.moments.push(moments);
+        self.record.moments.push(moments);
         let gathered = points.gather();
         let points = gathered.as_ref().unwrap_or(points);
-        self.told.iterations.push(report.residuals.len());
-        self.told.warnings = summary.warnings.iter().map(|warning| format!("{:?}", warning.code)).collect();
+        self.record.iterations.push(report.residuals.len());
+        self.record.warnings = summary.warnings.iter().map(|warning| format!("{:?}", warning.code)).collect();
         let order = points.by_id();
-        self.told.points.clear();
-        self.told.scale = 0.0;
+        self.record.points.clear();
+        self.record.scale = 0.0;
         for p in order {
-            self.told.points.extend(points.converged.position[p]);
+            self.record.points.extend(points.converged.position[p]);
             let stress = points.converged.kirchhoff_stress[p];
-            self.told.points.extend(stress.0);
-            self.told.scale = self.told.scale.max(stress.norm());
+            self.record.points.extend(stress.0);
+            self.record.scale = self.record.scale.max(stress.norm());
         }
         self.steps -= usize::from(self.steps > 0);
         Ok(())
@@ -96,7 +96,7 @@ impl<const D: usize> Engine<D> for Dividing {
 
 /// Runs the first steps of a deck on this rank. If the number of ranks is even, they divide factorisations; if it is
 /// odd, rank 0 factorises small systems for all ranks.
-fn run(deck: &str, set: &[(&str, &str)], steps: usize, ranks: &Ranks) -> (Told, Option<String>) {
+fn run(deck: &str, set: &[(&str, &str)], steps: usize, ranks: &Ranks) -> (Record, Option<String>) {
     let set: Vec<(String, String)> = set.iter().map(|(k, v)| (k.to_string(), v.to_string())).collect();
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("inputs").join(deck);
     let loaded = load(&path, &set).unwrap_or_else(|e| panic!("{e}"));
@@ -105,11 +105,11 @@ fn run(deck: &str, set: &[(&str, &str)], steps: usize, ranks: &Ranks) -> (Told, 
     if ranks.count().is_multiple_of(2) {
         analysis.solve_with(&Arc::new(Dividing));
     }
-    let mut recorder = Recorder { told: Told::default(), steps };
+    let mut recorder = Recorder { record: Record::default(), steps };
     let reached = analysis.beginning();
     let outcome = analysis.run(reached, &mut recorder);
     let error = outcome.err().filter(|error| !matches!(error, SolveError::Interrupted { .. }));
-    (recorder.told, error.map(|error| error.to_string()))
+    (recorder.record, error.map(|error| error.to_string()))
 }
 
 /// Largest difference between numbers, relative to `scale`.

@@ -284,11 +284,11 @@ pub fn load_text(
         }
     }
     if let Some(deck) = &deck {
-        let told: HashSet<(String, &str)> =
+        let reported: HashSet<(String, &str)> =
             diagnostics.iter().filter_map(|d| Some((d.pointer.clone()?, d.code))).collect();
-        let is_news =
-            |d: &Diagnostic| d.pointer.as_ref().is_none_or(|at| !told.contains(&(at.clone(), d.code)));
-        diagnostics.extend(validate::validate(deck, &source).into_iter().filter(is_news));
+        let is_new =
+            |d: &Diagnostic| d.pointer.as_ref().is_none_or(|at| !reported.contains(&(at.clone(), d.code)));
+        diagnostics.extend(validate::validate(deck, &source).into_iter().filter(is_new));
         // In a deck with errors, warnings are mostly consequences of the errors.
         if !diagnostics.iter().any(Diagnostic::is_error) {
             diagnostics.extend(validate::suspicions(deck, &source));

@@ -22,7 +22,7 @@ pub struct Named {
 impl Named {
     /// True if this pattern can belong to a grid with this number of nodes in `D` dimensions. A pattern from a file
     /// need not satisfy this.
-    pub fn can_be_of<const D: usize>(&self, nodes: usize) -> bool {
+    pub fn fits<const D: usize>(&self, nodes: usize) -> bool {
         let Pattern { n, column_start, row, symmetric } = &self.pattern;
         let of_column = |j: usize| {
             let rows = row.get(column_start[j]..column_start[j + 1]);
@@ -196,7 +196,7 @@ mod tests {
         let mut coupled = outer.clone();
         coupled.pattern.row.insert(coupled.pattern.column_start[1], 11);
         coupled.pattern.column_start[1..].iter_mut().for_each(|start| *start += 1);
-        assert!(coupled.can_be_of::<2>(9));
+        assert!(coupled.fits::<2>(9));
         assert!(!serves(&coupled, &outer), "an entry");
         assert!(serves(&outer, &coupled));
     }
@@ -204,7 +204,7 @@ mod tests {
     #[test]
     fn what_no_grid_has_is_noticed() {
         let good = row(&[3, 4, 5]);
-        assert!(good.can_be_of::<2>(6) && !good.can_be_of::<2>(5));
+        assert!(good.fits::<2>(6) && !good.fits::<2>(5));
         let damage: [fn(&mut Named); 11] = [
             |named| named.order[0] = 0,
             |named| named.order[0] = 6,
@@ -221,7 +221,7 @@ mod tests {
         for damage in damage {
             let mut named = good.clone();
             damage(&mut named);
-            assert!(!named.can_be_of::<2>(6), "{named:?}");
+            assert!(!named.fits::<2>(6), "{named:?}");
         }
     }
 }

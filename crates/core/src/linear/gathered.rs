@@ -47,7 +47,7 @@ struct OfRank {
 
 /// The failures of the direct backend, as rank 0 reports them to the other ranks.
 #[derive(Serialize, Deserialize)]
-enum Told {
+enum RootFailure {
     /// Grid node and component of the unknown, if it can be identified.
     Singular(Option<(u32, usize)>),
     /// Memory needed, [byte], if known.
@@ -190,24 +190,28 @@ impl<const D: usize, const N: usize> Gathered<D, N> {
         layout: &Layout<D, N>,
         of_root: Option<Result<T, LinearError>>,
     ) -> Result<T, LinearError> {
-        let told = of_root.map(|outcome| {
+        let shared = of_root.map(|outcome| {
             outcome.map_err(|error| match error {
-                LinearError::Singular { unknown } => Told::Singular(unknown.and_then(|u| self.place_of(u))),
-                LinearError::OutOfMemory { needed } => Told::OutOfMemory(needed),
-                _ => Told::Other,
+                LinearError::Singular { unknown } => {
+                    RootFailure::Singular(unknown.and_then(|u| self.place_of(u)))
+                }
+                LinearError::OutOfMemory { needed } => RootFailure::OutOfMemory(needed),
+                _ => RootFailure::Other,
             })
         });
-        layout.halo.ranks().first(told).unwrap_or(Err(Told::Other)).map_err(|told| match told {
-            Told::Singular(place) => {
-                let own = place.and_then(|(node, component)| {
-                    let node = layout.nodes.binary_search(&node).ok()?;
-                    layout.numbering.unknown(node, component)
-                });
-                LinearError::Singular { unknown: own }
-            }
-            Told::OutOfMemory(needed) => LinearError::OutOfMemory { needed },
-            Told::Other => LinearError::Singular { unknown: None },
-        })
+        layout.halo.ranks().first(shared).unwrap_or(Err(RootFailure::Other)).map_err(
+            |failure| match failure {
+                RootFailure::Singular(place) => {
+                    let own = place.and_then(|(node, component)| {
+                        let node = layout.nodes.binary_search(&node).ok()?;
+                        layout.numbering.unknown(node, component)
+                    });
+                    LinearError::Singular { unknown: own }
+                }
+                RootFailure::OutOfMemory(needed) => LinearError::OutOfMemory { needed },
+                RootFailure::Other => LinearError::Singular { unknown: None },
+            },
+        )
     }
 
     /// Grid node and component of an unknown of the gathered equations.

@@ -45,8 +45,8 @@ pub fn sharing(ranks: &Ranks, nodes: &[(u32, bool)], n_nodes: usize) -> Sharing 
     let home_of = |node: u32| node as usize / per_home;
     let mut messages: Vec<(usize, Vec<u8>)> = Vec::new();
     for of_home in nodes.chunk_by(|a, b| home_of(a.0) == home_of(b.0)) {
-        let told = of_home.iter().flat_map(|&(node, touches)| [node, u32::from(touches)]);
-        messages.push((home_of(of_home[0].0), words(told)));
+        let numbers = of_home.iter().flat_map(|&(node, touches)| [node, u32::from(touches)]);
+        messages.push((home_of(of_home[0].0), words(numbers)));
     }
     let mut having: Vec<(u32, Sharer)> = Vec::new();
     for (rank, message) in communicator.exchange(messages) {

@@ -6,7 +6,7 @@ use super::error::SolveError;
 use super::of_rank::OfRank;
 
 /// An error as its rank reports it to the other ranks.
-fn told_by(rank: usize, error: &SolveError) -> OfRank {
+fn as_reported_by(rank: usize, error: &SolveError) -> OfRank {
     let has_lost_points = matches!(
         error,
         SolveError::OffGrid { .. } | SolveError::Domain { .. } | SolveError::Collapsed { .. }
@@ -30,7 +30,7 @@ pub(super) fn agree<T>(ranks: &Ranks, outcome: Result<T, SolveError>) -> Result<
     }
     // A rank does not pass on an error that it knows only as the error of another rank.
     let is_known = |error: &&SolveError| !matches!(error, SolveError::OnRank(_));
-    let own = outcome.as_ref().err().filter(is_known).map(|error| told_by(ranks.own(), error));
+    let own = outcome.as_ref().err().filter(is_known).map(|error| as_reported_by(ranks.own(), error));
     match ranks.first(own) {
         None => outcome,
         Some(first) if first.rank == Some(ranks.own()) => outcome,

@@ -35,8 +35,8 @@ impl Path {
     }
 
     /// True if a run in `D` dimensions can have this path.
-    pub(super) fn can_be_of<const D: usize>(&self) -> bool {
-        self.motion.can_be_of::<D>()
+    pub(super) fn fits<const D: usize>(&self) -> bool {
+        self.motion.fits::<D>()
     }
 }
 

@@ -16,7 +16,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
     pub(super) fn damped_step(&mut self) -> Result<Option<Solved>, NoIncrement> {
         let LoadStep { context, system: StepSystem { dofs, sum, .. }, unknowns, course, .. } = self;
         let LoadStep { equations, summary, damping, stride, .. } = self;
-        let (place, tolerance) = (context.place(dofs), context.model.newton.tolerance);
+        let (equation_context, tolerance) = (context.equations(dofs), context.model.newton.tolerance);
         let ranks = context.links.halo().ranks();
         let (system, timings) = (sum.system_mut(), &mut summary.timings);
         if let Some(damping) = damping {
@@ -32,7 +32,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             let Unknowns { rhs, iterative, .. } = &mut *unknowns;
             iterative.clone_from(&prescribed);
             let rhs = RightHandSide { forces: rhs, globals: None };
-            let solved = equations.solve(place, system, rhs, iterative, tolerance, timings);
+            let solved = equations.solve(equation_context, system, rhs, iterative, tolerance, timings);
             match solved {
                 Ok((solved, globals)) if solved.factorisation.is_definite() => break (solved, globals),
                 outcome if tries == MOST_FACTORISATIONS => break outcome?,
@@ -59,8 +59,9 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         unknowns.begin_iteration(system, dofs, &course.out_of_balance);
         let Unknowns { rhs, iterative, .. } = unknowns;
         let rhs = RightHandSide { forces: rhs, globals: None };
-        let (place, tolerance) = (context.place(dofs), context.model.newton.tolerance);
-        let (solved, _) = equations.solve(place, system, rhs, iterative, tolerance, &mut summary.timings)?;
+        let (equation_context, tolerance) = (context.equations(dofs), context.model.newton.tolerance);
+        let (solved, _) =
+            equations.solve(equation_context, system, rhs, iterative, tolerance, &mut summary.timings)?;
         let at_rest = AT_REST * smallest_cell(context.model, context.links);
         let far = context.links.halo().ranks().largest(farthest(&displacement::<D, N>(iterative)));
         if solved.factorisation.is_definite() && far <= at_rest {

@@ -49,7 +49,7 @@ enum Method {
 
 /// The context of the equations of a step.
 #[derive(Clone, Copy)]
-pub(super) struct Place<'a, const D: usize, const N: usize = D> {
+pub(super) struct EquationContext<'a, const D: usize, const N: usize = D> {
     pub model: &'a Model<D>,
     pub links: &'a Connectivity<D>,
     pub dofs: &'a DofMap<N>,
@@ -66,12 +66,12 @@ pub(super) struct RightHandSide<'a, const N: usize> {
 
 impl<const D: usize> StepContext<'_, D> {
     /// The context of the linear equations of the step.
-    pub(super) fn place<'b, const N: usize>(&'b self, dofs: &'b DofMap<N>) -> Place<'b, D, N> {
-        Place { model: self.model, links: self.links, dofs }
+    pub(super) fn equations<'b, const N: usize>(&'b self, dofs: &'b DofMap<N>) -> EquationContext<'b, D, N> {
+        EquationContext { model: self.model, links: self.links, dofs }
     }
 }
 
-impl<const D: usize, const N: usize> Place<'_, D, N> {
+impl<const D: usize, const N: usize> EquationContext<'_, D, N> {
     fn lattice(&self, active: usize) -> [u32; D] {
         self.model.grid.lattice(self.links.active_nodes()[active] as usize)
     }
@@ -155,15 +155,19 @@ impl<const D: usize, const N: usize> Equations<D, N> {
     ///
     /// # Errors
     /// [`LinearError`] if the backend cannot solve equations of this kind, or if its factor does not fit in memory.
-    pub(super) fn prepare(&mut self, place: Place<D, N>, system: &System<N>) -> Result<(), LinearError> {
-        self.solution.resize(place.links.n_active(), [0.0; N]);
+    pub(super) fn prepare(
+        &mut self,
+        context: EquationContext<D, N>,
+        system: &System<N>,
+    ) -> Result<(), LinearError> {
+        self.solution.resize(context.links.n_active(), [0.0; N]);
         if self.own.is_some() {
-            return self.prepare_with(Method::Own, place, system);
+            return self.prepare_with(Method::Own, context, system);
         }
-        let choice = place.model.newton.linear;
+        let choice = context.model.newton.linear;
         // Coarser grids support neither nodes held along directions other than the axes nor tied nodes.
-        let is_plain = place.links.halo().ranks().all(place.dofs.is_plain());
-        let is_regular = place.model.grid.structured().is_some() && is_plain;
+        let is_plain = context.links.halo().ranks().all(context.dofs.is_plain());
+        let is_regular = context.model.grid.structured().is_some() && is_plain;
         let method = match self.of_engine.algebraic {
             _ if is_regular => Method::Iterative,
             Some(_) => Method::Algebraic,
@@ -176,18 +180,18 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         let iterative = match choice {
             Choice::Direct => false,
             Choice::Iterative => can_iterate,
-            Choice::Auto => suits_auto && place.extent(system).is_large::<D>(is_regular),
+            Choice::Auto => suits_auto && context.extent(system).is_large::<D>(is_regular),
         };
         if choice == Choice::Iterative && !can_iterate {
-            let is_mesh = place.model.grid.structured().is_none();
+            let is_mesh = context.model.grid.structured().is_none();
             self.turned.get_or_insert(if is_mesh { LinearError::Unstructured } else { LinearError::Turned });
         }
         if iterative {
-            return self.prepare_with(method, place, system);
+            return self.prepare_with(method, context, system);
         }
-        match self.prepare_with(Method::Direct, place, system) {
+        match self.prepare_with(Method::Direct, context, system) {
             Err(LinearError::OutOfMemory { .. }) if can_iterate && choice == Choice::Auto => {
-                self.prepare_with(method, place, system)
+                self.prepare_with(method, context, system)
             }
             outcome => outcome,
         }
@@ -197,7 +201,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
     fn prepare_with(
         &mut self,
         method: Method,
-        place: Place<D, N>,
+        context: EquationContext<D, N>,
         system: &System<N>,
     ) -> Result<(), LinearError> {
         self.method = method;
@@ -211,7 +215,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         {
             backend.iter_mut().filter(|_| of != method).for_each(|backend| backend.release());
         }
-        place.with_layout(|layout| self.backend().prepare(layout, &system.matrix()))
+        context.with_layout(|layout| self.backend().prepare(layout, &system.matrix()))
     }
 
     /// True if the equations of the step are solved iteratively.
@@ -235,35 +239,35 @@ impl<const D: usize, const N: usize> Equations<D, N> {
     /// [`LinearError`]; if the factor does not fit in memory, the error of the iterative backend.
     pub(super) fn solve(
         &mut self,
-        place: Place<D, N>,
+        context: EquationContext<D, N>,
         system: &mut System<N>,
         rhs: RightHandSide<N>,
         delta: &mut [[f64; N]],
         tolerance: f64,
         timings: &mut Timings,
     ) -> Result<(Solved, Vec<f64>), LinearError> {
-        timings.measure(Phase::Factorise, || system.reduce(place.dofs));
+        timings.measure(Phase::Factorise, || system.reduce(context.dofs));
         if matches!(self.method, Method::Iterative | Method::Algebraic) {
-            match self.factorise_and_solve(place, system, rhs, delta, tolerance, timings) {
+            match self.factorise_and_solve(context, system, rhs, delta, tolerance, timings) {
                 Err(
                     error @ (LinearError::Singular { .. }
                     | LinearError::Undetermined
                     | LinearError::NotConverged { .. }),
                 ) => {
-                    let turn =
-                        timings.measure(Phase::Analyse, || self.prepare_with(Method::Direct, place, system));
+                    let turn = timings
+                        .measure(Phase::Analyse, || self.prepare_with(Method::Direct, context, system));
                     turn.map_err(|_| error)?;
                     self.turned.get_or_insert(error);
                 }
                 outcome => return outcome,
             }
         }
-        self.factorise_and_solve(place, system, rhs, delta, tolerance, timings)
+        self.factorise_and_solve(context, system, rhs, delta, tolerance, timings)
     }
 
     fn factorise_and_solve(
         &mut self,
-        place: Place<D, N>,
+        context: EquationContext<D, N>,
         system: &mut System<N>,
         rhs: RightHandSide<N>,
         delta: &mut [[f64; N]],
@@ -271,9 +275,9 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         timings: &mut Timings,
     ) -> Result<(Solved, Vec<f64>), LinearError> {
         let factorise =
-            |layout: &Layout<D, N>| self.backend().factorise(layout, &system.reduced(place.dofs).matrix);
-        timings.measure(Phase::Factorise, || place.with_layout(factorise))?;
-        timings.measure(Phase::Solve, || self.solve_bordered(place, system, rhs, delta, tolerance))
+            |layout: &Layout<D, N>| self.backend().factorise(layout, &system.reduced(context.dofs).matrix);
+        timings.measure(Phase::Factorise, || context.with_layout(factorise))?;
+        timings.measure(Phase::Solve, || self.solve_bordered(context, system, rhs, delta, tolerance))
     }
 
     /// As [`Equations::solve`], but with the existing factor or preconditioner; if that fails, with a fresh one.
@@ -282,7 +286,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
     /// As for [`Equations::solve`].
     pub(super) fn solve_with_last_factor(
         &mut self,
-        place: Place<D, N>,
+        context: EquationContext<D, N>,
         system: &mut System<N>,
         rhs: RightHandSide<N>,
         delta: &mut [[f64; N]],
@@ -290,30 +294,30 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         timings: &mut Timings,
     ) -> Result<(Solved, Vec<f64>), LinearError> {
         if self.is_iterative() {
-            timings.measure(Phase::Factorise, || system.reduce(place.dofs));
+            timings.measure(Phase::Factorise, || system.reduce(context.dofs));
         }
-        let solve = || self.solve_bordered(place, system, rhs, delta, tolerance);
+        let solve = || self.solve_bordered(context, system, rhs, delta, tolerance);
         timings
             .measure(Phase::Solve, solve)
-            .or_else(|_| self.solve(place, system, rhs, delta, tolerance, timings))
+            .or_else(|_| self.solve(context, system, rhs, delta, tolerance, timings))
     }
 
     /// Solves for the nodal and the global unknowns; `delta` is unchanged if the solution fails.
     fn solve_bordered(
         &mut self,
-        place: Place<D, N>,
+        context: EquationContext<D, N>,
         system: &mut System<N>,
         rhs: RightHandSide<N>,
         delta: &mut [[f64; N]],
         tolerance: f64,
     ) -> Result<(Solved, Vec<f64>), LinearError> {
         if system.border.is_empty() {
-            return Ok((self.solve_nodes(place, system, rhs.forces, delta, tolerance)?, Vec::new()));
+            return Ok((self.solve_nodes(context, system, rhs.forces, delta, tolerance)?, Vec::new()));
         }
         let mut motion = delta.to_vec();
-        let mut solved = self.solve_nodes(place, system, rhs.forces, &mut motion, tolerance)?;
+        let mut solved = self.solve_nodes(context, system, rhs.forces, &mut motion, tolerance)?;
         let border = std::mem::take(&mut system.border);
-        let globals = self.solve_border(place, system, &border, (&mut motion, rhs.globals));
+        let globals = self.solve_border(context, system, &border, (&mut motion, rhs.globals));
         system.border = border;
         let (iterations, globals) = globals?;
         solved.iterations += iterations;
@@ -324,19 +328,19 @@ impl<const D: usize, const N: usize> Equations<D, N> {
     /// Solves K δd = b on the unknowns.
     fn solve_nodes(
         &mut self,
-        place: Place<D, N>,
+        context: EquationContext<D, N>,
         system: &mut System<N>,
         rhs: &[[f64; N]],
         delta: &mut [[f64; N]],
         tolerance: f64,
     ) -> Result<Solved, LinearError> {
         let mut solution = std::mem::take(&mut self.solution);
-        let solved = place.with_layout(|layout| {
-            self.backend().solve(layout, &mut system.reduced(place.dofs), rhs, &mut solution, tolerance)
+        let solved = context.with_layout(|layout| {
+            self.backend().solve(layout, &mut system.reduced(context.dofs), rhs, &mut solution, tolerance)
         });
         self.solution = solution;
         let solved = solved?;
-        place.dofs.add_unknowns(&self.solution, delta);
+        context.dofs.add_unknowns(&self.solution, delta);
         Ok(solved)
     }
 
@@ -344,7 +348,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
     /// Returns the iterations and δw.
     fn solve_border(
         &mut self,
-        place: Place<D, N>,
+        context: EquationContext<D, N>,
         system: &mut System<N>,
         border: &Border<N>,
         (delta, residuals): (&mut [[f64; N]], Option<&[f64]>),
@@ -353,17 +357,17 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         let (mut iterations, mut influence) = (0, Vec::with_capacity(n));
         for column in &border.columns {
             let mut rhs = column.clone();
-            place.dofs.condense(&mut rhs);
-            place.dofs.on_unknowns(&mut rhs);
+            context.dofs.condense(&mut rhs);
+            context.dofs.on_unknowns(&mut rhs);
             let mut z = vec![[0.0; N]; rhs.len()];
-            iterations += self.solve_nodes(place, system, &rhs, &mut z, OF_BORDER)?.iterations;
+            iterations += self.solve_nodes(context, system, &rhs, &mut z, OF_BORDER)?.iterations;
             influence.push(z);
         }
-        let halo = place.links.halo();
+        let halo = context.links.halo();
         let along = |row: &[[f64; N]], field: &[[f64; N]]| halo.dot(row, field);
         // All ranks take part in each product, so they must form the products in the same order: column by column.
         let influences: Vec<f64> =
-            (0..n * n).map(|place| along(&border.rows[place % n], &influence[place / n])).collect();
+            (0..n * n).map(|entry| along(&border.rows[entry % n], &influence[entry / n])).collect();
         let matrix = nalgebra::DMatrix::from_fn(n, n, |i, j| {
             let support = if i == j { border.support[i] } else { 0.0 };
             border.corner[i][j] + support - influences[j * n + i]

@@ -8,7 +8,7 @@ use crate::points::{Points, State};
 use crate::step::Step;
 use crate::terms::{EvaluateError, LawFailure, Ledger, PointFailure};
 
-use super::equations::Place as Equation;
+use super::equations::EquationContext;
 use super::error::{PointPlace, SolveError};
 use super::stiffness::stiffnesses;
 
@@ -85,7 +85,7 @@ impl SolveError {
 
     pub(super) fn linear<const D: usize, const N: usize>(
         error: LinearError,
-        at: Equation<D, N>,
+        at: EquationContext<D, N>,
         step: Step,
     ) -> Self {
         let step = step.index;

@@ -49,7 +49,7 @@ impl Motion {
     }
 
     /// True if a run in `D` dimensions can have this motion.
-    pub(super) fn can_be_of<const D: usize>(&self) -> bool {
+    pub(super) fn fits<const D: usize>(&self) -> bool {
         self.increment.len() >= D * self.nodes.len()
             && self.increment.len().is_multiple_of(self.nodes.len().max(1))
             && self.nodes.is_sorted()

@@ -70,10 +70,11 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
     fn prepare_equations(&mut self) -> Result<(), SolveError> {
         (self.is_laid_out_anew, self.course.has_factor) = (false, false);
         let LoadStep { context, system, equations, summary, .. } = self;
-        let place = context.place(&system.dofs);
-        let prepared =
-            summary.timings.measure(Phase::Analyse, || equations.prepare(place, system.sum.system()));
-        prepared.map_err(|error| SolveError::linear(error, place, context.step))
+        let equation_context = context.equations(&system.dofs);
+        let prepared = summary
+            .timings
+            .measure(Phase::Analyse, || equations.prepare(equation_context, system.sum.system()));
+        prepared.map_err(|error| SolveError::linear(error, equation_context, context.step))
     }
 
     fn most_iterations(&self) -> usize {
@@ -130,7 +131,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         let step = self.context.step;
         let solved = solved.map_err(|obstacle| match obstacle {
             NoIncrement::Linear(error) => {
-                SolveError::linear(error, self.context.place(&self.system.dofs), step)
+                SolveError::linear(error, self.context.equations(&self.system.dofs), step)
             }
             NoIncrement::Path(reason) => SolveError::NoPath { step: step.index, reason },
         })?;
@@ -167,7 +168,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         let LoadStep { context, system: StepSystem { dofs, sum, condition, .. }, unknowns, course, .. } =
             self;
         let LoadStep { equations, summary, forcing, effort, .. } = self;
-        let (place, newton) = (context.place(dofs), &context.model.newton);
+        let (equation_context, newton) = (context.equations(dofs), &context.model.newton);
         let (system, timings) = (sum.system_mut(), &mut summary.timings);
         // Forms the right-hand side; δd becomes the remainder of the prescribed motion.
         timings.measure(Phase::Solve, || unknowns.begin_iteration(system, dofs, &course.out_of_balance));
@@ -196,9 +197,9 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         let Unknowns { rhs, iterative, .. } = &mut *unknowns;
         let rhs = RightHandSide { forces: rhs, globals: None };
         let (mut solved, globals) = if may_reuse_factor {
-            equations.solve_with_last_factor(place, system, rhs, iterative, eta, timings)?
+            equations.solve_with_last_factor(equation_context, system, rhs, iterative, eta, timings)?
         } else {
-            equations.solve(place, system, rhs, iterative, eta, timings)?
+            equations.solve(equation_context, system, rhs, iterative, eta, timings)?
         };
         course.has_factor = true;
         (unknowns.iterative_globals, unknowns.iterative_factor) = (globals, 0.0);
@@ -208,8 +209,14 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             // The load factor changes the global equations, too.
             let of_globals = system.border.per_factor.clone();
             let rhs = RightHandSide { forces: &rhs, globals: Some(&of_globals) };
-            let (again, globals) =
-                equations.solve_with_last_factor(place, system, rhs, &mut of_load, eta, timings)?;
+            let (again, globals) = equations.solve_with_last_factor(
+                equation_context,
+                system,
+                rhs,
+                &mut of_load,
+                eta,
+                timings,
+            )?;
             solved.iterations += again.iterations;
             let change = condition
                 .change(
@@ -239,7 +246,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
     fn augment_along(&mut self, eta: f64) -> Result<(), NoIncrement> {
         let LoadStep { context, system: StepSystem { dofs, sum, .. }, unknowns, .. } = self;
         let LoadStep { equations, summary, course, .. } = self;
-        let place = context.place(dofs);
+        let equation_context = context.equations(dofs);
         for update in 0..MOST_UPDATES {
             let Unknowns { iterative, iterative_globals: globals, .. } = &mut *unknowns;
             let increment = At { delta_d: iterative, globals, factor: 0.0 };
@@ -251,7 +258,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             let (system, timings) = (sum.system_mut(), &mut summary.timings);
             let mut more = vec![[0.0; N]; iterative.len()];
             let (_, of_globals) =
-                equations.solve_with_last_factor(place, system, rhs, &mut more, eta, timings)?;
+                equations.solve_with_last_factor(equation_context, system, rhs, &mut more, eta, timings)?;
             unknowns.add_to_increment(1.0, &more, &of_globals);
         }
         Ok(())
@@ -273,7 +280,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             && let Err(error) = self.check_stability()
         {
             if self.stride.is_infinite() {
-                return Err(SolveError::linear(error, self.context.place(&self.system.dofs), step));
+                return Err(SolveError::linear(error, self.context.equations(&self.system.dofs), step));
             }
             // An unstable equilibrium: a fresh grid may lead away from it.
             is_final = false;
@@ -286,7 +293,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
     fn without_equilibrium(&self) -> SolveError {
         let StepContext { model, links, step, .. } = self.context;
         if let Some(error) = self.course.singular {
-            return SolveError::linear(error, self.context.place(&self.system.dofs), step);
+            return SolveError::linear(error, self.context.equations(&self.system.dofs), step);
         }
         let is_path_missed = self.system.condition.as_ref().is_some_and(|condition| !condition.is_met());
         if is_path_missed && self.course.is_equilibrium(model.newton.tolerance) {

@@ -105,6 +105,6 @@ fn of_failing_rank<const D: usize>(ranks: &Ranks, failed: &FailedAttempt<D>, own
         return own;
     }
     let is_known = !matches!(failed.error, SolveError::OnRank(_));
-    let told = ranks.first(is_known.then(|| serde_json::to_string(&own).unwrap_or_default()));
-    told.and_then(|text| serde_json::from_str(&text).ok()).unwrap_or(own)
+    let shared = ranks.first(is_known.then(|| serde_json::to_string(&own).unwrap_or_default()));
+    shared.and_then(|text| serde_json::from_str(&text).ok()).unwrap_or(own)
 }

@@ -267,12 +267,12 @@ impl<const N: usize> Forces<'_, N> {
         at: &EvaluatedAt<'_, D, N>,
     ) -> Measured {
         let open: Vec<bool> = residuals.iter().map(|r| *r > tolerance || r.is_nan()).collect();
-        let told = |residuals: &[f64], round_off| Measured {
+        let measured = |residuals: &[f64], round_off| Measured {
             residual: residuals.iter().copied().fold(0.0, largest),
             round_off,
         };
         if !open.contains(&true) {
-            return told(&residuals, RoundOff::NoMatter);
+            return measured(&residuals, RoundOff::NoMatter);
         }
         let (mut carries_nothing, mut is_round_off) = (open.clone(), open.clone());
         // An equilibrium within the tolerance may have left an out-of-balance force of this size.
@@ -324,7 +324,7 @@ impl<const N: usize> Forces<'_, N> {
                 }
             }
         }
-        told(&residuals, round_off)
+        measured(&residuals, round_off)
     }
 
     /// Excludes parts with a node whose out-of-balance force exceeds both `bound` and the bound of the part.

@@ -187,8 +187,8 @@ impl Reached {
             && self.step.start < self.step.end
             && self.step.end <= model.end_time()
             && self.summary.pace.is_valid()
-            && self.summary.path.can_be_of::<D>()
-            && self.summary.kept.as_ref().is_none_or(|kept| kept.can_be_of::<D>(model.grid.n_nodes()))
+            && self.summary.path.fits::<D>()
+            && self.summary.kept.as_ref().is_none_or(|kept| kept.fits::<D>(model.grid.n_nodes()))
             && self.summary.quality.fits(model.bodies.len())
     }
 }

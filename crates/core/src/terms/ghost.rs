@@ -130,7 +130,7 @@ impl Ghost {
         let first = self.stiffness.len();
         self.stiffness.resize(first + nodes.len() * (nodes.len() + 1) / 2, 0.0);
         let mut jump = vec![0.0; nodes.len()];
-        for Place { position, normal, weight } in &places {
+        for QuadraturePoint { position, normal, weight } in &places {
             jump.fill(0.0);
             for (cell, sign) in cells.into_iter().zip([1.0, -1.0]) {
                 let basis: CellBasis<D> = grid.basis_at(cell, position);
@@ -328,7 +328,7 @@ fn is_at_edge<const D: usize>(grid: &dyn Grid<D>, nodes: &[u32]) -> bool {
 }
 
 /// A quadrature point of a face.
-struct Place<const D: usize> {
+struct QuadraturePoint<const D: usize> {
     position: [f64; D],
     /// Unit normal.
     normal: [f64; D],
@@ -338,7 +338,7 @@ struct Place<const D: usize> {
 
 /// Gauss points of an edge or a quadrilateral, exact for products of two linear jumps; the centre of a triangle, over
 /// which the jumps of tetrahedra are constant.
-fn quadrature<const D: usize>(corners: &[[f64; D]]) -> Vec<Place<D>> {
+fn quadrature<const D: usize>(corners: &[[f64; D]]) -> Vec<QuadraturePoint<D>> {
     let g = 0.5 / 3f64.sqrt();
     let pair = [0.5 - g, 0.5 + g];
     let difference = |a: &[f64; D], b: &[f64; D]| -> [f64; D] { std::array::from_fn(|d| b[d] - a[d]) };
@@ -348,17 +348,17 @@ fn quadrature<const D: usize>(corners: &[[f64; D]]) -> Vec<Place<D>> {
             let length = along.iter().map(|x| x * x).sum::<f64>().sqrt();
             let mut normal = [0.0; D];
             (normal[0], normal[1]) = (along[1] / length, -along[0] / length);
-            let place = |s: f64| Place {
+            let point = |s: f64| QuadraturePoint {
                 position: std::array::from_fn(|d| a[d] + s * along[d]),
                 normal,
                 weight: 0.5 * length,
             };
-            pair.map(place).into()
+            pair.map(point).into()
         }
         [a, b, c] => {
             let (normal, twice) = cross(&difference(a, b), &difference(a, c));
             let position = std::array::from_fn(|d| (a[d] + b[d] + c[d]) / 3.0);
-            vec![Place { position, normal, weight: 0.5 * twice }]
+            vec![QuadraturePoint { position, normal, weight: 0.5 * twice }]
         }
         [a, b, c, e] => {
             let mut places = Vec::with_capacity(4);
@@ -373,7 +373,7 @@ fn quadrature<const D: usize>(corners: &[[f64; D]]) -> Vec<Place<D>> {
                 let along_s = mix(&|_| [t - 1.0, 1.0 - t, t, -t]);
                 let along_t = mix(&|_| [s - 1.0, -s, s, 1.0 - s]);
                 let (normal, area) = cross(&along_s, &along_t);
-                places.push(Place { position, normal, weight: 0.25 * area });
+                places.push(QuadraturePoint { position, normal, weight: 0.25 * area });
             }
             places
         }

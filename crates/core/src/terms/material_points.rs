@@ -133,7 +133,7 @@ impl<const D: usize, M: Mechanics<D>> MaterialPoints<D, M> {
         let StepContext { model, links, .. } = *step;
         let System { pairs, blocks, internal, .. } = sum;
         let MaterialPoints { start, batches, dense, value, gradient, mapped, reduced, .. } = self;
-        let [mut in_hand, mut before] = dense.each_mut();
+        let [mut current, mut before] = dense.each_mut();
         let mut merged = 0..0;
         let delta_d = displacement(at.delta_d);
         let dilated = model.bodies.iter().any(|body| body.volumetric != Volumetric::Standard);
@@ -167,7 +167,7 @@ impl<const D: usize, M: Mechanics<D>> MaterialPoints<D, M> {
                 mapped,
             };
             let room = LinkBuffer { value, gradient };
-            let work = Work { trial, dense: &mut in_hand.blocks, force: &mut in_hand.force, room };
+            let work = Work { trial, dense: &mut current.blocks, force: &mut current.force, room };
             let (outcome, ()) = rayon::join(
                 || task.run(batch.clone(), work),
                 || merge(pairs, links, merged.clone(), before, blocks, internal, wanted),
@@ -176,7 +176,7 @@ impl<const D: usize, M: Mechanics<D>> MaterialPoints<D, M> {
             if adds {
                 merged = batch;
             }
-            std::mem::swap(&mut in_hand, &mut before);
+            std::mem::swap(&mut current, &mut before);
         }
         merge(pairs, links, merged, before, blocks, internal, wanted);
         Ok(())

@@ -2,7 +2,7 @@
 
 use super::closest::{Closest, TOUCHING};
 use super::error::ShapeError;
-use super::features::Place;
+use super::features::FeatureKind;
 use super::segments::{Segments, right_normal};
 use super::shape::largest;
 use crate::region::vector::{along, dot, minus, norm};
@@ -106,7 +106,7 @@ impl Border {
         let normal = self.edges.normal(item).map(|x| self.orientation * x);
         let pseudonormals = &self.pseudonormals[edge as usize];
         let touching = TOUCHING * largest(&self.edges.bounds());
-        let Place::Corner(end) = feature.place else {
+        let FeatureKind::Corner(end) = feature.kind else {
             let found = Closest::on_plane(x, dot(&feature.offset, &normal), normal, part);
             return between_faces(x, &found, self.edges.ends(item), pseudonormals, touching).or(Some(found));
         };

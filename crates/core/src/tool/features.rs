@@ -13,7 +13,7 @@ const TIE: f64 = 1e-13;
 
 /// A feature of a segment or a triangle, from the highest dimension to the lowest.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Place {
+pub(super) enum FeatureKind {
     /// The interior of the segment or triangle.
     Face,
     /// The edge of the triangle from corner k to corner k + 1.
@@ -22,12 +22,12 @@ pub(super) enum Place {
     Corner(usize),
 }
 
-impl Place {
+impl FeatureKind {
     fn codimension(self) -> usize {
         match self {
-            Place::Face => 0,
-            Place::Edge(_) => 1,
-            Place::Corner(_) => 2,
+            FeatureKind::Face => 0,
+            FeatureKind::Edge(_) => 1,
+            FeatureKind::Corner(_) => 2,
         }
     }
 }
@@ -35,7 +35,7 @@ impl Place {
 /// The closest feature of a segment or a triangle.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Feature<const D: usize> {
-    pub(super) place: Place,
+    pub(super) kind: FeatureKind,
     /// The position minus its closest point on the feature, [length].
     pub(super) offset: [f64; D],
     /// Square of the length of `offset`, [length²].
@@ -43,8 +43,8 @@ pub(super) struct Feature<const D: usize> {
 }
 
 impl<const D: usize> Feature<D> {
-    fn new(place: Place, offset: [f64; D]) -> Self {
-        Feature { place, offset, squared: dot(&offset, &offset) }
+    fn new(kind: FeatureKind, offset: [f64; D]) -> Self {
+        Feature { kind, offset, squared: dot(&offset, &offset) }
     }
 }
 
@@ -74,7 +74,7 @@ impl<const D: usize> Nearest<D> {
             return;
         }
         let is_better = self.found.as_ref().is_none_or(|(best, _, best_index)| {
-            let of_dimension = feature.place.codimension().cmp(&best.place.codimension());
+            let of_dimension = feature.kind.codimension().cmp(&best.kind.codimension());
             let order =
                 of_dimension.then(feature.squared.total_cmp(&best.squared)).then(index.cmp(best_index));
             feature.squared < best.squared * (1.0 - TIE) || order.is_lt()
@@ -89,26 +89,26 @@ impl<const D: usize> Nearest<D> {
 /// The closest feature of a segment in the plane with this unit normal.
 pub(super) fn on_segment(x: &[f64; 2], ends: &[[f64; 2]; 2], normal: &[f64; 2]) -> Feature<2> {
     let feature = on_edge(x, ends);
-    match feature.place {
+    match feature.kind {
         // The distance along the normal has less round-off than the length of the offset.
-        Place::Face => {
+        FeatureKind::Face => {
             let distance = dot(&minus(x, &ends[0]), normal);
-            Feature::new(Place::Face, normal.map(|n| distance * n))
+            Feature::new(FeatureKind::Face, normal.map(|n| distance * n))
         }
         _ => feature,
     }
 }
 
-/// The closest feature of a segment, whose interior is [`Place::Face`].
+/// The closest feature of a segment, whose interior is [`FeatureKind::Face`].
 fn on_edge<const D: usize>(x: &[f64; D], [a, b]: &[[f64; D]; 2]) -> Feature<D> {
     let (edge, from) = (minus(b, a), minus(x, a));
     let t = dot(&from, &edge) / dot(&edge, &edge);
     if t < -ROUND {
-        Feature::new(Place::Corner(0), from)
+        Feature::new(FeatureKind::Corner(0), from)
     } else if t > 1.0 + ROUND {
-        Feature::new(Place::Corner(1), minus(x, b))
+        Feature::new(FeatureKind::Corner(1), minus(x, b))
     } else {
-        Feature::new(Place::Face, along(&from, -t, &edge))
+        Feature::new(FeatureKind::Face, along(&from, -t, &edge))
     }
 }
 
@@ -132,14 +132,14 @@ pub(super) fn on_triangle(
         let inwards = dot(&cross(normal, &edge), &minus(x, &ends[0]));
         if inwards < -ROUND * dot(&edge, &edge) {
             let mut on_edge = on_edge(x, &ends);
-            on_edge.place = match on_edge.place {
-                Place::Corner(end) => Place::Corner((k + end) % 3),
-                _ => Place::Edge(k),
+            on_edge.kind = match on_edge.kind {
+                FeatureKind::Corner(end) => FeatureKind::Corner((k + end) % 3),
+                _ => FeatureKind::Edge(k),
             };
             if closest.is_none_or(|best| on_edge.squared < best.squared) {
                 closest = Some(on_edge);
             }
         }
     }
-    Some(closest.unwrap_or_else(|| Feature::new(Place::Face, normal.map(|n| height * n))))
+    Some(closest.unwrap_or_else(|| Feature::new(FeatureKind::Face, normal.map(|n| height * n))))
 }

@@ -3,7 +3,7 @@
 use std::f64::consts::FRAC_PI_2;
 
 use super::closest::{Closest, TOUCHING};
-use super::features::{Feature, Nearest, Place, on_segment};
+use super::features::{Feature, FeatureKind, Nearest, on_segment};
 use super::revolution::Axis;
 use super::shape::{Shape, first_end, largest};
 use crate::region::vector::{dot, minus, norm, unit};
@@ -122,10 +122,10 @@ impl Frustum {
         for (part, ends, normal) in sides.iter().filter(|(_, ends, _)| ends[0] != ends[1]) {
             nearest.offer(on_segment(&x, ends, normal), *part, *part as u32);
         }
-        let (Feature { place, offset, squared }, part, _) = nearest.found?;
+        let (Feature { kind, offset, squared }, part, _) = nearest.found?;
         let normal = sides[part].2;
-        Some(match place {
-            Place::Face => Closest::on_plane(&x, dot(&offset, &normal), normal, part),
+        Some(match kind {
+            FeatureKind::Face => Closest::on_plane(&x, dot(&offset, &normal), normal, part),
             _ if squared.sqrt() <= touching => Closest::at_corner(&x, normal, part),
             // The section is convex: a corner can be the closest point only from outside.
             _ => Closest::on_corner(&x, &offset, true, None, part),

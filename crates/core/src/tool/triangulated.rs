@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::border::UNSURE;
 use super::closest::{Closest, TOUCHING};
 use super::error::ShapeError;
-use super::features::{Nearest, Place, on_triangle};
+use super::features::{FeatureKind, Nearest, on_triangle};
 use super::shape::{Shape, largest};
 use crate::region::surface::{Neighbours, Triangle};
 use crate::region::vector::{along, cross, dot, minus, norm};
@@ -80,15 +80,15 @@ impl Shape<3> for TriangulatedSurface {
         });
         let (feature, item, part) = nearest.found?;
         let (part, normal, offset) = (part as usize, self.normals[item], feature.offset);
-        let (pseudonormal, edge) = match feature.place {
-            Place::Face => return Some(Closest::on_plane(x, dot(&offset, &normal), normal, part)),
-            Place::Edge(k) => {
+        let (pseudonormal, edge) = match feature.kind {
+            FeatureKind::Face => return Some(Closest::on_plane(x, dot(&offset, &normal), normal, part)),
+            FeatureKind::Edge(k) => {
                 let edge = minus(&triangles[item][(k + 1) % 3], &triangles[item][k]);
                 let length = norm(&edge);
                 let beyond = self.normals[self.beyond[item][k] as usize];
                 (along(&normal, 1.0, &beyond), Some(edge.map(|x| x / length)))
             }
-            Place::Corner(k) => (self.pseudonormals[self.corners[item][k] as usize], None),
+            FeatureKind::Corner(k) => (self.pseudonormals[self.corners[item][k] as usize], None),
         };
         let distance = norm(&offset);
         if distance <= TOUCHING * largest(&self.bounds()) {

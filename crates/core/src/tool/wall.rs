@@ -4,7 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use super::closest::{Closest, TOUCHING};
 use super::error::ShapeError;
-use super::features::Place;
+use super::features::FeatureKind;
 use super::segments::{Segments, right_normal};
 use super::shape::{Shape, first_end, largest};
 use crate::region::vector::{along, cross, dot, minus, norm};
@@ -120,8 +120,8 @@ impl Shape<2> for Wall {
     fn search(&self, x: &[f64; 2], limit: f64) -> Option<Closest<2>> {
         let (feature, item, part) = self.segments.nearest(x, limit + self.radius).found?;
         let (part, right) = (part as usize, self.segments.normal(item));
-        let on_polyline = match feature.place {
-            Place::Face => {
+        let on_polyline = match feature.kind {
+            FeatureKind::Face => {
                 let height = dot(&feature.offset, &right);
                 let side = if height < 0.0 { -1.0 } else { 1.0 };
                 Closest::on_plane(x, side * height, right.map(|x| side * x), part)

@@ -166,12 +166,12 @@ impl Results {
             }
         }
         let of_quality = row_of_quality(report, summary, &self.findings);
-        let told = self.tabulate(|tables| {
+        let tabulated = self.tabulate(|tables| {
             tables.history.push(&row)?;
             tables.quality.push(&of_quality)
         });
-        if ranks.any(told.is_err()) {
-            return told;
+        if ranks.any(tabulated.is_err()) {
+            return tabulated;
         }
         if self.checkpoints.is_some_and(|every| report.step.index.is_multiple_of(every)) {
             self.write_checkpoint(points)?;
@@ -187,14 +187,14 @@ impl Results {
         ended: Option<(&FailedAttempt<D>, &Diagnosis)>,
     ) -> io::Result<()> {
         let failure = self.failure.take().map_or(Ok(()), Err);
-        let told = failure.and_then(|()| {
+        let tabulated = failure.and_then(|()| {
             self.tabulate(|tables| {
                 let width = tables.history.width();
                 tables.history.push(&row_of_attempt(width, attempt))
             })
         });
-        if points.ranks.any(told.is_err()) {
-            return told;
+        if points.ranks.any(tabulated.is_err()) {
+            return tabulated;
         }
         match ended {
             Some((cause, _)) if self.every > 0 => failed::write(&self.directory, model, points, cause),
@@ -256,8 +256,8 @@ impl Results {
         let lost = own.or_else(|| lost.map(|what| SolveError::Output(io::Error::other(what))));
         let outcome = Outcome::of(error.or(lost.as_ref()));
         let path = self.directory.join("summary.json");
-        let told = self.account.write(&path, model, &whole, summary, &self.findings, &outcome);
-        written.and(told)
+        let summarised = self.account.write(&path, model, &whole, summary, &self.findings, &outcome);
+        written.and(summarised)
     }
 }
 

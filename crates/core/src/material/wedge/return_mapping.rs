@@ -259,7 +259,7 @@ fn inverted<const M: usize>(matrix: [[f64; M]; M]) -> [[f64; M]; M] {
 
 /// A vertex of the surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Place {
+enum VertexKind {
     /// The apex of the pyramid, if there is no cut-off.
     Apex,
     /// T, T, T.
@@ -272,69 +272,73 @@ enum Place {
 
 /// The stress returned to a vertex.
 struct Vertex {
-    place: Place,
+    kind: VertexKind,
     tau: Vector,
     /// −G times the smallest multiplier of the flow, [stress]; positive if a multiplier is negative.
     violation: f64,
 }
 
 impl Vertex {
-    fn new(place: Place, strength: &Strength, elasticity: &Elasticity, trial: &Vector) -> Vertex {
-        let tau = place.stress(strength);
+    fn new(kind: VertexKind, strength: &Strength, elasticity: &Elasticity, trial: &Vector) -> Vertex {
+        let tau = kind.stress(strength);
         let flow = elasticity.principal_strain(std::array::from_fn(|i| trial[i] - tau[i]));
         let ratio = strength.flow_ratio;
         // The flow must be a sum of the flow directions of the planes that meet here, with positive multipliers.
-        let multipliers = match place {
-            Place::Apex => [flow[0] + flow[1] + ratio * flow[2], flow[0] + ratio * (flow[1] + flow[2]), 0.0],
-            Place::Tension => flow,
-            Place::TwoTensions => {
+        let multipliers = match kind {
+            VertexKind::Apex => {
+                [flow[0] + flow[1] + ratio * flow[2], flow[0] + ratio * (flow[1] + flow[2]), 0.0]
+            }
+            VertexKind::Tension => flow,
+            VertexKind::TwoTensions => {
                 [flow[0].min(flow[1]), -flow[2], (flow[0] + flow[1] + ratio * flow[2]) / ratio]
             }
-            Place::OneTension => [flow[0] + ratio * (flow[1] + flow[2]), -flow[1], -flow[2]],
+            VertexKind::OneTension => [flow[0] + ratio * (flow[1] + flow[2]), -flow[1], -flow[2]],
         };
         let least = multipliers[0].min(multipliers[1]).min(multipliers[2]);
         let violation = if tau[0].is_finite() { -least * elasticity.shear } else { f64::INFINITY };
-        Vertex { place, tau, violation }
+        Vertex { kind, tau, violation }
     }
 
     /// The vertex whose flow has the smallest error.
     fn nearest(strength: &Strength, elasticity: &Elasticity, trial: &Vector) -> Vertex {
-        let at = |place| Vertex::new(place, strength, elasticity, trial);
+        let at = |kind| Vertex::new(kind, strength, elasticity, trial);
         if !strength.is_cut() {
-            return at(Place::Apex);
+            return at(VertexKind::Apex);
         }
-        let [a, b, c] = [at(Place::Tension), at(Place::TwoTensions), at(Place::OneTension)];
+        let [a, b, c] = [at(VertexKind::Tension), at(VertexKind::TwoTensions), at(VertexKind::OneTension)];
         let better = |a: Vertex, b: Vertex| if b.violation < a.violation { b } else { a };
         better(better(a, b), c)
     }
 
     fn finish<const R: usize>(&self, strength: &Strength, rates: Option<&[Strength; R]>) -> Returned<R> {
         let rate =
-            |k| rates.map_or([0.0; 3], |rates: &[Strength; R]| self.place.stress_rate(strength, &rates[k]));
+            |k| rates.map_or([0.0; 3], |rates: &[Strength; R]| self.kind.stress_rate(strength, &rates[k]));
         let by_parameter = std::array::from_fn(rate);
         Returned { tau: self.tau, modulus: [[0.0; 3]; 3], by_parameter }
     }
 }
 
-impl Place {
+impl VertexKind {
     fn stress(self, strength: &Strength) -> Vector {
         let Strength { ratio, compressive, tensile, .. } = *strength;
         let low = ratio * tensile - compressive;
         match self {
-            Place::Apex => [strength.apex(); 3],
-            Place::Tension => [tensile; 3],
-            Place::TwoTensions => [tensile, tensile, low],
-            Place::OneTension => [tensile, low, low],
+            VertexKind::Apex => [strength.apex(); 3],
+            VertexKind::Tension => [tensile; 3],
+            VertexKind::TwoTensions => [tensile, tensile, low],
+            VertexKind::OneTension => [tensile, low, low],
         }
     }
 
     fn stress_rate(self, strength: &Strength, rate: &Strength) -> Vector {
         let low = rate.ratio * strength.tensile + strength.ratio * rate.tensile - rate.compressive;
         match self {
-            Place::Apex => [(rate.compressive - strength.apex() * rate.ratio) / (strength.ratio - 1.0); 3],
-            Place::Tension => [rate.tensile; 3],
-            Place::TwoTensions => [rate.tensile, rate.tensile, low],
-            Place::OneTension => [rate.tensile, low, low],
+            VertexKind::Apex => {
+                [(rate.compressive - strength.apex() * rate.ratio) / (strength.ratio - 1.0); 3]
+            }
+            VertexKind::Tension => [rate.tensile; 3],
+            VertexKind::TwoTensions => [rate.tensile, rate.tensile, low],
+            VertexKind::OneTension => [rate.tensile, low, low],
         }
     }
 }

@@ -32,14 +32,14 @@ struct Corner<const D: usize> {
 }
 
 impl<const D: usize> Plain for Corner<D> {
-    fn tell(&self, numbers: &mut Vec<f64>) {
-        ((self.order, self.key, self.body), (self.start, self.size, self.closest)).tell(numbers);
-        (self.is_flat, self.area, self.area_of_corner).tell(numbers);
+    fn encode(&self, numbers: &mut Vec<f64>) {
+        ((self.order, self.key, self.body), (self.start, self.size, self.closest)).encode(numbers);
+        (self.is_flat, self.area, self.area_of_corner).encode(numbers);
     }
 
-    fn told(numbers: &mut impl Iterator<Item = f64>) -> Option<Self> {
-        let ((order, key, body), (start, size, closest)) = Plain::told(numbers)?;
-        let (is_flat, area, area_of_corner) = Plain::told(numbers)?;
+    fn decode(numbers: &mut impl Iterator<Item = f64>) -> Option<Self> {
+        let ((order, key, body), (start, size, closest)) = Plain::decode(numbers)?;
+        let (is_flat, area, area_of_corner) = Plain::decode(numbers)?;
         Some(Corner { order, key, body, start, size, closest, is_flat, area, area_of_corner })
     }
 }
@@ -68,9 +68,9 @@ impl<const D: usize> Search<'_, D> {
         let corners = places.iter().filter(|(_, place)| is_shared(place.body) && place.key.corner != CENTRE);
         for (rank, shared) in halo.neighbours() {
             let is_near = |(_, place): &&(u32, Near<D>)| self.touches_one_of(place, shared);
-            let told: Vec<Corner<D>> = corners.clone().filter(is_near).map(told).collect();
-            if !told.is_empty() {
-                messages.push((rank, told));
+            let near: Vec<Corner<D>> = corners.clone().filter(is_near).map(to_send).collect();
+            if !near.is_empty() {
+                messages.push((rank, near));
             }
         }
         let of_others = exchange(self.ranks(), messages).into_iter().flat_map(|(_, corners)| corners);
@@ -96,7 +96,7 @@ impl<const D: usize> Search<'_, D> {
 }
 
 /// A corner as it is sent to other ranks.
-fn told<const D: usize>((order, place): &(u32, Near<D>)) -> Corner<D> {
+fn to_send<const D: usize>((order, place): &(u32, Near<D>)) -> Corner<D> {
     let Near { body, key, start, size, closest, is_flat, area, area_of_corner, .. } = *place;
     Corner { order: *order, key, body, start, size, closest, is_flat, area, area_of_corner }
 }
@@ -123,16 +123,16 @@ pub(super) fn add_others<const D: usize>(
     }
     let mut messages = Vec::new();
     for (rank, shared) in halo.neighbours() {
-        let told: Vec<AtNode<D>> = (of.iter().zip(&*sums))
+        let shares: Vec<AtNode<D>> = (of.iter().zip(&*sums))
             .filter_map(|((tool, node), sum)| Some(((*tool, place_of(shared, *node)?), *sum)))
             .collect();
-        if !told.is_empty() {
-            messages.push((rank, told));
+        if !shares.is_empty() {
+            messages.push((rank, shares));
         }
     }
-    for (rank, told) in exchange(halo.ranks(), messages) {
+    for (rank, shares) in exchange(halo.ranks(), messages) {
         let Some((_, shared)) = halo.neighbours().find(|(neighbour, _)| *neighbour == rank) else { continue };
-        for ((tool, k), (vector, weight)) in told {
+        for ((tool, k), (vector, weight)) in shares {
             let node = shared.get(k).map(|node| *node as usize);
             if let Some(place) = node.and_then(|node| place(tool, node)) {
                 let (sum, total) = &mut sums[place];

@@ -8,10 +8,10 @@ use crate::tool::Closest;
 /// A value that can be written as a few numbers. Whole numbers must be below 2⁵³.
 pub(super) trait Plain: Sized {
     /// Appends the numbers that represent the value.
-    fn tell(&self, numbers: &mut Vec<f64>);
+    fn encode(&self, numbers: &mut Vec<f64>);
 
     /// The value that the next numbers represent; `None` if there are none left.
-    fn told(numbers: &mut impl Iterator<Item = f64>) -> Option<Self>;
+    fn decode(numbers: &mut impl Iterator<Item = f64>) -> Option<Self>;
 }
 
 /// The values of all ranks, in the order of the ranks.
@@ -32,35 +32,35 @@ pub(super) fn exchange<T: Plain>(ranks: &Ranks, messages: Vec<(usize, Vec<T>)>) 
 
 fn in_numbers<T: Plain>(values: &[T]) -> Vec<f64> {
     let mut numbers = Vec::new();
-    values.iter().for_each(|value| value.tell(&mut numbers));
+    values.iter().for_each(|value| value.encode(&mut numbers));
     numbers
 }
 
 fn from_numbers<T: Plain>(numbers: Vec<f64>) -> impl Iterator<Item = T> {
     let mut numbers = numbers.into_iter();
-    std::iter::from_fn(move || T::told(&mut numbers))
+    std::iter::from_fn(move || T::decode(&mut numbers))
 }
 
 impl Plain for f64 {
-    fn tell(&self, numbers: &mut Vec<f64>) {
+    fn encode(&self, numbers: &mut Vec<f64>) {
         numbers.push(*self);
     }
 
-    fn told(numbers: &mut impl Iterator<Item = f64>) -> Option<Self> {
+    fn decode(numbers: &mut impl Iterator<Item = f64>) -> Option<Self> {
         numbers.next()
     }
 }
 
 /// A type represented by one number.
 macro_rules! of_number {
-    ($type:ty, $tell:expr, $told:expr) => {
+    ($type:ty, $encode:expr, $decode:expr) => {
         impl Plain for $type {
-            fn tell(&self, numbers: &mut Vec<f64>) {
-                numbers.push($tell(*self));
+            fn encode(&self, numbers: &mut Vec<f64>) {
+                numbers.push($encode(*self));
             }
 
-            fn told(numbers: &mut impl Iterator<Item = f64>) -> Option<Self> {
-                numbers.next().map($told)
+            fn decode(numbers: &mut impl Iterator<Item = f64>) -> Option<Self> {
+                numbers.next().map($decode)
             }
         }
     };
@@ -76,28 +76,28 @@ of_number!(Mode, |mode| f64::from(mode as u8), |x| match x as u8 {
 });
 
 impl<T: Plain + Copy, const N: usize> Plain for [T; N] {
-    fn tell(&self, numbers: &mut Vec<f64>) {
-        self.iter().for_each(|value| value.tell(numbers));
+    fn encode(&self, numbers: &mut Vec<f64>) {
+        self.iter().for_each(|value| value.encode(numbers));
     }
 
-    fn told(numbers: &mut impl Iterator<Item = f64>) -> Option<Self> {
-        let mut values = [T::told(numbers)?; N];
+    fn decode(numbers: &mut impl Iterator<Item = f64>) -> Option<Self> {
+        let mut values = [T::decode(numbers)?; N];
         for value in values.iter_mut().skip(1) {
-            *value = T::told(numbers)?;
+            *value = T::decode(numbers)?;
         }
         Some(values)
     }
 }
 
 impl<T: Plain> Plain for Vec<T> {
-    fn tell(&self, numbers: &mut Vec<f64>) {
-        self.len().tell(numbers);
-        self.iter().for_each(|value| value.tell(numbers));
+    fn encode(&self, numbers: &mut Vec<f64>) {
+        self.len().encode(numbers);
+        self.iter().for_each(|value| value.encode(numbers));
     }
 
-    fn told(numbers: &mut impl Iterator<Item = f64>) -> Option<Self> {
-        let n = usize::told(numbers)?;
-        (0..n).map(|_| T::told(numbers)).collect()
+    fn decode(numbers: &mut impl Iterator<Item = f64>) -> Option<Self> {
+        let n = usize::decode(numbers)?;
+        (0..n).map(|_| T::decode(numbers)).collect()
     }
 }
 
@@ -105,12 +105,12 @@ impl<T: Plain> Plain for Vec<T> {
 macro_rules! of_parts {
     ([$($generics:tt)*] $type:ty, { $($field:ident),* }) => {
         impl<$($generics)*> Plain for $type {
-            fn tell(&self, numbers: &mut Vec<f64>) {
-                $(self.$field.tell(numbers);)*
+            fn encode(&self, numbers: &mut Vec<f64>) {
+                $(self.$field.encode(numbers);)*
             }
 
-            fn told(numbers: &mut impl Iterator<Item = f64>) -> Option<Self> {
-                Some(Self { $($field: Plain::told(numbers)?),* })
+            fn decode(numbers: &mut impl Iterator<Item = f64>) -> Option<Self> {
+                Some(Self { $($field: Plain::decode(numbers)?),* })
             }
         }
     };
@@ -123,25 +123,25 @@ of_parts!([const D: usize] Multiplier<D>, { normal, shear });
 of_parts!([const D: usize] Closest<D>, { gap, normal, point, part, normal_derivative });
 
 impl<A: Plain, B: Plain> Plain for (A, B) {
-    fn tell(&self, numbers: &mut Vec<f64>) {
-        self.0.tell(numbers);
-        self.1.tell(numbers);
+    fn encode(&self, numbers: &mut Vec<f64>) {
+        self.0.encode(numbers);
+        self.1.encode(numbers);
     }
 
-    fn told(numbers: &mut impl Iterator<Item = f64>) -> Option<Self> {
-        Some((A::told(numbers)?, B::told(numbers)?))
+    fn decode(numbers: &mut impl Iterator<Item = f64>) -> Option<Self> {
+        Some((A::decode(numbers)?, B::decode(numbers)?))
     }
 }
 
 impl<A: Plain, B: Plain, C: Plain> Plain for (A, B, C) {
-    fn tell(&self, numbers: &mut Vec<f64>) {
-        self.0.tell(numbers);
-        self.1.tell(numbers);
-        self.2.tell(numbers);
+    fn encode(&self, numbers: &mut Vec<f64>) {
+        self.0.encode(numbers);
+        self.1.encode(numbers);
+        self.2.encode(numbers);
     }
 
-    fn told(numbers: &mut impl Iterator<Item = f64>) -> Option<Self> {
-        Some((A::told(numbers)?, B::told(numbers)?, C::told(numbers)?))
+    fn decode(numbers: &mut impl Iterator<Item = f64>) -> Option<Self> {
+        Some((A::decode(numbers)?, B::decode(numbers)?, C::decode(numbers)?))
     }
 }
 
