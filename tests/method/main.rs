@@ -16,6 +16,7 @@ mod linear;
 #[path = "../verification/meshes.rs"]
 mod meshes;
 mod moving_grid;
+mod own_terms;
 mod ranks;
 mod scaling;
 mod solid;

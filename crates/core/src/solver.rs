@@ -88,7 +88,7 @@ pub use observer::{Observer, Silent};
 pub use of_rank::OfRank;
 pub use pace::Pace;
 pub use release::BalancingForces;
-pub use stages::{Change, resume_stage, run_stages, run_with_changes};
+pub use stages::{Change, FurtherTerms, resume_stage, run_stages, run_stages_with_terms, run_with_changes};
 pub use stepper::{Kernels, Stepper};
 pub use strength::{StageStrength, StrengthBracket};
 pub use summary::{Reached, StageReached, Summary};

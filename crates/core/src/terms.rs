@@ -19,7 +19,9 @@ pub use contact::{
     Contact, ContactError, ContactPlace, ContactPoint, Mode, PartState, StartOverlap, ToolState,
     boxes_on_the_way, overlaps_at_start,
 };
-pub use failure::{BeginError, EvaluateError, LawFailure, LoadNotFinite, PointFailure, SurfaceLost};
+pub use failure::{
+    BeginError, EvaluateError, LawFailure, LoadNotFinite, PointFailure, SurfaceLost, TermFailure,
+};
 pub use saved::Saved;
 pub use sum::{Sum, Terms, of_model, restore, save};
 pub use surface::Surfaces;

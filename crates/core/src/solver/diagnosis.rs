@@ -447,6 +447,7 @@ fn kind_of<const D: usize>(failed: &FailedAttempt<D>, found: &Found) -> Kind {
         | SolveError::OutOfMemory { .. }
         | SolveError::Interrupted { .. }
         | SolveError::Term { .. }
+        | SolveError::OwnTerm { .. }
         | SolveError::Law { .. }
         | SolveError::InitialState { .. }
         | SolveError::OnRank(_)

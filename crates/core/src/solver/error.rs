@@ -14,7 +14,7 @@ use crate::memory::in_words;
 use crate::model::GridMotionError;
 use crate::points::coordinates;
 use crate::stress::PointError;
-use crate::terms::{BeginError, ContactError, LoadNotFinite, SurfaceLost};
+use crate::terms::{BeginError, ContactError, LoadNotFinite, SurfaceLost, TermFailure};
 
 use super::control::NoPath;
 use super::of_rank::OfRank;
@@ -96,6 +96,14 @@ pub enum SolveError {
         term: String,
         /// The reason.
         reason: String,
+    },
+    /// A term from outside this crate cannot begin the step or cannot be evaluated.
+    #[error("step {step}: {failure}")]
+    OwnTerm {
+        /// Step number.
+        step: usize,
+        /// The failure.
+        failure: Box<TermFailure>,
     },
     /// A point could not follow the displacement increment.
     #[error("step {step}, iteration {iteration}: {place}: {error}")]
@@ -374,7 +382,7 @@ impl SolveError {
             SolveError::Iterative { .. } => "S012",
             SolveError::NoPath { .. } => "S013",
             SolveError::RoundOff { .. } => "S014",
-            SolveError::Term { .. } => "S015",
+            SolveError::Term { .. } | SolveError::OwnTerm { .. } => "S015",
             SolveError::InitialState { .. } => "S017",
             SolveError::GridMotion { .. } => "S018",
             SolveError::Law { .. } => "S019",
@@ -402,6 +410,7 @@ impl SolveError {
             BeginError::Constraint(error) => SolveError::Constraint { step, error },
             BeginError::Surface(error) => SolveError::Surface { step, error },
             BeginError::Contact(error) => SolveError::Contact { step, error },
+            BeginError::Term(failure) => SolveError::OwnTerm { step, failure },
         }
     }
 
@@ -427,6 +436,9 @@ impl SolveError {
     pub fn is_retryable(&self) -> bool {
         if let SolveError::Contact { error, .. } = self {
             return error.may_succeed_if_smaller();
+        }
+        if let SolveError::OwnTerm { failure, .. } = self {
+            return failure.may_succeed_if_smaller;
         }
         if let SolveError::OnRank(error) = self {
             return error.is_retryable;

@@ -195,6 +195,7 @@ pub(super) fn locate_failure<const D: usize>(
         }
         EvaluateError::Contact(error) => SolveError::Contact { step, error },
         EvaluateError::Constraint(error) => SolveError::Constraint { step, error: *error },
+        EvaluateError::Term(failure) => SolveError::OwnTerm { step, failure },
         // Replaced by the error of the other rank when all ranks agree on the outcome of the attempt.
         EvaluateError::OnRank { .. } => SolveError::elsewhere(),
     }

@@ -10,25 +10,30 @@ use crate::points::Points;
 use crate::ranks::Ranks;
 use crate::step::{At, Step, StepContext};
 use crate::stress::Mechanics;
-use crate::terms::{Saved, Sum, of_model, restore, save};
+use crate::terms::{Saved, Sum, Terms, of_model, restore, save};
 
 use super::agree::agree;
 use super::error::SolveError;
 use super::located::locate_failure;
 use super::reach::{begin, reach_out};
 
-/// The function [`balancing_forces`] for one kind of mechanics; its arguments are the model, its points, the step, and
-/// the saved state of the terms.
-pub type BalancingForces<const D: usize> =
-    fn(&Model<D>, &mut Points<D>, Step, &mut BTreeMap<String, Saved>) -> Result<ByNode<D>, SolveError>;
+/// The function [`balancing_forces`] for one kind of mechanics; its arguments are the model, its points, the step, the
+/// terms beside those of the model, and the saved state of all terms.
+pub type BalancingForces<const D: usize> = fn(
+    &Model<D>,
+    &mut Points<D>,
+    Step,
+    Terms<D>,
+    &mut BTreeMap<String, Saved>,
+) -> Result<ByNode<D>, SolveError>;
 
 /// Grid nodes and the forces on them, [force].
 type ByNode<const D: usize> = Vec<(u32, [f64; D])>;
 
 /// The forces on the free unknowns that balance the converged state at the time of `step`, by grid node, [force]. As
 /// these forces decrease, what was removed from the state gradually ceases to act, and what was added begins to act.
-/// The terms of the model are in the state `saved`, from which they discard the bodies that the present stage has
-/// removed.
+/// The terms of the model and `further` terms are in the state `saved`, from which they discard the bodies that the
+/// present stage has removed.
 ///
 /// # Errors
 /// [`SolveError`] if a point lies outside the grid, constraints contradict each other, or a load is not finite.
@@ -36,9 +41,11 @@ pub(super) fn balancing_forces<const D: usize, M: Mechanics<D>>(
     model: &Model<D>,
     points: &mut Points<D>,
     step: Step,
+    further: Terms<D>,
     saved: &mut BTreeMap<String, Saved>,
 ) -> Result<ByNode<D>, SolveError> {
     let mut terms = of_model::<D, D, M>(model);
+    terms.extend(further);
     let methods = model.methods();
     let ranks = points.ranks.clone();
     let linked = Connectivity::default().renew(model.grid.as_ref(), points, &methods);

@@ -8,7 +8,7 @@ use crate::model::{Control, Model, Present, Stage};
 use crate::points::Points;
 use crate::step::Step;
 use crate::tensor::padded;
-use crate::terms::Ledger;
+use crate::terms::{Ledger, Terms};
 use crate::timing::Phase;
 
 use super::Solvable;
@@ -75,6 +75,9 @@ fn keep_stress<const D: usize>(
     Ok(())
 }
 
+/// A function that makes the further terms of an analysis, which start without state.
+pub type FurtherTerms<'a, const D: usize> = &'a dyn Fn(&Model<D>) -> Terms<D>;
+
 /// Begins the next stage; the current one has ended.
 ///
 /// # Errors
@@ -84,6 +87,7 @@ fn enter<const D: usize>(
     model: &mut Model<D>,
     points: &mut Points<D>,
     reached: &mut Reached,
+    further: FurtherTerms<D>,
 ) -> Result<(), SolveError>
 where
     Model<D>: Solvable<D>,
@@ -117,7 +121,8 @@ where
         reached.summary.quality.exchange(now.mass - before.mass, now.volume - before.volume);
         // The loads are still those at the end of the previous stage.
         let control = std::mem::replace(&mut model.stepping.control, Control::Load);
-        let forces = model.balancing_forces()(model, points, step, &mut reached.summary.terms);
+        let further = further(model);
+        let forces = model.balancing_forces()(model, points, step, further, &mut reached.summary.terms);
         model.stepping.control = control;
         model.present.released_forces = forces?;
         // A remainder that the tolerance or round-off has left out of balance is not a force to release.
@@ -240,6 +245,24 @@ where
     run_with_changes(model, points, reached, observer, &mut |_, _, _| Ok(false))
 }
 
+/// Like [`run_stages`], but with further terms of equilibrium. `further` makes them anew for each stage, and for each
+/// step on a grid that moves; a term that has a state must save and restore it.
+///
+/// # Errors
+/// The errors of [`run_stages`]; [`SolveError::Term`] if two terms have the same name.
+pub fn run_stages_with_terms<const D: usize>(
+    model: &mut Model<D>,
+    points: &mut Points<D>,
+    reached: Reached,
+    further: FurtherTerms<D>,
+    observer: &mut dyn Observer<D>,
+) -> Result<Summary, SolveError>
+where
+    Model<D>: Solvable<D>,
+{
+    run_extended(model, points, reached, further, observer, &mut |_, _, _| Ok(false))
+}
+
 /// A function that may change a model between two steps, given the points and the last converged step.
 pub type Change<'a, const D: usize> =
     &'a mut dyn FnMut(&mut Model<D>, &mut Points<D>, &mut Reached) -> Result<bool, SolveError>;
@@ -252,7 +275,21 @@ pub type Change<'a, const D: usize> =
 pub fn run_with_changes<const D: usize>(
     model: &mut Model<D>,
     points: &mut Points<D>,
+    reached: Reached,
+    observer: &mut dyn Observer<D>,
+    change: Change<'_, D>,
+) -> Result<Summary, SolveError>
+where
+    Model<D>: Solvable<D>,
+{
+    run_extended(model, points, reached, &|_| Terms::new(), observer, change)
+}
+
+fn run_extended<const D: usize>(
+    model: &mut Model<D>,
+    points: &mut Points<D>,
     mut reached: Reached,
+    further: FurtherTerms<D>,
     observer: &mut dyn Observer<D>,
     change: Change<'_, D>,
 ) -> Result<Summary, SolveError>
@@ -260,13 +297,13 @@ where
     Model<D>: Solvable<D>,
 {
     // A saved state that does not match ends the run before anything is reported.
-    Stepper::new(model, points).resume(reached.clone())?;
+    Stepper::new(model, points).with_terms(further(model))?.resume(reached.clone())?;
     // A grid that cannot move is reported when its step begins.
     let _ = model.place_grid(reached.step.end);
     let started = start(model, points, &mut reached, observer);
     let outcome = started.and_then(|()| {
         loop {
-            match all_stages(model, points, &mut reached, observer) {
+            match all_stages(model, points, &mut reached, further, observer) {
                 Err(SolveError::Interrupted { .. }) if change(model, points, &mut reached)? => {}
                 outcome => return outcome,
             }
@@ -284,6 +321,7 @@ fn all_stages<const D: usize>(
     model: &mut Model<D>,
     points: &mut Points<D>,
     reached: &mut Reached,
+    further: FurtherTerms<D>,
     observer: &mut dyn Observer<D>,
 ) -> Result<(), SolveError>
 where
@@ -293,7 +331,7 @@ where
         let Step { index, end, .. } = reached.step;
         model.place_grid(end).map_err(|error| SolveError::GridMotion { step: index + 1, error })?;
         let before = std::mem::replace(reached, Reached::nothing(points));
-        let mut stepper = Stepper::new(model, points).resume(before)?;
+        let mut stepper = Stepper::new(model, points).with_terms(further(model))?.resume(before)?;
         let outcome = loop {
             match stepper.step(observer) {
                 Ok(Some(_)) if model.moving_grid.is_none() => {}
@@ -310,7 +348,7 @@ where
         let observe = || observer.stage_ended(model, points);
         let observed = reached.summary.timings.measure(Phase::Output, observe);
         agree(&points.ranks, observed.map_err(SolveError::Output))?;
-        let entered = enter(model, points, reached);
+        let entered = enter(model, points, reached, further);
         observer.stage_began(entered.is_ok().then_some(&*reached));
         entered?;
     }

@@ -7,6 +7,7 @@ use crate::ranks::Ranks;
 use crate::stress::PointError;
 
 /// The reason why a term cannot begin a step.
+#[non_exhaustive]
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum BeginError {
     /// A force has no finite value.
@@ -21,6 +22,15 @@ pub enum BeginError {
     /// The contact with tools cannot be evaluated.
     #[error(transparent)]
     Contact(Box<ContactError>),
+    /// A term from outside this crate cannot begin the step.
+    #[error(transparent)]
+    Term(Box<TermFailure>),
+}
+
+impl From<TermFailure> for BeginError {
+    fn from(failure: TermFailure) -> Self {
+        BeginError::Term(Box::new(failure))
+    }
 }
 
 impl From<LoadNotFinite> for BeginError {
@@ -87,6 +97,8 @@ pub enum EvaluateError {
     Contact(Box<ContactError>),
     /// A condition on a surface is not met.
     Constraint(Box<ConstraintError>),
+    /// A term from outside this crate cannot be evaluated.
+    Term(Box<TermFailure>),
     /// The evaluation has failed on another rank.
     OnRank {
         /// True if a smaller increment cannot succeed.
@@ -97,10 +109,12 @@ pub enum EvaluateError {
 impl EvaluateError {
     /// True if a smaller increment cannot succeed.
     pub fn is_final(&self) -> bool {
-        matches!(
-            self,
-            EvaluateError::Law(_) | EvaluateError::Constraint(_) | EvaluateError::OnRank { is_final: true }
-        )
+        match self {
+            EvaluateError::Law(_) | EvaluateError::Constraint(_) => true,
+            EvaluateError::Point(_) | EvaluateError::Contact(_) => false,
+            EvaluateError::Term(failure) => !failure.may_succeed_if_smaller,
+            EvaluateError::OnRank { is_final } => *is_final,
+        }
     }
 }
 
@@ -123,6 +137,12 @@ pub(super) fn agree<T>(ranks: &Ranks, outcome: Result<T, EvaluateError>) -> Resu
     }
 }
 
+impl From<TermFailure> for EvaluateError {
+    fn from(failure: TermFailure) -> Self {
+        EvaluateError::Term(Box::new(failure))
+    }
+}
+
 impl From<ContactError> for EvaluateError {
     fn from(error: ContactError) -> Self {
         EvaluateError::Contact(Box::new(error))
@@ -139,6 +159,18 @@ impl From<PointFailure> for EvaluateError {
     fn from(failure: PointFailure) -> Self {
         EvaluateError::Point(failure)
     }
+}
+
+/// The reason why a term from outside this crate cannot begin a step or cannot be evaluated.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("the term `{term}` cannot be evaluated: {reason}")]
+pub struct TermFailure {
+    /// Name of the term.
+    pub term: String,
+    /// The reason.
+    pub reason: String,
+    /// True if the step may succeed with a smaller increment.
+    pub may_succeed_if_smaller: bool,
 }
 
 /// The evaluation of a law in batches has failed.
