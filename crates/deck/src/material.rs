@@ -335,7 +335,12 @@ impl MaterialDeck {
             MaterialDeck::DruckerPrager { friction_angle, dilation_angle, .. } => {
                 friction_angle == dilation_angle
             }
-            _ => true,
+            MaterialDeck::Hencky { .. }
+            | MaterialDeck::NeoHookean { .. }
+            | MaterialDeck::VonMises { .. }
+            | MaterialDeck::Tresca { .. }
+            | MaterialDeck::ModifiedCamClay { .. }
+            | MaterialDeck::Library { .. } => true,
         }
     }
 

@@ -50,9 +50,7 @@ struct OfRank {
 enum RootFailure {
     /// Grid node and component of the unknown, if it can be identified.
     Singular(Option<(u32, usize)>),
-    /// Memory needed, [byte], if known.
-    OutOfMemory(Option<u64>),
-    Other,
+    Other(LinearError),
 }
 
 /// The nodes and couplings of one rank.
@@ -195,23 +193,20 @@ impl<const D: usize, const N: usize> Gathered<D, N> {
                 LinearError::Singular { unknown } => {
                     RootFailure::Singular(unknown.and_then(|u| self.place_of(u)))
                 }
-                LinearError::OutOfMemory { needed } => RootFailure::OutOfMemory(needed),
-                _ => RootFailure::Other,
+                other => RootFailure::Other(other),
             })
         });
-        layout.halo.ranks().first(shared).unwrap_or(Err(RootFailure::Other)).map_err(
-            |failure| match failure {
-                RootFailure::Singular(place) => {
-                    let own = place.and_then(|(node, component)| {
-                        let node = layout.nodes.binary_search(&node).ok()?;
-                        layout.numbering.unknown(node, component)
-                    });
-                    LinearError::Singular { unknown: own }
-                }
-                RootFailure::OutOfMemory(needed) => LinearError::OutOfMemory { needed },
-                RootFailure::Other => LinearError::Singular { unknown: None },
-            },
-        )
+        let outcome = layout.halo.ranks().first(shared).unwrap_or(Err(RootFailure::Singular(None)));
+        outcome.map_err(|failure| match failure {
+            RootFailure::Singular(place) => {
+                let own = place.and_then(|(node, component)| {
+                    let node = layout.nodes.binary_search(&node).ok()?;
+                    layout.numbering.unknown(node, component)
+                });
+                LinearError::Singular { unknown: own }
+            }
+            RootFailure::Other(error) => error,
+        })
     }
 
     /// Grid node and component of an unknown of the gathered equations.
