@@ -183,11 +183,14 @@ impl Observer<2> for Twin {
         let nodal =
             |field: &[[f64; 2]]| Vector::from_iterator(3 * field.len(), field.iter().flat_map(padded));
         let entries = |of: &[Sym3]| Vector::from_iterator(6 * of.len(), of.iter().flat_map(|t| t.0));
+        let matrices = |of: &[Mat3]| Vector::from_iterator(9 * of.len(), of.iter().flatten().copied());
         let agree = |a: Vector, b: Vector| assert!((&a - &b).amax() <= 1e-9 * a.amax(), "{a}{b}");
         let (program, twin) = (&points.converged, &self.0.trial);
         agree(nodal(&report.grid.delta_d), delta_d);
         agree(nodal(&report.grid.reaction), f_react);
         agree(nodal(&program.position), nodal(&twin.position));
+        agree(matrices(&program.deformation_gradient), matrices(&twin.deformation_gradient));
+        agree(entries(&program.elastic_strain), entries(&twin.elastic_strain));
         agree(entries(&program.kirchhoff_stress), entries(&twin.kirchhoff_stress));
         assert_eq!(residuals.len(), report.residuals.len());
         println!("step {}: residual here, and in the program", report.step.index);
