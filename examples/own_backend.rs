@@ -4,8 +4,9 @@
 //! cargo run --example own_backend
 //! ```
 //!
-//! It cannot compete with the built-in solvers, but shows everything that a backend must do. A run with it takes the
-//! same steps as a run with a built-in solver.
+//! It cannot compete with the built-in solvers, but shows everything that a backend must do on a single machine; on
+//! several ranks, it would also have to add up the contributions at shared nodes (`Layout::halo`). A run with it takes
+//! the same steps as a run with a built-in solver.
 #![allow(clippy::print_stdout, reason = "a program")]
 
 use mpm::deck::{build::build, load::load_text};

@@ -25,7 +25,7 @@
 //! | Task | Modules |
 //! |---|---|
 //! | Load steps and Newton iterations | [`solver`]; [`step`], the context of a load step; [`equilibrium`], the report of a converged step with its energy balance |
-//! | Data of an analysis | [`model`], constant during a run; [`points`], the material points. Iterations write to [`points::Points::trial`]; only [`points::Points::commit`] copies it to [`points::Points::converged`] |
+//! | Data of an analysis | [`model`], constant during a stage; [`points`], the material points. Iterations write to [`points::Points::trial`]; only [`points::Points::commit`] copies it to [`points::Points::converged`] |
 //! | Background grid | [`grid`]: the trait [`grid::Grid`] locates cells and provides their linear basis; [`grid::Structured`] is a grid of rectangles or bricks, whose lines along each [`grid::Axis`] are even or graded and can move between steps ([`model::MovingGrid`]); [`grid::Mesh`] is an unstructured mesh, read by [`grid::gmsh`] |
 //! | Basis functions | [`basis`]: one file per material point method (MPM, GIMP, CPDI); [`domain`]: update of GIMP domains. The corners of CPDI domains, [`points::State::corners`], are moved by [`solver`] at the end of a step |
 //! | Kernel of a point | [`kinematics`]: deformation increment; [`material`]: constitutive laws; [`stress`]: stress P̃ and tangent Ã in three dimensions ([`stress::Solid`]), plane strain ([`stress::PlaneStrain`]) and axisymmetry ([`stress::Axisymmetric`]); [`tensor`]: tensors and their spectral functions |
