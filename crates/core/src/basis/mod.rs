@@ -139,8 +139,8 @@ impl<const D: usize> Support<D> {
         self.factors = None;
     }
 
-    /// Replaces the nodes by the corners of a box cell, whose node numbers `node` gives in ascending order; `per_length`
-    /// is 1/h along each axis. Arrays of the right length keep their memory and are not cleared first.
+    /// Replaces the nodes by the corners of a box cell, whose node numbers `node` gives in ascending order;
+    /// `per_length` is 1/h along each axis. Arrays of the right length are overwritten without being cleared.
     #[inline(always)]
     fn set_corners(&mut self, local: [f64; D], per_length: &[f64; D], node: impl Fn(usize) -> u32) {
         let n = 1 << D;

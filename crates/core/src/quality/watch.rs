@@ -138,8 +138,8 @@ impl Quality {
                     value: Some(value),
                     threshold: Some(MOST_CROSSINGS),
                     message: format!(
-                        "body `{name}`: its points, which have no domains, have crossed cell boundaries {value:.2} times on \
-                         average; stresses are probably wrong by about {error:.0} % (root mean square)"
+                        "body `{name}`: its points, which have no domains, have crossed cell boundaries {value:.2} \
+                         times on average; stresses are probably wrong by about {error:.0} % (root mean square)"
                     ),
                     detail: None,
                 },
@@ -347,8 +347,8 @@ impl BalanceSoFar {
             value: Some(value),
             threshold: Some(MOST_REGRIDDING),
             message: format!(
-                "the forces left out of balance each time the grid is reset have done work equal to {:.0} % of the external \
-                 work: displacements and stresses depend on the grid and on the number of steps",
+                "the forces left out of balance each time the grid is reset have done work equal to {:.0} % of the \
+                 external work: displacements and stresses depend on the grid and on the number of steps",
                 100.0 * value.abs()
             ),
             detail: None,

@@ -285,6 +285,8 @@ where
     run_extended(model, points, reached, &|_| Terms::new(), observer, change)
 }
 
+/// Runs all stages with further terms, and with changes between steps; see [`run_stages_with_terms`] and
+/// [`run_with_changes`].
 fn run_extended<const D: usize>(
     model: &mut Model<D>,
     points: &mut Points<D>,

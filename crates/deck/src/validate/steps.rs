@@ -178,7 +178,8 @@ impl Check<'_> {
                     "the tool {} turns about several axes, which an unknown load factor cannot drive",
                     quote(&tool.name)
                 );
-                let help = "prescribe only one component of `rotation`, or else the load factor (`control: {type: load}`)";
+                let help = "prescribe only one component of `rotation`, or else the load factor \
+                            (`control: {type: load}`)";
                 self.error("D049", &format!("{pointer}/rotation"), message, help);
             }
         }

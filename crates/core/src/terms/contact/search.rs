@@ -124,8 +124,8 @@ impl<const D: usize> Search<'_, D> {
         Ok(())
     }
 
-    /// Adds those contact points of a material point that the tool may reach; `near` is the point on the tool closest to
-    /// the centre of the material point.
+    /// Adds those contact points of a material point that the tool may reach; `near` is the point on the tool closest
+    /// to the centre of the material point.
     fn near_tool(
         &self,
         of: &OfPoint<D>,
