@@ -368,7 +368,12 @@ impl ToolShape {
         match self {
             ToolShape::HalfSpace { .. } | ToolShape::Box { .. } => None,
             ToolShape::Circle { .. } | ToolShape::Polygon { .. } | ToolShape::Polyline { .. } => Some(2),
-            _ => Some(3),
+            ToolShape::Sphere { .. }
+            | ToolShape::Cylinder { .. }
+            | ToolShape::Cone { .. }
+            | ToolShape::Revolution { .. }
+            | ToolShape::Extrusion { .. }
+            | ToolShape::Stl { .. } => Some(3),
         }
     }
 

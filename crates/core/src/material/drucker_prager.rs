@@ -48,7 +48,7 @@ impl Match {
     fn flow(self, sine: f64) -> f64 {
         match self {
             Match::PlaneStrain => Match::Inscribed.cone(sine, 0.0)[0],
-            _ => self.cone(sine, 0.0)[0],
+            Match::Compression | Match::Extension | Match::Inscribed => self.cone(sine, 0.0)[0],
         }
     }
 }

@@ -78,7 +78,7 @@ impl<const D: usize> Model<D> {
         let Stepping { start_time, end_time, .. } = self.stepping;
         let reached = |load: &Load<D>| match self.stepping.control {
             Control::Load | Control::StrengthReduction { .. } => load.curve.factor(end_time),
-            _ => {
+            Control::Displacement { .. } | Control::ArcLength { .. } => {
                 let stood = load.curve.factor(start_time);
                 stood + unknown * (load.curve.factor(end_time) - stood)
             }

@@ -256,7 +256,7 @@ fn move_point<const D: usize>(
         DomainKind::Corners => {
             match body.method {
                 Method::Cpdi2 => carry_corners(points, p, displacement, moved),
-                _ => deform_corners(points, p, 1.0, moved),
+                Method::Mpm | Method::Gimp | Method::Cpdi1 => deform_corners(points, p, 1.0, moved),
             }
             // Without this check, only the next step, if there is one, would notice an invalid domain.
             let n = points.corner_range(p).len();
