@@ -17,7 +17,7 @@ use mpm::model::{BuildError, Builder, Fill, Model};
 use mpm::points::Points;
 use mpm::solver::{Silent, Stepper, Summary};
 use mpm::step::{At, StepContext};
-use mpm::terms::{BeginError, EvaluateError, Ledger, NamedForce, Saved, Term};
+use mpm::terms::{BeginError, EvaluateError, Ledger, NamedForce, Saved, Term, TermReport};
 
 /// A wall. Points x with normal·x < offset are behind it; it pushes them back with a force per volume of `stiffness`
 /// times their distance from the wall.
@@ -115,8 +115,8 @@ impl Term<2> for Wall {
         Ledger { stored: self.stored - self.at_start, ..Ledger::default() }
     }
 
-    fn named_forces(&self) -> Vec<NamedForce<2>> {
-        vec![NamedForce { name: "wall".to_owned(), force: self.force }]
+    fn report(&self, _: &Model<2>, report: &mut TermReport<2>) {
+        report.forces.push(NamedForce { name: "wall".to_owned(), force: self.force });
     }
 
     // A checkpoint must store the energy from which the energy balance begins.

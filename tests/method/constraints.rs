@@ -3,13 +3,13 @@
 use mpm::assembly::{System, Wanted};
 use mpm::deck::build::build;
 use mpm::deck::load::load_text;
-use mpm::dofs::{ConstraintError, Constraints};
+use mpm::dofs::{ConstraintError, Constraints, Fields};
 use mpm::model::Model;
 use mpm::points::Points;
-use mpm::solver::{Fields, Kernels, Observer, Silent, SolveError, StepReport, Stepper, Summary};
+use mpm::solver::{Kernels, Observer, Silent, SolveError, StepReport, Stepper, Summary};
 use mpm::step::{At, StepContext};
 use mpm::stress::PlaneStrain;
-use mpm::terms::{BeginError, EvaluateError, FURTHER, Saved, Term};
+use mpm::terms::{BeginError, EvaluateError, FURTHER, GlobalUnknown, Saved, Term};
 
 /// A block of 2 m × 2 m on a grid of 3 m × 3 m, under its own weight.
 const BLOCK: &str = "
@@ -255,6 +255,11 @@ impl Term<2> for Lid {
         usize::from(self.spring.is_some())
     }
 
+    fn globals(&self, _: &Model<2>) -> Vec<GlobalUnknown> {
+        let plate = GlobalUnknown { of: "plate".to_owned(), component: 1, is_free: true };
+        self.spring.map(|_| plate).into_iter().collect()
+    }
+
     fn constrain(
         &self,
         step: &StepContext<2>,
@@ -340,10 +345,21 @@ fn a_lid_of_ties_and_one_of_springs_on_a_plate_press_alike() {
     assert!(moved[1] < -0.01 && sprung.residuals.len() < 10, "{moved:?} {:?}", sprung.residuals);
 }
 
+/// An error names the motion that nothing resists: springs without stiffness leave the plate free.
+#[test]
+fn a_free_motion_of_a_term_is_named() {
+    let (model, mut points) = block(&[]);
+    let refused = solve(&model, &mut points, vec![Lid::new(-2.0e4, Some(0.0))]).map(drop);
+    let Err(error @ SolveError::Singular { .. }) = refused else { panic!("{refused:?}") };
+    assert!(error.to_string().contains("nothing resists the motion of `plate`"), "{error}");
+}
+
 /// A temperature field in addition to the displacement: conduction between a floor at 1 and a top at 3 (times `unit`),
 /// without thermal strain.
 struct Conduction {
     unit: f64,
+    /// The temperature at the top according to a second condition.
+    again: f64,
     at_end: Vec<(f64, f64)>,
     start: Vec<f64>,
 }
@@ -368,7 +384,7 @@ impl Term<2, 3> for Conduction {
         _: &Points<2>,
         constraints: &mut Constraints<3>,
     ) -> Result<(), ConstraintError> {
-        for (height, value) in [(0.0, self.unit), (2.0, 3.0 * self.unit)] {
+        for (height, value) in [(0.0, self.unit), (2.0, 3.0 * self.unit), (2.0, self.again)] {
             let nodes = nodes_at(step, height);
             nodes.into_iter().try_for_each(|node| constraints.hold(node, 2, value, FURTHER))?;
         }
@@ -430,7 +446,7 @@ fn a_further_field_is_solved_beside_the_displacement() {
         let fields = Fields::displacement(2).and("temperature", 1);
         let kernels = Kernels::of::<PlaneStrain>();
         let stepper = Stepper::<2, 3>::with_fields(&model, &mut points, kernels, fields).unwrap();
-        let conduction = Conduction { unit, at_end: Vec::new(), start: Vec::new() };
+        let conduction = Conduction { unit, again: 3.0 * unit, at_end: Vec::new(), start: Vec::new() };
         let mut last = Last(None);
         let summary = stepper.with_terms(vec![Box::new(conduction)]).unwrap().run(&mut last).unwrap();
         let report = last.0.unwrap();
@@ -444,6 +460,20 @@ fn a_further_field_is_solved_beside_the_displacement() {
             assert!((value / unit - (1.0 + y)).abs() < 1e-9, "{unit:e}: {value:e} at {y}");
         }
     }
+}
+
+/// The message about contradictory conditions names the field.
+#[test]
+fn contradictions_in_a_further_field_are_refused() {
+    let (model, mut points) = block(&[]);
+    let fields = Fields::displacement(2).and("temperature", 1);
+    let stepper =
+        Stepper::<2, 3>::with_fields(&model, &mut points, Kernels::of::<PlaneStrain>(), fields).unwrap();
+    let conduction = Conduction { unit: 1.0, again: 2.0, at_end: Vec::new(), start: Vec::new() };
+    let refused = stepper.with_terms(vec![Box::new(conduction)]).unwrap().run(&mut Silent);
+    let Err(error @ SolveError::Constraint { .. }) = refused else { panic!("{refused:?}") };
+    let words = "two terms of equilibrium prescribe different increments of `temperature` at node";
+    assert!(error.to_string().contains(words), "{error}");
 }
 
 /// Contradictory displacements along directions are refused, and the message names the conditions.

@@ -8,6 +8,7 @@
 mod constraints;
 mod covered;
 mod error;
+mod fields;
 mod prescribed;
 pub mod rigid;
 mod turned;
@@ -21,6 +22,7 @@ use crate::ranks::Ranks;
 pub use constraints::Constraints;
 pub use covered::{Covered, covered};
 pub use error::ConstraintError;
+pub use fields::Fields;
 pub use prescribed::{displacement_increment, nodes_of};
 pub use turned::Turned;
 

@@ -167,9 +167,16 @@ impl<const D: usize> Model<D> {
             && (self.stepping.control.has_unknown_factor() || self.common_curve().is_some())
     }
 
-    /// True if a shear stress can act between a tool and a body.
-    pub fn has_friction(&self) -> bool {
-        self.tools.iter().any(Tool::resists_sliding)
+    /// True if boundary conditions, tools or the control of the load factor prescribe a motion.
+    pub fn is_driven(&self) -> bool {
+        self.stepping.control.has_unknown_factor()
+            || self.boundary_conditions.iter().any(BoundaryCondition::moves)
+            || self.tools.iter().any(|tool| Tool::<D>::components().any(|k| tool.is_driven(k)))
+    }
+
+    /// True if neither the bodies nor the tools bear a load.
+    pub fn is_unloaded(&self) -> bool {
+        self.loads.is_empty() && self.tools.iter().all(|tool| tool.loads.is_empty())
     }
 
     /// True if a boundary condition acts in the current stage.

@@ -25,4 +25,6 @@ pub use failure::{
 pub use saved::Saved;
 pub use sum::{Sum, Terms, of_model, restore, save};
 pub use surface::Surfaces;
-pub use term::{Augmentation, FURTHER, Ledger, NamedForce, Response, SurfaceReaction, Term};
+pub use term::{
+    Augmentation, FURTHER, GlobalUnknown, Ledger, NamedForce, Response, SurfaceReaction, Term, TermReport,
+};

@@ -134,11 +134,11 @@ impl Check<'_> {
             conditions.iter().position(|condition| condition.name == name).unwrap_or(0)
         };
         let found = match error {
-            ConstraintError::Conflict { first, second, node, axis, a, b } => {
+            ConstraintError::Conflict { first, second, node, unknown, a, b } => {
                 let pointer = format!("/boundary_conditions/{}", number(second));
                 let message = format!(
-                    "the boundary conditions {} and {} contradict each other: they move the grid node {} by {} \
-                     and {} along {axis} in the first load step",
+                    "the boundary conditions {} and {} contradict each other: in the first load step, they \
+                     increase {unknown} at the grid node {} by {} and {}",
                     quote(first),
                     quote(second),
                     coordinates(node),

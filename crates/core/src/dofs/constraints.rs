@@ -1,5 +1,6 @@
 //! Collection of the constraints of a load step, one at a time.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use crate::basis::Connectivity;
@@ -7,8 +8,9 @@ use crate::linear::Numbering;
 use crate::model::Model;
 use crate::points::Points;
 
+use super::fields::{Fields, displacement_along};
 use super::turned::{Along, Turned};
-use super::{AXES, Bound, ConstraintError, DofMap, ON_AXIS, Tie, conditions_at};
+use super::{Bound, ConstraintError, DofMap, ON_AXIS, Tie, conditions_at};
 
 /// Two prescribed increments agree if they differ by less than this, relative to their size or, for displacements, to
 /// the size of a cell if that is larger.
@@ -46,6 +48,8 @@ pub struct Constraints<'a, const N: usize> {
     size: Box<dyn Fn(usize, usize) -> f64 + 'a>,
     /// Name of a condition; empty if it does not belong to the model.
     name: Box<dyn Fn(usize) -> String + 'a>,
+    /// The fields to which the components belong.
+    fields: Cow<'a, Fields>,
     /// Active nodes on the axis of revolution.
     on_axis: Vec<usize>,
 }
@@ -90,6 +94,7 @@ impl<'a, const N: usize> Constraints<'a, N> {
                     .get(number)
                     .map_or_else(String::new, |condition| condition.name.clone())
             }),
+            fields: Cow::Owned(Fields::displacement(D)),
             on_axis: (0..nodes.len()).filter(|&n| is_on_axis(nodes[n] as usize)).collect(),
         }
     }
@@ -104,8 +109,15 @@ impl<'a, const N: usize> Constraints<'a, N> {
             position: Box::new(|node| vec![node as f64]),
             size: Box::new(|_, _| 1.0),
             name: Box::new(|number| number.to_string()),
+            fields: Cow::Owned(Fields::displacement(N)),
             on_axis: Vec::new(),
         }
+    }
+
+    /// The same constraints on the components of these fields, by whose names errors refer to the unknowns.
+    #[must_use]
+    pub fn of_fields(self, fields: &'a Fields) -> Self {
+        Constraints { fields: Cow::Borrowed(fields), ..self }
     }
 
     /// Prescribes the increment of a component at an active node.
@@ -130,7 +142,8 @@ impl<'a, const N: usize> Constraints<'a, N> {
                 self.shared.push((node as u32, component as u8, condition));
             }
             Dof::Bound(Bound::Held { condition: first, increment: held }) => {
-                return Err(self.conflict(node, AXES[component % 3], [first, condition], [held, increment]));
+                let unknown = self.fields.unknown(component);
+                return Err(self.conflict(node, unknown, [first, condition], [held, increment]));
             }
             Dof::Bound(Bound::Tied(_)) => return Err(self.tied(node, component, "it is prescribed")),
         }
@@ -213,7 +226,12 @@ impl<'a, const N: usize> Constraints<'a, N> {
             motions.extend(along);
             let found = Turned::new(node, &motions, (self.size)(node as usize, 0)).map_err(
                 |(conditions, increments)| {
-                    self.conflict(node as usize, "the normal of a wall", conditions, increments)
+                    self.conflict(
+                        node as usize,
+                        displacement_along("the normal of a wall"),
+                        conditions,
+                        increments,
+                    )
                 },
             )?;
             for k in 0..N {
@@ -312,16 +330,16 @@ impl<'a, const N: usize> Constraints<'a, N> {
     fn conflict(
         &self,
         node: usize,
-        axis: &'static str,
+        unknown: String,
         conditions: [u16; 2],
         [a, b]: [f64; 2],
     ) -> ConstraintError {
         let [first, second] = conditions.map(|number| (self.name)(number as usize));
-        ConstraintError::Conflict { first, second, node: (self.position)(node), axis, a, b }
+        ConstraintError::Conflict { first, second, node: (self.position)(node), unknown, a, b }
     }
 
     fn tied(&self, node: usize, component: usize, reason: &'static str) -> ConstraintError {
-        ConstraintError::Tie { node: (self.position)(node), axis: AXES[component % 3], reason }
+        ConstraintError::Tie { node: (self.position)(node), unknown: self.fields.unknown(component), reason }
     }
 }
 

@@ -8,19 +8,19 @@ use crate::points::coordinates;
 pub enum ConstraintError {
     /// Two boundary conditions prescribe different displacements of one node.
     #[error(
-        "boundary conditions `{first}` and `{second}` prescribe different increments along {axis} at node {}: {a:e} \
-         and {b:e}",
+        "{} prescribe different increments of {unknown} at node {}: {a:e} and {b:e}",
+        both(.first, .second),
         coordinates(.node)
     )]
     Conflict {
-        /// Name of the first condition.
+        /// Name of the first condition; empty if a term of equilibrium sets it.
         first: String,
-        /// Name of the second condition.
+        /// Name of the second condition; empty if a term of equilibrium sets it.
         second: String,
         /// Position of the grid node, [length].
         node: Vec<f64>,
-        /// Name of the axis or of another direction.
-        axis: &'static str,
+        /// The unknown in words.
+        unknown: String,
         /// Increment that the first condition prescribes or that follows from earlier conditions.
         a: f64,
         /// Increment prescribed by the second condition.
@@ -69,13 +69,13 @@ pub enum ConstraintError {
     /// A tied component is also prescribed, is tied twice, is tied to itself through other ties, or belongs to a node
     /// that is held along an inclined direction.
     #[error(
-        "the motion along {axis} at node {} cannot be tied to that of other nodes: {reason}", coordinates(.node)
+        "{unknown} at node {} cannot be tied to other unknowns: {reason}", coordinates(.node)
     )]
     Tie {
         /// Position of the grid node, [length].
         node: Vec<f64>,
-        /// Name of the axis.
-        axis: &'static str,
+        /// The unknown in words.
+        unknown: String,
         /// The reason.
         reason: &'static str,
     },
@@ -87,4 +87,12 @@ fn loose_axis(loose: usize, all: usize) -> String {
         _ => format!("{loose} of the {all} grid nodes"),
     };
     format!("{nodes} on the axis x = 0 can move off the axis")
+}
+
+fn both(first: &str, second: &str) -> String {
+    match (first, second) {
+        ("", "") => "two terms of equilibrium".to_owned(),
+        ("", name) | (name, "") => format!("boundary condition `{name}` and a term of equilibrium"),
+        _ => format!("boundary conditions `{first}` and `{second}`"),
+    }
 }

@@ -48,6 +48,9 @@ pub struct StepReport<const D: usize> {
     pub replaced_domains: Vec<u32>,
     /// Factorisation used in each iteration.
     pub factorisations: Vec<Factorisation>,
+    /// True if the last factorisation shows that the equilibrium is unstable, see
+    /// [`Factorisation::shows_instability`].
+    pub is_unstable: bool,
     /// Total number of iterations of the linear solver; 0 for a direct solver.
     pub linear_iterations: usize,
     /// Number of multiplier updates. After each update, one evaluation yields the new residual before the next linear

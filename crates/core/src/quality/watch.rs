@@ -60,9 +60,7 @@ impl Quality {
         // the stiffness has never been definite, round-off decides its sign. A step whose predicted state was in
         // equilibrium has no factorisation.
         if self.was_stable && !model.stepping.control.has_unknown_factor() && !flows {
-            let last = report.factorisations.last();
-            let is_unstable = last.is_some_and(|last| last.shows_instability(!model.has_friction()));
-            found.extend(is_unstable.then(|| (0, unstable(step))));
+            found.extend(report.is_unstable.then(|| (0, unstable(step))));
         }
         found.extend(replaced_domains(model, points, report).map(|warning| (0, warning)));
         if let Some(InFlow { value, is_standard }) = oscillation_in_flow(model, points, links) {

@@ -26,7 +26,7 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         self.judge(&report);
         self.points.commit();
         self.terms.iter_mut().for_each(|term| term.commit());
-        self.part_from_tools(&report.replaced_domains);
+        self.part_from_obstacles(&report.replaced_domains);
         self.split_long_domains();
         let (model, points) = (self.model, &*self.points);
         let Reached { step, summary } = &mut self.reached;
@@ -48,10 +48,10 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         agree(&points.ranks, observed.map_err(SolveError::Output))
     }
 
-    /// Moves the corners of replaced domains out of tools.
-    fn part_from_tools(&mut self, replaced: &[u32]) {
+    /// Moves the corners of replaced domains out of obstacles.
+    fn part_from_obstacles(&mut self, replaced: &[u32]) {
         let Stepper { model, points, terms, .. } = self;
-        splitting::part_from_tools(model, points, terms, replaced);
+        splitting::part_from_obstacles(model, points, terms, replaced);
     }
 
     /// Splits the points whose domains have become too long. The next step then begins as it would in a run resumed

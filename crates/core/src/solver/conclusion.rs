@@ -8,7 +8,7 @@ use crate::equilibrium::{
 use crate::model::{Control, Predictor};
 use crate::points::Points;
 use crate::step::{Nodal, StepContext, displacement};
-use crate::terms::Terms;
+use crate::terms::{TermReport, Terms};
 
 use super::agree::agree;
 use super::attempt::{FailedAttempt, Iterate, Slump};
@@ -48,7 +48,7 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
         let (energy, reaction) = self.energy(context, points, slump)?;
         let undone = summary.undone_work + energy.undone_work;
         let energy = Energy { plastic_work: energy.plastic_work - undone, ..energy };
-        let LastIterate { system: StepSystem { dofs, sum, condition, parts }, unknowns, course } = self;
+        let LastIterate { system: StepSystem { dofs, sum, condition, parts, .. }, unknowns, course } = self;
         let f_ext = sum.system().external_force();
         let delta_d = displacement(&unknowns.delta_d).into_owned();
         let path = match (condition, model.newton.predictor) {
@@ -62,11 +62,17 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
         let (halo, ranks) = (links.halo(), links.halo().ranks());
         let mut reactions = named_reactions(model, halo, &reaction, dofs);
         let mut moments = reaction_moments(model, points, links, &delta_d, (&reaction, dofs));
-        let mut loads = sum.resultants(model.loads.len());
+        let TermReport {
+            mut loads,
+            forces: mut named,
+            reactions: of_surfaces,
+            surfaces,
+            tools,
+            stabilised_faces,
+        } = sum.report(model);
         ranks.sum(loads.as_flattened_mut());
-        let mut further = sum.named_forces();
-        further.iter_mut().for_each(|named| ranks.sum(&mut named.force));
-        for of in sum.surface_reactions() {
+        named.iter_mut().for_each(|named| ranks.sum(&mut named.force));
+        for of in of_surfaces {
             reactions[of.condition] = of.force;
             if let Some(moments) = &mut moments {
                 moments[of.condition] = ReactionMoment { about: Some(of.about), moment: of.moment };
@@ -78,16 +84,16 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
             carried: forces.carried(parts, &summary.carried, model.bodies.len()),
             reactions,
             moments,
-            surfaces: sum.surfaces(),
-            tools: sum.tools(model),
+            surfaces,
+            tools,
             loads,
-            forces: further,
+            forces: named,
             energy,
             moment_error: moment_error(model, links, &delta_d, (f_ext, &reaction)),
             load_factor,
             strength_factor: model.stepping.strength_factor(step.end),
             unknowns: ranks.count_all(dofs.n_free_at(|node| halo.is_own(node))),
-            stabilised_faces: ranks.count_all(sum.stabilised_faces()),
+            stabilised_faces: ranks.count_all(stabilised_faces),
             grid: GridFields {
                 links: Connectivity::default(),
                 parts: parts.count(),
@@ -100,6 +106,8 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
             most_solves: (course.most_solves)
                 .max(course.residuals.len().saturating_sub(1 + course.augmentations + course.solves_before)),
             residuals: std::mem::take(&mut course.residuals),
+            is_unstable: (course.solved.last())
+                .is_some_and(|last| last.factorisation.shows_instability(sum.has_potential(model))),
             factorisations: course.solved.iter().map(|s| s.factorisation).collect(),
             linear_iterations: course.linear_iterations(),
             augmentations: course.augmentations,
@@ -126,6 +134,7 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
     /// The failed attempt with the grid fields at which its iterations ended, but without the links, which the caller
     /// holds.
     pub(super) fn failed(&mut self, context: &StepContext<D>, error: SolveError) -> Box<FailedAttempt<D>> {
+        let has_potential = self.system.sum.has_potential(context.model);
         let course = &mut self.course;
         Box::new(FailedAttempt {
             step: context.step,
@@ -137,7 +146,7 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
             linear_iterations: course.linear_iterations(),
             load_factor: self.load_factor(context),
             indefinite: (self.course.solved.iter())
-                .any(|solved| solved.factorisation.shows_instability(!context.model.has_friction())),
+                .any(|solved| solved.factorisation.shows_instability(has_potential)),
             iterate: Some(Iterate {
                 links: Connectivity::default(),
                 delta_d: displacement(&self.unknowns.delta_d).into_owned(),

@@ -129,12 +129,9 @@ impl<const D: usize, const N: usize> Condition<D, N> {
         match model.stepping.control {
             Control::Load | Control::StrengthReduction { .. } => None,
             Control::Displacement { of: Controlled::Tool(tool), axis, to } => {
-                let mut first = 0;
-                let number = terms.iter().find_map(|term| {
-                    let of_term = term.motion_of_tool(tool, axis).map(|number| first + number);
-                    first += term.n_globals();
-                    of_term
-                });
+                let name = model.tools.get(tool).map(|tool| &tool.name);
+                let mut globals = terms.iter().flat_map(|term| term.globals(model));
+                let number = globals.position(|global| Some(&global.of) == name && global.component == axis);
                 Some(Condition::Global { number, by: to * share })
             }
             Control::Displacement { of: Controlled::Probe(probe), axis, to } => {

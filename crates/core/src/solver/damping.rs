@@ -7,11 +7,12 @@
 //! equilibrium whose stiffness is not positive definite is not accepted.
 
 use crate::assembly::System;
-use crate::model::{Action, BoundaryCondition, Load, Model};
+use crate::model::{BoundaryCondition, Model};
 use crate::points::Points;
 use crate::ranks::Halo;
 
 use crate::step::Nodal;
+use crate::terms::Terms;
 
 use super::evidence::points_that_flow;
 
@@ -45,15 +46,15 @@ const LEAST: f64 = 1e-6;
 /// Factor by which μ changes from iteration to iteration.
 const CHANGE: f64 = 4.0;
 
-/// True if collapsing bodies may slump until they come to rest: they must yield, weight must be the only load, and
-/// there must be no surfaces, tools or prescribed motions. A prescribed motion would be applied again on every grid;
-/// whether bodies can carry other loads is a result that the run must show; surfaces would not be carried along with
-/// the bodies; and bodies that do not yield do not collapse: they buckle or have an hourglass mode.
-pub(super) fn may_slump<const D: usize>(model: &Model<D>, points: &Points<D>) -> bool {
-    let is_weight = |load: &Load<D>| matches!(load.action, Action::Gravity(_));
-    model.loads.iter().all(is_weight)
-        && model.surfaces.is_empty()
-        && model.tools.is_empty()
+/// True if collapsing bodies may slump until they come to rest: they must yield, all terms must allow it, and there must
+/// be no prescribed motions. A prescribed motion would be applied again on every grid, and bodies that do not yield do
+/// not collapse: they buckle or have an hourglass mode.
+pub(super) fn may_slump<const D: usize, const N: usize>(
+    model: &Model<D>,
+    points: &Points<D>,
+    terms: &Terms<D, N>,
+) -> bool {
+    terms.iter().all(|term| term.may_slump(model))
         && !model.boundary_conditions.iter().any(BoundaryCondition::moves)
         && {
             let count = |n: usize| points.ranks.count_all(n) as f64;

@@ -5,7 +5,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::material::MaterialError;
-use crate::model::{Model, Newton, SAME_TIME, StabilisationMode, Stepping, Tool};
+use crate::model::{Model, Newton, SAME_TIME, StabilisationMode, Stepping};
 use crate::points::{Points, coordinates};
 use crate::quality::oscillation;
 use crate::step::Step;
@@ -269,10 +269,8 @@ impl Diagnosis {
         let around = at.as_ref().and_then(cell_at);
         let circumstances = Circumstances {
             is_stabilised: model.stabilisation.mode != StabilisationMode::Off,
-            is_driven: model.stepping.control.has_unknown_factor()
-                || model.boundary_conditions.iter().any(|condition| condition.moves())
-                || model.tools.iter().any(|tool| Tool::<D>::components().any(|k| tool.is_driven(k))),
-            is_unloaded: model.loads.is_empty() && model.tools.iter().all(|tool| tool.loads.is_empty()),
+            is_driven: model.is_driven(),
+            is_unloaded: model.is_unloaded(),
             has_one_material: model.materials.len() == 1,
             has_few_points: evidence::mean_points_per_cell(points) < FEW,
             is_in_collapse: flowing > MOST,
@@ -403,7 +401,7 @@ fn kind_of<const D: usize>(failed: &FailedAttempt<D>, found: &Found) -> Kind {
     let collapse = if is_small_step { Kind::PlasticCollapse } else { Kind::LargeSteps };
     match &failed.error {
         SolveError::Unheld { .. } => Kind::RigidBodyMode,
-        SolveError::Singular { tools, .. } if !tools.is_empty() => Kind::FreeTool,
+        SolveError::Singular { free, .. } if !free.is_empty() => Kind::FreeTool,
         SolveError::NotConverged { .. } | SolveError::Singular { .. } if found.spread > TOO_FAR_APART => {
             Kind::BadScaling
         }

@@ -160,15 +160,15 @@ pub enum SolveError {
         error: Collapsed,
     },
     /// The stiffness is singular.
-    #[error("step {step}: the stiffness is singular{}{}", at_node(node), free_tools(tools))]
+    #[error("step {step}: the stiffness is singular{}{}", at_node(node), free_motion(free))]
     Singular {
         /// Step number.
         step: usize,
-        /// The tools that may move freely, if nothing resists a motion of one of them; empty if a motion of the bodies
-        /// is the cause.
-        tools: Vec<String>,
-        /// A motion without stiffness, if known: the position of a node, [length], and the axis.
-        node: Option<(Vec<f64>, usize)>,
+        /// The names of rigid tools, and of what else moves by global unknowns, if nothing resists one of these motions;
+        /// empty if a motion of the bodies is the cause.
+        free: Vec<String>,
+        /// An unknown without stiffness, if known: the position of its node, [length], and the unknown in words.
+        node: Option<(Vec<f64>, String)>,
     },
     /// A part of the bodies is free to move along an axis.
     #[error(
@@ -335,27 +335,18 @@ fn at_point(place: &Option<PointPlace>) -> String {
     place.as_ref().map_or(String::new(), |place| format!(" at {place}"))
 }
 
-fn free_tools(tools: &[String]) -> String {
-    let names: Vec<String> = tools.iter().map(|name| format!("`{name}`")).collect();
+fn free_motion(free: &[String]) -> String {
+    let names: Vec<String> = free.iter().map(|name| format!("`{name}`")).collect();
     match &names[..] {
         [] => String::new(),
-        [name] => format!(": nothing resists the motion of the tool {name} in its free components"),
-        _ => format!(
-            ": nothing resists the motion of one of the tools {} in its free components",
-            names.join(", ")
-        ),
+        [name] => format!(": nothing resists the motion of {name} in its free components"),
+        _ => format!(": nothing resists the motion of one of {} in its free components", names.join(", ")),
     }
 }
 
-fn at_node(node: &Option<(Vec<f64>, usize)>) -> String {
+fn at_node(node: &Option<(Vec<f64>, String)>) -> String {
     match node {
-        Some((place, axis)) => {
-            format!(
-                ": nothing resists the motion of node {} along {}",
-                coordinates(place),
-                ["x", "y", "z"][axis % 3]
-            )
-        }
+        Some((place, unknown)) => format!(": nothing resists {unknown} at node {}", coordinates(place)),
         None => String::new(),
     }
 }

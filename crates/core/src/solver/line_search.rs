@@ -18,18 +18,18 @@ use super::unknowns::Bracket;
 const MOST_HALVINGS: usize = 5;
 /// Largest number of evaluations of a line search.
 const MOST_SEARCHES: usize = 3;
-/// Largest number of evaluations of a line search if the model has tools, larger because contact forces have kinks.
-const MOST_SEARCHES_OF_CONTACT: usize = 6;
-/// If the model has tools, a line search may follow an increment that does not reduce the residual to this fraction.
+/// Largest number of evaluations of a line search if the equations have kinks.
+const MOST_SEARCHES_WITH_KINKS: usize = 6;
+/// If the equations have kinks, a line search may follow an increment that does not reduce the residual to this fraction.
 const FAST: f64 = 0.1;
-/// If the model has tools, from this iteration after the last multiplier update onwards, an increment is halved until
+/// If the equations have kinks, from this iteration after the last multiplier update onwards, an increment is halved until
 /// the residual no longer increases: friction has no potential whose slope would end a cycle between two states.
 const FIRST_BACKTRACK: usize = 8;
 /// Largest number of halvings of an increment that increases the residual.
 const MOST_BACKTRACKS: usize = 5;
 /// First iteration with a line search after a failed attempt.
 const FIRST_SEARCH: usize = 3;
-/// Without a failed attempt, damping or tools, the line search begins after this fraction of the iterations allowed:
+/// Without a failed attempt, damping or kinks, the line search begins after this fraction of the iterations allowed:
 /// late enough not to disturb iterations that converge by themselves.
 const LATE: f64 = 0.75;
 
@@ -77,11 +77,11 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
     /// Shortens δd and returns true if a point could not follow it (`found` is then `None`), if the potential rises
     /// again at the end of δd, or if the residual has grown in a cycle.
     fn shortens(&mut self, iteration: usize, found: Option<&Measured>) -> bool {
-        let touches_tools = !self.context.model.tools.is_empty();
-        let [most_halvings, most_searches] = match (self.is_damped(), touches_tools) {
+        let has_kinks = self.system.sum.has_kinks();
+        let [most_halvings, most_searches] = match (self.is_damped(), has_kinks) {
             (true, _) => [MOST_TRIALS; 2],
             (false, false) => [MOST_HALVINGS, MOST_SEARCHES],
-            (false, true) => [MOST_HALVINGS, MOST_SEARCHES_OF_CONTACT],
+            (false, true) => [MOST_HALVINGS, MOST_SEARCHES_WITH_KINKS],
         };
         let may_shorten = iteration > 0 && !self.unknowns.prescribes && !self.course.is_augmented;
         let Some(&Measured { residual, .. }) = found else {
@@ -100,7 +100,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             && !self.course.is_augmented
             && self.may_search(iteration, residual)
         {
-            if !touches_tools {
+            if !has_kinks {
                 self.search.bracket = Bracket::default(); // Smooth potentials need no more than a secant.
             }
             let border = &self.system.sum.system().border;
@@ -141,20 +141,20 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         self.unknowns.shorten(part);
     }
 
-    /// True if the model has tools and, in a late iteration, an increment has led to a larger residual.
+    /// True if the equations have kinks and, in a late iteration, an increment has led to a larger residual.
     fn cycles(&self, iteration: usize, residual: f64) -> bool {
         let before = self.course.residuals.last().copied().unwrap_or(f64::INFINITY);
-        !self.context.model.tools.is_empty()
+        self.system.sum.has_kinks()
             && iteration - self.course.solves_before >= FIRST_BACKTRACK
             && residual > before.max(self.context.model.newton.tolerance)
     }
 
-    /// True if a line search may shorten the last increment, given the residual to which it has led. With tools, any
+    /// True if a line search may shorten the last increment, given the residual to which it has led. Across kinks, any
     /// increment may overshoot.
     fn may_search(&self, iteration: usize, residual: f64) -> bool {
         let newton = &self.context.model.newton;
-        let (damped, touches_tools) = (self.is_damped(), !self.context.model.tools.is_empty());
-        let first = if damped || touches_tools {
+        let (damped, has_kinks) = (self.is_damped(), self.system.sum.has_kinks());
+        let first = if damped || has_kinks {
             1
         } else if self.summary.pace.is_careful() || self.effort == Effort::Thorough {
             FIRST_SEARCH
@@ -165,8 +165,8 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         iteration - self.course.solves_before >= first
             && !self.unknowns.prescribes
             // Only the first increment changes the quantity that determines the load factor.
-            && (self.system.sum.system().per_factor().is_none() || touches_tools && iteration > 1)
-            && (damped || residual > if touches_tools { FAST * before } else { before })
+            && (self.system.sum.system().per_factor().is_none() || has_kinks && iteration > 1)
+            && (damped || residual > if has_kinks { FAST * before } else { before })
             && residual > newton.tolerance
     }
 }

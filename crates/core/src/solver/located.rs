@@ -3,13 +3,13 @@
 use crate::basis::{Connectivity, SupportError, SupportFailure};
 use crate::domain::Collapsed;
 use crate::linear::LinearError;
-use crate::model::{Model, Tool};
+use crate::model::Model;
 use crate::points::{Points, State};
-use crate::step::Step;
+use crate::step::{Step, StepContext};
 use crate::terms::{EvaluateError, LawFailure, Ledger, PointFailure};
 
-use super::equations::EquationContext;
 use super::error::{PointPlace, SolveError};
+use super::step_system::StepSystem;
 use super::stiffness::stiffnesses;
 
 impl SolveError {
@@ -85,10 +85,10 @@ impl SolveError {
 
     pub(super) fn linear<const D: usize, const N: usize>(
         error: LinearError,
-        at: EquationContext<D, N>,
-        step: Step,
+        context: &StepContext<D>,
+        system: &StepSystem<D, N>,
     ) -> Self {
-        let step = step.index;
+        let StepContext { model, links, step: Step { index: step, .. }, .. } = *context;
         match error {
             LinearError::OutOfMemory { needed } => SolveError::OutOfMemory { step, needed },
             LinearError::Turned
@@ -97,16 +97,17 @@ impl SolveError {
             | LinearError::NotConverged { .. }
             | LinearError::Library(_) => SolveError::Iterative { step, error },
             LinearError::Singular { unknown } => {
-                let node = unknown.and_then(|u| at.dofs.place_of(u)).map(|(node, axis)| {
-                    (at.model.grid.node_position(at.links.active_nodes()[node] as usize).to_vec(), axis)
+                let node = unknown.and_then(|u| system.dofs.place_of(u)).map(|(node, component)| {
+                    let place = model.grid.node_position(links.active_nodes()[node] as usize);
+                    (place.to_vec(), system.fields.unknown(component))
                 });
-                SolveError::Singular { step, tools: Vec::new(), node }
+                SolveError::Singular { step, free: Vec::new(), node }
             }
             LinearError::Undetermined => {
-                let components = Tool::<D>::components;
-                let is_free = |tool: &&Tool<D>| components().any(|k| tool.freedom(k).is_free());
-                let tools = at.model.tools.iter().filter(is_free).map(|tool| tool.name.clone()).collect();
-                SolveError::Singular { step, tools, node: None }
+                let globals = system.sum.globals(model).into_iter().filter(|global| global.is_free);
+                let mut free: Vec<String> = globals.map(|global| global.of).collect();
+                free.dedup();
+                SolveError::Singular { step, free, node: None }
             }
         }
     }

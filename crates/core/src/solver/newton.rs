@@ -74,7 +74,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         let prepared = summary
             .timings
             .measure(Phase::Analyse, || equations.prepare(equation_context, system.sum.system()));
-        prepared.map_err(|error| SolveError::linear(error, equation_context, context.step))
+        prepared.map_err(|error| SolveError::linear(error, context, system))
     }
 
     fn most_iterations(&self) -> usize {
@@ -130,9 +130,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         let solved = if self.is_damped() { self.damped_step() } else { self.supported_step() };
         let step = self.context.step;
         let solved = solved.map_err(|obstacle| match obstacle {
-            NoIncrement::Linear(error) => {
-                SolveError::linear(error, self.context.equations(&self.system.dofs), step)
-            }
+            NoIncrement::Linear(error) => SolveError::linear(error, &self.context, &self.system),
             NoIncrement::Path(reason) => SolveError::NoPath { step: step.index, reason },
         })?;
         if let Some(solved) = solved {
@@ -280,7 +278,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             && let Err(error) = self.check_stability()
         {
             if self.stride.is_infinite() {
-                return Err(SolveError::linear(error, self.context.equations(&self.system.dofs), step));
+                return Err(SolveError::linear(error, &self.context, &self.system));
             }
             // An unstable equilibrium: a fresh grid may lead away from it.
             is_final = false;
@@ -293,7 +291,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
     fn without_equilibrium(&self) -> SolveError {
         let StepContext { model, links, step, .. } = self.context;
         if let Some(error) = self.course.singular {
-            return SolveError::linear(error, self.context.equations(&self.system.dofs), step);
+            return SolveError::linear(error, &self.context, &self.system);
         }
         let is_path_missed = self.system.condition.as_ref().is_some_and(|condition| !condition.is_met());
         if is_path_missed && self.course.is_equilibrium(model.newton.tolerance) {

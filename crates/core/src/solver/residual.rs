@@ -12,9 +12,9 @@ use std::ops::Range;
 use crate::basis::{Connectivity, JoinedParts};
 use crate::points::Points;
 use crate::ranks::Halo;
+use crate::region::vector::norm;
 use crate::step::Nodal;
 
-use super::fields::norm;
 use super::round_off::{ACCUMULATED, EvaluatedAt};
 
 /// Largest accepted residual of a part, and largest accepted resultant of its out-of-balance force relative to the sum
@@ -356,7 +356,7 @@ impl<const N: usize> Forces<'_, N> {
             parts.halo.ranks().sum(sum);
             *scale = parts.halo.ranks().total(*scale);
         }
-        sums.into_iter().map(|(sum, scale)| ratio(norm(sum.into_iter()), scale)).collect()
+        sums.into_iter().map(|(sum, scale)| ratio(norm(&sum), scale)).collect()
     }
 }
 
@@ -373,7 +373,7 @@ pub(super) fn ratio(out: f64, force: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::solver::fields::Fields;
+    use crate::dofs::Fields;
 
     /// Four nodes in two parts, the second of which carries a millionth of the forces of the first.
     fn forces(out: [f64; 4]) -> [Nodal<1>; 3] {

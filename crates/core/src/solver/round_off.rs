@@ -5,9 +5,8 @@ use crate::basis::Connectivity;
 use crate::material::Modulus;
 use crate::model::{Model, ModuliAtRest};
 use crate::points::Points;
+use crate::region::vector::norm;
 use crate::step::Nodal;
-
-use super::fields::norm;
 
 /// Round-off of a nodal force relative to the sum Σ |K_vw| |Δd_w| for a displacement increment, in units of the machine
 /// precision.
@@ -81,7 +80,7 @@ pub(super) fn forces_of_unit_strain<const D: usize>(
         for p in links.points_of(group) {
             let stiffness = model.volume(points, p) * moduli.of(points, p);
             links.for_each_link(p, |local, _, gradient| {
-                forces[nodes[local] as usize] += stiffness * norm(gradient.iter().copied());
+                forces[nodes[local] as usize] += stiffness * norm(gradient);
             });
         }
     }

@@ -43,15 +43,15 @@ pub(super) fn split_long<const D: usize, const N: usize>(
     splits.extend(points.split_long(&Present { of_model: OfModel { model }, terms, probed }, next));
 }
 
-/// Moves the corners of the domains of the points with these permanent numbers out of tools, because these domains have
-/// been replaced without regard to tools. A domain that would become invalid stays as it is.
-pub(super) fn part_from_tools<const D: usize, const N: usize>(
+/// Moves the corners of the domains of the points with these permanent numbers out of the obstacles of the terms, because
+/// these domains have been replaced without regard to obstacles. A domain that would become invalid stays as it is.
+pub(super) fn part_from_obstacles<const D: usize, const N: usize>(
     model: &Model<D>,
     points: &mut Points<D>,
     terms: &Terms<D, N>,
     replaced: &[u32],
 ) {
-    if replaced.is_empty() || model.tools.is_empty() {
+    if replaced.is_empty() {
         return;
     }
     let rules = Present { of_model: OfModel { model }, terms, probed: BTreeSet::new() };

@@ -1,7 +1,7 @@
 //! The equations of one attempt at a load step: constraints, the sum of the terms, and the condition on the load
 //! factor.
 
-use crate::dofs::{ConstraintError, Constraints, DofMap};
+use crate::dofs::{ConstraintError, Constraints, DofMap, Fields};
 use crate::points::Points;
 use crate::step::StepContext;
 use crate::terms::{Sum, Terms};
@@ -9,7 +9,6 @@ use crate::terms::{Sum, Terms};
 use super::agree::agree;
 use super::control::{Condition, Path};
 use super::error::SolveError;
-use super::fields::Fields;
 use super::reach::begin;
 use super::residual::Parts;
 
@@ -21,6 +20,8 @@ pub(super) struct StepSystem<const D: usize, const N: usize = D> {
     pub(super) condition: Option<Condition<D, N>>,
     /// The connected parts of the bodies.
     pub(super) parts: Parts,
+    /// The fields of the nodal unknowns.
+    pub(super) fields: Fields,
 }
 
 impl<const D: usize, const N: usize> StepSystem<D, N> {
@@ -35,7 +36,7 @@ impl<const D: usize, const N: usize> StepSystem<D, N> {
     ) -> Result<Self, SolveError> {
         let StepContext { model, links, step, .. } = *context;
         let ranks = links.halo().ranks();
-        let dofs = constraints(context, points, terms);
+        let dofs = constraints(context, points, fields, terms);
         let dofs = agree(ranks, dofs.map_err(|error| SolveError::Constraint { step: step.index, error }))?;
         // In a body of revolution, hoop stresses resist radial motion.
         let rigid = usize::from(model.revolved)..D;
@@ -51,7 +52,7 @@ impl<const D: usize, const N: usize> StepSystem<D, N> {
         let sum = Sum::new(std::mem::take(terms), context, &dofs);
         let parts = Parts::new(&joined, links.halo(), fields.components());
         let parts = parts.of_bodies(points, links, model.bodies.len(), carried);
-        Ok(StepSystem { dofs, sum, condition, parts })
+        Ok(StepSystem { dofs, sum, condition, parts, fields: fields.clone() })
     }
 }
 
@@ -59,10 +60,12 @@ impl<const D: usize, const N: usize> StepSystem<D, N> {
 fn constraints<const D: usize, const N: usize>(
     context: &StepContext<D>,
     points: &Points<D>,
+    fields: &Fields,
     terms: &Terms<D, N>,
 ) -> Result<DofMap<N>, ConstraintError> {
     let StepContext { model, links, step, .. } = *context;
-    let mut constraints = Constraints::of_model(model, points, links, [step.start, step.end])?;
+    let constraints = Constraints::of_model(model, points, links, [step.start, step.end])?;
+    let mut constraints = constraints.of_fields(fields);
     terms.iter().try_for_each(|term| term.constrain(context, points, &mut constraints))?;
     constraints.into_map()
 }

@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use crate::basis::Connectivity;
+use crate::dofs::Fields;
 use crate::equilibrium::StepReport;
 use crate::linear::Backend;
 use crate::model::{GridMotionError, Model};
@@ -19,7 +20,6 @@ use super::damping;
 use super::diagnosis::Diagnosis;
 use super::equations::{Equations, OfEngine};
 use super::error::SolveError;
-use super::fields::Fields;
 use super::observer::Observer;
 use super::summary::{Reached, Summary};
 
@@ -53,8 +53,6 @@ pub struct Stepper<'a, const D: usize, const N: usize = D> {
     pub(super) lost_points: Option<SolveError>,
     /// The terms of equilibrium.
     pub(super) terms: Terms<D, N>,
-    /// True if terms have been added to the terms of the model.
-    is_extended: bool,
     pub(super) reached: Reached,
 }
 
@@ -145,7 +143,6 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
             report: None,
             cause: None,
             lost_points: None,
-            is_extended: false,
             reached,
         }
     }
@@ -155,7 +152,6 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
     /// # Errors
     /// [`SolveError::Term`] if two terms have the same name.
     pub fn with_terms(mut self, further: Terms<D, N>) -> Result<Self, SolveError> {
-        self.is_extended |= !further.is_empty();
         self.terms.extend(further);
         let mut names = BTreeSet::new();
         match self.terms.iter().find(|term| !names.insert(term.name())) {
@@ -303,10 +299,8 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
 
     /// The role of slumping in the next attempt.
     fn role_of_slumping(&self) -> Slump {
-        // Further terms may do more than load the bodies, and a failed slump does not restore the state of terms.
-        let may_slump = self.reached.summary.pace.is_damped()
-            && damping::may_slump(self.model, self.points)
-            && !self.is_extended;
+        let may_slump =
+            self.reached.summary.pace.is_damped() && damping::may_slump(self.model, self.points, &self.terms);
         if may_slump { Slump::MayBegin } else { Slump::Forbidden }
     }
 

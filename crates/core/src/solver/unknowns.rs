@@ -6,9 +6,9 @@ use crate::dofs::DofMap;
 use crate::linear::LinearError;
 use crate::model::Model;
 use crate::ranks::Halo;
+use crate::region::vector::{minus, norm};
 use crate::step::{At, Nodal};
 
-use super::fields::norm;
 use super::residual::Forces;
 
 /// The unknowns of a load step and the vectors that an iteration works with.
@@ -63,7 +63,7 @@ impl<const N: usize> Unknowns<N> {
     ) -> Self {
         let zero = vec![[0.0; N]; links.n_active()];
         let [low, high] = model.grid.bounds();
-        let diameter = norm((0..D).map(|d| high[d] - low[d]));
+        let diameter = norm(&minus(&high, &low));
         Unknowns {
             delta_d: zero.clone(),
             factor,

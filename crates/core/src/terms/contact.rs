@@ -87,7 +87,7 @@ use crate::step::{At, Nodal, StepContext};
 
 use super::failure::{BeginError, EvaluateError};
 use super::saved::Saved;
-use super::term::{Augmentation, Ledger, Response, Term};
+use super::term::{Augmentation, GlobalUnknown, Ledger, Response, Term, TermReport};
 use agreement::{Failure, agreed};
 use along::{Followed, followed};
 use candidates::{Candidate, Key};
@@ -222,6 +222,14 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
         self.is_symmetric
     }
 
+    fn has_kinks(&self) -> bool {
+        true
+    }
+
+    fn has_potential(&self, model: &Model<D>) -> bool {
+        !model.tools.iter().any(Tool::resists_sliding)
+    }
+
     fn may_hold(&self) -> bool {
         true
     }
@@ -259,10 +267,15 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
         self.has_woken = false;
     }
 
-    fn motion_of_tool(&self, tool: usize, component: usize) -> Option<usize> {
-        let before = self.tools.iter().take(tool).map(|moving| moving.free.len()).sum::<usize>();
-        let of_tool = self.tools.get(tool)?.free.iter().position(|&k| k == component)?;
-        Some(before + of_tool)
+    fn globals(&self, model: &Model<D>) -> Vec<GlobalUnknown> {
+        let of_tool = |(tool, moving): (&Tool<D>, &Moving<D>)| {
+            let named = |&component: &usize| {
+                let is_free = tool.freedom(component).is_free();
+                GlobalUnknown { of: tool.name.clone(), component, is_free }
+            };
+            moving.free.iter().map(named).collect::<Vec<_>>()
+        };
+        model.tools.iter().zip(&self.tools).flat_map(of_tool).collect()
     }
 
     fn n_globals(&self) -> usize {
@@ -440,8 +453,8 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
         Ledger { friction: self.touching().map(of_place).sum(), ..Ledger::default() }
     }
 
-    fn tools(&self, model: &Model<D>) -> Vec<ToolState<D>> {
-        self.states(model)
+    fn report(&self, model: &Model<D>, report: &mut TermReport<D>) {
+        report.tools.extend(self.states(model));
     }
 
     fn commit(&mut self) {

@@ -7,7 +7,7 @@ use crate::points::Points;
 use crate::step::{At, Nodal, StepContext};
 
 use super::failure::{BeginError, EvaluateError, LoadNotFinite};
-use super::term::{NamedForce, Term};
+use super::term::{NamedForce, Term, TermReport};
 
 /// Name under which the force that a stage releases is reported.
 const RELEASED: &str = "released";
@@ -265,6 +265,12 @@ impl<const D: usize, const N: usize> Term<D, N> for ExternalForces<D> {
         true
     }
 
+    /// Other loads than weight act on given points or grow along the step: whether the bodies can carry them is for
+    /// the run to show.
+    fn may_slump(&self, model: &Model<D>) -> bool {
+        model.loads.iter().all(|load| matches!(load.action, Action::Gravity(_)))
+    }
+
     fn begin(&mut self, context: &StepContext<D>, points: &Points<D>) -> Result<(), BeginError> {
         let StepContext { model, links, step, .. } = *context;
         self.released = not_yet_released(model, links, step.end);
@@ -308,15 +314,12 @@ impl<const D: usize, const N: usize> Term<D, N> for ExternalForces<D> {
         add(force, &self.start);
     }
 
-    fn named_forces(&self) -> Vec<NamedForce<D>> {
+    fn report(&self, _: &Model<D>, report: &mut TermReport<D>) {
+        add(&mut report.loads, &self.resultants);
         let sum = |forces: &Nodal<D>| {
             forces.iter().fold([0.0; D], |sum, force| std::array::from_fn(|d| sum[d] + force[d]))
         };
         let released = self.released.iter().map(sum);
-        released.map(|force| NamedForce { name: RELEASED.to_owned(), force }).collect()
-    }
-
-    fn add_resultants(&self, sum: &mut [[f64; D]]) {
-        add(sum, &self.resultants);
+        report.forces.extend(released.map(|force| NamedForce { name: RELEASED.to_owned(), force }));
     }
 }

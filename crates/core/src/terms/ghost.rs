@@ -27,7 +27,7 @@ use crate::step::{At, StepContext};
 
 use super::failure::{BeginError, EvaluateError};
 use super::held_material::HeldMaterial;
-use super::term::{Ledger, Term};
+use super::term::{Ledger, Term, TermReport};
 
 /// Fraction of the penalty, [-], that acts on the faces of cells with few points: enough to resist hourglass modes,
 /// which would otherwise have no stiffness, and too little to carry load where the material flows.
@@ -216,6 +216,10 @@ impl<const D: usize, const N: usize> Term<D, N> for Ghost {
         true
     }
 
+    fn may_slump(&self, _: &Model<D>) -> bool {
+        true
+    }
+
     fn begin(&mut self, step: &StepContext<D>, points: &Points<D>) -> Result<(), BeginError> {
         *self = Ghost::new(step.model, points, step.links);
         Ok(())
@@ -265,8 +269,8 @@ impl<const D: usize, const N: usize> Term<D, N> for Ghost {
         Ledger { lost: 0.5 * work, ..Ledger::default() }
     }
 
-    fn stabilised_faces(&self) -> usize {
-        self.n_faces()
+    fn report(&self, _: &Model<D>, report: &mut TermReport<D>) {
+        report.stabilised_faces += self.n_faces();
     }
 }
 

@@ -21,6 +21,7 @@ use crate::assembly::{NodePairs, System, UNCOUPLED, Wanted};
 use crate::basis::{Connectivity, LinkBuffer};
 use crate::linear::Block;
 use crate::material::Material;
+use crate::model::Model;
 use crate::points::{PIECE, Points};
 use crate::step::{At, StepContext, displacement};
 use crate::stress::{Mechanics, StartOfStep, Volumetric};
@@ -221,6 +222,10 @@ impl<const D: usize, const N: usize, M: Mechanics<D>> Term<D, N> for MaterialPoi
         let reduced = self.reduced.iter().flatten().map(|law| law.as_ref());
         let mut laws = model.materials.iter().map(|material| material.law.as_ref()).chain(reduced);
         !has_f_bar && laws.all(|law| law.tangent_is_symmetric())
+    }
+
+    fn may_slump(&self, _: &Model<D>) -> bool {
+        true
     }
 
     fn couples_group(&self, group: usize) -> bool {

@@ -8,16 +8,15 @@ use crate::model::Model;
 use crate::points::Points;
 use crate::step::{At, Nodal, StepContext};
 use crate::stress::Mechanics;
-use crate::surface::SurfaceFields;
 
-use super::contact::{Contact, ToolState};
+use super::contact::Contact;
 use super::external_force::ExternalForces;
 use super::failure::{BeginError, EvaluateError, agree};
 use super::ghost::Ghost;
 use super::material_points::MaterialPoints;
 use super::saved::Saved;
 use super::surface::Surfaces;
-use super::term::{Augmentation, Ledger, NamedForce, Response, SurfaceReaction, Term};
+use super::term::{Augmentation, GlobalUnknown, Ledger, Response, Term, TermReport};
 
 /// The terms of a model, in the order in which they are added up.
 pub type Terms<const D: usize, const N: usize = D> = Vec<Box<dyn Term<D, N>>>;
@@ -254,36 +253,26 @@ impl<const D: usize, const N: usize> Sum<D, N> {
         })
     }
 
-    /// The resultants of the `n` loads of the model, [force].
-    pub fn resultants(&self, n: usize) -> Vec<[f64; D]> {
-        let mut resultants = vec![[0.0; D]; n];
-        self.terms.iter().for_each(|term| term.add_resultants(&mut resultants));
-        resultants
+    /// What the terms report of the step, at the last evaluation.
+    pub fn report(&self, model: &Model<D>) -> TermReport<D> {
+        let mut report = TermReport { loads: vec![[0.0; D]; model.loads.len()], ..TermReport::default() };
+        self.terms.iter().for_each(|term| term.report(model, &mut report));
+        report
     }
 
-    /// The reactions of those boundary conditions of the model that act on surfaces.
-    pub fn surface_reactions(&self) -> Vec<SurfaceReaction<D>> {
-        self.terms.iter().flat_map(|term| term.surface_reactions()).collect()
+    /// The global unknowns of all terms, in order.
+    pub fn globals(&self, model: &Model<D>) -> Vec<GlobalUnknown> {
+        self.terms.iter().flat_map(|term| term.globals(model)).collect()
     }
 
-    /// The state of the surfaces of the model.
-    pub fn surfaces(&self) -> Vec<SurfaceFields<D>> {
-        self.terms.iter().flat_map(|term| term.surfaces()).collect()
+    /// True if the sum derives from a potential, at least approximately.
+    pub fn has_potential(&self, model: &Model<D>) -> bool {
+        self.terms.iter().all(|term| term.has_potential(model))
     }
 
-    /// The state of the tools of the model.
-    pub fn tools(&self, model: &Model<D>) -> Vec<ToolState<D>> {
-        self.terms.iter().flat_map(|term| term.tools(model)).collect()
-    }
-
-    /// The further forces that terms report by name, [force].
-    pub fn named_forces(&self) -> Vec<NamedForce<D>> {
-        self.terms.iter().flat_map(|term| term.named_forces()).collect()
-    }
-
-    /// Number of stabilised faces between cells.
-    pub fn stabilised_faces(&self) -> usize {
-        self.terms.iter().map(|term| term.stabilised_faces()).sum()
+    /// True if the sum is only piecewise smooth in the unknowns.
+    pub fn has_kinks(&self) -> bool {
+        self.terms.iter().any(|term| term.has_kinks())
     }
 
     /// Frees memory that only further evaluations would need.

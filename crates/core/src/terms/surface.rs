@@ -21,7 +21,7 @@ use crate::surface::{Carried, Surface, SurfaceFields, centre, unit};
 
 use super::failure::{BeginError, EvaluateError, SurfaceLost};
 use super::saved::Saved;
-use super::term::{Augmentation, SurfaceReaction, Term};
+use super::term::{Augmentation, Term, TermReport};
 use condition::Condition;
 use load::SurfaceLoad;
 
@@ -261,20 +261,14 @@ impl<const D: usize, const N: usize> Term<D, N> for Surfaces<D> {
         crate::assembly::add(force, &self.start);
     }
 
-    fn add_resultants(&self, sum: &mut [[f64; D]]) {
-        self.loads.iter().for_each(|load| load.add_resultant(sum));
-    }
-
-    fn surface_reactions(&self) -> Vec<SurfaceReaction<D>> {
+    fn report(&self, _: &Model<D>, report: &mut TermReport<D>) {
+        self.loads.iter().for_each(|load| load.add_resultant(&mut report.loads));
         let acting = self.conditions.iter().filter(|condition| condition.len() > 0);
-        acting.map(|condition| condition.reaction(&self.ranks, &self.carried)).collect()
-    }
-
-    fn surfaces(&self) -> Vec<SurfaceFields<D>> {
+        report.reactions.extend(acting.map(|condition| condition.reaction(&self.ranks, &self.carried)));
         let of_all = |(fields, carried): (&SurfaceFields<D>, &Carried<D>)| {
             fields.of_all_ranks(&self.ranks, |sample| carried.is_own(sample))
         };
-        self.fields.iter().zip(&self.carried).map(of_all).collect()
+        report.surfaces.extend(self.fields.iter().zip(&self.carried).map(of_all));
     }
 
     fn commit(&mut self) {

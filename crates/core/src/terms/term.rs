@@ -21,6 +21,17 @@ pub struct NamedForce<const D: usize> {
     pub force: [f64; D],
 }
 
+/// A component of a motion that is a global unknown.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct GlobalUnknown {
+    /// Name of what moves, such as the name of a rigid tool.
+    pub of: String,
+    /// Number of the component of the motion.
+    pub component: usize,
+    /// True if equilibrium alone determines the motion; false if the motion follows from the load factor.
+    pub is_free: bool,
+}
+
 /// The reaction that a boundary condition of the model, imposed on a surface, exerts on the body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SurfaceReaction<const D: usize> {
@@ -56,6 +67,25 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
     /// True if the stiffness of the term is symmetric. If an evaluation makes it unsymmetric, the system of the step is
     /// laid out anew.
     fn is_symmetric(&self, step: &StepContext<D>) -> bool;
+
+    /// True if the force is only piecewise smooth in the unknowns, as it is in contact. The line search then makes more
+    /// trials and begins with the first increment.
+    fn has_kinks(&self) -> bool {
+        false
+    }
+
+    /// True if the force derives from a potential, at least approximately: an indefinite stiffness then shows that an
+    /// equilibrium is unstable. Friction has no potential.
+    fn has_potential(&self, _model: &Model<D>) -> bool {
+        true
+    }
+
+    /// True if the bodies may slump under the term: damped iterations then carry the points from one fresh grid to the
+    /// next before the step is in equilibrium. The force of the term must follow from the trial state of the points or
+    /// from their weight alone, and the term must keep no state between steps.
+    fn may_slump(&self, _model: &Model<D>) -> bool {
+        false
+    }
 
     /// True if the term can hold parts of the bodies that no boundary condition holds. Only the stiffness shows whether
     /// it does.
@@ -118,10 +148,10 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
         0
     }
 
-    /// The number, among the global unknowns of the term, of component `component` of the motion of a tool of the
-    /// model; `None` if this component is not an unknown of the term.
-    fn motion_of_tool(&self, _tool: usize, _component: usize) -> Option<usize> {
-        None
+    /// The global unknowns of the term, in order. A displacement that controls the load finds its unknown here, and
+    /// an error names those whose motion nothing resists.
+    fn globals(&self, _model: &Model<D>) -> Vec<GlobalUnknown> {
+        Vec::new()
     }
 
     /// Adds the force of the term at these unknowns, either to the internal or to the external force of `sum`, and, if
@@ -177,39 +207,12 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
         Ledger::default()
     }
 
-    /// Adds the resultants of the loads of the model that this term applies, in the order of the loads, [force].
-    fn add_resultants(&self, _sum: &mut [[f64; D]]) {}
-
-    /// The reactions of those boundary conditions of the model that this term imposes on surfaces, at the last
-    /// evaluation.
-    fn surface_reactions(&self) -> Vec<SurfaceReaction<D>> {
-        Vec::new()
-    }
-
-    /// The surfaces of the model, in order, at the last evaluation; only the term that carries them returns any.
-    fn surfaces(&self) -> Vec<SurfaceFields<D>> {
-        Vec::new()
-    }
-
-    /// The rigid tools of the model, in order, at the last evaluation; only the term that moves them returns any.
-    fn tools(&self, _model: &Model<D>) -> Vec<ToolState<D>> {
-        Vec::new()
-    }
+    /// Adds what the term reports of the step, at the last evaluation.
+    fn report(&self, _model: &Model<D>, _report: &mut TermReport<D>) {}
 
     /// The position nearest to `place`, [length], that the body can occupy at the last commit: outside all obstacles.
     fn nearest_allowed(&self, _model: &Model<D>, _body: usize, place: [f64; D]) -> [f64; D] {
         place
-    }
-
-    /// Further forces on the bodies at the last evaluation, [force], each reported under its own name; for example, the
-    /// force from a wall.
-    fn named_forces(&self) -> Vec<NamedForce<D>> {
-        Vec::new()
-    }
-
-    /// Number of faces between cells that the term stabilises.
-    fn stabilised_faces(&self) -> usize {
-        0
     }
 
     /// Called when the system has been laid out anew: indices of blocks are no longer valid.
@@ -237,6 +240,25 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
     fn restore(&mut self, _saved: &serde_json::Value) -> Result<(), String> {
         Err("it has no state to restore".to_owned())
     }
+}
+
+/// What the terms report of a step.
+#[derive(Debug, Clone, Default)]
+#[non_exhaustive]
+pub struct TermReport<const D: usize> {
+    /// Resultants of the loads of the model, in their order, to which a term adds those of the loads that it applies on
+    /// this rank, [force].
+    pub loads: Vec<[f64; D]>,
+    /// Further forces on the bodies on this rank, each reported under its own name; for example, the force from a wall.
+    pub forces: Vec<NamedForce<D>>,
+    /// Reactions, on all ranks, of the boundary conditions of the model that are imposed on surfaces.
+    pub reactions: Vec<SurfaceReaction<D>>,
+    /// The surfaces of the model on all ranks, in order.
+    pub surfaces: Vec<SurfaceFields<D>>,
+    /// The rigid tools of the model on all ranks, in order.
+    pub tools: Vec<ToolState<D>>,
+    /// Number of faces between cells that are stabilised on this rank.
+    pub stabilised_faces: usize,
 }
 
 /// What a change of multipliers adds to the equations.

@@ -32,7 +32,7 @@ pub fn on_error(error: &SolveError) -> Option<&'static str> {
         SolveError::Collapsed { .. } => {
             Some("use `domain_update: corners`, or more load steps with `diagonal-incremental`")
         }
-        SolveError::Singular { tools, .. } if !tools.is_empty() => Some(
+        SolveError::Singular { free, .. } if !free.is_empty() => Some(
             "place and load the tool so that the bodies resist its motion in every free component (by friction where it turns or \
              slides); or prescribe some of these components",
         ),

@@ -66,7 +66,7 @@ fn check<const D: usize>(case: Case<D>) -> usize {
     let mut product = vec![[0.0; D]; n];
     sum.system_mut().multiply(&direction, &mut product);
     let border = sum.system().border.clone();
-    let touching = sum.tools(&model).iter().map(|tool| tool.contacts.len()).sum();
+    let touching = sum.report(&model).tools.iter().map(|tool| tool.contacts.len()).sum();
     let mut difference = |moved: [&[[f64; D]]; 2], free: [&[f64]; 2]| -> (Vec<f64>, Vec<f64>) {
         let [a, b] = [0, 1].map(|k| {
             evaluate(moved[k], free[k], Wanted::Force, &mut sum);
