@@ -15,7 +15,7 @@ use mpm::output::summary::{Account, Start};
 use mpm::points::{FieldKind, PointFieldSpec, Points};
 use mpm::solver::{Silent, Stepper};
 use mpm::step::{At, StepContext};
-use mpm::terms::{BeginError, EvaluateError, Term};
+use mpm::terms::{BeginError, EvaluateError, NamedForce, Term, TermReport};
 use mpm::timing::Timings;
 use vtkio::IOBuffer;
 use vtkio::model::Attribute;
@@ -65,6 +65,10 @@ impl Term<2> for Way {
             }
         }
         Ok(())
+    }
+
+    fn report(&self, _: &Model<2>, report: &mut TermReport<2>) {
+        report.forces.push(NamedForce { name: "drag".to_owned(), force: [1.5, -2.5] });
     }
 }
 
@@ -121,7 +125,8 @@ fn further_fields_survive_grouping_commit_checkpoint_and_resumption_and_are_in_f
     let directory: PathBuf = Path::new(env!("CARGO_TARGET_TMPDIR")).join("further_fields");
     let _ = fs::remove_dir_all(&directory);
     let (model, mut points) = analysis();
-    let asked = Request { checkpoints: Some(1), ..Request::default() };
+    let forces = vec!["drag".to_owned(), "lift".to_owned()];
+    let asked = Request { checkpoints: Some(1), forces, ..Request::default() };
     let mut files = Results::create(&directory, &asked, &model, account()).unwrap();
     let started = points.id.clone();
     let stepper = Stepper::new(&model, &mut points).with_terms(vec![Box::new(Way)]).unwrap();
@@ -141,6 +146,19 @@ fn further_fields_survive_grouping_commit_checkpoint_and_resumption_and_are_in_f
     assert!(displacement.iter().zip(&way).all(is_shorter));
     assert!(displacement.iter().zip(&way).any(|(u, way)| u.abs() > 0.999 * way && *way > 1e-3));
     assert_eq!(model.array(&points, "way").unwrap().values, way);
+
+    // The history has the force that the term reports; no term reports the other one.
+    let history = fs::read_to_string(directory.join("history.csv")).unwrap();
+    let mut lines = history.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let columns = lines.next().unwrap();
+    let of = |name: &str| columns.iter().position(|column| *column == name).unwrap();
+    let [drag, lift] = [["drag_fx", "drag_fy"], ["lift_fx", "lift_fy"]].map(|names| names.map(of));
+    let rows: Vec<_> = lines.collect();
+    assert!(rows.len() >= STEPS);
+    for row in rows {
+        assert_eq!(drag.map(|column| row[column].parse::<f64>().unwrap()), [1.5, -2.5]);
+        assert_eq!(lift.map(|column| row[column]), [""; 2]);
+    }
 
     // The files contain the fields under their names, at the start and at the end.
     for (file, steps) in [("points_0000.vtu", 0.0), (&format!("points_{:04}.vtu", steps as usize), steps)] {

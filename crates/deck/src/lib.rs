@@ -275,6 +275,7 @@ impl Deck {
             fields: fields.clone(),
             precision: *precision,
             checkpoints: self.checkpoint.map(|checkpoint| checkpoint.every.max(1) as usize),
+            forces: Vec::new(),
         }
     }
 }

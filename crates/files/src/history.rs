@@ -29,8 +29,8 @@ pub const QUALITY: [&str; 15] = [
 /// Columns of `convergence.csv`.
 pub const CONVERGENCE: [&str; 3] = ["step", "iteration", "residual"];
 
-/// Columns of `history.csv`.
-pub fn columns_of_history<const D: usize>(model: &Model<D>) -> Vec<String> {
+/// Columns of `history.csv`, with those of further forces of these names.
+pub fn columns_of_history<const D: usize>(model: &Model<D>, forces: &[String]) -> Vec<String> {
     let axes = &["x", "y", "z"][..D];
     let mut columns: Vec<String> =
         ["step", "time", "iterations", "residual", "linear_iterations", "converged", "rounding_limited"]
@@ -67,6 +67,9 @@ pub fn columns_of_history<const D: usize>(model: &Model<D>) -> Vec<String> {
             columns.extend(turns.iter().map(|axis| format!("{name}_{}_m{axis}", part.name)));
         }
     }
+    for name in forces {
+        columns.extend(axes.iter().map(|axis| format!("{name}_f{axis}")));
+    }
     for probe in &model.probes {
         columns.extend(axes.iter().map(|axis| format!("{}_u{axis}", probe.name)));
     }
@@ -74,12 +77,13 @@ pub fn columns_of_history<const D: usize>(model: &Model<D>) -> Vec<String> {
     columns
 }
 
-/// The row of `history.csv` of a converged step. All ranks must call this together.
+/// The row of `history.csv` of a converged step; a further force that no term reports is missing. All ranks must call this together.
 pub fn row_of_history<const D: usize>(
     model: &Model<D>,
     points: &Points<D>,
     report: &StepReport<D>,
     summary: &Summary,
+    forces: &[String],
 ) -> Vec<Entry> {
     let residual = report.residuals.last().copied().unwrap_or(0.0);
     let mut row: Vec<Entry> = vec![
@@ -122,6 +126,10 @@ pub fn row_of_history<const D: usize>(
             row.extend(part.force.map(Entry::from));
             row.extend(part.moment[about..].iter().map(|m| Entry::from(*m)));
         }
+    }
+    for name in forces {
+        let force = report.forces.iter().find(|named| named.name == *name).map(|named| named.force);
+        row.extend((0..D).map(|d| force.map_or(Entry::Missing, |force| force[d].into())));
     }
     for moved in moved(model, points) {
         for d in 0..D {

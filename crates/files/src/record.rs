@@ -60,7 +60,7 @@ impl Record {
     /// A record of a run that begins with this model.
     pub fn new<const D: usize>(model: &Model<D>, account: Account) -> Record {
         Record {
-            history: Rows::new(&columns_of_history(model)),
+            history: Rows::new(&columns_of_history(model, &[])),
             quality: Rows::new(&QUALITY),
             convergence: Rows::new(&CONVERGENCE),
             summary: None,
@@ -95,7 +95,7 @@ impl<const D: usize> Observer<D> for Record {
         summary: &Summary,
     ) -> io::Result<()> {
         self.findings.accept(model, report, summary);
-        self.history.rows.push(row_of_history(model, points, report, summary));
+        self.history.rows.push(row_of_history(model, points, report, summary, &[]));
         self.quality.rows.push(row_of_quality(report, summary, &self.findings));
         Ok(())
     }

@@ -42,12 +42,15 @@ pub struct Request {
     /// Number of load steps from one checkpoint to the next; the last step has one as well. `None` writes one only if a
     /// run ends early.
     pub checkpoints: Option<usize>,
+    /// Names of forces that terms report in addition to the loads of the model, see
+    /// [`StepReport::forces`](mpm_core::solver::StepReport::forces); each has columns in `history.csv`.
+    pub forces: Vec<String>,
 }
 
 impl Default for Request {
     fn default() -> Self {
         let fields = PointField::by_default();
-        Request { every: 1, fields, precision: Precision::default(), checkpoints: None }
+        Request { every: 1, fields, precision: Precision::default(), checkpoints: None, forces: Vec::new() }
     }
 }
 
@@ -56,6 +59,7 @@ pub struct Results {
     directory: PathBuf,
     every: usize,
     checkpoints: Option<usize>,
+    forces: Vec<String>,
     /// The tables; only the first rank has them.
     tables: Option<Tables>,
     frames: Frames,
@@ -123,7 +127,7 @@ impl Results {
         }
         remove_earlier_results(directory)?;
         let tables = Tables {
-            history: Table::create(directory.join("history.csv"), &columns_of_history(model))?,
+            history: Table::create(directory.join("history.csv"), &columns_of_history(model, &asked.forces))?,
             quality: Table::create(directory.join("quality.csv"), &QUALITY)?,
             convergence: Table::create(directory.join("convergence.csv"), &CONVERGENCE)?,
         };
@@ -148,6 +152,7 @@ impl Results {
             directory: directory.to_owned(),
             every: asked.every,
             checkpoints: asked.checkpoints,
+            forces: asked.forces.clone(),
             tables: None,
             frames: Frames::new(&asked.fields, asked.precision),
             writer: Writer::new(
@@ -184,7 +189,8 @@ impl Results {
         reached: Step,
     ) -> io::Result<Results> {
         let (last, every) = (checkpoint.step().index, asked.every);
-        let [history, quality, convergence] = tables_in(directory, model, Some(&checkpoint.head.reached))?;
+        let [history, quality, convergence] =
+            tables_in(directory, (model, &asked.forces), Some(&checkpoint.head.reached))?;
         if let Some(name) = foreign_file(directory)? {
             return Err(foreign(&name, ", or is damaged"));
         }
@@ -215,15 +221,17 @@ impl Results {
     }
 
     /// Checks that the tables of a run are in its directory, with the rows of all steps up to `reached` if it is given.
+    /// `forces` are those of its [`Request`].
     ///
     /// # Errors
     /// The errors of [`Results::resume`] that concern tables.
     pub fn check_tables<const D: usize>(
         directory: &Path,
         model: &Model<D>,
+        forces: &[String],
         reached: Option<&Reached>,
     ) -> io::Result<()> {
-        tables_in(directory, model, reached).map(drop)
+        tables_in(directory, (model, forces), reached).map(drop)
     }
 
     /// The same results, for a run in which nothing else watches `stop`: the run ends when `stop` is set.
@@ -236,9 +244,9 @@ impl Results {
         change(&mut self.account);
     }
 
-    /// Makes the steps that follow write VTU files and checkpoints as `asked` states.
+    /// Makes the steps that follow write VTU files and checkpoints as `asked` states. The columns of the tables stay.
     pub fn change(&mut self, asked: &Request) {
-        let Request { every, fields, precision, checkpoints } = asked;
+        let Request { every, fields, precision, checkpoints, forces: _ } = asked;
         (self.every, self.checkpoints) = (*every, *checkpoints);
         self.frames.change(fields, *precision);
     }
@@ -279,12 +287,12 @@ impl Results {
 /// The rows up to `reached` of `history.csv`, `quality.csv` and `convergence.csv` in a directory.
 fn tables_in<const D: usize>(
     directory: &Path,
-    model: &Model<D>,
+    (model, forces): (&Model<D>, &[String]),
     reached: Option<&Reached>,
 ) -> io::Result<[Kept; 3]> {
     let (last, steps) = reached.map_or((0, 0), |reached| (reached.step.index, reached.summary.steps));
     let table = |name: &str, columns: &[String]| Table::keep(directory.join(name), columns, last);
-    let history = table("history.csv", &columns_of_history(model))?;
+    let history = table("history.csv", &columns_of_history(model, forces))?;
     let quality = table("quality.csv", &QUALITY.map(String::from))?;
     let convergence = table("convergence.csv", &CONVERGENCE.map(String::from))?;
     rows::check([&history, &quality, &convergence], steps)?;

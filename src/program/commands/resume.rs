@@ -137,8 +137,8 @@ fn close(
 ) -> anyhow::Result<()> {
     let checked = match analysis {
         _ if !ranks.is_root() => Ok(()),
-        Analysis::Plane(parts) => Results::check_tables(directory, &parts.0, reached),
-        Analysis::Solid(parts) => Results::check_tables(directory, &parts.0, reached),
+        Analysis::Plane(parts) => Results::check_tables(directory, &parts.0, &[], reached),
+        Analysis::Solid(parts) => Results::check_tables(directory, &parts.0, &[], reached),
     };
     if let Some(reason) = ranks.first(checked.err().map(|error| error.to_string())) {
         bail!("{}", unusable(ErrorKind::InvalidData, &reason));

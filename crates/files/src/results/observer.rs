@@ -140,7 +140,7 @@ impl Results {
         self.last = report.step;
         self.accepted = Some(Reached { step: report.step, summary: summary.clone() });
         self.findings.accept(model, report, summary);
-        let row = row_of_history(model, points, report, summary);
+        let row = row_of_history(model, points, report, summary, &self.forces);
         let mut settled = self.failure.take().map_or(Ok(()), Err);
         let is_due = is_due(self.every, model, report.step);
         if settled.is_ok() && (is_due || !self.writer.is_at_work()) {
