@@ -6,7 +6,7 @@
 //! | `acceptance`, `refusal` | the commit of a converged step, and what follows a failed attempt |
 //! | `stages`, `release` | the transition between stages: what is added and removed, and the forces that are released |
 //! | `change` | the change of a model between two steps |
-//! | `load_step`, `step_system`, `fields` | one attempt at a step, and what it sets up once |
+//! | `load_step`, `step_system` | one attempt at a step, and what it sets up once |
 //! | `newton` | the iterations, eqs. (26), (30) |
 //! | `evaluation`, `unknowns` | forces and K of an iterate; Δd, δd and reactions, eq. (28) |
 //! | `line_search` | the decision to record an iterate, or to evaluate it again, in most cases after a shorter δd |

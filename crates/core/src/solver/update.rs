@@ -7,7 +7,7 @@ use std::sync::{Mutex, PoisonError};
 use super::agree::agree;
 use super::error::SolveError;
 use super::load_step::LoadStep;
-use crate::basis::{Connectivity, DomainKind, LinkBuffer as Products, Method, check_domain};
+use crate::basis::{Connectivity, DomainKind, LinkBuffer as Products, Method, SupportError, check_domain};
 use crate::domain::DomainMotion;
 use crate::grid::{Grid, interpolate};
 use crate::kinematics::Increment;
@@ -77,22 +77,10 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             let mut trial = std::mem::take(&mut self.points.trial);
             trial.make_room_for_motion(&self.points.converged);
             let points = &*self.points;
+            let update =
+                PointUpdate { model, links, points, step, next_grid, delta_d, nodal, displacement, replaces };
             let move_point = |nodes: &[u32], products: &mut Products<D>, p: usize, moved: &mut Moved<D>| {
-                move_point(
-                    model,
-                    next_grid,
-                    points,
-                    links,
-                    nodes,
-                    products,
-                    delta_d,
-                    &nodal,
-                    &displacement,
-                    p,
-                    step,
-                    replaces,
-                    moved,
-                )?;
+                update.move_point(nodes, products, p, moved)?;
                 if moved.is_replaced {
                     replaced.lock().unwrap_or_else(PoisonError::into_inner).push(points.id[p]);
                 }
@@ -198,133 +186,162 @@ impl<const D: usize> Room<'_, D> {
     }
 }
 
-#[expect(clippy::too_many_arguments, reason = "one point with everything that moves it")]
-fn move_point<const D: usize>(
-    model: &Model<D>,
-    next_grid: &dyn Grid<D>,
-    points: &Points<D>,
-    links: &Connectivity<D>,
-    nodes: &[u32],
-    products: &mut Products<D>,
-    delta_d: &[[f64; D]],
-    nodal: &impl Fn(usize) -> [f64; D],
-    displacement: &impl Fn(&[f64; D]) -> [f64; D],
-    p: usize,
+/// What moves the points at the end of a step.
+struct PointUpdate<'a, const D: usize, V, U> {
+    model: &'a Model<D>,
+    links: &'a Connectivity<D>,
+    points: &'a Points<D>,
     step: Step,
+    /// The grid in which the next step must find the points.
+    next_grid: &'a dyn Grid<D>,
+    delta_d: &'a [[f64; D]],
+    /// Δd of a node.
+    nodal: V,
+    /// Δd at a position.
+    displacement: U,
+    /// True if domains that have become invalid are replaced as a last resort.
     replaces: bool,
-    moved: &mut Moved<D>,
-) -> Result<(), SolveError> {
-    let of_point = links.links(p, products);
-    let mut position = points.converged.position[p];
-    for (&local, value) in of_point.local.iter().zip(of_point.value) {
-        let du = &delta_d[nodes[local as usize] as usize];
-        for d in 0..D {
-            position[d] += value * du[d]; // (31)
-        }
-    }
-    let held = match next_grid.structured() {
-        Some(grid) => grid.locate_index(&position).is_some(),
-        None => next_grid.locate(&position, Some(points.cell[p])).is_some(),
-    };
-    if !held {
-        return Err(SolveError::off_grid(model, points, p, position, step));
-    }
-    let start = &points.converged.position[p];
-    let dF = Increment::new(model.revolved, nodes, &of_point, delta_d, start).in_space();
-    let F = dF * points.converged.deformation_gradient[p]; // (16)
-    let body = &model.bodies[points.body[p] as usize];
-    moved.position = position;
-    moved.deformation_gradient = F;
-    moved.half_lengths = points.half_lengths(p);
-    moved.is_replaced = false;
-    match body.method.domain() {
-        DomainKind::None => moved.half_lengths = box_of_standard_point(model, points, p, (&F, &dF), &nodal),
-        DomainKind::Box => {
-            let motion = DomainMotion {
-                F: &along_axes::<D>(F),
-                dF: &along_axes::<D>(dF),
-                original: &points.original_half_lengths[p],
-                previous: &points.converged.half_lengths[p],
-                position: &points.converged.position[p],
-                displacement,
-            };
-            moved.half_lengths = body
-                .domain_update
-                .half_lengths(&motion) // (32)-(39)
-                .map_err(|error| SolveError::collapsed(model, points, p, position, step, error))?;
-        }
-        DomainKind::Corners => {
-            match body.method {
-                Method::Cpdi2 => carry_corners(points, p, displacement, moved),
-                Method::Mpm | Method::Gimp | Method::Cpdi1 => deform_corners(points, p, 1.0, moved),
-            }
-            // Without this check, only the next step, if there is one, would notice an invalid domain.
-            let n = points.corner_range(p).len();
-            let check = |moved: &Moved<D>| match next_grid.structured() {
-                Some(grid) => check_domain(grid, &moved.corners[..n], points.cell[p]),
-                None => check_domain(next_grid, &moved.corners[..n], points.cell[p]),
-            };
-            let mut checked = check(moved);
-            if checked.is_err() && body.split_above.is_some() && n == 1 << D {
-                moved.is_replaced = true;
-                let carried = moved.corners;
-                let mut sizes = (1..=MOST_HALVINGS).map(|k| 0.5f64.powi(k as i32)).chain([0.0]);
-                while checked.is_err()
-                    && let Some(size) = sizes.next()
-                {
-                    moved.corners = straightened(&carried, n, size);
-                    checked = check(moved);
-                }
-            }
-            if (replaces || body.split_above.is_some()) && checked.is_err() {
-                moved.is_replaced = true;
-                let mut sizes = (0..=MOST_HALVINGS).map(|k| 0.5f64.powi(k as i32));
-                while checked.is_err()
-                    && let Some(size) = sizes.next()
-                {
-                    deform_corners(points, p, size, moved);
-                    checked = check(moved);
-                }
-            }
-            checked.map_err(|error| SolveError::domain(model, points, p, position, step, error))?;
-        }
-    }
-    Ok(())
 }
 
-/// The updated half lengths of the box of a standard point, which only contact with tools uses; zero for points without
-/// a box. Corners beyond the cell of the point move with the basis of that cell, continued outwards: the next cell may
-/// hold no material. A box that would collapse keeps its size.
-fn box_of_standard_point<const D: usize>(
-    model: &Model<D>,
-    points: &Points<D>,
-    p: usize,
-    (F, dF): (&Mat3, &Mat3),
-    nodal: &impl Fn(usize) -> [f64; D],
-) -> [f64; D] {
-    let previous = points.half_lengths(p);
-    if previous == [0.0; D] {
-        return previous;
-    }
-    let displacement = |place: &[f64; D]| {
-        let basis = model.grid.basis_at(points.cell[p], place);
-        let mut sum = [0.0; D];
-        for (&node, &value) in basis.nodes().iter().zip(basis.value()) {
-            let at_node = nodal(node as usize);
-            (0..D).for_each(|d| sum[d] += value * at_node[d]);
+impl<const D: usize, V, U> PointUpdate<'_, D, V, U>
+where
+    V: Fn(usize) -> [f64; D],
+    U: Fn(&[f64; D]) -> [f64; D],
+{
+    /// Moves one point, which the group with these nodes holds; `products` receives its basis functions.
+    ///
+    /// # Errors
+    /// [`SolveError`] if the point leaves the grid, or its domain is torn or collapses.
+    fn move_point(
+        &self,
+        nodes: &[u32],
+        products: &mut Products<D>,
+        p: usize,
+        moved: &mut Moved<D>,
+    ) -> Result<(), SolveError> {
+        let PointUpdate { model, points, step, delta_d, .. } = *self;
+        let of_point = self.links.links(p, products);
+        let mut position = points.converged.position[p];
+        for (&local, value) in of_point.local.iter().zip(of_point.value) {
+            let du = &delta_d[nodes[local as usize] as usize];
+            for d in 0..D {
+                position[d] += value * du[d]; // (31)
+            }
         }
-        sum
-    };
-    let motion = DomainMotion {
-        F: &along_axes::<D>(*F),
-        dF: &along_axes::<D>(*dF),
-        original: &points.original_half_lengths[p],
-        previous: &previous,
-        position: &points.converged.position[p],
-        displacement: &displacement,
-    };
-    let update = model.bodies[points.body[p] as usize].domain_update;
-    update.half_lengths(&motion).unwrap_or(previous)
+        if !self.is_held(p, &position) {
+            return Err(SolveError::off_grid(model, points, p, position, step));
+        }
+        let start = &points.converged.position[p];
+        let dF = Increment::new(model.revolved, nodes, &of_point, delta_d, start).in_space();
+        let F = dF * points.converged.deformation_gradient[p]; // (16)
+        let body = &model.bodies[points.body[p] as usize];
+        moved.position = position;
+        moved.deformation_gradient = F;
+        moved.half_lengths = points.half_lengths(p);
+        moved.is_replaced = false;
+        match body.method.domain() {
+            DomainKind::None => moved.half_lengths = self.box_of_standard_point(p, (&F, &dF)),
+            DomainKind::Box => {
+                let motion = DomainMotion {
+                    F: &along_axes::<D>(F),
+                    dF: &along_axes::<D>(dF),
+                    original: &points.original_half_lengths[p],
+                    previous: &points.converged.half_lengths[p],
+                    position: &points.converged.position[p],
+                    displacement: &self.displacement,
+                };
+                moved.half_lengths = body
+                    .domain_update
+                    .half_lengths(&motion) // (32)-(39)
+                    .map_err(|error| SolveError::collapsed(model, points, p, position, step, error))?;
+            }
+            DomainKind::Corners => {
+                match body.method {
+                    Method::Cpdi2 => carry_corners(points, p, &self.displacement, moved),
+                    Method::Mpm | Method::Gimp | Method::Cpdi1 => deform_corners(points, p, 1.0, moved),
+                }
+                self.make_valid(p, moved)
+                    .map_err(|error| SolveError::domain(model, points, p, position, step, error))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// True if the next grid holds the point at this position.
+    fn is_held(&self, p: usize, position: &[f64; D]) -> bool {
+        match self.next_grid.structured() {
+            Some(grid) => grid.locate_index(position).is_some(),
+            None => self.next_grid.locate(position, Some(self.points.cell[p])).is_some(),
+        }
+    }
+
+    /// Checks a domain given by its corners, because otherwise only the next step, if there is one, would notice that
+    /// it is invalid. Where this is allowed, an invalid domain is replaced.
+    ///
+    /// # Errors
+    /// [`SupportError`] if the domain is invalid and not replaced.
+    fn make_valid(&self, p: usize, moved: &mut Moved<D>) -> Result<(), SupportError> {
+        let PointUpdate { points, next_grid, .. } = *self;
+        let is_split = self.model.bodies[points.body[p] as usize].split_above.is_some();
+        let n = points.corner_range(p).len();
+        let check = |moved: &Moved<D>| match next_grid.structured() {
+            Some(grid) => check_domain(grid, &moved.corners[..n], points.cell[p]),
+            None => check_domain(next_grid, &moved.corners[..n], points.cell[p]),
+        };
+        let mut checked = check(moved);
+        if checked.is_err() && is_split && n == 1 << D {
+            moved.is_replaced = true;
+            let carried = moved.corners;
+            let mut sizes = (1..=MOST_HALVINGS).map(|k| 0.5f64.powi(k as i32)).chain([0.0]);
+            while checked.is_err()
+                && let Some(size) = sizes.next()
+            {
+                moved.corners = straightened(&carried, n, size);
+                checked = check(moved);
+            }
+        }
+        if (self.replaces || is_split) && checked.is_err() {
+            moved.is_replaced = true;
+            let mut sizes = (0..=MOST_HALVINGS).map(|k| 0.5f64.powi(k as i32));
+            while checked.is_err()
+                && let Some(size) = sizes.next()
+            {
+                deform_corners(points, p, size, moved);
+                checked = check(moved);
+            }
+        }
+        checked
+    }
+
+    /// The updated half lengths of the box of a standard point, which only contact with tools uses; zero for points
+    /// without a box. Corners beyond the cell of the point move with the basis of that cell, continued outwards: the
+    /// next cell may hold no material. A box that would collapse keeps its size.
+    fn box_of_standard_point(&self, p: usize, (F, dF): (&Mat3, &Mat3)) -> [f64; D] {
+        let PointUpdate { model, points, .. } = *self;
+        let previous = points.half_lengths(p);
+        if previous == [0.0; D] {
+            return previous;
+        }
+        let displacement = |place: &[f64; D]| {
+            let basis = model.grid.basis_at(points.cell[p], place);
+            let mut sum = [0.0; D];
+            for (&node, &value) in basis.nodes().iter().zip(basis.value()) {
+                let at_node = (self.nodal)(node as usize);
+                (0..D).for_each(|d| sum[d] += value * at_node[d]);
+            }
+            sum
+        };
+        let motion = DomainMotion {
+            F: &along_axes::<D>(*F),
+            dF: &along_axes::<D>(*dF),
+            original: &points.original_half_lengths[p],
+            previous: &previous,
+            position: &points.converged.position[p],
+            displacement: &displacement,
+        };
+        let update = model.bodies[points.body[p] as usize].domain_update;
+        update.half_lengths(&motion).unwrap_or(previous)
+    }
 }
 
 /// A deformation gradient restricted to the `D` axes: the domain does not depend on the rest, such as the hoop stretch
