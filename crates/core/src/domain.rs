@@ -40,7 +40,7 @@ pub struct DomainMotion<'a, const D: usize> {
     pub previous: &'a [f64; D],
     /// Position at the start of the step, [length].
     pub position: &'a [f64; D],
-    /// Displacement increment of the grid at a position given at the start of the step, eq. (35), [length].
+    /// Displacement increment of the grid as a function of the position at the start of the step, eq. (35), [length].
     pub displacement: &'a dyn Fn(&[f64; D]) -> [f64; D],
 }
 

@@ -178,8 +178,8 @@ impl Cohesion {
             && self.together.iter().all(|&body| body < bodies)
     }
 
-    /// Remembers the parts of the first step; in later steps, returns a warning for each body, or pair of bodies, that
-    /// has come apart since, with the number of the body.
+    /// Remembers the connected parts found in the first step; in later steps, returns a warning for each body, or pair
+    /// of bodies, that has come apart since, with the number of the body or of the first one of the pair.
     pub fn watch<const D: usize>(
         known: &mut Option<Cohesion>,
         model: &Model<D>,

@@ -15,7 +15,7 @@ const BIN: f64 = 2.0;
 /// ignored.
 const MOST_BINS: i64 = 1000;
 
-/// A domain: its bounding box, and, in the plane, its halves if it is not a box.
+/// A domain: its bounding box and, for a quadrilateral in the plane that is not a box, its two triangles.
 struct Domain<const D: usize> {
     low: [f64; D],
     high: [f64; D],

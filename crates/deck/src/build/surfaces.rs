@@ -118,7 +118,7 @@ where
                     let (at, help) = match error {
                         NoBoundary::NoSide(_) => (
                             format!("{at}/part/edge"),
-                            "give the number of an edge of a single shape, counted from 0, or select the part with `box` or `half_space`",
+                            "give the number of an edge of the shape, counted from 0 (not of a union, intersection or difference), or select the part with `box` or `half_space`",
                         ),
                         NoBoundary::Cells => (
                             format!("{at}/body"),

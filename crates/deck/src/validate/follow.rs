@@ -21,7 +21,8 @@ impl Check<'_> {
                 self.unknown_reference(&at, one, several, &lines.condition, names.collect());
             }
             if let Some(to) = lines.to.filter(|to| *to < lines.from) {
-                let message = format!("the last line, at {to}, is below the first one, at {}", lines.from);
+                let message =
+                    format!("the last grid line, at {to}, is below the first one, at {}", lines.from);
                 self.error("D054", &format!("{pointer}/to"), message, "swap the two");
             }
         }

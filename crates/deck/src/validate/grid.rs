@@ -40,7 +40,7 @@ impl Check<'_> {
         Some(GridBox { extent: Extent { min: origin, max }, axes })
     }
 
-    /// Checks the number of entries, and those entries that are numbers.
+    /// Checks how many entries there are, and the values of the numeric ones.
     fn spacing(&mut self, pointer: &str, spacing: &SpacingDeck) -> Option<Vec<AxisSpacing>> {
         if let SpacingDeck::Same(spacing) = spacing {
             self.lengths(pointer, &PerAxis::Same(*spacing))?;

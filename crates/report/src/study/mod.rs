@@ -132,7 +132,7 @@ impl Study {
         Ok(Study { axes, fixed, size: size.ok_or(StudyError::TooLarge)? })
     }
 
-    /// Checks that a deck with these parameters has all parameters that the study changes.
+    /// Checks that a deck with these parameters has every parameter that the study varies.
     ///
     /// # Errors
     /// The first parameter that the deck does not have.

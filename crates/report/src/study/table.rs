@@ -54,12 +54,12 @@ pub struct Row {
 }
 
 /// Writes the table of a study, in the order of `rows`. Its columns are the varied parameters, the outcome, the
-/// measures, the factors of strength reduction if any member has them, the extents of the bodies, the final values of
+/// measures, the strength reduction factors if any member has them, the extents of the bodies, the final values of
 /// the columns of `history.csv` that all members with results have, and the reason for a failure. An entry is empty if
 /// a member has no such value.
 ///
 /// # Errors
-/// A file-system error; the file is then as it was before.
+/// A file-system error; the file is then left as it was.
 pub fn write_table<'a>(
     path: &Path,
     study: &Study,

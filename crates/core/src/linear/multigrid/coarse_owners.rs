@@ -4,7 +4,7 @@ use rustc_hash::FxHashMap;
 
 use crate::ranks::Ranks;
 
-/// The relation of a rank to a coarse node, the weakest first.
+/// The possible relations of a rank to a coarse node, from the weakest to the strongest.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Claim {
     /// The rank has a ghost that is interpolated from the coarse node.

@@ -134,7 +134,7 @@ impl<const D: usize, const N: usize> Level<D, N> {
         Ok(positive)
     }
 
-    /// Scales own nodes with the diagonal of the finest level; returns true if this diagonal is positive.
+    /// Scales the nodes of this rank by the diagonal of the finest level; returns true if this diagonal is positive.
     ///
     /// # Errors
     /// [`LinearError::Singular`] if a free degree of freedom has no stiffness.

@@ -122,8 +122,8 @@ impl<'a, const N: usize> Piece<'a, N> {
         rayon::join(|| left.divide(work), || right.divide(work));
     }
 
-    /// Calls `work(row, its columns, its values)` for every row; the values of component i are the i-th of N equal
-    /// parts.
+    /// Calls `work(row, its columns, its values)` for every row; the values consist of N blocks of equal length,
+    /// the i-th of which belongs to component i.
     #[inline(always)]
     pub(super) fn for_each(self, mut work: impl FnMut(usize, &[u32], &mut [f32])) {
         let mut value = self.value;
