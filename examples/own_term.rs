@@ -17,7 +17,7 @@ use mpm::model::{BuildError, Builder, Fill, Model};
 use mpm::points::Points;
 use mpm::solver::{Silent, Stepper, Summary};
 use mpm::step::{At, StepContext};
-use mpm::terms::{BeginError, EvaluateError, Ledger, NamedForce, Saved, Term, TermReport};
+use mpm::terms::{BeginError, EvaluateError, Ledger, Saved, Term, TermReport};
 
 /// A wall. Points x with normal·x < offset are behind it; it pushes them back with a force per volume of `stiffness`
 /// times their distance from the wall.
@@ -116,7 +116,7 @@ impl Term<2> for Wall {
     }
 
     fn report(&self, _: &Model<2>, report: &mut TermReport<2>) {
-        report.forces.push(NamedForce { name: "wall".to_owned(), force: self.force });
+        report.add_force("wall", self.force);
     }
 
     // A checkpoint must store the energy from which the energy balance begins.

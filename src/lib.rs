@@ -18,6 +18,7 @@
 pub use mpm_core::{
     assembly, basis, dofs, domain, element_test, equilibrium, formula, grid, kinematics, linear, material,
     memory, model, points, quality, ranks, region, solver, step, stress, surface, tensor, terms, timing,
+    tool,
 };
 pub use mpm_deck as deck;
 pub use mpm_files as output;

@@ -9,7 +9,7 @@ use mpm::points::Points;
 use mpm::solver::{Kernels, Observer, Silent, SolveError, StepReport, Stepper, Summary};
 use mpm::step::{At, StepContext};
 use mpm::stress::PlaneStrain;
-use mpm::terms::{BeginError, EvaluateError, FURTHER, GlobalUnknown, Saved, Term};
+use mpm::terms::{BeginError, EvaluateError, FURTHER, GlobalMotion, Saved, Term};
 
 /// A block of 2 m × 2 m on a grid of 3 m × 3 m, under its own weight.
 const BLOCK: &str = "
@@ -255,8 +255,8 @@ impl Term<2> for Lid {
         usize::from(self.spring.is_some())
     }
 
-    fn globals(&self, _: &Model<2>) -> Vec<GlobalUnknown> {
-        let plate = GlobalUnknown { of: "plate".to_owned(), component: 1, is_free: true };
+    fn motions(&self, _: &Model<2>) -> Vec<GlobalMotion> {
+        let plate = GlobalMotion { number: 0, of: "plate".to_owned(), component: 1, is_free: true };
         self.spring.map(|_| plate).into_iter().collect()
     }
 
@@ -472,7 +472,7 @@ fn contradictions_in_a_further_field_are_refused() {
     let conduction = Conduction { unit: 1.0, again: 2.0, at_end: Vec::new(), start: Vec::new() };
     let refused = stepper.with_terms(vec![Box::new(conduction)]).unwrap().run(&mut Silent);
     let Err(error @ SolveError::Constraint { .. }) = refused else { panic!("{refused:?}") };
-    let words = "two terms of equilibrium prescribe different increments of `temperature` at node";
+    let words = "terms of equilibrium prescribe different increments of `temperature` at node";
     assert!(error.to_string().contains(words), "{error}");
 }
 

@@ -10,12 +10,13 @@ use mpm::deck::build::build;
 use mpm::deck::load::load;
 use mpm::model::Model;
 use mpm::output::checkpoint;
+use mpm::output::lock::Lock;
 use mpm::output::results::{Request, Results};
 use mpm::output::summary::{Account, Start};
 use mpm::points::{FieldKind, PointFieldSpec, Points};
-use mpm::solver::{Silent, Stepper};
+use mpm::solver::Stepper;
 use mpm::step::{At, StepContext};
-use mpm::terms::{BeginError, EvaluateError, NamedForce, Term, TermReport};
+use mpm::terms::{BeginError, EvaluateError, Term, TermReport};
 use mpm::timing::Timings;
 use vtkio::IOBuffer;
 use vtkio::model::Attribute;
@@ -68,7 +69,8 @@ impl Term<2> for Way {
     }
 
     fn report(&self, _: &Model<2>, report: &mut TermReport<2>) {
-        report.forces.push(NamedForce { name: "drag".to_owned(), force: [1.5, -2.5] });
+        report.add_force("drag", [1.0, -2.5]);
+        report.add_force("drag", [0.5, 0.0]);
     }
 }
 
@@ -131,6 +133,7 @@ fn further_fields_survive_grouping_commit_checkpoint_and_resumption_and_are_in_f
     let started = points.id.clone();
     let stepper = Stepper::new(&model, &mut points).with_terms(vec![Box::new(Way)]).unwrap();
     stepper.run(&mut files).unwrap();
+    drop(files);
     assert_ne!(points.id, started, "the points have changed their order");
 
     // The fields follow the points and the committed steps.
@@ -191,8 +194,17 @@ fn further_fields_survive_grouping_commit_checkpoint_and_resumption_and_are_in_f
     checkpoint.restore(&model, &mut resumed).unwrap();
     assert_eq!(field(&resumed, "age")[0], steps - 1.0);
     let reached = checkpoint.head.reached.clone();
+    // The history goes on with the same columns, and is refused with others.
+    let resume = |asked: &Request| {
+        let place = (&*directory, Lock::take(&directory).unwrap());
+        Results::resume(place, asked, &model, account(), &checkpoint, reached.step)
+    };
+    assert!(resume(&Request { forces: Vec::new(), ..asked.clone() }).is_err());
+    let mut files = resume(&asked).unwrap();
     let stepper = Stepper::new(&model, &mut resumed).with_terms(vec![Box::new(Way)]).unwrap();
-    stepper.resume(reached).unwrap().run(&mut Silent).unwrap();
+    stepper.resume(reached).unwrap().run(&mut files).unwrap();
+    drop(files);
+    assert_eq!(fs::read_to_string(directory.join("history.csv")).unwrap(), history);
     assert_eq!((&resumed.id, &resumed.converged), (&points.id, &points.converged));
     for name in ["initial_stress", "way", "age"] {
         let bits = |points: &Points<2>| field(points, name).iter().map(|x| x.to_bits()).collect::<Vec<_>>();

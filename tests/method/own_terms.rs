@@ -108,6 +108,7 @@ struct OwnWeight {
     steps: u64,
     at_end: Nodal<2>,
     at_start: Nodal<2>,
+    may_slump: bool,
 }
 
 impl OwnWeight {
@@ -131,6 +132,10 @@ impl Term<2> for OwnWeight {
 
     fn is_symmetric(&self, _: &StepContext<2>) -> bool {
         true
+    }
+
+    fn may_slump(&self, _: &Model<2>) -> bool {
+        self.may_slump
     }
 
     fn begin(&mut self, step: &StepContext<2>, points: &Points<2>) -> Result<(), BeginError> {
@@ -213,4 +218,32 @@ fn a_further_term_acts_in_all_stages() {
     assert_eq!(expected.len(), found.len());
     assert!(difference < 1e-10, "{difference:e}");
     assert_eq!(summary.terms["own weight"].value(), Value::from(summary.steps as u64));
+}
+
+/// In a collapse in large steps, the bodies slump under the weight of the model, and under that of a further term if
+/// the term allows it; otherwise, the iterations stay on one grid, and damping leaves no work.
+#[test]
+fn bodies_slump_only_if_all_terms_allow_it() {
+    let collapse = |own: Option<bool>| {
+        let set = [("h", "1"), ("n", "2"), ("steps", "1"), ("smallest", "0.5")];
+        let set = set.map(|(k, v)| (k.to_owned(), v.to_owned()));
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("inputs/collapse.yaml");
+        let (mut model, mut points) = build::<2>(&load(&path, &set).unwrap()).unwrap();
+        let mut further: Vec<Box<dyn Term<2>>> = Vec::new();
+        if let Some(may_slump) = own {
+            model.loads.clear();
+            further.push(Box::new(OwnWeight { may_slump, ..OwnWeight::default() }));
+        }
+        let stepper = Stepper::new(&model, &mut points).with_terms(further).unwrap();
+        let summary = stepper.run(&mut Silent);
+        (summary, points.array(PointArray::Position).values)
+    };
+    let (built_in, expected) = collapse(None);
+    let (allowed, found) = collapse(Some(true));
+    let (forbidden, _) = collapse(Some(false));
+    let difference = expected.iter().zip(&found).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    let work = [built_in, allowed, forbidden].map(|summary| summary.unwrap().damping_work);
+    println!("damping work {work:?}, positions differ by {difference:e}");
+    assert!(work[0] > 1e5 && (work[1] / work[0] - 1.0).abs() < 1e-6 && work[2] == 0.0, "{work:?}");
+    assert!(difference < 1e-6, "{difference:e}");
 }

@@ -218,3 +218,34 @@ fn a_dead_pressure_is_a_traction_against_the_original_normal() {
     let most = following.iter().zip(&traction).fold(0.0f64, |most, (a, b)| most.max((a - b).abs()));
     assert!(most > 1e-5, "{most:e}");
 }
+
+/// The displacement of a tool determines its load whether nodes or a weak condition hold the side of the block: the
+/// multipliers of the condition are global unknowns, too.
+#[test]
+fn a_tool_controls_its_load_beside_a_weak_condition() {
+    let found = ["surface: side", "nodes: {x: 2}"].map(|on| {
+        let deck = format!(
+            "version: 1
+grid: {{type: structured, origin: [0, 0], size: [3, 3], spacing: 0.5}}
+materials: {{steel: {{model: hencky, young: 1e6, poisson: 0.3}}}}
+bodies:
+  - {{name: block, material: steel, method: mpm, points_per_cell: 2, shape: {{type: box, min: [0, 0], max: [2, 2]}}}}
+surfaces: [{{name: side, body: block, part: {{edge: 1}}}}]
+boundary_conditions:
+  - {{name: wall, nodes: {{x: 0}}, fix: [x]}}
+  - {{name: base, nodes: {{y: 0}}, fix: [y]}}
+  - {{name: side, {on}, fix: [x]}}
+tools:
+  - {{name: plate, shape: {{type: box, min: [-0.5, 2], max: [2.5, 2.5]}}, free: [y], loads: [{{force: [0, -1e4]}}]}}
+solver: {{tolerance: 1e-12}}
+steps: {{count: 2, control: {{type: displacement, tool: plate, axis: y, to: -0.02}}}}
+"
+        );
+        let Run { every, .. } = run(&deck);
+        let last = every.reports.last().unwrap();
+        println!("{on}: factor {:?}, displacement {:?}", last.load_factor, last.tools[0].displacement);
+        assert!((last.tools[0].displacement[1] + 0.02).abs() < 1e-12);
+        last.load_factor.unwrap()
+    });
+    assert!(found[0] > 1.0 && (found[0] / found[1] - 1.0).abs() < 1e-5, "{found:?}");
+}

@@ -23,8 +23,8 @@ pub use failure::{
     BeginError, EvaluateError, LawFailure, LoadNotFinite, PointFailure, SurfaceLost, TermFailure,
 };
 pub use saved::Saved;
-pub use sum::{Sum, Terms, of_model, restore, save};
+pub use sum::{Sum, Terms, continue_from, motions, of_model, restore, save};
 pub use surface::Surfaces;
 pub use term::{
-    Augmentation, FURTHER, GlobalUnknown, Ledger, NamedForce, Response, SurfaceReaction, Term, TermReport,
+    Augmentation, FURTHER, GlobalMotion, Ledger, NamedForce, Response, SurfaceReaction, Term, TermReport,
 };

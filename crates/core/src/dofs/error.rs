@@ -91,7 +91,7 @@ fn loose_axis(loose: usize, all: usize) -> String {
 
 fn both(first: &str, second: &str) -> String {
     match (first, second) {
-        ("", "") => "two terms of equilibrium".to_owned(),
+        ("", "") => "terms of equilibrium".to_owned(),
         ("", name) | (name, "") => format!("boundary condition `{name}` and a term of equilibrium"),
         _ => format!("boundary conditions `{first}` and `{second}`"),
     }

@@ -5,7 +5,7 @@ use crate::material::{Material, MaterialError};
 use crate::model::Model;
 use crate::points::Points;
 use crate::tensor::Sym3;
-use crate::terms::Surfaces;
+use crate::terms::continue_from;
 
 use super::stages::{Amount, resume_stage};
 use super::summary::Reached;
@@ -42,7 +42,7 @@ pub fn change_model<const D: usize>(
     }
     next.place_grid(time).map_err(|error| error.to_string())?;
     let strains = changed_strains([model, &next], points, differs)?;
-    Surfaces::continue_from([model, &next], &mut reached.summary.terms, time)?;
+    continue_from([model, &next], &mut reached.summary.terms, time)?;
     reached.summary.offsets_of_lines = offsets;
     let before = Amount::of(model, points);
     *model = next;

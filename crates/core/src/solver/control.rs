@@ -10,7 +10,7 @@ use crate::basis::Connectivity;
 use crate::model::{Control, Controlled, Model};
 use crate::points::Points;
 use crate::ranks::Halo;
-use crate::terms::Terms;
+use crate::terms::{GlobalMotion, Terms, motions};
 
 use super::motion::Motion;
 use crate::step::Step;
@@ -130,8 +130,8 @@ impl<const D: usize, const N: usize> Condition<D, N> {
             Control::Load | Control::StrengthReduction { .. } => None,
             Control::Displacement { of: Controlled::Tool(tool), axis, to } => {
                 let name = model.tools.get(tool).map(|tool| &tool.name);
-                let mut globals = terms.iter().flat_map(|term| term.globals(model));
-                let number = globals.position(|global| Some(&global.of) == name && global.component == axis);
+                let is_it = |motion: &GlobalMotion| Some(&motion.of) == name && motion.component == axis;
+                let number = motions(terms, model).into_iter().find(is_it).map(|motion| motion.number);
                 Some(Condition::Global { number, by: to * share })
             }
             Control::Displacement { of: Controlled::Probe(probe), axis, to } => {

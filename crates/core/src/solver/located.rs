@@ -104,8 +104,8 @@ impl SolveError {
                 SolveError::Singular { step, free: Vec::new(), node }
             }
             LinearError::Undetermined => {
-                let globals = system.sum.globals(model).into_iter().filter(|global| global.is_free);
-                let mut free: Vec<String> = globals.map(|global| global.of).collect();
+                let motions = system.sum.motions(model).into_iter().filter(|motion| motion.is_free);
+                let mut free: Vec<String> = motions.map(|motion| motion.of).collect();
                 free.dedup();
                 SolveError::Singular { step, free, node: None }
             }

@@ -87,7 +87,7 @@ use crate::step::{At, Nodal, StepContext};
 
 use super::failure::{BeginError, EvaluateError};
 use super::saved::Saved;
-use super::term::{Augmentation, GlobalUnknown, Ledger, Response, Term, TermReport};
+use super::term::{Augmentation, GlobalMotion, Ledger, Response, Term, TermReport};
 use agreement::{Failure, agreed};
 use along::{Followed, followed};
 use candidates::{Candidate, Key};
@@ -267,15 +267,14 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
         self.has_woken = false;
     }
 
-    fn globals(&self, model: &Model<D>) -> Vec<GlobalUnknown> {
-        let of_tool = |(tool, moving): (&Tool<D>, &Moving<D>)| {
-            let named = |&component: &usize| {
-                let is_free = tool.freedom(component).is_free();
-                GlobalUnknown { of: tool.name.clone(), component, is_free }
-            };
-            moving.free.iter().map(named).collect::<Vec<_>>()
+    fn motions(&self, model: &Model<D>) -> Vec<GlobalMotion> {
+        let of_tool = |(tool, moving): (&'_ Tool<D>, &'_ Moving<D>)| -> Vec<(String, usize, bool)> {
+            let named = |&k: &usize| (tool.name.clone(), k, tool.freedom(k).is_free());
+            moving.free.iter().map(named).collect()
         };
-        model.tools.iter().zip(&self.tools).flat_map(of_tool).collect()
+        let all = model.tools.iter().zip(&self.tools).flat_map(of_tool).enumerate();
+        all.map(|(number, (of, component, is_free))| GlobalMotion { number, of, component, is_free })
+            .collect()
     }
 
     fn n_globals(&self) -> usize {

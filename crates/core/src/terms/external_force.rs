@@ -7,7 +7,7 @@ use crate::points::Points;
 use crate::step::{At, Nodal, StepContext};
 
 use super::failure::{BeginError, EvaluateError, LoadNotFinite};
-use super::term::{NamedForce, Term, TermReport};
+use super::term::{Term, TermReport};
 
 /// Name under which the force that a stage releases is reported.
 const RELEASED: &str = "released";
@@ -265,8 +265,7 @@ impl<const D: usize, const N: usize> Term<D, N> for ExternalForces<D> {
         true
     }
 
-    /// Other loads than weight act on given points or grow along the step: whether the bodies can carry them is for
-    /// the run to show.
+    /// Whether bodies can carry loads other than weight is a result that the run must show.
     fn may_slump(&self, model: &Model<D>) -> bool {
         model.loads.iter().all(|load| matches!(load.action, Action::Gravity(_)))
     }
@@ -320,6 +319,6 @@ impl<const D: usize, const N: usize> Term<D, N> for ExternalForces<D> {
             forces.iter().fold([0.0; D], |sum, force| std::array::from_fn(|d| sum[d] + force[d]))
         };
         let released = self.released.iter().map(sum);
-        report.forces.extend(released.map(|force| NamedForce { name: RELEASED.to_owned(), force }));
+        released.for_each(|force| report.add_force(RELEASED, force));
     }
 }

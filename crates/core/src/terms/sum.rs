@@ -16,7 +16,7 @@ use super::ghost::Ghost;
 use super::material_points::MaterialPoints;
 use super::saved::Saved;
 use super::surface::Surfaces;
-use super::term::{Augmentation, GlobalUnknown, Ledger, Response, Term, TermReport};
+use super::term::{Augmentation, GlobalMotion, Ledger, Response, Term, TermReport};
 
 /// The terms of a model, in the order in which they are added up.
 pub type Terms<const D: usize, const N: usize = D> = Vec<Box<dyn Term<D, N>>>;
@@ -56,6 +56,29 @@ pub fn restore<const D: usize, const N: usize>(
 /// The states of the terms that have one, by the names of the terms.
 pub fn save<const D: usize, const N: usize>(terms: &Terms<D, N>) -> BTreeMap<String, Saved> {
     terms.iter().filter_map(|term| Some((term.name().to_owned(), term.save()?))).collect()
+}
+
+/// The motions among the global unknowns of all terms, numbered as unknowns of their sum.
+pub fn motions<const D: usize, const N: usize>(terms: &Terms<D, N>, model: &Model<D>) -> Vec<GlobalMotion> {
+    let (mut first, mut all) = (0, Vec::new());
+    for term in terms {
+        let own = term.motions(model).into_iter();
+        all.extend(own.map(|motion| GlobalMotion { number: first + motion.number, ..motion }));
+        first += term.n_globals();
+    }
+    all
+}
+
+/// Adapts the saved states of the terms of the model `before`, as of this time, to the model `now`.
+///
+/// # Errors
+/// The reason why a run cannot go on with the model `now`; the states are then unchanged.
+pub fn continue_from<const D: usize>(
+    models: [&Model<D>; 2],
+    states: &mut BTreeMap<String, Saved>,
+    time: f64,
+) -> Result<(), String> {
+    Surfaces::continue_from(models, states, time)
 }
 
 /// The sum of all terms in one load step.
@@ -260,9 +283,9 @@ impl<const D: usize, const N: usize> Sum<D, N> {
         report
     }
 
-    /// The global unknowns of all terms, in order.
-    pub fn globals(&self, model: &Model<D>) -> Vec<GlobalUnknown> {
-        self.terms.iter().flat_map(|term| term.globals(model)).collect()
+    /// The motions among the global unknowns of all terms.
+    pub fn motions(&self, model: &Model<D>) -> Vec<GlobalMotion> {
+        motions(&self.terms, model)
     }
 
     /// True if the sum derives from a potential, at least approximately.

@@ -23,7 +23,9 @@ pub struct NamedForce<const D: usize> {
 
 /// A component of a motion that is a global unknown.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct GlobalUnknown {
+pub struct GlobalMotion {
+    /// Number of the unknown among the global unknowns of its term.
+    pub number: usize,
     /// Name of what moves, such as the name of a rigid tool.
     pub of: String,
     /// Number of the component of the motion.
@@ -69,20 +71,23 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
     fn is_symmetric(&self, step: &StepContext<D>) -> bool;
 
     /// True if the force is only piecewise smooth in the unknowns, as it is in contact. The line search then makes more
-    /// trials and begins with the first increment.
+    /// trials and begins with the first increment. The answer must be the same on all ranks, even if only some have
+    /// points that touch.
     fn has_kinks(&self) -> bool {
         false
     }
 
     /// True if the force derives from a potential, at least approximately: an indefinite stiffness then shows that an
-    /// equilibrium is unstable. Friction has no potential.
+    /// equilibrium is unstable. Friction has no potential. The answer must be the same on all ranks.
     fn has_potential(&self, _model: &Model<D>) -> bool {
         true
     }
 
     /// True if the bodies may slump under the term: damped iterations then carry the points from one fresh grid to the
-    /// next before the step is in equilibrium. The force of the term must follow from the trial state of the points or
-    /// from their weight alone, and the term must keep no state between steps.
+    /// next before the step is in equilibrium. [`begin`](Term::begin) is called on each of these grids, and
+    /// [`commit`](Term::commit) only at the end. A term that keeps a state between steps, prescribes increments (they
+    /// would be applied on every grid), or exerts a load that the bodies may be unable to carry must not allow this.
+    /// The answer must be the same on all ranks.
     fn may_slump(&self, _model: &Model<D>) -> bool {
         false
     }
@@ -148,9 +153,9 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
         0
     }
 
-    /// The global unknowns of the term, in order. A displacement that controls the load finds its unknown here, and
-    /// an error names those whose motion nothing resists.
-    fn globals(&self, _model: &Model<D>) -> Vec<GlobalUnknown> {
+    /// Those global unknowns of the term that are motions, by name. If the displacement of a tool determines the load,
+    /// its unknown is found here, and if nothing resists the free ones, an error names them.
+    fn motions(&self, _model: &Model<D>) -> Vec<GlobalMotion> {
         Vec::new()
     }
 
@@ -244,21 +249,39 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
 
 /// What the terms report of a step.
 #[derive(Debug, Clone, Default)]
-#[non_exhaustive]
 pub struct TermReport<const D: usize> {
-    /// Resultants of the loads of the model, in their order, to which a term adds those of the loads that it applies on
-    /// this rank, [force].
-    pub loads: Vec<[f64; D]>,
-    /// Further forces on the bodies on this rank, each reported under its own name; for example, the force from a wall.
-    pub forces: Vec<NamedForce<D>>,
+    /// Resultants of the loads of the model, in their order, of the points of this rank, [force].
+    pub(crate) loads: Vec<[f64; D]>,
+    /// Further forces on the bodies.
+    pub(crate) forces: Vec<NamedForce<D>>,
     /// Reactions, on all ranks, of the boundary conditions of the model that are imposed on surfaces.
-    pub reactions: Vec<SurfaceReaction<D>>,
+    pub(crate) reactions: Vec<SurfaceReaction<D>>,
     /// The surfaces of the model on all ranks, in order.
-    pub surfaces: Vec<SurfaceFields<D>>,
+    pub(crate) surfaces: Vec<SurfaceFields<D>>,
     /// The rigid tools of the model on all ranks, in order.
-    pub tools: Vec<ToolState<D>>,
+    pub(crate) tools: Vec<ToolState<D>>,
     /// Number of faces between cells that are stabilised on this rank.
-    pub stabilised_faces: usize,
+    pub(crate) stabilised_faces: usize,
+}
+
+impl<const D: usize> TermReport<D> {
+    /// Adds to the resultant of a load of the model what the term applies on this rank, [force]; a number that no load
+    /// has is ignored.
+    pub fn add_to_load(&mut self, load: usize, force: [f64; D]) {
+        if let Some(sum) = self.loads.get_mut(load) {
+            (0..D).for_each(|d| sum[d] += force[d]);
+        }
+    }
+
+    /// Adds a further force on the bodies, reported under this name; for example, the force from a wall. A term states
+    /// the force on this rank, [force], and the same names in the same order on all ranks. Forces of the same name are
+    /// added up.
+    pub fn add_force(&mut self, name: &str, force: [f64; D]) {
+        match self.forces.iter_mut().find(|named| named.name == name) {
+            Some(named) => (0..D).for_each(|d| named.force[d] += force[d]),
+            None => self.forces.push(NamedForce { name: name.to_owned(), force }),
+        }
+    }
 }
 
 /// What a change of multipliers adds to the equations.
