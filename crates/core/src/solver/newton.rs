@@ -2,7 +2,7 @@
 
 use crate::linear::{LinearError, Solved};
 use crate::ranks::Ranks;
-use crate::step::{At, StepContext, displacement};
+use crate::step::{At, Nodal, StepContext, displacement};
 use crate::terms::Augmentation;
 use crate::timing::Phase;
 
@@ -163,80 +163,114 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
     /// The error of an inexact solution stays in the out-of-balance force of the free degrees of freedom. It never
     /// enters the reactions.
     fn newton_step(&mut self) -> Result<Option<Solved>, NoIncrement> {
-        let LoadStep { context, system: StepSystem { dofs, sum, condition, .. }, unknowns, course, .. } =
-            self;
-        let LoadStep { equations, summary, forcing, effort, .. } = self;
-        let (equation_context, newton) = (context.equations(dofs), &context.model.newton);
-        let (system, timings) = (sum.system_mut(), &mut summary.timings);
-        // Forms the right-hand side; δd becomes the remainder of the prescribed motion.
-        timings.measure(Phase::Solve, || unknowns.begin_iteration(system, dofs, &course.out_of_balance));
-        let residual = course.residuals.last().copied().unwrap_or(1.0);
-        let eta = forcing.next(unknowns.halo.norm(&unknowns.rhs), residual, newton.tolerance);
-        if let Some(mut predicted) = unknowns.predicted.take() {
-            dofs.on_unknowns(&mut predicted);
-            dofs.add_unknowns(&predicted, &mut unknowns.iterative);
-            timings.measure(Phase::Solve, || unknowns.advance(system, dofs, &course.out_of_balance))?;
+        let eta = self.form_right_hand_side();
+        if let Some(predicted) = self.unknowns.predicted.take() {
+            self.add_predicted(predicted);
+            self.advance()?;
             return Ok(None);
         }
+        let may_augment = self.may_augment_along();
+        let mut solved = self.solve(eta)?; // (26)
+        solved.iterations += self.solve_for_factor(eta)?;
+        if may_augment {
+            self.augment_along(eta)?;
+        }
+        self.advance()?; // (30)
+        Ok(Some(solved))
+    }
+
+    /// Forms the right-hand side; δd becomes the remainder of the prescribed motion. Returns the relative tolerance of
+    /// an iterative solution.
+    fn form_right_hand_side(&mut self) -> f64 {
+        let LoadStep { context, system: StepSystem { dofs, sum, .. }, unknowns, course, .. } = self;
+        let LoadStep { summary, forcing, .. } = self;
+        let begin = || unknowns.begin_iteration(sum.system_mut(), dofs, &course.out_of_balance);
+        summary.timings.measure(Phase::Solve, begin);
+        let residual = course.residuals.last().copied().unwrap_or(1.0);
+        forcing.next(unknowns.halo.norm(&unknowns.rhs), residual, context.model.newton.tolerance)
+    }
+
+    /// Makes the predicted increment the first δd.
+    fn add_predicted(&mut self, mut predicted: Nodal<N>) {
+        let dofs = &self.system.dofs;
+        dofs.on_unknowns(&mut predicted);
+        dofs.add_unknowns(&predicted, &mut self.unknowns.iterative);
+    }
+
+    /// True if multipliers may be updated along the increment: near the solution, the states of all contact points may
+    /// be final. This is done only once, because contact points that hinder each other would change their states again
+    /// and again. After a failed attempt, updates wait for equilibrium.
+    fn may_augment_along(&mut self) -> bool {
+        self.system.condition.is_none()
+            && !self.equations.is_iterative()
+            && !self.unknowns.prescribes
+            && !self.course.was_augmented_along
+            && !self.summary.pace.is_careful()
+            && self.course.falls_fast()
+    }
+
+    /// Solves for δd, with the factor of an earlier iteration where it may serve again.
+    fn solve(&mut self, eta: f64) -> Result<Solved, NoIncrement> {
+        let LoadStep { context, system: StepSystem { dofs, sum, .. }, unknowns, course, .. } = self;
+        let LoadStep { equations, summary, effort, .. } = self;
+        let (context, newton) = (context.equations(dofs), &context.model.newton);
+        let (system, timings) = (sum.system_mut(), &mut summary.timings);
         // A preconditioner from an earlier iteration does not affect the solution.
         let may_reuse_factor = (effort.may_keep_stiffness(newton) || equations.is_iterative())
             && course.falls_fast()
             && !unknowns.prescribes
             && course.has_factor;
-        // Near the solution, the states of all contact points may be final, and multipliers are updated along the
-        // increment. This is done only once, because contact points that hinder each other would change their states
-        // again and again. After a failed attempt, updates wait for equilibrium.
-        let may_augment = condition.is_none()
-            && !equations.is_iterative()
-            && !unknowns.prescribes
-            && !course.was_augmented_along
-            && !summary.pace.is_careful()
-            && course.falls_fast();
         let Unknowns { rhs, iterative, .. } = &mut *unknowns;
         let rhs = RightHandSide { forces: rhs, globals: None };
-        let (mut solved, globals) = if may_reuse_factor {
-            equations.solve_with_last_factor(equation_context, system, rhs, iterative, eta, timings)?
+        let (solved, globals) = if may_reuse_factor {
+            equations.solve_with_last_factor(context, system, rhs, iterative, eta, timings)?
         } else {
-            equations.solve(equation_context, system, rhs, iterative, eta, timings)?
+            equations.solve(context, system, rhs, iterative, eta, timings)?
         };
         course.has_factor = true;
         (unknowns.iterative_globals, unknowns.iterative_factor) = (globals, 0.0);
-        if let (Some(unit), Some(condition)) = (system.per_factor().cloned(), condition) {
-            let (mut rhs, mut of_load) = (unit, vec![[0.0; N]; unknowns.rhs.len()]);
-            dofs.on_unknowns(&mut rhs);
-            // The load factor changes the global equations, too.
-            let of_globals = system.border.per_factor.clone();
-            let rhs = RightHandSide { forces: &rhs, globals: Some(&of_globals) };
-            let (again, globals) = equations.solve_with_last_factor(
-                equation_context,
-                system,
-                rhs,
-                &mut of_load,
-                eta,
-                timings,
-            )?;
-            solved.iterations += again.iterations;
-            let change = condition
-                .change(
-                    Field { nodes: &unknowns.delta_d, globals: &unknowns.globals },
-                    Field { nodes: &unknowns.iterative, globals: &unknowns.iterative_globals },
-                    Field { nodes: &of_load, globals: &globals },
-                )
-                .map_err(|reason| match reason {
-                    // The loads had an influence at the start of the step; in a smaller step they retain it.
-                    NoPath::NoInfluence if !course.solved.is_empty() => NoPath::NoIntersection,
-                    reason => reason,
-                })
-                .map_err(NoIncrement::Path)?;
-            unknowns.add_response(change, &of_load, &globals);
-        }
-        if may_augment {
-            self.augment_along(eta)?;
-        }
+        Ok(solved)
+    }
+
+    /// If the load factor is an unknown, adds the response to its change, which the condition on the path determines;
+    /// returns the number of iterations of the linear solver.
+    fn solve_for_factor(&mut self, eta: f64) -> Result<usize, NoIncrement> {
+        let LoadStep { context, system: StepSystem { dofs, sum, condition, .. }, unknowns, course, .. } =
+            self;
+        let LoadStep { equations, summary, .. } = self;
+        let (context, system, timings) = (context.equations(dofs), sum.system_mut(), &mut summary.timings);
+        let (Some(mut unit), Some(condition)) = (system.per_factor().cloned(), condition) else {
+            return Ok(0);
+        };
+        let mut of_load = vec![[0.0; N]; unknowns.rhs.len()];
+        dofs.on_unknowns(&mut unit);
+        // The load factor changes the global equations, too.
+        let of_globals = system.border.per_factor.clone();
+        let rhs = RightHandSide { forces: &unit, globals: Some(&of_globals) };
+        let (solved, globals) =
+            equations.solve_with_last_factor(context, system, rhs, &mut of_load, eta, timings)?;
+        let change = condition
+            .change(
+                Field { nodes: &unknowns.delta_d, globals: &unknowns.globals },
+                Field { nodes: &unknowns.iterative, globals: &unknowns.iterative_globals },
+                Field { nodes: &of_load, globals: &globals },
+            )
+            .map_err(|reason| match reason {
+                // The loads had an influence at the start of the step; in a smaller step they retain it.
+                NoPath::NoInfluence if !course.solved.is_empty() => NoPath::NoIntersection,
+                reason => reason,
+            })
+            .map_err(NoIncrement::Path)?;
+        unknowns.add_response(change, &of_load, &globals);
+        Ok(solved.iterations)
+    }
+
+    /// Adds δd to Δd, eq. (30), and updates the reactions.
+    fn advance(&mut self) -> Result<(), NoIncrement> {
         let LoadStep { system: StepSystem { dofs, sum, .. }, unknowns, course, summary, .. } = self;
-        let advance = || unknowns.advance(sum.system_mut(), dofs, &course.out_of_balance); // (30)
+        let advance = || unknowns.advance(sum.system_mut(), dofs, &course.out_of_balance);
         summary.timings.measure(Phase::Solve, advance)?;
-        Ok(Some(solved))
+        Ok(())
     }
 
     /// Updates multipliers along the iterative increment δd until the updates no longer change δd, so that δd and the
