@@ -43,6 +43,12 @@ EXAMPLES = [
     ("cone/revolved.yaml",),
     ("cone/solid.yaml",),
     ("arch.yaml",),
+    ("bearing.yaml",),
+    ("cone.yaml",),
+    ("pipe.yaml", "h=0.25"),
+    ("plough.yaml", "h=0.5"),
+    ("slope.yaml",),
+    ("triaxial.yaml",),
     ("new/annulus.yaml",),
     ("new/beam.yaml",),
     ("new/collapse.yaml",),
@@ -129,6 +135,9 @@ def main():
     parser.add_argument("--full", action="store_true", help="the examples as they are")
     arguments = parser.parse_args()
     old, new = arguments.old.resolve(), arguments.new.resolve()
+    missing = {str(path.relative_to(INPUTS)) for path in INPUTS.rglob("*.yaml")} - {name for name, *_ in EXAMPLES}
+    if missing:
+        parser.error(f"add {', '.join(sorted(missing))} to EXAMPLES")
     decks = [(INPUTS / name, () if arguments.full else settings) for name, *settings in EXAMPLES]
     if arguments.stress:
         decks += [(path, ()) for path in sorted(arguments.stress.glob("*.yaml"))]

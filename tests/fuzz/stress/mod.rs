@@ -145,6 +145,7 @@ fn stress(count: usize, first: u64, ways: &[(bool, bool)]) {
             let text = deck(seed, stabilised, cut);
             if let Some(keep) = std::env::var_os("STRESS_DECKS") {
                 let name = format!("{seed:04}_{}_{}.yaml", u8::from(stabilised), u8::from(cut));
+                std::fs::create_dir_all(&keep).unwrap();
                 std::fs::write(Path::new(&keep).join(name), &text).unwrap();
             }
             match run(&text, folder.path()) {
