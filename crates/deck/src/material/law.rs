@@ -10,7 +10,6 @@ use super::property::Settings;
 use super::reading::Reading;
 use crate::Parameter;
 use crate::formulas::Fault;
-use mpm_core::formula::FormulaError;
 use mpm_core::material::Material;
 
 /// What the properties of a material may refer to.
@@ -64,87 +63,6 @@ impl MaterialDeck {
         let none = BTreeMap::new();
         let Surroundings { parameters, dimensions, typical, cells } = surroundings;
         let read = Reading::new(Settings::new(parameters.unwrap_or(&none), *dimensions, *typical), cells);
-        match self {
-            MaterialDeck::Hencky { young, poisson, .. } => laws::hencky(read, [young, poisson]),
-            MaterialDeck::NeoHookean { young, poisson, .. } => laws::neo_hookean(read, [young, poisson]),
-            MaterialDeck::VonMises {
-                young,
-                poisson,
-                deviatoric_yield_stress,
-                yield_stress,
-                undrained_strength,
-                hardening_modulus,
-                ..
-            } => {
-                let strengths = [deviatoric_yield_stress, yield_stress, undrained_strength];
-                laws::von_mises(read, [young, poisson], strengths, hardening_modulus)
-            }
-            MaterialDeck::Tresca { young, poisson, cohesion, strength, softening, .. } => {
-                laws::tresca(read, [young, poisson], cohesion, *strength, softening.as_ref())
-            }
-            MaterialDeck::MohrCoulomb {
-                young,
-                poisson,
-                cohesion,
-                friction_angle,
-                dilation_angle,
-                tensile_strength,
-                strength,
-                softening,
-                ..
-            } => laws::mohr_coulomb(
-                read,
-                [young, poisson],
-                [cohesion, friction_angle, dilation_angle],
-                tensile_strength.as_ref(),
-                *strength,
-                softening.as_ref(),
-            ),
-            MaterialDeck::DruckerPrager {
-                young,
-                poisson,
-                cohesion,
-                friction_angle,
-                dilation_angle,
-                matched,
-                strength,
-                ..
-            } => {
-                let angles = [cohesion, friction_angle, dilation_angle];
-                laws::drucker_prager(read, [young, poisson], angles, *matched, *strength)
-            }
-            MaterialDeck::ModifiedCamClay {
-                compression_index,
-                swelling_index,
-                critical_state_ratio,
-                shear_modulus,
-                shear_modulus_ratio,
-                overconsolidation_ratio,
-                reference_pressure,
-                ..
-            } => {
-                let given = [
-                    compression_index,
-                    swelling_index,
-                    critical_state_ratio,
-                    shear_modulus,
-                    shear_modulus_ratio,
-                    overconsolidation_ratio,
-                    reference_pressure,
-                ];
-                laws::modified_cam_clay(read, given)
-            }
-            // The deck that names a library loads it.
-            MaterialDeck::Library { file, .. } => Err(vec![Fault {
-                key: "file".to_owned(),
-                text: file.clone(),
-                error: FormulaError {
-                    message: "only a deck can load the law of a library".to_owned(),
-                    offset: 0,
-                    length: 0,
-                    help: None,
-                },
-            }]),
-        }
+        laws::of(self, read)
     }
 }

@@ -4,32 +4,123 @@ use super::built_law::BuiltLaw;
 use super::consistency::Inconsistency;
 use super::property::Setting;
 use super::reading::{Decay, Faults, FrictionSettings, Reading};
-use super::{CohesionSofteningDeck, FrictionSofteningDeck};
+use super::{CohesionSofteningDeck, FrictionSofteningDeck, MaterialDeck};
 use crate::Expression;
+use crate::formulas::Fault;
 use crate::quoting::list;
+use mpm_core::formula::FormulaError;
 use mpm_core::material::{
     CamClay, DruckerPrager, Friction, Hencky, Match, ModifiedCamClay, MohrCoulomb, NeoHookean,
     StrengthMeasure, Tresca, VonMises, least_softening_strain,
 };
+
+/// The law of a material.
+///
+/// # Errors
+/// The faults of its formulas.
+pub(super) fn of(material: &MaterialDeck, read: Reading) -> Result<BuiltLaw, Faults> {
+    match material {
+        MaterialDeck::Hencky { young, poisson, .. } => hencky(read, [young, poisson]),
+        MaterialDeck::NeoHookean { young, poisson, .. } => neo_hookean(read, [young, poisson]),
+        MaterialDeck::VonMises {
+            young,
+            poisson,
+            deviatoric_yield_stress,
+            yield_stress,
+            undrained_strength,
+            hardening_modulus,
+            ..
+        } => {
+            let strengths = [deviatoric_yield_stress, yield_stress, undrained_strength];
+            von_mises(read, [young, poisson], strengths, hardening_modulus)
+        }
+        MaterialDeck::Tresca { young, poisson, cohesion, strength, softening, .. } => {
+            tresca(read, [young, poisson], cohesion, *strength, softening.as_ref())
+        }
+        MaterialDeck::MohrCoulomb {
+            young,
+            poisson,
+            cohesion,
+            friction_angle,
+            dilation_angle,
+            tensile_strength,
+            strength,
+            softening,
+            ..
+        } => mohr_coulomb(
+            read,
+            [young, poisson],
+            [cohesion, friction_angle, dilation_angle],
+            tensile_strength.as_ref(),
+            *strength,
+            softening.as_ref(),
+        ),
+        MaterialDeck::DruckerPrager {
+            young,
+            poisson,
+            cohesion,
+            friction_angle,
+            dilation_angle,
+            matched,
+            strength,
+            ..
+        } => {
+            let angles = [cohesion, friction_angle, dilation_angle];
+            drucker_prager(read, [young, poisson], angles, *matched, *strength)
+        }
+        MaterialDeck::ModifiedCamClay {
+            compression_index,
+            swelling_index,
+            critical_state_ratio,
+            shear_modulus,
+            shear_modulus_ratio,
+            overconsolidation_ratio,
+            reference_pressure,
+            ..
+        } => {
+            let given = [
+                compression_index,
+                swelling_index,
+                critical_state_ratio,
+                shear_modulus,
+                shear_modulus_ratio,
+                overconsolidation_ratio,
+                reference_pressure,
+            ];
+            modified_cam_clay(read, given)
+        }
+        // The deck that names a library loads it.
+        MaterialDeck::Library { file, .. } => Err(vec![Fault {
+            key: "file".to_owned(),
+            text: file.clone(),
+            error: FormulaError {
+                message: "only a deck can load the law of a library".to_owned(),
+                offset: 0,
+                length: 0,
+                help: None,
+            },
+        }]),
+    }
+}
 
 /// The check of a law whose properties never contradict each other.
 fn consistent(_: &[f64]) -> Option<Inconsistency> {
     None
 }
 
-pub(super) fn hencky(mut read: Reading, elasticity: [&Expression; 2]) -> Result<BuiltLaw, Faults> {
+fn hencky(mut read: Reading, elasticity: [&Expression; 2]) -> Result<BuiltLaw, Faults> {
     let [young, poisson] = read.elasticity(elasticity);
     read.finish(move |p| Hencky::new(young.at(p), poisson.at(p)), consistent)
 }
 
-pub(super) fn neo_hookean(mut read: Reading, elasticity: [&Expression; 2]) -> Result<BuiltLaw, Faults> {
+fn neo_hookean(mut read: Reading, elasticity: [&Expression; 2]) -> Result<BuiltLaw, Faults> {
     let [young, poisson] = read.elasticity(elasticity);
     read.finish(move |p| NeoHookean::new(young.at(p), poisson.at(p)), consistent)
 }
 
 /// The von Mises law; `strengths` holds the deviatoric yield stress, the yield stress in tension and the undrained
 /// strength, exactly one of which must be stated.
-pub(super) fn von_mises(
+fn von_mises(
     mut read: Reading,
     elasticity: [&Expression; 2],
     strengths: [&Option<Expression>; 3],
@@ -57,7 +148,7 @@ pub(super) fn von_mises(
     )
 }
 
-pub(super) fn tresca(
+fn tresca(
     mut read: Reading,
     elasticity: [&Expression; 2],
     cohesion: &Expression,
@@ -87,7 +178,7 @@ pub(super) fn tresca(
 }
 
 /// The Mohr-Coulomb law; `strength` holds the cohesion, the friction angle and the dilation angle.
-pub(super) fn mohr_coulomb(
+fn mohr_coulomb(
     mut read: Reading,
     elasticity: [&Expression; 2],
     strength: [&Expression; 3],
@@ -115,7 +206,7 @@ pub(super) fn mohr_coulomb(
 }
 
 /// The Drucker-Prager law; `strength` holds the cohesion, the friction angle and the dilation angle.
-pub(super) fn drucker_prager(
+fn drucker_prager(
     mut read: Reading,
     elasticity: [&Expression; 2],
     strength: [&Expression; 3],
@@ -131,7 +222,7 @@ pub(super) fn drucker_prager(
 }
 
 /// Modified Cam-clay; `given` holds the properties of [`CamClay`], in order.
-pub(super) fn modified_cam_clay(mut read: Reading, given: [&Expression; 7]) -> Result<BuiltLaw, Faults> {
+fn modified_cam_clay(mut read: Reading, given: [&Expression; 7]) -> Result<BuiltLaw, Faults> {
     let [compression, swelling, ratio, shear, growth, overconsolidation, reference] = given;
     let compression = read.get("compression_index", "-", compression);
     let swelling = read.get("swelling_index", "-", swelling);
