@@ -93,7 +93,7 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
     }
 
     /// True if the term can hold parts of the bodies that no boundary condition holds. Only the stiffness shows whether
-    /// it does.
+    /// it does. The answer must be the same on all ranks.
     fn may_hold(&self) -> bool {
         false
     }
