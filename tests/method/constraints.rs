@@ -472,7 +472,8 @@ fn contradictions_in_a_further_field_are_refused() {
     let conduction = Conduction { unit: 1.0, again: 2.0, at_end: Vec::new(), start: Vec::new() };
     let refused = stepper.with_terms(vec![Box::new(conduction)]).unwrap().run(&mut Silent);
     let Err(error @ SolveError::Constraint { .. }) = refused else { panic!("{refused:?}") };
-    let words = "terms of equilibrium prescribe different increments of `temperature` at node";
+    let words = "term `conduction` and an earlier constraint of a term prescribe different increments of \
+                 `temperature` at node";
     assert!(error.to_string().contains(words), "{error}");
 }
 

@@ -134,7 +134,7 @@ impl Check<'_> {
             conditions.iter().position(|condition| condition.name == name).unwrap_or(0)
         };
         let found = match error {
-            ConstraintError::Conflict { first, second, node, unknown, a, b } => {
+            ConstraintError::Conflict { first, second, node, unknown, a, b, .. } => {
                 let pointer = format!("/boundary_conditions/{}", number(second));
                 let message = format!(
                     "the boundary conditions {} and {} contradict each other: in the first load step, they \

@@ -335,7 +335,7 @@ impl<'a, const N: usize> Constraints<'a, N> {
         [a, b]: [f64; 2],
     ) -> ConstraintError {
         let [first, second] = conditions.map(|number| (self.name)(number as usize));
-        ConstraintError::Conflict { first, second, node: (self.position)(node), unknown, a, b }
+        ConstraintError::Conflict { first, second, node: (self.position)(node), unknown, a, b, term: None }
     }
 
     fn tied(&self, node: usize, component: usize, reason: &'static str) -> ConstraintError {

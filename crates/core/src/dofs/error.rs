@@ -9,7 +9,7 @@ pub enum ConstraintError {
     /// Two boundary conditions prescribe different displacements of one node.
     #[error(
         "{} prescribe different increments of {unknown} at node {}: {a:e} and {b:e}",
-        both(.first, .second),
+        both(.first, .second, .term),
         coordinates(.node)
     )]
     Conflict {
@@ -25,6 +25,8 @@ pub enum ConstraintError {
         a: f64,
         /// Increment prescribed by the second condition.
         b: f64,
+        /// Name of the term of equilibrium that sets the second condition, if known.
+        term: Option<&'static str>,
     },
     /// A formula has no finite value at a node or on a surface.
     #[error(
@@ -89,10 +91,23 @@ fn loose_axis(loose: usize, all: usize) -> String {
     format!("{nodes} on the axis x = 0 can move off the axis")
 }
 
-fn both(first: &str, second: &str) -> String {
+impl ConstraintError {
+    /// The same error, found while the term of this name set its constraints.
+    pub(crate) fn of_term(self, name: &'static str) -> Self {
+        match self {
+            ConstraintError::Conflict { first, second, node, unknown, a, b, term: None } => {
+                ConstraintError::Conflict { first, second, node, unknown, a, b, term: Some(name) }
+            }
+            error => error,
+        }
+    }
+}
+
+fn both(first: &str, second: &str, term: &Option<&str>) -> String {
+    let term = term.map_or_else(|| "a term of equilibrium".to_owned(), |name| format!("term `{name}`"));
     match (first, second) {
-        ("", "") => "terms of equilibrium".to_owned(),
-        ("", name) | (name, "") => format!("boundary condition `{name}` and a term of equilibrium"),
+        ("", "") => format!("{term} and an earlier constraint of a term"),
+        ("", name) | (name, "") => format!("boundary condition `{name}` and {term}"),
         _ => format!("boundary conditions `{first}` and `{second}`"),
     }
 }

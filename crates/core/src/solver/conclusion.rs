@@ -11,7 +11,7 @@ use crate::step::{Nodal, StepContext, displacement};
 use crate::terms::{TermReport, Terms};
 
 use super::agree::agree;
-use super::attempt::{FailedAttempt, Iterate, Slump};
+use super::attempt::{Attempt, Ended, FailedAttempt, Iterate, OnTheWay, Slump};
 use super::body_residual;
 use super::control::Path;
 use super::course::Course;
@@ -32,11 +32,36 @@ pub(super) struct LastIterate<const D: usize, const N: usize> {
 }
 
 impl<const D: usize, const N: usize> LastIterate<D, N> {
-    /// The report of a converged step, without the links (the caller holds them), and the path after the step.
+    /// The outcome of an attempt whose iterations have ended in this way, and in which these domains were replaced,
+    /// without the links, which the caller holds.
     ///
     /// # Errors
     /// [`SolveError::Law`] if a law has no finite energy.
-    pub(super) fn report(
+    pub(super) fn outcome(
+        &mut self,
+        context: &StepContext<D>,
+        points: &Points<D>,
+        summary: &Summary,
+        slump: Slump,
+        (ended, replaced_domains): (Ended, Vec<u32>),
+    ) -> Result<Attempt<D>, SolveError> {
+        Ok(match ended {
+            Ended::Balanced => {
+                let (report, path) = self.report(context, points, summary, slump)?;
+                Attempt::Equilibrium(Box::new(StepReport { replaced_domains, ..report }), path)
+            }
+            Ended::Strayed { is_at_rest } => {
+                let energy = self.energy_on_the_way(context, points, slump)?;
+                Attempt::OnTheWay(OnTheWay { energy, replaced_domains, is_at_rest })
+            }
+        })
+    }
+
+    /// The report of a converged step, without the links, and the path after the step.
+    ///
+    /// # Errors
+    /// [`SolveError::Law`] if a law has no finite energy.
+    fn report(
         &mut self,
         context: &StepContext<D>,
         points: &Points<D>,
@@ -119,7 +144,7 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
     ///
     /// # Errors
     /// [`SolveError::Law`] if a law has no finite energy.
-    pub(super) fn energy_on_the_way(
+    fn energy_on_the_way(
         &self,
         context: &StepContext<D>,
         points: &Points<D>,

@@ -1,7 +1,6 @@
 //! One attempt at a load step: sections 5 and 6.3.
 
 use crate::basis::{Connectivity, SupportError, SupportFailure};
-use crate::equilibrium::StepReport;
 use crate::model::{Body, Model, Predictor};
 use crate::points::Points;
 use crate::step::{Step, StepContext};
@@ -9,7 +8,7 @@ use crate::stress::Volumetric;
 use crate::timing::Phase;
 
 use super::agree::agree;
-use super::attempt::{Attempt, Effort, Ended, FailedAttempt, Iterate, OnTheWay, Slump};
+use super::attempt::{Attempt, Effort, FailedAttempt, Iterate, Slump};
 use super::conclusion::LastIterate;
 use super::course::{Course, Search};
 use super::damping::{Damping, STRIDE};
@@ -64,41 +63,40 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         let linked = self.reached.summary.timings.measure(Phase::Basis, link);
         let links = self.complete_links(linked, step).map_err(at_once)?;
         let context = StepContext { model, links: &links, step, factor: self.reached.summary.path.factor };
-        let mut load_step = self.begin(context, slump, effort, observer).map_err(at_once)?;
+        let mut load_step = self.begin(context, slump, effort, observer).map_err(at_once)?; // C, (29), pattern of K
         let ended = load_step.iterate(); // section 6.3
         let ended = ended.and_then(|ended| Ok((ended, load_step.move_points()?))); // section 6.4
         let mut last = load_step.into_last_iterate();
         let (points, summary) = (&*self.points, &self.reached.summary);
-        let concluded = ended.and_then(|(ended, replaced_domains)| {
-            Ok(match ended {
-                Ended::Balanced => {
-                    let (report, path) = last.report(&context, points, summary, slump)?;
-                    Attempt::Equilibrium(Box::new(StepReport { replaced_domains, ..report }), path)
-                }
-                Ended::Strayed { is_at_rest } => {
-                    let energy = last.energy_on_the_way(&context, points, slump)?;
-                    Attempt::OnTheWay(OnTheWay { energy, replaced_domains, is_at_rest })
-                }
-            })
+        let concluded = ended.and_then(|ended| last.outcome(&context, points, summary, slump, ended));
+        let outcome = concluded.map_err(|error| {
+            let agreed = agree(links.halo().ranks(), Err::<(), _>(error));
+            last.failed(&context, agreed.err().unwrap_or_else(SolveError::elsewhere))
         });
-        let outcome = match concluded {
+        self.terms = last.into_terms();
+        self.with_links(outcome, links)
+    }
+
+    /// An outcome with the links that belong to its grid; if it shows no grid, the links are kept for the next attempt.
+    fn with_links(
+        &mut self,
+        outcome: Result<Attempt<D>, Box<FailedAttempt<D>>>,
+        links: Connectivity<D>,
+    ) -> Result<Attempt<D>, Box<FailedAttempt<D>>> {
+        match outcome {
             Ok(Attempt::Equilibrium(mut report, path)) => {
                 report.grid.links = links;
                 Ok(Attempt::Equilibrium(report, path))
             }
-            Ok(on_the_way) => {
+            Ok(Attempt::OnTheWay(way)) => {
                 self.links = links;
-                Ok(on_the_way)
+                Ok(Attempt::OnTheWay(way))
             }
-            Err(error) => {
-                let agreed = agree(links.halo().ranks(), Err::<(), _>(error));
-                let mut failed = last.failed(&context, agreed.err().unwrap_or_else(SolveError::elsewhere));
+            Err(mut failed) => {
                 failed.iterate = failed.iterate.map(|iterate| Iterate { links, ..iterate });
                 Err(failed)
             }
-        };
-        self.terms = last.into_terms();
-        outcome
+        }
     }
 
     /// The links of the last step, whose memory is reused: those of the last report, if there is one.

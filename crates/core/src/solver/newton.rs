@@ -34,8 +34,9 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         loop {
             let wanted = self.wanted();
             let measured = self.evaluate(wanted).map(|()| self.residual(wanted)); // (19)-(23), (27), (28), (40)
+            // Records the residual, unless the iterate must be evaluated again, in most cases after a shorter δd.
             let Some(residual) = self.settle(iteration, wanted, measured)? else { continue };
-            let is_balanced = self.is_balanced();
+            let is_balanced = self.is_balanced(); // (40)
             if is_balanced && self.augment(iteration)? == Augmentation::Updated {
                 continue;
             }
@@ -179,7 +180,8 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         Ok(Some(solved))
     }
 
-    /// Forms the right-hand side; δd becomes the remainder of the prescribed motion. Returns the relative tolerance of
+    /// Forms the right-hand side of eq. (26), f_ext − f_int less K times the prescribed part of δd; δd becomes the
+    /// remainder of the prescribed motion. Returns the relative tolerance of
     /// an iterative solution.
     fn form_right_hand_side(&mut self) -> f64 {
         let LoadStep { context, system: StepSystem { dofs, sum, .. }, unknowns, course, .. } = self;

@@ -66,6 +66,8 @@ fn constraints<const D: usize, const N: usize>(
     let StepContext { model, links, step, .. } = *context;
     let constraints = Constraints::of_model(model, points, links, [step.start, step.end])?;
     let mut constraints = constraints.of_fields(fields);
-    terms.iter().try_for_each(|term| term.constrain(context, points, &mut constraints))?;
+    for term in terms {
+        term.constrain(context, points, &mut constraints).map_err(|error| error.of_term(term.name()))?;
+    }
     constraints.into_map()
 }

@@ -134,7 +134,7 @@ impl<const N: usize> Unknowns<N> {
             self.k_delta[node] = dofs.held_part(node, &balanced);
             let unbalanced = dofs.held_part(node, &out_of_balance[node]);
             for c in 0..N {
-                self.reaction[node][c] += self.k_delta[node][c] - unbalanced[c];
+                self.reaction[node][c] += self.k_delta[node][c] - unbalanced[c]; // f_react of (28), linearised
             }
         }
         self.factor += change;

@@ -58,7 +58,7 @@ impl WeakForm<3> for Spatial {
     fn column(&self, gradient: &[f64; 3], force: &mut [f64; 3]) -> [[[f64; 3]; 3]; 3] {
         let traction = times(&self.stress, gradient);
         for (f, t) in force.iter_mut().zip(traction) {
-            *f += t;
+            *f += t; // (23)
         }
         let alpha = times(&self.b, gradient);
         let change: [[f64; 6]; 3] = std::array::from_fn(|k| {
@@ -82,7 +82,7 @@ impl WeakForm<3> for Spatial {
         let [x, y, z] = column;
         let (x, y, z) = (x.as_flattened(), y.as_flattened(), z.as_flattened());
         for (e, entry) in block.as_flattened_mut().iter_mut().enumerate() {
-            *entry += gradient[0] * x[e] + gradient[1] * y[e] + gradient[2] * z[e];
+            *entry += gradient[0] * x[e] + gradient[1] * y[e] + gradient[2] * z[e]; // (21)
         }
     }
 }
