@@ -115,6 +115,11 @@ impl Term<2> for Wall {
         Ledger { stored: self.stored - self.at_start, ..Ledger::default() }
     }
 
+    // Points touch the wall and leave it.
+    fn has_kinks(&self) -> bool {
+        true
+    }
+
     fn report(&self, _: &Model<2>, report: &mut TermReport<2>) {
         report.add_force("wall", self.force);
     }

@@ -472,7 +472,7 @@ fn contradictions_in_a_further_field_are_refused() {
     let conduction = Conduction { unit: 1.0, again: 2.0, at_end: Vec::new(), start: Vec::new() };
     let refused = stepper.with_terms(vec![Box::new(conduction)]).unwrap().run(&mut Silent);
     let Err(error @ SolveError::Constraint { .. }) = refused else { panic!("{refused:?}") };
-    let words = "term `conduction` and an earlier constraint of a term prescribe different increments of \
+    let words = "the term `conduction` and an earlier constraint of a term prescribe different increments of \
                  `temperature` at node";
     assert!(error.to_string().contains(words), "{error}");
 }

@@ -199,7 +199,8 @@ fn further_fields_survive_grouping_commit_checkpoint_and_resumption_and_are_in_f
         let place = (&*directory, Lock::take(&directory).unwrap());
         Results::resume(place, asked, &model, account(), &checkpoint, reached.step)
     };
-    assert!(resume(&Request { forces: Vec::new(), ..asked.clone() }).is_err());
+    let refused = resume(&Request { forces: Vec::new(), ..asked.clone() }).err().unwrap().to_string();
+    assert!(refused.contains("columns"), "{refused}");
     let mut files = resume(&asked).unwrap();
     let stepper = Stepper::new(&model, &mut resumed).with_terms(vec![Box::new(Way)]).unwrap();
     stepper.resume(reached).unwrap().run(&mut files).unwrap();

@@ -221,7 +221,7 @@ fn a_further_term_acts_in_all_stages() {
 }
 
 /// In a collapse in large steps, the bodies slump under the weight of the model, and under that of a further term if
-/// the term allows it; otherwise, the iterations stay on one grid, and damping leaves no work.
+/// the term allows it; otherwise, the iterations stay on one grid, and damping does no work.
 #[test]
 fn bodies_slump_only_if_all_terms_allow_it() {
     let collapse = |own: Option<bool>| {

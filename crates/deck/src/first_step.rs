@@ -138,12 +138,12 @@ impl Check<'_> {
                 let pointer = format!("/boundary_conditions/{}", number(second));
                 let message = format!(
                     "the boundary conditions {} and {} contradict each other: in the first load step, they \
-                     increase {unknown} at the grid node {} by {} and {}",
+                     prescribe increments of {} and {} of {unknown} at the grid node {}",
                     quote(first),
                     quote(second),
-                    coordinates(node),
                     Parameter::Number(*a),
                     Parameter::Number(*b),
+                    coordinates(node),
                 );
                 self.at("D042", &pointer, message)
             }

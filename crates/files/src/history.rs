@@ -77,7 +77,8 @@ pub fn columns_of_history<const D: usize>(model: &Model<D>, forces: &[String]) -
     columns
 }
 
-/// The row of `history.csv` of a converged step; a further force that no term reports is missing. All ranks must call this together.
+/// The row of `history.csv` of a converged step; a further force that no term reports is missing. All ranks must call
+/// this together.
 pub fn row_of_history<const D: usize>(
     model: &Model<D>,
     points: &Points<D>,

@@ -23,7 +23,7 @@ use super::lock::Lock;
 use super::rows;
 use super::series::Series;
 use super::summary::Account;
-use super::table::{Kept, Table};
+use super::table::{Kept, Table, check_columns};
 use super::vtu::Precision;
 use super::writer::Writer;
 
@@ -43,7 +43,8 @@ pub struct Request {
     /// run ends early.
     pub checkpoints: Option<usize>,
     /// Names of forces that terms report in addition to the loads of the model, see
-    /// [`StepReport::forces`](mpm_core::solver::StepReport::forces); each has columns in `history.csv`.
+    /// [`StepReport::forces`](mpm_core::solver::StepReport::forces); each has columns in `history.csv`. No
+    /// name may be that of a load or tool.
     pub forces: Vec<String>,
 }
 
@@ -113,7 +114,8 @@ impl Results {
     ///
     /// # Errors
     /// If the directory cannot be created or written to; `ResourceBusy` if another run writes there; `AlreadyExists` if
-    /// a file with the name of a result file was not written by a run.
+    /// a file with the name of a result file was not written by a run; `InvalidInput` if two columns of a table would
+    /// have the same name. In the last two cases nothing in the directory is changed.
     pub fn create<const D: usize>(
         directory: &Path,
         asked: &Request,
@@ -125,9 +127,11 @@ impl Results {
         if let Some(name) = foreign_file(directory)? {
             return Err(foreign(&name, "; choose another directory with `--out`, or move the file away"));
         }
+        let history = columns_of_history(model, &asked.forces);
+        check_columns(&history)?;
         remove_earlier_results(directory)?;
         let tables = Tables {
-            history: Table::create(directory.join("history.csv"), &columns_of_history(model, &asked.forces))?,
+            history: Table::create(directory.join("history.csv"), &history)?,
             quality: Table::create(directory.join("quality.csv"), &QUALITY)?,
             convergence: Table::create(directory.join("convergence.csv"), &CONVERGENCE)?,
         };

@@ -193,6 +193,14 @@ pub fn text_of(columns: &[String], rows: impl IntoIterator<Item = Vec<Entry>>) -
     Ok(text)
 }
 
+/// Checks the names of columns.
+///
+/// # Errors
+/// `InvalidInput` if there is no column or two have the same name.
+pub(super) fn check_columns(columns: &[String]) -> io::Result<()> {
+    header(columns).map(drop).map_err(|what| invalid(format!("a table would have {what}")))
+}
+
 /// The line of column names.
 fn header(columns: &[String]) -> Result<String, String> {
     if columns.is_empty() {

@@ -335,11 +335,23 @@ impl<'a, const N: usize> Constraints<'a, N> {
         [a, b]: [f64; 2],
     ) -> ConstraintError {
         let [first, second] = conditions.map(|number| (self.name)(number as usize));
-        ConstraintError::Conflict { first, second, node: (self.position)(node), unknown, a, b, term: None }
+        ConstraintError::Conflict {
+            first,
+            second,
+            node: (self.position)(node).into(),
+            unknown: unknown.into(),
+            a,
+            b,
+            term: None,
+        }
     }
 
     fn tied(&self, node: usize, component: usize, reason: &'static str) -> ConstraintError {
-        ConstraintError::Tie { node: (self.position)(node), unknown: self.fields.unknown(component), reason }
+        ConstraintError::Tie {
+            node: (self.position)(node),
+            unknown: self.fields.unknown(component).into(),
+            reason,
+        }
     }
 }
 

@@ -6,7 +6,7 @@ use crate::points::coordinates;
 #[non_exhaustive]
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ConstraintError {
-    /// Two boundary conditions prescribe different displacements of one node.
+    /// Two conditions prescribe different increments of one unknown.
     #[error(
         "{} prescribe different increments of {unknown} at node {}: {a:e} and {b:e}",
         both(.first, .second, .term),
@@ -18,9 +18,9 @@ pub enum ConstraintError {
         /// Name of the second condition; empty if a term of equilibrium sets it.
         second: String,
         /// Position of the grid node, [length].
-        node: Vec<f64>,
+        node: Box<[f64]>,
         /// The unknown in words.
-        unknown: String,
+        unknown: Box<str>,
         /// Increment that the first condition prescribes or that follows from earlier conditions.
         a: f64,
         /// Increment prescribed by the second condition.
@@ -77,7 +77,7 @@ pub enum ConstraintError {
         /// Position of the grid node, [length].
         node: Vec<f64>,
         /// The unknown in words.
-        unknown: String,
+        unknown: Box<str>,
         /// The reason.
         reason: &'static str,
     },
@@ -104,7 +104,7 @@ impl ConstraintError {
 }
 
 fn both(first: &str, second: &str, term: &Option<&str>) -> String {
-    let term = term.map_or_else(|| "a term of equilibrium".to_owned(), |name| format!("term `{name}`"));
+    let term = term.map_or_else(|| "a term of equilibrium".to_owned(), |name| format!("the term `{name}`"));
     match (first, second) {
         ("", "") => format!("{term} and an earlier constraint of a term"),
         ("", name) | (name, "") => format!("boundary condition `{name}` and {term}"),

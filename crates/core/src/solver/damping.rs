@@ -46,9 +46,9 @@ const LEAST: f64 = 1e-6;
 /// Factor by which μ changes from iteration to iteration.
 const CHANGE: f64 = 4.0;
 
-/// True if collapsing bodies may slump until they come to rest: they must yield, all terms must allow it, and there must
-/// be no prescribed motions. A prescribed motion would be applied again on every grid, and bodies that do not yield do
-/// not collapse: they buckle or have an hourglass mode.
+/// True if collapsing bodies may slump until they come to rest: they must yield, all terms must allow it, and there
+/// must be no prescribed motions. A prescribed motion would be applied again on every grid, and bodies that do not
+/// yield do not collapse: they buckle or have an hourglass mode.
 pub(super) fn may_slump<const D: usize, const N: usize>(
     model: &Model<D>,
     points: &Points<D>,

@@ -48,7 +48,7 @@ const TOO_FAR_APART: f64 = 1e12;
 pub enum Kind {
     /// A part of the bodies can move or turn freely.
     RigidBodyMode,
-    /// Nothing resists the motion of a tool in its free components.
+    /// Nothing resists the motion of a rigid tool, or of another moving part, in its free components.
     FreeTool,
     /// A cell holds hardly any material.
     SmallCutCell,

@@ -164,8 +164,8 @@ pub enum SolveError {
     Singular {
         /// Step number.
         step: usize,
-        /// The names of rigid tools, and of what else moves by global unknowns, if nothing resists one of these motions;
-        /// empty if a motion of the bodies is the cause.
+        /// Names of the rigid tools and other moving parts, one of which nothing resists; empty if a motion of the
+        /// bodies is the cause.
         free: Vec<String>,
         /// An unknown without stiffness, if known: the position of its node, [length], and the unknown in words.
         node: Option<(Vec<f64>, String)>,
@@ -346,7 +346,7 @@ fn free_motion(free: &[String]) -> String {
 
 fn at_node(node: &Option<(Vec<f64>, String)>) -> String {
     match node {
-        Some((place, unknown)) => format!(": nothing resists {unknown} at node {}", coordinates(place)),
+        Some((place, unknown)) => format!(": nothing determines {unknown} at node {}", coordinates(place)),
         None => String::new(),
     }
 }

@@ -20,10 +20,11 @@ const MOST_HALVINGS: usize = 5;
 const MOST_SEARCHES: usize = 3;
 /// Largest number of evaluations of a line search if the equations have kinks.
 const MOST_SEARCHES_WITH_KINKS: usize = 6;
-/// If the equations have kinks, a line search may follow an increment that does not reduce the residual to this fraction.
+/// If the equations have kinks, a line search may follow an increment that does not reduce the residual to this
+/// fraction.
 const FAST: f64 = 0.1;
-/// If the equations have kinks, from this iteration after the last multiplier update onwards, an increment is halved until
-/// the residual no longer increases: friction has no potential whose slope would end a cycle between two states.
+/// If the equations have kinks, from this iteration after the last multiplier update onwards, an increment is halved
+/// until the residual no longer increases: friction has no potential whose slope would end a cycle between two states.
 const FIRST_BACKTRACK: usize = 8;
 /// Largest number of halvings of an increment that increases the residual.
 const MOST_BACKTRACKS: usize = 5;

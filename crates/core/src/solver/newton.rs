@@ -181,8 +181,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
     }
 
     /// Forms the right-hand side of eq. (26), f_ext − f_int less K times the prescribed part of δd; δd becomes the
-    /// remainder of the prescribed motion. Returns the relative tolerance of
-    /// an iterative solution.
+    /// remainder of the prescribed motion. Returns the relative tolerance of an iterative solution.
     fn form_right_hand_side(&mut self) -> f64 {
         let LoadStep { context, system: StepSystem { dofs, sum, .. }, unknowns, course, .. } = self;
         let LoadStep { summary, forcing, .. } = self;

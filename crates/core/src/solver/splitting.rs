@@ -43,8 +43,9 @@ pub(super) fn split_long<const D: usize, const N: usize>(
     splits.extend(points.split_long(&Present { of_model: OfModel { model }, terms, probed }, next));
 }
 
-/// Moves the corners of the domains of the points with these permanent numbers out of the obstacles of the terms, because
-/// these domains have been replaced without regard to obstacles. A domain that would become invalid stays as it is.
+/// Moves the corners of the domains of the points with these permanent numbers out of the obstacles of the terms,
+/// because these domains have been replaced without regard to obstacles. A domain that would become invalid stays as it
+/// is.
 pub(super) fn part_from_obstacles<const D: usize, const N: usize>(
     model: &Model<D>,
     points: &mut Points<D>,

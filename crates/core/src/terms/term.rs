@@ -26,9 +26,9 @@ pub struct NamedForce<const D: usize> {
 pub struct GlobalMotion {
     /// Number of the unknown among the global unknowns of its term.
     pub number: usize,
-    /// Name of what moves, such as the name of a rigid tool.
+    /// Name of what moves: of a rigid tool of the model, or another name that no tool has.
     pub of: String,
-    /// Number of the component of the motion.
+    /// Number of the component of the motion: the translations along the axes, then the rotations about x, y and z.
     pub component: usize,
     /// True if equilibrium alone determines the motion; false if the motion follows from the load factor.
     pub is_free: bool,
@@ -70,9 +70,9 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
     /// laid out anew.
     fn is_symmetric(&self, step: &StepContext<D>) -> bool;
 
-    /// True if the force is only piecewise smooth in the unknowns, as it is in contact. The line search then makes more
-    /// trials and begins with the first increment. The answer must be the same on all ranks, even if only some have
-    /// points that touch.
+    /// True if parts may touch an obstacle or leave it within a step, so that even the first increments overshoot; the
+    /// line search then makes more trials and begins with the first increment. The milder kinks of yielding do not
+    /// count. The answer must be the same on all ranks, even if only some have points that touch.
     fn has_kinks(&self) -> bool {
         false
     }
@@ -85,9 +85,9 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
 
     /// True if the bodies may slump under the term: damped iterations then carry the points from one fresh grid to the
     /// next before the step is in equilibrium. [`begin`](Term::begin) is called on each of these grids, and
-    /// [`commit`](Term::commit) only at the end. A term that keeps a state between steps, prescribes increments (they
-    /// would be applied on every grid), or exerts a load that the bodies may be unable to carry must not allow this.
-    /// The answer must be the same on all ranks.
+    /// [`commit`](Term::commit) only at the end. A term must not allow this if its state has to follow the points from
+    /// grid to grid, if it prescribes increments (they would be applied on every grid), or if it exerts a load that the
+    /// bodies may be unable to carry. The answer must be the same on all ranks.
     fn may_slump(&self, _model: &Model<D>) -> bool {
         false
     }
@@ -265,6 +265,16 @@ pub struct TermReport<const D: usize> {
 }
 
 impl<const D: usize> TermReport<D> {
+    /// Resultants of the loads of the model, in their order, of the points of this rank, [force].
+    pub fn loads(&self) -> &[[f64; D]] {
+        &self.loads
+    }
+
+    /// Further forces on the bodies, on this rank.
+    pub fn forces(&self) -> &[NamedForce<D>] {
+        &self.forces
+    }
+
     /// Adds to the resultant of a load of the model what the term applies on this rank, [force]; a number that no load
     /// has is ignored.
     pub fn add_to_load(&mut self, load: usize, force: [f64; D]) {
@@ -337,4 +347,22 @@ pub struct Ledger {
     pub lost: f64,
     /// Energy dissipated by friction during the step, [energy]: work of the tools that does not reach the bodies.
     pub friction: f64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn reported_forces_add_up() {
+        let mut report = TermReport::<2> { loads: vec![[1.0, 2.0]], ..TermReport::default() };
+        report.add_to_load(0, [0.5, -2.0]);
+        report.add_to_load(1, [9.0; 2]);
+        assert_eq!(report.loads(), [[1.5, 0.0]]);
+        report.add_force("wall", [1.0, 0.0]);
+        report.add_force("anchor", [0.0, 1.0]);
+        report.add_force("wall", [1.0, 3.0]);
+        let found: Vec<_> = report.forces().iter().map(|named| (named.name.as_str(), named.force)).collect();
+        assert_eq!(found, [("wall", [2.0, 3.0]), ("anchor", [0.0, 1.0])]);
+    }
 }
