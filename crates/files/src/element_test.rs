@@ -85,8 +85,8 @@ fn target(table: &Columns, prescribed: Prescribed, row: usize) -> Result<Target,
 }
 
 /// The table of states of an element test: step, strain and stress, invariants, history variables and energies. The
-/// components yz and xz are included if one of these strains is non-zero in any state. If a jump has reached any state,
-/// a column `jump` is added, which is 1 for such states.
+/// components yz and xz are included if one of these strains is non-zero in any state. If a jump has led to one
+/// or more of the states, a column `jump` is added, which is 1 for these states.
 ///
 /// # Errors
 /// `InvalidInput` if a history variable of the law has the name of another column, or if a number is not finite.

@@ -10,7 +10,7 @@ use super::{Encoded, File, Line};
 use crate::escape_xml;
 use crate::replace::replace_file;
 
-/// File-name extension of meshes in pieces.
+/// File-name extension of a mesh that is divided into several files.
 pub const EXTENSION: &str = "pvtu";
 
 /// First bytes of every file.

@@ -182,8 +182,8 @@ impl Chart {
         }
     }
 
-    /// Writes the name of each band along the upper side of the chart or, if there is no room, downwards. A name that
-    /// fits neither way appears only under the pointer.
+    /// Writes the name of each band along the top of the chart or, if there is no room, vertically. A name that fits
+    /// neither way is shown only when the pointer is over the band.
     fn name_bands(&self, svg: &mut String, x: &Scale, sides: [f64; 2], bottom: f64) {
         for Band { ends, name } in &self.bands {
             let [left, right] = within(x, *ends, sides);

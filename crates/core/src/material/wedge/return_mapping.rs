@@ -109,7 +109,7 @@ impl Strength {
         self.excess(&[largest, 0.0, smallest])
     }
 
-    /// Returns ordered trial stresses from outside the surface to the surface. `rates` are the derivatives of the
+    /// Maps ordered trial stresses outside the surface back to the surface. `rates` are the derivatives of the
     /// strength with respect to the parameters, if the derivatives of the stresses are required.
     pub fn returned<const R: usize>(
         &self,

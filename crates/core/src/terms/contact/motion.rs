@@ -6,8 +6,7 @@ use crate::region::vector::{along, cross, minus, norm};
 use crate::step::{Step, displacement};
 use crate::tool::{Closest, Increment, Pose, Shape};
 
-/// Change of the load factor, relative to 1 plus its magnitude, with which a prescribed motion is differentiated
-/// numerically, [-].
+/// Step in the load factor λ for the finite difference of a prescribed motion, relative to 1 + |λ|, [-].
 const NEARBY: f64 = 1e-6;
 
 /// A quarter turn, [rad].
