@@ -268,7 +268,7 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
     }
 
     fn motions(&self, model: &Model<D>) -> Vec<GlobalMotion> {
-        let of_tool = |(tool, moving): (&'_ Tool<D>, &'_ Moving<D>)| -> Vec<(String, usize, bool)> {
+        let of_tool = |(tool, moving): (&Tool<D>, &Moving<D>)| -> Vec<(String, usize, bool)> {
             let named = |&k: &usize| (tool.name.clone(), k, tool.freedom(k).is_free());
             moving.free.iter().map(named).collect()
         };

@@ -74,11 +74,11 @@ pub fn motions<const D: usize, const N: usize>(terms: &Terms<D, N>, model: &Mode
 /// # Errors
 /// The reason why a run cannot go on with the model `now`; the states are then unchanged.
 pub fn continue_from<const D: usize>(
-    models: [&Model<D>; 2],
+    [before, now]: [&Model<D>; 2],
     states: &mut BTreeMap<String, Saved>,
     time: f64,
 ) -> Result<(), String> {
-    Surfaces::continue_from(models, states, time)
+    Surfaces::continue_from([before, now], states, time)
 }
 
 /// The sum of all terms in one load step.
@@ -293,7 +293,7 @@ impl<const D: usize, const N: usize> Sum<D, N> {
         self.terms.iter().all(|term| term.has_potential(model))
     }
 
-    /// True if the sum is only piecewise smooth in the unknowns.
+    /// True if a term has kinks, see [`Term::has_kinks`].
     pub fn has_kinks(&self) -> bool {
         self.terms.iter().any(|term| term.has_kinks())
     }

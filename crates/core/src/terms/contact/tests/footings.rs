@@ -16,7 +16,7 @@ fn footing(motion: Freedom, load: f64) -> Run<2> {
     controlled(motion, load, Control::Load, 1)
 }
 
-/// The footing problem with control of the step size.
+/// The footing problem with this control of the load factor, in this number of steps.
 fn controlled(motion: Freedom, load: f64, control: Control, steps: usize) -> Run<2> {
     let shape = Brick::new([-0.5, 0.0], [0.5, 0.5]).unwrap();
     let mut tool = Tool::new("footing", shape, Pose::new([1.0, 1.0], [0.0; 3]).unwrap());
