@@ -134,3 +134,13 @@ def test_the_book_has_every_page():
     listed = set(re.findall(r"\]\(([^)]+\.md)\)", summary.read_text()))
     pages = {str(page.relative_to(DOCS)) for page in DOCS.rglob("*.md")} - {"SUMMARY.md"}
     assert listed == pages
+
+
+def test_every_decision_has_a_status():
+    """It stands under the title, and what is superseded names a later decision."""
+    for page in sorted((DOCS / "decisions").glob("0*.md")):
+        title, blank, status, *_ = page.read_text().split("\n")
+        assert title.startswith("# ") and not blank, page.name
+        assert re.match(r"\*\*Status\.\*\* (Accepted\.|(Accepted; s|S)uperseded by \[\d+\])", status), page.name
+        for number, file in re.findall(r"\[(\d+)\]\((\d+)-", status):
+            assert int(number) == int(file) > int(page.name[:4]), page.name
