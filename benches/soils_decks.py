@@ -38,7 +38,7 @@ SURCHARGE = "  - {name: surcharge, type: traction, surface: crest, traction: [0,
 INITIAL = ", initial_stress: {type: components, stress: {xx: -1000, yy: -1000, zz: -1000}}"
 
 
-def of_inputs(name, **changes):
+def changed_input(name, **changes):
     """A deck of the inputs, in which each of these words is replaced by another."""
     text = (Path(__file__).resolve().parents[1] / "inputs" / name).read_text()
     for word, other in changes.values():
@@ -48,7 +48,7 @@ def of_inputs(name, **changes):
 
 
 # Example 1 of Griffiths and Lane (1999).
-SLOPE = of_inputs(
+SLOPE = changed_input(
     "slope.yaml",
     method=("method: gimp", 'method: "${method}"'),
     volumetric=("volumetric: mean-dilatation", 'volumetric: "${volumetric}"'),

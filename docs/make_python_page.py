@@ -161,7 +161,7 @@ def module(thing):
     return "mpm.testing" if thing.__module__ == "mpm.testing" else "mpm"
 
 
-def of_class(owner):
+def class_text(owner):
     """Markdown of a class and its members."""
     fields = {name: annotation(kind) for name, kind in inspect.get_annotations(owner).items() if name[0] != "_"}
     is_record = hasattr(owner, "__dataclass_fields__")
@@ -189,7 +189,7 @@ def of_class(owner):
     return "\n\n".join(found + methods)
 
 
-def of_function(function):
+def function_text(function):
     head = signature(f"{module(function)}.{function.__name__}", function)
     return "\n\n".join([f"### {function.__name__}", head, description(function)])
 
@@ -199,7 +199,7 @@ def page():
     found = [INTRODUCTION.strip()]
     for heading, things in PARTS.items():
         found.append(f"## {heading}")
-        found += [of_class(thing) if inspect.isclass(thing) else of_function(thing) for thing in things]
+        found += [class_text(thing) if inspect.isclass(thing) else function_text(thing) for thing in things]
     return "\n\n".join(found) + "\n"
 
 

@@ -62,7 +62,7 @@ fn run(spacing: f64, law: Box<dyn Material>, method: Method) {
     println!("largest settlement of a point {:.6} m; {:.2} s", -settlement, start.elapsed().as_secs_f64());
     let mut total = 0.0;
     for phase in Phase::ALL {
-        let seconds = summary.timings.of(phase).cpu.as_secs_f64();
+        let seconds = summary.timings.spent(phase).cpu.as_secs_f64();
         total += seconds;
         let per_point = 1e6 * seconds / n / evaluations;
         println!("{:10} {seconds:8.3} s CPU, {per_point:7.3} µs per point and evaluation", phase.name());

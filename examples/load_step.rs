@@ -135,9 +135,9 @@ fn respond(model: &Model<2>, points: &mut Points<2>, p: usize, dF: &Mat3) -> Opt
         let mut E = Mat3::zeros(); // ∂ΔF/∂ΔF_kl
         E[(k, l)] = 1.0;
         let B = E * b_n * dF.transpose() + dF * b_n * E.transpose(); // (A.5)
-        let of_tau = Sym3::symmetric_part(&B).contract(&half_DL).to_matrix(); // (A.4)
-        let of_inverse = -inverse * E * inverse; // (A.6)
-        A[k][l] = (of_tau * inverse.transpose() + tau * of_inverse.transpose()) / J_n; // (A.3)
+        let dtau = Sym3::symmetric_part(&B).contract(&half_DL).to_matrix(); // (A.4)
+        let dinverse = -inverse * E * inverse; // (A.6)
+        A[k][l] = (dtau * inverse.transpose() + tau * dinverse.transpose()) / J_n; // (A.3)
     }
     Some((P, A))
 }

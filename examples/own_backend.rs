@@ -60,10 +60,10 @@ impl<const D: usize, const N: usize> Backend<D, N> for ConjugateGradients<N> {
             a.as_flattened().iter().zip(b.as_flattened()).map(|(a, b)| a * b).sum()
         };
         let precondition = |r: &[[f64; N]]| -> Vec<[f64; N]> {
-            let of_node = |(r, inverse): (&[f64; N], &SMatrix<f64, N, N>)| {
+            let scaled = |(r, inverse): (&[f64; N], &SMatrix<f64, N, N>)| {
                 (inverse * nalgebra::SVector::from(*r)).into()
             };
-            r.iter().zip(&self.inverse).map(of_node).collect()
+            r.iter().zip(&self.inverse).map(scaled).collect()
         };
         x.fill([0.0; N]);
         let (mut r, enough) = (b.to_vec(), tolerance * dot(b, b).sqrt());

@@ -93,11 +93,11 @@ impl Term<2> for Wall {
                 if wanted == Wanted::Force {
                     continue;
                 }
-                for &(row, of_row) in &links {
-                    for &(column, of_column) in &links {
+                for &(row, row_factor) in &links {
+                    for &(column, column_factor) in &links {
                         // A symmetric system stores only the lower triangle.
                         if let Some(place) = sum.place(row, column) {
-                            let factor = k * of_row * of_column;
+                            let factor = k * row_factor * column_factor;
                             let block = self.normal.map(|a| self.normal.map(|b| factor * a * b));
                             sum.add_block(place, &block);
                         }

@@ -58,8 +58,8 @@ pub fn work<const D: usize>(
         let n = links.local_nodes(p).len() as f64;
         flops += own + (2.0 * d * d + per_node) * n + per_pair * n * (n + 1.0) / 2.0;
     }
-    let of_point = size_of::<StartOfStep>() as f64 + 2.0 * size_of::<Sym3>() as f64 + 2.0 * history * number;
-    let bytes = of_point * n_points as f64
+    let per_point = size_of::<StartOfStep>() as f64 + 2.0 * size_of::<Sym3>() as f64 + 2.0 * history * number;
+    let bytes = per_point * n_points as f64
         + (d * number + 4.0) * links.n_links() as f64
         + 3.0 * d * d * number * pairs as f64;
     Work { flops, bytes }

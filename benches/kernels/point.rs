@@ -123,7 +123,7 @@ fn states<const D: usize>(in_plane: bool) -> (Vec<StartOfStep>, Vec<Increment<D>
             let dF = std::array::from_fn(|i| {
                 std::array::from_fn(|j| f64::from(u8::from(i == j)) + 0.05 * number())
             });
-            Increment { hoop: 1.02, radius: 1.0, ..Increment::of(dF) }
+            Increment { hoop: 1.02, radius: 1.0, ..Increment::flat(dF) }
         })
         .collect();
     (starts, increments)

@@ -12,7 +12,7 @@ _Array = npt.NDArray[np.float64]
 _StrPath = str | os.PathLike[str]
 
 __all__ = [
-    "MOST_THREADS",
+    "MAX_THREADS",
     "VERSION",
     "BuiltIn",
     "Session",
@@ -31,7 +31,7 @@ __all__ = [
     "text_of_code",
 ]
 
-MOST_THREADS: int
+MAX_THREADS: int
 VERSION: str
 
 class _Adapter(Protocol):

@@ -207,8 +207,8 @@ def sweep(
             raise UsageError(f"the values of {name!r} must be a list that is not empty")
     if processes is not None and (isinstance(processes, bool) or not isinstance(processes, int) or processes < 1):
         raise UsageError(f"processes must be a whole number above 0, not {processes!r}")
-    if isinstance(threads, bool) or not isinstance(threads, int) or not 1 <= threads <= _mpm.MOST_THREADS:
-        raise UsageError(f"threads must be a whole number from 1 to {_mpm.MOST_THREADS}, not {threads!r}")
+    if isinstance(threads, bool) or not isinstance(threads, int) or not 1 <= threads <= _mpm.MAX_THREADS:
+        raise UsageError(f"threads must be a whole number from 1 to {_mpm.MAX_THREADS}, not {threads!r}")
     lists = [[_parameter(name, value) for value in values] for name, values in over.items()]
     for name, values in zip(over, lists):
         _mpm.check_axis(name, [_setting(value) for value in values])

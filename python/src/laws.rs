@@ -161,12 +161,12 @@ impl Laws {
 }
 
 /// A law of the program, with the density that the deck states for the material whose law it replaces.
-fn with_density_of(of_deck: &MaterialDeck, law: &serde_json::Value) -> Result<MaterialDeck, Raised> {
+fn with_density_of(material: &MaterialDeck, law: &serde_json::Value) -> Result<MaterialDeck, Raised> {
     let unusable = |error: serde_json::Error| Raised::misuse(format!("the material cannot be used: {error}"));
     let mut document = law.clone();
     if let Some(entries) = document.as_object_mut() {
         entries.remove("density");
-        let density = of_deck.density().map(serde_json::to_value).transpose().map_err(unusable)?;
+        let density = material.density().map(serde_json::to_value).transpose().map_err(unusable)?;
         entries.extend(density.map(|density| ("density".to_owned(), density)));
     }
     serde_json::from_value(document).map_err(unusable)
@@ -294,11 +294,11 @@ impl BatchLaw for PythonLaw {
         }
         new.copy_from_slice(&history);
         for (p, response) in responses.iter_mut().enumerate() {
-            let of_point = &tangent[36 * p..36 * (p + 1)];
+            let point_tangent = &tangent[36 * p..36 * (p + 1)];
             let mut matrix = Tangent::zeros();
             for i in 0..6 {
                 for j in 0..6 {
-                    matrix[(PLACE[i], PLACE[j])] = of_point[6 * i + j];
+                    matrix[(PLACE[i], PLACE[j])] = point_tangent[6 * i + j];
                 }
             }
             *response = Response {
@@ -313,7 +313,7 @@ impl BatchLaw for PythonLaw {
     fn energies(&self, elastic_strain: &[Sym3], history: &[f64], volume: &[f64]) -> [f64; 2] {
         let strain: &[f64] = &elastic_strain.iter().flat_map(row).collect::<Vec<_>>();
         match self.with_interpreter(|py| call_energies(py, &self.adapter, strain, history)) {
-            Ok(of_points) => of_points.map(|of| of.iter().zip(volume).map(|(e, v)| e * v).sum()),
+            Ok(energies) => energies.map(|energy| energy.iter().zip(volume).map(|(e, v)| e * v).sum()),
             // NaN energies end the run.
             Err(_) => [f64::NAN; 2],
         }
@@ -357,8 +357,8 @@ impl BuiltIn {
         let read = || -> Result<BuiltIn, String> {
             let in_words = |error: serde_json::Error| error.to_string();
             let material: serde_json::Value = serde_json::from_str(material).map_err(in_words)?;
-            let of_deck: MaterialDeck = serde_json::from_value(material.clone()).map_err(in_words)?;
-            Ok(BuiltIn { law: of_deck.law_alone()?, material })
+            let parsed: MaterialDeck = serde_json::from_value(material.clone()).map_err(in_words)?;
+            Ok(BuiltIn { law: parsed.law_alone()?, material })
         };
         Ok(read().map_err(|error| Raised::misuse(format!("the material cannot be used: {error}")))?)
     }

@@ -42,7 +42,7 @@ mod _mpm {
     use super::study::{check_axis, headings};
 
     #[pymodule_export]
-    const MOST_THREADS: usize = super::preparation::MOST_THREADS;
+    const MAX_THREADS: usize = super::preparation::MAX_THREADS;
     #[pymodule_export]
     const VERSION: &str = mpm::output::summary::VERSION;
 }

@@ -39,7 +39,7 @@ pub enum Name {
 
 impl Name {
     /// The table of this name.
-    pub fn of(self, record: &Record) -> &Rows {
+    pub fn rows(self, record: &Record) -> &Rows {
         match self {
             Name::History => &record.history,
             Name::Quality => &record.quality,
@@ -57,7 +57,7 @@ pub struct Array {
 
 impl Array {
     /// An array of a model; `None` if there is no array of this name.
-    pub fn of<const D: usize>(model: &Model<D>, points: &Points<D>, name: &str) -> Option<Array> {
+    pub fn read<const D: usize>(model: &Model<D>, points: &Points<D>, name: &str) -> Option<Array> {
         let found = model.array(points, name)?;
         Some(Array { components: found.components, values: found.values })
     }
@@ -67,8 +67,8 @@ impl Ended {
     /// An array of the points in their last state.
     pub fn array(&self, name: &str) -> Option<Array> {
         match &self.analysis {
-            Analysis::Plane(parts) => Array::of(&parts.0, &parts.1, name),
-            Analysis::Solid(parts) => Array::of(&parts.0, &parts.1, name),
+            Analysis::Plane(parts) => Array::read(&parts.0, &parts.1, name),
+            Analysis::Solid(parts) => Array::read(&parts.0, &parts.1, name),
         }
     }
 }

@@ -8,7 +8,7 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 use crate::errors::Raised;
 
 /// Largest number of threads.
-pub const MOST_THREADS: usize = 1024;
+pub const MAX_THREADS: usize = 1024;
 
 /// Reads a deck from its text.
 pub fn loaded(name: &str, text: &[u8], overrides: &[(String, String)]) -> Result<LoadedDeck, Raised> {
@@ -17,8 +17,8 @@ pub fn loaded(name: &str, text: &[u8], overrides: &[(String, String)]) -> Result
 
 /// A pool of threads for one run only; by default, one thread per core.
 pub fn pool(threads: Option<usize>) -> Result<ThreadPool, Raised> {
-    if threads.is_some_and(|n| !(1..=MOST_THREADS).contains(&n)) {
-        return Err(Raised::misuse(format!("threads must be a number from 1 to {MOST_THREADS}")));
+    if threads.is_some_and(|n| !(1..=MAX_THREADS).contains(&n)) {
+        return Err(Raised::misuse(format!("threads must be a number from 1 to {MAX_THREADS}")));
     }
     let built = ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build();
     built.map_err(|error| Raised::misuse(format!("the threads cannot be started: {error}")))
@@ -26,6 +26,6 @@ pub fn pool(threads: Option<usize>) -> Result<ThreadPool, Raised> {
 
 /// Prepares the model of a deck for its first load step.
 pub fn prepared(loaded: LoadedDeck, pool: &ThreadPool) -> Result<Prepared, Raised> {
-    let built = pool.install(|| ready::prepare(loaded, Memory::of_this_machine(), false));
+    let built = pool.install(|| ready::prepare(loaded, Memory::this_machine(), false));
     built.map_err(Raised::Deck)
 }

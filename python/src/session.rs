@@ -206,7 +206,7 @@ impl Session {
             "convergence" => Name::Convergence,
             other => return Err(Raised::misuse(format!("there is no table {other:?}")).into()),
         };
-        let rows = match self.at_end(|ended| name.of(&ended.record).clone())? {
+        let rows = match self.at_end(|ended| name.rows(&ended.record).clone())? {
             Some(rows) => rows,
             None => self.ask(py, |reply| Request::Table(name, reply))?,
         };
@@ -279,12 +279,12 @@ impl Session {
     }
 
     /// A value from a run that has ended; `None` before its end.
-    fn at_end<T>(&self, of: impl FnOnce(&Ended) -> T) -> PyResult<Option<T>> {
+    fn at_end<T>(&self, read: impl FnOnce(&Ended) -> T) -> PyResult<Option<T>> {
         let running = self.lock()?;
         if running.requests.is_none() {
             return Err(Raised::misuse("the run is closed").into());
         }
-        Ok(running.ended.as_deref().map(of))
+        Ok(running.ended.as_deref().map(read))
     }
 
     /// Makes a request while the run is paused.

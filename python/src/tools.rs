@@ -12,8 +12,9 @@ pub fn tools_document<const D: usize>(model: &Model<D>, tools: &[ToolState<D>]) 
 }
 
 fn document<const D: usize>(tool: &Tool<D>, state: &ToolState<D>) -> Value {
-    let parts = tool.parts.iter().zip(&state.parts).map(|(part, of)| {
-        let document = json!({"force": of.force.to_vec(), "moment": of.moment, "n_contacts": of.contacts});
+    let parts = tool.parts.iter().zip(&state.parts).map(|(part, acting)| {
+        let document =
+            json!({"force": acting.force.to_vec(), "moment": acting.moment, "n_contacts": acting.contacts});
         (part.name.clone(), document)
     });
     json!({
@@ -31,11 +32,14 @@ fn document<const D: usize>(tool: &Tool<D>, state: &ToolState<D>) -> Value {
 
 /// The contact points of a tool, one list for each of their quantities.
 fn contacts<const D: usize>(contacts: &[ContactPoint<D>]) -> Value {
-    let vectors = |of: &dyn Fn(&ContactPoint<D>) -> [f64; D]| -> Vec<Vec<f64>> {
-        contacts.iter().map(|contact| of(contact).to_vec()).collect()
+    let vectors = |quantity: &dyn Fn(&ContactPoint<D>) -> [f64; D]| -> Vec<Vec<f64>> {
+        contacts.iter().map(|contact| quantity(contact).to_vec()).collect()
     };
-    let numbers = |of: &dyn Fn(&ContactPoint<D>) -> f64| -> Vec<f64> { contacts.iter().map(of).collect() };
-    let counts = |of: &dyn Fn(&ContactPoint<D>) -> usize| -> Vec<usize> { contacts.iter().map(of).collect() };
+    let numbers =
+        |quantity: &dyn Fn(&ContactPoint<D>) -> f64| -> Vec<f64> { contacts.iter().map(quantity).collect() };
+    let counts = |quantity: &dyn Fn(&ContactPoint<D>) -> usize| -> Vec<usize> {
+        contacts.iter().map(quantity).collect()
+    };
     json!({
         "position": vectors(&|contact| contact.position),
         "normal": vectors(&|contact| contact.normal),

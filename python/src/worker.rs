@@ -67,7 +67,7 @@ trait State {
 
 impl<const D: usize> State for (&Model<D>, &Points<D>) {
     fn array(&self, name: &str) -> Option<Array> {
-        Array::of(self.0, self.1, name)
+        Array::read(self.0, self.1, name)
     }
 }
 
@@ -86,7 +86,7 @@ impl Worker {
                 Ok(Request::Change(changed, reply)) => return Decision::Change(changed, reply),
                 Ok(Request::Array(name, reply)) => drop(reply.send(state.array(&name))),
                 Ok(Request::Table(name, reply)) => {
-                    drop(reply.send(name.of(&self.record).clone()));
+                    drop(reply.send(name.rows(&self.record).clone()));
                 }
             }
         }
@@ -334,9 +334,12 @@ fn step_document<const D: usize>(
         Value::Object(entries.collect::<Map<_, _>>())
     };
     let stage = model.stages.get(model.present.stage).map(|stage| &stage.name);
-    let before = summary.warnings.iter().filter(|of| of.step == report.step.index);
+    let before = summary.warnings.iter().filter(|warning| warning.step == report.step.index);
     let warnings: Vec<Value> = before
-        .map(|of| json!({"code": of.code, "message": of.message, "help": wording.on_warning(of)}))
+        .map(|warning| {
+            let help = wording.on_warning(warning);
+            json!({"code": warning.code, "message": warning.message, "help": help})
+        })
         .collect();
     json!({
         "index": report.step.index,

@@ -105,8 +105,8 @@ impl Machines {
     /// True if all ranks have read the same deck, and the same files that the deck names. All ranks must call it
     /// together.
     pub fn have_the_same(&self, loaded: &LoadedDeck) -> bool {
-        let of_ranks = if self.ranks.is_alone() { Vec::new() } else { self.ranks.gather_all(loaded.hash()) };
-        of_ranks.windows(2).all(|pair| pair[0] == pair[1])
+        let hashes = if self.ranks.is_alone() { Vec::new() } else { self.ranks.gather_all(loaded.hash()) };
+        hashes.windows(2).all(|pair| pair[0] == pair[1])
     }
 
     /// Waits until all ranks are ready to run.

@@ -101,8 +101,8 @@ fn messages_of_rank(path: &Path, ranks: &Ranks) -> String {
 fn messages_do_not_depend_on_ranks() {
     for path in decks(BUILT) {
         let alone = messages_of_rank(&path, &Ranks::default());
-        for of_rank in threads::run(3, |ranks| messages_of_rank(&path, &ranks)) {
-            assert_eq!(of_rank, alone, "{}", path.display());
+        for messages in threads::run(3, |ranks| messages_of_rank(&path, &ranks)) {
+            assert_eq!(messages, alone, "{}", path.display());
         }
     }
 }

@@ -83,7 +83,7 @@ fn codes(deck: &str, set: &[(String, String)]) -> Codes {
     };
     take(&loaded.notes);
     loaded.directory = PathBuf::from("inputs/new");
-    match ready(&loaded, Memory::of_this_machine()) {
+    match ready(&loaded, Memory::this_machine()) {
         Err(found) => take(&found),
         Ok(mut ready) => {
             take(&ready.notes);

@@ -138,23 +138,23 @@ fn cantilever(count: usize, length: Option<f64>) -> (Points<2>, Summary, f64) {
 
 #[test]
 fn the_length_of_the_path_can_be_given() {
-    let (free, of_free, length) = cantilever(8, None);
-    let (given, of_given, same) = cantilever(8, Some(length));
+    let (free, free_summary, length) = cantilever(8, None);
+    let (given, given_summary, same) = cantilever(8, Some(length));
     let apart = |a: &Points<2>, b: &Points<2>| {
-        let (of_a, of_b) = (a.by_id(), b.by_id());
-        let pairs = of_a.iter().zip(&of_b);
+        let (in_a, in_b) = (a.by_id(), b.by_id());
+        let pairs = in_a.iter().zip(&in_b);
         let places = pairs.map(|(&p, &q)| (a.converged.position[p], b.converged.position[q]));
         places.map(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1])).fold(0.0, f64::max)
     };
     println!("length {length}, given {same}, places off by {:.1e}", apart(&free, &given));
     assert!((same / length - 1.0).abs() < 1e-12 && apart(&free, &given) < 1e-9);
-    assert!((of_given.path.factor / of_free.path.factor - 1.0).abs() < 1e-9);
+    assert!((given_summary.path.factor / free_summary.path.factor - 1.0).abs() < 1e-9);
     // Twice as many steps of half the length end at the same state; the same number of these steps ends half-way.
-    let (fine, of_fine, _) = cantilever(16, Some(length));
-    let (half, of_half, halved) = cantilever(8, Some(0.5 * length));
+    let (fine, fine_summary, _) = cantilever(16, Some(length));
+    let (half, half_summary, halved) = cantilever(8, Some(0.5 * length));
     let (far, to_half) = (apart(&fine, &given), apart(&half, &given));
     println!("steps of half the length: places off by {far:.1e}; half of the path: by {to_half:.1e}");
-    assert_eq!((of_given.steps, of_fine.steps, of_half.steps), (8, 16, 8));
+    assert_eq!((given_summary.steps, fine_summary.steps, half_summary.steps), (8, 16, 8));
     assert!((halved / length - 0.5).abs() < 1e-12);
     assert!(far < 0.1 * to_half, "{far:e}, {to_half:e}");
 }
@@ -177,10 +177,10 @@ steps: {count: 1, control: {type: arc-length, length: 0.01}}
 ";
     let (points, _) = run(deck(text));
     let moved = |p: usize| (points.converged.position[p][0] - points.original_position[p][0]).abs();
-    let of_block = (0..points.len()).filter(|&p| points.body[p] == 1).map(moved).fold(0.0, f64::max);
+    let block_motion = (0..points.len()).filter(|&p| points.body[p] == 1).map(moved).fold(0.0, f64::max);
     // The block has three quarters of the volume; the nodes of the spring add their share.
-    println!("the block moves by {of_block}");
-    assert!((0.01..0.0116).contains(&of_block), "{of_block}");
+    println!("the block moves by {block_motion}");
+    assert!((0.01..0.0116).contains(&block_motion), "{block_motion}");
 }
 
 #[test]

@@ -31,8 +31,8 @@ fn found(text: &str) -> Vec<Diagnostic> {
     let found = match load_text("deck", text.as_bytes(), &[]) {
         Err(failure) => failure.diagnostics,
         Ok(loaded) => {
-            let of_build = build::<2>(&loaded).err().unwrap_or_default();
-            loaded.notes.into_iter().chain(of_build).collect()
+            let found_by_build = build::<2>(&loaded).err().unwrap_or_default();
+            loaded.notes.into_iter().chain(found_by_build).collect()
         }
     };
     found.iter().for_each(remedy::has_remedy);

@@ -15,9 +15,9 @@ use cpu_time::ProcessTime;
 pub static ALLOCATOR: Cap<System> = Cap::new(System, usize::MAX);
 
 /// The memory that a case may take.
-const MOST_MEMORY: usize = 768 << 20;
+const MAX_MEMORY: usize = 768 << 20;
 /// Time that a case may take.
-const MOST_TIME: Duration = Duration::from_secs(10);
+const MAX_TIME: Duration = Duration::from_secs(10);
 
 /// The inputs under test.
 pub trait Bench: Send + 'static {
@@ -71,7 +71,7 @@ pub fn fuzz<B: Bench>(make: impl FnOnce() -> B + Send + 'static, first: u64, mos
                 return;
             }
             let before = ALLOCATOR.allocated();
-            ALLOCATOR.set_limit(before + MOST_MEMORY).unwrap();
+            ALLOCATOR.set_limit(before + MAX_MEMORY).unwrap();
             let began = ProcessTime::now();
             let outcome = catch_unwind(AssertUnwindSafe(|| bench.run(&text)));
             let took = began.elapsed();
@@ -98,7 +98,7 @@ pub fn fuzz<B: Bench>(make: impl FnOnce() -> B + Send + 'static, first: u64, mos
         let began = ProcessTime::now();
         let report = loop {
             match receive.recv_timeout(Duration::from_millis(500)) {
-                Err(RecvTimeoutError::Timeout) if began.elapsed() < MOST_TIME => {}
+                Err(RecvTimeoutError::Timeout) if began.elapsed() < MAX_TIME => {}
                 report => break report,
             }
         };
@@ -117,7 +117,7 @@ pub fn fuzz<B: Bench>(make: impl FnOnce() -> B + Send + 'static, first: u64, mos
                 }
             }
             Err(RecvTimeoutError::Timeout) => {
-                faults.push(format!("seed {seed} takes more than {MOST_TIME:?}: {}", current.display()));
+                faults.push(format!("seed {seed} takes more than {MAX_TIME:?}: {}", current.display()));
                 break;
             }
             Err(RecvTimeoutError::Disconnected) => break,

@@ -321,7 +321,7 @@ output:
     let block =
         "  - {name: b, material: m, shape: {type: box, min: [0, 0], max: [20, 20]}, points_per_cell: 2}\n";
     let probe = "    - {name: p, body: b0, nearest: [0, 0]}\n";
-    let of_b = |text: &str| text.replace("body: b0", "body: b");
+    let with_b = |text: &str| text.replace("body: b0", "body: b");
     let each = |line: &dyn Fn(usize) -> String| (0..lines).map(line).collect::<String>();
     let boxes = each(&|k| {
         format!(
@@ -359,13 +359,13 @@ output:
     vec![
         ("boxes", deck(lines, &boxes, "", "", probe)),
         ("circles", deck(lines + 1, &circles, "", "", probe)),
-        ("boundary conditions", deck(20, block, &conditions, "", &of_b(probe))),
-        ("point forces", deck(20, block, "", &loads, &of_b(probe))),
+        ("boundary conditions", deck(20, block, &conditions, "", &with_b(probe))),
+        ("point forces", deck(20, block, "", &loads, &with_b(probe))),
         ("probes", deck(20, block, "", "", &probes)),
-        ("corners of a polygon", deck(20, &polygon, "", "", &of_b(probe))),
-        ("pairs of a load curve", deck(20, block, &curve, "", &of_b(probe))),
-        ("comments", comments + &deck(20, block, "", "", &of_b(probe))),
-        ("errors", deck(20, block, &wrong, "", &of_b(probe))),
+        ("corners of a polygon", deck(20, &polygon, "", "", &with_b(probe))),
+        ("pairs of a load curve", deck(20, block, &curve, "", &with_b(probe))),
+        ("comments", comments + &deck(20, block, "", "", &with_b(probe))),
+        ("errors", deck(20, block, &wrong, "", &with_b(probe))),
     ]
 }
 
@@ -380,7 +380,7 @@ fn decks_of_ten_thousand_lines_are_checked() {
             let (mut built, mut found) = (read, 0);
             match loaded {
                 Ok(loaded) => {
-                    let ready = ready(&loaded, Memory::of_this_machine());
+                    let ready = ready(&loaded, Memory::this_machine());
                     built = start.elapsed();
                     found += ready.map_or_else(|found| found.len(), |ready| ready.notes.len());
                 }

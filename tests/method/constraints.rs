@@ -324,8 +324,11 @@ fn a_lid_of_ties_and_one_of_springs_on_a_plate_press_alike() {
         let is_top = |node: &u32| (model.grid.node_position(*node as usize)[1] - 2.0).abs() < 1e-9;
         nodes.filter(|(node, _)| is_top(node)).map(|(_, u)| u[1]).collect()
     };
-    let of_tied = tops(&tied);
-    assert!(of_tied.len() == 5 && of_tied.iter().all(|u| (u - of_tied[0]).abs() < 1e-14), "{of_tied:?}");
+    let tied_tops = tops(&tied);
+    assert!(
+        tied_tops.len() == 5 && tied_tops.iter().all(|u| (u - tied_tops[0]).abs() < 1e-14),
+        "{tied_tops:?}"
+    );
     // The floor carries load and weight.
     assert!((tied.reactions[1][1] / (WEIGHT - force) - 1.0).abs() < 1e-9, "{:?}", tied.reactions);
 
@@ -340,7 +343,7 @@ fn a_lid_of_ties_and_one_of_springs_on_a_plate_press_alike() {
     let sprung = last.0.unwrap();
     assert!((sprung.reactions[1][1] / (WEIGHT - force) - 1.0).abs() < 1e-9);
     // Stiff springs are equivalent to ties, up to their elongation.
-    let gap = tops(&sprung).iter().zip(&of_tied).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    let gap = tops(&sprung).iter().zip(&tied_tops).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     assert!(gap < 10.0 * force.abs() / spring, "{gap:e}");
     assert!(moved[1] < -0.01 && sprung.residuals.len() < 10, "{moved:?} {:?}", sprung.residuals);
 }
@@ -411,9 +414,9 @@ impl Term<2, 3> for Conduction {
                 step.links
                     .for_each_link(p, |local, _, gradient| links.push((nodes[local] as usize, *gradient)));
                 let volume = points.original_volume[p];
-                for (a, of_a) in &links {
-                    for (b, of_b) in &links {
-                        let k = volume * (of_a[0] * of_b[0] + of_a[1] * of_b[1]);
+                for (a, slope_a) in &links {
+                    for (b, slope_b) in &links {
+                        let k = volume * (slope_a[0] * slope_b[0] + slope_a[1] * slope_b[1]);
                         sum.internal_force_mut()[*a][2] += k * at.delta_d[*b][2];
                         if wanted == Wanted::Stiffness
                             && let Some(place) = sum.place(*a, *b)

@@ -101,7 +101,7 @@ fn run(deck: &str, set: &[(&str, &str)], steps: usize, ranks: &Ranks) -> (Record
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("inputs").join(deck);
     let loaded = load(&path, &set).unwrap_or_else(|e| panic!("{e}"));
     let Prepared { mut analysis, .. } =
-        prepare_on(ranks, loaded, Memory::of_this_machine(), false).unwrap_or_else(|e| panic!("{e}"));
+        prepare_on(ranks, loaded, Memory::this_machine(), false).unwrap_or_else(|e| panic!("{e}"));
     if ranks.count().is_multiple_of(2) {
         analysis.solve_with(&Arc::new(Dividing));
     }
@@ -143,15 +143,15 @@ fn agree(deck: &str, set: &[(&str, &str)], steps: usize, numbers: &[usize]) {
             worst = worst.max(difference(a, b, b.iter().fold(one.scale, |scale, x| scale.max(x.abs()))));
         }
         let scale = one.scale.max(f64::MIN_POSITIVE);
-        let of_points = found.points.iter().zip(&one.points).map(|(a, b)| (a - b).abs() / scale.max(b.abs()));
-        let of_points = of_points.fold(0.0, f64::max);
+        let deviation = found.points.iter().zip(&one.points).map(|(a, b)| (a - b).abs() / scale.max(b.abs()));
+        let deviation = deviation.fold(0.0, f64::max);
         println!(
-            "{deck} on {n} ranks: forces and work {worst:.1e}, points {of_points:.1e}, evaluations {:?} of {:?}",
+            "{deck} on {n} ranks: forces and work {worst:.1e}, points {deviation:.1e}, evaluations {:?} of {:?}",
             found.iterations.iter().sum::<usize>(),
             one.iterations.iter().sum::<usize>()
         );
         assert_eq!(found.warnings, one.warnings, "{deck} on {n}");
-        assert!(worst < 1e-9 && of_points < 1e-9, "{deck} on {n}: {worst:e} {of_points:e}");
+        assert!(worst < 1e-9 && deviation < 1e-9, "{deck} on {n}: {worst:e} {deviation:e}");
     }
 }
 
@@ -174,7 +174,7 @@ fn bits<const D: usize>(points: &Points<D>) -> Vec<u64> {
 fn formed(deck: &Path, ranks: &Ranks) -> Option<Vec<u64>> {
     let loaded = load(deck, &[]).unwrap_or_else(|e| panic!("{e}"));
     let Prepared { analysis, .. } =
-        prepare_on(ranks, loaded, Memory::of_this_machine(), false).unwrap_or_else(|e| panic!("{e}"));
+        prepare_on(ranks, loaded, Memory::this_machine(), false).unwrap_or_else(|e| panic!("{e}"));
     match (ranks.is_alone(), analysis) {
         (true, Analysis::Plane(parts)) => Some(bits(&parts.1)),
         (true, Analysis::Solid(parts)) => Some(bits(&parts.1)),

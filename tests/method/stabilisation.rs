@@ -157,11 +157,11 @@ fn enters_force_and_stiffness_alike<const D: usize, M: Mechanics<D>>(
     let (force, product) = evaluate(&model);
     model.stabilisation.mode = StabilisationMode::Off;
     let (force_without, product_without) = evaluate(&model);
-    let (mut of_ghost, mut product_of_ghost) = (vec![[0.0; D]; n], vec![[0.0; D]; n]);
-    ghost.add_force(D, &delta_d, &mut of_ghost);
+    let (mut ghost_force, mut product_of_ghost) = (vec![[0.0; D]; n], vec![[0.0; D]; n]);
+    ghost.add_force(D, &delta_d, &mut ghost_force);
     ghost.add_force(D, &rough, &mut product_of_ghost);
     for (with, without, ghost) in
-        [(force, force_without, of_ghost), (product, product_without, product_of_ghost)]
+        [(force, force_without, ghost_force), (product, product_without, product_of_ghost)]
     {
         let scale = with.iter().flatten().fold(0.0f64, |m, x| m.max(x.abs()));
         for ((a, b), c) in with.iter().flatten().zip(without.iter().flatten()).zip(ghost.iter().flatten()) {
@@ -303,7 +303,7 @@ impl Observer<2> for Recorder {
 }
 
 /// The stabilisation of a ring or a column of one material or of several.
-fn of_bodies(materials: &str, bodies: &str) -> Ghost {
+fn body_stabilisation(materials: &str, bodies: &str) -> Ghost {
     let deck = format!(
         "version: 1
 analysis: {{stabilisation: {{mode: on}}}}
@@ -326,11 +326,11 @@ fn stiffness(ghost: &Ghost) -> Vec<f64> {
 /// Two layers are stabilised alike whether they are two bodies or one whose stiffness is a formula.
 #[test]
 fn a_stiffness_that_varies_is_that_of_the_points() {
-    let one = of_bodies(
+    let one = body_stabilisation(
         "m: {model: hencky, young: 'if(Y > 5, 1e3, 1e7)', poisson: 0.3}",
         "{name: a, material: m, shape: {type: box, min: [0, 0], max: [2, 6]}, points_per_cell: 2}",
     );
-    let two = of_bodies(
+    let two = body_stabilisation(
         "m: {model: hencky, young: 1e7, poisson: 0.3}, s: {model: hencky, young: 1e3, poisson: 0.3}",
         "{name: b, material: m, shape: {type: box, min: [0, 0], max: [2, 5]}, points_per_cell: 2},
          {name: a, material: s, shape: {type: box, min: [0, 5], max: [2, 6]}, points_per_cell: 2}",
@@ -351,7 +351,7 @@ fn the_stiffness_where_a_body_has_a_hole_does_not_matter() {
     let ring = |model: &str, young: &str, strength: &str| {
         let ring = "{name: a, material: m, shape: {type: annulus, center: [2, 2], inner: 0.75, outer: 1.7}, \
                     points_per_cell: 2}";
-        of_bodies(&format!("m: {{model: {model}, young: '{young}', poisson: 0.3{strength}}}"), ring)
+        body_stabilisation(&format!("m: {{model: {model}, young: '{young}', poisson: 0.3{strength}}}"), ring)
     };
     for (young, twin) in [
         ("1e6*ln(hypot(X - 2, Y - 2)/0.5)", "1e6*ln(max(hypot(X - 2, Y - 2), 0.6)/0.5)"),

@@ -65,11 +65,11 @@ fn the_bracket_of_a_homogeneous_block_contains_its_exact_factor() {
             "{{model: {model}, young: 1e11, poisson: 0.3, cohesion: 20e3, friction_angle: 30, dilation_angle: {dilation}}}"
         )
     };
-    let of_sand = factor_with_friction(20e3, 30.0, 50e3);
+    let sand_factor = factor_with_friction(20e3, 30.0, 50e3);
     for (material, pressure, exact) in [
         (CLAY.to_owned(), 101e3, OF_CLAY),
-        (frictional("mohr-coulomb", 30.0), 50e3, of_sand),
-        (frictional("mohr-coulomb", 0.0), 50e3, of_sand),
+        (frictional("mohr-coulomb", 30.0), 50e3, sand_factor),
+        (frictional("mohr-coulomb", 0.0), 50e3, sand_factor),
     ] {
         for tolerance in [0.05, 0.005, 1e-4] {
             let Run { summary, every, .. } = block(&material, pressure, &reduction(1.0, 1.6, tolerance));
@@ -102,11 +102,11 @@ fn a_factor_beyond_the_ends_of_the_search_is_left_open() {
 /// The body carried the load at full strength, so the factor of safety is not below 1.
 #[test]
 fn a_reduction_that_fails_at_once_begins_with_the_factor_of_the_stage_before() {
-    let of_clay = 1.001;
-    let barely = block(CLAY, 140e3 / of_clay, &reduction(1.0, 1.6, 0.005));
+    let clay_factor = 1.001;
+    let barely = block(CLAY, 140e3 / clay_factor, &reduction(1.0, 1.6, 0.005));
     let StrengthBracket { stands, fails, .. } = barely.summary.last_strength().unwrap();
     assert_eq!((stands, barely.summary.steps), (Some(1.0), 1));
-    assert!(fails.is_some_and(|fails| fails > of_clay && fails <= 1.005), "{fails:?}");
+    assert!(fails.is_some_and(|fails| fails > clay_factor && fails <= 1.005), "{fails:?}");
 }
 
 #[test]
@@ -169,10 +169,10 @@ fn the_stage_after_a_reduction_has_the_full_strength() {
     let after = "  - {name: more, steps: {count: 2}, factors: {push: 1.35}}\n";
     let Run { summary, every, .. } = block(CLAY, 101e3, &(reduction(1.0, 1.6, 0.005) + after));
     assert!(summary.last_strength().unwrap().fails.is_some());
-    let of_stage: Vec<_> = every.reports.iter().filter(|report| report.step.end > 2.0).collect();
-    let intervals: Vec<_> = of_stage.iter().map(|report| [report.step.start, report.step.end]).collect();
+    let reduced: Vec<_> = every.reports.iter().filter(|report| report.step.end > 2.0).collect();
+    let intervals: Vec<_> = reduced.iter().map(|report| [report.step.start, report.step.end]).collect();
     assert_eq!(intervals, [[2.0, 2.5], [2.5, 3.0]], "the stage begins at its own time");
-    assert!(of_stage.iter().all(|report| report.strength_factor.is_none()));
+    assert!(reduced.iter().all(|report| report.strength_factor.is_none()));
     let base = every.reports.last().unwrap().reactions[1][1];
     assert!((base / (1.35 * 101e3) - 1.0).abs() < 1e-5, "{base}");
 }

@@ -29,12 +29,12 @@ PAGES = sorted([*DOCS.rglob("*.md"), ROOT / "README.md"])
 # Pages of messages have tests of their own; long studies of the verification are run by hand.
 NOT_RUN = ("errors", "verification", "decisions")
 # The blocks of these pages build on each other; test_python_page.py runs them.
-OF_PYTHON = (DOCS / "python.md", DOCS / "how-to" / "python.md")
+PYTHON_PAGES = (DOCS / "python.md", DOCS / "how-to" / "python.md")
 BLOCK = re.compile(r"(?:<!-- (?P<note>[^>]*?) -->\n)?```(?P<language>\w*)\n(?P<text>.*?)```", re.S)
 RUNNABLE = [
     page
     for page in PAGES
-    if page.parent.name not in NOT_RUN and page not in OF_PYTHON and BLOCK.search(page.read_text())
+    if page.parent.name not in NOT_RUN and page not in PYTHON_PAGES and BLOCK.search(page.read_text())
 ]
 
 

@@ -15,7 +15,7 @@ import pytest
 from equilibrium_from_files import residuals_of_parts
 
 TOLERANCE = 1e-9
-MOST_OF_ROUND_OFF = 1e-6
+MAX_ROUND_OFF = 1e-6
 
 
 def draw(seed):
@@ -99,7 +99,7 @@ def check(program, folder, seed):
         if not (out / f"points_{step:04d}.vtu").exists() or step != last + 1:
             continue
         last = step
-        limit = MOST_OF_ROUND_OFF if limited else TOLERANCE
+        limit = MAX_ROUND_OFF if limited else TOLERANCE
         for out_of_balance, force in residuals_of_parts(out, step, float(row["time"]), problem):
             # Recomputing sums of the same terms in another order costs some units of the last place.
             found = out_of_balance / force if out_of_balance > 0.0 else 0.0

@@ -36,7 +36,7 @@ def run_text(mpm, tmp_path_factory):
     return run
 
 
-def of_body(mesh, body, name):
+def body_field(mesh, body, name):
     return np.asarray(mesh.point_data[name])[mesh.point_data["body_id"] == body]
 
 
@@ -66,7 +66,7 @@ def test_points_of_the_bodies(features):
     ]
     for body, name, expected in cases:
         np.testing.assert_allclose(positions(mesh, body), expected, rtol=0, atol=1e-14)
-        np.testing.assert_allclose(of_body(mesh, body, "volume"), 1 / len(expected), rtol=1e-13)
+        np.testing.assert_allclose(body_field(mesh, body, "volume"), 1 / len(expected), rtol=1e-13)
         assert features.summary["bodies"][name]["points"] == len(expected)
     corners = np.asarray(features.mesh("domains", 0).points).reshape(-1, 4, 3)
     np.testing.assert_allclose(np.ptp(corners, axis=1), [[0.1, 0.125, 0.0]] * 80, rtol=0, atol=1e-14)
@@ -75,8 +75,8 @@ def test_points_of_the_bodies(features):
 def test_materials_are_numbered_by_name(features):
     # In the order of the alphabet, jelly before sand; the deck has them the other way round.
     for mesh in features.meshes("points"):
-        np.testing.assert_array_equal(of_body(mesh, BLOCK, "material_id"), 1)
-        np.testing.assert_array_equal(of_body(mesh, TOWER, "material_id"), 0)
+        np.testing.assert_array_equal(body_field(mesh, BLOCK, "material_id"), 1)
+        np.testing.assert_array_equal(body_field(mesh, TOWER, "material_id"), 0)
     for mesh in features.meshes("domains"):
         np.testing.assert_array_equal(mesh.cell_data["material_id"], 0)
         np.testing.assert_array_equal(mesh.cell_data["body_id"], TOWER)
@@ -104,7 +104,7 @@ def test_body_force_acts_on_the_state_at_the_start_of_the_step(features):
     meshes = features.meshes("points")
     factor = np.interp(features.history["time"], [0, 1.6, 3.2, 4], [0, 1, -0.4, 0.8])
     x = np.array([positions(mesh, TOWER) for mesh in meshes])
-    volume = np.array([of_body(mesh, TOWER, "volume") for mesh in meshes])
+    volume = np.array([body_field(mesh, TOWER, "volume") for mesh in meshes])
 
     def balance(x, volume):
         total = np.array([(body_force(x) * volume[:, None]).sum(axis=0) for x, volume in zip(x, volume)])
@@ -156,7 +156,7 @@ def test_files_of_every_third_step_and_the_last(features, every_third):
 def test_extents_of_the_bodies(features):
     last, domains = features.mesh("points", -1), features.mesh("domains", -1)
     x = positions(last, BLOCK)
-    half = 0.5 * np.sqrt(of_body(last, BLOCK, "volume"))[:, None]  # footnote 7 of the paper
+    half = 0.5 * np.sqrt(body_field(last, BLOCK, "volume"))[:, None]  # footnote 7 of the paper
     corners = np.asarray(domains.points)[:, :2]
     tower = positions(last, TOWER)
     expected = {"block": (x, x - half, x + half), "tower": (tower, corners, corners)}

@@ -55,7 +55,7 @@ def run_text(mpm, tmp_path_factory):
     return run
 
 
-def of_layers(mesh, last):
+def layer_stress(mesh, last):
     """Components of the stress of the layers at the original positions of points."""
     level = (np.asarray(mesh.points) - mesh.point_data["displacement"])[:, last]
     gamma_s, gamma_c = SAND["density"] * G, CLAY["density"] * G
@@ -78,7 +78,7 @@ def test_horizontal_layers_are_in_equilibrium_and_stay(run_text, idealisation, m
     last = 2 if idealisation == "solid" else 1
     for index in (0, 1, -1):
         mesh = results.mesh("points", index)
-        exact = of_layers(mesh, last)
+        exact = layer_stress(mesh, last)
         error = np.abs(mesh.point_data["cauchy_stress"] - exact).max(axis=1) / np.abs(exact).max(axis=1)
         assert error.max() < 1e-12, (index, error.max())
         assert np.abs(mesh.point_data["displacement"]).max() < 1e-12 * LENGTH
@@ -301,6 +301,6 @@ def test_layers_of_mesh_cells_are_as_exact(run_text, tmp_path):
     assert results.summary["initial_state"]["residual"] < 1e-12
     for index in (0, -1):
         mesh = results.mesh("points", index)
-        exact = of_layers(mesh, 1)
+        exact = layer_stress(mesh, 1)
         error = np.abs(mesh.point_data["cauchy_stress"] - exact).max(axis=1) / np.abs(exact).max(axis=1)
         assert error.max() < 1e-12, (index, error.max())

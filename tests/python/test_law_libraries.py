@@ -69,7 +69,7 @@ def block(idealisation="plane-strain", **material):
     }
 
 
-def of_library(file, **parameters):
+def library_law(file, **parameters):
     return {"model": "library", "file": str(file), "parameters": parameters}
 
 
@@ -115,7 +115,7 @@ def assert_alike(some, other, fields, tolerance):
 @pytest.mark.parametrize("idealisation", ["plane-strain", "axisymmetric", "solid"])
 def test_the_template_in_c_is_von_mises_plasticity(mpm, deck, tmp_path, idealisation):
     compiled(LAWS / "law.c", tmp_path / "law.so", "-std=c99", "-Wall", "-Wextra", "-pedantic", "-Werror")
-    content = block(idealisation, **of_library("./law.so", **PLASTIC))
+    content = block(idealisation, **library_law("./law.so", **PLASTIC))
     built_in = block(idealisation, model="von-mises", **PLASTIC)
     if idealisation == "axisymmetric":
         for one in (content, built_in):
@@ -134,7 +134,7 @@ def test_the_umat_is_von_mises_plasticity(mpm, deck, tmp_path):
     compiled_fortran(tmp_path / "umat.so")
     perfect = PLASTIC | {"hardening_modulus": 0}
     yields_at = {"yield_stress": 1.5**0.5 * PLASTIC["deviatoric_yield_stress"]}
-    some, said = ran(mpm, deck(block("solid", **of_library("umat.so", **ELASTIC, **yields_at))))
+    some, said = ran(mpm, deck(block("solid", **library_law("umat.so", **ELASTIC, **yields_at))))
     other, _ = ran(mpm, deck(block("solid", model="von-mises", **perfect), "built_in.yaml"))
     assert "D063" not in said
     assert_alike(some, other, ["cauchy_stress", "elastic_strain", "plastic_strain"], 1e-11)
@@ -145,7 +145,7 @@ def test_the_umat_is_von_mises_plasticity(mpm, deck, tmp_path):
 
 def test_a_umat_begins_with_an_initial_stress(mpm, deck, tmp_path):
     compiled_fortran(tmp_path / "umat.so")
-    content = block(**of_library("umat.so", **ELASTIC, yield_stress=1e6))
+    content = block(**library_law("umat.so", **ELASTIC, yield_stress=1e6))
     content["bodies"][0]["initial_stress"] = {"type": "geostatic", "surface": 1, "k0": 0.5}
     content["boundary_conditions"] = [
         {"name": "base", "nodes": {"y": 0}, "fix": ["y"]},
@@ -163,7 +163,7 @@ def test_a_umat_begins_with_an_initial_stress(mpm, deck, tmp_path):
 @pytest.mark.parametrize("measure", [0, 1])
 def test_a_library_with_the_fewest_functions_is_linear_elasticity(mpm, deck, tmp_path, measure):
     compiled(FAULTY, tmp_path / "law.so", f"-DMEASURE={measure}")
-    some, _ = ran(mpm, deck(block(**of_library("law.so", **ELASTIC))))
+    some, _ = ran(mpm, deck(block(**library_law("law.so", **ELASTIC))))
     other, _ = ran(mpm, deck(block(model="hencky", **ELASTIC), "built_in.yaml"))
     if measure == 0:
         assert_alike(some, other, ["cauchy_stress", "elastic_strain"], 1e-11)
@@ -175,7 +175,7 @@ def test_a_library_with_the_fewest_functions_is_linear_elasticity(mpm, deck, tmp
 
 def test_the_library_is_stated(mpm, deck, tmp_path):
     compiled(LAWS / "law.c", tmp_path / "law.so")
-    path = deck(block(**of_library("./law.so", **PLASTIC)))
+    path = deck(block(**library_law("./law.so", **PLASTIC)))
     log = tmp_path / "run.log"
     results, said = ran(mpm, path, "--log", log)
     checked = mpm("check", path)
@@ -193,7 +193,7 @@ def test_the_library_is_stated(mpm, deck, tmp_path):
 
 def test_a_run_resumes_with_its_library_only(mpm, deck, tmp_path):
     library = compiled(LAWS / "law.c", tmp_path / "law.so")
-    content = block(**of_library("law.so", **PLASTIC))
+    content = block(**library_law("law.so", **PLASTIC))
     path = deck(content)
     ran(mpm, path)
     compiled(LAWS / "law.c", library, "-O0")
@@ -238,14 +238,14 @@ def test_faulty_libraries_are_refused(mpm, deck, tmp_path, fault):
     if fault == "NO_SMALL_NUMBERS" and platform.machine() not in ("x86_64", "AMD64"):
         pytest.skip("the register is that of x86")
     compiled(FAULTY, tmp_path / "law.so", f"-D{fault}")
-    path = deck(block(**of_library("./law.so", **ELASTIC)))
+    path = deck(block(**library_law("./law.so", **ELASTIC)))
     said = refused(mpm, path, "D061", "the library `./law.so` cannot be used: ", FAULTS[fault])
     line = next(n for n, text in enumerate(path.read_text().splitlines(), 1) if "law.so" in text)
     assert f"deck.yaml:{line}:" in said
 
 
 def test_files_that_are_no_libraries_are_refused(mpm, deck, tmp_path):
-    path = deck(block(**of_library("./law.so", **ELASTIC)))
+    path = deck(block(**library_law("./law.so", **ELASTIC)))
     refused(mpm, path, "D061", "the library `./law.so` cannot be read: No such file", "relative to the deck")
     (tmp_path / "law.so").write_text("not a library")
     refused(mpm, path, "D061", "cannot be used: it cannot be loaded: ", "law.so", "cc -O2 -shared -fPIC")
@@ -269,7 +269,7 @@ PARAMETERS = [
 @pytest.mark.parametrize("parameters, texts", PARAMETERS)
 def test_parameters_that_do_not_fit_are_refused(mpm, deck, tmp_path, parameters, texts):
     compiled(LAWS / "law.c", tmp_path / "law.so")
-    said = refused(mpm, deck(block(**of_library("law.so", **parameters))), "D062", *texts)
+    said = refused(mpm, deck(block(**library_law("law.so", **parameters))), "D062", *texts)
     if "did you mean" in texts[0]:
         assert "needs the parameter" not in said, "a misspelt parameter is not missing, too"
 
@@ -285,7 +285,7 @@ WARNINGS = {
 @pytest.mark.parametrize("fault", WARNINGS)
 def test_laws_that_lack_a_property_are_noticed(mpm, deck, tmp_path, fault):
     compiled(FAULTY, tmp_path / "law.so", f"-D{fault}")
-    path = deck(block(**of_library("law.so", **ELASTIC)))
+    path = deck(block(**library_law("law.so", **ELASTIC)))
     process = mpm("check", path)
     assert process.returncode == 0, process.stderr
     assert "warning[D063]: the law of the material `clay`: " + WARNINGS[fault] in process.stderr, process.stderr
@@ -302,7 +302,7 @@ def test_a_law_without_response_cuts_the_step_and_ends_the_run(mpm, deck, tmp_pa
     }
     for fault, reason in reasons.items():
         compiled(FAULTY, tmp_path / f"{fault}.so", f"-D{fault}=0.03")
-        content = block(**of_library(f"{fault}.so", **ELASTIC))
+        content = block(**library_law(f"{fault}.so", **ELASTIC))
         content["steps"]["smallest"] = 0.05
         path = deck(content, f"{fault}.yaml")
         out = path.with_suffix(".out")
@@ -322,12 +322,12 @@ def test_a_law_without_response_cuts_the_step_and_ends_the_run(mpm, deck, tmp_pa
 )
 def test_a_law_that_never_responds_is_refused(mpm, deck, tmp_path, fault, reason):
     compiled(FAULTY, tmp_path / "law.so", f"-D{fault}")
-    refused(mpm, deck(block(**of_library("law.so", **ELASTIC))), "D063", "it cannot be evaluated at zero strain: ", reason)
+    refused(mpm, deck(block(**library_law("law.so", **ELASTIC))), "D063", "it cannot be evaluated at zero strain: ", reason)
 
 
 def test_results_do_not_depend_on_the_number_of_threads(mpm, deck, tmp_path):
     compiled(LAWS / "law.c", tmp_path / "law.so")
-    path = deck(block("solid", **of_library("law.so", **PLASTIC)))
+    path = deck(block("solid", **library_law("law.so", **PLASTIC)))
     values = []
     for threads in (1, 4):
         results, _ = ran(mpm, path, "--threads", threads)
@@ -337,7 +337,7 @@ def test_results_do_not_depend_on_the_number_of_threads(mpm, deck, tmp_path):
 
 def test_members_of_a_study_share_a_library(mpm, deck, tmp_path):
     compiled(LAWS / "law.c", tmp_path / "law.so")
-    content = block(**of_library("law.so", **PLASTIC | {"young": "${e}"}))
+    content = block(**library_law("law.so", **PLASTIC | {"young": "${e}"}))
     content["parameters"] = {"e": 1e6}
     process = mpm("sweep", deck(content), "--over", "e=1e6,2e6", "--out", tmp_path / "study")
     assert process.returncode == 0, process.stderr

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from package import mpm
-from test_law_libraries import ELASTIC, FAULTY, LAWS, PLASTIC, block, compiled, deck, of_library
+from test_law_libraries import ELASTIC, FAULTY, LAWS, PLASTIC, block, compiled, deck, library_law
 
 __all__ = ["deck"]
 
 
 def test_a_deck_runs_with_a_library(deck, tmp_path):
     compiled(LAWS / "law.c", tmp_path / "law.so")
-    path = deck(block(**of_library("law.so", **PLASTIC)))
+    path = deck(block(**library_law("law.so", **PLASTIC)))
     some = mpm.Deck.load(path).run(progress=False)
     other = mpm.Deck(block(model="von-mises", **PLASTIC)).run(progress=False)
     np.testing.assert_allclose(some.points.position, other.points.position, rtol=0, atol=1e-11)
@@ -21,7 +21,7 @@ def test_a_deck_runs_with_a_library(deck, tmp_path):
 
 
 def test_a_law_in_python_takes_the_place_of_that_of_a_library(deck, tmp_path):
-    content = block(**of_library("nowhere.so", **ELASTIC))
+    content = block(**library_law("nowhere.so", **ELASTIC))
     law = mpm.BuiltInLaw("hencky", **ELASTIC)
     path = deck(content)
     some = mpm.Deck.load(path).run(laws={"clay": law}, progress=False)
@@ -36,7 +36,7 @@ def test_parameters_of_a_library_change_between_steps(deck, tmp_path):
     compiled(LAWS / "law.c", tmp_path / "law.so")
     largest = {}
     strong = PLASTIC | {"deviatoric_yield_stress": 1e9}
-    with mpm.Deck.load(deck(block(**of_library("law.so", **strong)))).start() as run:
+    with mpm.Deck.load(deck(block(**library_law("law.so", **strong)))).start() as run:
         for step in run:
             largest[step.index] = np.abs(run.points["cauchy_stress"]).max()
             if step.index == 1:
@@ -49,7 +49,7 @@ def test_parameters_of_a_library_change_between_steps(deck, tmp_path):
 
 def test_a_law_without_an_inverse_keeps_its_elasticity(deck, tmp_path):
     compiled(FAULTY, tmp_path / "law.so")
-    with mpm.Deck.load(deck(block(**of_library("law.so", **ELASTIC)))).start() as run:
+    with mpm.Deck.load(deck(block(**library_law("law.so", **ELASTIC)))).start() as run:
         next(run)
         run.change()
         run.deck["materials"]["clay"]["parameters"]["young"] = 2e6
@@ -60,7 +60,7 @@ def test_a_law_without_an_inverse_keeps_its_elasticity(deck, tmp_path):
 
 def test_a_library_that_changes_in_a_session_is_refused(deck, tmp_path):
     compiled(FAULTY, tmp_path / "changing.so")
-    path = deck(block(**of_library("changing.so", **ELASTIC)))
+    path = deck(block(**library_law("changing.so", **ELASTIC)))
     mpm.Deck.load(path).run(progress=False)
     (tmp_path / "changing.so").unlink()
     compiled(FAULTY, tmp_path / "changing.so", "-DREFUSES=1")

@@ -68,7 +68,7 @@ def test_a_docstring_without_text_is_found():
         pass
 
     with pytest.raises(SystemExit, match="no docstring"):
-        make_python_page.of_class(Silent)
+        make_python_page.class_text(Silent)
 
 
 @pytest.mark.parametrize("name", MODULES)

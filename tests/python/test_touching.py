@@ -27,7 +27,7 @@ def deck(grid, shape, conditions, **rest):
 def run(mpm, tmp_path):
     """Runs a deck and returns its results; the outcome must be the expected one."""
 
-    def of(deck, code=0):
+    def results(deck, code=0):
         name = tmp_path / f"{len(list(tmp_path.iterdir()))}"
         name.mkdir()
         (name / "deck.yaml").write_text(yaml.safe_dump(deck))
@@ -35,7 +35,7 @@ def run(mpm, tmp_path):
         assert process.returncode == code, process.stderr
         return Results(name / "out") if code == 0 else process.stderr
 
-    return of
+    return results
 
 
 def resting(steps, wall):

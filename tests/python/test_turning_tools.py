@@ -24,30 +24,30 @@ from conftest import ROOT
 from results import Results
 
 # No analysis may take longer, [s]; all are small.
-MOST_TIME = 300
+MAX_TIME = 300
 # Largest depths below the surface of a tool, relative to a cell. A place in contact: what docs/how-to/tools.md states, beyond the
 # overlap that the update of boxes has left and history.csv states.
-MOST_OF_PLACE = 1e-3
+MAX_PLACE = 1e-3
 # A point. Its domain reaches about a quarter of a cell around it, so that it is well outside unless a tool enters the domain
 # between its corners.
-MOST_OF_POINT = 1e-2
-# A corner of a CPDI2 domain. Contact holds the corners themselves, and MOST_OF_PLACE judges how well; a deeper one has not
+MAX_POINT = 1e-2
+# A corner of a CPDI2 domain. Contact holds the corners themselves, and MAX_PLACE judges how well; a deeper one has not
 # been seen by contact.
-MOST_OF_CORNER = 1e-2
+MAX_CORNER = 1e-2
 # A corner of a GIMP box. Contact holds the corners of the box at the start of a step, as the grid moves them; the box at its
 # end has the size of what they have become, but is aligned with the axes, and a place keeps this overlap at first. Boxes of half a
 # cell, whose half diagonal is 0.35 before they stretch, have reached 0.40; their points stay outside.
-MOST_OF_BOX = 0.45
+MAX_BOX = 0.45
 # The overlap that the update of a box has left in a place in contact. CPDI2 domains have none, since their corners are places.
-MOST_ALLOWED = {"gimp": MOST_OF_BOX, "mpm": MOST_OF_BOX, "cpdi2": 0.0}
+MAX_ALLOWED = {"gimp": MAX_BOX, "mpm": MAX_BOX, "cpdi2": 0.0}
 # The straight way of a point from outside to outside, other than around a tip of a tool; in space, where tools are thick,
 # around their edges as well.
-MOST_OF_WAY = 0.05
-MOST_OF_WAY_IN_SPACE = 0.25
+MAX_WAY = 0.05
+MAX_WAY_IN_SPACE = 0.25
 # Distance from a tip within which points go around it, relative to a cell.
 AROUND_TIPS = 0.75
 # Distance of the surface in the files from that of this file.
-MOST_OF_SURFACE = 1e-9
+MAX_SURFACE = 1e-9
 
 
 def unit(angle):
@@ -87,7 +87,7 @@ def to_polygon(x, corners, is_surface=None):
     return np.where(inside, -1, 1) * to_segments(x, starts[some], ends[some])
 
 
-def of_both(a, b):
+def prism_distance(a, b):
     """Signed distance from a prism over a section at the distance a, with ends at the distance b."""
     return np.hypot(np.maximum(a, 0), np.maximum(b, 0)) + np.minimum(np.maximum(a, b), 0)
 
@@ -247,7 +247,7 @@ def extrusion(corners, axis, half):
     corners, others = np.array(corners), [d for d in range(3) if d != axis]
 
     def distance(x):
-        return of_both(to_polygon(x[:, others], corners), np.abs(x[:, axis]) - half)
+        return prism_distance(to_polygon(x[:, others], corners), np.abs(x[:, axis]) - half)
 
     def extruded(corners, at, half):
         ends = {"from": float(at[axis] - half), "to": float(at[axis] + half)}
@@ -437,7 +437,7 @@ def run(program, folder, analysis):
     shutil.rmtree(out, ignore_errors=True)
     deck.write_text(json.dumps(analysis.deck, indent=1))
     command = [program, "run", deck, "--out", out, "--threads", "1"]
-    process = subprocess.run(command, capture_output=True, text=True, timeout=MOST_TIME)
+    process = subprocess.run(command, capture_output=True, text=True, timeout=MAX_TIME)
     code, messages = process.returncode, process.stderr
     if "panicked" in messages or code not in (0, 1) or not (out / "summary.json").exists():
         raise Fault(f"exit code {code}: {messages}")
@@ -510,9 +510,9 @@ def depths(analysis, results):
 def bounds_of(analysis):
     """The largest depths that may be, relative to a cell."""
     is_box = analysis.method == "gimp"
-    way = MOST_OF_WAY if analysis.n == 2 else MOST_OF_WAY_IN_SPACE
-    most = {"touch": MOST_OF_PLACE, "point": MOST_OF_POINT, "corner": MOST_OF_BOX if is_box else MOST_OF_CORNER}
-    return most | {"allowed": MOST_ALLOWED[analysis.method], "way": way, "surface": MOST_OF_SURFACE}
+    way = MAX_WAY if analysis.n == 2 else MAX_WAY_IN_SPACE
+    most = {"touch": MAX_PLACE, "point": MAX_POINT, "corner": MAX_BOX if is_box else MAX_CORNER}
+    return most | {"allowed": MAX_ALLOWED[analysis.method], "way": way, "surface": MAX_SURFACE}
 
 
 def study(program, folder, seeds):

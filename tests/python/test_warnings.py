@@ -70,7 +70,7 @@ def run(mpm, tmp_path):
     return run
 
 
-def of_code(summary, code):
+def only_warning(summary, code):
     """The one warning of a code."""
     (warning,) = [warning for warning in summary["warnings"] if warning["code"] == code]
     return warning
@@ -79,7 +79,7 @@ def of_code(summary, code):
 def test_a_gap_that_forces_cross_is_told_everywhere(mpm, run, tmp_path):
     log = tmp_path / "log"
     process, summary = run(GAP.replace("LOW", "1.7").replace("HIGH", "2.7"), "--log", log)
-    warning = of_code(summary, "W007")
+    warning = only_warning(summary, "W007")
     assert set(warning) == {"code", "step", "place", "value", "threshold", "message", "help"}
     assert warning["step"] == 1 and warning["value"] == pytest.approx(0.2)
     assert warning["threshold"] == pytest.approx(0.5 * 0.25 / 4)
@@ -102,7 +102,7 @@ def test_bodies_that_touch_or_are_far_apart_are_left_alone(run, low, high):
 
 def test_a_body_that_comes_apart_is_told_with_its_gap(run, tmp_path):
     _, summary = run(TEAR)
-    warning = of_code(summary, "W005")
+    warning = only_warning(summary, "W005")
     assert (warning["value"], warning["threshold"]) == (2, 1) and warning["place"]["bodies"] == ["block"]
     # Whether the sides of the gap share nodes is decided where the step starts; the gap is that of its end.
     step = warning["step"]
@@ -122,7 +122,7 @@ def test_bodies_that_hung_together_come_apart(run):
     right = "  - {name: right, material: m, shape: {type: box, min: [3.5, 0], max: [5.5, 4]}, method: mpm, point_spacing: 0.5}"
     two = TEAR.replace(body, f"{left}\n{right}").replace("x > 2.5", "x > 3.5")
     _, summary = run(two)
-    assert of_code(summary, "W005")["place"]["bodies"] == ["right", "left"]
+    assert only_warning(summary, "W005")["place"]["bodies"] == ["right", "left"]
 
 
 def test_a_run_that_goes_on_has_the_same_warnings(mpm, run, tmp_path):
@@ -138,7 +138,7 @@ def test_a_run_that_goes_on_has_the_same_warnings(mpm, run, tmp_path):
 
 def test_nodes_that_the_material_leaves(run):
     _, summary = run(FOOTING, h=0.25, push=0.25, young=2e6, steps=25, method="gimp")
-    warning = of_code(summary, "W006")
+    warning = only_warning(summary, "W006")
     assert warning["place"]["boundary_condition"] == "push" and warning["place"]["position"][1] == 4
     assert 0.4 < warning["value"] < warning["threshold"] == 0.5
     assert summary["quality"]["held_by_nodes"]["push"] < 0.2
@@ -149,7 +149,7 @@ def test_nodes_that_the_material_leaves(run):
 
 def test_locking_is_told_where_pressures_alternate(run):
     _, summary = run(FOOTING)
-    warning = of_code(summary, "W012")
+    warning = only_warning(summary, "W012")
     assert warning["threshold"] == 1.2 < warning["value"] < summary["quality"]["pressure_oscillation"]["value"]
     _, summary = run(FOOTING, n=1, method="gimp", stabilisation="auto")
     assert summary["quality"]["pressure_oscillation"] is None and summary["warnings"] == []
@@ -158,7 +158,7 @@ def test_locking_is_told_where_pressures_alternate(run):
 @pytest.mark.parametrize("volumetric", ["mean-dilatation", "f-bar"])
 def test_the_remedy_of_locking_is_named_and_works(run, tmp_path, volumetric):
     _, summary = run(FOOTING)
-    assert "`volumetric: mean-dilatation`" in of_code(summary, "W012")["help"]
+    assert "`volumetric: mean-dilatation`" in only_warning(summary, "W012")["help"]
     _, summary = run(FOOTING, volumetric=volumetric)
     assert summary["warnings"] == [] and summary["quality"]["pressure_oscillation"]["value"] < 1e-9
     prandtl = (2 + np.pi) * 14142 / 2**0.5
@@ -172,7 +172,7 @@ def test_locking_is_told_beside_much_stored_energy(run):
     """Ground that is nearly incompressible stores most of the energy, and locks no less."""
     _, summary = run(FOOTING, poisson=0.48, push=0.16)
     assert summary["plastic_work"] < 0.5 * (summary["plastic_work"] + summary["strain_energy"])
-    assert of_code(summary, "W012")["value"] > 1.2
+    assert only_warning(summary, "W012")["value"] > 1.2
 
 
 SLAB = """
@@ -208,11 +208,11 @@ def test_a_stiff_body_that_takes_cells_of_a_soft_one_along_is_told(run, tmp_path
     assert summary["warnings"] == []
     for method in ("gimp", "cpdi2"):
         stiffened, summary = settlement(method=method)
-        warning = of_code(summary, "W016")
+        warning = only_warning(summary, "W016")
         assert warning["place"]["bodies"] == ["soil", "slab"] and warning["threshold"] == 0.1
         assert 0.2 < warning["value"] < 0.3 and 0.1 < 1 - stiffened / right < 0.2
         finer, summary = settlement(method=method, h=0.25)
-        assert 0.1 < of_code(summary, "W016")["value"] < 0.15 and 0.03 < 1 - finer / right < 0.1
+        assert 0.1 < only_warning(summary, "W016")["value"] < 0.15 and 0.03 < 1 - finer / right < 0.1
     _, summary = settlement(young=1e7)
     assert summary["warnings"] == []
     _, summary = settlement(method="mpm", steps=5)
@@ -280,7 +280,7 @@ def test_an_equilibrium_that_is_not_stable_is_told(run):
     """A column buckles under its own weight at w L³ = 7.84 E I (Greenhill 1881), with E / (1 − ν²) in plane strain."""
     buckles = 7.84 * 1e6 / (1 - 0.3**2) * 0.5**3 / 12 / (2000 * 0.5 * 10**3)
     _, summary = run(COLUMN, weight=1.1 * buckles)
-    assert of_code(summary, "W017")["step"] == 4, "the last"
+    assert only_warning(summary, "W017")["step"] == 4, "the last"
     _, summary = run(COLUMN, weight=buckles)
     assert summary["warnings"] == [], "the grid is a little stiffer"
 
@@ -291,7 +291,7 @@ def test_a_tool_with_friction_that_touches_nothing_tells_nothing_about_stability
     tool = "tools: [{name: far, shape: {type: circle, center: [7.5, 11.5], radius: 0.2}, friction: 0.3}]\n"
     for linear in ("direct", "iterative"):
         _, summary = run(COLUMN + tool + f"solver: {{linear: {linear}}}\n", weight=1.1 * buckles)
-        assert of_code(summary, "W017")["step"] == 4, linear
+        assert only_warning(summary, "W017")["step"] == 4, linear
 
 
 PULLED = """
@@ -342,7 +342,7 @@ def test_nodes_that_push_or_that_others_hold_are_not_told(run):
 def test_a_motion_without_strain_gives_no_warning_about_work(analyse):
     summary = analyse("inputs/domains.yaml", angle=0.9, every=0).summary
     assert [warning["code"] for warning in summary["warnings"]] == ["W011"]
-    warning = of_code(summary, "W011")
+    warning = only_warning(summary, "W011")
     step = int(np.ceil(np.radians(30) / 0.9 * 20))
     assert warning["step"] == step and warning["value"] == pytest.approx(np.degrees(0.9 * step / 20))
 

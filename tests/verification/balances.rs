@@ -196,7 +196,7 @@ steps: {{count: 2}}"
     assert!((first[0][1] - scale).abs() < 1e-9 * scale, "the base carries the weight");
     // Two conditions on the same nodes each take half of the reaction.
     let twice = reactions(&format!("{base}, {left}, {right}, {{name: again, nodes: {{x: 0}}, ux: 0}}"));
-    let of_left = twice[1][0] + twice[3][0];
+    let left = twice[1][0] + twice[3][0];
     assert!(twice[1][0] < left_x && twice[3] == twice[1], "{twice:?}");
-    assert!((of_left + twice[2][0] + twice[0][0]).abs() < 1e-9 * scale);
+    assert!((left + twice[2][0] + twice[0][0]).abs() < 1e-9 * scale);
 }

@@ -211,12 +211,12 @@ fn a_cylinder_is_the_ring_in_plane_strain() {
             let quarter = ring.steps[0].reactions[2][0] / 1.4;
             differences.push((circle / quarter - 1.0).abs());
         }
-        let (of_errors, of_differences) = (orders(&errors), orders(&differences));
+        let (error_orders, difference_orders) = (orders(&errors), orders(&differences));
         println!(
-            "ring {material}: {errors:?} {of_errors:.2?}, pressures differ {differences:?} {of_differences:.2?}"
+            "ring {material}: {errors:?} {error_orders:.2?}, pressures differ {differences:?} {difference_orders:.2?}"
         );
-        assert!(of_errors.iter().all(|order| (1.8..2.3).contains(order)), "{errors:?} {of_errors:?}");
-        assert!(of_differences.iter().all(|order| *order > 1.7), "{differences:?} {of_differences:?}");
+        assert!(error_orders.iter().all(|order| (1.8..2.3).contains(order)), "{errors:?} {error_orders:?}");
+        assert!(difference_orders.iter().all(|order| *order > 1.7), "{differences:?} {difference_orders:?}");
         assert!(differences[2] < 2e-3, "{differences:?}");
     }
 }

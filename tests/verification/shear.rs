@@ -148,11 +148,11 @@ fn acoustic(law: &VonMises, gamma: f64, steps: usize) -> Vec<f64> {
     for _ in 0..steps {
         let b_n = PlaneStrain::elastic_left_cauchy_green(law.strain_measure(), &strain);
         let start = StartOfStep { b_n, J_n: 1.0, volume_n: 1.0 };
-        let increment = Increment::of(df);
+        let increment = Increment::flat(df);
         let point = PlaneStrain::respond_updated(&start, &increment, law, &[0.0], &mut [0.0]).unwrap();
         strain = point.elastic_strain;
         let c = point.weak;
-        let of_direction = |degrees: i32| {
+        let along = |degrees: i32| {
             let (sin, cos) = f64::from(degrees).to_radians().sin_cos();
             let n = [cos, sin];
             let q = |i: usize, k: usize| -> f64 {
@@ -161,7 +161,7 @@ fn acoustic(law: &VonMises, gamma: f64, steps: usize) -> Vec<f64> {
             let (mean, half) = (0.5 * (q(0, 0) + q(1, 1)), 0.5 * (q(0, 0) - q(1, 1)));
             mean - half.hypot(q(0, 1))
         };
-        let lowest = (0..180).map(of_direction).fold(f64::MAX, f64::min);
+        let lowest = (0..180).map(along).fold(f64::MAX, f64::min);
         smallest.push(lowest * 2.0 * (1.0 + POISSON) / YOUNG);
     }
     smallest

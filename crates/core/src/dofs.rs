@@ -174,7 +174,7 @@ impl<const N: usize> DofMap<N> {
         axes: std::ops::Range<usize>,
     ) -> Option<(usize, usize)> {
         let mut held = vec![0.0; N * parts.lowest.len()];
-        for (node, part) in parts.of_node.iter().enumerate() {
+        for (node, part) in parts.at_node.iter().enumerate() {
             for axis in (0..N).filter(|&axis| self.is_held_along(node, axis)) {
                 held[N * *part as usize + axis] = 1.0;
             }

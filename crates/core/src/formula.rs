@@ -16,9 +16,9 @@ pub use error::FormulaError;
 pub use spelling::closest;
 
 /// Largest number of intermediate values in a formula.
-pub const MOST_INTERMEDIATE: usize = 64;
+pub const MAX_INTERMEDIATE: usize = 64;
 /// Largest number of variables besides the intermediate values: two positions in space and the load factor.
-const MOST_GIVEN: usize = 7;
+const MAX_GIVEN: usize = 7;
 
 /// A compiled formula.
 #[derive(Debug, Clone)]
@@ -60,11 +60,11 @@ impl Formula {
     }
 
     /// Defines the last variables of the formula as intermediate values, each given by a formula in the variables
-    /// before it. The formula can use at most [`MOST_INTERMEDIATE`] intermediate values and 7 other variables.
+    /// before it. The formula can use at most [`MAX_INTERMEDIATE`] intermediate values and 7 other variables.
     pub fn with_intermediate(mut self, intermediate: &[Formula]) -> Formula {
-        let used = intermediate.len().min(MOST_INTERMEDIATE);
+        let used = intermediate.len().min(MAX_INTERMEDIATE);
         if self.code.iter().any(|op| matches!(op, Op::Variable(_))) {
-            self.variables = self.variables.saturating_sub(used).min(MOST_GIVEN);
+            self.variables = self.variables.saturating_sub(used).min(MAX_GIVEN);
             self.intermediate = intermediate[..used].to_vec();
         }
         self
@@ -103,7 +103,7 @@ impl Formula {
         if self.intermediate.is_empty() {
             return self.run(values);
         }
-        let mut all = [f64::NAN; MOST_GIVEN + MOST_INTERMEDIATE];
+        let mut all = [f64::NAN; MAX_GIVEN + MAX_INTERMEDIATE];
         let given = values.len().min(self.variables);
         all[..given].copy_from_slice(&values[..given]);
         let mut known = self.variables;
@@ -299,12 +299,13 @@ mod tests {
         let square = Formula::parse("x^2", &["x", "f"]).unwrap();
         let scaled = Formula::parse("f*a", &["x", "f", "a"]).unwrap();
         let given = [square, scaled];
-        let of = |text: &str| Formula::parse(text, &["x", "f", "a", "b"]).unwrap().with_intermediate(&given);
-        assert_eq!(of("a + b + x").evaluate(&[3.0, 2.0]), 9.0 + 18.0 + 3.0);
-        assert!(of("b").depends_on(1) && of("b").depends_on(0));
-        assert!(of("a").depends_on(0) && !of("a").depends_on(1));
-        assert_eq!(of("7").as_constant(), Some(7.0));
-        assert_eq!(of("a").as_constant(), None);
+        let formula =
+            |text: &str| Formula::parse(text, &["x", "f", "a", "b"]).unwrap().with_intermediate(&given);
+        assert_eq!(formula("a + b + x").evaluate(&[3.0, 2.0]), 9.0 + 18.0 + 3.0);
+        assert!(formula("b").depends_on(1) && formula("b").depends_on(0));
+        assert!(formula("a").depends_on(0) && !formula("a").depends_on(1));
+        assert_eq!(formula("7").as_constant(), Some(7.0));
+        assert_eq!(formula("a").as_constant(), None);
     }
 
     #[test]

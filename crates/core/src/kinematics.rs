@@ -107,7 +107,7 @@ impl<const D: usize> Increment<D> {
     }
 
     /// An increment without circumferential stretch.
-    pub fn of(dF: [[f64; D]; D]) -> Self {
+    pub fn flat(dF: [[f64; D]; D]) -> Self {
         Increment { dF, hoop: 1.0, radius: 0.0 }
     }
 }

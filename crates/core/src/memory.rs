@@ -26,7 +26,7 @@ pub struct Memory {
 
 impl Memory {
     /// Limits of this machine and process; `None` if the operating system does not report them (Linux does).
-    pub fn of_this_machine() -> Option<Memory> {
+    pub fn this_machine() -> Option<Memory> {
         Memory::read(Path::new("/"))
     }
 
@@ -168,8 +168,8 @@ mod tests {
             ("sys/fs/cgroup/a/memory.current", "1073741824\n"),
             ("sys/fs/cgroup/a/b/memory.max", "8589934592\n"),
         ];
-        let of_group = Memory { limit: 4 * GIB, available: 3 * GIB, bound: Bound::ControlGroup };
-        assert_eq!(memory(&container), Some(of_group));
+        let control_group = Memory { limit: 4 * GIB, available: 3 * GIB, bound: Bound::ControlGroup };
+        assert_eq!(memory(&container), Some(control_group));
         let older = [
             MEMINFO,
             ("proc/self/cgroup", "3:cpu:/x\n2:hugetlb,memory:/x\n"),
@@ -177,17 +177,17 @@ mod tests {
         ];
         assert_eq!(memory(&older).unwrap().limit, 4 * GIB);
         let ulimit = [MEMINFO, ("proc/self/limits", "Max address space  2147483648  unlimited  bytes\n")];
-        let of_process = Memory { limit: 2 * GIB, available: 2 * GIB, bound: Bound::AddressSpace };
-        assert_eq!(memory(&ulimit), Some(of_process));
+        let process = Memory { limit: 2 * GIB, available: 2 * GIB, bound: Bound::AddressSpace };
+        assert_eq!(memory(&ulimit), Some(process));
         let status = ("proc/self/status", "VmPeak:  900000 kB\nVmSize:  524288 kB\n");
-        let in_use = Memory { available: 3 * GIB / 2, ..of_process };
+        let in_use = Memory { available: 3 * GIB / 2, ..process };
         assert_eq!(memory(&[ulimit[0], ulimit[1], status]), Some(in_use));
     }
 
     #[test]
     #[cfg(target_os = "linux")]
     fn this_machine_has_memory() {
-        let memory = Memory::of_this_machine().unwrap();
+        let memory = Memory::this_machine().unwrap();
         assert!(memory.available <= memory.limit && memory.limit > 1 << 24, "{memory:?}");
         let (resident, peak) = (resident().unwrap(), peak().unwrap());
         assert!(1 << 20 < resident && resident <= peak && peak < memory.limit, "{resident} {peak}");

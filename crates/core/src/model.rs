@@ -29,7 +29,7 @@ mod tool_part;
 pub use arrays::HistoryVariable;
 pub use boundary_condition::{BoundaryCondition, NodeSet, OnSurface, displacement_at};
 pub use builder::{BuildError, Builder, Fill};
-pub use filling::{FillError, Fillable, FilledRegion, Filling, MOST_POINTS, Placement};
+pub use filling::{FillError, Fillable, FilledRegion, Filling, MAX_POINTS, Placement};
 pub use initial_state::InitialImbalance;
 pub use load::{Action, Load, LoadCurve, Pressure, VectorFormula};
 pub use moduli::ModuliAtRest;

@@ -30,8 +30,8 @@ pub use motion::Objection;
 use motion::rotation_of_turn;
 use overlap::domain_overlap;
 pub use pressure::oscillation;
-use thresholds::{HARMFUL_REGRIDDING, MOST_BOX_ROTATION, MOST_CROSSINGS, MOST_OSCILLATION};
-pub use thresholds::{MOST_ENERGY_ERROR, MOST_REGRIDDING};
+use thresholds::{HARMFUL_REGRIDDING, MAX_BOX_ROTATION, MAX_CROSSINGS, MAX_OSCILLATION};
+pub use thresholds::{MAX_ENERGY_ERROR, MAX_REGRIDDING};
 pub use warning::{Code, Detail, Location, Warning};
 pub use watch::BalanceSoFar;
 
@@ -43,9 +43,9 @@ use crate::model::Model;
 use crate::points::Points;
 
 /// Largest loss of the partition of unity that causes no warning, [-].
-const MOST_LOSS: f64 = 1e-3;
+const MAX_LOSS: f64 = 1e-3;
 /// Largest share of a domain outside the grid that causes no warning, [-].
-const MOST_OUTSIDE: f64 = 0.01;
+const MAX_OUTSIDE: f64 = 0.01;
 
 /// The worst value of a measure so far, with its step, body and point.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -109,8 +109,8 @@ pub struct StepMeasures {
 impl StepMeasures {
     fn new<const D: usize>(model: &Model<D>, measures: &Measures) -> StepMeasures {
         let bodies = &measures.bodies;
-        let largest = |of: fn(&BodyMeasures) -> Option<PointValue>| {
-            bodies.iter().filter_map(of).map(|found| found.value).fold(0.0, f64::max)
+        let largest = |measure: fn(&BodyMeasures) -> Option<PointValue>| {
+            bodies.iter().filter_map(measure).map(|found| found.value).fold(0.0, f64::max)
         };
         let (mut domains, mut points) = (0.0, 0.0);
         for (body, measured) in model.bodies.iter().zip(bodies) {
@@ -296,11 +296,10 @@ impl fmt::Display for Quality {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut parts = Vec::new();
         if let Some(loss) = self.partition_of_unity_loss {
-            parts
-                .push(format!("loss of partition of unity {:.1e} (warning above {MOST_LOSS:e})", loss.value));
+            parts.push(format!("loss of partition of unity {:.1e} (warning above {MAX_LOSS:e})", loss.value));
         }
         if let Some(outside) = self.domain_outside_grid {
-            let [value, most] = [outside.value, MOST_OUTSIDE].map(|share| 100.0 * share);
+            let [value, most] = [outside.value, MAX_OUTSIDE].map(|share| 100.0 * share);
             parts.push(format!("{value:.2} % of a domain outside the grid (warning above {most} %)"));
         }
         if let Some(overlap) = self.domain_overlap {
@@ -308,21 +307,21 @@ impl fmt::Display for Quality {
         }
         if let Some(turned) = self.box_rotation {
             parts.push(format!(
-                "boxes turned by {:.0}° on average (warning above {MOST_BOX_ROTATION}°)",
+                "boxes turned by {:.0}° on average (warning above {MAX_BOX_ROTATION}°)",
                 turned.value
             ));
         }
         let crossings = (0..self.crossed.len()).filter_map(|body| self.mean_crossings(body)).reduce(f64::max);
         if let Some(crossings) = crossings {
             parts.push(format!(
-                "points crossed {crossings:.2} cell boundaries on average (warning above {MOST_CROSSINGS}, if the \
+                "points crossed {crossings:.2} cell boundaries on average (warning above {MAX_CROSSINGS}, if the \
                  regridding work is also above {} %)",
                 100.0 * HARMFUL_REGRIDDING
             ));
         }
         if let Some((oscillation, _)) = self.pressure_oscillation {
             parts.push(format!(
-                "pressures in a cell differ by {oscillation:.2} × deviatoric stress (warning above {MOST_OSCILLATION})"
+                "pressures in a cell differ by {oscillation:.2} × deviatoric stress (warning above {MAX_OSCILLATION})"
             ));
         }
         if let Some(filling) = self.smallest_cell_filling {
@@ -383,14 +382,14 @@ fn warn<const D: usize>(
     }
     let is_box = body.method.domain() == DomainKind::Box;
     let detail = (is_box && body.domain_update != DomainUpdate::Corners).then_some(Detail::ReachingBox);
-    let (of, are) = match body.method.domain() {
+    let (part, are) = match body.method.domain() {
         DomainKind::Corners => ("the corners of the domain", "are"),
         DomainKind::Box | DomainKind::None => ("the domain", "is"),
     };
     let message = |PointValue { value, point }| {
-        format!("{:.1} % of {of} of point {point} {are} outside the grid", 100.0 * value)
+        format!("{:.1} % of {part} of point {point} {are} outside the grid", 100.0 * value)
     };
-    exceeds(Code::DomainOutside, measures.outside, MOST_OUTSIDE, &message, detail);
+    exceeds(Code::DomainOutside, measures.outside, MAX_OUTSIDE, &message, detail);
     let message = |PointValue { value, point }| {
         let sum = 1.0 - value;
         format!(
@@ -398,5 +397,5 @@ fn warn<const D: usize>(
              grid"
         )
     };
-    exceeds(Code::PartitionOfUnity, measures.partition_of_unity_loss, MOST_LOSS, &message, detail);
+    exceeds(Code::PartitionOfUnity, measures.partition_of_unity_loss, MAX_LOSS, &message, detail);
 }

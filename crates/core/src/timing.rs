@@ -93,7 +93,7 @@ impl Timings {
     }
 
     /// Time spent in a phase.
-    pub fn of(&self, phase: Phase) -> Spent {
+    pub fn spent(&self, phase: Phase) -> Spent {
         self.0[phase as usize]
     }
 }

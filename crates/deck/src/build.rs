@@ -58,7 +58,7 @@ pub fn build<const D: usize>(loaded: &LoadedDeck) -> Result<(Model<D>, Points<D>
 where
     Region<D>: OfDeck<D>,
 {
-    built(loaded, Memory::of_this_machine(), &Ranks::default()).map(|built| (built.model, built.points))
+    built(loaded, Memory::this_machine(), &Ranks::default()).map(|built| (built.model, built.points))
 }
 
 /// The result of building a deck.

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use super::span::escape;
 use super::{AXES, Expression, Parameter};
-use mpm_core::formula::{Formula, FormulaError, MOST_INTERMEDIATE, names};
+use mpm_core::formula::{Formula, FormulaError, MAX_INTERMEDIATE, names};
 use mpm_core::model::VectorFormula;
 
 /// Help for a name that formulas cannot contain.
@@ -204,9 +204,9 @@ fn in_order<'a>(
         text: text_of(&intermediate[name]),
         error: FormulaError { message, offset: 0, length: 0, help: Some(help.to_owned()) },
     };
-    if intermediate.len() > MOST_INTERMEDIATE {
+    if intermediate.len() > MAX_INTERMEDIATE {
         if let Some(name) = intermediate.keys().next() {
-            let message = format!("at most {MOST_INTERMEDIATE} intermediate values are possible");
+            let message = format!("at most {MAX_INTERMEDIATE} intermediate values are possible");
             faults.push(fault(name, message, "write some of them out where they are used"));
         }
         return Vec::new();

@@ -6,7 +6,7 @@ use super::region::OfDeck;
 use super::{AXES, BodyDeck, Shape};
 use mpm_core::grid::Grid;
 use mpm_core::grid::element::ElementShape;
-use mpm_core::model::{FillError, Fillable, Filling, MOST_POINTS, Placement};
+use mpm_core::model::{FillError, Fillable, Filling, MAX_POINTS, Placement};
 use mpm_core::points::Seed;
 use mpm_core::region::{Accuracy, Region, Volume};
 
@@ -148,7 +148,7 @@ fn fault<const D: usize>(error: FillError, deck: &BodyDeck) -> Fault {
             "D028",
             "",
             format!(
-                "the cells that the body {name} covers would be divided into more than {MOST_POINTS:.0e} points"
+                "the cells that the body {name} covers would be divided into more than {MAX_POINTS:.0e} points"
             ),
             "use fewer points per cell",
         ),

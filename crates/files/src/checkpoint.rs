@@ -152,8 +152,8 @@ fn write_file<const D: usize>(path: &Path, head: &Head, points: Option<&Points<D
 
 /// The steps of the checkpoints in a directory, from their file names, the last one first.
 fn find(directory: &Path) -> io::Result<Vec<usize>> {
-    let of_whole = |(step, rank, _): (usize, Option<usize>, PathBuf)| rank.is_none().then_some(step);
-    let mut found: Vec<usize> = names::all(directory)?.into_iter().filter_map(of_whole).collect();
+    let whole = |(step, rank, _): (usize, Option<usize>, PathBuf)| rank.is_none().then_some(step);
+    let mut found: Vec<usize> = names::all(directory)?.into_iter().filter_map(whole).collect();
     found.sort_unstable_by(|a, b| b.cmp(a));
     Ok(found)
 }
@@ -228,9 +228,9 @@ fn read_piece(checkpoint: &Checkpoint, number: usize) -> Result<(Head, Vec<u8>),
     let name = piece_name(step, number);
     let (head, arrays) =
         read_file(&directory.join(&name)).map_err(|reason| format!("its piece `{name}`: {reason}"))?;
-    let of_all = &checkpoint.head;
-    let shape = [of_all.shape[0], of_all.pieces[number], of_all.shape[2], of_all.shape[3]];
-    if head.shape != shape || head.reached.step != of_all.reached.step || head.further != of_all.further {
+    let whole = &checkpoint.head;
+    let shape = [whole.shape[0], whole.pieces[number], whole.shape[2], whole.shape[3]];
+    if head.shape != shape || head.reached.step != whole.reached.step || head.further != whole.further {
         return Err(format!("its piece `{name}` does not belong to `{}`", file_name(step)));
     }
     Ok((head, arrays))

@@ -36,8 +36,8 @@ fn number_in(name: &str) -> Option<&str> {
         return Some(list);
     }
     let stem = name.strip_suffix(".vtu")?;
-    let of_piece = stem.rsplit_once("_r").filter(|(_, rank)| is_number(rank));
-    Some(of_piece.map_or(stem, |(stem, _)| stem))
+    let piece = stem.rsplit_once("_r").filter(|(_, rank)| is_number(rank));
+    Some(piece.map_or(stem, |(stem, _)| stem))
 }
 
 fn is_number(text: &str) -> bool {
@@ -46,7 +46,7 @@ fn is_number(text: &str) -> bool {
 
 /// Removes all result files of an earlier run except its tables, so that they are not mistaken for files of this run.
 pub(super) fn remove_earlier_results(directory: &Path) -> io::Result<()> {
-    remove(directory, |name| !matches!(Kind::of(name), None | Some(Kind::Table(_))))
+    remove(directory, |name| !matches!(Kind::from_name(name), None | Some(Kind::Table(_))))
 }
 
 /// Removes what a run wrote after step `last`: the files of series that `is_kept` rejects, later checkpoints, the files
@@ -58,8 +58,8 @@ pub(super) fn remove_later_results(
 ) -> io::Result<()> {
     remove(directory, |name| {
         let is_later = series_of(name).is_some() && !name.ends_with(".pvd") && !is_kept(name);
-        let of_end = matches!(Kind::of(name), Some(Kind::OfRun(_))) || failed::is_name(name);
-        is_later || of_end || checkpoint::step_of(name).is_some_and(|step| step > last)
+        let concerns_end = matches!(Kind::from_name(name), Some(Kind::AboutRun(_))) || failed::is_name(name);
+        is_later || concerns_end || checkpoint::step_of(name).is_some_and(|step| step > last)
     })
 }
 
@@ -76,7 +76,7 @@ fn remove(directory: &Path, is_old: impl Fn(&str) -> bool) -> io::Result<()> {
     for entry in std::fs::read_dir(directory)? {
         let path = entry?.path();
         let Some(name) = path.file_name().and_then(|name| name.to_str()) else { continue };
-        let is_half = name.strip_suffix(TEMPORARY).is_some_and(|name| Kind::of(name).is_some());
+        let is_half = name.strip_suffix(TEMPORARY).is_some_and(|name| Kind::from_name(name).is_some());
         // A directory of this name, or a file that no run wrote, stays.
         if (is_old(name) || is_half) && is_ours(&path, name) {
             std::fs::remove_file(&path)?;
@@ -93,7 +93,7 @@ const TABLES: [(&str, &str); 3] = [
 ];
 
 /// Files about a run as a whole, with keys that identify them; the first key comes first in the file.
-const OF_RUN: [(&str, [&str; 3]); 3] = [
+const ABOUT_RUN: [(&str, [&str; 3]); 3] = [
     ("summary.json", ["outcome", "deck_hash", "version"]),
     ("run.json", ["title", "deck_hash", "version"]),
     (status::NAME, ["state", "steps_requested", "process"]),
@@ -108,26 +108,28 @@ enum Kind {
     Pieces,
     Series(&'static str),
     Table(&'static str),
-    OfRun([&'static str; 3]),
+    AboutRun([&'static str; 3]),
     Checkpoint,
 }
 
 impl Kind {
-    fn of(name: &str) -> Option<Kind> {
+    fn from_name(name: &str) -> Option<Kind> {
         if let Some(series) = series_of(name) {
-            return Some(if name.ends_with(".pvd") { Kind::Series(series) } else { Kind::of_mesh(name) });
+            return Some(if name.ends_with(".pvd") { Kind::Series(series) } else { Kind::mesh(name) });
         }
         if failed::is_name(name) {
-            return Some(Kind::of_mesh(name));
+            return Some(Kind::mesh(name));
         }
         if checkpoint::step_of(name).is_some() {
             return Some(Kind::Checkpoint);
         }
         let table = TABLES.iter().find(|(table, _)| *table == name).map(|(_, begin)| Kind::Table(begin));
-        table.or_else(|| OF_RUN.iter().find(|(file, _)| *file == name).map(|(_, keys)| Kind::OfRun(*keys)))
+        table.or_else(|| {
+            ABOUT_RUN.iter().find(|(file, _)| *file == name).map(|(_, keys)| Kind::AboutRun(*keys))
+        })
     }
 
-    fn of_mesh(name: &str) -> Kind {
+    fn mesh(name: &str) -> Kind {
         if name.ends_with(".pvtu") { Kind::Pieces } else { Kind::Mesh }
     }
 
@@ -143,7 +145,7 @@ impl Kind {
                 rest.is_some_and(|rest| !rest.contains("<DataSet") || rest.contains(&first) || !whole)
             }
             Kind::Table(columns) => begin.starts_with(columns),
-            Kind::OfRun(keys) => {
+            Kind::AboutRun(keys) => {
                 let has = |key: &str| begin.contains(&format!("\"{key}\": "));
                 begin.starts_with(&format!("{{\n  \"{}\": ", keys[0]))
                     && (!whole || keys.iter().all(|key| has(key)))
@@ -162,10 +164,10 @@ const FIRST: u64 = 2048;
 /// bytes read are zero, as after a power loss.
 fn is_ours(path: &Path, name: &str) -> bool {
     let half = name.strip_suffix(TEMPORARY);
-    let Some(kind) = Kind::of(half.unwrap_or(name)) else { return false };
+    let Some(kind) = Kind::from_name(half.unwrap_or(name)) else { return false };
     // Reading anything but a regular file may never end.
     let Ok(about) = std::fs::metadata(path) else { return false };
-    let most = if let Kind::OfRun(_) = kind { about.len() } else { FIRST };
+    let most = if let Kind::AboutRun(_) = kind { about.len() } else { FIRST };
     let mut begin = Vec::new();
     let read =
         about.is_file() && File::open(path).and_then(|file| file.take(most).read_to_end(&mut begin)).is_ok();
@@ -185,7 +187,7 @@ fn series_of(name: &str) -> Option<&'static str> {
 /// True if a run or a report may write a file with this name into its directory.
 pub fn is_of_results(name: &str) -> bool {
     let name = name.strip_suffix(TEMPORARY).unwrap_or(name);
-    Kind::of(name).is_some() || name == lock::NAME || name == REPORT
+    Kind::from_name(name).is_some() || name == lock::NAME || name == REPORT
 }
 
 /// The name of a file that a run would replace although no run has written it, or of a directory in its place.
@@ -196,7 +198,7 @@ pub(super) fn foreign_file(directory: &Path) -> io::Result<Option<String>> {
     for entry in std::fs::read_dir(directory)? {
         let path = entry?.path();
         let Some(name) = path.file_name().and_then(|name| name.to_str()) else { continue };
-        let is_in_the_way = match Kind::of(name.strip_suffix(TEMPORARY).unwrap_or(name)) {
+        let is_in_the_way = match Kind::from_name(name.strip_suffix(TEMPORARY).unwrap_or(name)) {
             // Not every run writes these files, so a directory with such a name may stay.
             Some(Kind::Mesh | Kind::Pieces | Kind::Checkpoint) => !path.is_dir(),
             other => other.is_some(),

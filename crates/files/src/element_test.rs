@@ -112,7 +112,8 @@ pub fn infinite(law: &dyn Material, state: &ElementState) -> Option<String> {
 }
 
 fn columns(law: &dyn Material, in_space: bool) -> Vec<String> {
-    let tensor = |of: &str| components(in_space).map(|(name, _)| format!("{of}_{name}")).collect::<Vec<_>>();
+    let tensor =
+        |symbol: &str| components(in_space).map(|(name, _)| format!("{symbol}_{name}")).collect::<Vec<_>>();
     let named = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect::<Vec<String>>();
     let mut columns = named(&["step"]);
     columns.extend(tensor("strain"));
@@ -134,10 +135,10 @@ fn has_plastic_work(law: &dyn Material) -> bool {
 }
 
 fn row(law: &dyn Material, step: usize, state: &ElementState, in_space: bool) -> Vec<Entry> {
-    let of = |tensor: Sym3| components(in_space).map(move |(_, (i, j))| tensor.component(i, j));
-    let mut values: Vec<f64> = of(state.logarithmic_strain()).collect();
+    let entries = |tensor: Sym3| components(in_space).map(move |(_, (i, j))| tensor.component(i, j));
+    let mut values: Vec<f64> = entries(state.logarithmic_strain()).collect();
     values.extend([state.log_volume_ratio(), state.volume_ratio()]);
-    values.extend(of(state.cauchy_stress()));
+    values.extend(entries(state.cauchy_stress()));
     values.extend([state.pressure(), state.deviatoric_stress()]);
     values.extend([-state.strain.0[1], state.shear, state.deviatoric_strain()]);
     values.extend(&state.history);

@@ -92,7 +92,7 @@ pub(super) fn write<const D: usize>(
         number("point_id", &numbers),
         number("in_equilibrium", &no[..points.len()]),
     ];
-    let of_points = write(FILES[0], &mesh, &fields);
+    let points_written = write(FILES[0], &mesh, &fields);
 
     let [increments, forces] = [delta_d, out_of_balance].map(|field| match &shown {
         None => field.iter().map(padded).collect::<Vec<[f64; 3]>>(),
@@ -105,8 +105,8 @@ pub(super) fn write<const D: usize>(
     ];
     let mesh = Mesh { points: &nodes, kinds: Kinds::Each(&kinds), connectivity: &corners };
     // All ranks write the second file together, whether or not the first succeeded.
-    let of_grid = write(FILES[1], &mesh, &fields);
-    of_points.and(of_grid)
+    let grid_written = write(FILES[1], &mesh, &fields);
+    points_written.and(grid_written)
 }
 
 /// The last displacement increment of each point.

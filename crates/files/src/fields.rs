@@ -111,9 +111,9 @@ impl PointField {
     }
 
     /// Computes the field for some of the points of a file.
-    fn fill<const D: usize>(self, of: Of<D>, tuples: Range<usize>, out: &mut [f64]) {
-        let Of { model, points, .. } = of;
-        let (order, volumes) = (&of.order[tuples.clone()], &of.volumes[tuples.clone()]);
+    fn fill<const D: usize>(self, source: PointSource<D>, tuples: Range<usize>, out: &mut [f64]) {
+        let PointSource { model, points, .. } = source;
+        let (order, volumes) = (&source.order[tuples.clone()], &source.volumes[tuples.clone()]);
         let state = &points.converged;
         let stress = |(&p, [ratio, _]): (&usize, &[f64; 2])| state.kirchhoff_stress[p] * (1.0 / ratio);
         let stresses = order.iter().zip(volumes).map(stress);
@@ -151,7 +151,7 @@ impl PointField {
                 let history = HistoryVariable::new(model, EQUIVALENT_PLASTIC_STRAIN);
                 fill(out, order.iter().map(|&p| [history.of(points, p)]));
             }
-            PointField::PressureSmoothed => fill(out, of.smoothed[tuples].iter().map(|p| [*p])),
+            PointField::PressureSmoothed => fill(out, source.smoothed[tuples].iter().map(|p| [*p])),
         }
     }
 }
@@ -223,7 +223,7 @@ pub fn volumes<const D: usize>(
 
 /// The points of a file in their converged state; their fields are computed in chunks.
 #[derive(Clone, Copy)]
-pub struct Of<'a, const D: usize> {
+pub struct PointSource<'a, const D: usize> {
     /// The model of the points.
     pub model: &'a Model<D>,
     /// All points.
@@ -243,22 +243,22 @@ pub struct Of<'a, const D: usize> {
 
 /// One field of the points of a file.
 struct Part<'a, const D: usize, F> {
-    of: Of<'a, D>,
+    source: PointSource<'a, D>,
     tuples: usize,
     fill: F,
 }
 
-impl<const D: usize, F: Fn(Of<D>, Range<usize>, &mut [f64]) + Sync> Compute for Part<'_, D, F> {
+impl<const D: usize, F: Fn(PointSource<D>, Range<usize>, &mut [f64]) + Sync> Compute for Part<'_, D, F> {
     fn tuples(&self) -> usize {
         self.tuples
     }
 
     fn fill(&self, tuples: Range<usize>, out: &mut [f64]) {
-        (self.fill)(self.of, tuples, out);
+        (self.fill)(self.source, tuples, out);
     }
 }
 
-impl<const D: usize> Of<'_, D> {
+impl<const D: usize> PointSource<'_, D> {
     fn encode(&self, field: &Field) -> Result<Arc<Encoded>, String> {
         Encoded::new(field, ("point", self.order.len()), self.precision, self.room).map(Arc::new)
     }
@@ -268,9 +268,9 @@ impl<const D: usize> Of<'_, D> {
         name: &str,
         components: usize,
         component_names: &[&str],
-        fill: impl Fn(Of<D>, Range<usize>, &mut [f64]) + Sync,
+        fill: impl Fn(PointSource<D>, Range<usize>, &mut [f64]) + Sync,
     ) -> Result<Arc<Encoded>, String> {
-        let part = Part { of: *self, tuples: self.order.len(), fill };
+        let part = Part { source: *self, tuples: self.order.len(), fill };
         self.encode(&Field { name, components, component_names, values: Values::Computed(&part) })
     }
 
@@ -279,10 +279,10 @@ impl<const D: usize> Of<'_, D> {
     /// # Errors
     /// A message about a non-finite number; the same holds for the methods below.
     pub fn positions(&self) -> Result<Arc<Encoded>, String> {
-        let place = |of: Of<D>, tuples: Range<usize>, out: &mut [f64]| {
-            fill(out, of.order[tuples].iter().map(|&p| padded(&of.points.converged.position[p])));
+        let place = |source: PointSource<D>, tuples: Range<usize>, out: &mut [f64]| {
+            fill(out, source.order[tuples].iter().map(|&p| padded(&source.points.converged.position[p])));
         };
-        let values = Part { of: *self, tuples: self.order.len(), fill: place };
+        let values = Part { source: *self, tuples: self.order.len(), fill: place };
         let values = Values::Computed(&values);
         Encoded::positions(self.order.len(), values, self.precision, self.room).map(Arc::new)
     }
@@ -292,20 +292,22 @@ impl<const D: usize> Of<'_, D> {
     pub fn fields(&self, asked: &[PointField]) -> Result<Vec<Arc<Encoded>>, String> {
         let is_asked = |field: &PointField| *field == PointField::Volume || asked.contains(field);
         let known = PointField::ALL.into_iter().filter(is_asked).map(|field| {
-            let fill = move |of: Of<D>, tuples: Range<usize>, out: &mut [f64]| field.fill(of, tuples, out);
+            let fill = move |source: PointSource<D>, tuples: Range<usize>, out: &mut [f64]| {
+                field.fill(source, tuples, out)
+            };
             self.float(field.name(), field.components(), field.component_names(), fill)
         });
         let other = other_history(self.model).into_iter().map(|name| {
             let history = HistoryVariable::new(self.model, name);
-            self.float(name, 1, &[], move |of, tuples, out| {
-                fill(out, of.order[tuples].iter().map(|&p| [history.of(of.points, p)]));
+            self.float(name, 1, &[], move |source, tuples, out| {
+                fill(out, source.order[tuples].iter().map(|&p| [history.of(source.points, p)]));
             })
         });
         let further = self.points.further.iter().map(|(handle, field)| {
             let n = field.components;
-            self.float(&field.name, n, names_of_components(n), move |of, tuples, out| {
-                let values = of.points.further.converged(handle);
-                for (out, &p) in out.chunks_exact_mut(n).zip(&of.order[tuples]) {
+            self.float(&field.name, n, names_of_components(n), move |source, tuples, out| {
+                let values = source.points.further.converged(handle);
+                for (out, &p) in out.chunks_exact_mut(n).zip(&source.order[tuples]) {
                     out.copy_from_slice(&values[p * n..][..n]);
                 }
             })
@@ -338,17 +340,17 @@ impl<const D: usize> Of<'_, D> {
         };
         let ends: Vec<usize> = domains.iter().scan(0, end).collect();
         let count = ends.last().copied().unwrap_or(0);
-        let fill = |of: Of<D>, tuples: Range<usize>, out: &mut [f64]| {
+        let fill = |source: PointSource<D>, tuples: Range<usize>, out: &mut [f64]| {
             let mut domain = ends.partition_point(|end| *end <= tuples.start);
             for (out, tuple) in out.as_chunks_mut::<3>().0.iter_mut().zip(tuples) {
                 domain += usize::from(ends[domain] == tuple);
                 let corners = domains[domain].points();
                 let k = tuple + corners - ends[domain];
                 let k = if corners == 1 << D { vtk_corner(k) } else { k };
-                *out = padded(&corner_of(of.model, of.points, of.order[domain], k));
+                *out = padded(&corner_of(source.model, source.points, source.order[domain], k));
             }
         };
-        let values = Part { of: *self, tuples: count, fill };
+        let values = Part { source: *self, tuples: count, fill };
         let values = Values::Computed(&values);
         Encoded::positions(count, values, self.precision, self.room).map(Arc::new)
     }

@@ -55,20 +55,20 @@ impl ForceBalance {
         let reactions = names.zip(report.reactions.iter().map(|r| r.to_vec())).collect();
         let halo = report.grid.links.halo();
         let own = report.grid.reaction.iter().enumerate().filter(|(node, _)| halo.is_own(*node));
-        let of_nodes = halo.ranks().total(own.flat_map(|(_, reaction)| reaction).map(|r| r.abs()).sum());
+        let nodal_force = halo.ranks().total(own.flat_map(|(_, reaction)| reaction).map(|r| r.abs()).sum());
         // A pressure on a closed surface has no resultant, so the magnitudes at its samples are summed.
-        let of_surfaces =
+        let surface_forces =
             report.surfaces.iter().flat_map(|surface| surface.reaction.iter().chain(&surface.load)).flatten();
-        let of_tools = report.tools.iter().flat_map(|tool| tool.contacts.iter().flat_map(|at| &at.force));
-        let held = of_nodes + of_surfaces.chain(of_tools).map(|r| r.abs()).sum::<f64>();
+        let tool_forces = report.tools.iter().flat_map(|tool| tool.contacts.iter().flat_map(|at| &at.force));
+        let held = nodal_force + surface_forces.chain(tool_forces).map(|r| r.abs()).sum::<f64>();
         let applied = report.applied();
         let magnitude: f64 = applied.iter().map(|f| f.abs()).sum();
         let loads = model.loads.iter().zip(&report.loads);
-        let moments = report.moments.iter().flatten().map(|of| Moment {
-            about: of.about.map(|about| about.to_vec()),
-            moment: of.components().to_vec(),
+        let moments = report.moments.iter().flatten().map(|moment| Moment {
+            about: moment.about.map(|about| about.to_vec()),
+            moment: moment.components().to_vec(),
         });
-        let named = report.forces.iter().map(|of| (of.name.clone(), of.force.to_vec()));
+        let named = report.forces.iter().map(|named| (named.name.clone(), named.force.to_vec()));
         let tools = model.tools.iter().zip(&report.tools);
         let further = named.chain(tools.map(|(tool, state)| (tool.name.clone(), state.force.to_vec())));
         ForceBalance {
@@ -142,8 +142,8 @@ impl Extremes {
     /// Extremes of the converged state of the points of all ranks; `None` if there are no points. All ranks must call
     /// this together.
     pub fn new<const D: usize>(model: &Model<D>, points: &Points<D>) -> Option<Extremes> {
-        let of_ranks = points.ranks.gather_all(Extremes::of_rank(model, points)).into_iter().flatten();
-        of_ranks.reduce(|a, b| Extremes {
+        let by_rank = points.ranks.gather_all(Extremes::local(model, points)).into_iter().flatten();
+        by_rank.reduce(|a, b| Extremes {
             displacement: a.displacement.or_larger(b.displacement),
             von_mises_stress: a.von_mises_stress.or_larger(b.von_mises_stress),
             lowest_pressure: a.lowest_pressure.or_smaller(b.lowest_pressure),
@@ -151,12 +151,12 @@ impl Extremes {
         })
     }
 
-    fn of_rank<const D: usize>(model: &Model<D>, points: &Points<D>) -> Option<Extremes> {
+    fn local<const D: usize>(model: &Model<D>, points: &Points<D>) -> Option<Extremes> {
         // Among points with the same value, the one with the smallest number is reported.
-        let largest = |of: &(dyn Fn(usize) -> f64 + Sync)| {
+        let largest = |quantity: &(dyn Fn(usize) -> f64 + Sync)| {
             let best = (0..points.len())
                 .into_par_iter()
-                .map(|p| (of(p), p))
+                .map(|p| (quantity(p), p))
                 .max_by(|a, b| a.0.total_cmp(&b.0).then(points.id[b.1].cmp(&points.id[a.1])));
             best.map(|(value, p)| Extreme {
                 value,

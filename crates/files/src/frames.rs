@@ -15,7 +15,7 @@ use mpm_core::tensor::padded;
 use mpm_core::terms::ToolState;
 
 use super::directory::{SERIES, file_name, list_name, piece_name};
-use super::fields::{GridMesh, Of, PointField, grid_mesh, number, vector, volumes};
+use super::fields::{GridMesh, PointField, PointSource, grid_mesh, number, vector, volumes};
 use super::invalid;
 use super::smoothed_pressure::smoothed_pressures;
 use super::tool_frames::{Outlined, contacts_of_tools, surfaces_of_tools};
@@ -45,7 +45,7 @@ impl Frame {
     }
 
     /// The frame of a mesh that is divided into pieces, one for each rank.
-    fn of_ranks(series: usize, step: Step, file: Result<File, String>, ranks: &Ranks) -> io::Result<Frame> {
+    fn divided(series: usize, step: Step, file: Result<File, String>, ranks: &Ranks) -> io::Result<Frame> {
         let frame = Frame::new(series, step, file)?;
         if ranks.is_alone() {
             return Ok(frame);
@@ -109,7 +109,7 @@ impl Steady {
     /// Returns the stored parts, or creates them for cells of these kinds that share no points.
     fn once<const D: usize>(
         kept: &mut Option<Steady>,
-        of: Of<D>,
+        source: PointSource<D>,
         kinds: impl FnOnce() -> Vec<CellKind>,
     ) -> Result<Steady, String> {
         if let Some(steady) = kept {
@@ -118,8 +118,8 @@ impl Steady {
         let kinds = kinds();
         let n: usize = kinds.iter().map(|kind| kind.points()).sum();
         let corners: Vec<i64> = (0..n as i64).collect();
-        let cells = Arc::new(Cells::new(n, &Kinds::Each(&kinds), &corners, of.room)?);
-        Ok(kept.insert(Steady { cells, identity: of.identity()? }).clone())
+        let cells = Arc::new(Cells::new(n, &Kinds::Each(&kinds), &corners, source.room)?);
+        Ok(kept.insert(Steady { cells, identity: source.identity()? }).clone())
     }
 }
 
@@ -155,7 +155,7 @@ impl Frames {
     ///
     /// # Errors
     /// `InvalidInput` if a number is not finite.
-    pub fn of_points<const D: usize>(
+    pub fn point_frames<const D: usize>(
         &mut self,
         model: &Model<D>,
         points: &Points<D>,
@@ -169,13 +169,13 @@ impl Frames {
         let (mut order, mut all) = (take(&mut self.order), take(&mut self.volumes));
         points.order_by_id(&mut order);
         volumes(model, points, &order, &mut all);
-        let frames = self.of_ordered_points((model, points), (&order, &all), step);
+        let frames = self.ordered_point_frames((model, points), (&order, &all), step);
         (self.order, self.volumes) = (order, all);
         frames
     }
 
-    /// Like [`Frames::of_points`], for points in this order, with these J and volumes.
-    fn of_ordered_points<const D: usize>(
+    /// Like [`Frames::point_frames`], for points in this order, with these J and volumes.
+    fn ordered_point_frames<const D: usize>(
         &mut self,
         (model, points): (&Model<D>, &Points<D>),
         (order, all): (&[usize], &[[f64; 2]]),
@@ -183,7 +183,7 @@ impl Frames {
     ) -> io::Result<Vec<Frame>> {
         let room = self.room.clone();
         let smoothed = self.smoothed(model, points, order, all);
-        let of = Of {
+        let source = PointSource {
             model,
             points,
             order,
@@ -192,26 +192,26 @@ impl Frames {
             precision: self.precision,
             room: &room,
         };
-        let fields = of.fields(&self.fields);
-        let file = fields.clone().and_then(|fields| self.file_of_points(of, fields, step));
+        let fields = source.fields(&self.fields);
+        let file = fields.clone().and_then(|fields| self.points_file(source, fields, step));
         let ranks = &points.ranks;
         // All ranks smooth together, so a rank whose own frames have failed must still take part.
-        let of_points = Frame::of_ranks(0, step, file, ranks);
+        let points_frame = Frame::divided(0, step, file, ranks);
         let with_domain = |body: &Body| body.method.domain() != DomainKind::None;
         let file = if model.bodies.iter().all(with_domain) {
-            fields.and_then(|fields| self.file_of_domains(of, fields, step))
+            fields.and_then(|fields| self.domains_file(source, fields, step))
         } else if model.bodies.iter().any(with_domain) {
             let has_domain = |p: &usize| with_domain(&model.bodies[points.body[*p] as usize]);
             let order: Vec<usize> = order.iter().copied().filter(has_domain).collect();
             let mut some = Vec::new();
             volumes(model, points, &order, &mut some);
             let smoothed = self.smoothed(model, points, &order, &some);
-            let of = Of { order: &order, volumes: &some, smoothed: &smoothed, ..of };
-            of.fields(&self.fields).and_then(|fields| self.file_of_domains(of, fields, step))
+            let source = PointSource { order: &order, volumes: &some, smoothed: &smoothed, ..source };
+            source.fields(&self.fields).and_then(|fields| self.domains_file(source, fields, step))
         } else {
-            return of_points.map(|frame| vec![frame]);
+            return points_frame.map(|frame| vec![frame]);
         };
-        Ok(vec![of_points?, Frame::of_ranks(1, step, file, ranks)?])
+        Ok(vec![points_frame?, Frame::divided(1, step, file, ranks)?])
     }
 
     /// The smoothed pressures of some points with these J and volumes, if they are requested.
@@ -230,36 +230,36 @@ impl Frames {
     }
 
     /// The points, each a cell.
-    fn file_of_points<const D: usize>(
+    fn points_file<const D: usize>(
         &mut self,
-        of: Of<D>,
+        source: PointSource<D>,
         mut fields: Vec<Arc<Encoded>>,
         step: Step,
     ) -> Result<File, String> {
-        let vertices = || vec![CellKind::Vertex; of.order.len()];
-        let steady = Steady::once(&mut self.steady[0], of, vertices)?;
+        let vertices = || vec![CellKind::Vertex; source.order.len()];
+        let steady = Steady::once(&mut self.steady[0], source, vertices)?;
         fields.extend(steady.identity);
-        File::new(step.end, step.index as i64, of.positions()?, steady.cells, fields, Vec::new())
+        File::new(step.end, step.index as i64, source.positions()?, steady.cells, fields, Vec::new())
     }
 
     /// The domains of the points.
-    fn file_of_domains<const D: usize>(
+    fn domains_file<const D: usize>(
         &mut self,
-        of: Of<D>,
+        source: PointSource<D>,
         mut fields: Vec<Arc<Encoded>>,
         step: Step,
     ) -> Result<File, String> {
-        let domains = of.domains();
-        let steady = Steady::once(&mut self.steady[1], of, || domains.clone())?;
+        let domains = source.domains();
+        let steady = Steady::once(&mut self.steady[1], source, || domains.clone())?;
         fields.extend(steady.identity);
-        File::new(step.end, step.index as i64, of.corners(&domains)?, steady.cells, Vec::new(), fields)
+        File::new(step.end, step.index as i64, source.corners(&domains)?, steady.cells, Vec::new(), fields)
     }
 
     /// Frame of the active part of the grid, with these fields on its nodes. All ranks must call this together.
     ///
     /// # Errors
-    /// As for [`Frames::of_points`].
-    pub fn of_grid<const D: usize>(
+    /// As for [`Frames::point_frames`].
+    pub fn grid_frame<const D: usize>(
         &mut self,
         model: &Model<D>,
         links: &Connectivity<D>,
@@ -268,14 +268,14 @@ impl Frames {
     ) -> io::Result<Frame> {
         let mesh = grid_mesh(model, links);
         let ranks = links.halo().ranks();
-        Frame::of_ranks(2, step, self.file_of_grid(mesh, fields, step), ranks)
+        Frame::divided(2, step, self.grid_file(mesh, fields, step), ranks)
     }
 
     /// Frame of all surfaces, with one point per sample; none without surfaces.
     ///
     /// # Errors
-    /// As for [`Frames::of_points`].
-    pub fn of_surfaces<const D: usize>(
+    /// As for [`Frames::point_frames`].
+    pub fn surface_frame<const D: usize>(
         &mut self,
         surfaces: &[SurfaceFields<D>],
         step: Step,
@@ -289,8 +289,8 @@ impl Frames {
     /// Frames of the surfaces of all tools and of the contact points on them; none without tools.
     ///
     /// # Errors
-    /// As for [`Frames::of_points`].
-    pub fn of_tools<const D: usize>(
+    /// As for [`Frames::point_frames`].
+    pub fn tool_frames<const D: usize>(
         &mut self,
         model: &Model<D>,
         tools: &[ToolState<D>],
@@ -354,7 +354,7 @@ impl Frames {
         File::new(step.end, step.index as i64, Arc::new(positions), Arc::new(cells), fields, Vec::new())
     }
 
-    fn file_of_grid<const D: usize>(
+    fn grid_file<const D: usize>(
         &mut self,
         mesh: GridMesh,
         fields: &[OnNodes<D>],

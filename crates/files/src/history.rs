@@ -106,7 +106,7 @@ pub fn row_of_history<const D: usize>(
     for (number, reaction) in report.reactions.iter().enumerate() {
         row.extend(reaction.map(Entry::from));
         let moment = report.moments.as_ref().and_then(|moments| moments.get(number));
-        row.extend(moment.iter().flat_map(|of| of.components()).map(|m| Entry::from(*m)));
+        row.extend(moment.iter().flat_map(|moment| moment.components()).map(|m| Entry::from(*m)));
     }
     row.extend(report.loads.iter().flatten().map(|f| Entry::from(*f)));
     for tool in &report.tools {
@@ -148,10 +148,10 @@ fn moved<const D: usize>(model: &Model<D>, points: &Points<D>) -> Vec<Vec<Vec<f6
     if model.probes.is_empty() {
         return Vec::new();
     }
-    let of_probe = |(number, probe): (usize, &Probe)| {
+    let numbered = |(number, probe): (usize, &Probe)| {
         probe.points.iter().enumerate().map(|(place, id)| (number, place, *id)).collect::<Vec<_>>()
     };
-    let probed: Vec<(usize, usize, u32)> = model.probes.iter().enumerate().flat_map(of_probe).collect();
+    let probed: Vec<(usize, usize, u32)> = model.probes.iter().enumerate().flat_map(numbered).collect();
     let ids: Vec<u32> = probed.iter().map(|(.., id)| *id).collect();
     let present = probed.iter().zip(points.places_of(&ids));
     let own: Vec<(usize, usize, Vec<f64>)> = present
@@ -170,16 +170,16 @@ pub fn row_of_quality<const D: usize>(
     summary: &Summary,
     findings: &Findings,
 ) -> Vec<Entry> {
-    let of = &summary.quality.latest;
+    let latest = &summary.quality.latest;
     let measures = [
-        of.partition_of_unity_loss,
-        of.domain_outside_grid,
-        of.domain_volume_excess,
-        of.smallest_cell_filling,
-        of.det_f[0],
-        of.det_f[1],
-        of.mass,
-        of.volume,
+        latest.partition_of_unity_loss,
+        latest.domain_outside_grid,
+        latest.domain_volume_excess,
+        latest.smallest_cell_filling,
+        latest.det_f[0],
+        latest.det_f[1],
+        latest.mass,
+        latest.volume,
         summary.plastic_work,
         summary.regridding_work,
         summary.stabilisation_work,

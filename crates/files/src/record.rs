@@ -124,7 +124,7 @@ impl<const D: usize> Observer<D> for Record {
             &Whole::new(model, points),
             summary,
             &self.findings,
-            &Outcome::of(error),
+            &Outcome::new(error),
         ));
         Ok(())
     }

@@ -138,13 +138,13 @@ impl Results {
         Ok(Results {
             tables: Some(tables),
             _lock: Some(lock),
-            ..Results::of_rank(directory, asked, model, account, None)
+            ..Results::without_files(directory, asked, model, account, None)
         })
     }
 
     /// The results of a rank other than the first, for a run that begins at the start or, with `from`, at a checkpoint,
     /// given with its step as numbered in this run. Touches no file.
-    pub fn of_rank<const D: usize>(
+    pub fn without_files<const D: usize>(
         directory: &Path,
         asked: &Request,
         model: &Model<D>,
@@ -220,7 +220,7 @@ impl Results {
             writer: Writer::new(directory, series),
             tables: Some(Tables { history, quality, convergence }),
             _lock: Some(lock),
-            ..Results::of_rank(directory, asked, model, account, Some((checkpoint, reached)))
+            ..Results::without_files(directory, asked, model, account, Some((checkpoint, reached)))
         })
     }
 
@@ -269,11 +269,11 @@ impl Results {
     pub fn last_picture(&self) -> Option<Picture> {
         let step = self.written?;
         let series = SERIES[usize::from(self.all_have_domains)];
-        let of_ranks = self.directory.join(list_name(series, step));
+        let pieces = self.directory.join(list_name(series, step));
         let whole = self.directory.join(file_name(series, step));
         Some(Picture {
             series: self.directory.join(format!("{series}.pvd")),
-            file: if of_ranks.exists() { of_ranks } else { whole },
+            file: if pieces.exists() { pieces } else { whole },
         })
     }
 
@@ -312,8 +312,8 @@ fn foreign(name: &str, end: &str) -> io::Error {
 /// True if VTU files of a step are due: after every `every` requested steps, or at the interval that the stage states
 /// instead, and at the end of each stage and of the analysis; never if `every` is 0.
 fn is_due<const D: usize>(every: usize, model: &Model<D>, step: Step) -> bool {
-    let of_stage = model.stages.get(model.present.stage).and_then(|stage| stage.every);
-    let every = if every == 0 { 0 } else { of_stage.unwrap_or(every) };
+    let stage_every = model.stages.get(model.present.stage).and_then(|stage| stage.every);
+    let every = if every == 0 { 0 } else { stage_every.unwrap_or(every) };
     let requested = model.stepping.requested(step.end);
     let is_due = |number: usize| number.is_multiple_of(every) || number == model.stepping.count;
     every > 0 && requested.is_some_and(is_due)

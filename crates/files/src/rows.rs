@@ -33,18 +33,17 @@ pub(super) fn check([history, quality, convergence]: [&Kept; 3], steps: usize) -
             }
         });
     }
-    let of_quality: Vec<_> = quality.numbers(["step"]).into_iter().map(|[step]| step).collect();
-    if let Some(place) = (0..steps).find(|&k| of_quality.get(k) != Some(&Some(accepted[k].0))) {
+    let quality_steps: Vec<_> = quality.numbers(["step"]).into_iter().map(|[step]| step).collect();
+    if let Some(place) = (0..steps).find(|&k| quality_steps.get(k) != Some(&Some(accepted[k].0))) {
         return Err(missing(quality, accepted[place].0));
     }
     let evaluations = convergence.numbers(["step", "iteration"]);
     let mut rest = evaluations.as_slice();
     for (step, iterations) in accepted {
         let n = rest.iter().take_while(|row| row[0] == Some(step)).count();
-        let (of_step, later) = rest.split_at(n);
+        let (own, later) = rest.split_at(n);
         // The rows of failed attempts precede those of the converged attempt.
-        let last =
-            of_step.iter().rposition(|row| row[1] == Some(0)).map_or(&[][..], |first| &of_step[first..]);
+        let last = own.iter().rposition(|row| row[1] == Some(0)).map_or(&[][..], |first| &own[first..]);
         // A multiplier update evaluates the residual of an iteration once more.
         let follows = |pair: &[[Option<usize>; 2]]| {
             pair[1][1] == pair[0][1] || pair[1][1] == pair[0][1].map(|number| number + 1)

@@ -43,8 +43,10 @@ pub fn smoothed_pressures<const D: usize>(
     let smoothed = |&p: &usize| {
         let (mut sum, mut weight) = (0.0, 0.0);
         for (node, value) in links(p) {
-            if let Some([of_node, of_weight]) = means.get(&node).filter(|[_, of_weight]| *of_weight > 0.0) {
-                sum += value * of_node / of_weight;
+            if let Some([nodal_sum, nodal_weight]) =
+                means.get(&node).filter(|[_, nodal_weight]| *nodal_weight > 0.0)
+            {
+                sum += value * nodal_sum / nodal_weight;
                 weight += value;
             }
         }

@@ -174,9 +174,9 @@ impl Progress {
         let began = Instant::now();
         let stages = model.stages.iter().map(|stage| (stage.name.clone(), stage.newton.tolerance)).collect();
         let curve = model.common_curve().filter(|_| !model.stepping.control.has_unknown_factor()).cloned();
-        let of_stages = model.stages.iter().map(|stage| &stage.stepping);
+        let stage_stepping = model.stages.iter().map(|stage| &stage.stepping);
         let all: Vec<&Stepping> =
-            if model.stages.is_empty() { vec![&model.stepping] } else { of_stages.collect() };
+            if model.stages.is_empty() { vec![&model.stepping] } else { stage_stepping.collect() };
         let reduces = |stepping: &&Stepping| stepping.strength_factor(stepping.start_time).is_some();
         let reductions = all.into_iter().filter(reduces).cloned().collect();
         Progress { start, status, curve, reductions, stages, began, recent: VecDeque::from([(0.0, began)]) }

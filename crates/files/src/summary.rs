@@ -42,7 +42,7 @@ pub enum Outcome {
 
 impl Outcome {
     /// The outcome of a run that has ended with this error, or without an error.
-    pub fn of(error: Option<&SolveError>) -> Outcome {
+    pub fn new(error: Option<&SolveError>) -> Outcome {
         match error {
             None => Outcome::Completed,
             Some(SolveError::Interrupted { .. }) => Outcome::Interrupted,
@@ -61,7 +61,7 @@ pub struct Start {
 
 impl Start {
     /// The start of the only run of a program, at `wall`.
-    pub fn of_program(wall: Instant) -> Start {
+    pub fn at(wall: Instant) -> Start {
         Start { wall, cpu: Duration::ZERO }
     }
 
@@ -192,7 +192,7 @@ impl Account {
         let load_factor = summary.load_factor.filter(|_| summary.steps > 0);
         let spent = self.start.elapsed();
         let (wall, cpu) = (spent.wall.as_secs_f64(), spent.cpu.as_secs_f64());
-        let solved = cpu - timings.of(Phase::Output).cpu.as_secs_f64();
+        let solved = cpu - timings.spent(Phase::Output).cpu.as_secs_f64();
         let warnings: Vec<Value> =
             summary.warnings.iter().map(|of| warning(of, self.wording.on_warning(of))).collect();
         let visits = (whole.points * summary.evaluations) as f64;
@@ -226,8 +226,8 @@ impl Account {
             "plastic_work": summary.plastic_work,
             "regridding_work": summary.regridding_work,
             "stabilisation_work": summary.stabilisation_work,
-            "wall_seconds": seconds(wall, &|phase| timings.of(phase).wall.as_secs_f64()),
-            "cpu_seconds": seconds(cpu, &|phase| timings.of(phase).cpu.as_secs_f64()),
+            "wall_seconds": seconds(wall, &|phase| timings.spent(phase).wall.as_secs_f64()),
+            "cpu_seconds": seconds(cpu, &|phase| timings.spent(phase).cpu.as_secs_f64()),
             "cpu_microseconds_per_point_and_evaluation": {
                 "all": if visits > 0.0 { json!(1e6 * cpu / visits) } else { Value::Null },
                 "without_output": if visits > 0.0 { json!(1e6 * solved / visits) } else { Value::Null },

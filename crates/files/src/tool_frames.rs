@@ -53,8 +53,8 @@ impl Outlined {
     /// the tool.
     fn facet_at<const D: usize>(&self, part: usize, x: &[f64; D]) -> Option<usize> {
         let distance = |k: &usize| (0..D).map(|d| (self.centres[*k][d] - x[d]).powi(2)).sum::<f64>();
-        let of_part = (0..self.facets.len()).filter(|k| self.parts[*k] == part);
-        of_part.min_by(|a, b| distance(a).total_cmp(&distance(b)))
+        let facets = (0..self.facets.len()).filter(|k| self.parts[*k] == part);
+        facets.min_by(|a, b| distance(a).total_cmp(&distance(b)))
     }
 }
 
@@ -133,8 +133,8 @@ pub(super) fn contacts_of_tools<const D: usize>(
     let bodies: Vec<i32> = all().map(|(_, contact)| contact.body as i32).collect();
     let points: Vec<i32> = all().map(|(_, contact)| contact.point as i32).collect();
     let states: Vec<i32> = all().map(|(_, contact)| state(contact.mode)).collect();
-    let vectors = |of: &dyn Fn(&ContactPoint<D>) -> [f64; D]| -> Vec<[f64; 3]> {
-        all().map(|(_, contact)| padded(&of(contact))).collect()
+    let vectors = |quantity: &dyn Fn(&ContactPoint<D>) -> [f64; D]| -> Vec<[f64; 3]> {
+        all().map(|(_, contact)| padded(&quantity(contact))).collect()
     };
     let positions = vectors(&|contact| contact.position);
     let [normals, forces, shear] = [
@@ -169,11 +169,11 @@ fn scalar<'a>(name: &'a str, values: &'a [f64]) -> Field<'a> {
 
 fn encoded(
     fields: &[Field],
-    of: (&'static str, usize),
+    owner: (&'static str, usize),
     precision: Precision,
     room: &Room,
 ) -> Result<Vec<Arc<Encoded>>, String> {
-    fields.iter().map(|field| Encoded::new(field, of, precision, room).map(Arc::new)).collect()
+    fields.iter().map(|field| Encoded::new(field, owner, precision, room).map(Arc::new)).collect()
 }
 
 /// The number of a contact state in files: 1 sticking, 2 sliding, 3 parting.

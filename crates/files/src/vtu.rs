@@ -97,7 +97,7 @@ pub enum Kinds<'a> {
 
 impl Kinds<'_> {
     /// Kind of each cell of a mesh with `corners` corners in total; `None` if they do not match.
-    fn of(&self, corners: usize) -> Option<Vec<CellKind>> {
+    fn cells(&self, corners: usize) -> Option<Vec<CellKind>> {
         match self {
             Kinds::All(kind) => {
                 corners.is_multiple_of(kind.points()).then(|| vec![*kind; corners / kind.points()])
@@ -154,8 +154,8 @@ pub fn file(
     let positions = Values::Float64(mesh.points.as_flattened());
     let positions = Encoded::positions(points, positions, Precision::Double, &room)?;
     let encoded = |fields: &[Field], owner: &str, count: usize| {
-        let of = |field| Encoded::new(field, (owner, count), Precision::Double, &room).map(Arc::new);
-        fields.iter().map(of).collect::<Result<Vec<_>, String>>()
+        let encoded = |field| Encoded::new(field, (owner, count), Precision::Double, &room).map(Arc::new);
+        fields.iter().map(encoded).collect::<Result<Vec<_>, String>>()
     };
     let (point_data, cell_data) =
         (encoded(point_data, "point", points)?, encoded(cell_data, "cell", cells.count)?);
@@ -179,7 +179,7 @@ impl Cells {
     /// # Errors
     /// A message about data that no reader could interpret.
     pub fn new(points: usize, kinds: &Kinds, connectivity: &[i64], room: &Room) -> Result<Cells, String> {
-        let Some(kinds) = kinds.of(connectivity.len()) else {
+        let Some(kinds) = kinds.cells(connectivity.len()) else {
             return Err(format!("{} indices do not form cells of this kind", connectivity.len()));
         };
         let is_point = |index: &i64| usize::try_from(*index).is_ok_and(|index| index < points);

@@ -93,8 +93,8 @@ pub(crate) struct Answer {
 pub(crate) fn load(path: &Path) -> Result<Loaded, LibraryError> {
     let library = open(path).map_err(|error| {
         // The source of the error is the system's own message, which names the fault, such as an undefined symbol.
-        let of_system = error.source().map(ToString::to_string);
-        LibraryError::NotLoaded(of_system.unwrap_or_else(|| error.to_string()))
+        let system_message = error.source().map(ToString::to_string);
+        LibraryError::NotLoaded(system_message.unwrap_or_else(|| error.to_string()))
     })?;
     Ok(Loaded(Box::leak(Box::new(library))))
 }

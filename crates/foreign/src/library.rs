@@ -44,8 +44,8 @@ impl Library {
     pub fn open(path: &Path, hash: u128) -> Result<Arc<Library>, LibraryError> {
         let path = path.canonicalize().map_err(|error| LibraryError::NotLoaded(error.to_string()))?;
         let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((of_loaded, outcome)) = known.get(&path) {
-            return if *of_loaded == hash { outcome.clone() } else { Err(LibraryError::Changed) };
+        if let Some((loaded_hash, outcome)) = known.get(&path) {
+            return if *loaded_hash == hash { outcome.clone() } else { Err(LibraryError::Changed) };
         }
         let loaded = load(&path)?;
         let outcome = loaded.interface().and_then(Library::new).map(Arc::new);
@@ -59,8 +59,8 @@ impl Library {
         }
         let parameters = statements(&interface, Kind::Parameter, interface.n_parameters)?;
         let history = statements(&interface, Kind::History, interface.n_history)?;
-        if let Some(of) = history.iter().find(|of| !of.initial.is_finite()) {
-            return Err(LibraryError::NotFinite { name: of.name.clone(), value: of.initial });
+        if let Some(variable) = history.iter().find(|variable| !variable.initial.is_finite()) {
+            return Err(LibraryError::NotFinite { name: variable.name.clone(), value: variable.initial });
         }
         let measure = match interface.measure() {
             0 => StrainMeasure::Logarithmic,

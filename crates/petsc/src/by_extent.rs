@@ -6,13 +6,13 @@ use mpm_core::linear::{Backend, BlockMatrix, Divided, Layout, LinearError, Solve
 use crate::direct::Direct;
 
 /// Number of unknowns above which MUMPS factorises the systems of three-dimensional problems on more than
-/// [`MOST_RANKS`] ranks; prescribed components are counted, too. In the core's factorisation, a single rank eliminates
+/// [`MAX_RANKS`] ranks; prescribed components are counted, too. In the core's factorisation, a single rank eliminates
 /// the last separator, which takes a growing share of the time. MUMPS takes longer on few ranks, and its results are
 /// not bitwise reproducible.
-pub const MOST_UNKNOWNS: f64 = 2e5;
+pub const MAX_UNKNOWNS: f64 = 2e5;
 
 /// Largest number of ranks that factorise such systems without MUMPS.
-pub const MOST_RANKS: usize = 4;
+pub const MAX_RANKS: usize = 4;
 
 /// Factorises with the divided backend of the core, or with MUMPS for large problems in three dimensions on many ranks.
 pub struct ByExtent<const D: usize, const N: usize = D> {
@@ -46,7 +46,7 @@ impl<const D: usize, const N: usize> Backend<D, N> for ByExtent<D, N> {
     fn prepare(&mut self, layout: &Layout<D, N>, matrix: &BlockMatrix<N>) -> Result<(), LinearError> {
         let (halo, n) = (layout.halo, layout.numbering.n_nodes());
         let unknowns = N as f64 * halo.sum_over_nodes(n, |_| 1.0);
-        let is_large = D > 2 && unknowns > MOST_UNKNOWNS && halo.ranks().count() > MOST_RANKS;
+        let is_large = D > 2 && unknowns > MAX_UNKNOWNS && halo.ranks().count() > MAX_RANKS;
         if is_large && self.mumps.is_none() {
             self.mumps = Direct::new().ok();
         }

@@ -39,7 +39,7 @@ mod objects;
 mod session;
 
 #[cfg(feature = "petsc")]
-pub use by_extent::{ByExtent, MOST_RANKS, MOST_UNKNOWNS};
+pub use by_extent::{ByExtent, MAX_RANKS, MAX_UNKNOWNS};
 #[cfg(feature = "petsc")]
 pub use direct::Direct;
 #[cfg(feature = "petsc")]

@@ -195,12 +195,12 @@ impl Communicator for Mpi {
             let mut rest = all.as_slice();
             return lengths.iter().filter_map(|n| rest.split_off(..*n)).map(<[u8]>::to_vec).collect();
         }
-        let of_rank = |(rank, length): (usize, &usize)| {
+        let broadcast = |(rank, length): (usize, &usize)| {
             let mut bytes = if rank == self.own { own.to_vec() } else { vec![0; *length] };
             self.broadcast(rank, &mut bytes);
             bytes
         };
-        lengths.iter().enumerate().map(of_rank).collect()
+        lengths.iter().enumerate().map(broadcast).collect()
     }
 
     fn gather(&self, own: &[u8]) -> Vec<Vec<u8>> {
@@ -218,19 +218,19 @@ impl Communicator for Mpi {
     }
 
     fn exchange(&self, messages: Vec<(usize, Vec<u8>)>) -> Vec<(usize, Vec<u8>)> {
-        let mut of_rank: Vec<Option<Vec<u8>>> = vec![None; self.count];
-        messages.into_iter().for_each(|(rank, message)| of_rank[rank] = Some(message));
+        let mut by_rank: Vec<Option<Vec<u8>>> = vec![None; self.count];
+        messages.into_iter().for_each(|(rank, message)| by_rank[rank] = Some(message));
         // One is added to each length, so that an empty message differs from no message.
         let lengths: Vec<u64> =
-            of_rank.iter().map(|message| message.as_ref().map_or(0, |m| m.len() as u64 + 1)).collect();
-        let own = of_rank[self.own].take();
+            by_rank.iter().map(|message| message.as_ref().map_or(0, |m| m.len() as u64 + 1)).collect();
+        let own = by_rank[self.own].take();
         let lengths = self.transpose(&lengths);
         let others = lengths.iter().enumerate().filter(|(rank, n)| **n > 0 && *rank != self.own);
         let mut received: Vec<(usize, Vec<u8>)> =
             others.map(|(rank, n)| (rank, vec![0; *n as usize - 1])).collect();
         let mut requests = Requests::new(self, EXCHANGE);
         received.iter_mut().for_each(|(rank, bytes)| requests.receive(*rank, bytes));
-        for (rank, message) in of_rank.iter().enumerate() {
+        for (rank, message) in by_rank.iter().enumerate() {
             message.iter().for_each(|message| requests.send(rank, message));
         }
         drop(requests);

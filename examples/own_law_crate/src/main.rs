@@ -37,11 +37,11 @@ fn law(loaded: &LoadedDeck) -> Result<Hyperbolic, String> {
 
 /// Runs a deck and writes its results to a directory.
 fn run(deck: &Path, directory: &Path) -> Result<Summary, Box<dyn Error>> {
-    let start = Start::of_program(Instant::now());
+    let start = Start::at(Instant::now());
     let mut loaded = load(deck, &[])?;
     let law = law(&loaded)?;
     loaded.laws.insert(MATERIAL.to_owned(), OwnLaw(Arc::new(move || Box::new(law))));
-    let Prepared { loaded, mut analysis, .. } = prepare(loaded, Memory::of_this_machine(), false)?;
+    let Prepared { loaded, mut analysis, .. } = prepare(loaded, Memory::this_machine(), false)?;
     let threads = std::thread::available_parallelism()?.get();
     let account = loaded.account(start, Timings::default(), threads)?;
     let request = loaded.deck.request();

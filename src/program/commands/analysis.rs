@@ -41,7 +41,7 @@ pub fn prepare(
     ranks: &Ranks,
 ) -> Result<Prepared, Box<LoadFailure>> {
     // On a worker thread, like the analysis itself.
-    rayon::scope(|_| ready::prepare_on(ranks, loaded?, Memory::of_this_machine(), deny_warnings))
+    rayon::scope(|_| ready::prepare_on(ranks, loaded?, Memory::this_machine(), deny_warnings))
 }
 
 /// The source of a deck and the messages about it.
@@ -296,8 +296,8 @@ pub fn run_along(
     let asked = loaded.deck.request();
     let from = reached.as_ref().map(|(checkpoint, reached)| (checkpoint.as_ref(), reached.step));
     let results = match &analysis {
-        Analysis::Plane(parts) => Results::of_rank(directory, &asked, &parts.0, account, from),
-        Analysis::Solid(parts) => Results::of_rank(directory, &asked, &parts.0, account, from),
+        Analysis::Plane(parts) => Results::without_files(directory, &asked, &parts.0, account, from),
+        Analysis::Solid(parts) => Results::without_files(directory, &asked, &parts.0, account, from),
     };
     let mut results = results.stopped_by(stop_on_interrupt(false)?);
     machines.equip(&mut analysis);
@@ -360,21 +360,21 @@ pub fn describe_failure(error: &SolveError) -> String {
         text.push_str(&format!("\n  residuals: {}", history.join(", ")));
     }
     // If smaller steps might have avoided the failure, its diagnosis has already given advice for this particular run.
-    let of_diagnosis =
+    let diagnosed =
         error.is_retryable().then_some("see the diagnosis of the run, also in `summary.json`, for advice");
-    if let Some(help) = of_diagnosis.or_else(|| advice::on_error(error)) {
+    if let Some(help) = diagnosed.or_else(|| advice::on_error(error)) {
         text.push_str(&format!("\n  help: {help}"));
     }
     text
 }
 
 /// Largest number of threads.
-const MOST_THREADS: usize = 1024;
+const MAX_THREADS: usize = 1024;
 
 /// Starts the threads; by default, one per core.
 pub fn start_threads(threads: Option<usize>) -> anyhow::Result<()> {
-    if threads.is_some_and(|n| !(1..=MOST_THREADS).contains(&n)) {
-        bail!("--threads takes a number from 1 to {MOST_THREADS}");
+    if threads.is_some_and(|n| !(1..=MAX_THREADS).contains(&n)) {
+        bail!("--threads takes a number from 1 to {MAX_THREADS}");
     }
     wait_for_lack_of_memory()?;
     rayon::ThreadPoolBuilder::new()

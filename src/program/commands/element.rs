@@ -23,9 +23,9 @@ use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
 
 /// Largest number of steps from one turning point, or row of a history, to the next.
-const MOST_STEPS: u64 = 1_000_000;
+const MAX_STEPS: u64 = 1_000_000;
 /// Largest number of states in a test; all of them are held in memory.
-const MOST_STATES: usize = 10_000_000;
+const MAX_STATES: usize = 10_000_000;
 /// Default number of steps from one turning point to the next.
 const USUAL_STEPS: u64 = 200;
 
@@ -56,7 +56,7 @@ pub struct ElementArgs {
     #[arg(long, value_name = "STRAIN", requires = "to", value_parser = finite, allow_hyphen_values = true)]
     then: Vec<f64>,
     /// Number of equal steps to each strain [default: 200], or from each row of a history to the next [default: 1].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=MOST_STEPS))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=MAX_STEPS))]
     steps: Option<u64>,
     /// Original position of the point, for a material whose properties vary in space.
     #[arg(long, value_name = "X,Y[,Z]", value_parser = finite, value_delimiter = ',', allow_hyphen_values = true)]
@@ -149,7 +149,7 @@ pub fn element(args: ElementArgs) -> anyhow::Result<u8> {
     };
     let name = material_name(&loaded, args.material.as_deref())?;
     let Some((law, history)) = beginning(&loaded, name, args.at.as_deref())? else { return Ok(USAGE) };
-    let outputs = Outputs::of(&args, name)?;
+    let outputs = Outputs::chosen(&args, name)?;
     if let Some(note) = softening(&loaded, name) {
         message!("note: {note}");
     }
@@ -366,8 +366,8 @@ fn states(
         Route::History(targets) => (targets.clone(), 1),
     };
     let steps = usize::try_from(steps.unwrap_or(usual))?;
-    if targets.len().saturating_mul(steps) > MOST_STATES {
-        bail!("the test would have more than {MOST_STATES} steps; lower `--steps`");
+    if targets.len().saturating_mul(steps) > MAX_STATES {
+        bail!("the test would have more than {MAX_STATES} steps; lower `--steps`");
     }
     let mut states = vec![test.state().clone()];
     for state in test.follow(targets, steps) {
@@ -420,7 +420,7 @@ struct Outputs {
 
 impl Outputs {
     /// Chooses the output files from the arguments; refuses to overwrite a file that the command did not write.
-    fn of(args: &ElementArgs, material: &str) -> anyhow::Result<Outputs> {
+    fn chosen(args: &ElementArgs, material: &str) -> anyhow::Result<Outputs> {
         let deck = args.deck.file_stem().unwrap_or_default().to_string_lossy();
         // A material name may have characters that a file name cannot have.
         let is_plain = |c: char| c.is_alphanumeric() || "-_.+".contains(c);

@@ -55,11 +55,11 @@ pub fn find(
     };
     let name = checkpoint.path.display();
     let Step { index, end, .. } = checkpoint.step();
-    let of_checkpoint = match Deck::from_value(&checkpoint.head.deck) {
+    let checkpoint_deck = match Deck::from_value(&checkpoint.head.deck) {
         Ok(deck) => deck,
         Err(error) => bail!("the checkpoint `{name}` cannot be used: {error}\n  help: {AGAIN}"),
     };
-    let mut changed = changes(&of_checkpoint, &loaded.deck, end);
+    let mut changed = changes(&checkpoint_deck, &loaded.deck, end);
     if checkpoint.head.files != loaded.hash_of_files() {
         changed.push("a mesh, surface or library that it names has changed".to_owned());
     }
@@ -72,7 +72,7 @@ pub fn find(
             changed.join("\n  ")
         );
     }
-    let Some(step) = step_at([&of_checkpoint, &loaded.deck], end, index) else {
+    let Some(step) = step_at([&checkpoint_deck, &loaded.deck], end, index) else {
         bail!(
             "`{name}` was written at time {end}, after the end of the analysis at {}\n  help: increase `steps: \
              {{end_time}}`",
@@ -102,7 +102,7 @@ pub fn find(
     let mut reached = checkpoint.head.reached.clone();
     reached.step.index = step;
     reached.summary.diagnosis = None;
-    if of_checkpoint.courses() != loaded.deck.courses() {
+    if checkpoint_deck.courses() != loaded.deck.courses() {
         reached.summary.pace = Pace::default();
     }
     Ok(Found::Step(Box::new(checkpoint), Box::new(reached)))

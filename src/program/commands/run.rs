@@ -87,7 +87,7 @@ fn run_as_root(
     };
     let stop = stop_on_interrupt(true)?;
     let view = View::Run { log: log.clone() };
-    let start = Start::of_program(began);
+    let start = Start::at(began);
     let begin = if args.resume { Begin::AtCheckpoint } else { Begin::Anew };
     let run = Run { directory, start, view, stop: &stop, begin, machines };
     let ended = run_into(run, ready, timings.clone())?;
@@ -172,10 +172,10 @@ fn default_directory(deck: &Path) -> PathBuf {
 
 /// Table of the time spent in each phase, like Table 5 of the paper, without a trailing line break.
 fn timings_table(timings: &Timings) -> String {
-    let total: f64 = Phase::ALL.iter().map(|&phase| timings.of(phase).wall.as_secs_f64()).sum();
+    let total: f64 = Phase::ALL.iter().map(|&phase| timings.spent(phase).wall.as_secs_f64()).sum();
     let mut text = format!("{:<10} {:>10} {:>10} {:>7}", "phase", "wall [s]", "CPU [s]", "share");
     for phase in Phase::ALL {
-        let spent = timings.of(phase);
+        let spent = timings.spent(phase);
         let wall = spent.wall.as_secs_f64();
         text.push_str(&format!(
             "\n{:<10} {:>10.3} {:>10.3} {:>6.1}%",

@@ -58,8 +58,8 @@ fn in_words(directory: &Path, status: &Status) -> String {
     let stage = status.stage.as_ref().map(|name| format!(", stage `{name}`")).unwrap_or_default();
     let steps = match status.steps <= status.steps_requested {
         true => {
-            let of = counted(status.steps_requested, "step", "steps");
-            format!("{} of {of}{stage}", status.steps)
+            let all = counted(status.steps_requested, "step", "steps");
+            format!("{} of {all}{stage}", status.steps)
         }
         false => {
             let steps = counted(status.steps, "step", "steps");
@@ -88,11 +88,9 @@ fn in_words(directory: &Path, status: &Status) -> String {
         elapsed.push_str(&format!(", about {} left", duration(left)));
     }
     rows.push(("elapsed", elapsed));
-    rows.extend(
-        status
-            .points_per_second
-            .map(|of| ("rate", format!("{} ({})", rate(of), counted(status.points, "point", "points")))),
-    );
+    rows.extend(status.points_per_second.map(|per_second| {
+        ("rate", format!("{} ({})", rate(per_second), counted(status.points, "point", "points")))
+    }));
     if let Some(memory) = status.memory_bytes {
         let peak = status.peak_memory_bytes.map(|peak| format!(", at most {}", bytes(peak)));
         rows.push(("memory", format!("{}{}", bytes(memory), peak.unwrap_or_default())));

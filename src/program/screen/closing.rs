@@ -8,7 +8,7 @@ use crate::model::Model;
 use crate::output::findings::{Extreme, Findings, ForceBalance};
 use crate::output::results::{Picture, Results};
 use crate::program::screen::quantities::{duration, significant};
-use crate::quality::{BalanceSoFar, MOST_ENERGY_ERROR, MOST_REGRIDDING};
+use crate::quality::{BalanceSoFar, MAX_ENERGY_ERROR, MAX_REGRIDDING};
 use crate::solver::{SolveError, StageStrength, Summary};
 
 /// Width of a line, [characters]; names and paths may exceed it.
@@ -16,7 +16,7 @@ const WIDTH: usize = 80;
 /// Width of the first column.
 const LABEL: usize = 18;
 /// Largest number of boundary conditions listed one by one; if there are more, the last ones are summed.
-const MOST_CONDITIONS: usize = 8;
+const MAX_CONDITIONS: usize = 8;
 
 /// Summary printed at the end of a run.
 #[derive(Debug)]
@@ -61,7 +61,7 @@ impl Closing {
         let (steps, asked) = (summary.steps, model.steps_requested());
         let in_equilibrium = format!("{} in equilibrium", counted(steps, "step", "steps"));
         // With cut steps, a run may have as many steps as requested, or more, without having reached the end.
-        let of_all = match steps < asked {
+        let reached = match steps < asked {
             true => format!("{steps} of {asked} steps in equilibrium"),
             false => in_equilibrium.clone(),
         };
@@ -71,14 +71,14 @@ impl Closing {
                 counted(summary.failed_attempts, "failed attempt", "failed attempts")
             ),
             None => format!("completed: {in_equilibrium}"),
-            Some(SolveError::Interrupted { .. }) => format!("interrupted: {of_all}"),
+            Some(SolveError::Interrupted { .. }) => format!("interrupted: {reached}"),
             Some(_) => match &summary.diagnosis {
                 Some(diagnosis) if summary.failed_attempts > 1 => format!(
                     "failed: {in_equilibrium}, up to time {} of {}",
                     significant(diagnosis.time, 4),
                     significant(model.end_time(), 4)
                 ),
-                _ => format!("failed: {of_all}"),
+                _ => format!("failed: {reached}"),
             },
         };
         (steps > 0).then(|| Closing {
@@ -143,13 +143,13 @@ impl Closing {
             })
             .collect();
         if !shown.is_empty() {
-            let most = 100.0 * MOST_ENERGY_ERROR;
+            let most = 100.0 * MAX_ENERGY_ERROR;
             table.row(
                 "balances",
                 &format!("{}; warning for energy above {most} % from step 5 on", shown.join(", ")),
             );
         }
-        let [value, most] = [self.balance.regridding(), MOST_REGRIDDING].map(|share| 100.0 * share);
+        let [value, most] = [self.balance.regridding(), MAX_REGRIDDING].map(|share| 100.0 * share);
         let text = format!("{value:.1} % of the external work (warning above {most} %)");
         table.row("regridding work", &text);
         table.row("quality", &self.quality);
@@ -255,10 +255,10 @@ fn shell_word(path: &Path) -> String {
 
 /// The factors of safety in words: a single one, or one for each of several stages, with its name.
 fn safety<const D: usize>(model: &Model<D>, summary: &Summary) -> Vec<String> {
-    let in_words = |of: &StageStrength| {
-        let stage = model.stages.get(of.stage).filter(|_| summary.strength.len() > 1);
+    let in_words = |stage_strength: &StageStrength| {
+        let stage = model.stages.get(stage_strength.stage).filter(|_| summary.strength.len() > 1);
         let stage = stage.map(|stage| format!("stage `{}`: ", stage.name)).unwrap_or_default();
-        format!("{stage}{}", of.bracket)
+        format!("{stage}{}", stage_strength.bracket)
     };
     summary.strength.iter().map(in_words).collect()
 }
@@ -308,7 +308,7 @@ impl Table {
         }
         // All conditions, or all but those that share the last line.
         let shown =
-            if balance.reactions.len() > MOST_CONDITIONS { MOST_CONDITIONS - 1 } else { MOST_CONDITIONS };
+            if balance.reactions.len() > MAX_CONDITIONS { MAX_CONDITIONS - 1 } else { MAX_CONDITIONS };
         for (name, reaction) in balance.reactions.iter().take(shown) {
             row(&format!("  {name}"), &all(reaction), "");
         }

@@ -34,8 +34,8 @@ use generate::Generator;
 /// The memory that decks may need.
 const MEMORY: Memory = Memory { limit: 128 << 20, available: 128 << 20, bound: Bound::Machine };
 /// Largest analysis whose first step is solved.
-const MOST_POINTS: usize = 3000;
-const MOST_UNKNOWNS: usize = 3000;
+const MAX_POINTS: usize = 3000;
+const MAX_UNKNOWNS: usize = 3000;
 
 /// Ends a run after its first step.
 struct OneStep {
@@ -161,7 +161,7 @@ impl Bench for Decks {
             }
         };
         self.examine(&loaded.source, &ready.notes, false);
-        if ready.extent.points > MOST_POINTS || ready.extent.first.unknowns > MOST_UNKNOWNS {
+        if ready.extent.points > MAX_POINTS || ready.extent.first.unknowns > MAX_UNKNOWNS {
             return "2 accepted, too large to solve here".into();
         }
         let (newton, stepping) = match &mut ready.analysis {

@@ -19,7 +19,7 @@ use serde_json::Value;
 use decks::deck;
 
 /// No analysis may take longer; all are small.
-const MOST_TIME: Duration = Duration::from_secs(300);
+const MAX_TIME: Duration = Duration::from_secs(300);
 
 /// Outcome of a run.
 #[derive(Debug, Clone, PartialEq)]
@@ -44,7 +44,7 @@ fn run(text: &str, folder: &Path) -> Result<Outcome, String> {
         if let Some(status) = child.try_wait().unwrap() {
             break status;
         }
-        if began.elapsed() > MOST_TIME {
+        if began.elapsed() > MAX_TIME {
             child.kill().unwrap();
             child.wait().unwrap();
             return Err("takes too long".to_owned());

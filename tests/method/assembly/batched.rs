@@ -14,7 +14,7 @@ use mpm::stress::{Axisymmetric, Mechanics, PlaneStrain, PointError, Solid, Volum
 use mpm::tensor::Sym3;
 use mpm::terms::{EvaluateError, Sum};
 
-use super::states::{FORMULATIONS, Law, State, of_methods, random_state};
+use super::states::{FORMULATIONS, Law, State, random_state, with_laws};
 
 /// A law of the library that accepts batches and evaluates them point by point.
 #[derive(Debug)]
@@ -147,7 +147,7 @@ fn difference(a: &[f64], b: &[f64]) -> f64 {
 
 fn check_states<const D: usize, M: Mechanics<D>>() -> f64 {
     let mut worst = 0.0f64;
-    for (method, law) in of_methods(&[Method::Mpm, Method::Gimp, Method::Cpdi2]) {
+    for (method, law) in with_laws(&[Method::Mpm, Method::Gimp, Method::Cpdi2]) {
         let mut treatments = vec![Volumetric::Standard, Volumetric::MeanDilatation];
         treatments.extend(method.has_centres().then_some(Volumetric::FBar));
         for volumetric in treatments {

@@ -75,7 +75,7 @@ fn worst_ratios<const D: usize, M: Mechanics<D>>(
 }
 
 /// The smallest ratios over problems in the plane, of revolution and in space.
-fn of_all(method: Method, mode: StabilisationMode, may_lose: bool) -> [f64; 2] {
+fn smallest_ratios(method: Method, mode: StabilisationMode, may_lose: bool) -> [f64; 2] {
     let case = (method, mode);
     let plane = [60, 120, 270].map(|n| worst_ratios::<2, PlaneStrain>(case, n, may_lose));
     let revolved = [60, 120, 270].map(|n| worst_ratios::<2, Axisymmetric>(case, n, may_lose));
@@ -91,13 +91,13 @@ fn of_all(method: Method, mode: StabilisationMode, may_lose: bool) -> [f64; 2] {
 #[test]
 fn the_mean_dilatation_opens_no_hourglass_mode() {
     for method in [Method::Mpm, Method::Gimp] {
-        let [least, _] = of_all(method, StabilisationMode::Off, false);
+        let [least, _] = smallest_ratios(method, StabilisationMode::Off, false);
         assert!(least > 0.1, "{method:?}: {least}");
     }
-    let [_, least] = of_all(Method::Cpdi2, StabilisationMode::Off, true);
+    let [_, least] = smallest_ratios(Method::Cpdi2, StabilisationMode::Off, true);
     assert!(least > 0.05, "{least}");
     for method in [Method::Mpm, Method::Gimp, Method::Cpdi2] {
-        let [least, _] = of_all(method, StabilisationMode::On, false);
+        let [least, _] = smallest_ratios(method, StabilisationMode::On, false);
         assert!(least > 0.25, "{method:?} stabilised: {least}");
     }
 }

@@ -23,7 +23,7 @@ fn lame(young: f64, poisson: f64) -> (f64, f64) {
 }
 
 /// Isotropic function of a symmetric matrix.
-fn of_eigenvalues(matrix: &Mat3, function: impl Fn(f64) -> f64) -> Mat3 {
+fn isotropic(matrix: &Mat3, function: impl Fn(f64) -> f64) -> Mat3 {
     let SymmetricEigen { eigenvectors, eigenvalues } = SymmetricEigen::new(*matrix);
     eigenvectors * Mat3::from_diagonal(&eigenvalues.map(function)) * eigenvectors.transpose()
 }
@@ -44,7 +44,7 @@ fn respond(law: Law, body: u16, b_trial: Mat3, kappa: f64) -> Outcome {
     match (law, body) {
         (Law::Hencky, _) | (Law::Both, 0) => {
             let (lambda, mu) = lame(2e6, 0.25);
-            let strain = of_eigenvalues(&b_trial, f64::ln) * 0.5;
+            let strain = isotropic(&b_trial, f64::ln) * 0.5;
             let tau = identity * (lambda * strain.trace()) + strain * (2.0 * mu);
             Outcome { tau, b: b_trial, kappa }
         }
@@ -55,7 +55,7 @@ fn respond(law: Law, body: u16, b_trial: Mat3, kappa: f64) -> Outcome {
         }
         (Law::VonMises, _) | (Law::Both, _) => {
             let ((lambda, mu), yield_radius, hardening) = (lame(1e6, 0.3), 0.25e6, 0.2e6);
-            let strain = of_eigenvalues(&b_trial, f64::ln) * 0.5;
+            let strain = isotropic(&b_trial, f64::ln) * 0.5;
             let volumetric = identity * (strain.trace() / 3.0);
             let deviator = strain - volumetric;
             let direction = if deviator.norm() > 0.0 { deviator / deviator.norm() } else { deviator };
@@ -73,7 +73,7 @@ fn respond(law: Law, body: u16, b_trial: Mat3, kappa: f64) -> Outcome {
             let flow = 0.5 * (low + high);
             let elastic = strain - direction * flow;
             let tau = identity * (lambda * elastic.trace()) + elastic * (2.0 * mu);
-            Outcome { tau, b: of_eigenvalues(&elastic, |e| (2.0 * e).exp()), kappa: kappa_of(flow) }
+            Outcome { tau, b: isotropic(&elastic, |e| (2.0 * e).exp()), kappa: kappa_of(flow) }
         }
         (Law::Skewed, _) => unreachable!("it has no stress of its own to be found a second time"),
     }
@@ -97,7 +97,7 @@ fn evaluate<const D: usize, M: Mechanics<D>>(
         let strain = points.converged.elastic_strain[p].to_matrix();
         let b_n = match law {
             Law::NeoHookean => Mat3::identity() + strain * 2.0,
-            _ => of_eigenvalues(&strain, |e| (2.0 * e).exp()),
+            _ => isotropic(&strain, |e| (2.0 * e).exp()),
         };
         let kappa = points.converged.history.get(p * points.history_len).copied().unwrap_or(0.0);
         let outcome = respond(law, points.body[p], increment * b_n * increment.transpose(), kappa); // (17)

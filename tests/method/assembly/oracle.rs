@@ -172,18 +172,18 @@ fn dense<const D: usize, M: Mechanics<D>>(state: &State<D>) -> (DVector<f64>, DM
         let rows: [[f64; 3]; 3] = std::array::from_fn(|i| std::array::from_fn(|j| increment[(i, j)]));
         let old = &points.converged.history[p * points.history_len..][..law.state_fields().len()];
         let c =
-            Solid::respond_updated(&start, &Increment::of(rows), law, old, &mut old.to_vec()).unwrap().weak;
+            Solid::respond_updated(&start, &Increment::flat(rows), law, old, &mut old.to_vec()).unwrap().weak;
         let inverse = increment.try_inverse().unwrap();
         for (_, motion) in &mut motions {
             *motion *= inverse; // (8)
         }
-        for (b, of_b) in &motions {
+        for (b, motion_b) in &motions {
             let change = Mat3::from_fn(|i, j| {
-                (0..9).map(|e| c.tangent[i][j][e / 3][e % 3] * of_b[(e / 3, e % 3)]).sum::<f64>()
+                (0..9).map(|e| c.tangent[i][j][e / 3][e % 3] * motion_b[(e / 3, e % 3)]).sum::<f64>()
             });
-            f[*b] += c.volume * Mat3::from_fn(|i, j| c.stress[i][j]).dot(of_b);
-            for (a, of_a) in &motions {
-                k[(*a, *b)] += c.volume * of_a.dot(&change);
+            f[*b] += c.volume * Mat3::from_fn(|i, j| c.stress[i][j]).dot(motion_b);
+            for (a, motion_a) in &motions {
+                k[(*a, *b)] += c.volume * motion_a.dot(&change);
             }
         }
     }

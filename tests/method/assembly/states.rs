@@ -75,11 +75,11 @@ const LAWS: [Law; 5] = [Law::Hencky, Law::NeoHookean, Law::VonMises, Law::Both, 
 
 /// Each method with each law.
 pub fn cases() -> Vec<(Method, Law)> {
-    of_methods(&[Method::Mpm, Method::Gimp, Method::Cpdi1, Method::Cpdi2])
+    with_laws(&[Method::Mpm, Method::Gimp, Method::Cpdi1, Method::Cpdi2])
 }
 
 /// Each of these methods with each law.
-pub fn of_methods(methods: &[Method]) -> Vec<(Method, Law)> {
+pub fn with_laws(methods: &[Method]) -> Vec<(Method, Law)> {
     methods.iter().flat_map(|method| LAWS.map(|law| (*method, law))).collect()
 }
 

@@ -11,7 +11,7 @@ use mpm::stress::{
 };
 use mpm::terms::Sum;
 
-use super::states::{Domain, FORMULATIONS, Law, Random, State, cases, of_methods, random_state, state_on};
+use super::states::{Domain, FORMULATIONS, Law, Random, State, cases, random_state, state_on, with_laws};
 use crate::meshes::{Cells, brick, plane};
 
 /// Internal force at an increment, and the points that flow plastically.
@@ -148,7 +148,7 @@ fn check_derivative_on_meshes<const D: usize, M: Mechanics<D>>(n_points: usize) 
             let grid = Box::new(mesh::<D>(cells));
             state_on::<D, M>(grid, 0.1, (method, Domain::Box), law, n_points, 11)
         };
-        check_derivative::<D, M>(of_methods(&[Method::Mpm, Method::Cpdi1, Method::Cpdi2]), state);
+        check_derivative::<D, M>(with_laws(&[Method::Mpm, Method::Cpdi1, Method::Cpdi2]), state);
     }
 }
 
@@ -165,10 +165,10 @@ fn stiffness_on_meshes_in_three_dimensions_is_the_derivative_of_the_internal_for
 
 fn check_formulations<const D: usize, M: Mechanics<D>>(cases: Vec<(Method, Law)>) {
     let (mut worst_f, mut worst_k) = (0.0f64, 0.0f64);
-    let of_case = |(method, law): (Method, Law)| {
+    let with_cures = |(method, law): (Method, Law)| {
         with_volumetric(method).into_iter().step_by(2).map(move |(_, v)| (method, law, v))
     };
-    for (method, law, volumetric) in cases.into_iter().flat_map(of_case) {
+    for (method, law, volumetric) in cases.into_iter().flat_map(with_cures) {
         for seed in 0..5 {
             let [(f, kx), (g, ky)] = FORMULATIONS.map(|formulation| {
                 let mut state = random_state::<D, M>(method, law, 150, 100 + seed);

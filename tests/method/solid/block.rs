@@ -49,13 +49,13 @@ fn measure(h: f64, n: usize, threads: usize) -> (Points<3>, Summary) {
         let (mut cpu, mut wall) = (0.0, 0.0);
         println!("{} points, {} unknowns, {} thread(s)", points.len(), summary.unknowns, threads);
         for phase in Phase::ALL {
-            let spent = summary.timings.of(phase);
+            let spent = summary.timings.spent(phase);
             cpu += spent.cpu.as_secs_f64();
             wall += spent.wall.as_secs_f64();
             println!("{:10} {:8.3} s CPU", phase.name(), spent.cpu.as_secs_f64());
         }
         let evaluations = summary.evaluations as f64;
-        let assembly = summary.timings.of(Phase::Assembly).cpu.as_secs_f64();
+        let assembly = summary.timings.spent(Phase::Assembly).cpu.as_secs_f64();
         println!(
             "{cpu:.3} s CPU, {wall:.3} s; {evaluations} evaluations, {} solves: {:.4} s CPU each, assembly {:.3} µs per point",
             summary.linear_solves,

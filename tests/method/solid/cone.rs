@@ -6,7 +6,7 @@ use mpm::deck::build::build;
 use mpm::points::Points;
 use mpm::solver::{self, Silent};
 
-use super::decks::{of_inputs, run_of_inputs};
+use super::decks::{inputs_deck, run_of_inputs};
 
 /// Size of the rings over which displacements are averaged, [m].
 const RING: f64 = 0.5;
@@ -26,14 +26,14 @@ fn rings(points: impl Iterator<Item = ([f64; 2], [f64; 2], f64)>) -> Rings {
     rings.into_iter().map(|(ring, (sum, volume))| (ring, (sum.map(|u| u / volume), volume))).collect()
 }
 
-fn of_revolution(points: &Points<2>) -> Rings {
+fn rings_of_revolution(points: &Points<2>) -> Rings {
     rings(
         (0..points.len())
             .map(|p| (points.original_position[p], points.converged.position[p], points.original_volume[p])),
     )
 }
 
-fn of_quarter(points: &Points<3>) -> Rings {
+fn rings_of_quarter(points: &Points<3>) -> Rings {
     let meridian = |[x, y, z]: [f64; 3]| [x.hypot(y), z];
     rings((0..points.len()).map(|p| {
         let (original, position) = (points.original_position[p], points.converged.position[p]);
@@ -45,11 +45,11 @@ fn of_quarter(points: &Points<3>) -> Rings {
 fn distances(a: &Rings, b: &Rings) -> [f64; 2] {
     let (mut sum, mut volume) = (0.0, 0.0);
     let mut outermost: BTreeMap<i32, (i32, f64)> = BTreeMap::new();
-    for (&(radial, level), &(u, of_ring)) in a {
+    for (&(radial, level), &(u, ring)) in a {
         let Some(&(v, _)) = b.get(&(radial, level)) else { continue };
         let square = (u[0] - v[0]).powi(2) + (u[1] - v[1]).powi(2);
-        sum += square * of_ring;
-        volume += of_ring;
+        sum += square * ring;
+        volume += ring;
         outermost.insert(level, (radial, square)); // in ascending order of the radius
     }
     let profile: f64 = outermost.values().map(|(_, square)| square).sum::<f64>() / outermost.len() as f64;
@@ -60,9 +60,12 @@ fn distances(a: &Rings, b: &Rings) -> [f64; 2] {
 #[test]
 fn a_quarter_in_space_is_the_body_of_revolution() {
     let found = ["0.5", "0.25", "0.125"].map(|h| {
-        let (model, mut points) = build::<2>(&of_inputs("cone/revolved.yaml", &[("h", h)])).unwrap();
+        let (model, mut points) = build::<2>(&inputs_deck("cone/revolved.yaml", &[("h", h)])).unwrap();
         solver::run(&model, &mut points, &mut Silent).unwrap();
-        distances(&of_revolution(&points), &of_quarter(&run_of_inputs("cone/solid.yaml", &[("h", h)])))
+        distances(
+            &rings_of_revolution(&points),
+            &rings_of_quarter(&run_of_inputs("cone/solid.yaml", &[("h", h)])),
+        )
     });
     println!("cone, distance over the body and of the profiles (m): {found:.5?}");
     assert!(found.windows(2).all(|pair| pair[1][0] < pair[0][0] && pair[1][1] < pair[0][1]));

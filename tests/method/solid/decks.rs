@@ -17,7 +17,7 @@ fn loaded(text: &str) -> LoadedDeck {
 }
 
 /// A deck of `inputs/` with parameters set.
-pub fn of_inputs(deck: &str, set: &[(&str, &str)]) -> LoadedDeck {
+pub fn inputs_deck(deck: &str, set: &[(&str, &str)]) -> LoadedDeck {
     let set: Vec<(String, String)> = set.iter().map(|(k, v)| (k.to_string(), v.to_string())).collect();
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("inputs").join(deck);
     load(&path, &set).unwrap_or_else(|e| panic!("{e}"))
@@ -25,7 +25,7 @@ pub fn of_inputs(deck: &str, set: &[(&str, &str)]) -> LoadedDeck {
 
 /// Final points of an analysis in space, of a deck in `inputs/` with parameters set.
 pub fn run_of_inputs(deck: &str, set: &[(&str, &str)]) -> Points<3> {
-    let (model, mut points) = build(&of_inputs(deck, set)).unwrap_or_else(|found| panic!("{found:?}"));
+    let (model, mut points) = build(&inputs_deck(deck, set)).unwrap_or_else(|found| panic!("{found:?}"));
     solver::run(&model, &mut points, &mut Silent).unwrap_or_else(|error| panic!("{error}"));
     points
 }
@@ -164,7 +164,7 @@ fn the_volume_of_the_points_of_every_region_tends_to_its_own() {
     let cone = Frustum::new([2.0, 2.0, 0.3], [2.0, 2.0, 3.3], [1.5, 0.0]).unwrap();
     let ball = mpm::region::Ball::new([2.0, 2.0, 1.0], 1.0).unwrap();
     let both = Region::intersection(vec![cone.into(), ball.into()]).unwrap();
-    let of_both = both.volume(Accuracy::default()).unwrap().value;
+    let union = both.volume(Accuracy::default()).unwrap().value;
     let mut squares = [0.0; 4];
     for (shape, exact) in [
         (
@@ -203,7 +203,7 @@ fn the_volume_of_the_points_of_every_region_tends_to_its_own() {
             "{type: intersection, of: [{type: cone, start: [2, 2, 0.3], end: [2, 2, 3.3], radii: [1.5, 0]},
               {type: sphere, center: [2, 2, 1], radius: 1}]}"
                 .to_owned(),
-            of_both,
+            union,
         ),
         (
             "{type: rotate, angle: 30, center: [2, 2, 2], axis: [1, 1, 0.3],
@@ -248,11 +248,11 @@ steps: {{count: 1}}
     ] {
         let (model, mut points) = deck(group, points);
         let cells = model.grid.cell_set(group).unwrap();
-        let of_cells: f64 = cells.iter().map(|&cell| model.grid.volume(cell as usize)).sum();
-        let of_points: f64 = points.original_volume.iter().sum();
-        println!("{group}: {of_points:.6} of {exact:.6}");
-        assert!((of_points / of_cells - 1.0).abs() < 1e-13, "{of_points} {of_cells}");
-        assert!((of_points - exact).abs() < 1e-9, "{of_points} {exact}");
+        let cell_volume: f64 = cells.iter().map(|&cell| model.grid.volume(cell as usize)).sum();
+        let point_volume: f64 = points.original_volume.iter().sum();
+        println!("{group}: {point_volume:.6} of {exact:.6}");
+        assert!((point_volume / cell_volume - 1.0).abs() < 1e-13, "{point_volume} {cell_volume}");
+        assert!((point_volume - exact).abs() < 1e-9, "{point_volume} {exact}");
         // Domains that fill the grid would extend beyond it.
         if points.corners_per_point == 0 {
             solver::run(&model, &mut points, &mut Silent).unwrap();

@@ -77,10 +77,10 @@ fn slab(plane: Model<2>, thickness: f64) -> Model<3> {
         Action::Gravity([x, y]) => Action::Gravity([*x, *y, 0.0]),
         Action::PointForce { points, force: [x, y] } => {
             let layers = LAYERS as u32;
-            let of_point = |id: &u32| (id * layers..(id + 1) * layers).collect::<Vec<_>>();
+            let column = |id: &u32| (id * layers..(id + 1) * layers).collect::<Vec<_>>();
             let part = |force: &f64| force * thickness / LAYERS as f64;
             Action::PointForce {
-                points: points.iter().flat_map(of_point).collect(),
+                points: points.iter().flat_map(column).collect(),
                 force: [part(x), part(y), 0.0],
             }
         }

@@ -100,10 +100,10 @@ fn study(method: &str, volumetric: &str, steps: usize) -> [f64; 3] {
 /// which is more than the nodes can satisfy: its pressure is hundreds of times too large.
 #[test]
 fn widened_in_one_step() {
-    let of_points = study("mpm", "mean-dilatation", 1);
+    let standard = study("mpm", "mean-dilatation", 1);
     for method in ["mpm", "gimp", "cpdi2"] {
         let cured = study(method, "mean-dilatation", 1);
-        assert!(cured.iter().zip(of_points).all(|(a, b)| (a / b - 1.0).abs() < 1e-6), "{method}: {cured:?}");
+        assert!(cured.iter().zip(standard).all(|(a, b)| (a / b - 1.0).abs() < 1e-6), "{method}: {cured:?}");
         assert!((0.5 * (cured[0] / cured[2]).log2() - 2.0).abs() < 0.2, "{method}: {cured:?}");
         if method != "cpdi2" {
             let centred = study(method, "f-bar", 1);

@@ -43,8 +43,8 @@ boundary_conditions:
     let strain = Sym3::symmetric_part(&(whole * whole.transpose())).map_eigenvalues(f64::ln) * 0.5;
     let exact = Hencky::new(YOUNG, POISSON).update(&strain, &[], &mut []).unwrap().tau;
     let moved = equilibrium::<2, M>(model, points);
-    let of_point = |tau: &Sym3| (*tau - exact).norm() / YOUNG;
-    moved.points.trial.kirchhoff_stress.iter().map(of_point).fold(0.0, f64::max)
+    let error = |tau: &Sym3| (*tau - exact).norm() / YOUNG;
+    moved.points.trial.kirchhoff_stress.iter().map(error).fold(0.0, f64::max)
 }
 
 const SIDES: [&str; 4] = ["{x: 1}", "{x: 2}", "{y: 0}", "{y: 1}"];

@@ -216,17 +216,17 @@ fn gimp_points_are_differences_of_the_antiderivative() {
     for k in 0..200 {
         let x = [0.3 + 0.4 * (f64::from(k) * 0.618).fract()];
         let l = [1e-3 + 0.29 * (f64::from(k) * 0.414).fract()];
-        let of = |grid: &Structured<1>| support((Method::Gimp, ElementShape::Box), grid, x, l);
+        let gimp = |grid: &Structured<1>| support((Method::Gimp, ElementShape::Box), grid, x, l);
         for grid in [&even, &equal, &skewed] {
             let lines: Vec<f64> = (0..grid.n_nodes()).map(|v| grid.node_position(v)[0]).collect();
-            let s = of(grid);
+            let s = gimp(grid);
             for (node, value) in s.nodes.iter().zip(&s.value) {
                 let [low, high] =
                     [x[0] - l[0], x[0] + l[0]].map(|y| antiderivative(&lines, *node as usize, y));
                 assert!((value - (high - low) / (2.0 * l[0])).abs() < 1e-13);
             }
         }
-        let (a, b) = (of(&even), of(&equal));
+        let (a, b) = (gimp(&even), gimp(&equal));
         assert_eq!(a.nodes, b.nodes);
         // Round-off of coordinates up to 1, relative to the length of the domain.
         let round_off = 16.0 * f64::EPSILON / l[0];

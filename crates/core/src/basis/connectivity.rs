@@ -152,7 +152,7 @@ impl<const D: usize> Connectivity<D> {
                 piece.begin_group(group.clone().next().map_or(0.0, |p| grid.size(points.cell[p] as usize)));
                 for p in group {
                     let basis: &dyn Basis<D> = methods[points.body[p] as usize].basis();
-                    let supported = basis.support(grid, &PointGeometry::of(points, p), &mut support); // S_vp, ∇S_vp
+                    let supported = basis.support(grid, &PointGeometry::converged(points, p), &mut support); // S_vp, ∇S_vp
                     supported.map_err(|error| SupportFailure { point: p, error })?;
                     slivers.fold(grid, &mut support, &mut piece.carried);
                     piece.add(grid, points.cell[p], &support);
@@ -181,8 +181,8 @@ impl<const D: usize> Connectivity<D> {
             if pass == 0 {
                 sharing = self.sharing(&points.ranks, grid.n_nodes());
                 let others = SharedTouches { ranks: &points.ranks, sharing: &sharing };
-                let of_groups = (&self.group_node_start[..], &self.group_nodes[..]);
-                slivers = Slivers::new(grid, &self.active_cells, of_groups, &self.touches, &others);
+                let group_lists = (&self.group_node_start[..], &self.group_nodes[..]);
+                slivers = Slivers::new(grid, &self.active_cells, group_lists, &self.touches, &others);
             }
             if slivers.is_empty() {
                 break;
@@ -342,9 +342,9 @@ impl<const D: usize> Connectivity<D> {
     fn factors(&self, point: usize) -> (&[f64], [f64; D]) {
         let mut numbers = &self.factor[self.blocks[point >> BLOCK].factor + self.start[point] as usize..];
         let per_length = self.per_length.unwrap_or_else(|| {
-            let (of_cell, rest) = numbers.split_at(D);
+            let (cell_numbers, rest) = numbers.split_at(D);
             numbers = rest;
-            std::array::from_fn(|d| of_cell[d])
+            std::array::from_fn(|d| cell_numbers[d])
         });
         (numbers, per_length)
     }

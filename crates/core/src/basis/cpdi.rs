@@ -142,16 +142,16 @@ struct CornerWeights<const D: usize> {
 impl<const D: usize> CornerWeights<D> {
     fn new(corners: &[[f64; D]]) -> Result<Self, SupportError> {
         match ElementShape::from_nodes::<D>(corners.len()) {
-            Some(ElementShape::Simplex) => Self::of_simplex(corners),
-            Some(ElementShape::Box) if D == 2 => Self::of_quadrilateral(corners),
-            Some(ElementShape::Box) => Self::of_box(corners),
+            Some(ElementShape::Simplex) => Self::simplex(corners),
+            Some(ElementShape::Box) if D == 2 => Self::quadrilateral(corners),
+            Some(ElementShape::Box) => Self::hexahedron(corners),
             None => Err(SupportError::Distorted),
         }
     }
 
     /// Weights of a triangle or tetrahedron. With the edges from the first corner as the columns of J, the rows of J⁻¹
     /// are the gradients of the shape functions of the other corners; the gradients of all shape functions sum to zero.
-    fn of_simplex(corners: &[[f64; D]]) -> Result<Self, SupportError> {
+    fn simplex(corners: &[[f64; D]]) -> Result<Self, SupportError> {
         let mut weights = CornerWeights { value: [0.0; MAX_CORNERS], gradient: [[0.0; D]; MAX_CORNERS] };
         let jacobian = edges(corners);
         let inverse = jacobian.try_inverse().ok_or(SupportError::Distorted)?;
@@ -174,7 +174,7 @@ impl<const D: usize> CornerWeights<D> {
     /// Weights of a quadrilateral. Its det J = d₀ + d·ξ is linear, so V = 4 d₀ and w_c = (1 + ξ_c·d / 3 d₀) / 4. By the
     /// divergence theorem, g_c is the vector normal to the line between the two neighbours of the corner and equal to
     /// it in length, divided by 2V.
-    fn of_quadrilateral(corners: &[[f64; D]]) -> Result<Self, SupportError> {
+    fn quadrilateral(corners: &[[f64; D]]) -> Result<Self, SupportError> {
         let at_corner = quadrilateral(corners)?;
         let mean = 0.25 * at_corner.iter().sum::<f64>();
         let volume = 4.0 * mean;
@@ -193,7 +193,7 @@ impl<const D: usize> CornerWeights<D> {
     }
 
     /// Weights of a hexahedron. Bit d of a corner's number gives its side along parametric axis d.
-    fn of_box(corners: &[[f64; D]]) -> Result<Self, SupportError> {
+    fn hexahedron(corners: &[[f64; D]]) -> Result<Self, SupportError> {
         let mut weights = CornerWeights { value: [0.0; MAX_CORNERS], gradient: [[0.0; D]; MAX_CORNERS] };
         let n = corners.len();
         let mut volume = 0.0;

@@ -3,15 +3,15 @@
 use crate::grid::for_each_corner;
 
 /// Largest number of nodes along an axis; larger domains store the products themselves.
-const MOST: usize = 4;
+const MAX_PER_AXIS: usize = 4;
 
 /// Basis functions along one axis.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct AxisFactors {
     /// Number of nodes.
     n: usize,
-    value: [f64; MOST],
-    slope: [f64; MOST],
+    value: [f64; MAX_PER_AXIS],
+    slope: [f64; MAX_PER_AXIS],
 }
 
 /// Basis functions of a point as factors along all axes.
@@ -61,7 +61,7 @@ impl Form {
     }
 
     /// The format for the two nodes of one cell along every axis.
-    fn of_cell<const D: usize>() -> Form {
+    fn one_cell<const D: usize>() -> Form {
         Form((0..D).fold(0, |form, d| form | (IN_CELL | 2) << (BITS * d)))
     }
 }
@@ -69,11 +69,12 @@ impl Form {
 impl<const D: usize> Factors<D> {
     /// Factors from the values and slopes at consecutive nodes along each axis; `None` if there are too many nodes.
     pub fn new(axes: &[(usize, &[(f64, f64)]); D]) -> Option<Self> {
-        if axes.iter().any(|(_, line)| line.len() > MOST) {
+        if axes.iter().any(|(_, line)| line.len() > MAX_PER_AXIS) {
             return None;
         }
         Some(Factors(axes.map(|(_, entries)| {
-            let mut line = AxisFactors { n: entries.len(), value: [0.0; MOST], slope: [0.0; MOST] };
+            let mut line =
+                AxisFactors { n: entries.len(), value: [0.0; MAX_PER_AXIS], slope: [0.0; MAX_PER_AXIS] };
             for (k, &(value, slope)) in entries.iter().enumerate() {
                 (line.value[k], line.slope[k]) = (value, slope);
             }
@@ -114,14 +115,14 @@ impl<const D: usize> Factors<D> {
     /// Restores the factors that [`Factors::keep`] stored.
     #[inline(always)]
     fn kept(form: Form, mut numbers: &[f64], per_length: &[f64; D]) -> Self {
-        let mut lines = [AxisFactors { n: 2, value: [0.0; MOST], slope: [0.0; MOST] }; D];
+        let mut lines = [AxisFactors { n: 2, value: [0.0; MAX_PER_AXIS], slope: [0.0; MAX_PER_AXIS] }; D];
         for (d, line) in lines.iter_mut().enumerate() {
             if form.axis(d) & IN_CELL != 0 {
                 (line.value[0], line.value[1]) = (1.0 - numbers[0], numbers[0]);
                 (line.slope[0], line.slope[1]) = (-per_length[d], per_length[d]);
                 numbers = &numbers[1..];
             } else {
-                line.n = form.nodes_along(d).min(MOST);
+                line.n = form.nodes_along(d).min(MAX_PER_AXIS);
                 let (values, rest) = numbers.split_at(line.n);
                 let (slopes, rest) = rest.split_at(line.n);
                 line.value[..line.n].copy_from_slice(values);
@@ -142,7 +143,7 @@ pub(super) fn multiply<const D: usize>(
     value: &mut [f64],
     gradient: &mut [[f64; D]],
 ) {
-    if form == Form::of_cell::<D>() {
+    if form == Form::one_cell::<D>() {
         // Because the number of nodes is known, indices need no bounds checks.
         let (value, gradient) = (&mut value[..1 << D], &mut gradient[..1 << D]);
         return for_each_corner(local(numbers), per_length, |k, s, ds| (value[k], gradient[k]) = (s, ds));
@@ -158,7 +159,7 @@ pub(super) fn for_each_product<const D: usize>(
     per_length: &[f64; D],
     visit: impl FnMut(usize, f64, [f64; D]),
 ) {
-    if form == Form::of_cell::<D>() {
+    if form == Form::one_cell::<D>() {
         return for_each_corner(local(numbers), per_length, visit);
     }
     for_each_node(form, numbers, per_length, visit);

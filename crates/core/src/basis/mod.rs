@@ -104,7 +104,7 @@ pub struct PointGeometry<'a, const D: usize> {
 impl<'a, const D: usize> PointGeometry<'a, D> {
     /// The geometry of a point in its converged state.
     #[inline(always)]
-    pub fn of(points: &'a Points<D>, p: usize) -> Self {
+    pub fn converged(points: &'a Points<D>, p: usize) -> Self {
         PointGeometry {
             cell: points.cell[p],
             position: &points.converged.position[p],

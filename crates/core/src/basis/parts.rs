@@ -6,7 +6,7 @@ use super::Connectivity;
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct JoinedParts {
     /// Part number of each active node of this rank.
-    pub of_node: Vec<u32>,
+    pub at_node: Vec<u32>,
     /// The lowest grid node of each part.
     pub lowest: Vec<u32>,
 }
@@ -14,14 +14,14 @@ pub struct JoinedParts {
 impl JoinedParts {
     /// The parts on a single rank, from the lowest active node of each node's part, as [`Connectivity::parts`] returns
     /// it; active node numbers take the place of grid node numbers.
-    pub fn of_one_rank(lowest: &[usize]) -> Self {
-        let mut parts = JoinedParts { of_node: vec![0; lowest.len()], lowest: Vec::new() };
+    pub fn on_one_rank(lowest: &[usize]) -> Self {
+        let mut parts = JoinedParts { at_node: vec![0; lowest.len()], lowest: Vec::new() };
         for (node, &first) in lowest.iter().enumerate() {
             if first == node {
-                parts.of_node[node] = parts.lowest.len() as u32;
+                parts.at_node[node] = parts.lowest.len() as u32;
                 parts.lowest.push(node as u32);
             } else {
-                parts.of_node[node] = parts.of_node[first];
+                parts.at_node[node] = parts.at_node[first];
             }
         }
         parts
@@ -43,8 +43,8 @@ impl<const D: usize> Connectivity<D> {
         for group in 0..self.n_groups() {
             let nodes = self.nodes_of(group);
             let mut last: &[u32] = &[];
-            let of_group = self.points_of(group);
-            let looked_at = if self.is_whole(group) { of_group.start..of_group.start + 1 } else { of_group };
+            let in_group = self.points_of(group);
+            let looked_at = if self.is_whole(group) { in_group.start..in_group.start + 1 } else { in_group };
             for p in looked_at {
                 let local = self.local_nodes(p);
                 if local == last {
@@ -73,7 +73,7 @@ impl<const D: usize> Connectivity<D> {
     #[inline(never)]
     pub fn joined_parts(&self) -> JoinedParts {
         let lowest = self.parts();
-        let mut parts = JoinedParts::of_one_rank(&lowest);
+        let mut parts = JoinedParts::on_one_rank(&lowest);
         let nodes = self.active_nodes();
         let ranks = self.halo().ranks();
         if ranks.is_alone() {
@@ -85,24 +85,24 @@ impl<const D: usize> Connectivity<D> {
             let mut least = vec![f64::INFINITY; parts.lowest.len()];
             let before = label.clone();
             self.halo().minimum(&mut label);
-            for (label, part) in label.iter().zip(&parts.of_node) {
+            for (label, part) in label.iter().zip(&parts.at_node) {
                 least[*part as usize] = label.min(least[*part as usize]);
             }
-            for (label, part) in label.iter_mut().zip(&parts.of_node) {
+            for (label, part) in label.iter_mut().zip(&parts.at_node) {
                 *label = least[*part as usize];
             }
             if !ranks.any(label != before) {
                 break;
             }
         }
-        let mut of_rank: Vec<u32> = label.iter().map(|label| *label as u32).collect();
-        let of_node = of_rank.clone();
-        of_rank.sort_unstable();
-        of_rank.dedup();
-        let mut all: Vec<u32> = ranks.gather_all(of_rank).concat();
+        let mut present: Vec<u32> = label.iter().map(|label| *label as u32).collect();
+        let at_node = present.clone();
+        present.sort_unstable();
+        present.dedup();
+        let mut all: Vec<u32> = ranks.gather_all(present).concat();
         all.sort_unstable();
         all.dedup();
         let number = |label: &u32| all.partition_point(|other| other < label) as u32;
-        JoinedParts { of_node: of_node.iter().map(number).collect(), lowest: all }
+        JoinedParts { at_node: at_node.iter().map(number).collect(), lowest: all }
     }
 }

@@ -32,7 +32,7 @@ pub(super) enum Touch {
 impl Touch {
     /// Returns how firmly a basis function touches its node; `size` is the cell size h.
     #[inline]
-    pub(super) fn of<const D: usize>(value: f64, gradient: &[f64; D], size: f64) -> Touch {
+    pub(super) fn new<const D: usize>(value: f64, gradient: &[f64; D], size: f64) -> Touch {
         let below =
             |limit: f64| value.abs() < limit && gradient.iter().all(|slope| slope.abs() * size < limit);
         if !below(WEAK) {
@@ -57,16 +57,19 @@ impl SharedTouches<'_> {
     fn merge(&self, touches: &mut [Touch], with: impl Fn(Touch, Touch) -> Touch) -> bool {
         let Some(communicator) = self.ranks.communicator() else { return false };
         let mut messages: BTreeMap<usize, Vec<u8>> = BTreeMap::new();
-        for (node, of) in self.sharing {
-            for rank in of.iter().map(|sharer| sharer.rank as usize).filter(|rank| *rank != self.ranks.own())
+        for (node, sharers) in self.sharing {
+            for rank in
+                sharers.iter().map(|sharer| sharer.rank as usize).filter(|rank| *rank != self.ranks.own())
             {
                 messages.entry(rank).or_default().push(touches[*node as usize] as u8);
             }
         }
         let mut changes = false;
         for (rank, message) in communicator.exchange(messages.into_iter().collect()) {
-            let with_rank =
-                self.sharing.iter().filter(|(_, of)| of.iter().any(|of| of.rank as usize == rank));
+            let with_rank = self
+                .sharing
+                .iter()
+                .filter(|(_, sharers)| sharers.iter().any(|sharer| sharer.rank as usize == rank));
             for ((node, _), byte) in with_rank.zip(message) {
                 let other = [Touch::Sliver, Touch::Weak, Touch::Firm][usize::from(byte).min(2)];
                 let merged = with(touches[*node as usize], other);
@@ -173,17 +176,17 @@ impl Slivers {
                 slivers.iter().for_each(|(v, _)| start = along(&start, 1.0, &slopes[*v]));
             }
             // The slopes of sliver nodes are small: each iteration reduces the error to about a hundredth or less.
-            let mut of_field = start;
+            let mut carried_slope = start;
             for _ in 0..ROUNDS {
-                let before = of_field;
-                of_field = start;
+                let before = carried_slope;
+                carried_slope = start;
                 for (v, way) in &slivers {
-                    of_field = along(&of_field, dot(way, &before), &slopes[*v]);
+                    carried_slope = along(&carried_slope, dot(way, &before), &slopes[*v]);
                 }
             }
-            gradient[k] = of_field;
+            gradient[k] = carried_slope;
             for (v, way) in &slivers {
-                value[k] += values[*v] * (dot(way, &of_field) + if k == most { 1.0 } else { 0.0 });
+                value[k] += values[*v] * (dot(way, &carried_slope) + if k == most { 1.0 } else { 0.0 });
             }
         }
         let mut kept = 0;

@@ -68,11 +68,11 @@ pub fn free_parts<const D: usize>(
     let ranks = halo.ranks();
     let place = |node: usize| model.grid.node_position(links.active_nodes()[node] as usize);
     let mut parts: Vec<Part<D>> = joined.lowest.iter().map(|_| Part::empty()).collect();
-    for (node, &part) in joined.of_node.iter().enumerate().filter(|(node, _)| halo.is_own(*node)) {
+    for (node, &part) in joined.at_node.iter().enumerate().filter(|(node, _)| halo.is_own(*node)) {
         parts[part as usize].add(&place(node));
     }
     add_up_nodes(ranks, &mut parts);
-    for (node, &part) in joined.of_node.iter().enumerate().filter(|(node, _)| halo.is_own(*node)) {
+    for (node, &part) in joined.at_node.iter().enumerate().filter(|(node, _)| halo.is_own(*node)) {
         let x = place(node);
         dofs.for_each_held_direction(node, |direction| parts[part as usize].hold(&x, direction));
     }
@@ -88,7 +88,7 @@ pub fn free_parts<const D: usize>(
             // Each rank that shares the nodes counts the sample once; the repetition changes only the weight of the
             // held directions.
             let Some(&node) = carried.as_ref().and_then(|carried| carried.nodes().first()) else { continue };
-            let part = &mut parts[joined.of_node[node as usize] as usize];
+            let part = &mut parts[joined.at_node[node as usize] as usize];
             for displacement in (0..D).filter(|&d| condition.displacement[d].is_some()) {
                 part.hold(x, &condition.direction(displacement, normal));
             }
@@ -155,7 +155,7 @@ fn name_bodies<const D: usize>(
         let nodes = links.nodes_of(group);
         for p in links.points_of(group) {
             if let Some(&first) = links.local_nodes(p).first() {
-                members.insert((points.body[p], joined.of_node[nodes[first as usize] as usize]));
+                members.insert((points.body[p], joined.at_node[nodes[first as usize] as usize]));
             }
         }
     }

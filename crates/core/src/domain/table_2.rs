@@ -125,7 +125,7 @@ const STRETCHES: [f64; 3] = [1.6, 0.7, 1.2];
 /// Half lengths of the stretched cube.
 const STRETCHED: [f64; 3] = [A * STRETCHES[0], A * STRETCHES[1], A * STRETCHES[2]];
 
-fn of_cube(update: DomainUpdate, steps: usize, F_at: impl Fn(f64) -> Mat3) -> Result<[f64; 3], Collapsed> {
+fn cube_after(update: DomainUpdate, steps: usize, F_at: impl Fn(f64) -> Mat3) -> Result<[f64; 3], Collapsed> {
     after_steps(update, [A; 3], steps, F_at)
 }
 
@@ -142,17 +142,17 @@ fn volume(l: [f64; 3]) -> f64 {
 fn stretches_of_a_cube() {
     for update in ALL {
         let suitable = !matches!(update, None | Determinant);
-        assert_eq!(is(of_cube(update, STEPS, stretched_at), STRETCHED), suitable, "{update:?}");
+        assert_eq!(is(cube_after(update, STEPS, stretched_at), STRETCHED), suitable, "{update:?}");
     }
-    assert!(is(of_cube(None, STEPS, stretched_at), [A; 3]));
+    assert!(is(cube_after(None, STEPS, stretched_at), [A; 3]));
     let mean = A * STRETCHES.iter().product::<f64>().cbrt();
-    assert!(is(of_cube(Determinant, STEPS, stretched_at), [mean; 3]));
+    assert!(is(cube_after(Determinant, STEPS, stretched_at), [mean; 3]));
 }
 
 /// Half lengths after one step of stretch and a rotation by `degrees` about z in `n` increments.
 fn stretched_and_turned(update: DomainUpdate, n: usize, degrees: f64) -> Result<[f64; 3], Collapsed> {
     let angle = degrees.to_radians() / n as f64;
-    of_cube(update, n + 1, |t| {
+    cube_after(update, n + 1, |t| {
         let increments = (t * (n + 1) as f64).round() - 1.0;
         rotation(increments * angle) * stretch(STRETCHES)
     })
@@ -221,7 +221,7 @@ fn mid_faces_follow_a_quarter_turn() {
     // The same for a turn by 120° about the diagonal of the cube: (37) depends on the motion of the corners, not on F.
     let permute = Mat3::new(0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0);
     let steps = |t: f64| if t < 0.75 { stretch(STRETCHES) } else { permute * stretch(STRETCHES) };
-    assert!(is(of_cube(Corners, 2, steps), [STRETCHED[2], STRETCHED[0], STRETCHED[1]]));
+    assert!(is(cube_after(Corners, 2, steps), [STRETCHED[2], STRETCHED[0], STRETCHED[1]]));
 }
 
 /// Shear of a cube along a face diagonal: all updates except (34) keep the lengths; (37) does so through the face
@@ -230,6 +230,6 @@ fn mid_faces_follow_a_quarter_turn() {
 fn shear_of_a_cube() {
     let shear = |t: f64| Mat3::new(1.0, 0.9 * t, 1.3 * t, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
     for update in ALL {
-        assert_eq!(is(of_cube(update, STEPS, shear), [A; 3]), update != Stretch, "{update:?}");
+        assert_eq!(is(cube_after(update, STEPS, shear), [A; 3]), update != Stretch, "{update:?}");
     }
 }

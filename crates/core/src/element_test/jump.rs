@@ -52,12 +52,12 @@ fn change(start: &ElementState, end: &ElementState) -> f64 {
 fn prescribed(start: &ElementState, target: &Target, end: &ElementState) -> f64 {
     let (before, after) = (start.cauchy_stress(), end.cauchy_stress());
     let compliance = change(start, end) / (after - before).norm().max(f64::MIN_POSITIVE);
-    let of_axis = |axis: usize| match target.axes[axis] {
+    let on_axis = |axis: usize| match target.axes[axis] {
         Control::Strain(to) => to - start.strain.0[axis],
         Control::Stress(to) => (to - before.0[axis]) * compliance,
     };
     let turned = (end.strain - start.strain).0;
     let parts =
-        [of_axis(0), of_axis(1), of_axis(2), turned[3], turned[4], turned[5], target.shear - start.shear];
+        [on_axis(0), on_axis(1), on_axis(2), turned[3], turned[4], turned[5], target.shear - start.shear];
     parts.iter().map(|part| part * part).sum::<f64>().sqrt()
 }

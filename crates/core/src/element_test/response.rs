@@ -83,12 +83,12 @@ fn in_general(measure: StrainMeasure, start: &ElementState, strain: &Sym3, shear
     let F = deformation_gradient(strain, shear);
     let to_b = inverse_n * b_n * inverse_n.transpose() * F.transpose();
     let b = Sym3::symmetric_part(&(F * to_b));
-    let of_exponential = exp_derivative(strain);
+    let dexp = exp_derivative(strain);
     // ∂b/∂e_ii is twice the symmetric part of ∂F/∂e_ii C Fᵀ.
     let half_rate = |axis: usize| {
-        let grown: [f64; 6] = std::array::from_fn(|row| of_exponential[(row, axis)]);
-        let of_F: Mat3 = Sym3(grown).to_matrix() * simple_shear(shear);
-        Sym3::symmetric_part(&(of_F * to_b))
+        let grown: [f64; 6] = std::array::from_fn(|row| dexp[(row, axis)]);
+        let dF: Mat3 = Sym3(grown).to_matrix() * simple_shear(shear);
+        Sym3::symmetric_part(&(dF * to_b))
     };
     match measure {
         StrainMeasure::Logarithmic => {

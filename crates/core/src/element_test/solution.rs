@@ -8,7 +8,7 @@ use crate::material::{Material, MaterialError};
 use crate::tensor::{Mat3, Sym3};
 
 /// Largest number of Newton iterations.
-const MOST_ITERATIONS: usize = 60;
+const MAX_ITERATIONS: usize = 60;
 /// Largest change of a strain in an iteration, [-].
 const LARGEST_CHANGE: f64 = 0.3;
 /// Smallest fraction of a change that the line search tries, [-].
@@ -25,7 +25,7 @@ const FIRST_DISTANCE: f64 = 1e-6;
 /// Largest distance at which a bracket is sought, [-].
 const LARGEST_DISTANCE: f64 = 2.0;
 /// Largest number of bisections.
-const MOST_BISECTIONS: usize = 200;
+const MAX_BISECTIONS: usize = 200;
 
 /// A strain that follows from a prescribed stress.
 struct Unknown {
@@ -84,13 +84,13 @@ pub(super) fn solve(
 /// The unknown strains of a target.
 fn unknowns(target: &Target) -> Vec<Unknown> {
     let follower = target.is_axisymmetric.then_some(2);
-    let of_axis = |axis: usize| match target.axes[axis] {
+    let unknown = |axis: usize| match target.axes[axis] {
         Control::Stress(stress) if Some(axis) != follower => {
             Some(Unknown { axis, follower: follower.filter(|_| axis == 0), stress })
         }
         _ => None,
     };
-    (0..3).filter_map(of_axis).collect()
+    (0..3).filter_map(unknown).collect()
 }
 
 impl Increment<'_> {
@@ -164,7 +164,7 @@ impl Increment<'_> {
         let at_start = respond(self.law, self.start, &self.start.strain, self.start.shear);
         let at_start = at_start.ok().map(|response| self.jacobian(&response));
         let mut now = first;
-        for _ in 0..MOST_ITERATIONS {
+        for _ in 0..MAX_ITERATIONS {
             let is_reached = self.is_reached(&now);
             let smallest = if is_reached { 1.0 } else { SMALLEST_PART };
             let jacobian = self.jacobian(&now.response);
@@ -230,7 +230,7 @@ impl Increment<'_> {
             distance *= 2.0;
         }
         let (mut same, mut other) = bracket?;
-        for _ in 0..MOST_BISECTIONS {
+        for _ in 0..MAX_BISECTIONS {
             let middle = 0.5 * (same + other);
             if middle == same || middle == other {
                 break;

@@ -216,8 +216,8 @@ fn work_is_energy_and_plastic_work() {
         for pair in states.windows(2) {
             let [a, b] = [&pair[0], &pair[1]];
             let middle = 0.5 * (a.deformation_gradient() + b.deformation_gradient());
-            let of_F = b.deformation_gradient() - a.deformation_gradient();
-            let rate = Sym3::symmetric_part(&(of_F * middle.try_inverse().unwrap()));
+            let dF = b.deformation_gradient() - a.deformation_gradient();
+            let rate = Sym3::symmetric_part(&(dF * middle.try_inverse().unwrap()));
             work += 0.5 * (a.kirchhoff_stress + b.kirchhoff_stress).dot(&rate);
         }
         let stored = |state: &ElementState| law.energy(&state.elastic_strain, &state.history);
@@ -428,17 +428,17 @@ fn a_test_begins_where_its_law_can() {
 #[test]
 fn a_point_that_snaps_back_has_jumped() {
     let friction = |friction_angle: f64| Friction { cohesion: 0.0, friction_angle, dilation_angle: 10.0 };
-    let of = |strain: f64, steps: usize| {
+    let loaded = |strain: f64, steps: usize| {
         let law =
             MohrCoulomb::new(1e8, 0.3, friction(40.0)).softening(friction(20.0), Softening::over(strain));
         states(&law, Path::TriaxialDrained, 100e3, &[0.02], steps)
     };
     for steps in [80, 800] {
-        let found = of(0.003, steps);
+        let found = loaded(0.003, steps);
         let jumps: Vec<usize> = (0..found.len()).filter(|step| found[*step].has_jumped).collect();
         let [jump] = jumps[..] else { panic!("{steps} steps: {jumps:?}") };
         let [before, after] = [jump - 1, jump].map(|step| found[step].deviatoric_stress());
         assert!(after < 0.5 * before, "{steps} steps: from {before} to {after} in step {jump}");
-        assert!(of(0.1, steps).iter().all(|state| !state.has_jumped), "a slow loss of strength");
+        assert!(loaded(0.1, steps).iter().all(|state| !state.has_jumped), "a slow loss of strength");
     }
 }

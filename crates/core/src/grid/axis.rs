@@ -251,13 +251,13 @@ impl Axis {
     pub fn distance(&self, from: f64, to: f64) -> f64 {
         let Lines::Graded(lines) = &self.lines else { return to - from };
         let (first, last) = (self.cell_of(from), self.cell_of(to));
-        let [of_first, of_last] = [first, last].map(|cell| self.relative_size(cell as i64));
+        let [first_size, last_size] = [first, last].map(|cell| self.relative_size(cell as i64));
         if first == last {
-            return (to - from) * of_first;
+            return (to - from) * first_size;
         }
         // A sum of parts, each of which is exact for short distances.
         let whole = (lines[last] - lines[first + 1]) / (lines[1] - lines[0]);
-        ((first + 1) as f64 - from) * of_first + whole + (to - last as f64) * of_last
+        ((first + 1) as f64 - from) * first_size + whole + (to - last as f64) * last_size
     }
 
     /// Range of the lines between two positions, [length], enlarged by at least one line on both sides.

@@ -4,7 +4,7 @@ use super::{Axis, CoincidentLines, ON_LINE};
 
 /// Smallest size of a cell relative to its original size, [-]. In smaller cells, the basis functions are too steep for
 /// the points in the neighbouring cells.
-pub const LEAST_SIZE: f64 = 0.1;
+pub const MIN_SIZE: f64 = 0.1;
 
 /// Consecutive grid lines that move by the same displacement.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -20,7 +20,7 @@ pub struct CarriedLines {
 /// Reason why lines cannot be carried to their required positions.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum CarryError {
-    /// Cells would become smaller than [`LEAST_SIZE`] times their original size, or be inverted.
+    /// Cells would become smaller than [`MIN_SIZE`] times their original size, or be inverted.
     #[error("{}", squeezed(*ratio))]
     Squeezed {
         /// Indices of the lines between which the cells lie.
@@ -36,12 +36,10 @@ pub enum CarryError {
 fn squeezed(ratio: f64) -> String {
     if ratio > 0.0 {
         format!(
-            "cells would shrink to {ratio:.3} of their original size; the smallest allowed ratio is {LEAST_SIZE}"
+            "cells would shrink to {ratio:.3} of their original size; the smallest allowed ratio is {MIN_SIZE}"
         )
     } else {
-        format!(
-            "displacements would invert cells; a cell must keep at least {LEAST_SIZE} of its original size"
-        )
+        format!("displacements would invert cells; a cell must keep at least {MIN_SIZE} of its original size")
     }
 }
 
@@ -84,7 +82,7 @@ impl Axis {
     pub fn check_carried(&self, carried: &[CarriedLines]) -> Result<(), CarryError> {
         for [(first, by), (last, by_last)] in self.spans(carried) {
             let ratio = 1.0 + (by_last - by) / (self.line(last) - self.line(first));
-            if first < last && (ratio.is_nan() || ratio < LEAST_SIZE) {
+            if first < last && (ratio.is_nan() || ratio < MIN_SIZE) {
                 return Err(CarryError::Squeezed { lines: [first, last], ratio });
             }
             let number = first.min(self.n_cells() - 1);

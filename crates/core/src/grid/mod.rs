@@ -12,7 +12,7 @@ mod structured;
 pub mod subdivide;
 
 pub use axis::{Axis, CoincidentLines, Interval};
-pub use carried::{CarriedLines, CarryError, LEAST_SIZE};
+pub use carried::{CarriedLines, CarryError, MIN_SIZE};
 pub use mesh::Mesh;
 pub use patches::Patches;
 pub use structured::{Structured, for_each_corner, vtk_corner};

@@ -75,13 +75,13 @@ fn best<const D: usize>(
 ) -> Option<u32> {
     let mut middle = [0.0; D];
     for &cell in patch {
-        let of_cell = grid.centre(cell as usize);
-        (0..D).for_each(|d| middle[d] += of_cell[d] / patch.len() as f64);
+        let centre = grid.centre(cell as usize);
+        (0..D).for_each(|d| middle[d] += centre[d] / patch.len() as f64);
     }
     let rating = |cell: u32| {
         let shared = neighbours[cell as usize].iter().filter(|other| patch.contains(other)).count();
-        let of_cell = grid.centre(cell as usize);
-        let distance: f64 = (0..D).map(|d| (of_cell[d] - middle[d]).powi(2)).sum();
+        let centre = grid.centre(cell as usize);
+        let distance: f64 = (0..D).map(|d| (centre[d] - middle[d]).powi(2)).sum();
         (shared, distance)
     };
     candidates

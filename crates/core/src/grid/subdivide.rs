@@ -70,12 +70,12 @@ fn halved() -> Vec<TrianglePart> {
     ];
     let position =
         |corner: [f64; 2], size: f64, x: [f64; 2]| [corner[0] + size * x[0], corner[1] + size * x[1]];
-    let of_quarter = |(corner, size): ([f64; 2], f64)| {
+    let halves = |(corner, size): ([f64; 2], f64)| {
         half.map(|(centroid, corners)| {
             (position(corner, size, centroid), corners.map(|x| position(corner, size, x)))
         })
     };
-    quarters.into_iter().flat_map(of_quarter).collect()
+    quarters.into_iter().flat_map(halves).collect()
 }
 
 /// Divides a tetrahedron into `n` parts of equal volume; the points are their centroids.

@@ -92,7 +92,7 @@ pub(super) fn is_available(here: u64, on_this_machine: u64) -> bool {
         let needed = if memory.bound == Bound::AddressSpace { here } else { on_this_machine };
         needed <= memory.available
     };
-    on_this_machine <= LITTLE || Memory::of_this_machine().is_none_or(has_room)
+    on_this_machine <= LITTLE || Memory::this_machine().is_none_or(has_room)
 }
 
 impl LinearSolver for Direct {

@@ -24,7 +24,7 @@ const FINE_IN_SPACE: usize = 10;
 const PROBED: usize = 8;
 
 /// Largest number of points of a body that a rank creates.
-pub const MOST_POINTS: f64 = 1e8;
+pub const MAX_POINTS: f64 = 1e8;
 
 /// How the points of a body are placed.
 #[derive(Debug, Clone, PartialEq)]
@@ -48,7 +48,7 @@ pub enum Placement<const D: usize> {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FillError {
-    /// The lattice has more points than [`MOST_POINTS`] for each rank.
+    /// The lattice has more points than [`MAX_POINTS`] for each rank.
     #[error("the lattice would have {count:.1e} points; at most {most:.0e} are possible")]
     TooFine {
         /// Number of points of the lattice.
@@ -56,8 +56,8 @@ pub enum FillError {
         /// Largest number of points.
         most: f64,
     },
-    /// The cells are divided into more than [`MOST_POINTS`] parts on this rank.
-    #[error("the cells would be divided into more than {MOST_POINTS:.0e} parts")]
+    /// The cells are divided into more than [`MAX_POINTS`] parts on this rank.
+    #[error("the cells would be divided into more than {MAX_POINTS:.0e} parts")]
     TooManyParts,
     /// The grid has cells of this shape, and the number of their parts is missing.
     #[error("the number of points in each {} is missing", match .0 {
@@ -277,7 +277,7 @@ impl<const D: usize> Filling<'_, D> {
     fn lattice(&self, region: &Region<D>, spacing: &[f64; D]) -> Result<Vec<Seed<D>>, FillError> {
         let [min, max] = region.bounds();
         let along = |d: usize| ((max[d] - min[d]) / spacing[d] - ON_LINE).max(0.0);
-        let (count, most): (f64, _) = ((0..D).map(along).product(), MOST_POINTS * self.ranks.count() as f64);
+        let (count, most): (f64, _) = ((0..D).map(along).product(), MAX_POINTS * self.ranks.count() as f64);
         if count > most {
             return Err(FillError::TooFine { count, most });
         }
@@ -302,7 +302,7 @@ impl<const D: usize> Filling<'_, D> {
         let cut = AtomicUsize::new(0);
         let divide = |cell: usize| {
             let (parts, n) = self.parts(cell, boxes, simplices)?;
-            if cut.fetch_add(n, Ordering::Relaxed) as f64 > MOST_POINTS {
+            if cut.fetch_add(n, Ordering::Relaxed) as f64 > MAX_POINTS {
                 return Err(FillError::TooManyParts);
             }
             Ok(parts)

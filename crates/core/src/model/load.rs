@@ -1,7 +1,7 @@
 //! External forces and load curves.
 
 use super::Stepping;
-use crate::formula::{Formula, MOST_INTERMEDIATE};
+use crate::formula::{Formula, MAX_INTERMEDIATE};
 
 /// Load factor as a piecewise linear function of time.
 #[derive(Debug, Clone, PartialEq)]
@@ -123,9 +123,9 @@ pub struct VectorFormula<const D: usize, const C: usize = D> {
 
 impl<const D: usize, const C: usize> VectorFormula<D, C> {
     /// Builds the vector from formulas of the variables that [`VectorFormula`] lists; only the first
-    /// [`MOST_INTERMEDIATE`] intermediate values are kept.
+    /// [`MAX_INTERMEDIATE`] intermediate values are kept.
     pub fn new(mut intermediate: Vec<Formula>, components: [Formula; C]) -> Self {
-        intermediate.truncate(MOST_INTERMEDIATE);
+        intermediate.truncate(MAX_INTERMEDIATE);
         let fixed = 2 * D + 1;
         let mut explicit = vec![false; intermediate.len()];
         let depends = |formula: &Formula, explicit: &[bool]| {
@@ -149,8 +149,8 @@ impl<const D: usize, const C: usize> VectorFormula<D, C> {
     }
 
     /// Values of all variables, including the intermediate values.
-    fn values(&self, x: &[f64; D], original: &[f64; D], factor: f64) -> [f64; 7 + MOST_INTERMEDIATE] {
-        let mut values = [0.0; 7 + MOST_INTERMEDIATE];
+    fn values(&self, x: &[f64; D], original: &[f64; D], factor: f64) -> [f64; 7 + MAX_INTERMEDIATE] {
+        let mut values = [0.0; 7 + MAX_INTERMEDIATE];
         values[..D].copy_from_slice(x);
         values[D..2 * D].copy_from_slice(original);
         values[2 * D] = factor;

@@ -56,13 +56,13 @@ impl Parts {
         for group in 0..links.n_groups() {
             let nodes = links.nodes_of(group);
             let mut last: Option<(u16, &[u32])> = None;
-            let of_group = links.points_of(group);
+            let in_group = links.points_of(group);
             // If all points belong to one body and touch all nodes, the first point stands for all of them.
             let alike = model.bodies.len() == 1 && links.is_whole(group);
             let examined =
-                if alike { of_group.start..(of_group.start + 1).min(of_group.end) } else { of_group.clone() };
+                if alike { in_group.start..(in_group.start + 1).min(in_group.end) } else { in_group.clone() };
             for p in examined {
-                let end = if alike { of_group.end } else { p + 1 };
+                let end = if alike { in_group.end } else { p + 1 };
                 let (body, local) = (points.body[p], links.local_nodes(p));
                 if last == Some((body, local)) {
                     if let Some(cluster) = clusters.last_mut() {
@@ -72,8 +72,8 @@ impl Parts {
                 }
                 last = Some((body, local));
                 let number = clusters.len() as u32;
-                let of_cluster = |place: &u32| nodes[*place as usize];
-                let at = if is_alone { Vec::new() } else { local.iter().map(of_cluster).collect() };
+                let node = |place: &u32| nodes[*place as usize];
+                let at = if is_alone { Vec::new() } else { local.iter().map(node).collect() };
                 clusters.push(Cluster { body, first: p, end, nodes: at });
                 root.push(number);
                 for &place in local {
@@ -101,8 +101,8 @@ impl Parts {
     /// on different ranks. The root of a part is then a number among the clusters of all ranks.
     fn joined<const D: usize>(mut self, links: &Connectivity<D>) -> Parts {
         let ranks = links.halo().ranks();
-        let of_ranks = ranks.gather_all(self.clusters.len() as u32);
-        let first: u32 = of_ranks[..ranks.own()].iter().sum();
+        let counts = ranks.gather_all(self.clusters.len() as u32);
+        let first: u32 = counts[..ranks.own()].iter().sum();
         // For each shared node and each body at that node, the roots of the clusters of the body.
         let mut at: Vec<(u32, u16, u32)> = Vec::new();
         let mut is_shared = vec![false; links.n_active()];
@@ -114,7 +114,7 @@ impl Parts {
         }
         at.sort_unstable();
         at.dedup();
-        let mut root: Vec<u32> = (0..of_ranks.iter().sum()).collect();
+        let mut root: Vec<u32> = (0..counts.iter().sum()).collect();
         for (number, local) in self.root.iter().enumerate() {
             root[(first as usize) + number] = first + local;
         }
@@ -127,8 +127,10 @@ impl Parts {
         for pair in all.windows(2).filter(|pair| pair[0].0 == pair[1].0) {
             unite(&mut together, u32::from(pair[0].1), u32::from(pair[1].1));
         }
-        for of_rank in ranks.gather_all(self.together.iter().map(|body| *body as u32).collect::<Vec<_>>()) {
-            for (body, other) in (0u32..).zip(of_rank) {
+        for representatives in
+            ranks.gather_all(self.together.iter().map(|body| *body as u32).collect::<Vec<_>>())
+        {
+            for (body, other) in (0u32..).zip(representatives) {
                 unite(&mut together, body, other);
             }
         }
@@ -219,9 +221,9 @@ impl Cohesion {
                     let [a, b] = [body, other].map(|body| &model.bodies[body].name);
                     format!("bodies `{a}` and `{b}` were connected at the start and have come apart{sides}")
                 };
-                let of =
+                let points_of =
                     |body: usize| (0..points.len()).filter(|&p| points.body[p] as usize == body).collect();
-                let sides = [of(body), of(other)];
+                let sides = [points_of(body), points_of(other)];
                 found.push((body, warn(model, points, step, sides, &[body, other], [2, 1], message)));
             }
         }

@@ -16,7 +16,7 @@ const CONTRAST: f64 = 20.0;
 const HOLDS: f64 = 3.0;
 /// Largest share of the stress of a soft body, measured as energy, that points unable to strain may carry without a
 /// warning, [-].
-const MOST_STIFFENED: f64 = 0.1;
+const MAX_STIFFENED: f64 = 0.1;
 
 /// Stiffness Σ |∇S_vp|² V_p M_p of every body at each shared node.
 type Stiffness = Vec<Vec<(u16, f64)>>;
@@ -43,8 +43,8 @@ impl Taken {
         let mut field = vec![[0.0; 2]; links.n_active()];
         self.stress.iter().for_each(|(node, sums)| field[*node] = *sums);
         links.halo().add(&mut field);
-        let of_node = |(node, sums): (usize, [f64; 2])| (sums[1] > 0.0).then_some((node, sums));
-        self.stress = field.into_iter().enumerate().filter_map(of_node).collect();
+        let stressed = |(node, sums): (usize, [f64; 2])| (sums[1] > 0.0).then_some((node, sums));
+        self.stress = field.into_iter().enumerate().filter_map(stressed).collect();
     }
 }
 
@@ -55,8 +55,8 @@ pub fn watch<const D: usize>(
     links: &Connectivity<D>,
     step: usize,
 ) -> Vec<(usize, Warning)> {
-    let of_body = |material: usize| axial_modulus_at_rest(model.materials[material].law.as_ref());
-    let moduli: Vec<f64> = model.bodies.iter().map(|body| of_body(body.material)).collect();
+    let modulus = |material: usize| axial_modulus_at_rest(model.materials[material].law.as_ref());
+    let moduli: Vec<f64> = model.bodies.iter().map(|body| modulus(body.material)).collect();
     let [least, most] = moduli
         .iter()
         .fold([f64::INFINITY, 0.0], |[least, most], m| [f64::min(least, *m), f64::max(most, *m)]);
@@ -84,8 +84,8 @@ pub fn watch<const D: usize>(
             taken.free += stress;
             for node in corners(p) {
                 if !stiffness[node].is_empty() {
-                    let [of_node, around] = taken.stress.entry(node).or_default();
-                    *of_node += stress;
+                    let [at_node, around] = taken.stress.entry(node).or_default();
+                    *at_node += stress;
                     *around += volume;
                 }
             }
@@ -109,7 +109,7 @@ pub fn watch<const D: usize>(
         let held: f64 = ranks.total(taken.held.iter().map(|(p, _)| would_carry(*p)).sum());
         let share = held / (held + ranks.total(taken.free));
         let &(point, by) = taken.held.first()?;
-        (share > MOST_STIFFENED).then(|| (body as usize, warn(model, points, [body, by], point, share, step)))
+        (share > MAX_STIFFENED).then(|| (body as usize, warn(model, points, [body, by], point, share, step)))
     };
     taken.into_iter().filter_map(warning).collect()
 }
@@ -157,7 +157,7 @@ fn stiffness_of_bodies<const D: usize>(
                 if is_shared[node] {
                     let added = modulus * gradient.iter().map(|x| x * x).sum::<f64>();
                     match stiffness[node].iter_mut().find(|(other, _)| *other == body) {
-                        Some((_, of_body)) => *of_body += added,
+                        Some((_, sum)) => *sum += added,
                         None => stiffness[node].push((body, added)),
                     }
                 }
@@ -178,7 +178,7 @@ fn join<const D: usize>(stiffness: &mut Stiffness, links: &Connectivity<D>) {
     for (node, body, added) in links.halo().ranks().gather_all(own).concat() {
         let Some(active) = links.active_number(node as usize) else { continue };
         match stiffness[active].iter_mut().find(|(other, _)| *other == body) {
-            Some((_, of_body)) => *of_body += added,
+            Some((_, sum)) => *sum += added,
             None => stiffness[active].push((body, added)),
         }
     }
@@ -211,7 +211,7 @@ fn warn<const D: usize>(
             ..Location::default()
         },
         value: Some(share),
-        threshold: Some(MOST_STIFFENED),
+        threshold: Some(MAX_STIFFENED),
         detail: None,
     }
 }

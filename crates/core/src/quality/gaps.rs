@@ -12,7 +12,7 @@ use crate::points::{Points, coordinates};
 /// Largest gap at which bodies count as touching, relative to the spacing of their points, [-].
 const TOUCHING: f64 = 0.5;
 /// Values of basis functions below this are round-off from domains that end at the node, and do not join points, [-].
-const LEAST_SHARE: f64 = 1e-6;
+const MIN_SHARE: f64 = 1e-6;
 
 /// The box around the points of a body at a node, and the largest extent of these points.
 #[derive(Clone, Copy)]
@@ -79,15 +79,15 @@ pub fn watch<const D: usize>(
     }
     let is_shared = shared_nodes(points, links);
     let mut gaps: BTreeMap<[u16; 2], Gap> = BTreeMap::new();
-    let reaches = of_all_ranks(links, reaches(model, points, links, &is_shared));
+    let reaches = reaches_everywhere(links, reaches(model, points, links, &is_shared));
     for at_node in reaches.chunk_by(|((a, _), _), ((b, _), _)| a == b) {
         let joined = joined(at_node);
-        for (place, &((node, a), of_a)) in at_node.iter().enumerate() {
-            for (other, &((_, b), of_b)) in at_node.iter().enumerate().skip(place + 1) {
+        for (place, &((node, a), reach_a)) in at_node.iter().enumerate() {
+            for (other, &((_, b), reach_b)) in at_node.iter().enumerate().skip(place + 1) {
                 // Bodies in between may fill the gap.
                 let is_filled = joined[place] == joined[other];
-                let width = if is_filled { f64::NEG_INFINITY } else { of_a.distance(&of_b) };
-                let gap = Gap { width, node, spacing: of_a.spacing.max(of_b.spacing) };
+                let width = if is_filled { f64::NEG_INFINITY } else { reach_a.distance(&reach_b) };
+                let gap = Gap { width, node, spacing: reach_a.spacing.max(reach_b.spacing) };
                 let kept = gaps.entry([a, b]).or_insert(gap);
                 if width < kept.width {
                     *kept = gap;
@@ -104,7 +104,7 @@ pub fn watch<const D: usize>(
 }
 
 /// The reaches at the nodes of all ranks, by grid node.
-fn of_all_ranks<const D: usize>(
+fn reaches_everywhere<const D: usize>(
     links: &Connectivity<D>,
     mut own: Vec<((u32, u16), Reach<D>)>,
 ) -> Vec<((u32, u16), Reach<D>)> {
@@ -167,11 +167,11 @@ fn reaches<const D: usize>(
             continue;
         }
         for p in links.points_of(group) {
-            let of_point = reach_of(model, points, p);
+            let reach = reach_of(model, points, p);
             links.for_each_value(p, |place, value| {
                 let node = nodes[place];
-                if is_shared[node as usize] && value > LEAST_SHARE {
-                    reaches.entry((node, points.body[p])).or_insert(of_point).extend(&of_point);
+                if is_shared[node as usize] && value > MIN_SHARE {
+                    reaches.entry((node, points.body[p])).or_insert(reach).extend(&reach);
                 }
             });
         }

@@ -12,7 +12,7 @@ use crate::points::{Points, coordinates};
 
 /// Material at the nodes, relative to the largest amount that they have ever held, below which a warning is raised,
 /// [-].
-const LEAST_HELD: f64 = 0.5;
+const MIN_HELD: f64 = 0.5;
 
 /// The material at the nodes of one boundary condition.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
@@ -57,7 +57,7 @@ pub fn watch<const D: usize>(
             held.followed += at_nodes.followed / at_nodes.volume;
         }
         if let Some(share) = held.share()
-            && share < LEAST_HELD
+            && share < MIN_HELD
         {
             let place = at_nodes.emptiest(model, links, nodes);
             found.push((number, warn(&condition.name, held, share, step, place)));
@@ -85,7 +85,7 @@ fn warn<const D: usize>(
             ..Location::default()
         },
         value: Some(share),
-        threshold: Some(LEAST_HELD),
+        threshold: Some(MIN_HELD),
         message: format!(
             "the nodes of `{condition}` now hold {whole:.0} % of the largest amount of material that they ever \
              held{place_text}; the material has followed {followed:.4} of the prescribed motion of {prescribed:.4}, \

@@ -140,8 +140,8 @@ impl Measures {
         let mut all = empty();
         pieces.iter().for_each(|piece| all.merge(piece));
         if !points.ranks.is_alone() {
-            let of_ranks = points.ranks.gather_all(std::mem::replace(&mut all, empty()));
-            of_ranks.iter().for_each(|of_rank| all.merge(of_rank));
+            let by_rank = points.ranks.gather_all(std::mem::replace(&mut all, empty()));
+            by_rank.iter().for_each(|measures| all.merge(measures));
         }
         for rotation in all.bodies.iter_mut().filter_map(|body| body.rotation.as_mut()) {
             rotation.value = rotation_of_turn(rotation.value);
@@ -178,7 +178,7 @@ impl Measures {
         for p in links.points_of(group) {
             let cell = points.cell[p];
             match &mut filled {
-                Some((filled, of)) if *of == cell => *filled += points.volume(p),
+                Some((filled, last)) if *last == cell => *filled += points.volume(p),
                 _ => {
                     self.fill_with(model, filled);
                     filled = Some((points.volume(p), cell));

@@ -42,9 +42,9 @@ fn cosine_and_sine<const D: usize>(F: &Mat3) -> (f64, f64) {
 /// converges quadratically (Higham 1986, doi 10.1137/0907079).
 fn rotation_tensor(F: &Mat3) -> Mat3 {
     /// Enough iterations for principal stretches of any finite size.
-    const MOST: usize = 2000;
+    const MAX_SAMPLES: usize = 2000;
     let mut R = *F;
-    for _ in 0..MOST {
+    for _ in 0..MAX_SAMPLES {
         let Some(inverse) = R.try_inverse() else { break };
         let change = 0.5 * (inverse.transpose() - R);
         R += change;
@@ -91,14 +91,14 @@ fn ratio_of_volume<const D: usize>(F: &Mat3) -> f64 {
 }
 
 /// Rotation beyond which the update with F_ii is unsuitable, [degrees].
-const MOST_ROTATION: f64 = 15.0;
+const MAX_ROTATION: f64 = 15.0;
 /// Shear beyond which the update with U_ii is unsuitable, [-].
-const MOST_SHEAR: f64 = 0.3;
+const MAX_SHEAR: f64 = 0.3;
 /// Relative change of the volume of a domain, or of its area in two dimensions, beyond which domains without an update
 /// are unsuitable, [-].
-const MOST_VOLUME_CHANGE: f64 = 0.05;
+const MAX_VOLUME_CHANGE: f64 = 0.05;
 /// Ratio of principal stretches beyond which the update with det F is unsuitable, [-].
-const MOST_STRETCH_RATIO: f64 = 1.2;
+const MAX_STRETCH_RATIO: f64 = 1.2;
 
 /// A reason of Table 2 to reject a domain update: a measure of how far the motion departs from the motions that the
 /// update can follow, and the limit of this measure.
@@ -117,7 +117,7 @@ impl Objection {
         match update {
             DomainUpdate::None => Some(Objection {
                 measure: |F| (ratio_of_volume::<D>(F) - 1.0).abs(),
-                limit: MOST_VOLUME_CHANGE,
+                limit: MAX_VOLUME_CHANGE,
                 describe: |value| {
                     let what = if D == 2 { "area" } else { "volume" };
                     format!("changed its {what} by {:.1} %", 100.0 * value)
@@ -125,7 +125,7 @@ impl Objection {
             }),
             DomainUpdate::Determinant => Some(Objection {
                 measure: |F| if axes_differ::<D>(F) { stretch_ratio::<D>(F) } else { 1.0 },
-                limit: MOST_STRETCH_RATIO,
+                limit: MAX_STRETCH_RATIO,
                 describe: |value| format!("principal stretches in the ratio {value:.2}"),
             }),
             DomainUpdate::Diagonal => Some(Objection::to_rotation::<D>()),
@@ -134,7 +134,7 @@ impl Objection {
             DomainUpdate::DiagonalCorrected if D == 3 => Some(Objection::to_rotation::<D>()),
             DomainUpdate::Stretch => Some(Objection {
                 measure: shear::<D>,
-                limit: MOST_SHEAR,
+                limit: MAX_SHEAR,
                 describe: |value| format!("been sheared by {value:.2}"),
             }),
             DomainUpdate::Corners | DomainUpdate::DiagonalCorrected | DomainUpdate::DiagonalIncremental => {
@@ -146,7 +146,7 @@ impl Objection {
     fn to_rotation<const D: usize>() -> Objection {
         Objection {
             measure: |F| if diagonal_misses_volume::<D>(F) { rotation::<D>(F) } else { 0.0 },
-            limit: MOST_ROTATION,
+            limit: MAX_ROTATION,
             describe: |value| format!("turned by {value:.1}°"),
         }
     }
@@ -161,14 +161,14 @@ impl Objection {
 /// although the principal stretches differ.
 fn axes_differ<const D: usize>(F: &Mat3) -> bool {
     let lengths = || (0..D).map(|d| F[(d, d)].abs());
-    lengths().fold(0.0, f64::max) > MOST_STRETCH_RATIO * lengths().fold(f64::INFINITY, f64::min)
+    lengths().fold(0.0, f64::max) > MAX_STRETCH_RATIO * lengths().fold(f64::INFINITY, f64::min)
 }
 
 /// True if the product of the F_ii differs from det F. False in simple shear, which the update with F_ii can follow
 /// although the polar decomposition contains a rotation.
 pub fn diagonal_misses_volume<const D: usize>(F: &Mat3) -> bool {
     let product: f64 = (0..D).map(|d| F[(d, d)]).product();
-    (product / ratio_of_volume::<D>(F) - 1.0).abs() > MOST_VOLUME_CHANGE
+    (product / ratio_of_volume::<D>(F) - 1.0).abs() > MAX_VOLUME_CHANGE
 }
 
 #[cfg(test)]

@@ -13,7 +13,7 @@ use crate::ranks::Ranks;
 const BIN: f64 = 2.0;
 /// Largest number of bins after the first that one domain may reach into along an axis; the rest of a larger domain is
 /// ignored.
-const MOST_BINS: i64 = 1000;
+const MAX_BINS: i64 = 1000;
 
 /// A domain: its bounding box and, for a quadrilateral in the plane that is not a box, its two triangles.
 struct Domain<const D: usize> {
@@ -38,8 +38,8 @@ pub fn domain_overlap<const D: usize>(model: &Model<D>, points: &Points<D>) -> O
         return None;
     }
     let n_own = domains.len();
-    let of_lower_ranks = of_lower_ranks(ranks, &domains);
-    domains.extend(of_lower_ranks);
+    let lower = domains_on_lower_ranks(ranks, &domains);
+    domains.extend(lower);
     Some(ranks.total(shared_by_pairs(&domains, n_own)) / total)
 }
 
@@ -55,7 +55,7 @@ fn domains_of<const D: usize>(model: &Model<D>, points: &Points<D>) -> Option<Ve
                     (std::array::from_fn(|d| x[d] - l[d]), std::array::from_fn(|d| x[d] + l[d]));
                 domains.push(Domain { low, high, halves: None });
             }
-            DomainKind::Corners => domains.push(of_corners(points.corners(p))?),
+            DomainKind::Corners => domains.push(quadrilateral(points.corners(p))?),
         }
     }
     Some(domains)
@@ -63,7 +63,7 @@ fn domains_of<const D: usize>(model: &Model<D>, points: &Points<D>) -> Option<Ve
 
 /// The domains of lower ranks that may meet those of this rank.
 #[inline(never)]
-fn of_lower_ranks<const D: usize>(ranks: &Ranks, own: &[Domain<D>]) -> Vec<Domain<D>> {
+fn domains_on_lower_ranks<const D: usize>(ranks: &Ranks, own: &[Domain<D>]) -> Vec<Domain<D>> {
     if ranks.is_alone() {
         return Vec::new();
     }
@@ -84,7 +84,7 @@ fn of_lower_ranks<const D: usize>(ranks: &Ranks, own: &[Domain<D>]) -> Vec<Domai
         }
     }
     let received = ranks.exchange(messages).into_iter().flat_map(|(_, domains)| domains);
-    received.filter_map(|numbers| Domain::of_numbers(&numbers)).collect()
+    received.filter_map(|numbers| Domain::from_numbers(&numbers)).collect()
 }
 
 /// Volume shared by two domains, summed over all pairs that contain at least one of the first `n_own` domains.
@@ -96,7 +96,7 @@ fn shared_by_pairs<const D: usize>(domains: &[Domain<D>], n_own: usize) -> f64 {
     for (number, domain) in domains.iter().enumerate() {
         let first = domain.low.map(bin);
         let last: [i64; D] =
-            std::array::from_fn(|d| bin(domain.high[d]).min(first[d].saturating_add(MOST_BINS)));
+            std::array::from_fn(|d| bin(domain.high[d]).min(first[d].saturating_add(MAX_BINS)));
         for_each_index(first, last, |index| bins.entry(index).or_default().push(number as u32));
     }
     // Sorting the bins makes the sum reproducible.
@@ -125,7 +125,7 @@ fn shared_by_pairs<const D: usize>(domains: &[Domain<D>], n_own: usize) -> f64 {
 }
 
 /// A domain given by corners, in the plane.
-fn of_corners<const D: usize>(corners: &[[f64; D]]) -> Option<Domain<D>> {
+fn quadrilateral<const D: usize>(corners: &[[f64; D]]) -> Option<Domain<D>> {
     if D != 2 || corners.len() != 4 {
         return None;
     }
@@ -150,7 +150,7 @@ impl<const D: usize> Domain<D> {
         self.low.iter().chain(&self.high).chain(halves).copied().collect()
     }
 
-    fn of_numbers(numbers: &[f64]) -> Option<Self> {
+    fn from_numbers(numbers: &[f64]) -> Option<Self> {
         let (low, rest) = numbers.split_first_chunk()?;
         let (high, rest) = rest.split_first_chunk()?;
         let halves = (!rest.is_empty()).then(|| {
@@ -188,8 +188,8 @@ fn shared_volume<const D: usize>(a: &Domain<D>, b: &Domain<D>) -> f64 {
     if a.halves.is_none() && b.halves.is_none() {
         return (0..D).map(|d| a.high[d].min(b.high[d]) - a.low[d].max(b.low[d])).product();
     }
-    let (of_a, of_b) = (a.polygons(), b.polygons());
-    of_a.iter().flat_map(|p| of_b.iter().map(move |q| shared_area(p, q))).sum()
+    let (in_a, in_b) = (a.polygons(), b.polygons());
+    in_a.iter().flat_map(|p| in_b.iter().map(move |q| shared_area(p, q))).sum()
 }
 
 /// Area of the intersection of two convex counterclockwise polygons, by clipping the first against the sides of the
@@ -260,7 +260,7 @@ mod tests {
             ([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.2, 0.2]], 0.2),
             ([[0.0, 0.0], [1.0, -1.0], [-1.0, 1.0], [0.2, 0.2]], 0.4),
         ] {
-            let domain = of_corners(&corners).unwrap();
+            let domain = quadrilateral(&corners).unwrap();
             assert!((domain.volume() - exact).abs() < 1e-15, "{}", domain.volume());
             let halves = domain.halves.unwrap();
             assert!(halves.iter().all(|half| area(half) > 0.0));

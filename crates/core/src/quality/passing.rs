@@ -124,13 +124,15 @@ impl Material {
             let corners = grid.corners(grid.nearest_cell(&middle) as usize);
             [a, b].iter().all(|&node| corners.nodes().contains(&links.active_nodes()[node]))
         };
-        let is_ahead = |node: usize, of: usize, sides: &[f64; D]| {
-            let Some(motion) = motion[of].filter(|_| self.points_around[of] > 0.0) else { return false };
+        let is_ahead = |node: usize, behind: usize, sides: &[f64; D]| {
+            let Some(motion) = motion[behind].filter(|_| self.points_around[behind] > 0.0) else {
+                return false;
+            };
             let in_cells = |way: [f64; D]| -> [f64; D] { std::array::from_fn(|d| way[d] / sides[d]) };
-            let from_there = minus(&position(node), &position(of));
+            let from_there = minus(&position(node), &position(behind));
             let (way, ahead) = (in_cells(from_there), in_cells(motion));
             dot(&way, &ahead) > AHEAD * norm(&way) * norm(&ahead)
-                && share_a_cell(node, of)
+                && share_a_cell(node, behind)
                 && !model.holds_node(links.active_nodes()[node], &from_there)
         };
         let first_of_group = |group: usize| {
@@ -141,7 +143,7 @@ impl Material {
                 grid.structured().map_or([grid.size(cell); D], |grid| grid.sides(grid.cell_index(cell)));
             let nodes = || links.nodes_of(group).iter().map(|&node| node as usize);
             let beyond = nodes().filter(|&node| motion[node].is_none() && self.is_beyond(node, volume));
-            beyond.filter(|&node| nodes().any(|of| is_ahead(node, of, &sides))).min()
+            beyond.filter(|&node| nodes().any(|behind| is_ahead(node, behind, &sides))).min()
         };
         let first = (0..links.n_groups()).filter_map(first_of_group).min()?;
         Some(position(first))

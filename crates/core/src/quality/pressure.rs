@@ -10,7 +10,7 @@ use crate::stress::Volumetric;
 use crate::tensor::Sym3;
 
 /// Smallest number of flowing cells whose oscillation is judged.
-const LEAST_CELLS: usize = 8;
+const MIN_CELLS: usize = 8;
 
 /// Differences between the mean stresses of the points in a cell, relative to the deviatoric stresses; root mean square
 /// over all cells, [-].
@@ -40,9 +40,9 @@ pub(super) fn oscillation_in_flow<const D: usize>(
         new[own.clone()] != old[own]
     };
     let groups = (0..links.n_groups()).map(|group| links.points_of(group));
-    let flowing: Vec<_> = groups.filter(|of| of.len() > 1 && of.clone().all(flows)).collect();
+    let flowing: Vec<_> = groups.filter(|group| group.len() > 1 && group.clone().all(flows)).collect();
     let ranks = links.halo().ranks();
-    if ranks.count_all(flowing.len()) < LEAST_CELLS {
+    if ranks.count_all(flowing.len()) < MIN_CELLS {
         return None;
     }
     let is_standard = |p: usize| model.bodies[points.body[p] as usize].volumetric == Volumetric::Standard;

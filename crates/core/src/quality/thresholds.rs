@@ -1,20 +1,20 @@
 //! The largest values at which measures cause no warning.
 
 /// Regridding work relative to all work, as in [`super::BalanceSoFar::regridding`], [-].
-pub const MOST_REGRIDDING: f64 = 0.1;
+pub const MAX_REGRIDDING: f64 = 0.1;
 
 /// Error of the energy balance, [-].
-pub const MOST_ENERGY_ERROR: f64 = 0.1;
+pub const MAX_ENERGY_ERROR: f64 = 0.1;
 
 /// Mean number of cell boundaries that a point without a domain has crossed, [-]; more crossings are harmless as long
 /// as the regridding work is below [`HARMFUL_REGRIDDING`].
-pub const MOST_CROSSINGS: f64 = 0.1;
+pub const MAX_CROSSINGS: f64 = 0.1;
 
 /// Regridding work relative to all work, as in [`super::BalanceSoFar::regridding`], at which crossings do harm, [-].
 pub const HARMFUL_REGRIDDING: f64 = 0.015;
 
 /// Mean rotation of a body whose domains are boxes, [degrees].
-pub const MOST_BOX_ROTATION: f64 = 30.0;
+pub const MAX_BOX_ROTATION: f64 = 30.0;
 
 /// Oscillation of the pressures, [-].
-pub const MOST_OSCILLATION: f64 = 1.2;
+pub const MAX_OSCILLATION: f64 = 1.2;

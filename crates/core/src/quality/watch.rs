@@ -4,8 +4,7 @@
 use super::cohesion::Cohesion;
 use super::pressure::{InFlow, oscillation_in_flow};
 use super::thresholds::{
-    HARMFUL_REGRIDDING, MOST_BOX_ROTATION, MOST_CROSSINGS, MOST_ENERGY_ERROR, MOST_OSCILLATION,
-    MOST_REGRIDDING,
+    HARMFUL_REGRIDDING, MAX_BOX_ROTATION, MAX_CROSSINGS, MAX_ENERGY_ERROR, MAX_OSCILLATION, MAX_REGRIDDING,
 };
 use super::warning::{Code, Detail, Location, Warning};
 use super::{Quality, Worst, contrast, gaps, holding, passing};
@@ -28,12 +27,12 @@ const STRESS_BY_REGRIDDING: f64 = 0.6;
 const ELASTIC: f64 = 1e-3;
 
 /// Largest fraction of the forces on a body that may be out of balance without a warning, [-].
-const MOST_OF_BODY: f64 = 1e-4;
+const MAX_BODY_IMBALANCE: f64 = 1e-4;
 /// Fraction of the forces on a body that should remain out of balance at the tolerance that the warning recommends,
 /// [-].
 const FINE_RESIDUAL: f64 = 1e-6;
 /// Smallest tolerance that residuals can meet in spite of round-off, [-].
-const LEAST_TOLERANCE: f64 = 1e-13;
+const MIN_TOLERANCE: f64 = 1e-13;
 
 impl Quality {
     /// Checks a step that is in equilibrium but not committed, like [`super::Measures::new`]; returns the warnings that
@@ -67,9 +66,9 @@ impl Quality {
             if self.pressure_oscillation.is_none_or(|(worst, _)| value > worst) {
                 self.pressure_oscillation = Some((value, step));
             }
-            found.extend((value > MOST_OSCILLATION).then(|| (0, locking(value, step, is_standard))));
+            found.extend((value > MAX_OSCILLATION).then(|| (0, locking(value, step, is_standard))));
         }
-        let found = of_all_ranks(ranks, found);
+        let found = from_all_ranks(ranks, found);
         self.for_the_first_time(found)
     }
 
@@ -124,7 +123,7 @@ impl Quality {
     ) -> Vec<(usize, Warning)> {
         let share = balance.regridding().abs();
         let warning = |(number, body): (usize, &Body)| {
-            let value = self.mean_crossings(number).filter(|value| *value > MOST_CROSSINGS)?;
+            let value = self.mean_crossings(number).filter(|value| *value > MAX_CROSSINGS)?;
             let name = &body.name;
             let error = 100.0 * STRESS_BY_REGRIDDING * share.sqrt();
             Some((
@@ -134,7 +133,7 @@ impl Quality {
                     step,
                     location: Location::body(name),
                     value: Some(value),
-                    threshold: Some(MOST_CROSSINGS),
+                    threshold: Some(MAX_CROSSINGS),
                     message: format!(
                         "body `{name}`: its points, which have no domains, have crossed cell boundaries {value:.2} \
                          times on average; stresses are probably wrong by about {error:.0} % (root mean square)"
@@ -151,14 +150,14 @@ impl Quality {
     }
 
     fn turned_boxes<const D: usize>(&self, model: &Model<D>, step: usize) -> Option<(usize, Warning)> {
-        let Worst { value, body, .. } = self.box_rotation.filter(|worst| worst.value > MOST_BOX_ROTATION)?;
+        let Worst { value, body, .. } = self.box_rotation.filter(|worst| worst.value > MAX_BOX_ROTATION)?;
         let name = &model.bodies[body].name;
         let warning = Warning {
             code: Code::TurnedBoxes,
             step,
             location: Location::body(name),
             value: Some(value),
-            threshold: Some(MOST_BOX_ROTATION),
+            threshold: Some(MAX_BOX_ROTATION),
             message: format!(
                 "body `{name}` has turned by {value:.0}° on average, but the domains of its points remain boxes along the \
                  axes and overlap; stresses from before the rotation are wrong by 3 % (root mean square) after 45°, by 9 % \
@@ -184,7 +183,7 @@ fn read(text: &str) -> Option<Vec<(usize, Warning)>> {
 }
 
 /// The warnings raised on any rank, each once.
-fn of_all_ranks(ranks: &Ranks, own: Vec<(usize, Warning)>) -> Vec<(usize, Warning)> {
+fn from_all_ranks(ranks: &Ranks, own: Vec<(usize, Warning)>) -> Vec<(usize, Warning)> {
     if !ranks.any(!own.is_empty()) || ranks.is_alone() {
         return own;
     }
@@ -203,13 +202,13 @@ fn hidden_residuals<const D: usize>(model: &Model<D>, report: &StepReport<D>) ->
     let warning = |(number, value): (usize, &f64)| {
         let name = &model.bodies[number].name;
         let tolerance = model.newton.tolerance * (FINE_RESIDUAL / value);
-        let is_possible = tolerance >= LEAST_TOLERANCE;
+        let is_possible = tolerance >= MIN_TOLERANCE;
         let warning = Warning {
             code: Code::HiddenResidual,
             step: report.step.index,
             location: Location::body(name),
             value: Some(*value),
-            threshold: Some(MOST_OF_BODY),
+            threshold: Some(MAX_BODY_IMBALANCE),
             message: format!(
                 "body `{name}`: {:.2} % of the forces on it are out of balance, hidden by the larger forces on the bodies \
                  connected to it",
@@ -220,7 +219,7 @@ fn hidden_residuals<const D: usize>(model: &Model<D>, report: &StepReport<D>) ->
         (number, warning)
     };
     let bodies = report.body_residuals.iter().enumerate();
-    bodies.filter(|(_, value)| **value > MOST_OF_BODY).map(warning).collect()
+    bodies.filter(|(_, value)| **value > MAX_BODY_IMBALANCE).map(warning).collect()
 }
 
 fn unstable(step: usize) -> Warning {
@@ -304,7 +303,7 @@ fn locking(value: f64, step: usize, is_standard: bool) -> Warning {
         step,
         location: Location::default(),
         value: Some(value),
-        threshold: Some(MOST_OSCILLATION),
+        threshold: Some(MAX_OSCILLATION),
         message: format!(
             "where bodies yield, the pressures of the points of a cell differ by {value:.2} times the deviatoric \
              stress (root mean square): {consequence}"
@@ -338,12 +337,12 @@ impl BalanceSoFar {
 
     fn regridding_warning(&self, step: usize) -> Option<Warning> {
         let value = self.regridding();
-        (value.abs() > MOST_REGRIDDING).then(|| Warning {
+        (value.abs() > MAX_REGRIDDING).then(|| Warning {
             code: Code::Regridding,
             step,
             location: Location::default(),
             value: Some(value),
-            threshold: Some(MOST_REGRIDDING),
+            threshold: Some(MAX_REGRIDDING),
             message: format!(
                 "the forces left out of balance each time the grid is reset have done work equal to {:.0} % of the \
                  external work: displacements and stresses depend on the grid and on the number of steps",
@@ -355,12 +354,12 @@ impl BalanceSoFar {
 
     fn energy_warning(&self, step: usize) -> Option<Warning> {
         let value = self.energy_error;
-        (value.abs() > MOST_ENERGY_ERROR).then(|| Warning {
+        (value.abs() > MAX_ENERGY_ERROR).then(|| Warning {
             code: Code::Energy,
             step,
             location: Location::default(),
             value: Some(value),
-            threshold: Some(MOST_ENERGY_ERROR),
+            threshold: Some(MAX_ENERGY_ERROR),
             message: format!(
                 "the work and the sum of stored and dissipated energy differ by {:.0} % of the total work",
                 100.0 * value.abs()

@@ -86,12 +86,12 @@ pub enum NoBoundary {
     #[error("the shape of the body has no edge {0}")]
     NoSide(usize),
     /// There would be too many facets.
-    #[error("it would be divided into more than {MOST_FACETS} pieces")]
+    #[error("it would be divided into more than {MAX_FACETS} pieces")]
     TooMany,
 }
 
 /// Largest number of facets of a boundary.
-pub const MOST_FACETS: usize = 10_000_000;
+pub const MAX_FACETS: usize = 10_000_000;
 
 impl<const D: usize> Region<D> {
     /// The boundary as facets whose edges are at most `spacing` long, [length]; on spheres, at most 1.6 times as long.
@@ -110,13 +110,13 @@ impl<const D: usize> Region<D> {
         let (mut all, mut too_many) = (Vec::new(), false);
         self.each_primitive(&mut |primitive, motion| {
             let spacing = spacing / motion.scale();
-            too_many |= about(primitive, spacing) > MOST_FACETS as f64;
+            too_many |= about(primitive, spacing) > MAX_FACETS as f64;
             if !too_many {
                 let facets = primitive.facets(spacing).into_iter();
                 all.extend(facets.map(|facet| facet.moved(motion)));
             }
         });
-        if too_many || all.len() > MOST_FACETS {
+        if too_many || all.len() > MAX_FACETS {
             return Err(NoBoundary::TooMany);
         }
         Ok(all.into_iter().filter_map(|facet| self.outward(facet)).collect())

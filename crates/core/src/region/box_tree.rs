@@ -59,8 +59,8 @@ impl<const D: usize> BoxTree<D> {
     }
 
     /// Item data, reordered to tree order.
-    pub(crate) fn ordered<T: Copy>(&self, of_items: &[T]) -> Vec<T> {
-        self.order.iter().map(|&item| of_items[item as usize]).collect()
+    pub(crate) fn ordered<T: Copy>(&self, values: &[T]) -> Vec<T> {
+        self.order.iter().map(|&item| values[item as usize]).collect()
     }
 
     /// The box around all items.

@@ -27,7 +27,7 @@ use std::fmt::Debug;
 use std::sync::Arc;
 
 pub use ball::{Ball, HollowBall};
-pub use boundary::{Facet, MOST_FACETS, NoBoundary, area_derivative, area_vector, divided};
+pub use boundary::{Facet, MAX_FACETS, NoBoundary, area_derivative, area_vector, divided};
 pub(crate) use boundary::{chords, indexed, parts, quadrilaterals};
 pub(crate) use box_tree::{BoxTree, around, overlap as boxes_overlap, squared_distance};
 pub use brick::Brick;

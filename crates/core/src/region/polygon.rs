@@ -7,7 +7,7 @@ use super::vector::{dot, minus};
 use super::{Facet, Intervals, Line, Primitive, ShapeError, finite, positive};
 
 /// Largest number of corners for which the kinks that they cause in integrals are treated individually.
-const MOST_CORNERS: usize = 64;
+const MAX_CORNERS: usize = 64;
 
 /// A simple polygon.
 #[derive(Debug, Clone, PartialEq)]
@@ -132,7 +132,7 @@ impl Primitive<2> for Polygon {
     }
 
     fn corners(&self) -> Vec<[f64; 2]> {
-        if self.corners.len() <= MOST_CORNERS { self.corners.clone() } else { Vec::new() }
+        if self.corners.len() <= MAX_CORNERS { self.corners.clone() } else { Vec::new() }
     }
 }
 

@@ -116,22 +116,22 @@ struct Panel {
     high: f64,
     rule: Estimate,
     /// Integral of the errors of the function values; subdivision does not reduce it.
-    of_values: f64,
+    value_error: f64,
 }
 
 impl Panel {
     fn new(low: f64, high: f64, f: &mut dyn FnMut(f64) -> Estimate) -> Self {
         let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
-        let (mut values, mut value, mut of_values) = ([0.0; N], 0.0, 0.0);
+        let (mut values, mut value, mut value_error) = ([0.0; N], 0.0, 0.0);
         for k in 0..N {
             let at = f(middle + half * node(k));
             values[k] = at.value;
             value += weight(k) * at.value;
-            of_values += weight(k) * at.error;
+            value_error += weight(k) * at.error;
         }
         let ends = [-1.0, 1.0].map(|end: f64| f(middle + half * END * end).value);
         let rule = Estimate { value: half * value, error: half * error_of_rule(&values, ends) };
-        Panel { low, high, rule, of_values: half * of_values }
+        Panel { low, high, rule, value_error: half * value_error }
     }
 }
 
@@ -206,7 +206,7 @@ pub fn integrate(
     }
     panels.into_iter().chain(done).fold(Estimate::default(), |sum, panel| Estimate {
         value: sum.value + panel.rule.value,
-        error: sum.error + panel.rule.error + panel.of_values,
+        error: sum.error + panel.rule.error + panel.value_error,
     })
 }
 

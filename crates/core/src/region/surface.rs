@@ -64,7 +64,7 @@ impl Surface {
         let tree = BoxTree::new(&boxes);
         crossing::check(&facets, &tree)?;
         let ordered = tree.ordered(&in_order_of_file);
-        let shell_of = tree.ordered(&shells.of_facet);
+        let shell_of = tree.ordered(&shells.by_facet);
         inside::check_orientation(&facets, &shells, &ordered, &tree, &shell_of)?;
         let volume = volume(&ordered);
         Ok(Surface { triangles: ordered, tree, volume, shells: shells.number, welded })

@@ -141,15 +141,15 @@ impl<'a, const D: usize> Lines<'a, D> {
         }
         let [low, high] = [0, 1].map(|side| self.region.bounds[side][axis]);
         // Half of the tolerance is for the rule, half for the values; lengths of lines are exact.
-        let (of_rule, of_values) =
+        let (rule_share, value_share) =
             if axis == 1 { (tolerance, 0.0) } else { (0.5 * tolerance, 0.5 * tolerance / (high - low)) };
         // No slice may use up the lines of the others.
         let share = if axis == D - 1 { self.most } else { 2 * self.most.isqrt() };
         let most_panels = self.breaks[axis].len() + share / VALUES_PER_PANEL;
         let more = |panels: usize| panels < most_panels && self.left.get() > 0;
-        integrate(&self.breaks[axis], of_rule, &more, &mut |value| {
+        integrate(&self.breaks[axis], rule_share, &more, &mut |value| {
             x[axis] = value;
-            self.slice(axis - 1, x, of_values)
+            self.slice(axis - 1, x, value_share)
         })
     }
 }

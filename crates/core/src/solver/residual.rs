@@ -46,7 +46,7 @@ impl Parts {
     /// Parts of the nodes, and the components of each field.
     pub(super) fn new(joined: &JoinedParts, halo: &Halo, fields: Vec<Range<usize>>) -> Parts {
         let n = joined.lowest.len();
-        let (of_node, halo) = (joined.of_node.clone(), halo.clone());
+        let (of_node, halo) = (joined.at_node.clone(), halo.clone());
         Parts { of_node, n, fields, halo, bodies: vec![vec![0]; n], carried: vec![0.0; n] }
     }
 
@@ -382,7 +382,7 @@ mod tests {
     }
 
     fn parts(lowest: &[usize]) -> Parts {
-        let joined = JoinedParts::of_one_rank(lowest);
+        let joined = JoinedParts::on_one_rank(lowest);
         Parts::new(&joined, &Halo::default(), Fields::displacement(1).components())
     }
 

@@ -134,7 +134,7 @@ fn solid(increment: &Increment<2>) -> Result<Increment<3>, PointError> {
         let determinant = (rr * zz - rz * zr).abs() * increment.hoop;
         return Err(PointError::Inverted { determinant });
     }
-    Ok(Increment::of([[rr, rz, 0.0], [zr, zz, 0.0], [0.0, 0.0, increment.hoop]]))
+    Ok(Increment::flat([[rr, rz, 0.0], [zr, zz, 0.0], [0.0, 0.0, increment.hoop]]))
 }
 
 fn in_plane<T: Copy>(full: &[[T; 3]; 3]) -> [[T; 2]; 2] {

@@ -46,7 +46,7 @@ fn plane_states() -> impl Strategy<Value = (StartOfStep, Rows)> {
 }
 
 fn plane_increment(dF: &Rows) -> Increment<2> {
-    Increment::of([[dF[0][0], dF[0][1]], [dF[1][0], dF[1][1]]])
+    Increment::flat([[dF[0][0], dF[0][1]], [dF[1][0], dF[1][1]]])
 }
 
 /// V Ã for each pair of nodes.
@@ -146,11 +146,11 @@ proptest! {
             let old = history(law.as_ref());
             let (stress, tangent) = transcription(&start, &dF, law.as_ref(), &old);
             let scale = largest(flat(&tangent));
-            let point = Solid::respond(&start, &Increment::of(dF), law.as_ref(), &old, &mut old.clone()).unwrap();
+            let point = Solid::respond(&start, &Increment::flat(dF), law.as_ref(), &old, &mut old.clone()).unwrap();
             let (P, A) = tensors(&point.weak);
             prop_assert!(difference(P.as_flattened(), stress.as_flattened()) < 1e-13 * scale);
             prop_assert!(difference(flat(&A), flat(&tangent)) < 1e-12 * scale, "{law:?}");
-            if let Some(isotropic) = Solid::respond_isotropic(&start, &Increment::of(dF), law.as_ref()) {
+            if let Some(isotropic) = Solid::respond_isotropic(&start, &Increment::flat(dF), law.as_ref()) {
                 let isotropic = isotropic.unwrap();
                 let (P, A) = tensors(&isotropic.weak);
                 prop_assert!(difference(P.as_flattened(), stress.as_flattened()) < 1e-13 * scale);
@@ -159,7 +159,7 @@ proptest! {
                 prop_assert!((isotropic.elastic_strain - point.elastic_strain).norm() < 1e-15);
             }
             // Both formulations give the same force and stiffness.
-            let updated = Solid::respond_updated(&start, &Increment::of(dF), law.as_ref(), &old, &mut old.clone()).unwrap();
+            let updated = Solid::respond_updated(&start, &Increment::flat(dF), law.as_ref(), &old, &mut old.clone()).unwrap();
             let (P, A) = tensors(&updated.weak);
             prop_assert!(difference(P.as_flattened(), stress.as_flattened()) < 1e-13 * scale);
             prop_assert!(difference(flat(&A), flat(&tangent)) < 1e-12 * scale);
@@ -172,7 +172,7 @@ proptest! {
         for law in laws() {
             let old = history(law.as_ref());
             let at = |dF: Rows| {
-                let point = Solid::respond(&start, &Increment::of(dF), law.as_ref(), &old, &mut old.clone()).unwrap();
+                let point = Solid::respond(&start, &Increment::flat(dF), law.as_ref(), &old, &mut old.clone()).unwrap();
                 tensors(&point.weak)
             };
             let (_, tangent) = at(dF);
@@ -202,7 +202,7 @@ proptest! {
         for law in laws() {
             let old = history(law.as_ref());
             let increment = plane_increment(&dF);
-            let s = Solid::respond(&start, &Increment::of(dF), law.as_ref(), &old, &mut old.clone()).unwrap();
+            let s = Solid::respond(&start, &Increment::flat(dF), law.as_ref(), &old, &mut old.clone()).unwrap();
             let (P, A) = tensors(&s.weak);
             type Moduli = (Vec<[f64; 2]>, Blocks<2>);
             let check = |p: PointResponse<Moduli>| -> Result<(), TestCaseError> {
@@ -231,7 +231,7 @@ proptest! {
             check(PointResponse { weak: moduli(&weak, &axes()), tau, elastic_strain })?;
             // Evaluated with other points in the lanes, one of them at rest.
             let mut lanes: Vec<Lanes> = old.iter().map(|h| Lanes::splat(*h)).collect();
-            let increments = [Increment::of([[1.0, 0.0], [0.0, 1.0]]), increment, increment, increment];
+            let increments = [Increment::flat([[1.0, 0.0], [0.0, 1.0]]), increment, increment, increment];
             let beside = PlaneStrain::respond_vectorised([&start; 4], &increments, law.as_ref(), &mut lanes);
             prop_assert_eq!(beside.is_some(), suits_lanes(law.as_ref()));
             for (lane, response) in beside.iter().flatten().enumerate().skip(1) {
@@ -347,7 +347,7 @@ fn a_point_turned_inside_out_is_an_error() {
     let start = StartOfStep { b_n: Sym3::IDENTITY, J_n: 1.0, volume_n: 1.0 };
     let law = Hencky::new(1.0, 0.3);
     let inverted = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0]];
-    let solid = Solid::respond(&start, &Increment::of(inverted), &law, &[], &mut []);
+    let solid = Solid::respond(&start, &Increment::flat(inverted), &law, &[], &mut []);
     assert!(matches!(solid, Err(PointError::Inverted { determinant: -1.0 })));
     let plane = PlaneStrain::respond(&start, &plane_increment(&inverted), &law, &[], &mut []);
     assert!(matches!(plane, Err(PointError::Inverted { determinant: -1.0 })));

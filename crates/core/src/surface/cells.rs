@@ -42,7 +42,7 @@ pub fn boundary_of_cells<const D: usize>(
     let mut facets = Vec::new();
     for (side, number) in outer.iter().zip(numbers) {
         facets.extend(divided(&corners(side), spacing, number));
-        if facets.len() > crate::region::MOST_FACETS {
+        if facets.len() > crate::region::MAX_FACETS {
             return Err(NoBoundary::TooMany);
         }
     }

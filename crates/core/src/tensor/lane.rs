@@ -120,8 +120,8 @@ impl Lanes {
 
     /// The values `of(0)` to `of(3)`.
     #[inline(always)]
-    pub fn gather(of: impl Fn(usize) -> f64) -> Lanes {
-        Lanes([of(0), of(1), of(2), of(3)])
+    pub fn gather(value: impl Fn(usize) -> f64) -> Lanes {
+        Lanes([value(0), value(1), value(2), value(3)])
     }
 
     #[inline(always)]

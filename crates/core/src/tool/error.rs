@@ -1,7 +1,7 @@
 //! Errors in tool shapes and in their outlines.
 
 use crate::region::surface::SurfaceError;
-use crate::region::{self, MOST_FACETS};
+use crate::region::{self, MAX_FACETS};
 
 /// Invalid parameters of a shape.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -47,6 +47,6 @@ pub enum NoOutline {
         size: f64,
     },
     /// There would be too many facets.
-    #[error("it would be divided into more than {MOST_FACETS} facets")]
+    #[error("it would be divided into more than {MAX_FACETS} facets")]
     TooMany,
 }

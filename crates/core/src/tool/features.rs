@@ -74,9 +74,9 @@ impl<const D: usize> Nearest<D> {
             return;
         }
         let is_better = self.found.as_ref().is_none_or(|(best, _, best_index)| {
-            let of_dimension = feature.kind.codimension().cmp(&best.kind.codimension());
+            let by_dimension = feature.kind.codimension().cmp(&best.kind.codimension());
             let order =
-                of_dimension.then(feature.squared.total_cmp(&best.squared)).then(index.cmp(best_index));
+                by_dimension.then(feature.squared.total_cmp(&best.squared)).then(index.cmp(best_index));
             feature.squared < best.squared * (1.0 - TIE) || order.is_lt()
         });
         if is_better {

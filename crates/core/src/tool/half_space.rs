@@ -5,7 +5,7 @@ use super::error::{NoOutline, ShapeError};
 use super::outline::Outline;
 use super::shape::Shape;
 use crate::region::vector::{along, dot, frame, minus, norm};
-use crate::region::{Bounds, Facet, MOST_FACETS, divided, finite, positive};
+use crate::region::{Bounds, Facet, MAX_FACETS, divided, finite, positive};
 
 /// The half-plane (D = 2) or half-space (D = 3) behind a line or plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -63,7 +63,7 @@ impl<const D: usize> Shape<D> for HalfSpace<D> {
                 return Err(NoOutline::Size { size: length });
             }
         }
-        if 4.0 * D as f64 * (2.0 * half_width / size).powi(D as i32 - 1) > MOST_FACETS as f64 {
+        if 4.0 * D as f64 * (2.0 * half_width / size).powi(D as i32 - 1) > MAX_FACETS as f64 {
             return Err(NoOutline::TooMany);
         }
         let foot = along(&x, -self.height(&x), &self.normal);
@@ -80,6 +80,6 @@ impl<const D: usize> Shape<D> for HalfSpace<D> {
             let corners = [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
             divided(&corners, size, 0)
         };
-        Ok(Outline::of(&facets))
+        Ok(Outline::new(&facets))
     }
 }

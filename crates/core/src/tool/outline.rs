@@ -19,7 +19,7 @@ pub struct Outline<const D: usize> {
 
 impl<const D: usize> Outline<D> {
     /// The outline with these facets; there must be fewer than 2³² / D.
-    pub(super) fn of(facets: &[Facet<D>]) -> Self {
+    pub(super) fn new(facets: &[Facet<D>]) -> Self {
         let corners: Vec<_> = facets.iter().map(|facet| facet.corners).collect();
         let (vertices, indices) = indexed(&corners);
         Outline {

@@ -24,7 +24,7 @@ impl ClosedPolygon {
     /// [`ShapeError::ZeroEdge`]; [`ShapeError::Primitive`] if it has fewer than three corners, crosses or touches
     /// itself, or a coordinate is not finite.
     pub fn new(corners: Vec<[f64; 2]>) -> Result<Self, ShapeError> {
-        Ok(Self::of(border::polygon(corners)?))
+        Ok(Self::from_polygon(border::polygon(corners)?))
     }
 
     /// The section of a body of revolution about the axis x = `axis`, [length]; beyond its edges on the axis lies the
@@ -37,7 +37,7 @@ impl ClosedPolygon {
     }
 
     /// The tool with the shape of a polygon.
-    pub fn of(polygon: Polygon) -> Self {
+    pub fn from_polygon(polygon: Polygon) -> Self {
         Self::beside(polygon, |_| false)
     }
 

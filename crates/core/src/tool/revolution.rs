@@ -57,14 +57,14 @@ impl Axis {
         &self,
         x: &[f64; 3],
         touching: f64,
-        of_section: impl Fn(&[f64; 2]) -> Option<Closest<2>>,
+        on_section: impl Fn(&[f64; 2]) -> Option<Closest<2>>,
     ) -> Option<Closest<3>> {
         let (height, across) = self.split(x);
         let radius = norm(&across);
         let outwards = if radius > touching { across.map(|x| x / radius) } else { frame(&self.direction)[0] };
         let section = [radius, height];
         let found =
-            if radius > touching { of_section(&section) } else { on_axis(&section, touching, of_section) }?;
+            if radius > touching { on_section(&section) } else { on_axis(&section, touching, on_section) }?;
         let in_space = |[r, h]: [f64; 2]| along(&outwards.map(|e| r * e), h, &self.direction);
         // The circles around the axis have the curvature n_r / r; near the axis, n_r = r ∂n_r/∂r.
         let [[rr, rh], [_, hh]] = found.normal_derivative;

@@ -6,7 +6,7 @@ use crate::region::vector::{along, cross, dot, norm, unit};
 pub(super) type Matrix = [[f64; 3]; 3];
 
 /// The matrix whose columns are the images of the unit vectors.
-fn of_columns(image: impl Fn(&[f64; 3]) -> [f64; 3]) -> Matrix {
+fn from_images(image: impl Fn(&[f64; 3]) -> [f64; 3]) -> Matrix {
     let columns: Matrix = std::array::from_fn(|k| image(&unit(k)));
     transposed(&columns)
 }
@@ -43,7 +43,7 @@ pub(super) fn exponential(v: &[f64; 3]) -> Matrix {
     let t = norm(v);
     let sine = if t == 0.0 { 1.0 } else { t.sin() / t };
     let [second, _] = coefficients(t);
-    of_columns(|e| {
+    from_images(|e| {
         let once = cross(v, e);
         along(&along(e, sine, &once), second, &cross(v, &once))
     })
@@ -62,7 +62,7 @@ pub(super) fn turning(v: &[f64; 3], x: &[f64; 3]) -> [f64; 3] {
 /// *Stochastic Models, Information Theory, and Lie Groups* 2, 2012).
 pub(super) fn left_jacobian(v: &[f64; 3]) -> Matrix {
     let [second, third] = coefficients(norm(v));
-    of_columns(|e| {
+    from_images(|e| {
         let once = cross(v, e);
         along(&along(e, second, &once), third, &cross(v, &once))
     })

@@ -7,7 +7,7 @@ use super::error::NoOutline;
 use super::outline::Outline;
 use crate::region::vector::dot;
 use crate::region::{
-    Bounds, Facet, Intervals, MOST_FACETS, area_vector, around, boxes_overlap, squared_distance,
+    Bounds, Facet, Intervals, MAX_FACETS, area_vector, around, boxes_overlap, squared_distance,
 };
 
 /// The shape of a rigid tool, in the frame of the tool. In axisymmetry, the plane shapes are sections (r, y).
@@ -79,7 +79,7 @@ pub trait Shape<const D: usize>: Debug + Send + Sync {
             return Err(NoOutline::Unbounded);
         }
         // The surface area of a convex body is at most that of its bounding box.
-        if 4.0 * D as f64 * (extent / size).powi(D as i32 - 1) > MOST_FACETS as f64 {
+        if 4.0 * D as f64 * (extent / size).powi(D as i32 - 1) > MAX_FACETS as f64 {
             return Err(NoOutline::TooMany);
         }
         let mut facets = self.pieces(size).ok_or(NoOutline::Unbounded)?;
@@ -90,7 +90,7 @@ pub trait Shape<const D: usize>: Debug + Send + Sync {
                 *facet = facet.turned();
             }
         }
-        Ok(Outline::of(&facets))
+        Ok(Outline::new(&facets))
     }
 
     /// The outline of a bounded shape. For an unbounded shape, the part within a square (segment) of this half width,

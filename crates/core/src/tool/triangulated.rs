@@ -35,11 +35,11 @@ impl TriangulatedSurface {
     /// # Errors
     /// [`ShapeError::Surface`], as [`Surface::new`].
     pub fn new(triangles: &[Triangle]) -> Result<Self, ShapeError> {
-        Ok(Self::of(Arc::new(Surface::new(triangles)?)))
+        Ok(Self::from_surface(Arc::new(Surface::new(triangles)?)))
     }
 
     /// The tool with this closed surface.
-    pub fn of(surface: Arc<Surface>) -> Self {
+    pub fn from_surface(surface: Arc<Surface>) -> Self {
         let Neighbours { corners, number, beyond, touching } = surface.neighbours();
         let normals: Vec<[f64; 3]> = surface.triangles().iter().map(unit_normal).collect();
         let mut pseudonormals = vec![[0.0; 3]; number];

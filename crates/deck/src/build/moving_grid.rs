@@ -4,7 +4,7 @@ use super::Builder;
 use crate::quoting::quote;
 use crate::region::OfDeck;
 use crate::{AXES, FollowDeck, GridDeck};
-use mpm_core::grid::{LEAST_SIZE, Structured};
+use mpm_core::grid::{MIN_SIZE, Structured};
 use mpm_core::model::{FollowError, FollowingLines, GridMotionError, Model};
 use mpm_core::region::Region;
 
@@ -97,7 +97,7 @@ where
             }
             _ => {
                 let help = format!(
-                    "keep cells above {LEAST_SIZE} of their original size: prescribe smaller displacements, leave more cells \
+                    "keep cells above {MIN_SIZE} of their original size: prescribe smaller displacements, leave more cells \
                      between lines that move and those that stay, or let the end of the grid follow as well"
                 );
                 ("/grid/follow".to_owned(), help)

@@ -37,16 +37,17 @@ pub(super) fn all(directory: &Path) -> io::Result<Vec<(usize, Option<usize>, Pat
     let mut found = Vec::new();
     for entry in std::fs::read_dir(directory)? {
         let path = entry?.path();
-        let of = path.file_name().and_then(|name| name.to_str()).and_then(step_and_rank);
+        let named = path.file_name().and_then(|name| name.to_str()).and_then(step_and_rank);
         // Anything else with such a name, for example a directory, was not written by a run.
-        found.extend(of.filter(|_| path.is_file()).map(|(step, rank)| (step, rank, path)));
+        found.extend(named.filter(|_| path.is_file()).map(|(step, rank)| (step, rank, path)));
     }
     Ok(found)
 }
 
 /// The pieces of checkpoints before a step.
 pub(super) fn pieces_before(directory: &Path, step: usize) -> io::Result<Vec<PathBuf>> {
-    let is_before =
-        |(of, rank, path): (usize, Option<usize>, PathBuf)| (of < step && rank.is_some()).then_some(path);
+    let is_before = |(number, rank, path): (usize, Option<usize>, PathBuf)| {
+        (number < step && rank.is_some()).then_some(path)
+    };
     Ok(all(directory)?.into_iter().filter_map(is_before).collect())
 }

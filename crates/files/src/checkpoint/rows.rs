@@ -58,7 +58,7 @@ impl Rows {
         for (place, id) in self.id.iter().enumerate() {
             places[division.rank_of(*id)].push(place);
         }
-        let of_rank = |places: &Vec<usize>| Rows {
+        let chosen = |places: &Vec<usize>| Rows {
             id: places.iter().map(|place| self.id[*place]).collect(),
             cell: places.iter().map(|place| self.cell[*place]).collect(),
             fields: (self.fields.iter().zip(&self.components))
@@ -68,7 +68,7 @@ impl Rows {
                 .collect(),
             ..Rows::default()
         };
-        let messages = places.iter().map(of_rank).enumerate().filter(|(_, rows)| !rows.id.is_empty());
+        let messages = places.iter().map(chosen).enumerate().filter(|(_, rows)| !rows.id.is_empty());
         let received = ranks.exchange(messages.collect());
         let n = self.components.len();
         let mut own = Rows {

@@ -61,7 +61,7 @@ fn the_last_two_are_kept_and_read_back_exactly() {
 /// Number, mass and a stress of each point that `n` ranks restore from the last checkpoint, the step of this
 /// checkpoint, and the refused files.
 fn restored(directory: &Path, n: usize) -> (Vec<(u32, f64, f64)>, usize, Vec<String>) {
-    let of_ranks = threads::run(n, |ranks| {
+    let by_rank = threads::run(n, |ranks| {
         let (_, model, mut points) = analysis_on(&ranks);
         let (found, refused) = latest(directory, &ranks).unwrap();
         let found = found.unwrap();
@@ -70,13 +70,13 @@ fn restored(directory: &Path, n: usize) -> (Vec<(u32, f64, f64)>, usize, Vec<Str
             ranks.is_alone() || points.partition.rank_of(model.grid.as_ref(), *cell) == ranks.own()
         };
         assert!(points.cell.iter().all(here));
-        let of_point = |p: usize| (points.id[p], points.mass[p], points.converged.kirchhoff_stress[p].0[2]);
-        let of_points: Vec<_> = (0..points.len()).map(of_point).collect();
-        (of_points, found.step().index, refused.iter().map(ToString::to_string).collect::<Vec<_>>())
+        let state = |p: usize| (points.id[p], points.mass[p], points.converged.kirchhoff_stress[p].0[2]);
+        let states: Vec<_> = (0..points.len()).map(state).collect();
+        (states, found.step().index, refused.iter().map(ToString::to_string).collect::<Vec<_>>())
     });
-    let (step, refused) = (of_ranks[0].1, of_ranks[0].2.clone());
-    assert!(of_ranks.iter().all(|of| (of.1, &of.2) == (step, &refused)));
-    let mut all: Vec<(u32, f64, f64)> = of_ranks.into_iter().flat_map(|of| of.0).collect();
+    let (step, refused) = (by_rank[0].1, by_rank[0].2.clone());
+    assert!(by_rank.iter().all(|found| (found.1, &found.2) == (step, &refused)));
+    let mut all: Vec<(u32, f64, f64)> = by_rank.into_iter().flat_map(|found| found.0).collect();
     all.sort_by_key(|(id, ..)| *id);
     (all, step, refused)
 }

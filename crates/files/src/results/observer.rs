@@ -109,22 +109,22 @@ impl Results {
         if ranks.any(begun.is_err()) || self.every == 0 || self.last.index > 0 {
             return begun;
         }
-        let mut frames = self.frames.of_points(model, points, self.last);
+        let mut frames = self.frames.point_frames(model, points, self.last);
         // The connectivity of the undeformed points is needed only to show the active cells.
         let methods = model.methods();
         let mut copy = points.clone();
         if let Ok(links) = Connectivity::new(model.grid.as_ref(), &mut copy, &methods) {
             let zero = vec![[0.0; D]; links.n_active()];
-            let frame = self.frames.of_grid(model, &links, &on_nodes(&zero, &zero), self.last);
+            let frame = self.frames.grid_frame(model, &links, &on_nodes(&zero, &zero), self.last);
             frames = frames.and_then(|frames| joined(frames, frame.map(Some)));
         }
         drop(copy);
         let surfaces = Surfaces::at_start(model, points);
         if ranks.is_root() {
-            let frame = self.frames.of_surfaces(&surfaces, self.last);
+            let frame = self.frames.surface_frame(&surfaces, self.last);
             frames = frames.and_then(|frames| joined(frames, frame));
-            let of_tools = self.frames.of_tools(model, &Contact::at_start(model), self.last);
-            frames = frames.and_then(|frames| joined(frames, of_tools));
+            let tool_frames = self.frames.tool_frames(model, &Contact::at_start(model), self.last);
+            frames = frames.and_then(|frames| joined(frames, tool_frames));
         }
         self.show(self.last, frames, ranks)
     }
@@ -150,25 +150,25 @@ impl Results {
             return settled;
         }
         if is_due {
-            let mut frames = self.frames.of_points(model, points, report.step);
+            let mut frames = self.frames.point_frames(model, points, report.step);
             let GridFields { links, delta_d, reaction, .. } = &report.grid;
-            let of_grid = self.frames.of_grid(model, links, &on_nodes(delta_d, reaction), report.step);
-            frames = frames.and_then(|frames| joined(frames, of_grid.map(Some)));
+            let grid_frame = self.frames.grid_frame(model, links, &on_nodes(delta_d, reaction), report.step);
+            frames = frames.and_then(|frames| joined(frames, grid_frame.map(Some)));
             if ranks.is_root() {
-                let of_surfaces = self.frames.of_surfaces(&report.surfaces, report.step);
-                frames = frames.and_then(|frames| joined(frames, of_surfaces));
-                let of_tools = self.frames.of_tools(model, &report.tools, report.step);
-                frames = frames.and_then(|frames| joined(frames, of_tools));
+                let surface_frame = self.frames.surface_frame(&report.surfaces, report.step);
+                frames = frames.and_then(|frames| joined(frames, surface_frame));
+                let tool_frames = self.frames.tool_frames(model, &report.tools, report.step);
+                frames = frames.and_then(|frames| joined(frames, tool_frames));
             }
             let shown = self.show(report.step, frames, ranks);
             if ranks.any(shown.is_err()) {
                 return shown;
             }
         }
-        let of_quality = row_of_quality(report, summary, &self.findings);
+        let quality_row = row_of_quality(report, summary, &self.findings);
         let tabulated = self.tabulate(|tables| {
             tables.history.push(&row)?;
-            tables.quality.push(&of_quality)
+            tables.quality.push(&quality_row)
         });
         if ranks.any(tabulated.is_err()) {
             return tabulated;
@@ -217,7 +217,7 @@ impl Results {
         if !self.lacks_last(&points.ranks) {
             return Ok(());
         }
-        let frames = self.frames.of_points(model, points, self.last);
+        let frames = self.frames.point_frames(model, points, self.last);
         self.show(self.last, frames, &points.ranks).and_then(|()| self.settle())
     }
 
@@ -232,7 +232,8 @@ impl Results {
         let lost = self.settle();
         let is_lost = ranks.any(lost.is_err());
         let rows = self.failure.take().map_or(Ok(()), Err);
-        let tables = self.tables.iter().flat_map(|of| [&of.history, &of.quality, &of.convergence]);
+        let tables =
+            self.tables.iter().flat_map(|tables| [&tables.history, &tables.quality, &tables.convergence]);
         let tables = tables.map(Table::check).find(Result::is_err).unwrap_or(Ok(()));
         // The last converged step is written even if it is not due, unless `every` is 0.
         let mesh = self.write_last(model, points);
@@ -254,7 +255,7 @@ impl Results {
         // The summary comes last: if it reports a completed run, nothing is missing.
         let own = written.as_ref().err().map(SolveError::output);
         let lost = own.or_else(|| lost.map(|what| SolveError::Output(io::Error::other(what))));
-        let outcome = Outcome::of(error.or(lost.as_ref()));
+        let outcome = Outcome::new(error.or(lost.as_ref()));
         let path = self.directory.join("summary.json");
         let summarised = self.account.write(&path, model, &whole, summary, &self.findings, &outcome);
         written.and(summarised)

@@ -83,7 +83,7 @@ impl Room {
 pub(super) struct Blocks {
     /// Number of bytes of all numbers, and of a full block before compression.
     bytes: usize,
-    of_block: usize,
+    block_bytes: usize,
     streams: Vec<Vec<u8>>,
     room: Room,
 }
@@ -119,7 +119,7 @@ impl Blocks {
         );
         // The first failure in the order of the array, for any number of threads.
         let streams = streams.collect::<Vec<Result<_, String>>>().into_iter().collect::<Result<_, _>>()?;
-        Ok(Blocks { bytes: tuples * size, of_block: in_block * size, streams, room: room.clone() })
+        Ok(Blocks { bytes: tuples * size, block_bytes: in_block * size, streams, room: room.clone() })
     }
 
     /// Length of the array if it begins at an offset among the arrays of a file, [byte].
@@ -142,7 +142,7 @@ impl Blocks {
         let lengths = self.streams.iter().map(Vec::len);
         let zeros = self.zeros(place + 8 * (3 + self.streams.len()) + lengths.clone().sum::<usize>());
         // A last block that is full is written as "no partial block", size 0.
-        let head = [self.streams.len(), self.of_block, self.bytes % self.of_block];
+        let head = [self.streams.len(), self.block_bytes, self.bytes % self.block_bytes];
         let mut words: Vec<usize> = head.into_iter().chain(lengths).collect();
         if let Some(last) = words.last_mut().filter(|_| zeros > 0) {
             *last += zeros;

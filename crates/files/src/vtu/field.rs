@@ -138,14 +138,14 @@ impl Encoded {
             Values::Int32(values) => whole(values, *components, room),
             Values::UInt8(values) => whole(values, *components, room),
             Values::Float64(values) => {
-                let of = |tuples: Range<usize>, out: &mut [f64]| {
+                let values_of = |tuples: Range<usize>, out: &mut [f64]| {
                     out.copy_from_slice(&values[tuples.start * components..tuples.end * components]);
                 };
-                floating(count, *components, precision, room, &of, &not_finite)
+                floating(count, *components, precision, room, &values_of, &not_finite)
             }
             Values::Computed(values) => {
-                let of = |tuples: Range<usize>, out: &mut [f64]| values.fill(tuples, out);
-                floating(count, *components, precision, room, &of, &not_finite)
+                let values_of = |tuples: Range<usize>, out: &mut [f64]| values.fill(tuples, out);
+                floating(count, *components, precision, room, &values_of, &not_finite)
             }
         };
         let (name, attributes) = ((*name).to_owned(), field.attributes());

@@ -31,7 +31,7 @@ impl MeshFile {
     pub fn read(path: &Path) -> io::Result<MeshFile> {
         let bytes = std::fs::read(path)?;
         if path.extension().is_some_and(|extension| extension == pieces::EXTENSION) {
-            MeshFile::of_pieces(path, &bytes)
+            MeshFile::from_list(path, &bytes)
         } else {
             MeshFile::from_bytes(path, bytes)
         }
@@ -42,7 +42,7 @@ impl MeshFile {
     }
 
     /// Reads the pieces that a list in these bytes names.
-    fn of_pieces(path: &Path, bytes: &[u8]) -> io::Result<MeshFile> {
+    fn from_list(path: &Path, bytes: &[u8]) -> io::Result<MeshFile> {
         let directory = path.parent().unwrap_or(Path::new(""));
         let names = std::str::from_utf8(bytes).map_err(|error| error.to_string());
         let names =
@@ -121,9 +121,9 @@ impl MeshFile {
         }
         let (mut all, mut points, mut corners) = (Vec::new(), 0, 0.0);
         for piece in &self.pieces {
-            let of_piece = piece.array(array.section, &array.name);
+            let found = piece.array(array.section, &array.name);
             let differs = || self.invalid(&format!("a piece lacks the array `{}`", array.name));
-            let mut values = piece.decode(of_piece.ok_or_else(differs)?)?;
+            let mut values = piece.decode(found.ok_or_else(differs)?)?;
             match (array.section, array.name.as_str()) {
                 (Section::FieldData, _) => return Ok(values),
                 (Section::Cells, "connectivity") => {
@@ -138,15 +138,15 @@ impl MeshFile {
             points += piece.points;
             all.extend(values);
         }
-        let Some([of_points, of_cells]) = &self.order else { return Ok(all) };
+        let Some([point_order, cell_order]) = &self.order else { return Ok(all) };
         let order = match (array.section, array.name.as_str()) {
             // Corners follow one another in the order of the cells.
             (Section::Cells, "connectivity") => {
                 return Ok((0..all.len()).map(|corner| corner as f64).collect());
             }
-            (Section::Cells, "offsets") => return Ok(ends_in_order(&all, of_cells)),
-            (Section::Points | Section::PointData, _) => of_points,
-            _ => of_cells,
+            (Section::Cells, "offsets") => return Ok(ends_in_order(&all, cell_order)),
+            (Section::Points | Section::PointData, _) => point_order,
+            _ => cell_order,
         };
         let n = array.components;
         if order.len() * n != all.len() {
@@ -260,9 +260,9 @@ mod tests {
         let squares: Vec<f64> = ids.iter().flat_map(|id| [f64::from(*id), f64::from(id * id)]).collect();
         let values = Values::Float64(&squares);
         let square = Field { name: "square", components: 2, component_names: &["A", "B"], values };
-        let (of_points, of_cells): (&[Field], &[Field]) =
+        let (point_fields, cell_fields): (&[Field], &[Field]) =
             if in_points { (&[id, square], &[]) } else { (&[], &[id, square]) };
-        super::super::file(0.5, 12, &mesh, of_points, of_cells).unwrap()
+        super::super::file(0.5, 12, &mesh, point_fields, cell_fields).unwrap()
     }
 
     #[test]

@@ -11,7 +11,7 @@ use crate::objects::{Matrix, Solver, Vector};
 
 /// Extra working space of MUMPS for pivoting, [%]; it is doubled after each failure for lack of space.
 const ROOM: PetscInt = 20;
-const MOST_ROOM: PetscInt = 1280;
+const MAX_ROOM: PetscInt = 1280;
 
 /// MUMPS errors for lack of working space, the need for which depends on the pivots.
 const TOO_LITTLE_ROOM: [PetscInt; 7] = [-8, -9, -11, -14, -15, -17, -20];
@@ -87,7 +87,7 @@ impl Factor {
                 return Err(LinearError::Singular { unknown: None });
             }
             let wants_room = TOO_LITTLE_ROOM.contains(&status);
-            if !wants_room || room >= MOST_ROOM {
+            if !wants_room || room >= MAX_ROOM {
                 let is_memory = wants_room || OUT_OF_MEMORY.contains(&status);
                 return Err(match status {
                     _ if is_memory => LinearError::OutOfMemory { needed: None },

@@ -121,7 +121,7 @@ impl<const D: usize> Part<D> {
             kind == Kind::Loose || places[node][0] > 0 && (component > 0 || places[node][D - 1] != 2)
         });
         let symmetric = kind != Kind::Unsymmetric;
-        let [of_element, weak] = [stiffness::<D>(kind, 2), stiffness::<D>(kind, 1)];
+        let [strong, weak] = [stiffness::<D>(kind, 2), stiffness::<D>(kind, 1)];
         let mut columns: Vec<std::collections::BTreeMap<u32, Block<D>>> =
             vec![Default::default(); nodes.len()];
         for place in &own {
@@ -129,7 +129,7 @@ impl<const D: usize> Part<D> {
                 .map(|k| nodes.binary_search(&node_at(elements, corner_of(*place, k))).expect("an own node"))
                 .collect();
             let is_weak = kind == Kind::Weak && place[0] + 1 == elements[0];
-            let of_element = if is_weak { &weak } else { &of_element };
+            let element = if is_weak { &weak } else { &strong };
             let stiff = 1.0 + f64::from(place[0] % 3) + 0.1 * f64::from(place[D - 1]);
             let stiff = if is_weak { 1e-8 * stiff } else { stiff };
             for a in 0..corners {
@@ -140,7 +140,7 @@ impl<const D: usize> Part<D> {
                     let block = columns[active[b]].entry(active[a] as u32).or_insert([[0.0; D]; D]);
                     for i in 0..D {
                         for k in 0..D {
-                            block[i][k] += stiff * of_element[a][b][i][k];
+                            block[i][k] += stiff * element[a][b][i][k];
                         }
                     }
                 }
@@ -177,10 +177,10 @@ impl<const D: usize> Part<D> {
     }
 
     fn clear_held(&self, field: &[[f64; D]]) -> Vec<[f64; D]> {
-        let of_node = |(node, x): (usize, &[f64; D])| {
+        let free = |(node, x): (usize, &[f64; D])| {
             std::array::from_fn(|k| if self.numbering.unknown(node, k).is_some() { x[k] } else { 0.0 })
         };
-        field.iter().enumerate().map(of_node).collect()
+        field.iter().enumerate().map(free).collect()
     }
 
     /// Prepares a backend, factorises the matrix and solves for [`Part::load`].
@@ -254,6 +254,6 @@ pub fn expected<const D: usize>(elements: [u32; D], kind: Kind) -> (Factorisatio
 /// The largest deviation of a solution at own and foreign nodes, relative to the largest expected number.
 pub fn deviation<const D: usize>(part: &Part<D>, x: &[[f64; D]], expected: &[[f64; D]]) -> f64 {
     let size = expected.as_flattened().iter().fold(0.0, |size: f64, x| size.max(x.abs()));
-    let of_node = part.nodes.iter().zip(x).flat_map(|(node, x)| x.iter().zip(&expected[*node as usize]));
-    of_node.fold(0.0, |most: f64, (a, b)| most.max((a - b).abs())) / size
+    let pairs = part.nodes.iter().zip(x).flat_map(|(node, x)| x.iter().zip(&expected[*node as usize]));
+    pairs.fold(0.0, |most: f64, (a, b)| most.max((a - b).abs())) / size
 }

@@ -23,7 +23,7 @@ const LETTER: f64 = 6.6;
 /// Largest number of letters of a name that are shown.
 const LONGEST_NAME: usize = 26;
 /// Largest number of points drawn for a curve.
-const MOST_POINTS: usize = 1600;
+const MAX_POINTS: usize = 1600;
 
 /// Style of a curve.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -333,11 +333,11 @@ fn apart(wanted: &[f64], distance: f64, [low, high]: [f64; 2]) -> Vec<f64> {
 /// The points of a curve, thinned so that it looks the same.
 fn thinned(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let finite: Vec<[f64; 2]> = points.iter().copied().filter(|p| p.iter().all(|c| c.is_finite())).collect();
-    if finite.len() <= MOST_POINTS {
+    if finite.len() <= MAX_POINTS {
         return finite;
     }
-    let group = finite.len().div_ceil(MOST_POINTS / 4);
-    let mut kept = Vec::with_capacity(MOST_POINTS);
+    let group = finite.len().div_ceil(MAX_POINTS / 4);
+    let mut kept = Vec::with_capacity(MAX_POINTS);
     for points in finite.chunks(group) {
         let extreme = |sign: f64| {
             let order = |(_, a): &(usize, &[f64; 2]), (_, b): &(usize, &[f64; 2])| {
@@ -427,7 +427,7 @@ mod tests {
         points[54_321][1] = 7.0;
         points[54_322][1] = -7.0;
         let thin = thinned(&points);
-        assert!(thin.len() <= MOST_POINTS);
+        assert!(thin.len() <= MAX_POINTS);
         assert!(thin.contains(&points[54_321]) && thin.contains(&points[54_322]));
         assert_eq!((thin[0], thin[thin.len() - 1]), (points[0], points[99_999]));
         assert!(thin.windows(2).all(|pair| pair[0][0] < pair[1][0]));

@@ -92,7 +92,7 @@ fn outcome(page: &mut Page, runs: &[Run], naming: &Naming) {
     let mut columns: Vec<(String, String, Quantity)> = Vec::new();
     for (letter, quantity) in [('u', Quantity::Length), ('r', Quantity::Force)] {
         for component in curves::components(runs, letter) {
-            let name = format!("{letter}<sub>{}</sub> {}", component.axis, escape(&component.of));
+            let name = format!("{letter}<sub>{}</sub> {}", component.axis, escape(&component.name));
             columns.push((component.column, name, quantity));
         }
     }
@@ -218,7 +218,7 @@ fn load_and_displacement(page: &mut Page, runs: &[Run], naming: &Naming) {
         return;
     }
     page.section("Load and displacement");
-    let against = Progress::of(runs).name();
+    let against = Progress::common(runs).name();
     if let Some((caption, chart)) = curves::load_displacement(runs) {
         page.figure(&caption, &chart.svg(naming));
     }
@@ -230,11 +230,11 @@ fn load_and_displacement(page: &mut Page, runs: &[Run], naming: &Naming) {
                 continue;
             }
             let name = format!("{what} of {}", component.label());
-            let chart = curves::of_runs(runs, &component.column, &name, quantity);
+            let chart = curves::across_runs(runs, &component.column, &name, quantity);
             let caption = format!(
                 "{} of <code>{}</code> along {} against {against}.",
                 if letter == 'u' { "Displacement" } else { "Reaction" },
-                escape(&component.of),
+                escape(&component.name),
                 component.axis
             );
             page.figure(&caption, &chart.svg(naming));
@@ -259,18 +259,18 @@ fn deformed_points(
     let mut snapshots = Vec::new();
     for run in shown.iter().copied() {
         let found = StepChoice::find_all(&options.steps, &run.points);
-        let last = found.map_err(|error| error.of_run(&run.name))?.pop();
+        let last = found.map_err(|error| error.in_run(&run.name))?.pop();
         snapshots.extend(last.map(|snapshot| (run, snapshot)));
     }
     let all: Vec<Snapshot> = snapshots.iter().map(|(_, snapshot)| snapshot.clone()).collect();
     for (number, field) in options.fields(&all)?.iter().enumerate() {
         let mut scenes = Vec::new();
         for (run, snapshot) in &snapshots {
-            let progress = Progress::of(std::slice::from_ref(*run));
+            let progress = Progress::common(std::slice::from_ref(*run));
             let at = plain(progress.at(run, snapshot.time), 4);
             let title = format!("{}: step {}, {} {at}", run.name, snapshot.step, progress.name());
             let scene = Scene::read(run, snapshot, field, title);
-            scenes.push(scene.map_err(|error| error.of_run(&run.name))?);
+            scenes.push(scene.map_err(|error| error.in_run(&run.name))?);
         }
         let gallery = Gallery::new(&scenes, field);
         page.figure(&gallery.caption(naming), &gallery.html(naming, &format!("colours-{number}"))?);
@@ -315,20 +315,20 @@ fn quality(page: &mut Page, runs: &[Run]) {
         "#Newton order",
     ];
     let table = table_of_runs(runs, heads.map(str::to_owned), |run| {
-        let of = |pointer: &str, scale: f64| {
+        let measure = |pointer: &str, scale: f64| {
             Cell::maybe(
                 run.summary["quality"].pointer(pointer).and_then(|v| v.as_f64()).map(|v| scale * v),
                 3,
             )
         };
         vec![
-            of("/partition_of_unity_loss/value", 1.0),
-            of("/domain_outside_grid/value", 100.0),
-            of("/smallest_cell_filling/value", 100.0),
-            of("/domain_overlap", 100.0),
-            of("/det_f/min", 1.0),
-            of("/det_f/max", 1.0),
-            of("/newton_order/median", 1.0),
+            measure("/partition_of_unity_loss/value", 1.0),
+            measure("/domain_outside_grid/value", 100.0),
+            measure("/smallest_cell_filling/value", 100.0),
+            measure("/domain_overlap", 100.0),
+            measure("/det_f/min", 1.0),
+            measure("/det_f/max", 1.0),
+            measure("/newton_order/median", 1.0),
         ]
     });
     page.table(

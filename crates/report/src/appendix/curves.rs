@@ -11,9 +11,9 @@ use super::stages::{bands_over_steps, bands_over_time};
 use super::units::Quantity;
 
 /// Largest number of curves in one chart.
-const MOST_CURVES: usize = 12;
+const MAX_CURVES: usize = 12;
 /// Largest number of steps whose residuals are drawn.
-const MOST_STEPS: usize = 40;
+const MAX_STEPS: usize = 40;
 /// Forces and displacements below this share of the largest count as round-off.
 const ROUND_OFF: f64 = 1e-9;
 /// Names of the axes.
@@ -26,7 +26,7 @@ pub(super) struct Progress {
 
 impl Progress {
     /// The abscissa that suits all runs.
-    pub fn of(runs: &[Run]) -> Progress {
+    pub fn common(runs: &[Run]) -> Progress {
         Progress { by_factor: runs.iter().all(|run| run.is_ramp() && run.end_time().is_some()) }
     }
 
@@ -71,7 +71,7 @@ pub(super) struct Component {
     /// The column.
     pub column: String,
     /// Name of the boundary condition, load or probe.
-    pub of: String,
+    pub name: String,
     /// Axis of the component.
     pub axis: &'static str,
 }
@@ -79,7 +79,7 @@ pub(super) struct Component {
 impl Component {
     /// Name and axis.
     pub fn label(&self) -> String {
-        format!("{} {}", self.of, self.axis)
+        format!("{} {}", self.name, self.axis)
     }
 }
 
@@ -95,7 +95,7 @@ pub(super) fn components(runs: &[Run], letter: char) -> Vec<Component> {
         for axis in AXES {
             for name in run.names_before(&format!("_{letter}{axis}")) {
                 let component =
-                    Component { column: format!("{name}_{letter}{axis}"), of: name.to_owned(), axis };
+                    Component { column: format!("{name}_{letter}{axis}"), name: name.to_owned(), axis };
                 if !found.contains(&component) {
                     found.push(component);
                 }
@@ -107,8 +107,8 @@ pub(super) fn components(runs: &[Run], letter: char) -> Vec<Component> {
     let most = found.iter().map(size).fold(0.0, f64::max);
     found.retain(|component| size(component) > ROUND_OFF * most);
     // In the order of the deck, with the axes of one entry together.
-    let order: Vec<String> = found.iter().map(|component| component.of.clone()).collect();
-    found.sort_by_key(|component| (order.iter().position(|of| *of == component.of), component.axis));
+    let order: Vec<String> = found.iter().map(|component| component.name.clone()).collect();
+    found.sort_by_key(|component| (order.iter().position(|name| *name == component.name), component.axis));
     found
 }
 
@@ -116,14 +116,14 @@ fn chart(description: String, x: Axis, y: Axis, curves: Vec<Curve>) -> Chart {
     Chart { description, x, y, curves, levels: Vec::new(), bands: Vec::new(), height: 320.0 }
 }
 
-/// The components of one run against load factor or time, in charts of at most [`MOST_CURVES`] curves.
+/// The components of one run against load factor or time, in charts of at most [`MAX_CURVES`] curves.
 pub(super) fn against_load(
     run: &Run,
     components: &[Component],
     name: &str,
     quantity: Quantity,
 ) -> Vec<Chart> {
-    let progress = Progress::of(std::slice::from_ref(run));
+    let progress = Progress::common(std::slice::from_ref(run));
     let chart_of = |group: &[Component]| {
         let curve = |(number, component): (usize, &Component)| Curve {
             name: component.label(),
@@ -135,12 +135,12 @@ pub(super) fn against_load(
         let chart = chart(description, progress.axis(), Axis::new(name, quantity), curves);
         Chart { bands: bands_over_time(run), ..chart }
     };
-    components.chunks(MOST_CURVES).map(chart_of).collect()
+    components.chunks(MAX_CURVES).map(chart_of).collect()
 }
 
 /// A component in all runs, against load factor or time.
-pub(super) fn of_runs(runs: &[Run], column: &str, name: &str, quantity: Quantity) -> Chart {
-    let progress = Progress::of(runs);
+pub(super) fn across_runs(runs: &[Run], column: &str, name: &str, quantity: Quantity) -> Chart {
+    let progress = Progress::common(runs);
     let curve = |(number, run): (usize, &Run)| Curve {
         name: run.name.clone(),
         points: progress.points(run, column),
@@ -161,11 +161,11 @@ pub(super) fn load_displacement(runs: &[Run]) -> Option<(String, Chart)> {
     let displacement = components(runs, 'u').into_iter().max_by(|a, b| size(a).total_cmp(&size(b)))?;
     let moves = |name: &str| runs.iter().any(|run| run.moves(name));
     let mut reactions = components(runs, 'r');
-    let is_driven = reactions.iter().any(|reaction| moves(&reaction.of));
-    reactions.retain(|reaction| !is_driven || moves(&reaction.of));
+    let is_driven = reactions.iter().any(|reaction| moves(&reaction.name));
+    reactions.retain(|reaction| !is_driven || moves(&reaction.name));
     let loads = if is_driven { Vec::new() } else { components(runs, 'f') };
-    let of_loads = loads.iter().any(|load| load.of != loads[0].of);
-    let forces = if of_loads {
+    let has_several_loads = loads.iter().any(|load| load.name != loads[0].name);
+    let forces = if has_several_loads {
         loads
     } else {
         reactions.into_iter().max_by(|a, b| size(a).total_cmp(&size(b))).into_iter().collect()
@@ -174,32 +174,34 @@ pub(super) fn load_displacement(runs: &[Run]) -> Option<(String, Chart)> {
         forces.iter().chain([&displacement]).all(|component| !run.column(&component.column).is_empty())
     };
     let number_of_curves = runs.len() * forces.len();
-    if number_of_curves == 0 || number_of_curves > MOST_CURVES || !runs.iter().all(has_all) {
+    if number_of_curves == 0 || number_of_curves > MAX_CURVES || !runs.iter().all(has_all) {
         return None;
     }
-    let progress = Progress::of(runs);
+    let progress = Progress::common(runs);
     let mut curves = Vec::new();
     for run in runs {
         for force in &forces {
             let displacements = progress.points(run, &displacement.column);
             let values = progress.points(run, &force.column);
             let points = displacements.iter().zip(values).map(|(u, r)| [u[1], r[1]]).collect();
-            let parts = [(runs.len() > 1).then(|| run.name.clone()), of_loads.then(|| force.label())];
+            let parts =
+                [(runs.len() > 1).then(|| run.name.clone()), has_several_loads.then(|| force.label())];
             let name = parts.into_iter().flatten().collect::<Vec<_>>().join(", ");
             curves.push(Curve { name, points, look: Look::Number(curves.len()) });
         }
     }
     let x = Axis::new(&format!("displacement of {}", displacement.label()), Quantity::Length);
-    let what = if of_loads { "load".to_owned() } else { format!("reaction of {}", forces[0].label()) };
+    let what =
+        if has_several_loads { "load".to_owned() } else { format!("reaction of {}", forces[0].label()) };
     let chart = chart(format!("{what} against {}", x.name), x, Axis::new(&what, Quantity::Force), curves);
-    let force = if of_loads {
+    let force = if has_several_loads {
         "resultant of each load".to_owned()
     } else {
-        format!("reaction of <code>{}</code> along {}", escape(&forces[0].of), forces[0].axis)
+        format!("reaction of <code>{}</code> along {}", escape(&forces[0].name), forces[0].axis)
     };
     let caption = format!(
         "Load and displacement: {force} against displacement of <code>{}</code> along {}.",
-        escape(&displacement.of),
+        escape(&displacement.name),
         displacement.axis
     );
     Some((caption, chart))
@@ -207,7 +209,7 @@ pub(super) fn load_displacement(runs: &[Run]) -> Option<(String, Chart)> {
 
 /// Work and energy of a run against load factor or time.
 pub(super) fn energies(run: &Run) -> Chart {
-    let progress = Progress::of(std::slice::from_ref(run));
+    let progress = Progress::common(std::slice::from_ref(run));
     let named = [("external work", "external_work"), ("strain energy", "strain_energy")];
     let curve = |(number, (name, column)): (usize, (&str, &str))| Curve {
         name: name.to_owned(),
@@ -228,7 +230,7 @@ pub(super) fn residuals(run: &Run) -> Option<(Chart, usize, usize)> {
         _ => None,
     };
     let (first, last) = (steps.first()?.0, steps.last()?.0);
-    let stride = steps.len().div_ceil(MOST_STEPS);
+    let stride = steps.len().div_ceil(MAX_STEPS);
     let longest = (0..steps.len()).rev().max_by_key(|index| steps[*index].1.len())?;
     let is_drawn =
         |index: usize| index.is_multiple_of(stride) || index == longest || index + 1 == steps.len();

@@ -84,7 +84,7 @@ pub enum ReportError {
     },
     /// A field or a load step is missing in one of several runs.
     #[error("the run {}: {error}", quote(run))]
-    OfRun {
+    InRun {
         /// Name of the run.
         run: String,
         /// What is missing.
@@ -114,10 +114,10 @@ impl ReportError {
     }
 
     /// The same error, in one of several runs; errors that already name a file or directory are unchanged.
-    pub(super) fn of_run(self, run: &str) -> ReportError {
+    pub(super) fn in_run(self, run: &str) -> ReportError {
         match self {
             ReportError::NoField { .. } | ReportError::NoComponent { .. } | ReportError::NoStep { .. } => {
-                ReportError::OfRun { run: run.to_owned(), error: Box::new(self) }
+                ReportError::InRun { run: run.to_owned(), error: Box::new(self) }
             }
             other => other,
         }

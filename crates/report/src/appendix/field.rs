@@ -54,7 +54,7 @@ impl FieldChoice {
     }
 
     /// The fields that show a mechanism, displacement and equivalent plastic strain, if a state has them.
-    pub(super) fn of_mechanism(snapshot: &Snapshot) -> Result<Vec<FieldChoice>, ReportError> {
+    pub(super) fn mechanism(snapshot: &Snapshot) -> Result<Vec<FieldChoice>, ReportError> {
         let mesh = read_mesh(&snapshot.path)?;
         let is_there = |name: &&str| mesh.arrays(Section::PointData).any(|array| array.name == *name);
         let names = ["displacement", "equivalent_plastic_strain"].into_iter().filter(is_there);
@@ -77,7 +77,7 @@ impl FieldChoice {
 
     /// The quantity of the field; a plain number if it is unknown.
     pub(super) fn quantity(&self) -> Quantity {
-        Quantity::of_field(&self.name).unwrap_or(Quantity::Number)
+        Quantity::from_field(&self.name).unwrap_or(Quantity::Number)
     }
 
     /// One number for each point of a mesh.

@@ -225,8 +225,8 @@ impl Run {
     /// True if the boundary condition of this name moves its nodes.
     pub fn moves(&self, name: &str) -> bool {
         let conditions = self.deck.iter().flat_map(|deck| &deck.boundary_conditions);
-        let of_name = conditions.filter(|condition| condition.name == name);
-        of_name.into_iter().any(BoundaryConditionDeck::moves)
+        let named = conditions.filter(|condition| condition.name == name);
+        named.into_iter().any(BoundaryConditionDeck::moves)
     }
 
     /// Time at the end of the analysis, [time].

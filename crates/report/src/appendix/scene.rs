@@ -53,11 +53,11 @@ fn polygons(positions: &[[f64; 3]], corners: Vec<Vec<usize>>) -> Vec<Vec<[f64; 2
 
 /// The sides of some cells; a side that neighbours share appears once.
 fn sides(cells: &[Vec<usize>]) -> impl Iterator<Item = [usize; 2]> {
-    let of_cell = |corners: &Vec<usize>| {
+    let cell_sides = |corners: &Vec<usize>| {
         let side = |k: usize| [corners[k], corners[(k + 1) % corners.len()]];
         (0..corners.len()).map(side).map(|[a, b]| [a.min(b), a.max(b)]).collect::<Vec<_>>()
     };
-    cells.iter().flat_map(of_cell).collect::<BTreeSet<_>>().into_iter()
+    cells.iter().flat_map(cell_sides).collect::<BTreeSet<_>>().into_iter()
 }
 
 impl Scene {

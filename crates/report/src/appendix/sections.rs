@@ -43,7 +43,7 @@ pub(super) fn steps_in_words(run: &Run) -> String {
 
 /// A box with the state of a run.
 pub(super) fn banner(page: &mut Page, run: &Run, name: Option<&str>) {
-    let of = name.map_or_else(String::new, |name| format!("<code>{}</code>: ", escape(name)));
+    let prefix = name.map_or_else(String::new, |name| format!("<code>{}</code>: ", escape(name)));
     let class = state_in_words(&run.state);
     let so_far = format!("Load steps in equilibrium: {}.", steps_in_words(run));
     let only = "This page shows only steps in equilibrium.";
@@ -53,22 +53,22 @@ pub(super) fn banner(page: &mut Page, run: &Run, name: Option<&str>) {
                 1 => "The only load step is in equilibrium.".to_owned(),
                 steps => format!("All {steps} load steps are in equilibrium."),
             };
-            format!("<strong>{of}Completed.</strong> {all}")
+            format!("<strong>{prefix}Completed.</strong> {all}")
         }
         State::Failed(code, reason) => {
             let code = code.as_ref().map_or_else(String::new, |code| format!(" with {}", escape(code)));
             let reason = escape(reason);
-            format!("<strong>{of}The analysis failed{code}:</strong> {reason}. {so_far} {only}")
+            format!("<strong>{prefix}The analysis failed{code}:</strong> {reason}. {so_far} {only}")
         }
         State::Interrupted => {
-            format!("<strong>{of}The analysis was interrupted.</strong> {so_far} {only}")
+            format!("<strong>{prefix}The analysis was interrupted.</strong> {so_far} {only}")
         }
-        State::Running => format!("<strong>{of}The analysis is still running.</strong> {so_far} {only}"),
+        State::Running => format!("<strong>{prefix}The analysis is still running.</strong> {so_far} {only}"),
         State::Died => format!(
-            "<strong>{of}The analysis was killed:</strong> its process ended unexpectedly. {so_far} {only}"
+            "<strong>{prefix}The analysis was killed:</strong> its process ended unexpectedly. {so_far} {only}"
         ),
         State::Unknown => format!(
-            "<strong>{of}The outcome of the analysis is unknown:</strong> there is no summary. {so_far} {only}"
+            "<strong>{prefix}The outcome of the analysis is unknown:</strong> there is no summary. {so_far} {only}"
         ),
     };
     page.push(&format!("<p class=\"outcome {class}\" role=\"status\">{text}</p>\n"));
@@ -92,14 +92,14 @@ pub(super) fn messages(page: &mut Page, run: &Run) {
     if !messages.is_empty() {
         page.push("<ul class=\"notes\">\n");
         for message in messages {
-            page.push(&format!("<li>{}</li>\n", of_deck_in_a_line(message)));
+            page.push(&format!("<li>{}</li>\n", deck_message_line(message)));
         }
         page.push("</ul>\n");
     }
 }
 
 /// A message about a deck, as HTML.
-fn of_deck_in_a_line(message: &Value) -> String {
+fn deck_message_line(message: &Value) -> String {
     let text = |key: &str| escape(message[key].as_str().unwrap_or_default());
     let kind = if message["severity"] == "warning" { "Warning" } else { "Note" };
     let help = text("help");

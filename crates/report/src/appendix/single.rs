@@ -182,10 +182,10 @@ fn end_of_run(page: &mut Page, run: &Run, naming: &Naming) {
         caption.push_str(&format!("{}.", share.unwrap_or_default()));
     }
     let sum = along("difference").map(|sum| (Cell::text("Sum"), sum));
-    let of_loads = last_values(run, 'f', &axes);
+    let load_rows = last_values(run, 'f', &axes);
     // Several loads have rows under their names, a single one under `Loads`.
-    if of_loads.len() > 1 {
-        rows.splice(0..0, of_loads);
+    if load_rows.len() > 1 {
+        rows.splice(0..0, load_rows);
     } else {
         rows.splice(0..0, applied.map(|applied| (Cell::text("Loads"), applied)));
     }
@@ -269,14 +269,14 @@ fn load_and_displacement(page: &mut Page, run: &Run, naming: &Naming) {
     }
     let runs = std::slice::from_ref(run);
     page.section("Load and displacement");
-    let against = Progress::of(runs).name();
+    let against = Progress::common(runs).name();
     for chart in curves::against_load(run, &curves::components(runs, 'u'), "displacement", Quantity::Length) {
         page.figure(&format!("Displacements of the probes against {against}."), &chart.svg(naming));
     }
     for chart in curves::against_load(run, &curves::components(runs, 'r'), "reaction", Quantity::Force) {
         page.figure(&format!("Reactions of the boundary conditions against {against}."), &chart.svg(naming));
     }
-    if !Progress::of(runs).is_factor() {
+    if !Progress::common(runs).is_factor() {
         for chart in curves::against_load(run, &curves::components(runs, 'f'), "load", Quantity::Force) {
             page.figure(&format!("Resultants of the loads against {against}."), &chart.svg(naming));
         }
@@ -305,7 +305,7 @@ fn deformed_points(
         return Ok(());
     }
     let snapshots = StepChoice::find_all(&options.steps, &run.points)?;
-    let progress = Progress::of(std::slice::from_ref(run));
+    let progress = Progress::common(std::slice::from_ref(run));
     for (number, field) in options.fields(&snapshots)?.iter().enumerate() {
         let mut scenes = Vec::new();
         for snapshot in &snapshots {
@@ -355,18 +355,18 @@ fn quality(page: &mut Page, run: &Run, naming: &Naming) {
     }
     page.section("Quality");
     let mut table = Table::new(["Measure", "#Value", "Where", "Meaning"]);
-    let place = |of: &Value| {
+    let place = |entry: &Value| {
         let mut parts = Vec::new();
-        parts.extend(of["step"].as_u64().map(|step| format!("step {step}")));
-        parts.extend(of["body"].as_str().map(|body| format!("<code>{}</code>", escape(body))));
-        parts.extend(of["point"].as_u64().map(|point| format!("point {point}")));
-        parts.extend(of["cell"].as_u64().map(|cell| format!("cell {cell}")));
+        parts.extend(entry["step"].as_u64().map(|step| format!("step {step}")));
+        parts.extend(entry["body"].as_str().map(|body| format!("<code>{}</code>", escape(body))));
+        parts.extend(entry["point"].as_u64().map(|point| format!("point {point}")));
+        parts.extend(entry["cell"].as_u64().map(|cell| format!("cell {cell}")));
         Cell::Html(parts.join(", "))
     };
     for (key, name, scale, meaning) in MEASURES {
-        let of = &quality[key];
-        if let Some(value) = of["value"].as_f64().or(of.as_f64()) {
-            table.row([Cell::text(name), Cell::rounded(value * scale, 3), place(of), Cell::text(meaning)]);
+        let entry = &quality[key];
+        if let Some(value) = entry["value"].as_f64().or(entry.as_f64()) {
+            table.row([Cell::text(name), Cell::rounded(value * scale, 3), place(entry), Cell::text(meaning)]);
         }
     }
     if let (Some(min), Some(max)) = (quality["det_f"]["min"].as_f64(), quality["det_f"]["max"].as_f64()) {

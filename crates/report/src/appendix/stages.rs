@@ -39,9 +39,9 @@ pub(super) fn table(page: &mut Page, run: &Run) {
     let heads = ["Stage", "#Steps", "Time", "Changes", "#Iterations", "#Largest residual"];
     let mut table = Table::new(heads);
     for Stage { deck, times, rows } in stages(run) {
-        let of_rows = |column: &str| run.column(column).get(rows.clone()).unwrap_or_default().to_vec();
-        let iterations: f64 = of_rows("iterations").iter().sum();
-        let residual = of_rows("residual").into_iter().reduce(f64::max);
+        let values = |column: &str| run.column(column).get(rows.clone()).unwrap_or_default().to_vec();
+        let iterations: f64 = values("iterations").iter().sum();
+        let residual = values("residual").into_iter().reduce(f64::max);
         let is_reached = !rows.is_empty();
         table.row([
             Cell::name(&deck.name),
@@ -106,8 +106,8 @@ pub(super) fn bands_over_steps(run: &Run) -> Vec<Band> {
 /// belongs to no stage.
 pub(super) fn after_comma(run: &Run, step: usize) -> String {
     let row = run.column("step").iter().position(|number| *number == step as f64);
-    let of_step = row.and_then(|row| stages(run).into_iter().find(|stage| stage.rows.contains(&row)));
-    of_step.map_or_else(String::new, |stage| format!(", {}", stage.deck.name))
+    let current = row.and_then(|row| stages(run).into_iter().find(|stage| stage.rows.contains(&row)));
+    current.map_or_else(String::new, |stage| format!(", {}", stage.deck.name))
 }
 
 /// The load steps of a deck in words, in HTML.

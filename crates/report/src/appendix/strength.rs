@@ -17,7 +17,7 @@ use super::stages::stages;
 use super::units::{Naming, Quantity};
 
 /// Largest number of curves in one chart.
-const MOST_CURVES: usize = 12;
+const MAX_CURVES: usize = 12;
 
 /// The factors between which equilibrium ceases; `None` if the run has not reduced the strength.
 fn bracket(run: &Run) -> Option<StrengthBracket> {
@@ -28,9 +28,9 @@ fn bracket(run: &Run) -> Option<StrengthBracket> {
 fn earlier(run: &Run) -> Vec<String> {
     let all = run.summary.get("strength_reductions").and_then(|all| all.as_array());
     let before_last = all.map(|all| &all[..all.len().saturating_sub(1)]).unwrap_or_default();
-    let sentence = |of: &serde_json::Value| {
-        let found: StrengthBracket = serde_json::from_value(of.clone()).ok()?;
-        Some(format!("In stage {}: {found}.", of["stage"].as_str().unwrap_or_default()))
+    let sentence = |stage: &serde_json::Value| {
+        let found: StrengthBracket = serde_json::from_value(stage.clone()).ok()?;
+        Some(format!("In stage {}: {found}.", stage["stage"].as_str().unwrap_or_default()))
     };
     before_last.iter().filter_map(sentence).collect()
 }
@@ -43,11 +43,11 @@ pub(super) fn factors(run: &Run) -> Vec<(String, String)> {
         Some(all) => all.iter().collect(),
         None => Vec::from_iter(run.summary.get("strength_reduction")),
     };
-    let of_stage = |of: &serde_json::Value| {
-        let (value, _) = in_html(&serde_json::from_value(of.clone()).ok()?)?;
-        Some((of["stage"].as_str().unwrap_or_default().to_owned(), value))
+    let stage_factor = |stage: &serde_json::Value| {
+        let (value, _) = in_html(&serde_json::from_value(stage.clone()).ok()?)?;
+        Some((stage["stage"].as_str().unwrap_or_default().to_owned(), value))
     };
-    stages.into_iter().filter_map(of_stage).collect()
+    stages.into_iter().filter_map(stage_factor).collect()
 }
 
 /// The factor of safety as a key number, and a remark, both in HTML.
@@ -118,7 +118,7 @@ fn reduction(run: &Run) -> Option<Reduction> {
     })
 }
 
-/// Displacements of the probes against the factor, in charts of at most [`MOST_CURVES`] curves.
+/// Displacements of the probes against the factor, in charts of at most [`MAX_CURVES`] curves.
 fn charts(run: &Run, reduction: &Reduction) -> Vec<Chart> {
     let Reduction { rows, begins_whole, begins_at_rest } = reduction;
     let factors = run.column("strength_factor").get(rows.clone()).unwrap_or_default();
@@ -127,10 +127,13 @@ fn charts(run: &Run, reduction: &Reduction) -> Vec<Chart> {
         let values = run.column(&component.column);
         let before = rows.start.checked_sub(1).filter(|_| !begins_at_rest).and_then(|row| values.get(row));
         let start = begins_whole.then(|| [1.0, before.copied().unwrap_or(0.0)]);
-        let of_rows = values.get(rows.clone()).unwrap_or_default();
+        let displacements = values.get(rows.clone()).unwrap_or_default();
         Curve {
             name: component.label(),
-            points: start.into_iter().chain(factors.iter().zip(of_rows).map(|(f, u)| [*f, *u])).collect(),
+            points: start
+                .into_iter()
+                .chain(factors.iter().zip(displacements).map(|(f, u)| [*f, *u]))
+                .collect(),
             look: Look::Number(number),
         }
     };
@@ -148,7 +151,7 @@ fn charts(run: &Run, reduction: &Reduction) -> Vec<Chart> {
         bands: bands.clone(),
         height: 320.0,
     };
-    components(std::slice::from_ref(run), 'u').chunks(MOST_CURVES).map(chart).collect()
+    components(std::slice::from_ref(run), 'u').chunks(MAX_CURVES).map(chart).collect()
 }
 
 /// Bands that name the state of the bodies between the factors of a reduction that begins at `from`; none if the bodies
@@ -217,7 +220,7 @@ fn mechanism(
     };
     let row = run.column("step").iter().position(|step| *step == snapshot.step as f64);
     let factor = row.and_then(|row| run.column("strength_factor").get(row)).copied().unwrap_or(1.0);
-    for (number, field) in FieldChoice::of_mechanism(&snapshot)?.iter().enumerate() {
+    for (number, field) in FieldChoice::mechanism(&snapshot)?.iter().enumerate() {
         let title = format!("Step {}, factor {}", snapshot.step, plain(factor, 5));
         let scenes = vec![Scene::read(run, &snapshot, field, title)?];
         let gallery = Gallery::new(&scenes, field);

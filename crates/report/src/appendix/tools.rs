@@ -13,7 +13,7 @@ use super::stages::bands_over_time;
 use super::units::{Naming, Quantity};
 
 /// Largest number of curves in one chart.
-const MOST_CURVES: usize = 12;
+const MAX_CURVES: usize = 12;
 /// Values below this share of the largest count as round-off.
 const ROUND_OFF: f64 = 1e-9;
 
@@ -96,8 +96,8 @@ fn table(run: &Run, tool: &ToolDeck, naming: &Naming) -> Table {
     let columns = columns(run, tool);
     for Quantified { column, name, quantity } in &columns {
         let values = run.column(column);
-        let of_kind = columns.iter().filter(|other| other.quantity == *quantity);
-        let most = of_kind.map(|other| largest(run, &other.column)).fold(0.0, f64::max);
+        let alike = columns.iter().filter(|other| other.quantity == *quantity);
+        let most = alike.map(|other| largest(run, &other.column)).fold(0.0, f64::max);
         // A component that does not act is 0 except for round-off.
         let shown = |value: f64| Cell::rounded(if value.abs() > ROUND_OFF * most { value } else { 0.0 }, 5);
         let at = |row: usize| Cell::maybe(steps.get(row).copied(), 9);
@@ -123,19 +123,19 @@ fn figures(page: &mut Page, run: &Run, tool: &ToolDeck, naming: &Naming) {
     for (quantity, name, motion) in
         [(Quantity::Force, "force", Quantity::Length), (Quantity::Moment, "moment", Quantity::Angle)]
     {
-        let of_kind = || columns.iter().filter(|column| column.quantity == quantity);
-        let most = of_kind().map(|column| largest(run, &column.column)).fold(0.0, f64::max);
+        let alike = || columns.iter().filter(|column| column.quantity == quantity);
+        let most = alike().map(|column| largest(run, &column.column)).fold(0.0, f64::max);
         let acting: Vec<&Quantified> =
-            of_kind().filter(|column| largest(run, &column.column) > ROUND_OFF * most).collect();
+            alike().filter(|column| largest(run, &column.column) > ROUND_OFF * most).collect();
         let moved =
             largest_motion(run, &columns, motion).or_else(|| largest_motion(run, &columns, Quantity::Length));
-        for group in acting.chunks(MOST_CURVES) {
+        for group in acting.chunks(MAX_CURVES) {
             let (chart, against) = chart(run, group, (quantity, name), moved);
-            let of = escape(&tool.name);
+            let tool_name = escape(&tool.name);
             let parts = if tool.parts.is_empty() { "" } else { " and its parts" };
             let name = if name == "force" { "Forces" } else { "Moments" };
             page.figure(
-                &format!("{name} of the tool <code>{of}</code>{parts} against {against}."),
+                &format!("{name} of the tool <code>{tool_name}</code>{parts} against {against}."),
                 &chart.svg(naming),
             );
         }
@@ -160,7 +160,7 @@ fn chart(
     (quantity, name): (Quantity, &str),
     moved: Option<&Quantified>,
 ) -> (Chart, String) {
-    let progress = Progress::of(std::slice::from_ref(run));
+    let progress = Progress::common(std::slice::from_ref(run));
     let along = moved.map(|motion| progress.points(run, &motion.column));
     let curve = |(number, column): (usize, &&Quantified)| {
         let mut points = progress.points(run, &column.column);

@@ -29,7 +29,7 @@ pub(super) enum Quantity {
 
 impl Quantity {
     /// Quantity of a field of points, by its name in the files.
-    pub fn of_field(name: &str) -> Option<Quantity> {
+    pub fn from_field(name: &str) -> Option<Quantity> {
         Some(match name {
             "displacement" => Quantity::Length,
             "cauchy_stress" | "von_mises_stress" | "pressure" => Quantity::Stress,
@@ -117,28 +117,28 @@ pub(super) struct Naming {
 impl Naming {
     /// The unit, or the name of the quantity; empty for plain numbers.
     pub fn unit(&self, quantity: Quantity) -> String {
-        let of_thickness = |unit: String, length: &str| {
+        let per_thickness = |unit: String, length: &str| {
             if self.per_thickness { format!("{unit}/{length}") } else { unit }
         };
         match (&self.units, quantity) {
             (_, Quantity::Number) => String::new(),
             (_, Quantity::Angle) => "°".to_owned(),
             (None, Quantity::Length) => "length".to_owned(),
-            (None, Quantity::Force) => of_thickness("force".to_owned(), "length"),
+            (None, Quantity::Force) => per_thickness("force".to_owned(), "length"),
             (None, Quantity::Stress) => "stress".to_owned(),
-            (None, Quantity::Energy) => of_thickness("energy".to_owned(), "length"),
-            (None, Quantity::Volume) => of_thickness("volume".to_owned(), "length"),
-            (None, Quantity::Mass) => of_thickness("mass".to_owned(), "length"),
-            (None, Quantity::Moment) => of_thickness("force·length".to_owned(), "length"),
+            (None, Quantity::Energy) => per_thickness("energy".to_owned(), "length"),
+            (None, Quantity::Volume) => per_thickness("volume".to_owned(), "length"),
+            (None, Quantity::Mass) => per_thickness("mass".to_owned(), "length"),
+            (None, Quantity::Moment) => per_thickness("force·length".to_owned(), "length"),
             (None, Quantity::Time) => "time".to_owned(),
             (Some(units), Quantity::Length) => units.length.clone(),
-            (Some(units), Quantity::Force) => of_thickness(units.force.clone(), &units.length),
+            (Some(units), Quantity::Force) => per_thickness(units.force.clone(), &units.length),
             (Some(units), Quantity::Stress) => units.stress(),
-            (Some(units), Quantity::Energy) => of_thickness(units.energy(), &units.length),
-            (Some(units), Quantity::Volume) => of_thickness(format!("{}³", units.length), &units.length),
-            (Some(units), Quantity::Mass) => of_thickness(units.mass(), &units.length),
+            (Some(units), Quantity::Energy) => per_thickness(units.energy(), &units.length),
+            (Some(units), Quantity::Volume) => per_thickness(format!("{}³", units.length), &units.length),
+            (Some(units), Quantity::Mass) => per_thickness(units.mass(), &units.length),
             (Some(units), Quantity::Moment) => {
-                of_thickness(format!("{}·{}", units.force, units.length), &units.length)
+                per_thickness(format!("{}·{}", units.force, units.length), &units.length)
             }
             (Some(units), Quantity::Time) => units.time.clone(),
         }

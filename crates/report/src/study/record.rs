@@ -74,9 +74,9 @@ impl Record {
         let mut found = Vec::new();
         let Some(bodies) = self.summary["bodies"].as_object() else { return found };
         for (name, body) in bodies {
-            for (of, infix) in [("points", ""), ("domain", "domain_")] {
+            for (place, infix) in [("points", ""), ("domain", "domain_")] {
                 for bound in ["min", "max"] {
-                    let Some(values) = body["extent"][of][bound].as_array() else { continue };
+                    let Some(values) = body["extent"][place][bound].as_array() else { continue };
                     for (axis, value) in ["x", "y", "z"].iter().zip(values) {
                         found.push((format!("{name}_extent_{infix}{axis}_{bound}"), text_of(value)));
                     }
@@ -88,13 +88,13 @@ impl Record {
 
     /// The factors of every stage that has reduced the strength, each with the name of the stage.
     pub(super) fn strengths(&self) -> Vec<(Option<String>, StrengthBracket)> {
-        let of_stage = |value: &Value| {
+        let stage_bracket = |value: &Value| {
             let bracket = serde_json::from_value(value.clone()).ok()?;
             Some((value["stage"].as_str().map(str::to_owned), bracket))
         };
         match self.summary["strength_reductions"].as_array() {
-            Some(all) => all.iter().filter_map(of_stage).collect(),
-            None => of_stage(&self.summary["strength_reduction"]).into_iter().collect(),
+            Some(all) => all.iter().filter_map(stage_bracket).collect(),
+            None => stage_bracket(&self.summary["strength_reduction"]).into_iter().collect(),
         }
     }
 
@@ -126,9 +126,9 @@ fn text_of(value: &Value) -> String {
 
 /// The columns of a table with the entries of its last row; the entries are empty before the first step.
 fn last_row(table: &Columns) -> Vec<(String, String)> {
-    let of_state = table.iter().filter(|(name, _)| !STEP_COLUMNS.contains(name));
+    let state_columns = table.iter().filter(|(name, _)| !STEP_COLUMNS.contains(name));
     let last = |values: &[f64]| values.last().map_or_else(String::new, |value| shortest(*value));
-    of_state.map(|(name, values)| (name.to_owned(), last(values))).collect()
+    state_columns.map(|(name, values)| (name.to_owned(), last(values))).collect()
 }
 
 #[cfg(test)]

@@ -38,22 +38,21 @@ pub fn dependence_on_cells<'a>(
     let found: Vec<_> = found.filter_map(|(member, stages)| Some((member, stages, sides(member)?))).collect();
     let mut sentences = Vec::new();
     for (place, name) in study.names().enumerate() {
-        for (fine, of_fine, sides_of_fine) in &found {
+        for (fine, fine_stages, fine_sides) in &found {
             let is_partner = |member: &Member| {
                 let mut pairs = member.settings.iter().zip(&fine.settings).enumerate();
                 pairs.all(|(other, (a, b))| (a == b) != (other == place))
             };
-            let partner = found
-                .iter()
-                .find(|(member, _, sides)| is_partner(member) && are_halved(sides, sides_of_fine));
-            let Some((coarse, of_coarse, _)) = partner else { continue };
+            let partner =
+                found.iter().find(|(member, _, sides)| is_partner(member) && are_halved(sides, fine_sides));
+            let Some((coarse, coarse_stages, _)) = partner else { continue };
             let finer = format!("{name}={}", fine.settings[place].1);
-            for (stage, after) in of_fine {
-                let before = of_coarse.iter().find(|(other, _)| other == stage);
+            for (stage, after) in fine_stages {
+                let before = coarse_stages.iter().find(|(other, _)| other == stage);
                 let ends = before.and_then(|(_, before)| Some([ends_of(before)?, ends_of(after)?]));
                 let Some([before, after]) = ends else { continue };
                 let stage = match stage {
-                    Some(stage) if of_fine.len() > 1 => format!("in stage `{stage}`, "),
+                    Some(stage) if fine_stages.len() > 1 => format!("in stage `{stage}`, "),
                     _ => String::new(),
                 };
                 let percent = |from: f64, to: f64| 100.0 * (to / from - 1.0);
@@ -90,7 +89,7 @@ mod tests {
         }
     }
 
-    fn of_stage(stage: &str, [stands, fails]: [f64; 2]) -> String {
+    fn stage_json(stage: &str, [stands, fails]: [f64; 2]) -> String {
         format!("{{\"stage\": \"{stage}\", \"stands\": {stands}, \"fails\": {fails}, \"slides\": null}}")
     }
 
@@ -104,7 +103,7 @@ mod tests {
     fn only_a_parameter_that_halves_the_cells_counts() {
         let study = Study::new(vec!["h=1,0.5".parse().unwrap(), "c=2,1".parse().unwrap()], vec![]).unwrap();
         let of = |h: &str, c: &str, ends: [f64; 2]| {
-            let summary = format!("{{\"strength_reduction\": {}}}", of_stage("safety", ends));
+            let summary = format!("{{\"strength_reduction\": {}}}", stage_json("safety", ends));
             row(&[("h", h), ("c", c)], &summary)
         };
         let rows = [
@@ -125,7 +124,7 @@ mod tests {
     fn every_stage_has_its_own_sentence() {
         let study = Study::new(vec!["h=1,0.5".parse().unwrap()], vec![]).unwrap();
         let of = |h: &str, first: [f64; 2], second: [f64; 2]| {
-            let [dry, wet] = [of_stage("dry", first), of_stage("wet", second)];
+            let [dry, wet] = [stage_json("dry", first), stage_json("wet", second)];
             row(
                 &[("h", h)],
                 &format!("{{\"strength_reduction\": {wet}, \"strength_reductions\": [{dry}, {wet}]}}"),

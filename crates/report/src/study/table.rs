@@ -121,8 +121,8 @@ fn entries(row: &Row, reduces: bool, extents: &[String], history: &[String]) -> 
             entries.extend(extents.iter().chain(history).map(|name| values.remove(name).unwrap_or_default()));
         }
         None => {
-            let of_strength = if reduces { FACTORS.len() } else { 0 };
-            let results = MEASURES.len() + of_strength + extents.len() + history.len();
+            let factors = if reduces { FACTORS.len() } else { 0 };
+            let results = MEASURES.len() + factors + extents.len() + history.len();
             entries.resize(entries.len() + results, String::new());
         }
     }

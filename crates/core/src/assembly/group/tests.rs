@@ -75,7 +75,7 @@ fn weak<const D: usize, M: Mechanics<D>>(increment: &Increment<D>) -> M::Previou
 
 /// ΔF = I + `entry`/4.
 fn increment<const D: usize>(entry: &[f64]) -> Increment<D> {
-    Increment::of(std::array::from_fn(|i| {
+    Increment::flat(std::array::from_fn(|i| {
         std::array::from_fn(|j| f64::from(u8::from(i == j)) + entry[D * i + j] / 4.0)
     }))
 }

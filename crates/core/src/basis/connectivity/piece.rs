@@ -78,20 +78,20 @@ impl<const D: usize> Piece<D> {
             group.touches.resize(group.touched.len(), Touch::Sliver);
             group.firm_from = group.touched.len();
         }
-        let of_point = group.touched.len() - support.nodes.len();
-        if of_point < group.firm_from {
+        let first = group.touched.len() - support.nodes.len();
+        if first < group.firm_from {
             let mut all_firm = true;
-            for (k, touch) in group.touches[of_point..].iter_mut().enumerate() {
+            for (k, touch) in group.touches[first..].iter_mut().enumerate() {
                 if *touch < Touch::Firm {
-                    *touch = (*touch).max(Touch::of(support.value[k], &support.gradient[k], group.size));
+                    *touch = (*touch).max(Touch::new(support.value[k], &support.gradient[k], group.size));
                 }
                 all_firm &= *touch == Touch::Firm;
             }
             if all_firm {
-                group.firm_from = of_point;
+                group.firm_from = first;
             }
         }
-        self.local_start.push(self.local.len() + of_point);
+        self.local_start.push(self.local.len() + first);
     }
 
     /// Stores the basis functions of a point, as factors if they are given in this form.

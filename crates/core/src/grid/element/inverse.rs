@@ -75,7 +75,7 @@ fn bilinear(corners: [[f64; 2]; 4], x: [f64; 2]) -> Option<[f64; 2]> {
 }
 
 /// Largest number of Newton steps.
-const MOST_STEPS: usize = 60;
+const MAX_STEPS: usize = 60;
 /// Convergence tolerance of a Newton step in local coordinates: the remaining error is of the order of its square.
 const LAST_STEP: f64 = 1e-8;
 /// Smallest fraction of a Newton step that the line search tries.
@@ -99,7 +99,7 @@ fn newton<const D: usize>(corners: &[[f64; D]], x: &[f64; D], start: [f64; D]) -
     let mut xi = start;
     let mut error = minus(*x, shape.map(corners, xi));
     let mut jacobian = shape.jacobian(corners, xi);
-    for _ in 0..MOST_STEPS {
+    for _ in 0..MAX_STEPS {
         let step = solve(&jacobian, error);
         let largest = step.iter().fold(0.0f64, |m, s| m.max(s.abs()));
         if largest <= LAST_STEP {

@@ -3,7 +3,7 @@
 use super::{ElementShape, MAX_NODES, adjugate};
 
 /// Largest depth of the subdivision into octants; a hexahedron that is still undecided counts as folded.
-const MOST_DIVISIONS: usize = 5;
+const MAX_DIVISIONS: usize = 5;
 
 /// Number of nodes of the quadratic interpolation along an axis.
 const LATTICE: usize = 3;
@@ -18,7 +18,7 @@ pub fn folds(corners: &[[f64; 3]], least: f64) -> bool {
         return true;
     }
     let determinant = |xi: [f64; 3]| adjugate(&ElementShape::Box.jacobian(corners, xi)).1;
-    falls_below(&determinant, [0.0; 3], 1.0, least, MOST_DIVISIONS)
+    falls_below(&determinant, [0.0; 3], 1.0, least, MAX_DIVISIONS)
 }
 
 /// True if a polynomial of degree two along each axis is at most `least` somewhere in a cube of half side `half`.

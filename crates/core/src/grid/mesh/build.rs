@@ -87,15 +87,15 @@ fn kinds<const D: usize>() -> [ElementKind; 2] {
 
 /// The cells of a file, simplices first.
 fn elements<const D: usize>(file: &GmshFile) -> Result<Vec<Element>, MeshError> {
-    let of = |kind| file.elements.iter().filter(move |e| e.kind == kind).copied();
+    let alike = |kind| file.elements.iter().filter(move |e| e.kind == kind).copied();
     let [simplex, cuboid] = kinds::<D>();
-    let elements: Vec<_> = of(simplex).chain(of(cuboid)).collect();
-    let of_dimension = |dimension| file.elements.iter().filter(|e| e.kind.dimension() == dimension).count();
-    if D == 2 && of_dimension(3) > 0 {
-        return Err(MeshError::Solid { n: of_dimension(3) });
+    let elements: Vec<_> = alike(simplex).chain(alike(cuboid)).collect();
+    let count = |dimension| file.elements.iter().filter(|e| e.kind.dimension() == dimension).count();
+    if D == 2 && count(3) > 0 {
+        return Err(MeshError::Solid { n: count(3) });
     }
     if elements.is_empty() {
-        return Err(MeshError::NoCells { dimension: D, n_surface: if D == 3 { of_dimension(2) } else { 0 } });
+        return Err(MeshError::NoCells { dimension: D, n_surface: if D == 3 { count(2) } else { 0 } });
     }
     if D == 2 {
         let used = elements.iter().flat_map(|cell| cell.nodes()).map(|node| file.nodes[*node as usize]);

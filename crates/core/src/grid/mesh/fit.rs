@@ -89,7 +89,7 @@ impl<const D: usize> Mesh<D> {
         outer.sort_unstable();
         outer.dedup();
         let is_counted = |[a, b]: [u32; 2]| a < b || outer.binary_search(&b).is_err();
-        let of_cell = |&cell: &u32| {
+        let overlaps = |&cell: &u32| {
             let mut near = self.cells_near(cell);
             near.retain(|&other| is_counted([cell, other]) && self.overlap(cell, other));
             (near.len(), near.iter().map(|&other| [cell.min(other), cell.max(other)]).min())
@@ -97,7 +97,7 @@ impl<const D: usize> Mesh<D> {
         let add = |a: (usize, Option<[u32; 2]>), b: (usize, Option<[u32; 2]>)| {
             (a.0 + b.0, a.1.into_iter().chain(b.1).min())
         };
-        outer.par_iter().map(of_cell).reduce(|| (0, None), add)
+        outer.par_iter().map(overlaps).reduce(|| (0, None), add)
     }
 
     /// Other cells that may overlap a cell, ascending.
@@ -166,11 +166,11 @@ impl<const D: usize> Mesh<D> {
             })
             .collect();
         let bins = Bins::new(&boxes);
-        let of_node = |&node: &u32| {
+        let meetings = |&node: &u32| {
             let sides = bins.at(&self.positions[node as usize]).iter();
             sides.filter_map(|&side| Some((node, self.meeting(node, side)?))).collect::<Vec<_>>()
         };
-        let mut found: Vec<(u32, Meeting)> = nodes.par_iter().flat_map_iter(of_node).collect();
+        let mut found: Vec<(u32, Meeting)> = nodes.par_iter().flat_map_iter(meetings).collect();
         found.sort_unstable();
         found.dedup();
         found
@@ -204,11 +204,11 @@ impl<const D: usize> Mesh<D> {
                 let corners = self.cell(cell);
                 let Some(xi) = corners.shape.inverse(&corners, x) else { return false };
                 let nodes = self.cell_nodes(cell).iter().enumerate();
-                let mut of_side = nodes.filter(|(_, node)| side.nodes().contains(node)).map(|(k, _)| k);
-                let Some(first) = of_side.next().map(|k| corners.shape.node_coordinates::<D>(k)) else {
+                let mut on_side = nodes.filter(|(_, node)| side.nodes().contains(node)).map(|(k, _)| k);
+                let Some(first) = on_side.next().map(|k| corners.shape.node_coordinates::<D>(k)) else {
                     return false;
                 };
-                let fixed = of_side.fold([true; D], |fixed, k| {
+                let fixed = on_side.fold([true; D], |fixed, k| {
                     let other = corners.shape.node_coordinates::<D>(k);
                     std::array::from_fn(|d| fixed[d] && first[d] == other[d])
                 });
@@ -245,9 +245,9 @@ impl<const D: usize> Cell<D> {
     /// Triangles or tetrahedra that make up the cell. A hexahedron is divided at its centre and its face centres, so
     /// that neighbours agree on their common face.
     fn simplices(&self) -> Vec<Simplex<D>> {
-        let of = |corners: [usize; 4]| corners.map(|k| self.x[k]);
+        let simplex = |corners: [usize; 4]| corners.map(|k| self.x[k]);
         match (self.shape, D) {
-            (ElementShape::Simplex, _) => vec![of([0, 1, 2, 3])],
+            (ElementShape::Simplex, _) => vec![simplex([0, 1, 2, 3])],
             (ElementShape::Box, 3) => {
                 let mean = |list: &[usize]| -> [f64; D] {
                     std::array::from_fn(|d| {
@@ -255,13 +255,13 @@ impl<const D: usize> Cell<D> {
                     })
                 };
                 let centre = mean(&[0, 1, 2, 3, 4, 5, 6, 7]);
-                let of_side = |side: &'static [usize]| {
+                let pyramids = |side: &'static [usize]| {
                     let middle = mean(side);
                     (0..4).map(move |k| [self.x[side[k]], self.x[side[(k + 1) % 4]], middle, centre])
                 };
-                self.shape.sides::<D>().iter().flat_map(|side| of_side(side)).collect()
+                self.shape.sides::<D>().iter().flat_map(|side| pyramids(side)).collect()
             }
-            (ElementShape::Box, _) => vec![of([0, 1, 2, 3]), of([0, 2, 3, 1])],
+            (ElementShape::Box, _) => vec![simplex([0, 1, 2, 3]), simplex([0, 2, 3, 1])],
         }
     }
 }

@@ -7,7 +7,7 @@ use super::facets::Facets;
 pub(super) struct Shells {
     pub(super) number: usize,
     /// Index of the shell of each facet.
-    pub(super) of_facet: Vec<u32>,
+    pub(super) by_facet: Vec<u32>,
 }
 
 /// An edge of a facet: its ends, lower number first; the facet; true if the facet runs along the edge from the lower
@@ -54,8 +54,8 @@ pub(super) fn shells(facets: &Facets) -> Result<Shells, SurfaceError> {
         facets: edge.len(),
         ends: edge[0].0.map(|corner| facets.positions[corner as usize]),
     };
-    let some = |of_interest: &dyn Fn(usize) -> bool| {
-        let all = || edges(&facet_edges).filter(|edge| of_interest(edge.len()));
+    let some = |is_wanted: &dyn Fn(usize) -> bool| {
+        let all = || edges(&facet_edges).filter(|edge| is_wanted(edge.len()));
         (all().count(), all().take(SHOWN).map(report).collect::<Vec<_>>())
     };
     let (n, first) = some(&|facets| facets == 1);
@@ -84,14 +84,14 @@ fn connected(n: usize, pairs: impl Iterator<Item = [u32; 2]>) -> Shells {
         let (a, b) = (root(&mut parent, a), root(&mut parent, b));
         parent[a.max(b) as usize] = a.min(b);
     }
-    let mut shells = Shells { number: 0, of_facet: vec![0; n] };
+    let mut shells = Shells { number: 0, by_facet: vec![0; n] };
     for facet in 0..n {
         let first = root(&mut parent, facet as u32) as usize;
         if first == facet {
-            shells.of_facet[facet] = shells.number as u32;
+            shells.by_facet[facet] = shells.number as u32;
             shells.number += 1;
         } else {
-            shells.of_facet[facet] = shells.of_facet[first];
+            shells.by_facet[facet] = shells.by_facet[first];
         }
     }
     shells

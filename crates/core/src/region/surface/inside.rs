@@ -50,7 +50,7 @@ pub(super) fn check_orientation(
 ) -> Result<(), SurfaceError> {
     let mut members: Vec<Vec<Triangle>> = vec![Vec::new(); shells.number];
     let mut first = vec![usize::MAX; shells.number];
-    for (facet, &shell) in shells.of_facet.iter().enumerate() {
+    for (facet, &shell) in shells.by_facet.iter().enumerate() {
         members[shell as usize].push(facets.triangle(facet));
         first[shell as usize] = first[shell as usize].min(facet);
     }
@@ -61,8 +61,9 @@ pub(super) fn check_orientation(
         each_above(triangles, tree, &around, |facet, upward| windings.push((shell_of[facet], upward)));
         windings.retain(|(other, _)| *other as usize != shell);
         windings.sort_unstable();
-        let around_it =
-            windings.chunk_by(|a, b| a.0 == b.0).filter(|of| of.iter().map(|(_, up)| up).sum::<i32>() != 0);
+        let around_it = windings
+            .chunk_by(|a, b| a.0 == b.0)
+            .filter(|shell| shell.iter().map(|(_, up)| up).sum::<i32>() != 0);
         let cavity = around_it.count() % 2 == 1;
         if (volume(own) > 0.0) == cavity {
             return Err(SurfaceError::InsideOut { cavity, at: facets.report(first[shell]) });

@@ -19,11 +19,11 @@ fn reference() -> impl Iterator<Item = (Sym3, Vec<f64>)> {
 /// each.
 fn error(value: &Sym3, derivative: &Tangent, expected: &[f64]) -> f64 {
     let entries: Vec<f64> = (0..6).flat_map(|c| (c..6).map(move |r| derivative[(r, c)])).collect();
-    let of = |numbers: &[f64], exact: &[f64]| {
+    let largest_error = |numbers: &[f64], exact: &[f64]| {
         let largest = exact.iter().fold(0.0f64, |m, x| m.max(x.abs()));
         numbers.iter().zip(exact).fold(0.0f64, |m, (a, b)| m.max((a - b).abs() / largest))
     };
-    of(&value.0, &expected[..6]).max(of(&entries, &expected[6..27]))
+    largest_error(&value.0, &expected[..6]).max(largest_error(&entries, &expected[6..27]))
 }
 
 #[test]
