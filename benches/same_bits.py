@@ -7,7 +7,7 @@ thread, NEW on one and on two. Some examples are also interrupted, and resumed b
 but for times and for the checkpoint, whose layout may change; exits with 1 where any differ. The random decks of the
 stress set are written by
 
-    STRESS_DECKS=DIRECTORY STRESS=200 cargo test --test fuzz stress -- --ignored
+    STRESS_DECKS=DIRECTORY STRESS=200 cargo test --release --test fuzz stress -- --ignored
 """
 
 import argparse

@@ -1,6 +1,6 @@
 """Makes the pictures of the pages listed in `PAGES`, and of `report.md`.
 
-    python docs/how-to/make_pictures.py target/debug/mpm
+    python docs/how-to/make_pictures.py target/release/mpm
 
 Every block of Python under a comment `picture: NAME` is run as it stands and must write that file, which then goes to
 `docs/images`. The picture of a report is taken with Chromium, if there is one. Needs the packages of

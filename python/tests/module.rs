@@ -4,7 +4,7 @@ use std::env::consts::{DLL_PREFIX, DLL_SUFFIX};
 
 #[test]
 fn the_module_is_built() {
-    // The test and the module are in target/debug/deps.
+    // The test and the module are in the same folder of the build.
     let test = std::env::current_exe().expect("the path of this test");
     let folder = test.parent().expect("the folder of the build");
     let library = folder.join(format!("{DLL_PREFIX}_mpm{DLL_SUFFIX}"));

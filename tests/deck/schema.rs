@@ -26,7 +26,7 @@ fn check_fresh(path: &str, text: &str) {
     let stored = fs::read_to_string(&file).unwrap_or_default();
     assert!(
         stored == text,
-        "{path} is stale: write it anew with `UPDATE_SCHEMA=1 cargo test --test deck schema`"
+        "{path} is stale: write it anew with `UPDATE_SCHEMA=1 cargo test --release --test deck schema`"
     );
 }
 

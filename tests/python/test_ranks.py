@@ -20,7 +20,7 @@ from package import mpm
 from results import Results
 
 ROOT = Path(__file__).resolve().parents[2]
-PROGRAM = Path(os.environ.get("MPM_RANKS", ROOT / "target" / "debug" / "mpm-ranks")).resolve()
+PROGRAM = Path(os.environ.get("MPM_RANKS", ROOT / "target" / "release" / "mpm-ranks")).resolve()
 # Where there are fewer cores than ranks, and where the tests run as root, Open MPI must be asked to go on.
 ENVIRONMENT = {
     **os.environ,

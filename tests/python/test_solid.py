@@ -9,7 +9,7 @@ import pyvista
 
 from results import assert_readers_agree
 
-FILES = Path(os.environ.get("MPM", Path(__file__).parents[2] / "target/debug/mpm")).resolve().parents[1] / "tmp/vtu"
+FILES = Path(os.environ.get("MPM", Path(__file__).parents[2] / "target/release/mpm")).resolve().parents[1] / "tmp/vtu"
 NAMES = ["mpm", "gimp", "cpdi2", "hexahedra", "tetrahedra"]
 WITH_DOMAINS = NAMES[1:]
 KIND = {name: pyvista.CellType.HEXAHEDRON for name in NAMES} | {"tetrahedra": pyvista.CellType.TETRA}

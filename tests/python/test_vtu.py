@@ -10,7 +10,7 @@ import pyvista
 from results import assert_readers_agree
 
 BLOCK = 65_520 // 8
-FILES = Path(os.environ.get("MPM", Path(__file__).parents[2] / "target/debug/mpm")).resolve().parents[1] / "tmp/vtu"
+FILES = Path(os.environ.get("MPM", Path(__file__).parents[2] / "target/release/mpm")).resolve().parents[1] / "tmp/vtu"
 
 
 def irregular(count):

@@ -2,7 +2,8 @@
 //! the three gates, and for small ones the first load step. None may cause a panic, take more than ten seconds of
 //! processor time or far more memory than was predicted, and every refusal must have an error with a location.
 //!
-//! The usual tests run a few hundred cases. `FUZZ_SECONDS=600 cargo test --test fuzz decks -- --ignored --nocapture`
+//! The usual tests run a few hundred cases.
+//! `FUZZ_SECONDS=600 cargo test --release --test fuzz decks -- --ignored --nocapture`
 //! runs for that much processor time; `FUZZ_SEED` sets the first case (a number; the default depends on the time). The
 //! current case is kept in `target/tmp/fuzz/`, in case it ends the program.
 

@@ -2,7 +2,8 @@
 //! than ten seconds of processor time or more memory than is reasonable for a file of its size; accepted files must be
 //! usable.
 //!
-//! The usual tests run some thousand cases. `FUZZ_SECONDS=1800 cargo test --test fuzz gmsh -- --ignored --nocapture`
+//! The usual tests run some thousand cases.
+//! `FUZZ_SECONDS=1800 cargo test --release --test fuzz gmsh -- --ignored --nocapture`
 //! runs cases of mesh files for that much processor time; `stl` or `checkpoint` in place of `gmsh` selects the other
 //! files. `FUZZ_SEED` sets the first case.
 

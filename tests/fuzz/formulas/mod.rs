@@ -3,7 +3,7 @@
 //! The seed is fixed. A longer run, which prints how many texts it tried:
 //!
 //! ```text
-//! FUZZ_SECONDS=600 FUZZ_SEED=2 cargo test --test fuzz formulas -- --ignored --nocapture
+//! FUZZ_SECONDS=600 FUZZ_SEED=2 cargo test --release --test fuzz formulas -- --ignored --nocapture
 //! ```
 #![allow(clippy::print_stdout, reason = "the counts belong to the test")]
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]

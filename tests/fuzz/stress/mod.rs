@@ -1,8 +1,8 @@
 //! Random valid analyses with large steps: each ends in equilibrium at full load with its balances satisfied, or stops
 //! with exit code 1 and a diagnosis, with all written steps in equilibrium. None ends in any other way.
 //!
-//! `STRESS=200 cargo test --test fuzz stress -- --ignored --nocapture` runs that many decks four times each: with and
-//! without cutting of steps, with and without stabilisation. `STRESS_DECKS=DIRECTORY` keeps them.
+//! `STRESS=200 cargo test --release --test fuzz stress -- --ignored --nocapture` runs that many decks four times each:
+//! with and without cutting of steps, with and without stabilisation. `STRESS_DECKS=DIRECTORY` keeps them.
 
 #![allow(clippy::unwrap_used)]
 #![allow(clippy::print_stdout, reason = "the counts belong to the test")]
