@@ -9,6 +9,8 @@ mod explanations;
 mod graded;
 mod keys;
 mod loading;
+#[path = "../long.rs"]
+mod long;
 mod meaning;
 mod mutations;
 mod remedy;

@@ -10,6 +10,7 @@
 use std::collections::BTreeMap;
 use std::fs;
 
+use crate::long::is_long;
 use crate::remedy;
 use mpm::deck::diagnostic::{Diagnostic, Gate, Severity};
 use mpm::deck::load::load_text;
@@ -558,6 +559,10 @@ fn is_at_the_right_line(deck: &DeckText, changed: &Source, pointer: &str, found:
     }
 }
 
+/// The decks whose keys are changed without `tests/run --long`: the problem of the paper with plasticity, ground in
+/// stages, a tool, and the block in space. What is stored about all decks is then not compared.
+const USUAL: [&str; 4] = ["block/block", "collapse", "excavation", "pipe"];
+
 #[test]
 fn every_change_of_a_key_is_refused_at_its_line_or_accepted_for_a_reason() {
     let mut decks = Vec::new();
@@ -575,6 +580,9 @@ fn every_change_of_a_key_is_refused_at_its_line_or_accepted_for_a_reason() {
     }
     decks.sort();
     assert!(decks.len() >= 15);
+    let is_whole = is_long() || std::env::var_os("UPDATE_EXPECTED").is_some();
+    decks.retain(|name| is_whole || USUAL.contains(&name.as_str()));
+    assert!(decks.len() >= USUAL.len(), "{decks:?}");
     let mut faults = Vec::new();
     let mut needed = vec![0; REASONS.len()];
     // By deck and kind of change: how many were tried, refused by each gate, and accepted.
@@ -628,7 +636,7 @@ fn every_change_of_a_key_is_refused_at_its_line_or_accepted_for_a_reason() {
             }
         }
     }
-    for (entry, _) in REASONS.iter().zip(&needed).filter(|(_, n)| **n == 0) {
+    for (entry, _) in REASONS.iter().zip(&needed).filter(|(_, n)| is_whole && **n == 0) {
         faults.push(format!("this reason is not needed: {entry:?}"));
     }
     assert!(faults.is_empty(), "{} faults:\n{}", faults.len(), faults.join("\n"));
@@ -653,5 +661,7 @@ fn every_change_of_a_key_is_refused_at_its_line_or_accepted_for_a_reason() {
     if std::env::var_os("UPDATE_EXPECTED").is_some() {
         fs::write(&stored, &found).unwrap();
     }
-    assert_eq!(fs::read_to_string(&stored).unwrap_or_default(), found, "UPDATE_EXPECTED=1 stores it");
+    if is_whole {
+        assert_eq!(fs::read_to_string(&stored).unwrap_or_default(), found, "UPDATE_EXPECTED=1 stores it");
+    }
 }

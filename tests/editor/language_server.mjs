@@ -242,8 +242,10 @@ async function verdicts(server) {
   const folders = ["inputs", "tests/decks", "tests/decks/build"];
   const files = folders.flatMap((folder) =>
     readdirSync(path.join(root, folder)).filter((f) => f.endsWith(".yaml")).sort().map((f) => path.join(folder, f)));
+  // Every sixth deck represents the others, unless `tests/run --long` asks for all.
+  const chosen = process.env.MPM_LONG ? files : files.filter((_, number) => number % 6 === 0);
   const counts = { compared: 0, refused: 0, "not comparable": 0 };
-  for (const file of files) {
+  for (const file of chosen) {
     const bytes = readFileSync(path.join(root, file));
     const ofProgram = verdictOfProgram(file, bytes);
     if (ofProgram === null) {

@@ -9,5 +9,7 @@ mod files;
 mod formulas;
 mod harness;
 mod large;
+#[path = "../long.rs"]
+mod long;
 mod random;
 mod stress;

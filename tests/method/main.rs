@@ -13,6 +13,8 @@ mod gmsh;
 mod inline_vtu;
 mod iterative;
 mod linear;
+#[path = "../long.rs"]
+mod long;
 #[path = "../verification/meshes.rs"]
 mod meshes;
 mod moving_grid;

@@ -42,6 +42,11 @@ def name(page):
     return str(page.relative_to(ROOT))
 
 
+# Their analyses take minutes; tests/python/test_construction.py runs the decks of the page of the footing, and the other
+# pages show the same commands.
+LONG = {DOCS / "how-to" / page for page in ("footing.md", "cone.md", "slope.md")}
+
+
 class Reader:
     """Does what a page says; the folder holds the decks of the sources."""
 
@@ -101,7 +106,9 @@ class Reader:
             assert language == "text" and not note, f"a block of {self.page.name} is not run: {note!r}\n{text}"
 
 
-@pytest.mark.parametrize("page", RUNNABLE, ids=name)
+@pytest.mark.parametrize(
+    "page", [pytest.param(page, marks=[pytest.mark.long] * (page in LONG)) for page in RUNNABLE], ids=name
+)
 def test_what_a_page_shows_works(page, program, tmp_path):
     reader = Reader(page, program, tmp_path)
     for match in BLOCK.finditer(page.read_text()):

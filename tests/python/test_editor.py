@@ -1,4 +1,4 @@
-"""Decks in an editor, by the language server that editors use."""
+"""Decks in an editor, by the language server that editors use; `tests/run --long` compares the verdicts on all decks."""
 
 import os
 import subprocess

@@ -27,7 +27,11 @@ def test_all_notebooks_are_found():
     assert {path.stem for path in NOTEBOOKS} == expected
 
 
-@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+# The others use the same package in the same way; the tests of the package cover what they call.
+USUAL = [pytest.param(path, marks=[pytest.mark.long] * (path.stem != "first_analysis")) for path in NOTEBOOKS]
+
+
+@pytest.mark.parametrize("path", USUAL, ids=lambda path: path.stem)
 def test_a_notebook_runs(path):
     notebook = nbformat.read(path, as_version=4)
     nbformat.validate(notebook)

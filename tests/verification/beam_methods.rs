@@ -2,6 +2,7 @@
 //! compared with that with GIMP (Fig. 17).
 
 use crate::analysis::{Analysis, run};
+use crate::long::{first, is_long};
 
 const SIZES: [&str; 3] = ["0.5", "0.25", "0.125"];
 
@@ -38,7 +39,7 @@ fn counts() -> Vec<Counts> {
     text.lines().skip(1).map(row).collect()
 }
 
-/// Table 4: evaluations over 50 steps, 6² points, GIMP with update (37).
+/// Table 4: evaluations over 50 steps, 6² points, GIMP with update (37). `tests/run --long` adds h = 0.125 m.
 ///
 /// The paper states a tolerance of 1e-9, but its counts belong to 1e-6, except for GIMP on the two finer grids, where
 /// no power of ten gives them (`docs/verification/beam.md`). The counts are therefore compared with two other programs
@@ -49,7 +50,7 @@ fn counts() -> Vec<Counts> {
 #[test]
 fn table_4() {
     println!("method h: at 1e-9 (AMPLE, independent), at 1e-6 (independent, paper)");
-    for row in counts() {
+    for row in counts().into_iter().filter(|row| is_long() || row.h != "0.125") {
         let Counts { method, h, ample, independent, paper } = row;
         let [strict, loose] =
             ["1e-9", "1e-6"].map(|tolerance| beam(&method, &h, "6", tolerance).completed().evaluations());
@@ -108,7 +109,7 @@ fn cpdi2_responds_like_gimp() {
         [[0.02378, 0.00674], [0.03040, 0.01763]],
     ];
     let mut before = f64::INFINITY;
-    for (h, stated) in SIZES.into_iter().zip(stated) {
+    for (&h, stated) in first(2, &SIZES).iter().zip(stated) {
         let gimp = beam("gimp", h, "6", "1e-9").completed();
         for (n, stated) in ["6", "3"].into_iter().zip(stated) {
             let cpdi2 = beam("cpdi2", h, n, "1e-9").completed();

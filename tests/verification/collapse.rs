@@ -4,6 +4,7 @@ use mpm::basis::DomainKind;
 use mpm::solver::SolveError;
 
 use crate::analysis::{Analysis, run, run_text, run_with_domain_volume};
+use crate::long::{first, is_long};
 
 fn collapse(h: &str, n: &str, method: &str, update: &str) -> Analysis {
     let set = [("h", h), ("n", n), ("method", method), ("update", update)];
@@ -44,7 +45,7 @@ fn assert_admissible(analysis: &Analysis) {
     assert!(analysis.points.converged.history.iter().any(|e| *e > 0.1), "the block flows");
 }
 
-/// Table 6: all twelve extents and heights, m.
+/// Table 6: all twelve extents and heights, m; without `tests/run --long`, the ten with the fewest points.
 #[test]
 fn table_6() {
     const PAPER: [(&str, &str, f64, f64); 12] = [
@@ -61,7 +62,7 @@ fn table_6() {
         ("0.25", "6", 13.847, 6.231),
         ("0.25", "9", 13.863, 6.226),
     ];
-    for (h, n, extent, height) in PAPER {
+    for &(h, n, extent, height) in first(10, &PAPER) {
         let analysis = collapse(h, n, "mpm", "corners");
         let [x, y] = extent_and_height(&analysis);
         println!("h = {h}, {n}²: extent {x:.4} (paper {extent}), height {y:.4} (paper {height})");
@@ -173,7 +174,7 @@ fn weakly_indefinite_steps_converge() {
 #[test]
 fn cpdi1_slides_along_walls() {
     let mut before = f64::INFINITY;
-    for h in ["1", "0.5", "0.25"] {
+    for &h in first(2, &["1", "0.5", "0.25"]) {
         let [one, two] = ["cpdi1", "cpdi2"].map(|method| collapse(h, "6", method, "corners"));
         assert_balanced(&one);
         assert_admissible(&one);
@@ -187,7 +188,7 @@ fn cpdi1_slides_along_walls() {
 
 /// On a graded grid whose cells have sides of 0.2 to 0.3 m around the block, the extent and height with standard points
 /// lie between those on even grids with h = 0.25 m. With CPDI2 they are within 1 mm of the even grid, and with GIMP
-/// they differ from the even grid by less than the results with other numbers of points do.
+/// they differ from the even grid by less than the results with other numbers of points do (`tests/run --long`).
 #[test]
 fn a_graded_grid_gives_the_results_of_even_ones() {
     let spacing =
@@ -206,13 +207,16 @@ fn a_graded_grid_gives_the_results_of_even_ones() {
     };
     let even = |n: &str, method: &str| extent_and_height(&collapse("0.25", n, method, "corners"));
     let apart = |a: [f64; 2], b: [f64; 2]| [0, 1].map(|d: usize| (a[d] - b[d]).abs());
-    for n in ["3", "6"] {
+    for &n in first(1, &["3", "6"]) {
         // Table 6, h = 0.25 m: the lowest and highest values, to half a digit.
         let [x, y] = graded(n, "mpm");
         assert!((13.7865..13.8635).contains(&x) && (6.2255..6.2345).contains(&y), "{x:.4} {y:.4}");
     }
     let difference = apart(graded("3", "cpdi2"), even("3", "cpdi2"));
     assert!(difference.into_iter().all(|d| d < 1e-3), "{difference:?}");
+    if !is_long() {
+        return;
+    }
     let [few, more] = ["3", "6"].map(|n| even(n, "gimp"));
     let (difference, scatter) = (apart(graded("3", "gimp"), few), apart(few, more));
     println!(

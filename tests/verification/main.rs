@@ -14,6 +14,8 @@ mod domains;
 mod formulations;
 mod imported;
 mod locking;
+#[path = "../long.rs"]
+mod long;
 mod meshes;
 mod radial;
 mod revolution;

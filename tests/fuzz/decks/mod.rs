@@ -29,6 +29,7 @@ use mpm::solver::{Observer, SolveError, StepReport, Summary};
 use serde_json::Value;
 
 use crate::harness::{Bench, fuzz, fuzz_for_long};
+use crate::long::share;
 use crate::random::Random;
 use generate::Generator;
 
@@ -186,7 +187,7 @@ impl Bench for Decks {
 
 #[test]
 fn random_decks_are_survived() {
-    fuzz(Decks::new, 1, 400, Duration::from_secs(60));
+    fuzz(Decks::new, 1, share(400), Duration::from_secs(60));
 }
 
 #[test]

@@ -23,6 +23,7 @@ use mpm::region::stl;
 use mpm::region::surface::Surface;
 
 use crate::harness::{Bench, fuzz, fuzz_for_long};
+use crate::long::share;
 use crate::random::Random;
 use checkpoints::Checkpoints;
 use damage::damage;
@@ -159,17 +160,17 @@ impl Bench for Surfaces {
 
 #[test]
 fn damaged_gmsh_files_are_survived() {
-    fuzz(Meshes::new, 1, 2000, Duration::from_secs(60));
+    fuzz(Meshes::new, 1, share(2000), Duration::from_secs(60));
 }
 
 #[test]
 fn damaged_stl_files_are_survived() {
-    fuzz(Surfaces::new, 1, 3000, Duration::from_secs(60));
+    fuzz(Surfaces::new, 1, share(3000), Duration::from_secs(60));
 }
 
 #[test]
 fn damaged_checkpoints_are_survived() {
-    fuzz(Checkpoints::new, 1, 1500, Duration::from_secs(60));
+    fuzz(Checkpoints::new, 1, share(1500), Duration::from_secs(60));
 }
 
 #[test]

@@ -13,6 +13,7 @@ mod trees;
 
 use std::time::Duration;
 
+use crate::long::share;
 use crate::random::Random;
 use cpu_time::ThreadTime;
 use mpm::formula::{Formula, FormulaError};
@@ -148,7 +149,7 @@ fn round(random: &mut Random, tried: &mut Tried) {
 fn random_formulas() {
     let mut random = Random::new(1);
     let mut tried = Tried::default();
-    for _ in 0..20_000 {
+    for _ in 0..share(20_000) {
         round(&mut random, &mut tried);
     }
     println!("{} right, {} spoiled of which {} still right", tried.right, tried.spoiled, tried.still_right);

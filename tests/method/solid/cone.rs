@@ -7,6 +7,7 @@ use mpm::points::Points;
 use mpm::solver::{self, Silent};
 
 use super::decks::{inputs_deck, run_of_inputs};
+use crate::long::{first, is_long};
 
 /// Size of the rings over which displacements are averaged, [m].
 const RING: f64 = 0.5;
@@ -59,15 +60,16 @@ fn distances(a: &Rings, b: &Rings) -> [f64; 2] {
 /// The top settles by 0.27 m; the profiles of the two models converge to each other under refinement.
 #[test]
 fn a_quarter_in_space_is_the_body_of_revolution() {
-    let found = ["0.5", "0.25", "0.125"].map(|h| {
+    let distances_with = |&h: &&str| {
         let (model, mut points) = build::<2>(&inputs_deck("cone/revolved.yaml", &[("h", h)])).unwrap();
         solver::run(&model, &mut points, &mut Silent).unwrap();
         distances(
             &rings_of_revolution(&points),
             &rings_of_quarter(&run_of_inputs("cone/solid.yaml", &[("h", h)])),
         )
-    });
+    };
+    let found: Vec<[f64; 2]> = first(2, &["0.5", "0.25", "0.125"]).iter().map(distances_with).collect();
     println!("cone, distance over the body and of the profiles (m): {found:.5?}");
     assert!(found.windows(2).all(|pair| pair[1][0] < pair[0][0] && pair[1][1] < pair[0][1]));
-    assert!(found[2][0] < 1e-3 && found[2][1] < 1e-3);
+    assert!(!is_long() || found[2][0] < 1e-3 && found[2][1] < 1e-3);
 }
