@@ -47,7 +47,7 @@ fn messages(changes: &[(&str, &str)]) -> Vec<String> {
 #[test]
 fn lines_are_those_of_the_intervals() {
     let (model, _) = deck(&[]);
-    let grid = model.grid.structured().unwrap();
+    let grid = model.grid.lines().unwrap();
     let first = 7.0 * 0.2 / (1.2_f64.powi(5) - 1.0);
     let exact = [1.0, 1.5, 2.0, 2.5, 3.0, 3.0 + first, 3.0 + 2.2 * first, 3.0 + 3.64 * first];
     for (line, exact) in exact.iter().enumerate() {
@@ -66,7 +66,7 @@ fn points_are_a_uniform_lattice_within_each_cell() {
     for shape in [None, Some(("SHAPE", cells))] {
         for method in ["gimp", "cpdi2"] {
             let (model, points) = deck(&[&[("METHOD", method)], shape.as_slice()].concat());
-            let grid = model.grid.structured().unwrap();
+            let grid = model.grid.lines().unwrap();
             assert_eq!(points.len(), 9 * 4 * 6);
             for p in 0..points.len() {
                 let x = points.converged.position[p];

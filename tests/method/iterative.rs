@@ -68,7 +68,7 @@ fn equations<const D: usize, M: Mechanics<D>>(
         (0..links.n_active()).map(|_| std::array::from_fn(|_| wobble * random.next())).collect();
     sum.evaluate(&StepContext::first(model, &links), points, At::new(&delta_d), Wanted::Stiffness).unwrap();
     let places = links.active_nodes().iter().map(|&node| model.grid.lattice(node as usize)).collect();
-    let grid = model.grid.structured().unwrap();
+    let grid = model.grid.lines().unwrap();
     let lines = std::array::from_fn(|d| grid.axes()[d].graded_lines().map(<[f64]>::to_vec));
     let held = (0..links.n_active())
         .map(|node| std::array::from_fn(|axis| dofs.free(node, axis).is_none()))

@@ -44,7 +44,7 @@ impl<const D: usize> Observer<D> for Every<D> {
             reactions: report.reactions.iter().flatten().copied().collect(),
         });
         self.resumable.push((points.clone(), Reached { step: report.step, summary: summary.clone() }));
-        let axis = &model.grid.structured().unwrap().axes()[D - 1];
+        let axis = &model.grid.lines().unwrap().axes()[D - 1];
         self.lines.push((0..=axis.n_cells()).map(|number| axis.line(number)).collect());
         Ok(())
     }

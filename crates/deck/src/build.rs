@@ -365,7 +365,7 @@ where
     /// Reports F-bar in triangles and tetrahedra, where it changes nothing because gradients are constant.
     fn centres(&mut self, grid: &dyn Grid<D>, points: &Points<D>) {
         for (number, body) in self.deck.bodies.iter().enumerate() {
-            if body.volumetric != Volumetric::FBar || grid.structured().is_some() {
+            if body.volumetric != Volumetric::FBar || !grid.has_simplices() {
                 continue;
             }
             let corners = |cell: u32| grid.corners(cell as usize).nodes().len();

@@ -18,13 +18,13 @@ pub(super) fn unknown_group<const D: usize>(
     name: &str,
     of_cells: bool,
 ) -> (String, String) {
-    if grid.structured().is_some() {
+    let Some(names) = grid.set_names() else {
         let help = "physical groups exist on grids of type `gmsh` only".to_owned();
         return ("a structured grid has no physical groups".to_owned(), help);
-    }
+    };
     let kind = if of_cells { " of cells" } else { "" };
     let names: Vec<&str> =
-        grid.set_names().into_iter().filter(|name| !of_cells || grid.cell_set(name).is_some()).collect();
+        names.into_iter().filter(|name| !of_cells || grid.cell_set(name).is_some()).collect();
     let (one, several) = (format!("physical group{kind}"), format!("physical groups{kind}"));
     let help = if names.is_empty() {
         format!("the mesh has no {several}")
@@ -37,18 +37,6 @@ pub(super) fn unknown_group<const D: usize>(
         format!("the mesh has no physical group {}", quote(name))
     };
     (message, help)
-}
-
-/// All nodes within bounds and some outside, in ascending order: next to the bounds or, on an unstructured grid,
-/// everywhere.
-pub(super) fn nodes_near<'a, const D: usize>(
-    grid: &'a dyn Grid<D>,
-    bounds: &[[f64; D]; 2],
-) -> Box<dyn Iterator<Item = usize> + 'a> {
-    match grid.structured() {
-        Some(lines) => Box::new(lines.nodes_near(bounds)),
-        None => Box::new(0..grid.n_nodes()),
-    }
 }
 
 /// Checks that all points of a body, and the corners of their domains, lie in cells. Collective: every rank must call

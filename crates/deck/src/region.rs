@@ -14,7 +14,7 @@ use mpm_core::region::{
 mod files;
 mod groups;
 
-pub(super) use files::{FromFiles, volume};
+pub(super) use files::FromFiles;
 pub(super) use groups::Groups;
 
 /// A region. A box whose sides lie on grid lines of a structured grid is filled exactly; any other region gets the

@@ -2,7 +2,6 @@
 
 use super::diagnostic::{Diagnostic, Severity};
 use super::per_axis::per_axis;
-use super::region::volume;
 use super::source::Source;
 use super::{BodyDeck, Deck, GridDeck, LinearChoice, OutputDeck};
 use mpm_core::basis::{DomainKind, Method};
@@ -101,7 +100,7 @@ impl Size {
         is_symmetric: bool,
     ) -> Size {
         let nodes = grid.n_nodes() as f64;
-        let whole = volume(grid);
+        let whole = grid.total_volume();
         let (mut points, mut memory_of_points, mut cells, mut factor) = (0.0, 0.0, 0.0, 0.0_f64);
         let mut largest = (0.0, 0);
         for (number, (body, region)) in deck.bodies.iter().zip(regions).enumerate() {
@@ -128,7 +127,7 @@ impl Size {
         // Fill-in of nested dissection, with lines as separators of a square and faces as separators of a cube.
         let fill = if D > 2 { unknowns.powf(4.0 / 3.0) } else { unknowns * unknowns.max(2.0).log2() };
         let reach = if border > 1.0 { 2.0 } else { 1.0 };
-        let is_mesh = grid.structured().is_none();
+        let is_mesh = !grid.coarsens();
         let iterates = match deck.solver.linear {
             LinearChoice::Direct => false,
             LinearChoice::Iterative => true,
@@ -266,11 +265,11 @@ fn count(n: f64) -> String {
 /// Mean volume (area) of the cells in the bounds of a region if the grid is graded, otherwise of all cells.
 fn cell_volume<const D: usize>(grid: &dyn Grid<D>, region: &Region<D>, whole: f64) -> f64 {
     let mean = whole / grid.n_cells().max(1) as f64;
-    let Some(grid) = grid.structured().filter(|grid| !grid.is_even()) else { return mean };
+    let Some(lines) = grid.lines().filter(|lines| !lines.is_even()) else { return mean };
     let ([low, high], [first, last]) = (region.bounds(), grid.bounds());
     let along = |d: usize| {
         let (from, to) = (low[d].max(first[d]), high[d].min(last[d]));
-        let axis = &grid.axes()[d];
+        let axis = &lines.axes()[d];
         (to - from) / (axis.coordinate(to) - axis.coordinate(from))
     };
     let volume: f64 = (0..D).map(along).product();

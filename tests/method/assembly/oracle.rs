@@ -99,7 +99,7 @@ fn means_of_corners<const D: usize>(corners: &[[f64; D]]) -> Vec<(f64, [f64; D])
 /// S and ∇S of every node of the grid at a point.
 fn basis_of_point<const D: usize>(state: &State<D>, p: usize) -> Vec<(f64, [f64; D])> {
     let State { model, points, .. } = state;
-    let grid = model.grid.structured().unwrap();
+    let grid = model.grid.lines().unwrap();
     let method = model.bodies[points.body[p] as usize].method;
     let corners = points.corners(p);
     let means = if method.domain() == DomainKind::Corners { means_of_corners(corners) } else { Vec::new() };

@@ -46,7 +46,7 @@ fn drawn_out(points: &Points<2>, thickness: f64) -> Vec<Seed<3>> {
 
 /// The plane model, extruded. The boundary conditions of the plane model must fix nodes, not move them.
 fn slab(plane: Model<2>, thickness: f64) -> Model<3> {
-    let grid = plane.grid.structured().unwrap();
+    let grid = plane.grid.lines().unwrap();
     let [nx, ny] = grid.cells();
     let [x, y] = grid.axes().clone();
     let per_layer = ((nx + 1) * (ny + 1)) as u32;

@@ -66,7 +66,7 @@ fn conforms<const D: usize>(grid: &dyn Grid<D>, variant: (Method, ElementShape),
     assert!((sum - 1.0).abs() < 1e-13, "{variant:?} {sum}");
     assert!(s.nodes.is_sorted());
     // A position this close to the boundary of a cell may belong to the neighbouring cell.
-    let least = if grid.structured().is_some() { 0.0 } else { -1e-8 };
+    let least = if grid.lines().is_some() { 0.0 } else { -1e-8 };
     assert!(s.value.iter().all(|v| *v >= least));
     let size = grid.size(grid.locate(&x, None).unwrap() as usize);
     for d in 0..D {

@@ -441,7 +441,7 @@ impl<const D: usize> Connectivity<D> {
 
 /// 1/h of an even grid along each axis, [1/length].
 fn per_length_if_even<const D: usize>(grid: &dyn Grid<D>) -> Option<[f64; D]> {
-    grid.structured().filter(|grid| grid.is_even()).map(|grid| grid.per_length([0; D]))
+    grid.lines().filter(|lines| lines.is_even()).map(|lines| lines.per_length([0; D]))
 }
 
 #[cfg(test)]

@@ -15,7 +15,7 @@
 
 use super::{Basis, PointGeometry, Support, SupportError};
 use crate::grid::element::{ElementShape, box_shape, corner_side, gauss_points};
-use crate::grid::{CellBasis, Grid};
+use crate::grid::{CellValues, Grid};
 use crate::tensor::{Mat3, padded};
 
 /// Points with a domain given by its corners. CPDI1 and CPDI2 share this basis; they differ in the update of the
@@ -34,18 +34,14 @@ impl<const D: usize> Basis<D> for Cpdi {
         out: &mut Support<D>,
     ) -> Result<(), SupportError> {
         let weights = CornerWeights::new(point.corners)?;
-        match grid.structured() {
-            Some(grid) => sum_over_corners(&weights, grid, point, out),
-            None => sum_over_corners(&weights, grid, point, out),
-        }
+        sum_over_corners(&weights, grid, point, out)
     }
 }
 
-/// S_v = Σ_c w_c N_v(x_c) and ∇S_v = Σ_c g_c N_v(x_c), generic over the type of the grid, so that the methods of a
-/// structured grid can be inlined.
-fn sum_over_corners<const D: usize, G: Grid<D> + ?Sized>(
+/// S_v = Σ_c w_c N_v(x_c) and ∇S_v = Σ_c g_c N_v(x_c).
+fn sum_over_corners<const D: usize>(
     weights: &CornerWeights<D>,
-    grid: &G,
+    grid: &dyn Grid<D>,
     point: &PointGeometry<D>,
     out: &mut Support<D>,
 ) -> Result<(), SupportError> {
@@ -82,8 +78,8 @@ pub const CORNER_MARGIN: f64 = 0.05;
 /// The cell that contains a position or is nearest to it, and the distance of the position from the grid, in cells. The
 /// distance is minus the sum of the negative values of the basis of that cell, continued to the position.
 #[inline]
-pub fn nearest_with_distance<const D: usize, G: Grid<D> + ?Sized>(
-    grid: &G,
+pub fn nearest_with_distance<const D: usize>(
+    grid: &dyn Grid<D>,
     position: &[f64; D],
     hint: u32,
 ) -> (u32, f64) {
@@ -98,13 +94,13 @@ pub fn nearest_with_distance<const D: usize, G: Grid<D> + ?Sized>(
 /// The cell and basis of a corner. Just outside the grid, the basis is continued, so that linear fields are still
 /// reproduced exactly.
 #[inline(always)]
-fn near_corner<const D: usize, G: Grid<D> + ?Sized>(
-    grid: &G,
+fn near_corner<const D: usize>(
+    grid: &dyn Grid<D>,
     corner: usize,
     position: &[f64; D],
     hint: u32,
-) -> Result<(u32, CellBasis<D>), SupportError> {
-    let (cell, basis) = grid.basis_near(position, Some(hint));
+) -> Result<(u32, CellValues), SupportError> {
+    let (cell, basis) = grid.values_near(position, Some(hint));
     let outside = -basis.value().iter().map(|value| value.min(0.0)).sum::<f64>();
     if outside <= CORNER_MARGIN {
         return Ok((cell, basis));
@@ -117,8 +113,8 @@ fn near_corner<const D: usize, G: Grid<D> + ?Sized>(
 ///
 /// # Errors
 /// A [`SupportError`] if [`Cpdi`] would return one for this domain.
-pub fn check_domain<const D: usize, G: Grid<D> + ?Sized>(
-    grid: &G,
+pub fn check_domain<const D: usize>(
+    grid: &dyn Grid<D>,
     corners: &[[f64; D]],
     cell: u32,
 ) -> Result<(), SupportError> {

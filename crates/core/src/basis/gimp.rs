@@ -1,8 +1,8 @@
-//! The generalised interpolation material point method (Bardenhagen and Kober, 2004) on a structured grid.
+//! The generalised interpolation material point method (Bardenhagen and Kober, 2004) on a grid with lines along the axes.
 
 use super::factors::Factors;
 use super::{Basis, PointGeometry, Support, SupportError};
-use crate::grid::{Axis, Grid, Structured};
+use crate::grid::{Axis, Grid, Lines};
 
 /// Points with a rectangular domain: S_vp is the mean of the linear basis over the domain.
 #[derive(Debug, Clone, Copy)]
@@ -15,13 +15,13 @@ impl<const D: usize> Basis<D> for Gimp {
         point: &PointGeometry<D>,
         out: &mut Support<D>,
     ) -> Result<(), SupportError> {
-        let grid = grid.structured().ok_or(SupportError::Unstructured)?;
+        let lines = grid.lines().ok_or(SupportError::Unstructured)?;
         let mut axes: [AxisSupport; D] = std::array::from_fn(|_| AxisSupport::default());
         for d in 0..D {
-            mean_hats(&grid.axes()[d], point.position[d], point.half_lengths[d], &mut axes[d]);
+            mean_hats(&lines.axes()[d], point.position[d], point.half_lengths[d], &mut axes[d]);
         }
         let axes = std::array::from_fn(|d| (axes[d].first, axes[d].entries()));
-        tensor_product(grid, &axes, out);
+        tensor_product(lines, &axes, out);
         if D > 2 {
             out.factors = Factors::new(&axes);
         }
@@ -29,13 +29,13 @@ impl<const D: usize> Basis<D> for Gimp {
     }
 
     fn shares(&self, grid: &dyn Grid<D>, point: &PointGeometry<D>) -> Vec<(u32, f64)> {
-        let Some(grid) = grid.structured() else { return Vec::new() };
+        let Some(lines) = grid.lines() else { return Vec::new() };
         let axes: [Vec<(usize, f64)>; D] = std::array::from_fn(|d| {
-            parts_in_cells(&grid.axes()[d], point.position[d], point.half_lengths[d])
+            parts_in_cells(&lines.axes()[d], point.position[d], point.half_lengths[d])
         });
         let mut shares = Vec::new();
         for_each_offset(axes.each_ref().map(Vec::len), |offset| {
-            let cell = grid.cell(std::array::from_fn(|d| axes[d][offset[d]].0));
+            let cell = lines.cell(std::array::from_fn(|d| axes[d][offset[d]].0));
             shares.push((cell as u32, (0..D).map(|d| axes[d][offset[d]].1).product()));
         });
         let inside: f64 = shares.iter().map(|(_, share)| share).sum();
@@ -57,12 +57,12 @@ fn parts_in_cells(axis: &Axis, x: f64, half_length: f64) -> Vec<(usize, f64)> {
 
 /// Tensor product of one-dimensional supports, each given as `(first node, [(S, dS/dx)])`.
 fn tensor_product<const D: usize>(
-    grid: &Structured<D>,
+    lines: &Lines<D>,
     axes: &[(usize, &[(f64, f64)]); D],
     out: &mut Support<D>,
 ) {
     out.clear();
-    for_each_offset(axes.map(|(_, line)| line.len()), |offset| {
+    for_each_offset(axes.map(|(_, along)| along.len()), |offset| {
         let mut value = 1.0;
         let mut gradient = [1.0; D];
         for d in 0..D {
@@ -72,15 +72,15 @@ fn tensor_product<const D: usize>(
                 *g *= if e == d { ds } else { s };
             }
         }
-        let node = grid.node(std::array::from_fn(|d| axes[d].0 + offset[d]));
+        let node = lines.node(std::array::from_fn(|d| axes[d].0 + offset[d]));
         out.nodes.push(node as u32);
         out.value.push(value);
         out.gradient.push(gradient);
     });
     // The domain touches the cells between the first and the last node of each axis.
-    for_each_offset(axes.map(|(_, line)| (line.len() - 1).max(1)), |offset| {
-        let cell = std::array::from_fn(|d| (axes[d].0 + offset[d]).min(grid.cells()[d] - 1));
-        out.cells.push(grid.cell(cell) as u32);
+    for_each_offset(axes.map(|(_, along)| (along.len() - 1).max(1)), |offset| {
+        let cell = std::array::from_fn(|d| (axes[d].0 + offset[d]).min(lines.cells()[d] - 1));
+        out.cells.push(lines.cell(cell) as u32);
     });
 }
 

@@ -15,11 +15,11 @@ impl<const D: usize> Basis<D> for Mpm {
         point: &PointGeometry<D>,
         out: &mut Support<D>,
     ) -> Result<(), SupportError> {
-        match grid.structured() {
-            Some(grid) => {
-                let base = grid.cell_index(point.cell as usize);
-                let (local, per_length) = (grid.local(base, point.position), grid.per_length(base));
-                out.set_corners(local, &per_length, |corner| grid.corner(base, corner) as u32);
+        match grid.lines() {
+            Some(lines) => {
+                let base = lines.cell_index(point.cell as usize);
+                let (local, per_length) = (lines.local(base, point.position), lines.per_length(base));
+                out.set_corners(local, &per_length, |corner| lines.corner(base, corner) as u32);
                 out.factors = (D > 2).then(|| Factors::in_cell(&local, &per_length));
             }
             None => {

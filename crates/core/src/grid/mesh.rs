@@ -284,6 +284,10 @@ impl<const D: usize> Grid<D> for Mesh<D> {
         self.shape(cell, position)
     }
 
+    fn has_simplices(&self) -> bool {
+        self.n_simplices > 0
+    }
+
     fn node_set(&self, name: &str) -> Option<&[u32]> {
         self.node_sets.get(name).map(Vec::as_slice)
     }
@@ -296,8 +300,8 @@ impl<const D: usize> Grid<D> for Mesh<D> {
         self.patches.as_ref()
     }
 
-    fn set_names(&self) -> Vec<&str> {
-        self.node_sets.keys().map(String::as_str).collect()
+    fn set_names(&self) -> Option<Vec<&str>> {
+        Some(self.node_sets.keys().map(String::as_str).collect())
     }
 }
 

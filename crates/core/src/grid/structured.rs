@@ -1,12 +1,11 @@
 //! A grid of rectangles (bricks) aligned with the axes, with evenly spaced or graded lines along each axis.
 
-use super::{Axis, CellBasis, Corners, Grid, MAX_CORNERS};
+use super::{Axis, CellBasis, CellValues, Corners, Grid, Lines, MAX_CORNERS};
 
-/// A grid of rectangles (bricks) in `D` dimensions. Nodes and cells are numbered with the first axis fastest.
+/// A grid of rectangles (bricks) in `D` dimensions, which is given by its lines.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Structured<const D: usize> {
-    axes: [Axis; D],
-    cells: [usize; D],
+    lines: Lines<D>,
 }
 
 impl<const D: usize> Structured<D> {
@@ -18,169 +17,31 @@ impl<const D: usize> Structured<D> {
 
     /// A grid with these lines along each axis.
     pub fn with_axes(axes: [Axis; D]) -> Self {
-        let cells = std::array::from_fn(|d| axes[d].n_cells());
-        Structured { axes, cells }
-    }
-
-    /// The lines along each axis.
-    #[inline(always)]
-    pub fn axes(&self) -> &[Axis; D] {
-        &self.axes
-    }
-
-    /// True if all cells have the same sides by construction.
-    pub fn is_even(&self) -> bool {
-        self.axes.iter().all(Axis::is_even)
-    }
-
-    /// Lowest corner, [length].
-    pub fn origin(&self) -> [f64; D] {
-        std::array::from_fn(|d| self.axes[d].line(0))
-    }
-
-    /// Sides of the cell with these indices along the axes, [length].
-    #[inline(always)]
-    pub fn sides(&self, index: [usize; D]) -> [f64; D] {
-        std::array::from_fn(|d| self.axes[d].size(index[d]))
-    }
-
-    /// Along each axis, the smallest side of the cells around the node with these indices along the axes, [length].
-    pub fn sides_around(&self, index: [usize; D]) -> [f64; D] {
-        std::array::from_fn(|d| self.axes[d].size_around(index[d]))
-    }
-
-    /// Number of cells along each axis.
-    pub fn cells(&self) -> [usize; D] {
-        self.cells
-    }
-
-    /// Highest corner, [length].
-    pub fn upper(&self) -> [f64; D] {
-        std::array::from_fn(|d| self.axes[d].line(self.cells[d]))
-    }
-
-    /// Node number for these indices along the axes.
-    #[inline(always)]
-    pub fn node(&self, index: [usize; D]) -> usize {
-        (0..D).rev().fold(0, |number, d| number * (self.cells[d] + 1) + index[d])
-    }
-
-    /// Node number of a corner of the cell with these indices; bit d of the corner is the side along axis d.
-    #[inline(always)]
-    pub fn corner(&self, cell: [usize; D], corner: usize) -> usize {
-        self.node(std::array::from_fn(|d| cell[d] + (corner >> d & 1)))
-    }
-
-    /// Indices of a node along the axes.
-    #[inline(always)]
-    pub fn node_index(&self, node: usize) -> [usize; D] {
-        split(node, self.cells.map(|n| n + 1))
-    }
-
-    /// Cell number for these indices along the axes.
-    #[inline(always)]
-    pub fn cell(&self, index: [usize; D]) -> usize {
-        (0..D).rev().fold(0, |number, d| number * self.cells[d] + index[d])
-    }
-
-    /// Indices of a cell along the axes.
-    #[inline(always)]
-    pub fn cell_index(&self, cell: usize) -> [usize; D] {
-        split(cell, self.cells)
-    }
-
-    /// Indices of the cell that contains a position; `None` outside the grid. A position on a grid line belongs to the
-    /// upper cell; on the upper boundary of the grid, to the last cell.
-    #[inline(always)]
-    pub fn locate_index(&self, position: &[f64; D]) -> Option<[usize; D]> {
-        let mut index = [0; D];
-        for d in 0..D {
-            let xi = self.axes[d].coordinate(position[d]);
-            let n = self.cells[d];
-            if !(0.0..=n as f64).contains(&xi) {
-                return None;
-            }
-            index[d] = (xi as usize).min(n - 1);
-        }
-        Some(index)
-    }
-
-    /// Local coordinates of a position relative to the cell with these indices: from 0 to 1 inside the cell, and beyond
-    /// this range outside it.
-    #[inline(always)]
-    pub fn local(&self, index: [usize; D], position: &[f64; D]) -> [f64; D] {
-        // A closure might not be inlined.
-        let mut local = [0.0; D];
-        for d in 0..D {
-            local[d] = self.axes[d].local(index[d], position[d]);
-        }
-        local
-    }
-
-    /// Indices of the cell nearest to a position, and the local coordinates of the position, which are continued
-    /// outside the cell.
-    #[inline(always)]
-    fn nearest(&self, position: &[f64; D]) -> ([usize; D], [f64; D]) {
-        let coordinates: [f64; D] = std::array::from_fn(|d| self.axes[d].coordinate(position[d]));
-        let index: [usize; D] = std::array::from_fn(|d| self.axes[d].cell_of(coordinates[d]));
-        (index, std::array::from_fn(|d| coordinates[d] - index[d] as f64))
-    }
-
-    /// 1/h of the cell with these indices along each axis, [1/length].
-    #[inline(always)]
-    pub fn per_length(&self, index: [usize; D]) -> [f64; D] {
-        self.sides(index).map(|h| 1.0 / h)
-    }
-
-    /// Basis of the cell with these indices at these local coordinates; the functions are continued outside the cell.
-    /// `per_length` is 1/h of the cell along each axis, [1/length].
-    #[inline(always)]
-    pub fn basis_in(&self, base: [usize; D], local: [f64; D], per_length: [f64; D]) -> CellBasis<D> {
-        let mut basis = CellBasis::default();
-        for_each_corner(local, &per_length, |corner, value, gradient| {
-            basis.push(self.corner(base, corner) as u32, value, gradient);
-        });
-        basis
-    }
-
-    /// All nodes within bounds, [length], and some just outside; ascending.
-    pub fn nodes_near(&self, [low, high]: &[[f64; D]; 2]) -> impl Iterator<Item = usize> + use<'_, D> {
-        let ranges = std::array::from_fn(|d| self.axes[d].lines_near(low[d], high[d]));
-        indices(ranges).map(|index| self.node(index))
-    }
-
-    /// All cells that may overlap bounds, [length], and some next to them; ascending.
-    pub fn cells_near(&self, [low, high]: &[[f64; D]; 2]) -> impl Iterator<Item = usize> + use<'_, D> {
-        let ranges = std::array::from_fn(|d| {
-            let lines = self.axes[d].lines_near(low[d], high[d]);
-            lines.start..lines.end.min(self.cells[d])
-        });
-        indices(ranges).map(|index| self.cell(index))
+        Structured { lines: Lines::new(axes) }
     }
 }
 
-/// All multi-indices in these ranges; the first axis varies fastest.
-fn indices<const D: usize>(ranges: [std::ops::Range<usize>; D]) -> impl Iterator<Item = [usize; D]> {
-    let lengths = ranges.clone().map(|range| range.len());
-    let first = ranges.map(|range| range.start);
-    (0..lengths.iter().product()).map(move |number| {
-        let index = split(number, lengths);
-        std::array::from_fn(|d| first[d] + index[d])
-    })
+impl<const D: usize> std::ops::Deref for Structured<D> {
+    type Target = Lines<D>;
+
+    #[inline(always)]
+    fn deref(&self) -> &Lines<D> {
+        &self.lines
+    }
 }
 
 impl<const D: usize> Grid<D> for Structured<D> {
     fn n_nodes(&self) -> usize {
-        self.cells.iter().map(|n| n + 1).product()
+        self.cells().iter().map(|n| n + 1).product()
     }
 
     fn n_cells(&self) -> usize {
-        self.cells.iter().product()
+        self.cells().iter().product()
     }
 
     fn node_position(&self, node: usize) -> [f64; D] {
         let index = self.node_index(node);
-        std::array::from_fn(|d| self.axes[d].line(index[d]))
+        std::array::from_fn(|d| self.axes()[d].line(index[d]))
     }
 
     fn bounds(&self) -> [[f64; D]; 2] {
@@ -189,6 +50,21 @@ impl<const D: usize> Grid<D> for Structured<D> {
 
     fn lattice(&self, node: usize) -> [u32; D] {
         self.node_index(node).map(|i| i as u32)
+    }
+
+    fn coarsens(&self) -> bool {
+        true
+    }
+
+    fn lines(&self) -> Option<&Lines<D>> {
+        Some(&self.lines)
+    }
+
+    /// In cells or, if there are very many, in groups of cells.
+    fn cell_lattice(&self, cell: usize, bits: u32) -> [u32; D] {
+        let most = self.cells().into_iter().max().unwrap_or(0);
+        let shift = (usize::BITS - most.leading_zeros()).saturating_sub(bits);
+        self.cell_index(cell).map(|k| (k >> shift) as u32)
     }
 
     fn corners(&self, cell: usize) -> Corners {
@@ -201,15 +77,65 @@ impl<const D: usize> Grid<D> for Structured<D> {
     }
 
     fn size(&self, cell: usize) -> f64 {
-        self.sides(self.cell_index(cell)).into_iter().fold(f64::INFINITY, f64::min)
+        least(self.spacing(cell))
+    }
+
+    fn smallest_size(&self) -> f64 {
+        let [low, high] = self.bounds();
+        least::<D>(std::array::from_fn(|d| self.axes()[d].smallest_within(low[d], high[d])))
+    }
+
+    fn spacing(&self, cell: usize) -> [f64; D] {
+        self.sides(self.cell_index(cell))
+    }
+
+    fn diagonal(&self, cell: usize) -> f64 {
+        self.spacing(cell).iter().fold(0.0, |length: f64, side| length.hypot(*side))
     }
 
     fn size_around(&self, node: usize) -> f64 {
-        self.sides_around(self.node_index(node)).into_iter().fold(f64::INFINITY, f64::min)
+        least(self.spacing_around(node))
+    }
+
+    fn spacing_around(&self, node: usize) -> [f64; D] {
+        self.sides_around(self.node_index(node))
     }
 
     fn volume(&self, cell: usize) -> f64 {
-        self.sides(self.cell_index(cell)).iter().product()
+        self.spacing(cell).iter().product()
+    }
+
+    fn total_volume(&self) -> f64 {
+        if self.is_even() {
+            return self.n_cells() as f64 * self.volume(0);
+        }
+        let [low, high] = self.bounds();
+        (0..D).map(|d| high[d] - low[d]).product()
+    }
+
+    fn thickness(&self, cells: [usize; 2], area: f64) -> f64 {
+        let [a, b] = cells.map(|cell| self.volume(cell));
+        a.min(b) / area
+    }
+
+    fn is_at_edge(&self, nodes: &[u32]) -> bool {
+        let indices = || nodes.iter().map(|n| self.node_index(*n as usize));
+        (0..D).any(|d| {
+            let last = self.cells()[d];
+            indices().all(|index| index[d] == 0) || indices().all(|index| index[d] == last)
+        })
+    }
+
+    fn has_simplices(&self) -> bool {
+        false
+    }
+
+    fn nodes_near(&self, bounds: &[[f64; D]; 2]) -> Box<dyn Iterator<Item = usize> + '_> {
+        Box::new(self.lines.nodes_near(bounds))
+    }
+
+    fn cells_near(&self, bounds: &[[f64; D]; 2]) -> Box<dyn Iterator<Item = usize> + '_> {
+        Box::new(self.lines.cells_near(bounds))
     }
 
     #[inline(always)]
@@ -218,7 +144,7 @@ impl<const D: usize> Grid<D> for Structured<D> {
     }
 
     fn nearest_cell(&self, position: &[f64; D]) -> u32 {
-        self.cell(self.nearest(position).0) as u32
+        self.cell(self.lines.nearest(position).0) as u32
     }
 
     #[inline]
@@ -229,13 +155,19 @@ impl<const D: usize> Grid<D> for Structured<D> {
 
     #[inline(always)]
     fn basis_near(&self, position: &[f64; D], _hint: Option<u32>) -> (u32, CellBasis<D>) {
-        let (base, local) = self.nearest(position);
+        let (base, local) = self.lines.nearest(position);
         (self.cell(base) as u32, self.basis_in(base, local, self.per_length(base)))
     }
 
-    fn structured(&self) -> Option<&Structured<D>> {
-        Some(self)
+    #[inline(always)]
+    fn values_near(&self, position: &[f64; D], _hint: Option<u32>) -> (u32, CellValues) {
+        let (base, local) = self.lines.nearest(position);
+        (self.cell(base) as u32, self.values_in(base, local))
     }
+}
+
+fn least<const D: usize>(sides: [f64; D]) -> f64 {
+    sides.into_iter().fold(f64::INFINITY, f64::min)
 }
 
 /// Calls `visit` with the index of each corner of a cell, and with the value, [-], and the gradient, [1/length], of its
@@ -274,14 +206,6 @@ pub fn vtk_corner(corner: usize) -> usize {
         3 => corner - 1,
         _ => corner,
     }
-}
-
-fn split<const D: usize>(mut number: usize, counts: [usize; D]) -> [usize; D] {
-    counts.map(|n| {
-        let index = number % n;
-        number /= n;
-        index
-    })
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use crate::basis::DomainKind;
 use crate::grid::element::ElementShape;
 use crate::grid::subdivide::{ElementPart, subdivide_box, subdivide_simplex};
-use crate::grid::{Axis, Grid, Structured};
+use crate::grid::{Axis, Grid, Lines, Structured};
 use crate::points::Seed;
 use crate::ranks::Ranks;
 use crate::region::{Bounds, FilledCell, Region, Volume, brick_parts, contains_in_cell, fill};
@@ -141,8 +141,8 @@ impl<const D: usize> Filling<'_, D> {
         let (seeds, is_by_cells) = match placement {
             Placement::Lattice(spacing) => (self.lattice(region, spacing)?, false),
             Placement::PerCell { boxes, simplices, brick } => {
-                let of_box = match (brick, self.grid.structured(), boxes) {
-                    (Some(brick), Some(grid), Some(counts)) => self.box_on_lines(grid, brick, counts),
+                let of_box = match (brick, self.grid.lines(), boxes) {
+                    (Some(brick), Some(lines), Some(counts)) => self.box_on_lines(lines, brick, counts),
                     _ => None,
                 };
                 match of_box {
@@ -206,11 +206,11 @@ impl<const D: usize> Filling<'_, D> {
     /// Fills a box whose sides lie on grid lines; `None` for any other box.
     fn box_on_lines(
         &self,
-        grid: &Structured<D>,
+        lines: &Lines<D>,
         [min, max]: &Bounds<D>,
         per_cell: &[usize; D],
     ) -> Option<Vec<Seed<D>>> {
-        let axes = grid.axes();
+        let axes = lines.axes();
         let on_line = |d: usize, x: f64| {
             let xi = axes[d].coordinate(x);
             (xi - xi.round()).abs() <= ON_LINE
@@ -369,14 +369,14 @@ impl<const D: usize> Filling<'_, D> {
             return Ok(self.points(subdivide_simplex(&x, n).ok_or(FillError::Uneven(n))?));
         }
         let n = boxes.ok_or(FillError::NoCount(shape))?;
-        if let Some(grid) = self.grid.structured() {
-            let whole = grid.sides(grid.cell_index(cell));
+        if let Some(lines) = self.grid.lines() {
+            let whole = self.grid.spacing(cell);
             let sides = std::array::from_fn(|d| whole[d] / n[d] as f64);
             let point = move |x: [f64; D]| {
                 let end = |sign: f64| std::array::from_fn(|d| x[d] + sign * 0.5 * sides[d]);
                 self.brick(x, [end(-1.0), end(1.0)], sides)
             };
-            let parts = brick_parts(grid, n, cell).map(move |part| point(part.position));
+            let parts = brick_parts(lines, n, cell).map(move |part| point(part.position));
             return Ok((Box::new(parts), n.iter().product()));
         }
         Ok(self.points(subdivide_box(&x, n).unwrap_or_default()))

@@ -6,7 +6,7 @@
 //! condition that they follow changes during a run, they keep an offset from its displacement.
 
 use crate::formula::Formula;
-use crate::grid::{Axis, CarriedLines, CarryError, ON_LINE, Structured};
+use crate::grid::{Axis, CarriedLines, CarryError, Lines, ON_LINE, Structured};
 
 use super::boundary_condition::displacement_at;
 use super::{BoundaryCondition, Model, Stepping};
@@ -32,7 +32,7 @@ pub struct FollowingLines {
 #[derive(Debug, Clone)]
 pub struct MovingGrid<const D: usize> {
     /// The grid at time 0.
-    original: Structured<D>,
+    original: Lines<D>,
     following: Vec<FollowingLines>,
     /// For each entry, the displacement of its lines in addition to the one that the condition prescribes, [length]. It
     /// is 0 unless the condition has changed during the run.
@@ -191,26 +191,26 @@ impl<const D: usize> Model<D> {
     /// # Errors
     /// The indices of the entries that cannot follow, each with the reason.
     pub fn follow(&mut self, following: Vec<FollowingLines>) -> Result<(), Vec<(usize, FollowError)>> {
-        let Some(grid) = self.grid.structured() else { return Err(vec![(0, FollowError::Unstructured)]) };
-        let faults = following.iter().enumerate().filter_map(|(entry, lines)| {
-            Some((entry, self.may_follow(grid, &following[..entry], lines).err()?))
+        let Some(lines) = self.grid.lines() else { return Err(vec![(0, FollowError::Unstructured)]) };
+        let faults = following.iter().enumerate().filter_map(|(entry, follower)| {
+            Some((entry, self.may_follow(lines, &following[..entry], follower).err()?))
         });
         let faults: Vec<_> = faults.collect();
         if faults.is_empty() {
             let offsets = vec![0.0; following.len()];
-            self.moving_grid = Some(MovingGrid { original: grid.clone(), following, offsets, time: 0.0 });
+            self.moving_grid = Some(MovingGrid { original: lines.clone(), following, offsets, time: 0.0 });
         }
         if faults.is_empty() { Ok(()) } else { Err(faults) }
     }
 
     fn may_follow(
         &self,
-        grid: &Structured<D>,
+        lines: &Lines<D>,
         others: &[FollowingLines],
-        lines: &FollowingLines,
+        follower: &FollowingLines,
     ) -> Result<(), FollowError> {
-        let FollowingLines { axis, first, last, condition } = *lines;
-        let axes = grid.axes().get(axis).filter(|along| first <= last && last <= along.n_cells());
+        let FollowingLines { axis, first, last, condition } = *follower;
+        let axes = lines.axes().get(axis).filter(|along| first <= last && last <= along.n_cells());
         let (Some(along), Some(condition)) = (axes, self.boundary_conditions.get(condition)) else {
             return Err(FollowError::Missing);
         };

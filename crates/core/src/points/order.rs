@@ -16,10 +16,7 @@ impl<const D: usize> Points<D> {
     #[inline(never)]
     pub fn group_by_cell(&mut self, grid: &dyn Grid<D>) -> Result<Vec<usize>, Option<usize>> {
         self.further.begin();
-        let outside = match grid.structured() {
-            Some(grid) => self.locate(grid),
-            None => self.locate(grid),
-        };
+        let outside = self.locate(grid);
         if self.ranks.any(outside.is_some()) {
             return Err(outside);
         }
@@ -42,7 +39,7 @@ impl<const D: usize> Points<D> {
     }
 
     /// Finds the cells of all points; returns the first point that lies outside the grid, if there is one.
-    fn locate<G: Grid<D> + ?Sized>(&mut self, grid: &G) -> Option<usize> {
+    fn locate(&mut self, grid: &dyn Grid<D>) -> Option<usize> {
         let places = self.converged.position.par_iter();
         (self.cell.par_iter_mut().zip(places).enumerate().with_min_len(PIECE))
             .filter_map(|(p, (cell, position))| match grid.locate(position, Some(*cell)) {

@@ -90,27 +90,14 @@ impl Partition {
         ranks.start
     }
 
-    /// The coordinates of a cell: in cells on a structured grid, or in groups of cells if there are very many; on a
-    /// mesh, in small fractions of its widest side.
+    /// The coordinates of a cell or, if it belongs to a patch, of the same cell of the patch for all of them.
     fn at<const D: usize>(&self, grid: &dyn Grid<D>, cell: u32) -> [u32; D] {
         let of_patch = grid.patches().and_then(|patches| {
             let patch = *patches.patch_of.get(cell as usize)?;
             self.of_patch.get(patch as usize)
         });
         let cell = of_patch.copied().unwrap_or(cell) as usize;
-        match grid.structured() {
-            Some(grid) => {
-                let most = grid.cells().into_iter().max().unwrap_or(0);
-                let shift = (usize::BITS - most.leading_zeros()).saturating_sub(BITS);
-                grid.cell_index(cell).map(|k| (k >> shift) as u32)
-            }
-            None => {
-                let ([low, high], centre) = (grid.bounds(), grid.centre(cell));
-                let widest = (0..D).map(|d| high[d] - low[d]).fold(f64::MIN_POSITIVE, f64::max);
-                let steps = f64::from(1u32 << BITS) - 1.0;
-                std::array::from_fn(|d| (steps * (centre[d] - low[d]) / widest) as u32)
-            }
-        }
+        grid.cell_lattice(cell, BITS)
     }
 
     /// Chooses parts whose numbers of points are as equal as the cells allow, given the points of this rank.

@@ -173,7 +173,6 @@ impl Measures {
         objections: &[Option<Objection>],
         group: usize,
     ) {
-        let structured = next_grid.structured(); // calls to a known type are inlined
         let mut filled: Option<(f64, u32)> = None;
         for p in links.points_of(group) {
             let cell = points.cell[p];
@@ -207,11 +206,7 @@ impl Measures {
                 DomainKind::None => {
                     let x = &points.trial.position[p];
                     body.points += 1;
-                    let now = match structured {
-                        Some(grid) => grid.locate(x, Some(cell)),
-                        None => next_grid.locate(x, Some(cell)),
-                    };
-                    body.crossings += usize::from(now != Some(cell));
+                    body.crossings += usize::from(next_grid.locate(x, Some(cell)) != Some(cell));
                     continue;
                 }
                 DomainKind::Box => {
@@ -245,9 +240,9 @@ fn volume_of_cell<const D: usize>(model: &Model<D>, cell: usize) -> f64 {
     model.grid.volume(cell) * model.depth(&model.grid.centre(cell))
 }
 
-/// Share of the volume of a box outside the grid, [-]; on unstructured grids, share of its corners.
+/// Share of the volume of a box outside the grid, [-]; on a grid without lines, share of its corners.
 fn share_of_box_outside<const D: usize>(grid: &dyn Grid<D>, x: &[f64; D], half_lengths: &[f64; D]) -> f64 {
-    let Some(structured) = grid.structured() else {
+    let Some(lines) = grid.lines() else {
         let mut corners = [[0.0; D]; MAX_CORNERS];
         for (k, corner) in corners.iter_mut().enumerate() {
             *corner = std::array::from_fn(|d| {
@@ -258,7 +253,7 @@ fn share_of_box_outside<const D: usize>(grid: &dyn Grid<D>, x: &[f64; D], half_l
     };
     let inside: f64 = (0..D)
         .map(|d| {
-            let axis = &structured.axes()[d];
+            let axis = &lines.axes()[d];
             let low = axis.coordinate(x[d] - half_lengths[d]);
             let high = axis.coordinate(x[d] + half_lengths[d]);
             let n = axis.n_cells() as f64;
@@ -273,11 +268,7 @@ fn share_of_box_outside<const D: usize>(grid: &dyn Grid<D>, x: &[f64; D], half_l
 
 /// Share of the corners of a domain outside the grid, [-]. Within the margin that CPDI allows, a corner counts in part.
 fn share_of_corners_outside<const D: usize>(grid: &dyn Grid<D>, corners: &[[f64; D]], hint: u32) -> f64 {
-    let outside = |corner| match grid.structured() {
-        Some(grid) => nearest_with_distance(grid, corner, hint).1,
-        None => nearest_with_distance(grid, corner, hint).1,
-    };
-    let part = |corner| (outside(corner) / CORNER_MARGIN).min(1.0);
+    let part = |corner| (nearest_with_distance(grid, corner, hint).1 / CORNER_MARGIN).min(1.0);
     corners.iter().map(part).sum::<f64>() / corners.len().max(1) as f64
 }
 

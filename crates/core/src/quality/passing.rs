@@ -139,8 +139,7 @@ impl Material {
             let first = links.points_of(group).start;
             let cell = points.cell[first] as usize;
             let volume = grid.volume(cell) * model.depth(&points.converged.position[first]);
-            let sides =
-                grid.structured().map_or([grid.size(cell); D], |grid| grid.sides(grid.cell_index(cell)));
+            let sides = grid.spacing(cell);
             let nodes = || links.nodes_of(group).iter().map(|&node| node as usize);
             let beyond = nodes().filter(|&node| motion[node].is_none() && self.is_beyond(node, volume));
             beyond.filter(|&node| nodes().any(|behind| is_ahead(node, behind, &sides))).min()

@@ -5,7 +5,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::{Bounds, Region};
-use crate::grid::{Grid, Structured};
+use crate::grid::{Grid, Lines};
 use crate::ranks::Ranks;
 
 /// Number of cells that are filled in parallel before their parts are collected.
@@ -73,10 +73,7 @@ pub fn fill<const D: usize, P: Send, I: IntoIterator<Item = P>, E: Send>(
         }
         Ok((parts, full))
     };
-    let candidates: Vec<usize> = match grid.structured() {
-        Some(lines) => lines.cells_near(&region.bounds()).collect(),
-        None => (0..grid.n_cells()).collect(),
-    };
+    let candidates: Vec<usize> = grid.cells_near(&region.bounds()).collect();
     let mut filled = Filled { parts: Vec::new(), cells: Vec::new() };
     // Cells are filled in chunks, so that at most one chunk of parts is stored twice.
     let own = &candidates[ranks.share(candidates.len())];
@@ -121,21 +118,21 @@ fn bounds_of_cell<const D: usize>(grid: &dyn Grid<D>, cell: usize) -> Bounds<D> 
     })
 }
 
-/// Divides a cell of a structured grid into `per_cell` equal parts along each axis; the first axis varies fastest.
+/// Divides a cell between lines into `per_cell` equal parts along each axis; the first axis varies fastest.
 pub fn brick_parts<const D: usize>(
-    grid: &Structured<D>,
+    lines: &Lines<D>,
     per_cell: [usize; D],
     cell: usize,
 ) -> impl Iterator<Item = CellPart<D>> + use<'_, D> {
-    let index = grid.cell_index(cell);
+    let index = lines.cell_index(cell);
     let n: usize = per_cell.iter().product();
-    let volume = grid.volume(cell) / n as f64;
+    let volume = lines.sides(index).iter().product::<f64>() / n as f64;
     (0..n).map(move |part| {
         let mut rest = part;
         let position = std::array::from_fn(|d| {
             let k = rest % per_cell[d];
             rest /= per_cell[d];
-            grid.axes()[d].position(index[d] as f64 + (k as f64 + 0.5) / per_cell[d] as f64)
+            lines.axes()[d].position(index[d] as f64 + (k as f64 + 0.5) / per_cell[d] as f64)
         });
         CellPart { position, volume }
     })

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use crate::assembly::{Border, System};
 use crate::basis::Connectivity;
 use crate::dofs::DofMap;
+use crate::grid::Axis;
 use crate::linear::{Backend, Choice, Divided, Extent, Krylov, Layout, LinearError, Named, Solved};
 use crate::model::{Model, PatternReuse};
 use crate::step::{Nodal, StepContext};
@@ -83,8 +84,8 @@ impl<const D: usize, const N: usize> EquationContext<'_, D, N> {
             nodes: self.links.active_nodes(),
             lattice: &|active| self.lattice(active),
             position: &|active| self.model.grid.node_position(self.links.active_nodes()[active] as usize),
-            lines: match self.model.grid.structured() {
-                Some(grid) => std::array::from_fn(|d| grid.axes()[d].graded_lines()),
+            lines: match self.model.grid.lines() {
+                Some(lines) => lines.axes().each_ref().map(Axis::graded_lines),
                 None => [None; D],
             },
             keeps_pattern: self.model.newton.pattern == PatternReuse::Contained,
@@ -97,7 +98,7 @@ impl<const D: usize, const N: usize> EquationContext<'_, D, N> {
         let nodes = halo.sum_over_nodes(n, |_| 1.0);
         let blocks = halo.ranks().total(system.matrix().blocks.len() as f64);
         let pairs = if system.matrix().symmetric { blocks } else { 0.5 * (blocks + nodes) };
-        if self.model.grid.structured().is_none() {
+        if !self.model.grid.coarsens() {
             return Extent::of_mesh::<D>(nodes, pairs);
         }
         let reach = system.matrix().reach(|active| self.lattice(active));
@@ -167,7 +168,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         let choice = context.model.newton.linear;
         // Coarser grids support neither nodes held along directions other than the axes nor tied nodes.
         let is_plain = context.links.halo().ranks().all(context.dofs.is_plain());
-        let is_regular = context.model.grid.structured().is_some() && is_plain;
+        let is_regular = context.model.grid.coarsens() && is_plain;
         let method = match self.of_engine.algebraic {
             _ if is_regular => Method::Iterative,
             Some(_) => Method::Algebraic,
@@ -183,8 +184,8 @@ impl<const D: usize, const N: usize> Equations<D, N> {
             Choice::Auto => suits_auto && context.extent(system).is_large::<D>(is_regular),
         };
         if choice == Choice::Iterative && !can_iterate {
-            let is_mesh = context.model.grid.structured().is_none();
-            self.turned.get_or_insert(if is_mesh { LinearError::Unstructured } else { LinearError::Turned });
+            let coarsens = context.model.grid.coarsens();
+            self.turned.get_or_insert(if coarsens { LinearError::Turned } else { LinearError::Unstructured });
         }
         if iterative {
             return self.prepare_with(method, context, system);

@@ -64,11 +64,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             let delta_d = &displacement(&self.unknowns.delta_d);
             let at_rest = [0.0; D];
             let nodal = |node: usize| links.moves_with(node).map_or(at_rest, |active| delta_d[active]);
-            let regular = model.grid.structured(); // calls to a known type are inlined
-            let displacement = |place: &[f64; D]| match regular {
-                Some(grid) => interpolate(grid, place, &nodal),
-                None => interpolate(model.grid.as_ref(), place, &nodal),
-            };
+            let displacement = |place: &[f64; D]| interpolate(model.grid.as_ref(), place, &nodal);
             // The next step must find the points in its grid.
             let error = |error| SolveError::GridMotion { step: step.index, error };
             let moved_grid = model.grid_at(step.end).map_err(error)?;
@@ -269,10 +265,7 @@ where
 
     /// True if the next grid holds the point at this position.
     fn is_held(&self, p: usize, position: &[f64; D]) -> bool {
-        match self.next_grid.structured() {
-            Some(grid) => grid.locate_index(position).is_some(),
-            None => self.next_grid.locate(position, Some(self.points.cell[p])).is_some(),
-        }
+        self.next_grid.locate(position, Some(self.points.cell[p])).is_some()
     }
 
     /// Checks a domain given by its corners, because otherwise only the next step, if there is one, would notice that
@@ -284,10 +277,7 @@ where
         let PointUpdate { points, next_grid, .. } = *self;
         let is_split = self.model.bodies[points.body[p] as usize].split_above.is_some();
         let n = points.corner_range(p).len();
-        let check = |moved: &Moved<D>| match next_grid.structured() {
-            Some(grid) => check_domain(grid, &moved.corners[..n], points.cell[p]),
-            None => check_domain(next_grid, &moved.corners[..n], points.cell[p]),
-        };
+        let check = |moved: &Moved<D>| check_domain(next_grid, &moved.corners[..n], points.cell[p]);
         let mut checked = check(moved);
         if checked.is_err() && is_split && n == 1 << D {
             moved.is_replaced = true;

@@ -125,7 +125,7 @@ impl Ghost {
         let corners: Vec<[f64; D]> = face.iter().map(|n| grid.node_position(*n as usize)).collect();
         let places = quadrature::<D>(&corners);
         let area: f64 = places.iter().map(|p| p.weight).sum();
-        let thickness = thickness(grid, cells, area);
+        let thickness = grid.thickness(cells.map(|cell| cell as usize), area);
         let modulus = held.shear_modulus(&nodes);
         let first = self.stiffness.len();
         self.stiffness.resize(first + nodes.len() * (nodes.len() + 1) / 2, 0.0);
@@ -274,13 +274,6 @@ impl<const D: usize, const N: usize> Term<D, N> for Ghost {
     }
 }
 
-/// Thickness h of two cells normal to the face that they share, [length]: on a structured grid, the thickness of the
-/// smaller cell; on a mesh, the mean.
-fn thickness<const D: usize>(grid: &dyn Grid<D>, cells: [u32; 2], area: f64) -> f64 {
-    let [a, b] = cells.map(|cell| grid.volume(cell as usize));
-    if grid.structured().is_some() { a.min(b) / area } else { (a + b) / (2.0 * area) }
-}
-
 /// The cells that hold points, but too few to resist all motions of their nodes: the strain at one point of a
 /// quadrilateral does not resist its hourglass modes, nor do the strains at three points of a hexahedron. Simplices
 /// have no hourglass modes.
@@ -303,8 +296,8 @@ struct Face {
 }
 
 /// The faces between cells of a list; and for each cell, whether it lies at the boundary of the list, that is, whether
-/// it has a side that no other cell of the list shares and that is not at the edge of a structured grid, where no cell
-/// is cut.
+/// it has a side that no other cell of the list shares and that is not at an edge of the grid where no cell is
+/// cut.
 fn faces_of<const D: usize>(grid: &dyn Grid<D>, cells: &[u32]) -> (Vec<Face>, Vec<bool>) {
     let sides = sides_of(grid, cells);
     let mut faces = Vec::new();
@@ -312,23 +305,13 @@ fn faces_of<const D: usize>(grid: &dyn Grid<D>, cells: &[u32]) -> (Vec<Face>, Ve
     for equal in sides.chunk_by(|a, b| a.key == b.key) {
         match equal {
             [a, b] => faces.push(Face { cells: [a.cell, b.cell], nodes: a.nodes.clone() }),
-            [a] => at_boundary[a.cell] |= !is_at_edge(grid, &a.nodes),
+            [a] => at_boundary[a.cell] |= !grid.is_at_edge(&a.nodes),
             _ => {}
         }
     }
     // Sorting by cells makes the order independent of the node numbers.
     faces.sort_unstable_by_key(|face| face.cells);
     (faces, at_boundary)
-}
-
-/// True if all nodes lie on the same boundary side of a structured grid.
-fn is_at_edge<const D: usize>(grid: &dyn Grid<D>, nodes: &[u32]) -> bool {
-    let Some(structured) = grid.structured() else { return false };
-    let indices = || nodes.iter().map(|n| structured.node_index(*n as usize));
-    (0..D).any(|d| {
-        let last = structured.cells()[d];
-        indices().all(|index| index[d] == 0) || indices().all(|index| index[d] == last)
-    })
 }
 
 /// A quadrature point of a face.

@@ -22,13 +22,7 @@ where
     pub(super) fn magnitudes(&mut self, grid: &dyn Grid<D>, materials: &[MaterialOfPoints]) {
         let [low, high] = grid.bounds();
         let whole = low.iter().chain(&high).fold(0.0, |most: f64, x| most.max(x.abs()));
-        let cell = match grid.structured() {
-            Some(grid) => {
-                let smallest = |d: usize| grid.axes()[d].smallest_within(low[d], high[d]);
-                (0..D).map(smallest).fold(f64::INFINITY, f64::min)
-            }
-            None => (0..grid.n_cells()).map(|cell| grid.size(cell)).fold(f64::INFINITY, f64::min),
-        };
+        let cell = grid.smallest_size();
         let deck = self.deck;
         let used = deck.used_materials();
         for MaterialOfPoints { name, law, .. } in materials.iter().filter(|m| used.contains(m.name.as_str()))

@@ -284,8 +284,8 @@ fn centre<const D: usize>(region: &Region<D>) -> [f64; 3] {
 
 /// Cell size; for a mesh, the mean.
 pub(super) fn size_of_cells<const D: usize>(grid: &dyn Grid<D>) -> CellSize {
-    match grid.structured() {
-        Some(grid) => CellSize::of_axes(grid.axes()),
+    match grid.lines() {
+        Some(lines) => CellSize::of_axes(lines.axes()),
         None => {
             let n = grid.n_cells();
             CellSize::Mean((0..n).map(|cell| grid.size(cell)).sum::<f64>() / n.max(1) as f64)

@@ -4,7 +4,7 @@ use super::Builder;
 use crate::quoting::quote;
 use crate::region::OfDeck;
 use crate::{AXES, FollowDeck, GridDeck};
-use mpm_core::grid::{MIN_SIZE, Structured};
+use mpm_core::grid::{Lines, MIN_SIZE};
 use mpm_core::model::{FollowError, FollowingLines, GridMotionError, Model};
 use mpm_core::region::Region;
 
@@ -19,8 +19,8 @@ where
         if follow.is_empty() || model.boundary_conditions.len() < self.deck.boundary_conditions.len() {
             return;
         }
-        let Some(grid) = model.grid.structured().cloned() else { return };
-        let following = (follow.iter().enumerate()).map(|(number, lines)| self.lines(&grid, number, lines));
+        let Some(lines) = model.grid.lines().cloned() else { return };
+        let following = (follow.iter().enumerate()).map(|(number, entry)| self.lines(&lines, number, entry));
         let following: Vec<Option<FollowingLines>> = following.collect();
         let Some(following) = following.into_iter().collect() else { return };
         match model.follow(following) {
@@ -36,18 +36,18 @@ where
     }
 
     /// The indices of the grid lines of an entry; reports coordinates at which there is no line.
-    fn lines(&mut self, grid: &Structured<D>, number: usize, lines: &FollowDeck) -> Option<FollowingLines> {
-        let (axis, pointer) = (lines.axis as usize, format!("/grid/follow/{number}"));
+    fn lines(&mut self, lines: &Lines<D>, number: usize, entry: &FollowDeck) -> Option<FollowingLines> {
+        let (axis, pointer) = (entry.axis as usize, format!("/grid/follow/{number}"));
         if axis >= D {
             return None;
         }
-        let first = self.line("D054", grid, (axis, lines.from), &format!("{pointer}/from"));
-        let last = match lines.to {
-            Some(to) => self.line("D054", grid, (axis, to), &format!("{pointer}/to")),
+        let first = self.line("D054", lines, (axis, entry.from), &format!("{pointer}/from"));
+        let last = match entry.to {
+            Some(to) => self.line("D054", lines, (axis, to), &format!("{pointer}/to")),
             None => first,
         };
         let mut conditions = self.deck.boundary_conditions.iter();
-        let condition = conditions.position(|condition| condition.name == lines.condition)?;
+        let condition = conditions.position(|condition| condition.name == entry.condition)?;
         Some(FollowingLines { axis, first: first?, last: last?, condition })
     }
 

@@ -88,9 +88,7 @@ where
         pointer: &str,
     ) {
         let distance = length::<D>(std::array::from_fn(|d| found[d] - place[d]));
-        let number = grid.nearest_cell(found) as usize;
-        let cell = (grid.structured())
-            .map_or_else(|| grid.size(number), |grid| length(grid.sides(grid.cell_index(number))));
+        let cell = grid.diagonal(grid.nearest_cell(found) as usize);
         if distance > cell {
             // As many digits as matter: a mistyped location may be at any distance.
             let away = if distance < 1e9 { format!("{distance:.3}") } else { format!("{distance:.3e}") };

@@ -9,7 +9,7 @@ use crate::quoting::{quote, rounded};
 use crate::references::existing;
 use crate::region::OfDeck;
 use crate::{AXES, BoundaryConditionDeck, NodeSelector};
-use mpm_core::grid::{Grid, Structured};
+use mpm_core::grid::{Grid, Lines};
 use mpm_core::model::NodeSet;
 use mpm_core::points::Points;
 use mpm_core::region::Region;
@@ -52,17 +52,13 @@ where
         }
         let mut off_line = false;
         for (axis, coordinate) in coordinates.iter().enumerate().take(D) {
-            if let (Some(c), Some(grid)) = (coordinate, grid.structured()) {
+            if let (Some(c), Some(lines)) = (coordinate, grid.lines()) {
                 let at = format!("{pointer}/nodes/{}", AXES[axis]);
-                off_line |= self.line("D029", grid, (axis, *c), &at).is_none();
+                off_line |= self.line("D029", lines, (axis, *c), &at).is_none();
             }
         }
-        // On an imported grid, the cells around a node define what counts as near.
-        let sides = |node: usize| match grid.structured() {
-            Some(grid) => grid.sides_around(grid.node_index(node)),
-            None => [grid.size_around(node); D],
-        };
-        let slack = |node: usize| sides(node).map(|h| IN_BOX * h);
+        // The cells around a node define what counts as near.
+        let slack = |node: usize| grid.spacing_around(node).map(|h| IN_BOX * h);
         let all = grid.bounds();
         let bounds: [[f64; D]; 2] = match within {
             Some(region) => [array(&region.min), array(&region.max)],
@@ -76,27 +72,27 @@ where
             (0..D).all(|d| !restricts(d) || between(d))
         };
         let nodes: Vec<u32> =
-            placing::nodes_near(grid, &bounds).filter(|&node| inside(node)).map(|node| node as u32).collect();
+            grid.nodes_near(&bounds).filter(|&node| inside(node)).map(|node| node as u32).collect();
         if nodes.is_empty() && !off_line {
             let message = format!("the boundary condition {} selects no grid node", quote(name));
-            let help = grid.structured().map_or_else(
-                || match grid.set_names().as_slice() {
+            let help = grid.lines().map_or_else(
+                || match grid.set_names().unwrap_or_default().as_slice() {
                     [] => "give coordinates of nodes of the mesh; it has no physical groups".to_owned(),
                     names => {
                         let known = existing(("group", "groups"), names);
                         format!("select a physical group of the mesh with `group`; {known}")
                     }
                 },
-                |grid| {
-                    let along: Vec<String> = (0..D).map(|d| lines_in_words(grid, d, &bounds)).collect();
+                |lines| {
+                    let along: Vec<String> = (0..D).map(|d| lines_in_words(lines, d, &bounds)).collect();
                     let (last, first) = along.split_last().unwrap_or((&along[0], &[]));
                     format!("grid nodes lie at {} and {last}", first.join(", "))
                 },
             );
             self.error("D029", &format!("{pointer}/nodes"), message, help);
         }
-        if let (Some(grid), true, true) = (grid.structured(), within.is_some(), condition.moves()) {
-            self.ends_between_lines((grid, points), &bounds, name, pointer);
+        if let (Some(lines), true, true) = (grid.lines(), within.is_some(), condition.moves()) {
+            self.ends_between_lines((lines, points), &bounds, name, pointer);
         }
         NodeSet::Fixed(nodes)
     }
@@ -105,7 +101,7 @@ where
     /// along which the box contains a single line is exempt, because the box then only needs to surround this line.
     fn ends_between_lines(
         &mut self,
-        (grid, points): (&Structured<D>, &Points<D>),
+        (grid, points): (&Lines<D>, &Points<D>),
         [low, high]: &[[f64; D]; 2],
         condition: &str,
         pointer: &str,
@@ -156,11 +152,11 @@ where
     pub(super) fn line(
         &mut self,
         code: &'static str,
-        grid: &Structured<D>,
+        lines: &Lines<D>,
         (axis, coordinate): (usize, f64),
         pointer: &str,
     ) -> Option<usize> {
-        let found = line_at(&grid.axes()[axis], coordinate);
+        let found = line_at(&lines.axes()[axis], coordinate);
         if let Err(nearest) = found {
             let name = AXES[axis];
             let message = format!("no grid line lies at {name} = {coordinate}");
@@ -172,7 +168,7 @@ where
 
 /// Describes the grid lines along an axis: all lines of an evenly spaced axis as a formula, or the lines of a graded
 /// axis next to the middle of a selection.
-fn lines_in_words<const D: usize>(grid: &Structured<D>, axis: usize, selected: &[[f64; D]; 2]) -> String {
+fn lines_in_words<const D: usize>(grid: &Lines<D>, axis: usize, selected: &[[f64; D]; 2]) -> String {
     let (lines, name) = (&grid.axes()[axis], AXES[axis]);
     if lines.is_even() {
         return format!("{} + {} {} in {name}", lines.line(0), ["i", "j", "k"][axis], lines.size(0));

@@ -197,10 +197,10 @@ fn cells_between<const D: usize>(
     bounds: [[f64; D]; 2],
     places: &[[f64; D]],
 ) -> [[f64; D]; 2] {
-    if let Some(grid) = grid.structured() {
+    if let Some(lines) = grid.lines() {
         let sizes: [[f64; 2]; D] = std::array::from_fn(|d| {
             // What lies on a grid line lies at the cells on both sides of it.
-            let axis = &grid.axes()[d];
+            let axis = &lines.axes()[d];
             let slack = |x: f64| 1e-6 * axis.size_at(x);
             let is_flat = bounds[1][d] - bounds[0][d] <= slack(bounds[0][d]);
             let [below, above] = if is_flat { bounds.map(|x| slack(x[d])) } else { [0.0; 2] };
@@ -223,8 +223,8 @@ fn cells_between<const D: usize>(
 
 /// The original positions of the corners of a surface in cells, [-]; see [`Surface::in_cells`].
 fn in_cells<const D: usize>(grid: &dyn Grid<D>, surface: &Surface<D>) -> Vec<[f64; D]> {
-    if let Some(grid) = grid.structured() {
-        let coordinates = |x: &[f64; D]| std::array::from_fn(|d| grid.axes()[d].coordinate(x[d]));
+    if let Some(lines) = grid.lines() {
+        let coordinates = |x: &[f64; D]| std::array::from_fn(|d| lines.axes()[d].coordinate(x[d]));
         return surface.corners.iter().map(coordinates).collect();
     }
     if surface.is_empty() {

@@ -38,24 +38,12 @@ impl<const D: usize> FromFiles<'_, D> {
     }
 }
 
-/// Volume (area) of all cells of a grid, [volume].
-pub(crate) fn volume<const D: usize>(grid: &dyn Grid<D>) -> f64 {
-    match grid.structured() {
-        Some(lines) if lines.is_even() => grid.n_cells() as f64 * grid.volume(0),
-        Some(lines) => {
-            let (low, high) = (lines.origin(), lines.upper());
-            (0..D).map(|d| high[d] - low[d]).product()
-        }
-        None => (0..grid.n_cells()).map(|cell| grid.volume(cell)).sum(),
-    }
-}
-
 impl<const D: usize> Given<D> for FromFiles<'_, D> {
     fn cells(&mut self, place: &str, group: Option<&str>) -> Option<Group<D>> {
         let known = self.groups.names.iter().position(|name| name.as_deref() == group);
         let key = known.unwrap_or(self.groups.names.len());
         let (bounds, volume, member) = match group {
-            None => (self.grid.bounds(), volume(self.grid), Vec::new()),
+            None => (self.grid.bounds(), self.grid.total_volume(), Vec::new()),
             Some(name) => {
                 let Some(cells) = self.grid.cell_set(name) else {
                     let (message, help) = placing::unknown_group(self.grid, name, true);

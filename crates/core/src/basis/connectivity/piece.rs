@@ -97,10 +97,10 @@ impl<const D: usize> Piece<D> {
     /// Stores the basis functions of a point, as factors if they are given in this form.
     #[inline]
     fn keep(&mut self, grid: &dyn Grid<D>, cell: u32, support: &Support<D>) {
-        if let (Some(factors), Some(grid)) = (&support.factors, grid.structured()) {
+        if let Some(factors) = &support.factors {
             self.start.push(self.factor.len());
             let per_length = self.per_length.unwrap_or_else(|| {
-                let per_length = grid.per_length(grid.cell_index(cell as usize));
+                let per_length = grid.spacing(cell as usize).map(|h| 1.0 / h);
                 self.factor.extend(per_length);
                 per_length
             });
