@@ -45,7 +45,7 @@ fn load_step(model: &Model<2>, points: &mut Points<2>, step: Step) -> Option<(Ve
     for condition in &model.boundary_conditions {
         let NodeSet::Fixed(nodes) = &condition.nodes else { return None };
         let factor = condition.curve.factor(step.end) - condition.curve.factor(step.start);
-        let active = nodes.iter().filter_map(|node| links.active_number(*node as usize));
+        let active = nodes.iter().flat_map(|node| links.copies(*node as usize));
         for (v, i) in active.flat_map(|v| [(v, 0), (v, 1)]) {
             let Some(displacement) = &condition.displacement[i] else { continue };
             prescribed[3 * v + i] = Some(factor * displacement.as_constant()?);

@@ -42,7 +42,7 @@ impl Trolley {
         let mut nodal = vec![[0.0; 2]; step.links.n_active()];
         let (_, basis) = step.model.grid.basis_near(&self.place(time), None);
         for (node, value) in basis.nodes().iter().zip(basis.value()) {
-            if let Some(active) = step.links.active_number(*node as usize) {
+            for active in step.links.copies(*node as usize) {
                 nodal[active] = self.force.map(|f| value * f);
             }
         }

@@ -409,7 +409,8 @@ pub fn grid_mesh<const D: usize>(model: &Model<D>, links: &Connectivity<D>) -> G
     let (mut corners, mut kinds) = (Vec::new(), Vec::new());
     for &cell in cells.iter() {
         let nodes = model.grid.corners(cell as usize);
-        let number = |&node: &u32| links.active_number(node as usize).map(|active| active as i64);
+        // A cell is shown with the first copy of each node.
+        let number = |&node: &u32| links.copies(node as usize).next().map(|active| active as i64);
         if let Some(numbers) = nodes.nodes().iter().map(number).collect::<Option<Vec<i64>>>() {
             kinds.push(cell_kind::<D>(numbers.len()));
             corners.extend(numbers);

@@ -92,7 +92,8 @@ fn evaluate<const D: usize, M: Mechanics<D>>(
         let motions = motions_of_point::<D, M>(state, p);
         let mut increment = Mat3::identity(); // (7)
         for (degree, motion) in &motions {
-            increment += motion * links.active_number(degree / D).map_or(0.0, |a| delta_d[a][degree % D]);
+            increment +=
+                motion * links.seen_by(points.body[p], degree / D).map_or(0.0, |a| delta_d[a][degree % D]);
         }
         let strain = points.converged.elastic_strain[p].to_matrix();
         let b_n = match law {
@@ -147,7 +148,7 @@ fn check<const D: usize, M: Mechanics<D>>(
     }
     // The program drops nodes that points touch only weakly and passes their share on to other nodes; the sums here do
     // not.
-    let is_dropped = |degree: usize| state.links.active_number(degree / D).is_none();
+    let is_dropped = |degree: usize| !state.links.is_active(degree / D);
     let motions = (0..state.points.len()).flat_map(|p| motions_of_point::<D, M>(state, p));
     if motions.into_iter().any(|(degree, motion)| motion.norm() > 0.0 && is_dropped(degree)) {
         return Err(TestCaseError::reject("a node is left out"));

@@ -160,7 +160,8 @@ fn dense<const D: usize, M: Mechanics<D>>(state: &State<D>) -> (DVector<f64>, DM
         let mut motions = motions_of_point::<D, M>(state, p);
         let mut increment = Mat3::identity(); // (7)
         for (degree, motion) in &motions {
-            increment += motion * links.active_number(degree / D).map_or(0.0, |a| delta_d[a][degree % D]);
+            increment +=
+                motion * links.seen_by(points.body[p], degree / D).map_or(0.0, |a| delta_d[a][degree % D]);
         }
         let f_n = points.converged.deformation_gradient[p];
         let law = model.law(points, p);

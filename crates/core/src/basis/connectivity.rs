@@ -6,6 +6,7 @@ mod piece;
 use rayon::prelude::*;
 
 use super::factors::{Form, for_each_product, multiply};
+use super::node_copies::NodeCopies;
 use super::slivers::{SharedTouches, Slivers, Touch};
 use super::{Basis, Method, PointGeometry, Support, SupportError};
 use crate::grid::Grid;
@@ -31,8 +32,8 @@ struct Block {
     local: usize,
 }
 
-/// Marks a grid node that is not active.
-const INACTIVE: u32 = u32::MAX;
+/// The body that stands for all others while the copies of nodes are numbered: all bodies are in one group.
+const ANY_BODY: u16 = 0;
 
 /// The links between points and grid nodes, built once per load step.
 ///
@@ -66,8 +67,7 @@ pub struct Connectivity<const D: usize> {
     /// 1/h of an even grid along each axis, [1/length]; `None` for other grids.
     per_length: Option<[f64; D]>,
     n_links: usize,
-    active_nodes: Vec<u32>,
-    active_of: Vec<u32>,
+    copies: NodeCopies,
     active_cells: Vec<u32>,
     /// Grid numbers of the sliver nodes, ascending, each with that of its carrier node.
     carried: Vec<[u32; 2]>,
@@ -223,8 +223,7 @@ impl<const D: usize> Connectivity<D> {
         self.gradient.clear();
         self.factor.clear();
         self.n_links = 0;
-        self.active_nodes.clear();
-        self.active_of.clear();
+        self.copies.clear();
         self.active_cells.clear();
         self.carried.clear();
         self.layer_cells.clear();
@@ -267,18 +266,10 @@ impl<const D: usize> Connectivity<D> {
 
     /// Numbers the touched nodes in grid order and converts the node lists of the groups to these numbers.
     fn number_active_nodes(&mut self, n_nodes: usize) {
-        self.active_of.resize(n_nodes, INACTIVE);
-        for &node in self.group_nodes.iter().chain(&self.layer_nodes) {
-            self.active_of[node as usize] = 0;
-        }
-        for (node, number) in self.active_of.iter_mut().enumerate() {
-            if *number == 0 {
-                *number = self.active_nodes.len() as u32;
-                self.active_nodes.push(node as u32);
-            }
-        }
+        let touched = self.group_nodes.iter().chain(&self.layer_nodes);
+        self.copies.number(n_nodes, touched.map(|node| (*node, ANY_BODY)));
         for node in &mut self.group_nodes {
-            *node = self.active_of[*node as usize];
+            *node = self.copies.seen_by(ANY_BODY, *node as usize).map_or(u32::MAX, |number| number as u32);
         }
     }
 
@@ -385,12 +376,12 @@ impl<const D: usize> Connectivity<D> {
 
     /// Number of active nodes.
     pub fn n_active(&self) -> usize {
-        self.active_nodes.len()
+        self.copies.len()
     }
 
     /// Grid numbers of the active nodes, ascending.
     pub fn active_nodes(&self) -> &[u32] {
-        &self.active_nodes
+        self.copies.nodes()
     }
 
     /// The active nodes that other ranks also have. If there are other ranks, this rank has the nodes that its points
@@ -410,32 +401,40 @@ impl<const D: usize> Connectivity<D> {
         &self.active_cells
     }
 
-    /// Number, among the active nodes, of the node that moves with a grid node: the grid node itself if it is active,
-    /// else its carrier; `None` if it has no carrier either.
+    /// The active node that moves with a grid node, as a body sees it: the body's copy of the grid node if there is one,
+    /// else its copy of the carrier; `None` if there is no carrier either.
     #[inline(always)]
-    pub fn moves_with(&self, node: usize) -> Option<usize> {
-        match self.active_of[node] {
-            INACTIVE if self.carried.is_empty() => None,
-            INACTIVE => self.carrier(node),
-            number => Some(number as usize),
+    pub fn moves_with(&self, body: u16, node: usize) -> Option<usize> {
+        match self.copies.seen_by(body, node) {
+            None if self.carried.is_empty() => None,
+            None => self.carrier(body, node),
+            number => number,
         }
     }
 
-    /// Number, among the active nodes, of the carrier of a grid node; `None` unless the node is a sliver node with an
-    /// active carrier.
+    /// The active node that carries a grid node; `None` unless the node is a sliver node with an active carrier.
     #[cold]
-    fn carrier(&self, node: usize) -> Option<usize> {
+    fn carrier(&self, body: u16, node: usize) -> Option<usize> {
         let index = self.carried.binary_search_by_key(&(node as u32), |pair| pair[0]).ok()?;
-        self.active_number(self.carried[index][1] as usize)
+        self.seen_by(body, self.carried[index][1] as usize)
     }
 
-    /// Number of a grid node among the active nodes; `None` if it is not active.
+    /// The active node that a body sees at a grid node; `None` if there is none. See [`NodeCopies::seen_by`].
     #[inline]
-    pub fn active_number(&self, node: usize) -> Option<usize> {
-        match self.active_of[node] {
-            INACTIVE => None,
-            number => Some(number as usize),
-        }
+    pub fn seen_by(&self, body: u16, node: usize) -> Option<usize> {
+        self.copies.seen_by(body, node)
+    }
+
+    /// All active nodes at a grid node, one for each group of bodies. See [`NodeCopies::of_node`].
+    #[inline]
+    pub fn copies(&self, node: usize) -> std::ops::Range<usize> {
+        self.copies.of_node(node)
+    }
+
+    /// True if a grid node is active.
+    #[inline]
+    pub fn is_active(&self, node: usize) -> bool {
+        !self.copies.of_node(node).is_empty()
     }
 }
 

@@ -7,6 +7,7 @@ mod cpdi;
 mod factors;
 mod gimp;
 mod mpm;
+mod node_copies;
 mod parts;
 mod slivers;
 
@@ -22,6 +23,7 @@ pub use connectivity::{Connectivity, LinkBuffer, Links, SupportFailure};
 pub use cpdi::{CORNER_MARGIN, Cpdi, check_domain, domain_volume, nearest_with_distance};
 pub use gimp::Gimp;
 pub use mpm::Mpm;
+pub use node_copies::{BodyGroup, NodeCopies};
 pub use parts::JoinedParts;
 
 /// Material point method.

@@ -114,9 +114,7 @@ pub fn nodes_of<const D: usize>(
     links: &Connectivity<D>,
 ) -> Vec<usize> {
     match &condition.nodes {
-        NodeSet::Fixed(nodes) => {
-            nodes.iter().filter_map(|&node| links.active_number(node as usize)).collect()
-        }
+        NodeSet::Fixed(nodes) => nodes.iter().flat_map(|&node| links.copies(node as usize)).collect(),
         NodeSet::Surface(_) => Vec::new(),
         NodeSet::OuterLayer(body) => {
             let mut touched = vec![0.0; links.n_active()];

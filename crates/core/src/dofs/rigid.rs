@@ -84,7 +84,7 @@ pub fn free_parts<const D: usize>(
         }
         for (sample, x) in surface.samples.iter().enumerate() {
             let normal = surface.normal(sample);
-            let carried = support(model.grid.as_ref(), links, x, &normal);
+            let carried = support(model.grid.as_ref(), links, surface.body as u16, x, &normal);
             // Each rank that shares the nodes counts the sample once; the repetition changes only the weight of the
             // held directions.
             let Some(&node) = carried.as_ref().and_then(|carried| carried.nodes().first()) else { continue };

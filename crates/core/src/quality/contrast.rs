@@ -67,8 +67,9 @@ pub fn watch<const D: usize>(
     let mut taken: BTreeMap<u16, Taken> = BTreeMap::new();
     let corners = |p: usize| {
         let corners = model.grid.corners(points.cell[p] as usize);
-        let active: Vec<usize> =
-            corners.nodes().iter().filter_map(|&node| links.moves_with(node as usize)).collect();
+        let active: Vec<usize> = (corners.nodes().iter())
+            .filter_map(|&node| links.moves_with(points.body[p], node as usize))
+            .collect();
         active.into_iter()
     };
     for p in 0..points.len() {
@@ -176,7 +177,7 @@ fn join<const D: usize>(stiffness: &mut Stiffness, links: &Connectivity<D>) {
         .flat_map(|(at_node, node)| std::mem::take(at_node).into_iter().map(|(body, k)| (*node, body, k)))
         .collect();
     for (node, body, added) in links.halo().ranks().gather_all(own).concat() {
-        let Some(active) = links.active_number(node as usize) else { continue };
+        let Some(active) = links.seen_by(body, node as usize) else { continue };
         match stiffness[active].iter_mut().find(|(other, _)| *other == body) {
             Some((_, sum)) => *sum += added,
             None => stiffness[active].push((body, added)),

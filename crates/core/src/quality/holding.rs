@@ -116,7 +116,7 @@ impl AtNodes {
         delta_d: &[[f64; D]],
     ) -> AtNodes {
         let mut is_among = vec![false; links.n_active()];
-        for active in nodes.iter().filter_map(|&node| links.active_number(node as usize)) {
+        for active in nodes.iter().flat_map(|&node| links.copies(node as usize)) {
             is_among[active] = true;
         }
         let mut found =
@@ -167,7 +167,7 @@ impl AtNodes {
         nodes: &[u32],
     ) -> Option<[f64; D]> {
         let volume =
-            |node: u32| links.active_number(node as usize).map_or(0.0, |active| self.volume_of[active]);
+            |node: u32| links.copies(node as usize).fold(0.0, |sum, active| sum + self.volume_of[active]);
         let ranks = links.halo().ranks();
         let mut volumes: Vec<f64> = nodes.iter().map(|node| volume(*node)).collect();
         ranks.maximum(&mut volumes);

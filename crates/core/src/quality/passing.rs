@@ -73,7 +73,7 @@ impl Material {
         let mut points_around = vec![0.0; links.n_active()];
         for p in 0..points.len() {
             for &node in model.grid.corners(points.cell[p] as usize).nodes() {
-                if let Some(active) = links.active_number(node as usize) {
+                if let Some(active) = links.seen_by(points.body[p], node as usize) {
                     points_around[active] += 1.0;
                 }
             }
@@ -112,7 +112,7 @@ impl Material {
         let position = |active: usize| model.grid.node_position(links.active_nodes()[active] as usize);
         // The prescribed part of the motion of the condition's nodes; `None` for all other nodes.
         let mut motion = vec![None; links.n_active()];
-        for active in nodes.iter().filter_map(|&node| links.active_number(node as usize)) {
+        for active in nodes.iter().flat_map(|&node| links.copies(node as usize)) {
             let along_all = condition.directions().iter().fold([0.0; D], |motion, direction| {
                 along(&motion, dot(&delta_d[active], direction), direction)
             });

@@ -140,8 +140,7 @@ pub(super) fn runaway<const D: usize>(model: &Model<D>, iterate: &Iterate<D>, pl
     let cells = cells_at(model, links, place);
     let corners = cells.iter().map(|cell| model.grid.corners(*cell as usize));
     let of_nodes = corners.flat_map(|corners| {
-        let active: Vec<usize> =
-            corners.nodes().iter().filter_map(|n| links.active_number(*n as usize)).collect();
+        let active: Vec<usize> = corners.nodes().iter().flat_map(|n| links.copies(*n as usize)).collect();
         active
     });
     let farthest = of_nodes.map(|node| length(&delta_d[node])).fold(0.0, f64::max);
@@ -158,7 +157,7 @@ pub(super) fn hourglass<const D: usize>(model: &Model<D>, points: &Points<D>, it
     let of_group = |group| links.points_of(group).map(move |p| (group, points.cell[p], p));
     let all: Vec<_> = (0..links.n_groups()).flat_map(of_group).collect();
     for of_cell in all.chunk_by(|a, b| a.1 == b.1) {
-        let (group, cell, _) = of_cell[0];
+        let (group, cell, first) = of_cell[0];
         let (nodes, n) = (links.nodes_of(group), of_cell.len() as f64);
         if held.filling(model, links, cell) < FULL {
             continue;
@@ -179,7 +178,7 @@ pub(super) fn hourglass<const D: usize>(model: &Model<D>, points: &Points<D>, it
             let basis = grid.basis_at(cell, &grid.node_position(*corner as usize));
             let mut gradient = -mean;
             for (node, slope) in basis.nodes().iter().zip(basis.gradient()) {
-                if let Some(active) = links.active_number(*node as usize) {
+                if let Some(active) = links.seen_by(points.body[first], *node as usize) {
                     add(&mut gradient, &delta_d[active], slope);
                 }
             }

@@ -62,9 +62,6 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         let replaced = Mutex::new(Vec::new());
         let moved = timings.measure(Phase::Update, || {
             let delta_d = &displacement(&self.unknowns.delta_d);
-            let at_rest = [0.0; D];
-            let nodal = |node: usize| links.moves_with(node).map_or(at_rest, |active| delta_d[active]);
-            let displacement = |place: &[f64; D]| interpolate(model.grid.as_ref(), place, &nodal);
             // The next step must find the points in its grid.
             let error = |error| SolveError::GridMotion { step: step.index, error };
             let moved_grid = model.grid_at(step.end).map_err(error)?;
@@ -73,8 +70,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             let mut trial = std::mem::take(&mut self.points.trial);
             trial.make_room_for_motion(&self.points.converged);
             let points = &*self.points;
-            let update =
-                PointUpdate { model, links, points, step, next_grid, delta_d, nodal, displacement, replaces };
+            let update = PointUpdate { model, links, points, step, next_grid, delta_d, replaces };
             let move_point = |nodes: &[u32], products: &mut Products<D>, p: usize, moved: &mut Moved<D>| {
                 update.move_point(nodes, products, p, moved)?;
                 if moved.is_replaced {
@@ -183,7 +179,7 @@ impl<const D: usize> Room<'_, D> {
 }
 
 /// What moves the points at the end of a step.
-struct PointUpdate<'a, const D: usize, V, U> {
+struct PointUpdate<'a, const D: usize> {
     model: &'a Model<D>,
     links: &'a Connectivity<D>,
     points: &'a Points<D>,
@@ -191,19 +187,21 @@ struct PointUpdate<'a, const D: usize, V, U> {
     /// The grid in which the next step must find the points.
     next_grid: &'a dyn Grid<D>,
     delta_d: &'a [[f64; D]],
-    /// Δd of a node.
-    nodal: V,
-    /// Δd at a position.
-    displacement: U,
     /// True if domains that have become invalid are replaced as a last resort.
     replaces: bool,
 }
 
-impl<const D: usize, V, U> PointUpdate<'_, D, V, U>
-where
-    V: Fn(usize) -> [f64; D],
-    U: Fn(&[f64; D]) -> [f64; D],
-{
+impl<const D: usize> PointUpdate<'_, D> {
+    /// Δd of a grid node, as a body sees it.
+    fn nodal(&self, body: u16, node: usize) -> [f64; D] {
+        self.links.moves_with(body, node).map_or([0.0; D], |active| self.delta_d[active])
+    }
+
+    /// Δd of a body at a position.
+    fn displacement(&self, body: u16, place: &[f64; D]) -> [f64; D] {
+        interpolate(self.model.grid.as_ref(), place, &|node| self.nodal(body, node))
+    }
+
     /// Moves one point, which the group with these nodes holds; `products` receives its basis functions.
     ///
     /// # Errors
@@ -231,6 +229,7 @@ where
         let dF = Increment::new(model.revolved, nodes, &of_point, delta_d, start).in_space();
         let F = dF * points.converged.deformation_gradient[p]; // (16)
         let body = &model.bodies[points.body[p] as usize];
+        let displacement = |place: &[f64; D]| self.displacement(points.body[p], place);
         moved.position = position;
         moved.deformation_gradient = F;
         moved.half_lengths = points.half_lengths(p);
@@ -244,7 +243,7 @@ where
                     original: &points.original_half_lengths[p],
                     previous: &points.converged.half_lengths[p],
                     position: &points.converged.position[p],
-                    displacement: &self.displacement,
+                    displacement: &displacement,
                 };
                 moved.half_lengths = body
                     .domain_update
@@ -253,7 +252,7 @@ where
             }
             DomainKind::Corners => {
                 match body.method {
-                    Method::Cpdi2 => carry_corners(points, p, &self.displacement, moved),
+                    Method::Cpdi2 => carry_corners(points, p, &displacement, moved),
                     Method::Mpm | Method::Gimp | Method::Cpdi1 => deform_corners(points, p, 1.0, moved),
                 }
                 self.make_valid(p, moved)
@@ -316,7 +315,7 @@ where
             let basis = model.grid.basis_at(points.cell[p], place);
             let mut sum = [0.0; D];
             for (&node, &value) in basis.nodes().iter().zip(basis.value()) {
-                let at_node = (self.nodal)(node as usize);
+                let at_node = self.nodal(points.body[p], node as usize);
                 (0..D).for_each(|d| sum[d] += value * at_node[d]);
             }
             sum

@@ -13,6 +13,8 @@ use crate::region::area_vector;
 /// A surface carried by the grid.
 #[derive(Debug, Clone, Default)]
 pub struct Carried<const D: usize> {
+    /// The body whose surface this is.
+    body: u16,
     /// Positions of the corners at the end of the last converged step, [length].
     pub converged: Vec<[f64; D]>,
     /// Positions of the corners at the displacement increment of the last evaluation, [length].
@@ -31,6 +33,7 @@ impl<const D: usize> Carried<D> {
     /// This surface at the start of the analysis.
     pub fn new(surface: &Surface<D>) -> Self {
         Carried {
+            body: surface.body as u16,
             converged: surface.corners.clone(),
             trial: surface.corners.clone(),
             facets: surface.facets.clone(),
@@ -58,13 +61,13 @@ impl<const D: usize> Carried<D> {
         self.trial.clone_from(&self.converged);
         if self.own.is_some() {
             let place = |(x, (cell, _)): (&[f64; D], &(u32, u32))| {
-                active(grid.basis_at(*cell, x), links).unwrap_or_default()
+                active(grid.basis_at(*cell, x), links, self.body).unwrap_or_default()
             };
             self.at_corners = self.converged.iter().zip(&self.found).map(place).collect();
             return Ok(());
         }
         let normals = self.normals();
-        let place = |(x, normal)| support(grid, links, x, &unit(normal)).ok_or(*x);
+        let place = |(x, normal)| support(grid, links, self.body, x, &unit(normal)).ok_or(*x);
         self.at_corners = self.converged.iter().zip(&normals).map(place).collect::<Result<_, _>>()?;
         Ok(())
     }
@@ -87,7 +90,7 @@ impl<const D: usize> Carried<D> {
     /// As [`Carried::locate`], the same on all ranks.
     pub fn find(&mut self, grid: &dyn Grid<D>, links: &Connectivity<D>) -> Result<(), [f64; D]> {
         let ranks = links.halo().ranks();
-        let place = |(x, normal)| carrying_cell(grid, links, x, &unit(normal));
+        let place = |(x, normal)| carrying_cell(grid, links, self.body, x, &unit(normal));
         let own: Vec<Option<(u32, u32)>> = self.converged.iter().zip(&self.normals()).map(place).collect();
         // The earliest cell that any rank has found, in the order of the search, is the one that a rank with all nodes
         // would find.

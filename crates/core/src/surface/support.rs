@@ -12,7 +12,7 @@ const DEPTHS: usize = 8;
 /// Linear basis at a position on a surface, N_v and ∂N_v/∂x, with active-node numbers as its nodes.
 pub type Support<const D: usize> = CellBasis<D>;
 
-/// The basis, at a position x on a surface with the unit normal n, of a cell that has only active nodes.
+/// The basis, at a position x on a surface of a body with the unit normal n, of a cell that has only active nodes.
 ///
 /// A position on the boundary between cells belongs to the cell along −n. If a node of that cell is inactive (because
 /// the material points lie inside the surface), the nearest cell along −n that has only active nodes is taken, and its
@@ -21,21 +21,23 @@ pub type Support<const D: usize> = CellBasis<D>;
 pub fn support<const D: usize>(
     grid: &dyn Grid<D>,
     links: &Connectivity<D>,
+    body: u16,
     x: &[f64; D],
     n: &[f64; D],
 ) -> Option<Support<D>> {
-    let (_, cell) = carrying_cell(grid, links, x, n)?;
-    active(grid.basis_at(cell, x), links)
+    let (_, cell) = carrying_cell(grid, links, body, x, n)?;
+    active(grid.basis_at(cell, x), links, body)
 }
 
 /// The cell of [`support`], preceded by the number of positions tried until it was found.
 pub(super) fn carrying_cell<const D: usize>(
     grid: &dyn Grid<D>,
     links: &Connectivity<D>,
+    body: u16,
     x: &[f64; D],
     n: &[f64; D],
 ) -> Option<(u32, u32)> {
-    let is_active = |node: &u32| links.active_number(*node as usize).is_some();
+    let is_active = |node: &u32| links.seen_by(body, *node as usize).is_some();
     let size = grid.size(grid.nearest_cell(x) as usize);
     let mut tried = 0;
     // At the rim of a surface, the body has other sides, about which the normal of the surface says nothing. As a last
@@ -62,11 +64,15 @@ fn aside<const D: usize>(place: [f64; D], by: f64) -> impl Iterator<Item = [f64;
     std::iter::once(place).chain((0..1usize << D).map(diagonal))
 }
 
-/// The basis in terms of active-node numbers; `None` if a node is inactive.
-pub(super) fn active<const D: usize>(basis: CellBasis<D>, links: &Connectivity<D>) -> Option<Support<D>> {
+/// The basis in terms of the active nodes that a body sees; `None` if a node is inactive.
+pub(super) fn active<const D: usize>(
+    basis: CellBasis<D>,
+    links: &Connectivity<D>,
+    body: u16,
+) -> Option<Support<D>> {
     let mut support = Support::default();
     for ((&node, &value), gradient) in basis.nodes().iter().zip(basis.value()).zip(basis.gradient()) {
-        support.push(links.active_number(node as usize)? as u32, value, *gradient);
+        support.push(links.seen_by(body, node as usize)? as u32, value, *gradient);
     }
     Some(support)
 }

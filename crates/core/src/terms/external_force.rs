@@ -67,7 +67,7 @@ fn not_yet_released<const D: usize>(
     let mut forces = vec![[0.0; D]; links.n_active()];
     for (node, force) in released {
         // A node without material carries no force.
-        let active = links.active_number(*node as usize);
+        let active = links.copies(*node as usize).next();
         if let Some(active) = active.filter(|active| links.halo().is_own(*active)) {
             forces[active] = force.map(|f| share * f);
         }

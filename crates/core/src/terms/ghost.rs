@@ -62,9 +62,8 @@ impl Ghost {
         let (own, beside) = (links.active_cells(), links.layer_cells());
         let mut cells: Vec<u32> = own.iter().chain(beside).copied().collect();
         cells.sort_unstable();
-        cells.retain(|&cell| {
-            grid.corners(cell as usize).nodes().iter().all(|n| links.active_number(*n as usize).is_some())
-        });
+        cells
+            .retain(|&cell| grid.corners(cell as usize).nodes().iter().all(|n| links.is_active(*n as usize)));
         let (faces, mut weak) = faces_of(grid, &cells);
         if mode == StabilisationMode::Auto {
             weak.fill(false);
@@ -85,7 +84,7 @@ impl Ghost {
         }
         // Among the ranks that have a face, the owner of its lowest node adds it.
         let is_ours = |nodes: &[u32]| {
-            let lowest = nodes.iter().min().and_then(|node| links.active_number(*node as usize));
+            let lowest = nodes.iter().min().and_then(|node| links.copies(*node as usize).next());
             lowest.is_some_and(|lowest| halo.is_own(lowest))
         };
         for Face { cells: [a, b], nodes } in faces.iter().filter(|face| is_ours(&face.nodes)) {
@@ -116,9 +115,7 @@ impl Ghost {
         let mut nodes: Vec<u32> = Vec::with_capacity(12);
         for cell in cells {
             let corners = grid.corners(cell as usize);
-            nodes.extend(
-                corners.nodes().iter().filter_map(|n| links.active_number(*n as usize)).map(|n| n as u32),
-            );
+            nodes.extend(corners.nodes().iter().flat_map(|n| links.copies(*n as usize)).map(|n| n as u32));
         }
         nodes.sort_unstable();
         nodes.dedup();
@@ -135,8 +132,10 @@ impl Ghost {
             for (cell, sign) in cells.into_iter().zip([1.0, -1.0]) {
                 let basis: CellBasis<D> = grid.basis_at(cell, position);
                 for (node, gradient) in basis.nodes().iter().zip(basis.gradient()) {
-                    let active = links.active_number(*node as usize).map(|n| n as u32);
-                    let Some(place) = active.and_then(|n| nodes.binary_search(&n).ok()) else { continue };
+                    let active = links.copies(*node as usize).next();
+                    let Some(place) = active.and_then(|n| nodes.binary_search(&(n as u32)).ok()) else {
+                        continue;
+                    };
                     jump[place] += sign * (0..D).map(|d| gradient[d] * normal[d]).sum::<f64>();
                 }
             }

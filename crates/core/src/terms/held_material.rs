@@ -50,7 +50,7 @@ impl HeldMaterial {
         let n = corners.nodes().len() as f64;
         let of_node = |node: &u32| {
             let full = grid.volume(cell as usize) * model.depth(&middle(grid, corners.nodes())) / n;
-            links.active_number(*node as usize).map_or(0.0, |active| self.volume[active] / full)
+            links.copies(*node as usize).fold(0.0, |sum, active| sum + self.volume[active] / full)
         };
         corners.nodes().iter().map(of_node).fold(f64::INFINITY, f64::min)
     }

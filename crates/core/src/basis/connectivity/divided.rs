@@ -15,14 +15,12 @@ impl<const D: usize> Connectivity<D> {
 
     /// Adds active nodes of other ranks, given by their grid numbers, to the active nodes of this rank.
     pub fn with_nodes(mut self, grid: &dyn Grid<D>, ranks: &Ranks, mut wanted: Vec<u32>) -> Self {
-        wanted.retain(|node| self.active_number(*node as usize).is_none());
+        wanted.retain(|node| !self.is_active(*node as usize));
         if !ranks.any(!wanted.is_empty()) {
             return self;
         }
-        self.group_nodes.iter_mut().for_each(|node| *node = self.active_nodes[*node as usize]);
+        self.group_nodes.iter_mut().for_each(|node| *node = self.copies.nodes()[*node as usize]);
         self.layer_nodes.extend(wanted);
-        self.active_nodes.clear();
-        self.active_of.clear();
         self.number_active_nodes(grid.n_nodes());
         self.halo = self.find_halo(ranks, grid.n_nodes());
         self
@@ -77,7 +75,7 @@ impl<const D: usize> Connectivity<D> {
         }
         let mut all = ranks.gather_all(std::mem::take(&mut self.carried)).concat();
         all.sort_unstable();
-        all.retain(|[_, carrier]| self.active_number(*carrier as usize).is_some());
+        all.retain(|[_, carrier]| self.is_active(*carrier as usize));
         all.dedup_by_key(|pair| pair[0]);
         self.carried = all;
     }
@@ -87,9 +85,9 @@ impl<const D: usize> Connectivity<D> {
         if ranks.is_alone() {
             return Halo::default();
         }
-        let mut nodes: Vec<(u32, bool)> = self.active_nodes.iter().map(|node| (*node, false)).collect();
+        let mut nodes: Vec<(u32, bool)> = self.active_nodes().iter().map(|node| (*node, false)).collect();
         self.group_nodes.iter().for_each(|active| nodes[*active as usize].1 = true);
-        Halo::new(ranks, &self.active_nodes, &sharing(ranks, &nodes, n_nodes))
+        Halo::new(ranks, self.active_nodes(), &sharing(ranks, &nodes, n_nodes))
     }
 
     /// The active cells that this rank writes to result files; if several ranks have a cell, the lowest of them writes

@@ -90,7 +90,7 @@ impl<const D: usize> Search<'_, D> {
         let hint = place.p.map(|p| self.points.cell[p]);
         let Some(cell) = grid.locate(&place.start, hint) else { return false };
         let corners = grid.corners(cell as usize);
-        let mut active = corners.nodes().iter().filter_map(|node| self.links.active_number(*node as usize));
+        let mut active = corners.nodes().iter().flat_map(|node| self.links.copies(*node as usize));
         active.any(|node| place_of(shared, node).is_some())
     }
 }

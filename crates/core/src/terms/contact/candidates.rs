@@ -237,11 +237,8 @@ impl<const D: usize> Search<'_, D> {
         let p = p.filter(|_| bears)?;
         let area = if area == 0.0 { area_of_corner } else { area };
         let body = &model.bodies[number];
-        let basis = if key.corner == CENTRE {
-            self.basis_of_point(p)
-        } else {
-            self.basis(&start, &points.converged.position[p], points.cell[p], body.method)
-        };
+        let basis =
+            if key.corner == CENTRE { self.basis_of_point(p) } else { self.basis(p, &start, body.method) };
         // Near the axis of a body of revolution, a contact point stands for hardly any area, but moves a whole cell.
         let mut in_cell = start;
         in_cell[0] = in_cell[0].max(0.5 * size);
@@ -282,34 +279,35 @@ impl<const D: usize> Search<'_, D> {
         carriers
     }
 
-    /// The active nodes that move a corner, and N_v there. The domain touches all cells that are tried, so each rank
-    /// has the nodes for its own material points.
-    fn basis(&self, corner: &[f64; D], x: &[f64; D], cell: u32, method: Method) -> Carriers {
-        let grid = self.model.grid.as_ref();
-        let towards = minus(x, corner);
+    /// The active nodes that move a corner of a material point, and N_v there. The domain touches all cells that are
+    /// tried, so each rank has the nodes for its own material points.
+    fn basis(&self, p: usize, corner: &[f64; D], method: Method) -> Carriers {
+        let (grid, points) = (self.model.grid.as_ref(), self.points);
+        let (body, cell) = (points.body[p], points.cell[p]);
+        let towards = minus(&points.converged.position[p], corner);
         let inwards = if method == Method::Mpm { &INWARDS[4..] } else { &INWARDS[..] };
         let of_cell = |part: &f64| {
             let at =
                 if *part == 1.0 { cell } else { grid.locate(&along(corner, *part, &towards), Some(cell))? };
-            self.active(&grid.basis_at(at, corner), false)
+            self.active(body, &grid.basis_at(at, corner), false)
         };
         let found = inwards.iter().find_map(of_cell);
         // The nodes of the cell of a material point are active, or move with active nodes.
-        found.or_else(|| self.active(&grid.basis_at(cell, corner), true)).unwrap_or_default()
+        found.or_else(|| self.active(body, &grid.basis_at(cell, corner), true)).unwrap_or_default()
     }
 
-    /// A basis in terms of active-node numbers; `None` if a node is inactive. If `is_last`, nodes that move with active
+    /// A basis in terms of the active nodes that a body sees; `None` if a node is inactive. If `is_last`, nodes that move with active
     /// nodes are accepted as well.
-    fn active(&self, basis: &CellBasis<D>, is_last: bool) -> Option<Carriers> {
+    fn active(&self, body: u16, basis: &CellBasis<D>, is_last: bool) -> Option<Carriers> {
         let mut active = Carriers(Vec::with_capacity(basis.nodes().len()));
         for (&node, &value) in basis.nodes().iter().zip(basis.value()) {
             let node = node as usize;
-            match self.links.active_number(node) {
+            match self.links.seen_by(body, node) {
                 Some(number) => active.push(number as u32, value),
                 // The contact point is on the boundary of the body: nodes beyond it have no influence.
                 None if value == 0.0 => {}
                 None if is_last => {
-                    if let Some(number) = self.links.moves_with(node) {
+                    if let Some(number) = self.links.moves_with(body, node) {
                         active.push(number as u32, value);
                     }
                 }

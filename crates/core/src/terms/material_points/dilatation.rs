@@ -216,7 +216,7 @@ impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
         for (cell, share) in shares {
             let centre = grid.centre(cell as usize);
             let basis = grid.basis_at(cell, &centre);
-            let (value, gradient) = on_nodes_of_point(self, nodes, &links, &basis);
+            let (value, gradient) = on_nodes_of_point(self, self.body[p], nodes, &links, &basis);
             let at_centre = Links { local: links.local, value: &value, gradient: &gradient };
             let increment = Increment::new(M::REVOLVED, nodes, &at_centre, self.delta_d, &centre);
             let motion = Motion::new(p, increment)?;
@@ -235,10 +235,12 @@ impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
     }
 }
 
-/// Values and gradients of the basis of a cell at the nodes that a point touches; `nodes` are the nodes of its group.
+/// Values and gradients of the basis of a cell at the nodes that a point of `body` touches; `nodes` are the nodes of its
+/// group.
 /// Other nodes, which the point would touch only by slivers of its basis functions, move with its displacement field.
 fn on_nodes_of_point<const D: usize, M>(
     task: &Task<D, M>,
+    body: u16,
     nodes: &[u32],
     links: &Links<D>,
     basis: &CellBasis<D>,
@@ -253,7 +255,7 @@ fn on_nodes_of_point<const D: usize, M>(
         (0..D).for_each(|d| gradients[k][d] += factor * gradient[d]);
     };
     for ((&node, &value), gradient) in basis.nodes().iter().zip(basis.value()).zip(basis.gradient()) {
-        let number = task.links.active_number(node as usize);
+        let number = task.links.seen_by(body, node as usize);
         if let Some(k) = (0..n).find(|&k| Some(active(k)) == number) {
             add(k, 1.0, value, gradient);
             continue;
