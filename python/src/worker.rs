@@ -235,11 +235,11 @@ where
         Ok(())
     }
 
-    fn iteration(&mut self, step: Step, iteration: usize, residual: f64) {
+    fn iteration(&mut self, step: Step, iteration: usize, residual: f64, by_field: &[f64]) {
         let worker = &mut *self.0.borrow_mut().worker;
-        Observer::<D>::iteration(&mut worker.record, step, iteration, residual);
+        Observer::<D>::iteration(&mut worker.record, step, iteration, residual, by_field);
         if let Some(files) = &mut worker.files {
-            Observer::<D>::iteration(&mut files.results, step, iteration, residual);
+            Observer::<D>::iteration(&mut files.results, step, iteration, residual, by_field);
             files.progress.iteration(step, iteration, residual);
             files.write_status();
         }

@@ -22,7 +22,7 @@ use crate::ranks::Ranks;
 pub use constraints::Constraints;
 pub use covered::{Covered, covered};
 pub use error::ConstraintError;
-pub use fields::Fields;
+pub use fields::{Field, Fields};
 pub use prescribed::{displacement_increment, nodes_of};
 pub use turned::Turned;
 

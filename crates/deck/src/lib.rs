@@ -276,6 +276,7 @@ impl Deck {
             precision: *precision,
             checkpoints: self.checkpoint.map(|checkpoint| checkpoint.every.max(1) as usize),
             forces: Vec::new(),
+            further: Vec::new(),
         }
     }
 }

@@ -88,7 +88,7 @@ fn remove(directory: &Path, is_old: impl Fn(&str) -> bool) -> io::Result<()> {
 /// The tables of a run, and their first bytes.
 const TABLES: [(&str, &str); 3] = [
     ("history.csv", "step,time,iterations,residual,"),
-    ("convergence.csv", "step,iteration,residual\n"),
+    ("convergence.csv", "step,iteration,residual"),
     ("quality.csv", "step,partition_of_unity_loss,"),
 ];
 

@@ -1,5 +1,6 @@
 //! The rows of the tables of a run: history, quality, and convergence of the iterations.
 
+use mpm_core::dofs::Field;
 use mpm_core::model::{Model, Probe};
 use mpm_core::points::Points;
 use mpm_core::solver::{FailedAttempt, ReactionMoment, Step, StepReport, Summary};
@@ -26,8 +27,16 @@ pub const QUALITY: [&str; 15] = [
     "moment_error",
 ];
 
-/// Columns of `convergence.csv`.
-pub const CONVERGENCE: [&str; 3] = ["step", "iteration", "residual"];
+/// Columns of `convergence.csv`, with those of an analysis with these further fields: then each field has its own
+/// residual.
+pub fn columns_of_convergence(fields: &[Field]) -> Vec<String> {
+    let mut columns = ["step", "iteration", "residual"].map(String::from).to_vec();
+    if !fields.is_empty() {
+        columns.push("residual_displacement".to_owned());
+    }
+    columns.extend(fields.iter().map(|field| format!("residual_{}", field.name)));
+    columns
+}
 
 /// Columns of `history.csv`, with those of further forces of these names.
 pub fn columns_of_history<const D: usize>(model: &Model<D>, forces: &[String]) -> Vec<String> {
@@ -207,7 +216,9 @@ pub fn row_of_attempt<const D: usize>(width: usize, attempt: &FailedAttempt<D>) 
     row
 }
 
-/// The row of `convergence.csv` for one evaluation of the residual.
-pub fn row_of_convergence(step: Step, iteration: usize, residual: f64) -> [Entry; 3] {
-    [Entry::from(step.index as i64), Entry::from(iteration as i64), Entry::from(residual)]
+/// The row of `convergence.csv` for one evaluation of the residual, with the residual of each field if there are several.
+pub fn row_of_convergence(step: Step, iteration: usize, residual: f64, by_field: &[f64]) -> Vec<Entry> {
+    let mut row = vec![Entry::from(step.index as i64), Entry::from(iteration as i64), Entry::from(residual)];
+    row.extend(by_field.iter().map(|residual| Entry::from(*residual)));
+    row
 }

@@ -10,7 +10,7 @@ use mpm_core::solver::{Diagnosis, FailedAttempt, Observer, SolveError, Step, Ste
 
 use super::findings::{Extremes, Findings};
 use super::history::{
-    CONVERGENCE, QUALITY, columns_of_history, row_of_attempt, row_of_convergence, row_of_history,
+    QUALITY, columns_of_convergence, columns_of_history, row_of_attempt, row_of_convergence, row_of_history,
     row_of_quality,
 };
 use super::summary::{Account, Outcome, Whole, Wording};
@@ -62,7 +62,7 @@ impl Record {
         Record {
             history: Rows::new(&columns_of_history(model, &[])),
             quality: Rows::new(&QUALITY),
-            convergence: Rows::new(&CONVERGENCE),
+            convergence: Rows::new(&columns_of_convergence(&[])),
             summary: None,
             account,
             findings: Findings::default(),
@@ -81,9 +81,9 @@ impl Record {
 }
 
 impl<const D: usize> Observer<D> for Record {
-    fn iteration(&mut self, step: Step, iteration: usize, residual: f64) {
+    fn iteration(&mut self, step: Step, iteration: usize, residual: f64, by_field: &[f64]) {
         if residual.is_finite() {
-            self.convergence.rows.push(row_of_convergence(step, iteration, residual).to_vec());
+            self.convergence.rows.push(row_of_convergence(step, iteration, residual, by_field));
         }
     }
 

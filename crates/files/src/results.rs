@@ -7,6 +7,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use mpm_core::basis::DomainKind;
+use mpm_core::dofs::Field;
 use mpm_core::model::Model;
 use mpm_core::solver::{Reached, Step};
 
@@ -18,7 +19,7 @@ use super::directory::{
 use super::fields::PointField;
 use super::findings::Findings;
 use super::frames::Frames;
-use super::history::{CONVERGENCE, QUALITY, columns_of_history};
+use super::history::{QUALITY, columns_of_convergence, columns_of_history};
 use super::lock::Lock;
 use super::rows;
 use super::series::Series;
@@ -46,12 +47,16 @@ pub struct Request {
     /// [`StepReport::forces`](mpm_core::solver::StepReport::forces); each has columns in `history.csv`. No
     /// name may be that of a load or tool.
     pub forces: Vec<String>,
+    /// The fields of the unknowns beside the displacement, in their order. Each has a residual in `convergence.csv`, and
+    /// values and reactions on the nodes of the grid files.
+    pub further: Vec<Field>,
 }
 
 impl Default for Request {
     fn default() -> Self {
         let fields = PointField::by_default();
-        Request { every: 1, fields, precision: Precision::default(), checkpoints: None, forces: Vec::new() }
+        let (forces, further) = (Vec::new(), Vec::new());
+        Request { every: 1, fields, precision: Precision::default(), checkpoints: None, forces, further }
     }
 }
 
@@ -133,7 +138,10 @@ impl Results {
         let tables = Tables {
             history: Table::create(directory.join("history.csv"), &history)?,
             quality: Table::create(directory.join("quality.csv"), &QUALITY)?,
-            convergence: Table::create(directory.join("convergence.csv"), &CONVERGENCE)?,
+            convergence: Table::create(
+                directory.join("convergence.csv"),
+                &columns_of_convergence(&asked.further),
+            )?,
         };
         Ok(Results {
             tables: Some(tables),
@@ -194,7 +202,7 @@ impl Results {
     ) -> io::Result<Results> {
         let (last, every) = (checkpoint.step().index, asked.every);
         let [history, quality, convergence] =
-            tables_in(directory, (model, &asked.forces), Some(&checkpoint.head.reached))?;
+            tables_in(directory, asked, model, Some(&checkpoint.head.reached))?;
         if let Some(name) = foreign_file(directory)? {
             return Err(foreign(&name, ", or is damaged"));
         }
@@ -225,17 +233,17 @@ impl Results {
     }
 
     /// Checks that the tables of a run are in its directory, with the rows of all steps up to `reached` if it is given.
-    /// `forces` are those of its [`Request`].
+    /// `asked` states the forces and the further fields that have columns.
     ///
     /// # Errors
     /// The errors of [`Results::resume`] that concern tables.
     pub fn check_tables<const D: usize>(
         directory: &Path,
         model: &Model<D>,
-        forces: &[String],
+        asked: &Request,
         reached: Option<&Reached>,
     ) -> io::Result<()> {
-        tables_in(directory, (model, forces), reached).map(drop)
+        tables_in(directory, asked, model, reached).map(drop)
     }
 
     /// The same results, for a run in which nothing else watches `stop`: the run ends when `stop` is set.
@@ -250,7 +258,7 @@ impl Results {
 
     /// Makes the steps that follow write VTU files and checkpoints as `asked` states. The columns of the tables stay.
     pub fn change(&mut self, asked: &Request) {
-        let Request { every, fields, precision, checkpoints, forces: _ } = asked;
+        let Request { every, fields, precision, checkpoints, forces: _, further: _ } = asked;
         (self.every, self.checkpoints) = (*every, *checkpoints);
         self.frames.change(fields, *precision);
     }
@@ -291,14 +299,15 @@ impl Results {
 /// The rows up to `reached` of `history.csv`, `quality.csv` and `convergence.csv` in a directory.
 fn tables_in<const D: usize>(
     directory: &Path,
-    (model, forces): (&Model<D>, &[String]),
+    asked: &Request,
+    model: &Model<D>,
     reached: Option<&Reached>,
 ) -> io::Result<[Kept; 3]> {
     let (last, steps) = reached.map_or((0, 0), |reached| (reached.step.index, reached.summary.steps));
     let table = |name: &str, columns: &[String]| Table::keep(directory.join(name), columns, last);
-    let history = table("history.csv", &columns_of_history(model, forces))?;
+    let history = table("history.csv", &columns_of_history(model, &asked.forces))?;
     let quality = table("quality.csv", &QUALITY.map(String::from))?;
-    let convergence = table("convergence.csv", &CONVERGENCE.map(String::from))?;
+    let convergence = table("convergence.csv", &columns_of_convergence(&asked.further))?;
     rows::check([&history, &quality, &convergence], steps)?;
     Ok([history, quality, convergence])
 }

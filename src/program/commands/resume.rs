@@ -8,7 +8,7 @@ use crate::deck::changes::{changes, is_end, step_at};
 use crate::deck::load::LoadedDeck;
 use crate::deck::ready::Analysis;
 use crate::output::checkpoint::{Checkpoint, latest};
-use crate::output::results::Results;
+use crate::output::results::{Request, Results};
 use crate::output::{directory, status};
 use crate::program::machines::Machines;
 use crate::ranks::Ranks;
@@ -135,10 +135,12 @@ fn close(
     reached: Option<&Reached>,
     ranks: &Ranks,
 ) -> anyhow::Result<()> {
+    // Analyses from decks have no further forces and fields.
+    let asked = Request::default();
     let checked = match analysis {
         _ if !ranks.is_root() => Ok(()),
-        Analysis::Plane(parts) => Results::check_tables(directory, &parts.0, &[], reached),
-        Analysis::Solid(parts) => Results::check_tables(directory, &parts.0, &[], reached),
+        Analysis::Plane(parts) => Results::check_tables(directory, &parts.0, &asked, reached),
+        Analysis::Solid(parts) => Results::check_tables(directory, &parts.0, &asked, reached),
     };
     if let Some(reason) = ranks.first(checked.err().map(|error| error.to_string())) {
         bail!("{}", unusable(ErrorKind::InvalidData, &reason));

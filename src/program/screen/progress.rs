@@ -248,8 +248,8 @@ where
         }
     }
 
-    fn iteration(&mut self, step: Step, iteration: usize, residual: f64) {
-        Observer::<D>::iteration(&mut self.results, step, iteration, residual);
+    fn iteration(&mut self, step: Step, iteration: usize, residual: f64, by_field: &[f64]) {
+        Observer::<D>::iteration(&mut self.results, step, iteration, residual, by_field);
         self.progress.iteration(step, iteration, residual);
         self.log(&format!("step {}: iteration {iteration}: residual {residual:.3e}", step.index));
         self.update_status();

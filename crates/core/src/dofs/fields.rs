@@ -4,40 +4,91 @@ use std::ops::Range;
 
 use super::AXES;
 
-/// The fields of the nodal unknowns. Each has its own residual, so units do not mix.
+/// A field of the nodal unknowns.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Field {
+    /// Name in messages, tables and files.
+    pub name: String,
+    /// Number of components at each node.
+    pub components: usize,
+    /// Unit of the unknowns, and unit of what balances at a node: of reactions and out-of-balance forces. Empty if they
+    /// have none.
+    pub units: [String; 2],
+    /// True if the equations of the field constrain other fields, as those of a pressure that keeps the volume: the
+    /// equilibrium is then a saddle point, and negative pivots say nothing about its stability.
+    pub is_multiplier: bool,
+}
+
+impl Field {
+    /// A field with this number of components at each node.
+    pub fn new(name: impl Into<String>, components: usize) -> Field {
+        Field { name: name.into(), components, units: Default::default(), is_multiplier: false }
+    }
+
+    /// The same field with these units of its unknowns and of its reactions.
+    #[must_use]
+    pub fn with_units(self, unknown: impl Into<String>, reaction: impl Into<String>) -> Field {
+        Field { units: [unknown.into(), reaction.into()], ..self }
+    }
+
+    /// The same field as multipliers of constraints on other fields.
+    #[must_use]
+    pub fn as_multiplier(self) -> Field {
+        Field { is_multiplier: true, ..self }
+    }
+}
+
+/// The fields of the nodal unknowns, the displacement first. Each has its own residual, so units do not mix.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Fields {
-    fields: Vec<(String, usize)>,
+    fields: Vec<Field>,
 }
 
 impl Fields {
     /// The displacement along `axes` axes, and no further field.
     pub fn displacement(axes: usize) -> Fields {
-        Fields { fields: vec![("displacement".to_owned(), axes)] }
+        Fields { fields: vec![Field::new("displacement", axes).with_units("length", "force")] }
     }
 
-    /// Appends a further field with this number of components.
-    pub fn and(mut self, name: impl Into<String>, components: usize) -> Fields {
-        self.fields.push((name.into(), components));
+    /// Appends a further field with this number of components, without units.
+    #[must_use]
+    pub fn and(self, name: impl Into<String>, components: usize) -> Fields {
+        self.and_field(Field::new(name, components))
+    }
+
+    /// Appends a further field.
+    #[must_use]
+    pub fn and_field(mut self, field: Field) -> Fields {
+        self.fields.push(field);
         self
     }
 
-    /// The name of each field, with its range of components.
-    pub fn iter(&self) -> impl Iterator<Item = (&str, Range<usize>)> {
-        let ends = self.fields.iter().scan(0, |end, (_, n)| {
-            *end += n;
+    /// Each field, with its range of components.
+    pub fn iter(&self) -> impl Iterator<Item = (&Field, Range<usize>)> {
+        let ends = self.fields.iter().scan(0, |end, field| {
+            *end += field.components;
             Some(*end)
         });
-        self.fields.iter().zip(ends).map(|((name, n), end)| (name.as_str(), end - n..end))
+        self.fields.iter().zip(ends).map(|(field, end)| (field, end - field.components..end))
+    }
+
+    /// The fields beside the displacement, each with its range of components.
+    pub fn further(&self) -> impl Iterator<Item = (&Field, Range<usize>)> {
+        self.iter().skip(1)
+    }
+
+    /// True if the fields of the unknowns include multipliers of constraints.
+    pub fn have_multipliers(&self) -> bool {
+        self.fields.iter().any(|field| field.is_multiplier)
     }
 
     /// The unknown of this component in words: the displacement along an axis, or a further field by its name.
     pub fn unknown(&self, component: usize) -> String {
         match self.iter().enumerate().find(|(_, (_, components))| components.contains(&component)) {
             Some((0, _)) => displacement_along(AXES[component % 3]),
-            Some((_, (name, components))) if components.len() == 1 => format!("`{name}`"),
-            Some((_, (name, components))) => {
-                format!("component {} of `{name}`", component - components.start + 1)
+            Some((_, (field, _))) if field.components == 1 => format!("`{}`", field.name),
+            Some((_, (field, components))) => {
+                format!("component {} of `{}`", component - components.start + 1, field.name)
             }
             None => format!("component {} of the unknowns", component + 1),
         }
@@ -50,7 +101,7 @@ impl Fields {
 
     /// Total number of components of all fields.
     pub fn n_components(&self) -> usize {
-        self.fields.iter().map(|(_, n)| n).sum()
+        self.fields.iter().map(|field| field.components).sum()
     }
 }
 

@@ -33,6 +33,8 @@ pub struct StepReport<const D: usize> {
     pub step: Step,
     /// Relative residuals, eq. (40): the first before any solve, then one after each iteration or multiplier update.
     pub residuals: Vec<f64>,
+    /// The last residual of each field, the displacement first, [-]; empty if there are no further fields.
+    pub field_residuals: Vec<f64>,
     /// True if the iterations ended because of round-off instead of the tolerance: the residual is at most 10⁻⁶, or
     /// only parts that carry nothing exceed the tolerance.
     pub rounding_limited: bool,

@@ -131,6 +131,7 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
             most_solves: (course.most_solves)
                 .max(course.residuals.len().saturating_sub(1 + course.augmentations + course.solves_before)),
             residuals: std::mem::take(&mut course.residuals),
+            field_residuals: std::mem::take(&mut course.by_field),
             is_unstable: (course.solved.last())
                 .is_some_and(|last| last.factorisation.shows_instability(sum.has_potential(model))),
             factorisations: course.solved.iter().map(|s| s.factorisation).collect(),

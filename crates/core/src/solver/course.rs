@@ -15,6 +15,8 @@ const STALLS: f64 = 0.5;
 /// The data of the iterations of a step, apart from the unknowns.
 pub(super) struct Course<const N: usize> {
     pub(super) residuals: Vec<f64>,
+    /// The last residual of each field, the displacement first, [-]; empty if there are no further fields.
+    pub(super) by_field: Vec<f64>,
     /// How round-off affects the last residual.
     pub(super) round_off: RoundOff,
     pub(super) solved: Vec<Solved>,
@@ -64,6 +66,7 @@ impl<const N: usize> Course<N> {
     pub(super) fn new() -> Self {
         Course {
             residuals: Vec::new(),
+            by_field: Vec::new(),
             round_off: RoundOff::NoMatter,
             solved: Vec::new(),
             supported: 0,

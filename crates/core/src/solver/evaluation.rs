@@ -6,7 +6,7 @@ use crate::terms::EvaluateError;
 use crate::timing::Phase;
 
 use super::load_step::LoadStep;
-use super::residual::{Measured, RoundOff};
+use super::residual::Measured;
 use super::round_off::EvaluatedAt;
 
 impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
@@ -54,8 +54,8 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         let forces = unknowns.forces(&self.course.out_of_balance, system);
         if wanted == Wanted::Force {
             let of_globals = system.border.relative_residual();
-            let of_parts = forces.balanced(parts, system.internal_force(), tolerance)?;
-            let measured = Measured { residual: of_parts.max(of_globals), round_off: RoundOff::NoMatter };
+            let of_parts = forces.balanced(parts, tolerance, system, &unknowns.delta_d)?;
+            let measured = of_parts.and(Measured::beyond_round_off(of_globals), tolerance);
             return (of_globals <= tolerance).then_some(measured);
         }
         let at = EvaluatedAt { model, points: self.points, links, system, delta_d: &unknowns.delta_d };

@@ -63,11 +63,12 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         self.is_predicted = false;
         self.search = Search::default();
         let StepContext { model, step, .. } = self.context;
-        let Measured { residual, round_off } = found
+        let Measured { residual, round_off, by_field } = found
             .map_err(|f| locate_failure(f, model, self.points, step, iteration, &self.course.residuals))?;
         self.course.residuals.push(residual);
         self.course.round_off = round_off;
-        self.observer.iteration(step, iteration, residual);
+        self.observer.iteration(step, iteration, residual, &by_field);
+        self.course.by_field = by_field;
         if iteration == 0 {
             // Δd = 0: the stresses are those at the start of the step.
             self.course.f_int_start = self.system.sum.system().internal_force().to_vec();

@@ -27,8 +27,9 @@ pub trait Observer<const D: usize> {
     fn initial_state(&mut self, _state: &InitialState) {}
 
     /// Called after every evaluation of the out-of-balance force, unless it is repeated with a shorter increment or
-    /// with the stiffness.
-    fn iteration(&mut self, _step: Step, _iteration: usize, _residual: f64) {}
+    /// with the stiffness. If the nodes have further fields, `_by_field` states the residual of each field, the
+    /// displacement first, [-]; otherwise it is empty.
+    fn iteration(&mut self, _step: Step, _iteration: usize, _residual: f64, _by_field: &[f64]) {}
 
     /// Called when a step is in equilibrium and committed.
     ///

@@ -5,10 +5,14 @@
 //! out-of-balance force is round-off of each node's own equations and small relative to the forces on the part. The
 //! reported residual excludes only parts that carry nothing, up to round-off and residual stresses; other parts without
 //! external forces and reactions are measured relative to their internal force.
+//!
+//! Each field beside the displacement is measured by its own forces, so units do not mix; a step is in equilibrium when
+//! every field meets the tolerance.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
 
+use crate::assembly::System;
 use crate::basis::{Connectivity, JoinedParts};
 use crate::points::Points;
 use crate::ranks::Halo;
@@ -118,15 +122,32 @@ impl Parts {
 }
 
 /// The measure of equilibrium of an evaluation.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) struct Measured {
     /// Eq. (40) for the part that is farthest from equilibrium, [-]; parts that carry nothing do not count.
     pub(super) residual: f64,
     /// The role of round-off in the residual.
     pub(super) round_off: RoundOff,
+    /// The residual of each field, the displacement first, [-]; empty if there are no further fields.
+    pub(super) by_field: Vec<f64>,
 }
 
 impl Measured {
+    /// A residual that owes nothing to round-off.
+    pub(super) fn beyond_round_off(residual: f64) -> Measured {
+        Measured { residual, round_off: RoundOff::NoMatter, by_field: Vec::new() }
+    }
+
+    /// This measure of the displacement together with the residuals of further fields, if there are any.
+    fn and_fields(self, further: Vec<f64>, tolerance: f64) -> Measured {
+        if further.is_empty() {
+            return self;
+        }
+        let of_further = further.iter().copied().fold(0.0, largest);
+        let by_field = std::iter::once(self.residual).chain(further).collect();
+        Measured { by_field, ..self.and(Measured::beyond_round_off(of_further), tolerance) }
+    }
+
     /// The measure of one global equation, whose residual may be round-off.
     pub(super) fn of_global((residual, is_round_off): (f64, bool), tolerance: f64) -> Measured {
         let round_off = match residual {
@@ -134,10 +155,10 @@ impl Measured {
             _ if residual > MOST_OF_ROUND_OFF => RoundOff::Forbids,
             _ => RoundOff::Limits,
         };
-        Measured { residual, round_off }
+        Measured { round_off, ..Measured::beyond_round_off(residual) }
     }
 
-    /// The measure of these equations and further ones together.
+    /// The measure of these equations and further ones, of no field, together.
     pub(super) fn and(self, other: Measured, tolerance: f64) -> Measured {
         let is_open = |measured: &Measured| measured.residual > tolerance || measured.residual.is_nan();
         let round_off = match (is_open(&self), is_open(&other)) {
@@ -149,7 +170,7 @@ impl Measured {
                 [RoundOff::OfNothing, last] | [last, _] => last,
             },
         };
-        Measured { residual: largest(self.residual, other.residual), round_off }
+        Measured { residual: largest(self.residual, other.residual), round_off, by_field: self.by_field }
     }
 }
 
@@ -209,15 +230,24 @@ impl<const N: usize> Forces<'_, N> {
     }
 
     /// The largest residual of each field other than the displacement, [-]: relative to its external forces and
-    /// reactions or, if these are larger, its internal forces.
-    fn of_further_fields(&self, parts: &Parts, internal: &[[f64; N]]) -> impl Iterator<Item = f64> {
-        let of_field = move |components: &Range<usize>| {
+    /// reactions, to its internal forces, or to the products of its rows of K with the increments, whichever is
+    /// largest. In a storage equation or a constraint, only these products are larger than what is out of balance.
+    fn of_further_fields(&self, parts: &Parts, system: &System<N>, delta_d: &[[f64; N]]) -> Vec<f64> {
+        if parts.fields.len() == 1 {
+            return Vec::new();
+        }
+        let products = system.magnitudes(delta_d);
+        let of_field = |components: &Range<usize>| {
             let of_parts = self.of_parts(parts, components.clone());
-            let internal = parts.norms(components.clone(), internal.iter().copied());
-            let ratios = of_parts.iter().zip(internal).map(|(&[out, force], own)| ratio(out, force.max(own)));
+            let norms = |field: &[[f64; N]]| parts.norms(components.clone(), field.iter().copied());
+            let scales = norms(system.internal_force()).into_iter().zip(norms(&products));
+            let ratios = of_parts
+                .iter()
+                .zip(scales)
+                .map(|(&[out, force], (own, product))| ratio(out, force.max(own).max(product)));
             ratios.fold(0.0, largest)
         };
-        parts.fields.iter().skip(1).map(of_field)
+        parts.fields.iter().skip(1).map(of_field).collect()
     }
 
     /// The largest force that each body carries or has carried, [force].
@@ -233,12 +263,24 @@ impl<const N: usize> Forces<'_, N> {
         carried
     }
 
-    /// The residual of eq. (40) if every part meets the tolerance.
-    pub(super) fn balanced(&self, parts: &Parts, internal: &[[f64; N]], tolerance: f64) -> Option<f64> {
+    /// The residual of eq. (40) if every part meets the tolerance in every field.
+    pub(super) fn balanced(
+        &self,
+        parts: &Parts,
+        tolerance: f64,
+        system: &System<N>,
+        delta_d: &[[f64; N]],
+    ) -> Option<Measured> {
+        let of_displacement = self.of_displacement(parts);
+        let measured = Measured::beyond_round_off(of_displacement)
+            .and_fields(self.of_further_fields(parts, system, delta_d), tolerance);
+        (measured.residual <= tolerance).then_some(measured)
+    }
+
+    /// The largest residual of the displacement over the parts, eq. (40), [-].
+    fn of_displacement(&self, parts: &Parts) -> f64 {
         let of_parts = self.of_parts(parts, parts.displacement());
-        let largest = of_parts.iter().map(|&[out, force]| ratio(out, force)).fold(0.0, largest);
-        let largest = self.of_further_fields(parts, internal).fold(largest, self::largest);
-        (largest <= tolerance).then_some(largest)
+        of_parts.iter().map(|&[out, force]| ratio(out, force)).fold(0.0, largest)
     }
 
     /// The residual of eq. (40), and the role of round-off if it exceeds the tolerance.
@@ -250,11 +292,10 @@ impl<const N: usize> Forces<'_, N> {
         tolerance: f64,
         at: &EvaluatedAt<'_, D, N>,
     ) -> Measured {
-        let further = self.of_further_fields(parts, at.system.internal_force()).fold(0.0, largest);
+        let further = self.of_further_fields(parts, at.system, at.delta_d);
         let of_parts = self.of_parts(parts, parts.displacement());
         let residuals = of_parts.iter().map(|&[out, force]| ratio(out, force)).collect(); // (40)
-        let measured = self.with_round_off(residuals, &of_parts, parts, tolerance, at);
-        measured.and(Measured { residual: further, round_off: RoundOff::NoMatter }, tolerance)
+        self.with_round_off(residuals, &of_parts, parts, tolerance, at).and_fields(further, tolerance)
     }
 
     /// The role of round-off in the residuals of parts that exceed the tolerance, given the norms of eq. (40).
@@ -268,8 +309,8 @@ impl<const N: usize> Forces<'_, N> {
     ) -> Measured {
         let open: Vec<bool> = residuals.iter().map(|r| *r > tolerance || r.is_nan()).collect();
         let measured = |residuals: &[f64], round_off| Measured {
-            residual: residuals.iter().copied().fold(0.0, largest),
             round_off,
+            ..Measured::beyond_round_off(residuals.iter().copied().fold(0.0, largest))
         };
         if !open.contains(&true) {
             return measured(&residuals, RoundOff::NoMatter);
@@ -390,7 +431,8 @@ mod tests {
         let [out_of_balance, f_ext, reaction] = forces(out);
         let forces =
             Forces { out_of_balance: &out_of_balance, f_ext: &f_ext, reaction: &reaction, holding: None };
-        forces.balanced(&parts(&[0, 0, 2, 2]), &out_of_balance, tolerance)
+        let residual = forces.of_displacement(&parts(&[0, 0, 2, 2]));
+        (residual <= tolerance).then_some(residual)
     }
 
     #[test]

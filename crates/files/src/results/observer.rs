@@ -19,7 +19,7 @@ use crate::findings::Extremes;
 use crate::frames::{Frame, List};
 use crate::history::{row_of_attempt, row_of_convergence, row_of_history, row_of_quality};
 use crate::summary::{Outcome, Whole};
-use crate::table::Table;
+use crate::table::{Entry, Table};
 
 /// Fields in the grid files.
 fn on_nodes<'a, const D: usize>(
@@ -271,12 +271,15 @@ macro_rules! observe {
                 self.started_in(model, points)
             }
 
-            fn iteration(&mut self, step: Step, iteration: usize, residual: f64) {
+            fn iteration(&mut self, step: Step, iteration: usize, residual: f64, by_field: &[f64]) {
                 if let Some(tables) = &mut self.tables
                     && residual.is_finite()
                     && self.failure.is_none()
                 {
-                    self.failure = tables.convergence.push(&row_of_convergence(step, iteration, residual)).err();
+                    // Without columns for them, the residuals of the fields are left out.
+                    let mut row = row_of_convergence(step, iteration, residual, by_field);
+                    row.resize(tables.convergence.width(), Entry::Missing);
+                    self.failure = tables.convergence.push(&row).err();
                 }
             }
 
