@@ -137,24 +137,39 @@ fn is_launched() -> bool {
 
 #[cfg(feature = "petsc")]
 mod petsc {
-    use crate::linear::{Backend, Engine, Preconditioner};
+    use std::any::Any;
+
+    use crate::linear::{Backends, Engine, Preconditioner};
 
     /// The PETSc solvers.
     #[derive(Debug)]
     pub struct Petsc;
 
+    impl Petsc {
+        /// The solvers for `N` components at each node.
+        fn solvers<const D: usize, const N: usize>() -> Backends<D, N> {
+            let multigrid = Box::new(Preconditioner::<D, N>::default());
+            let iterative = mpm_petsc::Krylov::<D, N>::with_preconditioner(multigrid);
+            Backends {
+                direct: Some(Box::new(mpm_petsc::ByExtent::<D, N>::new())),
+                iterative: iterative.ok().map(|solver| Box::new(solver) as _),
+                algebraic: mpm_petsc::Krylov::<D, N>::new().ok().map(|solver| Box::new(solver) as _),
+            }
+        }
+    }
+
     impl<const D: usize> Engine<D> for Petsc {
-        fn direct(&self) -> Option<Box<dyn Backend<D>>> {
-            Some(Box::new(mpm_petsc::ByExtent::<D>::new()))
+        fn backends(&self) -> Backends<D> {
+            Petsc::solvers()
         }
 
-        fn iterative(&self) -> Option<Box<dyn Backend<D>>> {
-            let multigrid = Box::new(Preconditioner::<D>::default());
-            Some(Box::new(mpm_petsc::Krylov::<D, D>::with_preconditioner(multigrid).ok()?))
-        }
-
-        fn algebraic(&self) -> Option<Box<dyn Backend<D>>> {
-            Some(Box::new(mpm_petsc::Krylov::<D, D>::new().ok()?))
+        // One further component in the plane or in space; each number is compiled for itself.
+        fn backends_with_fields(&self, components: usize) -> Option<Box<dyn Any>> {
+            match components {
+                3 => Some(Box::new(Petsc::solvers::<D, 3>())),
+                4 => Some(Box::new(Petsc::solvers::<D, 4>())),
+                _ => None,
+            }
         }
     }
 }

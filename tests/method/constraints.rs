@@ -9,7 +9,7 @@ use mpm::points::Points;
 use mpm::solver::{Kernels, Observer, Silent, SolveError, StepReport, Stepper, Summary};
 use mpm::step::{At, StepContext};
 use mpm::stress::PlaneStrain;
-use mpm::terms::{BeginError, EvaluateError, FURTHER, GlobalMotion, Saved, Term};
+use mpm::terms::{BeginError, EvaluateError, GlobalMotion, Saved, Term};
 
 /// A block of 2 m × 2 m on a grid of 3 m × 3 m, under its own weight.
 const BLOCK: &str = "
@@ -387,9 +387,11 @@ impl Term<2, 3> for Conduction {
         _: &Points<2>,
         constraints: &mut Constraints<3>,
     ) -> Result<(), ConstraintError> {
-        for (height, value) in [(0.0, self.unit), (2.0, 3.0 * self.unit), (2.0, self.again)] {
+        let walls = [("floor", 0.0, self.unit), ("lid", 2.0, 3.0 * self.unit), ("lid", 2.0, self.again)];
+        for (name, height, value) in walls {
+            let wall = constraints.condition(name);
             let nodes = nodes_at(step, height);
-            nodes.into_iter().try_for_each(|node| constraints.hold(node, 2, value, FURTHER))?;
+            nodes.into_iter().try_for_each(|node| constraints.hold(node, 2, value, wall))?;
         }
         Ok(())
     }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use mpm::deck::load::load;
 use mpm::deck::ready::{Analysis, Prepared, prepare_on};
-use mpm::linear::{Backend, Divided, Engine};
+use mpm::linear::{Backends, Divided, Engine};
 use mpm::memory::Memory;
 use mpm::model::Model;
 use mpm::points::Points;
@@ -91,8 +91,8 @@ impl<const D: usize> Observer<D> for Recorder {
 struct Dividing;
 
 impl<const D: usize> Engine<D> for Dividing {
-    fn direct(&self) -> Option<Box<dyn Backend<D>>> {
-        Some(Box::new(Divided::<D>::default().from(0.0)))
+    fn backends(&self) -> Backends<D> {
+        Backends { direct: Some(Box::new(Divided::<D>::default().from(0.0))), ..Backends::default() }
     }
 }
 

@@ -33,6 +33,9 @@ pub const ON_AXIS: f64 = 1e-6;
 /// A prescribed increment counts as reached if the remaining difference, relative to the increment, is below this.
 const REACHED: f64 = 1e-12;
 
+/// The first number of the conditions that terms impose.
+pub(crate) const FURTHER: usize = 1 << 15;
+
 pub(crate) const AXES: [&str; 3] = ["x", "y", "z"];
 
 /// A component that is not an unknown.
@@ -64,6 +67,8 @@ pub struct DofMap<const N: usize> {
     /// The nodes whose unknowns are not along the axes, ascending.
     turned: Vec<Turned<N>>,
     ties: Vec<Tie>,
+    /// Names of the conditions that terms impose, numbered from [`FURTHER`].
+    further: Vec<String>,
 }
 
 impl<const N: usize> DofMap<N> {
@@ -85,7 +90,14 @@ impl<const N: usize> DofMap<N> {
     /// The map for `n_nodes` nodes without constraints.
     pub fn unconstrained(n_nodes: usize) -> Self {
         let numbering = Numbering::new(n_nodes, |_, _| true);
-        DofMap { numbering, bound: Vec::new(), shared: Vec::new(), turned: Vec::new(), ties: Vec::new() }
+        DofMap {
+            numbering,
+            bound: Vec::new(),
+            shared: Vec::new(),
+            turned: Vec::new(),
+            ties: Vec::new(),
+            further: Vec::new(),
+        }
     }
 
     /// Number of unknowns.
@@ -335,12 +347,16 @@ impl<const N: usize> DofMap<N> {
         first.into_iter().chain(others).collect()
     }
 
-    /// Distributes the reaction of a node among the boundary conditions that carry it: `visit(condition, component,
-    /// force)`.
+    /// Names of the conditions that terms impose, numbered from [`FURTHER`].
+    pub(crate) fn further_conditions(&self) -> &[String] {
+        &self.further
+    }
+
+    /// Distributes the reaction of a node among the conditions that carry it: `visit(condition, component, force)`.
     ///
     /// The conditions that fix a component carry equal shares; if none fixes it, the conditions that move it carry
-    /// equal shares. At a turned node, each condition carries a force along its own direction. Conditions that do not
-    /// belong to the model get no share.
+    /// equal shares. At a turned node, each condition carries a force along its own direction. Conditions of terms,
+    /// numbered from [`FURTHER`], carry the components that no condition of the model prescribes.
     pub fn for_each_share<const D: usize>(
         &self,
         model: &Model<D>,
@@ -354,18 +370,20 @@ impl<const N: usize> DofMap<N> {
                 model.boundary_conditions.get(condition).is_some_and(|c| c.holds_along(direction))
             };
             turned.for_each_share(reaction, fixes, |condition, component, force| {
-                if is_of_model(&condition) && component < D {
+                if component < D || !is_of_model(&condition) {
                     visit(condition, component, force);
                 }
             });
             return;
         }
-        for (component, force) in reaction[..D].iter().enumerate() {
+        for (component, force) in reaction.iter().enumerate() {
             let mut bearers = self.conditions(node, component);
-            bearers.retain(is_of_model);
-            let holds = |number: &usize| model.boundary_conditions[*number].holds(component);
-            if bearers.len() > 1 && bearers.iter().any(holds) {
-                bearers.retain(holds);
+            if bearers.iter().any(is_of_model) {
+                bearers.retain(is_of_model);
+                let holds = |number: &usize| model.boundary_conditions[*number].holds(component);
+                if bearers.len() > 1 && bearers.iter().any(holds) {
+                    bearers.retain(holds);
+                }
             }
             let share = force / bearers.len().max(1) as f64;
             bearers.into_iter().for_each(|condition| visit(condition, component, share));

@@ -6,4 +6,4 @@ mod report;
 
 pub use balance::{Energy, ReactionMoment, moment_error, reaction_moments};
 pub use initial_state::InitialState;
-pub use report::{GridFields, StepReport, named_reactions, reactions_of};
+pub use report::{FurtherReaction, GridFields, NodalField, StepReport, named_reactions, reactions_of};

@@ -72,9 +72,9 @@ use crate::model::Model;
 use crate::points::Points;
 use crate::stress::{Axisymmetric, PlaneStrain, Solid};
 
-use release::balancing_forces;
-
-pub use crate::equilibrium::{GridFields, InitialState, ReactionMoment, StepReport};
+pub use crate::equilibrium::{
+    FurtherReaction, GridFields, InitialState, NodalField, ReactionMoment, StepReport,
+};
 pub use crate::step::Step;
 pub use attempt::{FailedAttempt, Iterate};
 pub use change::change_model;
@@ -85,8 +85,10 @@ pub use motion::Motion;
 pub use observer::{Observer, Silent};
 pub use of_rank::OfRank;
 pub use pace::Pace;
-pub use release::BalancingForces;
-pub use stages::{Change, FurtherTerms, resume_stage, run_stages, run_stages_with_terms, run_with_changes};
+pub use stages::{
+    Change, Extension, FurtherTerms, resume_stage, run_extended, run_stages, run_stages_with_terms,
+    run_with_changes,
+};
 pub use stepper::{Kernels, Stepper};
 pub use strength::{StageStrength, StrengthBracket};
 pub use summary::{Reached, StageReached, Summary};
@@ -95,9 +97,6 @@ pub use summary::{Reached, StageReached, Summary};
 pub trait Solvable<const D: usize> {
     /// The solver code compiled for the mechanics of this model.
     fn kernels(&self) -> Kernels<D>;
-
-    /// The function that computes the forces which a stage releases, compiled for the mechanics of this model.
-    fn balancing_forces(&self) -> BalancingForces<D>;
 }
 
 // Crates that inlined the functions of these implementations would compile the solution of a step again.
@@ -106,22 +105,12 @@ impl Solvable<2> for Model<2> {
     fn kernels(&self) -> Kernels<2> {
         if self.revolved { Kernels::of::<Axisymmetric>() } else { Kernels::of::<PlaneStrain>() }
     }
-
-    #[inline(never)]
-    fn balancing_forces(&self) -> BalancingForces<2> {
-        if self.revolved { balancing_forces::<2, Axisymmetric> } else { balancing_forces::<2, PlaneStrain> }
-    }
 }
 
 impl Solvable<3> for Model<3> {
     #[inline(never)]
     fn kernels(&self) -> Kernels<3> {
         Kernels::of::<Solid>()
-    }
-
-    #[inline(never)]
-    fn balancing_forces(&self) -> BalancingForces<3> {
-        balancing_forces::<3, Solid>
     }
 }
 

@@ -25,6 +25,4 @@ pub use failure::{
 pub use saved::Saved;
 pub use sum::{Sum, Terms, continue_from, motions, of_model, restore, save};
 pub use surface::Surfaces;
-pub use term::{
-    Augmentation, FURTHER, GlobalMotion, Ledger, NamedForce, Response, SurfaceReaction, Term, TermReport,
-};
+pub use term::{Augmentation, GlobalMotion, Ledger, NamedForce, Response, SurfaceReaction, Term, TermReport};

@@ -10,7 +10,7 @@ use crate::points::Points;
 
 use super::fields::{Fields, displacement_along};
 use super::turned::{Along, Turned};
-use super::{Bound, ConstraintError, DofMap, ON_AXIS, Tie, conditions_at};
+use super::{Bound, ConstraintError, DofMap, FURTHER, ON_AXIS, Tie, conditions_at};
 
 /// Two prescribed increments agree if they differ by less than this, relative to their size or, for displacements, to
 /// the size of a cell if that is larger.
@@ -36,7 +36,8 @@ enum Dof {
 
 /// The constraints on the increments of `N` components at each active node in one load step.
 ///
-/// Conditions are numbered. The conditions of the model come first; reactions are reported for these only.
+/// Conditions are numbered. The conditions of the model come first; a term numbers its own by
+/// [`condition`](Constraints::condition).
 pub struct Constraints<'a, const N: usize> {
     dofs: Vec<[Dof; N]>,
     shared: Vec<(u32, u8, u16)>,
@@ -50,6 +51,8 @@ pub struct Constraints<'a, const N: usize> {
     name: Box<dyn Fn(usize) -> String + 'a>,
     /// The fields to which the components belong.
     fields: Cow<'a, Fields>,
+    /// Names of the conditions that terms impose.
+    further: Vec<String>,
     /// Active nodes on the axis of revolution.
     on_axis: Vec<usize>,
 }
@@ -95,6 +98,7 @@ impl<'a, const N: usize> Constraints<'a, N> {
                     .map_or_else(String::new, |condition| condition.name.clone())
             }),
             fields: Cow::Owned(Fields::displacement(D)),
+            further: Vec::new(),
             on_axis: (0..nodes.len()).filter(|&n| is_on_axis(nodes[n] as usize)).collect(),
         }
     }
@@ -110,6 +114,7 @@ impl<'a, const N: usize> Constraints<'a, N> {
             size: Box::new(|_, _| 1.0),
             name: Box::new(|number| number.to_string()),
             fields: Cow::Owned(Fields::displacement(N)),
+            further: Vec::new(),
             on_axis: Vec::new(),
         }
     }
@@ -118,6 +123,17 @@ impl<'a, const N: usize> Constraints<'a, N> {
     #[must_use]
     pub fn of_fields(self, fields: &'a Fields) -> Self {
         Constraints { fields: Cow::Borrowed(fields), ..self }
+    }
+
+    /// The number of the condition that a term imposes under this name, by which its reaction is reported. With several
+    /// ranks, each rank must ask for the same names in the same order, whether or not it holds nodes.
+    pub fn condition(&mut self, name: &str) -> usize {
+        let known = self.further.iter().position(|further| further == name);
+        FURTHER
+            + known.unwrap_or_else(|| {
+                self.further.push(name.to_owned());
+                self.further.len() - 1
+            })
     }
 
     /// Prescribes the increment of a component at an active node.
@@ -193,13 +209,13 @@ impl<'a, const N: usize> Constraints<'a, N> {
         self.shared.sort_unstable();
         let turned = self.turn()?;
         self.keep_axis(&turned)?;
-        let Constraints { dofs, shared, ties, .. } = self;
+        let Constraints { dofs, shared, ties, further, .. } = self;
         let numbering = Numbering::new(dofs.len(), |node, component| dofs[node][component] == Dof::Free);
         let bound = dofs.as_flattened().iter().filter_map(|dof| match dof {
             Dof::Free => None,
             Dof::Bound(bound) => Some(*bound),
         });
-        Ok(DofMap { numbering, bound: bound.collect(), shared, turned, ties })
+        Ok(DofMap { numbering, bound: bound.collect(), shared, turned, ties, further })
     }
 
     /// Turns the axes of the nodes with prescribed directions: the unknowns along the directions of such a node are

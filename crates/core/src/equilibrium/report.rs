@@ -1,7 +1,9 @@
 //! Report of a converged load step.
 
+use std::ops::Range;
+
 use crate::basis::Connectivity;
-use crate::dofs::DofMap;
+use crate::dofs::{DofMap, FURTHER, Field};
 use crate::linear::Factorisation;
 use crate::model::Model;
 use crate::ranks::Halo;
@@ -23,6 +25,45 @@ pub struct GridFields<const D: usize> {
     pub delta_d: Nodal<D>,
     /// Reaction at the active nodes, zero on free degrees of freedom, [force].
     pub reaction: Nodal<D>,
+    /// The fields of the unknowns beside the displacement.
+    pub further: Vec<NodalField>,
+}
+
+/// A field of the unknowns beside the displacement, at the active nodes; both vectors state all components of the first
+/// node, then those of the second, and so on.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NodalField {
+    /// The field.
+    pub field: Field,
+    /// The unknowns at the end of the step, which are zero at its start, in the first unit of the field.
+    pub values: Vec<f64>,
+    /// The reactions, zero on free components, in the second unit of the field.
+    pub reaction: Vec<f64>,
+}
+
+impl NodalField {
+    /// A field with these components of the unknowns, and of the reactions.
+    pub fn new<const N: usize>(
+        field: &Field,
+        components: Range<usize>,
+        unknowns: &[[f64; N]],
+        reaction: &[[f64; N]],
+    ) -> NodalField {
+        let part = |nodal: &[[f64; N]]| {
+            nodal.iter().flat_map(|node| node[components.clone()].iter().copied()).collect()
+        };
+        NodalField { field: field.clone(), values: part(unknowns), reaction: part(reaction) }
+    }
+}
+
+/// The reaction of a condition that a term imposes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FurtherReaction {
+    /// Name of the condition.
+    pub condition: String,
+    /// Its resultant along each component of the unknowns: first along those of the displacement, [force], then along
+    /// those of each further field.
+    pub resultant: Vec<f64>,
 }
 
 /// Report of a converged load step.
@@ -62,6 +103,8 @@ pub struct StepReport<const D: usize> {
     pub most_solves: usize,
     /// Reaction of each boundary condition, [force].
     pub reactions: Vec<[f64; D]>,
+    /// Reactions of the conditions that terms impose, in the order in which the terms name them.
+    pub further_reactions: Vec<FurtherReaction>,
     /// Moment of the reaction of each boundary condition; `None` for bodies of revolution.
     pub moments: Option<Vec<ReactionMoment<D>>>,
     /// Resultant of each load on the points or on its surface, [force].
@@ -107,17 +150,27 @@ pub fn reactions_of<const N: usize>(f_ext: &[[f64; N]], f_int: &[[f64; N]], dofs
     (0..f_ext.len()).map(|n| dofs.held_part(n, &balancing(n))).collect()
 }
 
-/// Sum of the reactions of each boundary condition, [force], shared out by [`DofMap::for_each_share`].
+/// Sum of the reactions of each boundary condition, [force], and of each condition that a term imposes, shared out by
+/// [`DofMap::for_each_share`].
 pub fn named_reactions<const D: usize, const N: usize>(
     model: &Model<D>,
     halo: &Halo,
     reaction: &[[f64; N]],
     dofs: &DofMap<N>,
-) -> Vec<[f64; D]> {
+) -> (Vec<[f64; D]>, Vec<FurtherReaction>) {
     let mut sums = vec![[0.0; D]; model.boundary_conditions.len()];
+    let mut further = vec![[0.0; N]; dofs.further_conditions().len()];
     for (node, force) in reaction.iter().enumerate().filter(|(node, _)| halo.is_own(*node)) {
-        dofs.for_each_share(model, node, force, |condition, axis, share| sums[condition][axis] += share);
+        dofs.for_each_share(model, node, force, |condition, component, share| {
+            match condition.checked_sub(FURTHER) {
+                None => sums[condition][component] += share,
+                Some(place) => further[place][component] += share,
+            }
+        });
     }
     halo.ranks().sum(sums.as_flattened_mut());
-    sums
+    halo.ranks().sum(further.as_flattened_mut());
+    let named = dofs.further_conditions().iter().cloned().zip(further);
+    let named = named.map(|(condition, sum)| FurtherReaction { condition, resultant: sum.to_vec() });
+    (sums, named.collect())
 }

@@ -1,5 +1,6 @@
 //! The interface of a solver for the equations of a load step, and its input.
 
+use std::any::Any;
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
@@ -52,21 +53,26 @@ pub trait Backend<const D: usize, const N: usize = D>: Send {
     fn is_iterative(&self) -> bool;
 }
 
-/// A library that solves equations distributed over several ranks.
-pub trait Engine<const D: usize>: Send + Sync + std::fmt::Debug {
+/// The backends that a library provides for `N` components at each node.
+#[derive(Default)]
+pub struct Backends<const D: usize, const N: usize = D> {
     /// A direct backend; `None` to use the built-in one.
-    fn direct(&self) -> Option<Box<dyn Backend<D>>> {
-        None
-    }
-
+    pub direct: Option<Box<dyn Backend<D, N>>>,
     /// An iterative backend for structured grids; `None` to use the built-in one.
-    fn iterative(&self) -> Option<Box<dyn Backend<D>>> {
-        None
-    }
-
+    pub iterative: Option<Box<dyn Backend<D, N>>>,
     /// An iterative backend for any grid, and for nodes held along any direction or tied to others; `None` if there is
     /// none.
-    fn algebraic(&self) -> Option<Box<dyn Backend<D>>> {
+    pub algebraic: Option<Box<dyn Backend<D, N>>>,
+}
+
+/// A library that solves equations distributed over several ranks.
+pub trait Engine<const D: usize>: Send + Sync + std::fmt::Debug {
+    /// The backends for the displacement alone.
+    fn backends(&self) -> Backends<D>;
+
+    /// The backends for `components` components at each node, of the displacement and of further fields: a boxed
+    /// [`Backends<D, N>`](Backends) with `N = components`. `None` if the library has none for this number.
+    fn backends_with_fields(&self, _components: usize) -> Option<Box<dyn Any>> {
         None
     }
 }
@@ -74,6 +80,19 @@ pub trait Engine<const D: usize>: Send + Sync + std::fmt::Debug {
 /// The library that solves equations distributed over several ranks, if there is one.
 #[derive(Debug, Clone, Default)]
 pub struct Engines<const D: usize>(pub Option<Arc<dyn Engine<D>>>);
+
+impl<const D: usize> Engines<D> {
+    /// The backends for `N` components at each node, without a library those built in; `None` if the library has none
+    /// for this number.
+    pub fn backends<const N: usize>(&self) -> Option<Backends<D, N>> {
+        let backends: Box<dyn Any> = match &self.0 {
+            None => return Some(Backends::default()),
+            Some(engine) if N == D => Box::new(engine.backends()),
+            Some(engine) => engine.backends_with_fields(N)?,
+        };
+        backends.downcast().ok().map(|backends| *backends)
+    }
+}
 
 /// The method by which a system was solved.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

@@ -26,7 +26,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::counted::counted;
 
-pub use backend::{Backend, Engine, Engines, Layout, Solved, Stiffness};
+pub use backend::{Backend, Backends, Engine, Engines, Layout, Solved, Stiffness};
 pub use blocks::{Block, BlockMatrix, Division};
 pub use choice::{ALGEBRAIC, Choice, Extent};
 pub use containing::{Embedding, Named};
@@ -100,12 +100,14 @@ impl Factorisation {
         matches!(self, Cholesky | Lu | Multigrid | MultigridUnsymmetric)
     }
 
-    /// True if the matrix shows that an equilibrium is unstable; `has_potential` tells whether all forces derive from a
-    /// potential, at least approximately. The signs of the pivots of an unsymmetric matrix depend on the order of the
-    /// unknowns, so without a potential, as with friction, they say nothing about stability.
-    pub fn shows_instability(self, has_potential: bool) -> bool {
+    /// True if the matrix shows that an equilibrium of this nature is unstable.
+    pub fn shows_instability(self, nature: Nature) -> bool {
         use Factorisation::{Ldlt, MultigridIndefinite};
-        !self.is_definite() && (has_potential || matches!(self, Ldlt | MultigridIndefinite))
+        match nature {
+            Nature::Potential => !self.is_definite(),
+            Nature::NoPotential => matches!(self, Ldlt | MultigridIndefinite),
+            Nature::SaddlePoint => false,
+        }
     }
 
     /// True if nothing was factorised.
@@ -113,6 +115,18 @@ impl Factorisation {
         use Factorisation::{Cholesky, Ldlt, Lu, LuIndefinite};
         !matches!(self, Cholesky | Ldlt | Lu | LuIndefinite)
     }
+}
+
+/// The nature of an equilibrium, which decides what an indefinite matrix says about its stability.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Nature {
+    /// All forces derive from a potential, at least approximately: an indefinite matrix shows an instability.
+    Potential,
+    /// Some forces, such as friction, have no potential. The signs of the pivots of an unsymmetric matrix depend on the
+    /// order of the unknowns, so that only an indefinite symmetric matrix shows an instability.
+    NoPotential,
+    /// Unknowns are multipliers of constraints on others: the matrix of a saddle point is indefinite by nature.
+    SaddlePoint,
 }
 
 /// The size of a factor.

@@ -2,8 +2,8 @@
 
 use crate::basis::Connectivity;
 use crate::equilibrium::{
-    Energy, GridFields, ReactionMoment, StepReport, moment_error, named_reactions, reaction_moments,
-    reactions_of,
+    Energy, GridFields, NodalField, ReactionMoment, StepReport, moment_error, named_reactions,
+    reaction_moments, reactions_of,
 };
 use crate::model::{Control, Predictor};
 use crate::points::Points;
@@ -73,7 +73,9 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
         let (energy, reaction) = self.energy(context, points, slump)?;
         let undone = summary.undone_work + energy.undone_work;
         let energy = Energy { plastic_work: energy.plastic_work - undone, ..energy };
-        let LastIterate { system: StepSystem { dofs, sum, condition, parts, .. }, unknowns, course } = self;
+        let nature = self.system.nature(model);
+        let LastIterate { system: StepSystem { dofs, sum, condition, parts, fields }, unknowns, course } =
+            self;
         let f_ext = sum.system().external_force();
         let delta_d = displacement(&unknowns.delta_d).into_owned();
         let path = match (condition, model.newton.predictor) {
@@ -85,7 +87,7 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
         };
         let forces = unknowns.forces(&course.out_of_balance, sum.system());
         let (halo, ranks) = (links.halo(), links.halo().ranks());
-        let mut reactions = named_reactions(model, halo, &reaction, dofs);
+        let (mut reactions, further_reactions) = named_reactions(model, halo, &reaction, dofs);
         let mut moments = reaction_moments(model, points, links, &delta_d, (&reaction, dofs));
         let TermReport {
             mut loads,
@@ -108,6 +110,7 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
             body_residuals: body_residual::of_bodies(&forces, model, points, links),
             carried: forces.carried(parts, &summary.carried, model.bodies.len()),
             reactions,
+            further_reactions,
             moments,
             surfaces,
             tools,
@@ -123,6 +126,11 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
                 links: Connectivity::default(),
                 parts: parts.count(),
                 delta_d,
+                further: (fields.further())
+                    .map(|(field, components)| {
+                        NodalField::new(field, components, &unknowns.delta_d, &reaction)
+                    })
+                    .collect(),
                 reaction: displacement(&reaction).into_owned(),
             },
             rounding_limited: course.round_off != RoundOff::NoMatter,
@@ -133,7 +141,7 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
             residuals: std::mem::take(&mut course.residuals),
             field_residuals: std::mem::take(&mut course.by_field),
             is_unstable: (course.solved.last())
-                .is_some_and(|last| last.factorisation.shows_instability(sum.has_potential(model))),
+                .is_some_and(|last| last.factorisation.shows_instability(nature)),
             factorisations: course.solved.iter().map(|s| s.factorisation).collect(),
             linear_iterations: course.linear_iterations(),
             augmentations: course.augmentations,
@@ -160,7 +168,7 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
     /// The failed attempt with the grid fields at which its iterations ended, but without the links, which the caller
     /// holds.
     pub(super) fn failed(&mut self, context: &StepContext<D>, error: SolveError) -> Box<FailedAttempt<D>> {
-        let has_potential = self.system.sum.has_potential(context.model);
+        let nature = self.system.nature(context.model);
         let course = &mut self.course;
         Box::new(FailedAttempt {
             step: context.step,
@@ -172,7 +180,7 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
             linear_iterations: course.linear_iterations(),
             load_factor: self.load_factor(context),
             indefinite: (self.course.solved.iter())
-                .any(|solved| solved.factorisation.shows_instability(has_potential)),
+                .any(|solved| solved.factorisation.shows_instability(nature)),
             iterate: Some(Iterate {
                 links: Connectivity::default(),
                 delta_d: displacement(&self.unknowns.delta_d).into_owned(),

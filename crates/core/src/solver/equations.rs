@@ -6,7 +6,7 @@ use crate::assembly::{Border, System};
 use crate::basis::Connectivity;
 use crate::dofs::DofMap;
 use crate::grid::Axis;
-use crate::linear::{Backend, Choice, Divided, Extent, Krylov, Layout, LinearError, Named, Solved};
+use crate::linear::{Backend, Backends, Choice, Divided, Extent, Krylov, Layout, LinearError, Named, Solved};
 use crate::model::{Model, PatternReuse};
 use crate::step::{Nodal, StepContext};
 use crate::timing::{Phase, Timings};
@@ -20,7 +20,7 @@ pub(super) struct Equations<const D: usize, const N: usize = D> {
     direct: Divided<D, N>,
     iterative: Krylov<D, N>,
     /// The backends of the library that solves equations distributed over several ranks.
-    of_engine: OfEngine<D, N>,
+    of_engine: Backends<D, N>,
     /// A user's backend, which replaces the built-in ones.
     own: Option<Box<dyn Backend<D, N>>>,
     method: Method,
@@ -29,13 +29,8 @@ pub(super) struct Equations<const D: usize, const N: usize = D> {
     /// The first failure that caused equations to be factorised instead of solved iteratively.
     turned: Option<LinearError>,
     is_reported: bool,
-}
-
-/// The backends of an engine, if there is one.
-pub(super) struct OfEngine<const D: usize, const N: usize> {
-    pub(super) direct: Option<Box<dyn Backend<D, N>>>,
-    pub(super) iterative: Option<Box<dyn Backend<D, N>>>,
-    pub(super) algebraic: Option<Box<dyn Backend<D, N>>>,
+    /// True if unknowns are multipliers of constraints.
+    has_multipliers: bool,
 }
 
 /// The solution method for the equations of a step.
@@ -113,18 +108,25 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         Equations {
             direct: Divided::default(),
             iterative: Krylov::default(),
-            of_engine: OfEngine { direct: None, iterative: None, algebraic: None },
+            of_engine: Backends::default(),
             own,
             method: Method::Direct,
             solution: Vec::new(),
             turned: None,
             is_reported: false,
+            has_multipliers: false,
         }
     }
 
-    /// Uses the backends that an engine provides.
-    pub(super) fn use_engine(&mut self, engine: OfEngine<D, N>) {
-        self.of_engine = engine;
+    /// The same equations, solved by the backends that an engine provides.
+    pub(super) fn with_engine(self, engine: Backends<D, N>) -> Self {
+        Equations { of_engine: engine, ..self }
+    }
+
+    /// The same equations if unknowns are multipliers of constraints, which coarser grids do not represent: unless the
+    /// model asks for an iterative solution, the equations are factorised.
+    pub(super) fn with_multipliers(self, has_multipliers: bool) -> Self {
+        Equations { has_multipliers, ..self }
     }
 
     /// Starts with a pattern that has already been analysed.
@@ -138,7 +140,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
     }
 
     fn backend(&mut self) -> &mut dyn Backend<D, N> {
-        let OfEngine { direct, iterative, algebraic } = &mut self.of_engine;
+        let Backends { direct, iterative, algebraic } = &mut self.of_engine;
         let given = match self.method {
             Method::Own => &mut self.own,
             Method::Direct => direct,
@@ -177,7 +179,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         let can_iterate = method != Method::Direct;
         // In the plane, GMRES needs many iterations if a material with an unsymmetric tangent flows, and LU is
         // affordable.
-        let suits_auto = can_iterate && (system.matrix().symmetric || D == 3);
+        let suits_auto = can_iterate && !self.has_multipliers && (system.matrix().symmetric || D == 3);
         let iterative = match choice {
             Choice::Direct => false,
             Choice::Iterative => can_iterate,
@@ -210,7 +212,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
             Method::Direct => self.iterative = Krylov::default(),
             Method::Iterative | Method::Algebraic | Method::Own => self.direct = Divided::default(),
         }
-        let OfEngine { direct, iterative, algebraic } = &mut self.of_engine;
+        let Backends { direct, iterative, algebraic } = &mut self.of_engine;
         for (of, backend) in
             [(Method::Direct, direct), (Method::Iterative, iterative), (Method::Algebraic, algebraic)]
         {

@@ -135,7 +135,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             NoIncrement::Path(reason) => SolveError::NoPath { step: step.index, reason },
         })?;
         if let Some(solved) = solved {
-            self.summary.count(solved);
+            self.summary.count(solved, self.system.nature(self.context.model));
             self.course.solved.push(solved);
         }
         Ok(())

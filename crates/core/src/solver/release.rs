@@ -19,11 +19,11 @@ use super::reach::{begin, reach_out};
 
 /// The function [`balancing_forces`] for one kind of mechanics; its arguments are the model, its points, the step, the
 /// terms beside those of the model, and the saved state of all terms.
-pub type BalancingForces<const D: usize> = fn(
+pub(super) type BalancingForces<const D: usize, const N: usize> = fn(
     &Model<D>,
     &mut Points<D>,
     Step,
-    Terms<D>,
+    Terms<D, N>,
     &mut BTreeMap<String, Saved>,
 ) -> Result<ByNode<D>, SolveError>;
 
@@ -33,18 +33,19 @@ type ByNode<const D: usize> = Vec<(u32, [f64; D])>;
 /// The forces on the free unknowns that balance the converged state at the time of `step`, by grid node, [force]. As
 /// these forces decrease, what was removed from the state gradually ceases to act, and what was added begins to act.
 /// The terms of the model and `further` terms are in the state `saved`, from which they discard the bodies that the
-/// present stage has removed.
+/// present stage has removed. Fields beside the displacement release nothing: they begin the stage from the state that
+/// their terms keep.
 ///
 /// # Errors
 /// [`SolveError`] if a point lies outside the grid, constraints contradict each other, or a load is not finite.
-pub(super) fn balancing_forces<const D: usize, M: Mechanics<D>>(
+pub(super) fn balancing_forces<const D: usize, const N: usize, M: Mechanics<D>>(
     model: &Model<D>,
     points: &mut Points<D>,
     step: Step,
-    further: Terms<D>,
+    further: Terms<D, N>,
     saved: &mut BTreeMap<String, Saved>,
 ) -> Result<ByNode<D>, SolveError> {
-    let mut terms = of_model::<D, D, M>(model);
+    let mut terms = of_model::<D, N, M>(model);
     terms.extend(further);
     let methods = model.methods();
     let ranks = points.ranks.clone();
@@ -65,7 +66,7 @@ pub(super) fn balancing_forces<const D: usize, M: Mechanics<D>>(
     let context = StepContext { model, links: &links, step, factor: 0.0 };
     begin(&mut terms, &context, points)?;
     let mut sum = Sum::new(terms, &context, &DofMap::unconstrained(links.n_active()));
-    let none = vec![[0.0; D]; links.n_active()];
+    let none = vec![[0.0; N]; links.n_active()];
     let evaluated = sum.evaluate(&context, points, At::new(&none), Wanted::Force);
     let evaluated = evaluated.map_err(|failure| locate_failure(failure, model, points, step, 0, &[]));
     agree(&points.ranks, evaluated)?;
@@ -73,7 +74,7 @@ pub(super) fn balancing_forces<const D: usize, M: Mechanics<D>>(
     let (f_ext, f_int) = (sum.system().external_force(), sum.system().internal_force());
     let mut forces = Vec::new();
     for (active, &node) in links.active_nodes().iter().enumerate() {
-        let lacking: [f64; D] = std::array::from_fn(|d| f_int[active][d] - f_ext[active][d]);
+        let lacking: [f64; N] = std::array::from_fn(|d| f_int[active][d] - f_ext[active][d]);
         let held = dofs.held_part(active, &lacking);
         let force: [f64; D] = std::array::from_fn(|d| lacking[d] - held[d]);
         if force != [0.0; D] && links.halo().is_own(active) {

@@ -4,6 +4,7 @@
 
 use std::collections::BTreeSet;
 
+use crate::dofs::Fields;
 use crate::model::{Control, Model, Present, Stage};
 use crate::points::Points;
 use crate::step::Step;
@@ -20,7 +21,7 @@ use super::observer::Observer;
 use super::pace::Pace;
 use super::residual::MOST_OF_ROUND_OFF;
 use super::splitting::split_again;
-use super::stepper::{Stepper, finish, start};
+use super::stepper::{Kernels, Stepper, finish, start};
 use super::summary::{Reached, StageReached, Summary};
 
 /// Fraction of the largest force that bodies have carried below which an out-of-balance force may be round-off, [-].
@@ -76,22 +77,56 @@ fn keep_stress<const D: usize>(
 }
 
 /// A function that makes the further terms of an analysis, which start without state.
-pub type FurtherTerms<'a, const D: usize> = &'a dyn Fn(&Model<D>) -> Terms<D>;
+pub type FurtherTerms<'a, const D: usize, const N: usize = D> = &'a dyn Fn(&Model<D>) -> Terms<D, N>;
+
+/// What an analysis has beside its model: the fields of its unknowns, and further terms of equilibrium.
+#[derive(Clone)]
+pub struct Extension<'a, const D: usize, const N: usize = D> {
+    /// The code compiled for `N` components at each node and for the mechanics of the model.
+    pub kernels: Kernels<D, N>,
+    /// The fields, the displacement first.
+    pub fields: Fields,
+    /// Makes the further terms anew for each stage, and for each step on a grid that moves; a term that has a state must
+    /// save and restore it.
+    pub terms: FurtherTerms<'a, D, N>,
+}
+
+impl<'a, const D: usize> Extension<'a, D> {
+    /// Further terms on the displacement alone.
+    fn with_terms(model: &Model<D>, terms: FurtherTerms<'a, D>) -> Self
+    where
+        Model<D>: Solvable<D>,
+    {
+        Extension { kernels: model.kernels(), fields: Fields::displacement(D), terms }
+    }
+}
+
+impl<const D: usize, const N: usize> Extension<'_, D, N> {
+    /// A stepper for the current stage of a model.
+    ///
+    /// # Errors
+    /// As for [`Stepper::with_fields`] and [`Stepper::with_terms`].
+    pub fn stepper<'b>(
+        &self,
+        model: &'b Model<D>,
+        points: &'b mut Points<D>,
+    ) -> Result<Stepper<'b, D, N>, SolveError> {
+        Stepper::with_fields(model, points, self.kernels, self.fields.clone())?
+            .with_terms((self.terms)(model))
+    }
+}
 
 /// Begins the next stage; the current one has ended.
 ///
 /// # Errors
 /// [`SolveError`] if the state of the new stage cannot be evaluated, or a new material cannot carry the current stress
 /// or has no finite energy.
-fn enter<const D: usize>(
+fn enter<const D: usize, const N: usize>(
     model: &mut Model<D>,
     points: &mut Points<D>,
     reached: &mut Reached,
-    further: FurtherTerms<D>,
-) -> Result<(), SolveError>
-where
-    Model<D>: Solvable<D>,
-{
+    extension: &Extension<D, N>,
+) -> Result<(), SolveError> {
     let number = model.present.stage + 1;
     let began = model.factors_at_end(reached.summary.path.factor);
     let time = model.stepping.end_time;
@@ -121,8 +156,8 @@ where
         reached.summary.quality.exchange(now.mass - before.mass, now.volume - before.volume);
         // The loads are still those at the end of the previous stage.
         let control = std::mem::replace(&mut model.stepping.control, Control::Load);
-        let further = further(model);
-        let forces = model.balancing_forces()(model, points, step, further, &mut reached.summary.terms);
+        let (balance, further) = (extension.kernels.balance, (extension.terms)(model));
+        let forces = balance(model, points, step, further, &mut reached.summary.terms);
         model.stepping.control = control;
         model.present.released_forces = forces?;
         // A remainder that the tolerance or round-off has left out of balance is not a force to release.
@@ -260,7 +295,8 @@ pub fn run_stages_with_terms<const D: usize>(
 where
     Model<D>: Solvable<D>,
 {
-    run_extended(model, points, reached, further, observer, &mut |_, _, _| Ok(false))
+    let extension = Extension::with_terms(model, further);
+    run_extended(model, points, reached, &extension, observer, &mut |_, _, _| Ok(false))
 }
 
 /// A function that may change a model between two steps, given the points and the last converged step.
@@ -282,30 +318,31 @@ pub fn run_with_changes<const D: usize>(
 where
     Model<D>: Solvable<D>,
 {
-    run_extended(model, points, reached, &|_| Terms::new(), observer, change)
+    let extension = Extension::with_terms(model, &|_| Terms::new());
+    run_extended(model, points, reached, &extension, observer, change)
 }
 
-/// Runs all stages with further terms, and with changes between steps; see [`run_stages_with_terms`] and
+/// Runs all stages of any analysis: with its fields and further terms, and with changes between steps, see
 /// [`run_with_changes`].
-fn run_extended<const D: usize>(
+///
+/// # Errors
+/// The errors of [`run_with_changes`] and of [`Extension::stepper`].
+pub fn run_extended<const D: usize, const N: usize>(
     model: &mut Model<D>,
     points: &mut Points<D>,
     mut reached: Reached,
-    further: FurtherTerms<D>,
+    extension: &Extension<D, N>,
     observer: &mut dyn Observer<D>,
     change: Change<'_, D>,
-) -> Result<Summary, SolveError>
-where
-    Model<D>: Solvable<D>,
-{
+) -> Result<Summary, SolveError> {
     // A saved state that does not match ends the run before anything is reported.
-    Stepper::new(model, points).with_terms(further(model))?.resume(reached.clone())?;
+    extension.stepper(model, points)?.resume(reached.clone())?;
     // A grid that cannot move is reported when its step begins.
     let _ = model.place_grid(reached.step.end);
     let started = start(model, points, &mut reached, observer);
     let outcome = started.and_then(|()| {
         loop {
-            match all_stages(model, points, &mut reached, further, observer) {
+            match all_stages(model, points, &mut reached, extension, observer) {
                 Err(SolveError::Interrupted { .. }) if change(model, points, &mut reached)? => {}
                 outcome => return outcome,
             }
@@ -319,21 +356,18 @@ where
 ///
 /// # Errors
 /// As for [`Stepper::step`].
-fn all_stages<const D: usize>(
+fn all_stages<const D: usize, const N: usize>(
     model: &mut Model<D>,
     points: &mut Points<D>,
     reached: &mut Reached,
-    further: FurtherTerms<D>,
+    extension: &Extension<D, N>,
     observer: &mut dyn Observer<D>,
-) -> Result<(), SolveError>
-where
-    Model<D>: Solvable<D>,
-{
+) -> Result<(), SolveError> {
     loop {
         let Step { index, end, .. } = reached.step;
         model.place_grid(end).map_err(|error| SolveError::GridMotion { step: index + 1, error })?;
         let before = std::mem::replace(reached, Reached::nothing(points));
-        let mut stepper = Stepper::new(model, points).with_terms(further(model))?.resume(before)?;
+        let mut stepper = extension.stepper(model, points)?.resume(before)?;
         let outcome = loop {
             match stepper.step(observer) {
                 Ok(Some(_)) if model.moving_grid.is_none() => {}
@@ -350,7 +384,7 @@ where
         let observe = || observer.stage_ended(model, points);
         let observed = reached.summary.timings.measure(Phase::Output, observe);
         agree(&points.ranks, observed.map_err(SolveError::Output))?;
-        let entered = enter(model, points, reached, further);
+        let entered = enter(model, points, reached, extension);
         observer.stage_began(entered.is_ok().then_some(&*reached));
         entered?;
     }

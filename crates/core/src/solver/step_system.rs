@@ -2,6 +2,8 @@
 //! factor.
 
 use crate::dofs::{ConstraintError, Constraints, DofMap, Fields};
+use crate::linear::Nature;
+use crate::model::Model;
 use crate::points::Points;
 use crate::step::StepContext;
 use crate::terms::{Sum, Terms};
@@ -53,6 +55,15 @@ impl<const D: usize, const N: usize> StepSystem<D, N> {
         let parts = Parts::new(&joined, links.halo(), fields.components());
         let parts = parts.of_bodies(points, links, model.bodies.len(), carried);
         Ok(StepSystem { dofs, sum, condition, parts, fields: fields.clone() })
+    }
+
+    /// What the pivots of the stiffness say about stability.
+    pub(super) fn nature(&self, model: &Model<D>) -> Nature {
+        match self.sum.has_potential(model) {
+            _ if self.fields.have_multipliers() => Nature::SaddlePoint,
+            true => Nature::Potential,
+            false => Nature::NoPotential,
+        }
     }
 }
 

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use crate::basis::Connectivity;
 use crate::dofs::Fields;
 use crate::equilibrium::StepReport;
-use crate::linear::Backend;
+use crate::linear::{Backend, Backends};
 use crate::model::{GridMotionError, Model};
 use crate::points::Points;
 use crate::step::Step;
@@ -18,9 +18,10 @@ use super::agree::agree;
 use super::attempt::{Attempt, Effort, FailedAttempt, OnTheWay, Slump};
 use super::damping;
 use super::diagnosis::Diagnosis;
-use super::equations::{Equations, OfEngine};
+use super::equations::Equations;
 use super::error::SolveError;
 use super::observer::Observer;
+use super::release::{BalancingForces, balancing_forces};
 use super::summary::{Reached, Summary};
 
 /// An analysis, load step by load step.
@@ -66,6 +67,8 @@ pub struct Kernels<const D: usize, const N: usize = D> {
     terms: fn(&Model<D>) -> Terms<D, N>,
     /// Solves the next step; false if none is left.
     pub(super) step: StepFunction<D, N>,
+    /// Computes the forces that a stage releases.
+    pub(super) balance: BalancingForces<D, N>,
     /// True for bodies of revolution.
     revolved: bool,
 }
@@ -79,6 +82,7 @@ impl<const D: usize, const N: usize> Kernels<D, N> {
         Kernels {
             terms: of_model::<D, N, M>,
             step: |stepper, observer| stepper.solve_step(observer),
+            balance: balancing_forces::<D, N, M>,
             revolved: M::REVOLVED,
         }
     }
@@ -90,29 +94,27 @@ impl<'a, const D: usize> Stepper<'a, D> {
     where
         Model<D>: Solvable<D>,
     {
-        let mut stepper = Stepper::of_fields(model, points, model.kernels(), Fields::displacement(D));
-        if let Some(engine) = &model.engines.0 {
-            let (direct, iterative) = (engine.direct(), engine.iterative());
-            stepper.equations.use_engine(OfEngine { direct, iterative, algebraic: engine.algebraic() });
-        }
-        stepper
+        let backends = model.engines.0.as_ref().map(|engine| engine.backends()).unwrap_or_default();
+        Stepper::of_fields(model, points, model.kernels(), Fields::displacement(D), backends)
     }
 }
 
 impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
     /// An analysis with further fields at the nodes, for terms that are added later. The fields must have `N`
-    /// components in total, and the displacement must come first.
+    /// components in total and different names, and the displacement must come first.
     ///
     /// # Errors
     /// [`SolveError::Term`] if the displacement does not have `D` components, if all fields together do not have `N`,
-    /// or if the kernels belong to another idealisation.
+    /// if two have the same name, if the kernels belong to another idealisation, if the library that solves the
+    /// equations of several ranks cannot solve for `N` components, or if iterations may be damped although fields are
+    /// multipliers: damping looks for a minimum, not for a saddle point.
     pub fn with_fields(
         model: &'a Model<D>,
         points: &'a mut Points<D>,
         kernels: Kernels<D, N>,
         fields: Fields,
     ) -> Result<Self, SolveError> {
-        let first = fields.iter().next().map(|(_, components)| components.len());
+        let first = fields.iter().next().map(|(field, _)| field.components);
         if first != Some(D) || fields.n_components() != N {
             return Err(refused(
                 "fields",
@@ -122,7 +124,21 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         if kernels.revolved != model.revolved {
             return Err(refused("kernels", "the kernels belong to another idealisation than the model"));
         }
-        Ok(Stepper::of_fields(model, points, kernels, fields))
+        let mut names = BTreeSet::new();
+        if let Some((field, _)) = fields.iter().find(|(field, _)| !names.insert(&field.name)) {
+            return Err(refused(&field.name, "another field has the same name"));
+        }
+        if fields.have_multipliers() && model.stepping.damping {
+            return Err(refused(
+                "fields",
+                "the equations of multipliers cannot be solved by damped iterations",
+            ));
+        }
+        let Some(backends) = model.engines.backends() else {
+            let reason = format!("the solvers of this run cannot solve for {N} unknowns at each node");
+            return Err(refused("fields", &reason));
+        };
+        Ok(Stepper::of_fields(model, points, kernels, fields, backends))
     }
 
     fn of_fields(
@@ -130,7 +146,9 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         points: &'a mut Points<D>,
         kernels: Kernels<D, N>,
         fields: Fields,
+        backends: Backends<D, N>,
     ) -> Self {
+        let has_multipliers = fields.have_multipliers();
         let reached = Reached::nothing(points);
         Stepper {
             model,
@@ -138,7 +156,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
             terms: (kernels.terms)(model),
             kernels,
             fields,
-            equations: Equations::new(None),
+            equations: Equations::new(None).with_engine(backends).with_multipliers(has_multipliers),
             links: Connectivity::default(),
             report: None,
             cause: None,

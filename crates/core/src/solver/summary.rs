@@ -6,7 +6,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::equilibrium::{Energy, InitialState, StepReport};
-use crate::linear::{Named, Solved};
+use crate::linear::{Named, Nature, Solved};
 use crate::model::{Factors, Model};
 use crate::points::{Points, Split};
 use crate::quality::{BalanceSoFar, Quality, Warning};
@@ -94,7 +94,8 @@ pub struct Summary {
     pub iterative_solves: usize,
     /// Number of iterations of conjugate gradients and GMRES.
     pub linear_iterations: usize,
-    /// Number of linear solves whose matrix was not positive definite.
+    /// Number of linear solves whose matrix was not positive definite; those of saddle points, which never are, do not
+    /// count.
     pub indefinite_solves: usize,
     /// Number of iterations of the last converged step, 0 before the first one.
     #[serde(default)]
@@ -270,10 +271,11 @@ impl Summary {
     }
 
     /// Counts a linear solve.
-    pub(super) fn count(&mut self, solved: Solved) {
+    pub(super) fn count(&mut self, solved: Solved, nature: Nature) {
         self.linear_solves += 1;
         self.linear_iterations += solved.iterations;
         self.iterative_solves += usize::from(solved.factorisation.is_iterative());
-        self.indefinite_solves += usize::from(!solved.factorisation.is_definite());
+        let counts = nature != Nature::SaddlePoint && !solved.factorisation.is_definite();
+        self.indefinite_solves += usize::from(counts);
     }
 }

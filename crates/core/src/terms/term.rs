@@ -47,9 +47,6 @@ pub struct SurfaceReaction<const D: usize> {
     pub moment: [f64; 3],
 }
 
-/// The first number for conditions that do not belong to the model.
-pub const FURTHER: usize = 1 << 15;
-
 /// A term of equilibrium.
 ///
 /// A step calls [`constrain`](Term::constrain), then [`begin`](Term::begin) once, then [`couples`](Term::couples), then
@@ -133,8 +130,8 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
         false
     }
 
-    /// Adds constraints on the active nodes of a step: prescribed values of an additional field, or ties. The term
-    /// numbers its conditions from [`FURTHER`]; their reactions are not reported.
+    /// Adds constraints on the active nodes of a step: prescribed values of an additional field, or ties. The term names
+    /// its conditions, by whose names reactions are reported, with [`Constraints::condition`].
     ///
     /// # Errors
     /// [`ConstraintError`] if the constraints contradict other constraints.
