@@ -8,6 +8,7 @@ mod assembly;
 mod batched;
 mod constraints;
 mod failure;
+mod fields;
 mod further_fields;
 mod gmsh;
 mod inline_vtu;

@@ -276,7 +276,8 @@ impl Deck {
             precision: *precision,
             checkpoints: self.checkpoint.map(|checkpoint| checkpoint.every.max(1) as usize),
             forces: Vec::new(),
-            further: Vec::new(),
+            nodal: Vec::new(),
+            conditions: Vec::new(),
         }
     }
 }

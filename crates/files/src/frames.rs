@@ -1,6 +1,7 @@
 //! The encoded VTU files of a step: the points, their domains, the active part of the grid, the surfaces, the tools and
 //! their contact points, each a file of a series. With several ranks, each rank creates its pieces of the first three.
 
+use std::borrow::Cow;
 use std::io;
 use std::mem::take;
 use std::sync::Arc;
@@ -124,7 +125,18 @@ impl Steady {
 }
 
 /// A field on the active nodes of the grid.
-pub(super) type OnNodes<'a, const D: usize> = (&'a str, &'a [[f64; D]]);
+pub(super) struct OnNodes<'a, const D: usize> {
+    pub name: Cow<'a, str>,
+    pub values: NodeValues<'a, D>,
+}
+
+/// The values of a field on the active nodes of the grid.
+pub(super) enum NodeValues<'a, const D: usize> {
+    /// Vectors along the axes.
+    Vectors(&'a [[f64; D]]),
+    /// A number of components at each node: those of the first node, then those of the second, and so on.
+    Numbers { components: usize, values: &'a [f64] },
+}
 
 impl Frames {
     /// A creator of frames with these fields of the points, in this precision.
@@ -367,13 +379,26 @@ impl Frames {
             Some(last) => last,
             None => Active::new(mesh, precision, room)?,
         };
-        let encoded = |(name, values): &OnNodes<D>| {
-            let values: Vec<[f64; 3]> = match &shown {
-                None => values.iter().map(padded).collect(),
-                Some(shown) => shown.iter().map(|node| padded(&values[*node as usize])).collect(),
-            };
-            let field: Field = vector(name, &values);
-            Encoded::new(&field, ("point", values.len()), precision, room).map(Arc::new)
+        let encode =
+            |field: &Field, n: usize| Encoded::new(field, ("point", n), precision, room).map(Arc::new);
+        let encoded = |OnNodes { name, values }: &OnNodes<D>| match *values {
+            NodeValues::Vectors(values) => {
+                let values: Vec<[f64; 3]> = match &shown {
+                    None => values.iter().map(padded).collect(),
+                    Some(shown) => shown.iter().map(|node| padded(&values[*node as usize])).collect(),
+                };
+                encode(&vector(name, &values), values.len())
+            }
+            NodeValues::Numbers { components, values } => {
+                let of_node = |node: usize| &values[node * components..][..components];
+                let values: Cow<[f64]> = match &shown {
+                    None => values.into(),
+                    Some(shown) => shown.iter().flat_map(|node| of_node(*node as usize)).copied().collect(),
+                };
+                let n = values.len() / components.max(1);
+                let values = Values::Float64(&values);
+                encode(&Field { name, components, component_names: &[], values }, n)
+            }
         };
         let fields = fields.iter().map(encoded).collect::<Result<_, String>>()?;
         let Active { positions, cells, .. } = self.grid.insert(grid);

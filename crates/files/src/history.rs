@@ -38,8 +38,45 @@ pub fn columns_of_convergence(fields: &[Field]) -> Vec<String> {
     columns
 }
 
-/// Columns of `history.csv`, with those of further forces of these names.
-pub fn columns_of_history<const D: usize>(model: &Model<D>, forces: &[String]) -> Vec<String> {
+/// What `history.csv` states beside what a model defines.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Beside {
+    /// Names of further forces.
+    pub forces: Vec<String>,
+    /// Fields of the unknowns beside the displacement.
+    pub fields: Vec<Field>,
+    /// Names of the conditions that terms impose on these fields.
+    pub conditions: Vec<String>,
+}
+
+impl Beside {
+    /// Columns of the reactions of the conditions, for each component of the fields.
+    fn columns_of_reactions(&self) -> impl Iterator<Item = String> {
+        self.conditions.iter().flat_map(|condition| {
+            self.fields.iter().flat_map(move |Field { name, components, .. }| {
+                (1..=*components).map(move |component| match components {
+                    1 => format!("{condition}_{name}"),
+                    _ => format!("{condition}_{name}_{component}"),
+                })
+            })
+        })
+    }
+
+    /// The reactions of the conditions, for each component of the fields; those that no term reports are missing.
+    fn reactions<const D: usize>(&self, report: &StepReport<D>) -> impl Iterator<Item = Entry> {
+        let components: usize = self.fields.iter().map(|field| field.components).sum();
+        self.conditions.iter().flat_map(move |condition| {
+            let reaction = report.further_reactions.iter().find(|of| of.condition == *condition);
+            (0..components).map(move |component| {
+                let value = reaction.and_then(|of| of.resultant.get(D + component));
+                value.map_or(Entry::Missing, |value| Entry::from(*value))
+            })
+        })
+    }
+}
+
+/// Columns of `history.csv`, with those of what the analysis has beside its model.
+pub fn columns_of_history<const D: usize>(model: &Model<D>, beside: &Beside) -> Vec<String> {
     let axes = &["x", "y", "z"][..D];
     let mut columns: Vec<String> =
         ["step", "time", "iterations", "residual", "linear_iterations", "converged", "rounding_limited"]
@@ -76,9 +113,10 @@ pub fn columns_of_history<const D: usize>(model: &Model<D>, forces: &[String]) -
             columns.extend(turns.iter().map(|axis| format!("{name}_{}_m{axis}", part.name)));
         }
     }
-    for name in forces {
+    for name in &beside.forces {
         columns.extend(axes.iter().map(|axis| format!("{name}_f{axis}")));
     }
+    columns.extend(beside.columns_of_reactions());
     for probe in &model.probes {
         columns.extend(axes.iter().map(|axis| format!("{}_u{axis}", probe.name)));
     }
@@ -93,7 +131,7 @@ pub fn row_of_history<const D: usize>(
     points: &Points<D>,
     report: &StepReport<D>,
     summary: &Summary,
-    forces: &[String],
+    beside: &Beside,
 ) -> Vec<Entry> {
     let residual = report.residuals.last().copied().unwrap_or(0.0);
     let mut row: Vec<Entry> = vec![
@@ -137,10 +175,11 @@ pub fn row_of_history<const D: usize>(
             row.extend(part.moment[about..].iter().map(|m| Entry::from(*m)));
         }
     }
-    for name in forces {
+    for name in &beside.forces {
         let force = report.forces.iter().find(|named| named.name == *name).map(|named| named.force);
         row.extend((0..D).map(|d| force.map_or(Entry::Missing, |force| force[d].into())));
     }
+    row.extend(beside.reactions(report));
     for moved in moved(model, points) {
         for d in 0..D {
             let sum: f64 = moved.iter().map(|moved| moved[d]).sum();

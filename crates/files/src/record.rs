@@ -10,8 +10,8 @@ use mpm_core::solver::{Diagnosis, FailedAttempt, Observer, SolveError, Step, Ste
 
 use super::findings::{Extremes, Findings};
 use super::history::{
-    QUALITY, columns_of_convergence, columns_of_history, row_of_attempt, row_of_convergence, row_of_history,
-    row_of_quality,
+    Beside, QUALITY, columns_of_convergence, columns_of_history, row_of_attempt, row_of_convergence,
+    row_of_history, row_of_quality,
 };
 use super::summary::{Account, Outcome, Whole, Wording};
 use super::table::Entry;
@@ -60,7 +60,7 @@ impl Record {
     /// A record of a run that begins with this model.
     pub fn new<const D: usize>(model: &Model<D>, account: Account) -> Record {
         Record {
-            history: Rows::new(&columns_of_history(model, &[])),
+            history: Rows::new(&columns_of_history(model, &Beside::default())),
             quality: Rows::new(&QUALITY),
             convergence: Rows::new(&columns_of_convergence(&[])),
             summary: None,
@@ -95,7 +95,7 @@ impl<const D: usize> Observer<D> for Record {
         summary: &Summary,
     ) -> io::Result<()> {
         self.findings.accept(model, report, summary);
-        self.history.rows.push(row_of_history(model, points, report, summary, &[]));
+        self.history.rows.push(row_of_history(model, points, report, summary, &Beside::default()));
         self.quality.rows.push(row_of_quality(report, summary, &self.findings));
         Ok(())
     }

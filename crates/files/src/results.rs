@@ -19,7 +19,7 @@ use super::directory::{
 use super::fields::PointField;
 use super::findings::Findings;
 use super::frames::Frames;
-use super::history::{QUALITY, columns_of_convergence, columns_of_history};
+use super::history::{Beside, QUALITY, columns_of_convergence, columns_of_history};
 use super::lock::Lock;
 use super::rows;
 use super::series::Series;
@@ -48,15 +48,35 @@ pub struct Request {
     /// name may be that of a load or tool.
     pub forces: Vec<String>,
     /// The fields of the unknowns beside the displacement, in their order. Each has a residual in `convergence.csv`, and
-    /// values and reactions on the nodes of the grid files.
-    pub further: Vec<Field>,
+    /// its unknowns and reactions on the nodes of the grid files.
+    pub nodal: Vec<Field>,
+    /// Names of the conditions that terms impose on these fields; the reactions of each have columns in `history.csv`.
+    pub conditions: Vec<String>,
 }
 
 impl Default for Request {
     fn default() -> Self {
         let fields = PointField::by_default();
-        let (forces, further) = (Vec::new(), Vec::new());
-        Request { every: 1, fields, precision: Precision::default(), checkpoints: None, forces, further }
+        Request {
+            every: 1,
+            fields,
+            precision: Precision::default(),
+            checkpoints: None,
+            forces: Vec::new(),
+            nodal: Vec::new(),
+            conditions: Vec::new(),
+        }
+    }
+}
+
+impl Request {
+    /// What the tables state beside what a model defines.
+    fn beside(&self) -> Beside {
+        Beside {
+            forces: self.forces.clone(),
+            fields: self.nodal.clone(),
+            conditions: self.conditions.clone(),
+        }
     }
 }
 
@@ -65,7 +85,7 @@ pub struct Results {
     directory: PathBuf,
     every: usize,
     checkpoints: Option<usize>,
-    forces: Vec<String>,
+    beside: Beside,
     /// The tables; only the first rank has them.
     tables: Option<Tables>,
     frames: Frames,
@@ -132,7 +152,7 @@ impl Results {
         if let Some(name) = foreign_file(directory)? {
             return Err(foreign(&name, "; choose another directory with `--out`, or move the file away"));
         }
-        let history = columns_of_history(model, &asked.forces);
+        let history = columns_of_history(model, &asked.beside());
         check_columns(&history)?;
         remove_earlier_results(directory)?;
         let tables = Tables {
@@ -140,7 +160,7 @@ impl Results {
             quality: Table::create(directory.join("quality.csv"), &QUALITY)?,
             convergence: Table::create(
                 directory.join("convergence.csv"),
-                &columns_of_convergence(&asked.further),
+                &columns_of_convergence(&asked.nodal),
             )?,
         };
         Ok(Results {
@@ -164,7 +184,7 @@ impl Results {
             directory: directory.to_owned(),
             every: asked.every,
             checkpoints: asked.checkpoints,
-            forces: asked.forces.clone(),
+            beside: asked.beside(),
             tables: None,
             frames: Frames::new(&asked.fields, asked.precision),
             writer: Writer::new(
@@ -258,7 +278,7 @@ impl Results {
 
     /// Makes the steps that follow write VTU files and checkpoints as `asked` states. The columns of the tables stay.
     pub fn change(&mut self, asked: &Request) {
-        let Request { every, fields, precision, checkpoints, forces: _, further: _ } = asked;
+        let Request { every, fields, precision, checkpoints, .. } = asked;
         (self.every, self.checkpoints) = (*every, *checkpoints);
         self.frames.change(fields, *precision);
     }
@@ -305,9 +325,9 @@ fn tables_in<const D: usize>(
 ) -> io::Result<[Kept; 3]> {
     let (last, steps) = reached.map_or((0, 0), |reached| (reached.step.index, reached.summary.steps));
     let table = |name: &str, columns: &[String]| Table::keep(directory.join(name), columns, last);
-    let history = table("history.csv", &columns_of_history(model, &asked.forces))?;
+    let history = table("history.csv", &columns_of_history(model, &asked.beside()))?;
     let quality = table("quality.csv", &QUALITY.map(String::from))?;
-    let convergence = table("convergence.csv", &columns_of_convergence(&asked.further))?;
+    let convergence = table("convergence.csv", &columns_of_convergence(&asked.nodal))?;
     rows::check([&history, &quality, &convergence], steps)?;
     Ok([history, quality, convergence])
 }

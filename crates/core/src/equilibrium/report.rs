@@ -54,6 +54,12 @@ impl NodalField {
         };
         NodalField { field: field.clone(), values: part(unknowns), reaction: part(reaction) }
     }
+
+    /// A field that is zero at all of `n` nodes.
+    pub fn zero(field: &Field, n: usize) -> NodalField {
+        let zero = vec![0.0; n * field.components];
+        NodalField { field: field.clone(), values: zero.clone(), reaction: zero }
+    }
 }
 
 /// The reaction of a condition that a term imposes.

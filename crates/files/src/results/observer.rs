@@ -1,14 +1,17 @@
 //! What is written while a run goes on: each call of the solver adds its rows, files and checkpoints.
 
+use std::borrow::Cow;
 use std::io;
 use std::sync::atomic::Ordering;
 
 use mpm_core::basis::Connectivity;
+use mpm_core::dofs::Field;
 use mpm_core::model::Model;
 use mpm_core::points::Points;
 use mpm_core::ranks::Ranks;
 use mpm_core::solver::{
-    Diagnosis, FailedAttempt, GridFields, Observer, Reached, SolveError, Step, StepReport, Summary,
+    Diagnosis, FailedAttempt, GridFields, NodalField, Observer, Reached, SolveError, Step, StepReport,
+    Summary,
 };
 use mpm_core::terms::{Contact, Surfaces};
 
@@ -16,17 +19,29 @@ use super::{Results, Tables, is_due};
 use crate::checkpoint;
 use crate::failed;
 use crate::findings::Extremes;
-use crate::frames::{Frame, List};
+use crate::frames::{Frame, List, NodeValues, OnNodes};
 use crate::history::{row_of_attempt, row_of_convergence, row_of_history, row_of_quality};
 use crate::summary::{Outcome, Whole};
 use crate::table::{Entry, Table};
 
-/// Fields in the grid files.
+/// Fields in the grid files: those of the displacement, and the unknowns and reactions of further fields.
 fn on_nodes<'a, const D: usize>(
     delta_d: &'a [[f64; D]],
     reaction: &'a [[f64; D]],
-) -> [(&'static str, &'a [[f64; D]]); 2] {
-    [("displacement_increment", delta_d), ("reaction", reaction)]
+    further: impl Iterator<Item = &'a NodalField>,
+) -> Vec<OnNodes<'a, D>> {
+    let vectors = [("displacement_increment", delta_d), ("reaction", reaction)];
+    let of_displacement =
+        vectors.map(|(name, values)| OnNodes { name: name.into(), values: NodeValues::Vectors(values) });
+    let of_field = |field: &'a NodalField| {
+        let Field { name, components, .. } = &field.field;
+        let of = |name: Cow<'a, str>, values: &'a [f64]| OnNodes {
+            name,
+            values: NodeValues::Numbers { components: *components, values },
+        };
+        [of(name.into(), &field.values), of(format!("{name}_reaction").into(), &field.reaction)]
+    };
+    of_displacement.into_iter().chain(further.flat_map(of_field)).collect()
 }
 
 /// Writing of tables, frames and checkpoints.
@@ -115,7 +130,10 @@ impl Results {
         let mut copy = points.clone();
         if let Ok(links) = Connectivity::new(model.grid.as_ref(), &mut copy, &methods) {
             let zero = vec![[0.0; D]; links.n_active()];
-            let frame = self.frames.grid_frame(model, &links, &on_nodes(&zero, &zero), self.last);
+            let further: Vec<NodalField> =
+                (self.beside.fields.iter()).map(|field| NodalField::zero(field, links.n_active())).collect();
+            let fields = on_nodes(&zero, &zero, further.iter());
+            let frame = self.frames.grid_frame(model, &links, &fields, self.last);
             frames = frames.and_then(|frames| joined(frames, frame.map(Some)));
         }
         drop(copy);
@@ -140,7 +158,7 @@ impl Results {
         self.last = report.step;
         self.accepted = Some(Reached { step: report.step, summary: summary.clone() });
         self.findings.accept(model, report, summary);
-        let row = row_of_history(model, points, report, summary, &self.forces);
+        let row = row_of_history(model, points, report, summary, &self.beside);
         let mut settled = self.failure.take().map_or(Ok(()), Err);
         let is_due = is_due(self.every, model, report.step);
         if settled.is_ok() && (is_due || !self.writer.is_at_work()) {
@@ -151,8 +169,11 @@ impl Results {
         }
         if is_due {
             let mut frames = self.frames.point_frames(model, points, report.step);
-            let GridFields { links, delta_d, reaction, .. } = &report.grid;
-            let grid_frame = self.frames.grid_frame(model, links, &on_nodes(delta_d, reaction), report.step);
+            let GridFields { links, delta_d, reaction, further, .. } = &report.grid;
+            // All files of a series have the same fields.
+            let further = further.iter().filter(|nodal| self.beside.fields.contains(&nodal.field));
+            let fields = on_nodes(delta_d, reaction, further);
+            let grid_frame = self.frames.grid_frame(model, links, &fields, report.step);
             frames = frames.and_then(|frames| joined(frames, grid_frame.map(Some)));
             if ranks.is_root() {
                 let surface_frame = self.frames.surface_frame(&report.surfaces, report.step);
