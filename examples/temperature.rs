@@ -42,10 +42,6 @@ const BETA: f64 = 1e5;
 /// Temperature of the lid after the first step, above that of the floor, [K].
 const HOT: f64 = 20.0;
 const HEIGHT: f64 = 2.0;
-const WIDTH: f64 = 0.5;
-/// Young's modulus, [Pa], and Poisson's ratio.
-const YOUNG: f64 = 1e10;
-const POISSON: f64 = 0.2;
 
 /// The column; it rests for long enough in the second stage to be in a steady state.
 const DECK: &str = "
@@ -220,6 +216,11 @@ mod tests {
     use mpm::output::vtu::read::{MeshFile, Section};
     use mpm::points::PointArray;
 
+    /// Width of the column, [m], Young's modulus, [Pa], and Poisson's ratio.
+    const WIDTH: f64 = 0.5;
+    const YOUNG: f64 = 1e10;
+    const POISSON: f64 = 0.2;
+
     /// A column of a table.
     fn column(directory: &Path, table: &str, name: &str) -> Vec<f64> {
         let text = std::fs::read_to_string(directory.join(table)).unwrap();
@@ -270,8 +271,8 @@ mod tests {
         assert!(residuals.last().unwrap() <= &1e-9 && residuals.iter().any(|r| *r > 1e-3));
         let grid = MeshFile::read(&directory.join("grid_0001.vtu")).unwrap();
         let nodes = grid.positions().unwrap();
-        let rises = grid.values(Section::Point, "temperature").unwrap();
-        let flows = grid.values(Section::Point, "temperature_reaction").unwrap();
+        let rises = grid.values(Section::Points, "temperature").unwrap();
+        let flows = grid.values(Section::Points, "temperature_reaction").unwrap();
         for ((x, rise), flow) in nodes.iter().zip(rises).zip(flows) {
             let is_held = x[1] == 0.0 || x[1] == HEIGHT;
             assert!(if x[1] == HEIGHT { rise == HOT } else { (0.0..HOT).contains(&rise) }, "{x:?}: {rise}");
