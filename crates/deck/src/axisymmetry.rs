@@ -1,7 +1,6 @@
 //! Requirements of a body of revolution: points that represent rings, a grid on one side of the axis, and gravity along
 //! the axis. The check that nodes on the axis stay there is part of setting up the first step.
 
-use super::LoadDeck;
 use super::diagnostic::Diagnostic;
 use super::load::LoadedDeck;
 use mpm_core::dofs::ON_AXIS;
@@ -29,9 +28,7 @@ pub(super) fn faults<const D: usize>(loaded: &LoadedDeck, grid: &dyn Grid<D>) ->
         return found;
     }
     for (number, load) in loaded.deck.loads.iter().enumerate() {
-        if let LoadDeck::Gravity { acceleration, .. } = load
-            && acceleration.first().is_some_and(|radial| *radial != 0.0)
-        {
+        if load.acceleration().and_then(<[f64]>::first).is_some_and(|radial| *radial != 0.0) {
             let pointer = format!("/loads/{number}/acceleration/0");
             let message = "gravity cannot act along the radius of a body of revolution".to_owned();
             let help = "set the first component to 0, or use a load of type `body-force`";

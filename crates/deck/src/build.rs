@@ -197,7 +197,7 @@ where
         let bodies = self.bodies();
         let revolved = deck.analysis.idealisation == Idealisation::Axisymmetric;
         let (mut seeds, numbers) = self.seeds(grid.as_ref(), &laws, &bodies, (&regions, &groups));
-        self.take_typical_points(grid.as_ref(), &mut laws, &seeds, &numbers);
+        self.take_typical_points(&mut laws, &seeds, &numbers);
         self.magnitudes(grid.as_ref(), &laws);
         if revolved {
             axisymmetry::revolve(&mut seeds);
@@ -422,7 +422,7 @@ where
                     for stage in &self.deck.stages {
                         let given = stage.material.get(&deck.name);
                         let given = given.and_then(|name| materials.iter().find(|m| m.name == *name));
-                        if let Some(given) = given.filter(|given| !given.varying.is_empty()) {
+                        if let Some(given) = given.filter(|given| !given.stated.varying.is_empty()) {
                             self.furnish(&deck.name, given, room, &mut filled.seeds.clone());
                         }
                     }

@@ -130,7 +130,7 @@ fn acts_on(load: &LoadDeck, body: &BodyDeck) -> bool {
 /// True if a load balances the initial stress of a body from time 0 on: gravity without a curve on such a body.
 fn holds_stress(deck: &Deck, load: &LoadDeck) -> bool {
     let is_stressed = |body: &BodyDeck| body.initial_stress.is_some() && acts_on(load, body);
-    matches!(load, LoadDeck::Gravity { curve: None, .. }) && deck.bodies.iter().any(is_stressed)
+    load.acceleration().is_some() && load.curve().is_none() && deck.bodies.iter().any(is_stressed)
 }
 
 /// Load factor of a load at time 0, [-]: 0 if no body has an initial stress, 1 for gravity without a curve on a body
@@ -156,9 +156,8 @@ pub(crate) fn gravity_on<'a>(
     body: &'a BodyDeck,
 ) -> impl Iterator<Item = (usize, &'a LoadDeck, Vec<f64>)> {
     deck.loads.iter().enumerate().filter(|(_, load)| acts_on(load, body)).filter_map(|(number, load)| {
-        let LoadDeck::Gravity { acceleration, .. } = load else { return None };
         let factor = initial_factor(deck, load);
-        Some((number, load, acceleration.iter().map(|a| factor * a).collect()))
+        Some((number, load, load.acceleration()?.iter().map(|a| factor * a).collect()))
     })
 }
 

@@ -18,11 +18,15 @@ pub use boundary_conditions::{
 };
 pub use grid::{AxisSpacing, FollowDeck, GridDeck, IntervalDeck, SpacingDeck};
 pub use initial_stress::{InitialStressDeck, StressDeck, initial_factor};
-pub use law_library::is_field_of_points;
-pub use loads::{HydrostaticDeck, LoadCurve, LoadDeck, Per, PointSelector};
-pub use material::{
-    BuiltLaw, CellSize, CohesionSofteningDeck, FrictionSofteningDeck, MaterialDeck, Surroundings,
+pub use laws::{
+    CohesionSofteningDeck, DruckerPragerDeck, FrictionSofteningDeck, HenckyDeck, LibraryDeck, MaterialDeck,
+    ModifiedCamClayDeck, MohrCoulombDeck, NeoHookeanDeck, TrescaDeck, VonMisesDeck, is_field_of_points,
 };
+pub use loads::{
+    BodyForceDeck, GravityDeck, HydrostaticDeck, LoadCurve, LoadDeck, Per, PointForceDeck, PointSelector,
+    PressureDeck, TractionDeck,
+};
+pub use material::{CellSize, StatedLaw, Surroundings};
 pub use mpm_core::basis::Method;
 pub use mpm_core::domain::DomainUpdate;
 use mpm_core::formula::Formula;
@@ -58,7 +62,7 @@ mod grid;
 mod hash;
 pub mod holding;
 mod initial_stress;
-mod law_library;
+mod laws;
 pub mod load;
 mod loads;
 mod material;

@@ -9,13 +9,15 @@ use std::sync::Arc;
 use serde_json::Value;
 
 use super::diagnostic::{self, Diagnostic, Gate};
+use super::formulas::Fault;
 use super::hash::hex;
-use super::law_library::OfLibrary;
+use super::laws::NamedLibrary;
 use super::quoting::quote;
 use super::references::dangling;
 use super::source::Source;
+use super::span::escape;
 use super::{
-    BuiltLaw, CellSize, Deck, GridDeck, MaterialDeck, Parameter, Surroundings, parameters, shape, validate,
+    CellSize, Deck, GridDeck, MaterialDeck, Parameter, StatedLaw, Surroundings, parameters, shape, validate,
 };
 use mpm_core::formula::closest;
 use mpm_core::material::Material;
@@ -49,38 +51,56 @@ impl fmt::Debug for OwnLaw {
 }
 
 impl LoadedDeck {
+    /// The law of a material as it is stated: by a caller of the program, by a library or by the deck. Softening is
+    /// adapted to cells of this size. `None` if there is no such material.
+    ///
+    /// # Errors
+    /// The faults of the library that the law comes from, or of the formulas of the properties.
+    pub(super) fn stated_law(
+        &self,
+        material: &str,
+        cells: &CellSize,
+    ) -> Option<Result<StatedLaw, Vec<Diagnostic>>> {
+        let stated = self.deck.materials.get(material)?;
+        if let Some(own) = self.laws.get(material).cloned() {
+            return Some(Ok(StatedLaw::constant(move || own.0())));
+        }
+        if let Some(deck) = stated.law_deck().library() {
+            let (source, directory) = (&self.source, self.directory.as_path());
+            let law = NamedLibrary { source, directory, name: material, deck }.law();
+            return Some(law.map(|law| StatedLaw::constant(move || Box::new(law.clone()))));
+        }
+        let surroundings = Surroundings {
+            parameters: Some(&self.deck.parameters),
+            dimensions: self.deck.dimensions(),
+            cells: cells.clone(),
+        };
+        Some(stated.stated_law(&surroundings).map_err(|faults| {
+            let fault = |fault: Fault| {
+                let at = format!("/materials/{}/{}", escape(material), fault.key);
+                let found = Diagnostic::at(&self.source, "D021", &at, fault.error.message);
+                found.help(fault.error.help.unwrap_or_default())
+            };
+            faults.into_iter().map(fault).collect()
+        }))
+    }
+
     /// The law of a material for a single point: its softening is adapted to the cells of a structured grid, but not to
     /// those of a mesh. `None` if there is no such material.
     ///
     /// # Errors
     /// The faults of the library that the law comes from, or properties that do not fit together.
-    pub fn built_law(&self, material: &str) -> Option<Result<BuiltLaw, Vec<Diagnostic>>> {
-        let of_deck = self.deck.materials.get(material)?;
-        if let Some(own) = self.laws.get(material) {
-            return Some(Ok(BuiltLaw::constant(own.0())));
-        }
-        if let MaterialDeck::Library { file, parameters, .. } = of_deck {
-            let (source, directory) = (&self.source, self.directory.as_path());
-            let library = OfLibrary { source, directory, name: material, file, parameters };
-            return Some(library.law().map(BuiltLaw::constant));
-        }
-        let surroundings = Surroundings {
-            parameters: Some(&self.deck.parameters),
-            dimensions: self.deck.dimensions(),
-            cells: self.cell_size(),
-            ..Surroundings::default()
-        };
-        // Faults of formulas have been reported when the deck was read.
-        let built = of_deck.law(&surroundings).map_err(|_| Vec::new());
-        Some(built.and_then(|built| match built.contradiction(&self.source, material) {
+    pub fn point_law(&self, material: &str) -> Option<Result<StatedLaw, Vec<Diagnostic>>> {
+        let stated = self.stated_law(material, &self.cell_size())?;
+        Some(stated.and_then(|stated| match stated.contradiction(&self.source, material) {
             Some(found) => Err(vec![found]),
-            None => Ok(built),
+            None => Ok(stated),
         }))
     }
 
     /// The size of the cells of a structured grid; unknown for a mesh.
     pub fn cell_size(&self) -> CellSize {
-        CellSize::of_deck(&self.deck)
+        CellSize::in_deck(&self.deck)
     }
 
     /// The sides of the cells of a structured grid along each axis, mean values where the grid is graded, [length];
@@ -93,19 +113,16 @@ impl LoadedDeck {
 
     /// True if the law of a material comes from a library.
     pub(super) fn is_from_library(&self, material: &str) -> bool {
-        let of_deck = self.deck.materials.get(material);
-        !self.laws.contains_key(material) && of_deck.is_some_and(|of_deck| of_deck.library().is_some())
+        let stated = self.deck.materials.get(material);
+        !self.laws.contains_key(material) && stated.is_some_and(|stated| stated.library().is_some())
     }
 
     /// The libraries that laws come from, with the hashes of their files.
     pub fn law_libraries(&self) -> Vec<LawLibrary> {
-        let library = |(name, of_deck): (&String, &MaterialDeck)| match of_deck {
-            MaterialDeck::Library { file, .. } if self.is_from_library(name) => {
-                let path = self.directory.join(file);
-                let hash = hex(&std::fs::read(&path).unwrap_or_default());
-                Some(LawLibrary { material: name.clone(), file: path.display().to_string(), hash })
-            }
-            _ => None,
+        let library = |(name, stated): (&String, &MaterialDeck)| {
+            let path = self.directory.join(stated.library().filter(|_| self.is_from_library(name))?);
+            let hash = hex(&std::fs::read(&path).unwrap_or_default());
+            Some(LawLibrary { material: name.clone(), file: path.display().to_string(), hash })
         };
         self.deck.materials.iter().filter_map(library).collect()
     }

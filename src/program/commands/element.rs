@@ -214,10 +214,10 @@ type Beginning = (Box<dyn Material>, Vec<f64>);
 /// The law and the initial history variables of a material, at a position if its properties vary; `None` if it has
 /// faults, which are then printed.
 fn beginning(loaded: &LoadedDeck, material: &str, at: Option<&[f64]>) -> anyhow::Result<Option<Beginning>> {
-    let built =
-        loaded.built_law(material).with_context(|| format!("there is no material {}", quote(material)))?;
-    let built = match built {
-        Ok(built) => built,
+    let stated =
+        loaded.point_law(material).with_context(|| format!("there is no material {}", quote(material)))?;
+    let stated = match stated {
+        Ok(stated) => stated,
         Err(faults) => {
             let text = render_all(&loaded.source, &faults, std::io::stderr().is_terminal());
             message!("{}", text.trim_end());
@@ -226,8 +226,8 @@ fn beginning(loaded: &LoadedDeck, material: &str, at: Option<&[f64]>) -> anyhow:
     };
     let n = loaded.deck.dimensions();
     let position = match at {
-        None if !built.varying.is_empty() => {
-            let key = &built.varying[0].key;
+        None if !stated.varying.is_empty() => {
+            let key = &stated.varying[0].key;
             bail!(
                 "`{key}` of the material {} varies in space, and the position of the point is unknown\n  help: give its \
                  coordinates, for example `--at {}`",
@@ -245,9 +245,10 @@ fn beginning(loaded: &LoadedDeck, material: &str, at: Option<&[f64]>) -> anyhow:
         ),
         at => std::array::from_fn(|d| at.and_then(|at| at.get(d)).copied().unwrap_or(0.0)),
     };
-    let history = built.law.initial_history_at(&position);
-    let own = history.len() - built.varying.len();
-    if let Some(fault) = loaded.deck.materials[material].fault_at(&built, &history[own..]) {
+    let law = stated.law(&[0.0; 3]);
+    let history = law.initial_history_at(&position);
+    let own = history.len() - stated.varying.len();
+    if let Some(fault) = loaded.deck.materials[material].fault_at(&stated, &history[own..]) {
         bail!(
             "material {} at {:?}: {fault}\n  help: choose another position with `--at`, within the bodies, or change the \
              formula",
@@ -255,7 +256,7 @@ fn beginning(loaded: &LoadedDeck, material: &str, at: Option<&[f64]>) -> anyhow:
             at.unwrap_or_default()
         );
     }
-    Ok(Some((built.law, history)))
+    Ok(Some((law, history)))
 }
 
 /// How the softening of a material is adapted to the cell size; `None` for a material without a localisation band.

@@ -27,8 +27,7 @@ where
         let used = deck.used_materials();
         for MaterialOfPoints { name, law, .. } in materials.iter().filter(|m| used.contains(m.name.as_str()))
         {
-            let of_deck = &deck.materials[name];
-            let (stiffness, key) = match of_deck.young() {
+            let (stiffness, key) = match deck.materials[name].young() {
                 Some(young) => (young, "young"),
                 None => (axial_modulus_at_rest(law.as_ref()), "model"),
             };

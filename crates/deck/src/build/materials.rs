@@ -4,8 +4,8 @@ use super::Builder;
 use crate::ControlDeck;
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::formulas::at_start;
-use crate::law_library::{self, OfLibrary};
-use crate::material::{BuiltLaw, CellSize, MaterialDeck, MaterialOfPoints, Surroundings};
+use crate::laws::{MaterialDeck, remarks};
+use crate::material::{CellSize, MaterialOfPoints};
 use crate::quoting::quote;
 use crate::region::OfDeck;
 use crate::span::escape;
@@ -29,62 +29,28 @@ where
             let density = material.density().map(|density| vec![("density".to_owned(), density)]);
             let density = density.and_then(|density| at_start(density, &deck.parameters, D).ok()?.pop());
             let density = density.filter(|density| density.as_constant().is_none());
-            let name = name.clone();
-            if let Some(own) = self.loaded.laws.get(&name) {
-                laws.push(MaterialOfPoints {
-                    name,
-                    law: own.0(),
-                    varying: Vec::new(),
-                    consistency: None,
-                    density,
-                });
-                continue;
-            }
-            self.strength_that_stays(&name, material);
-            if let MaterialDeck::Library { file, parameters, .. } = material {
-                let (source, directory) = (&self.loaded.source, self.loaded.directory.as_path());
-                match (OfLibrary { source, directory, name: &name, file, parameters }).law() {
-                    Ok(law) => {
-                        self.found.extend(law_library::remarks(source, &name, law.as_ref()));
-                        laws.push(MaterialOfPoints {
-                            name,
-                            law,
-                            varying: Vec::new(),
-                            consistency: None,
-                            density,
-                        });
-                    }
-                    Err(found) => self.found.extend(found),
+            if !self.loaded.laws.contains_key(name) {
+                self.strength_that_stays(name, material);
+                if deck.used_materials().contains(name.as_str()) {
+                    self.softening(name, material, &cells);
                 }
-                continue;
+                self.factor_of_safety(name);
             }
-            if deck.used_materials().contains(name.as_str()) {
-                self.softening(&name, material, &cells);
-            }
-            self.factor_of_safety(&name);
-            let built = material.law(&self.surroundings(typical, &cells));
-            match built {
-                Ok(built) => {
+            match self.loaded.stated_law(name, &cells) {
+                Some(Ok(stated)) => {
+                    let (source, law) = (&self.loaded.source, stated.law(&typical));
+                    if self.loaded.is_from_library(name) {
+                        self.found.extend(remarks(source, name, law.as_ref()));
+                    }
                     // Now that the cell size is known, softening may prove too fast.
-                    self.found.extend(built.contradiction(&self.loaded.source, &name));
-                    let BuiltLaw { law, varying, consistency } = built;
-                    let consistency = Some(consistency);
-                    laws.push(MaterialOfPoints { name, law, varying, consistency, density });
+                    self.found.extend(stated.contradiction(source, name));
+                    laws.push(MaterialOfPoints { name: name.clone(), stated, law, density });
                 }
-                Err(faults) => {
-                    for fault in faults {
-                        let at = format!("/materials/{}/{}", escape(&name), fault.key);
-                        self.error("D021", &at, fault.error.message, fault.error.help.unwrap_or_default());
-                    }
-                }
+                Some(Err(faults)) => self.found.extend(faults),
+                None => {}
             }
         }
         laws
-    }
-
-    /// What the properties of a material may refer to, with typical values at this position.
-    pub(super) fn surroundings(&self, typical: [f64; 3], cells: &CellSize) -> Surroundings<'_> {
-        Surroundings { parameters: Some(&self.deck.parameters), dimensions: D, typical, cells: cells.clone() }
     }
 
     /// Reports that softening depends on the cell size, or how it is adapted to the cell size.
@@ -140,18 +106,20 @@ where
             return;
         }
         // A law that the solver evaluates in batches keeps its full strength.
-        let is_reducible =
-            |of: &MaterialOfPoints| of.law.batch().is_none() && of.law.with_strength_divided(1.0).is_some();
-        let (reducible, others): (Vec<_>, Vec<_>) =
-            laws.iter().filter(|of| used.contains(of.name.as_str())).partition(|of| is_reducible(of));
-        let own: Vec<_> = others.iter().filter(|of| self.loaded.laws.contains_key(&of.name)).collect();
-        for of in &own {
+        let is_reducible = |material: &MaterialOfPoints| {
+            material.law.batch().is_none() && material.law.with_strength_divided(1.0).is_some()
+        };
+        let in_use = laws.iter().filter(|material| used.contains(material.name.as_str()));
+        let (reducible, others): (Vec<_>, Vec<_>) = in_use.partition(|material| is_reducible(material));
+        let own = others.iter().filter(|material| self.loaded.laws.contains_key(&material.name));
+        let own: Vec<&str> = own.map(|material| material.name.as_str()).collect();
+        for name in &own {
             let message = format!(
                 "the strength of the material {} cannot be reduced: its law is not built in",
-                quote(&of.name)
+                quote(name)
             );
             let help = "use a built-in law, such as `mohr-coulomb` (in Python, `mpm.BuiltInLaw`)";
-            self.error("D049", &format!("/materials/{}/model", escape(&of.name)), message, help.to_owned());
+            self.error("D049", &format!("/materials/{}/model", escape(name)), message, help.to_owned());
         }
         if !reducible.is_empty() || !own.is_empty() {
             return;
@@ -167,8 +135,8 @@ where
 
     /// Notes that a material that may yield is exempt from the strength reduction.
     fn strength_that_stays(&mut self, name: &str, material: &MaterialDeck) {
-        let has_one = matches!(material, MaterialDeck::Library { .. } | MaterialDeck::ModifiedCamClay { .. });
-        if !(has_one && self.deck.reduces_strength() && self.deck.used_materials().contains(name)) {
+        let keeps_it = material.law_deck().keeps_strength();
+        if !(keeps_it && self.deck.reduces_strength() && self.deck.used_materials().contains(name)) {
             return;
         }
         let message = format!("the strength of the material {} is not reduced", quote(name));
@@ -204,7 +172,8 @@ where
         room: usize,
         seeds: &mut [Seed<D>],
     ) {
-        let MaterialOfPoints { name, law, varying, consistency, density } = material;
+        let MaterialOfPoints { name, stated, law, density } = material;
+        let varying = &stated.varying;
         let own = law.state_fields().len() - varying.len();
         let deck = &self.deck.materials[name];
         let ranges: Vec<_> = varying.iter().map(|varying| deck.range(&varying.key)).collect();
@@ -256,9 +225,7 @@ where
                     );
                 }
             }
-            if let Some(found) =
-                consistency.as_ref().filter(|_| is_in_range).and_then(|check| check(properties))
-            {
+            if is_in_range && let Some(found) = (stated.consistency)(properties) {
                 let message = format!("material {} {}: {}", quote(name), place(), found.message);
                 fault(&found.key, "D057", message, found.help);
             }
@@ -285,7 +252,7 @@ fn centre<const D: usize>(region: &Region<D>) -> [f64; 3] {
 /// Cell size; for a mesh, the mean.
 pub(super) fn size_of_cells<const D: usize>(grid: &dyn Grid<D>) -> CellSize {
     match grid.lines() {
-        Some(lines) => CellSize::of_axes(lines.axes()),
+        Some(lines) => CellSize::structured(lines.axes()),
         None => {
             let n = grid.n_cells();
             CellSize::Mean((0..n).map(|cell| grid.size(cell)).sum::<f64>() / n.max(1) as f64)

@@ -1,10 +1,8 @@
 //! Typical properties of the materials whose properties vary in space.
 
 use super::Builder;
-use super::materials::size_of_cells;
 use crate::material::MaterialOfPoints;
 use crate::region::OfDeck;
-use mpm_core::grid::Grid;
 use mpm_core::points::Seed;
 use mpm_core::region::Region;
 use mpm_core::tensor::padded;
@@ -22,23 +20,18 @@ where
     /// rank, with their permanent numbers.
     pub(super) fn take_typical_points(
         &self,
-        grid: &dyn Grid<D>,
         materials: &mut [MaterialOfPoints],
         seeds: &[Seed<D>],
         numbers: &[u32],
     ) {
-        for material in materials.iter_mut().filter(|material| !material.varying.is_empty()) {
+        for material in materials.iter_mut().filter(|material| !material.stated.varying.is_empty()) {
             let Some(body) = self.body_of(&material.name) else { continue };
             let of_body = || seeds.iter().zip(numbers).filter(move |(seed, _)| seed.body as usize == body);
             let Some(place) = self.middle_of(|| of_body().map(|(seed, number)| (seed.position, *number)))
             else {
                 continue;
             };
-            let surroundings = self.surroundings(place, &size_of_cells(grid));
-            // The formulas have already been read without fault.
-            if let Ok(built) = self.deck.materials[&material.name].law(&surroundings) {
-                material.law = built.law;
-            }
+            material.law = material.stated.law(&place);
         }
     }
 

@@ -19,17 +19,17 @@ pub enum CellSize {
 
 impl CellSize {
     /// The cell size of the structured grid of a deck; unknown for a mesh, which must be read first.
-    pub(crate) fn of_deck(deck: &Deck) -> CellSize {
+    pub(crate) fn in_deck(deck: &Deck) -> CellSize {
         let GridDeck::Structured { origin, size, spacing, .. } = &deck.grid else { return CellSize::Unknown };
         let entries = spacing.entries(deck.dimensions());
         let ends = entries.iter().zip(origin).zip(size);
         let axes: Result<Vec<Axis>, _> =
             ends.map(|((entry, origin), size)| entry.axis(*origin, *size)).collect();
-        axes.map_or(CellSize::Unknown, |axes| CellSize::of_axes(&axes))
+        axes.map_or(CellSize::Unknown, |axes| CellSize::structured(&axes))
     }
 
     /// The cell size of a structured grid.
-    pub(crate) fn of_axes(axes: &[Axis]) -> CellSize {
+    pub(crate) fn structured(axes: &[Axis]) -> CellSize {
         let graded = CellSize::Graded(axes.to_vec());
         let origin = axes.iter().map(|axis| axis.line(0)).chain([0.0; 3]);
         let mut corner = [0.0; 3];

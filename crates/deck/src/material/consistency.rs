@@ -14,7 +14,7 @@ pub struct Inconsistency {
 }
 
 impl Inconsistency {
-    pub(super) fn new(key: &str, message: String, help: &str) -> Option<Inconsistency> {
+    pub(crate) fn new(key: &str, message: String, help: &str) -> Option<Inconsistency> {
         Some(Inconsistency { key: key.to_owned(), message, help: help.to_owned() })
     }
 }
@@ -45,4 +45,9 @@ impl AtMost {
         let least = if self.strictly { "less than" } else { "at most" };
         Inconsistency::new(key, message, &format!("use {least} {most}, or change `{of}`"))
     }
+}
+
+/// The check of a law whose properties never contradict each other.
+pub(crate) fn consistent(_: &[f64]) -> Option<Inconsistency> {
+    None
 }

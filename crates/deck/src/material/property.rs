@@ -6,11 +6,10 @@ use std::sync::Arc;
 
 use serde_json::Value;
 
-use super::MaterialDeck;
 use super::cell_size::CellSize;
 use crate::formulas::{Fault, at_start};
 use crate::schema::{resolve, strict_schema};
-use crate::{Expression, Parameter};
+use crate::{Expression, MaterialDeck, Parameter};
 use mpm_core::formula::Formula;
 use mpm_core::material::{PropertiesAt, VaryingProperty};
 
@@ -37,8 +36,6 @@ impl Setting {
 pub(super) struct Settings<'a> {
     parameters: &'a BTreeMap<String, Parameter>,
     dimensions: usize,
-    /// A position at which the properties have typical values.
-    typical: [f64; 3],
     formulas: Vec<Formula>,
     varying: Vec<Varying>,
     /// Cell size, if it varies; its value comes after the values of the formulas.
@@ -54,16 +51,22 @@ pub struct Varying {
     unit: &'static str,
 }
 
+impl Varying {
+    /// The property, with a typical value.
+    pub(super) fn typically(&self, typical: f64) -> VaryingProperty {
+        VaryingProperty {
+            name: Cow::Owned(self.key.replace('/', "_")),
+            unit: Cow::Borrowed(self.unit),
+            typical,
+        }
+    }
+}
+
 impl<'a> Settings<'a> {
-    pub(super) fn new(
-        parameters: &'a BTreeMap<String, Parameter>,
-        dimensions: usize,
-        typical: [f64; 3],
-    ) -> Self {
+    pub(super) fn new(parameters: &'a BTreeMap<String, Parameter>, dimensions: usize) -> Self {
         Settings {
             parameters,
             dimensions,
-            typical,
             formulas: Vec::new(),
             varying: Vec::new(),
             cells: None,
@@ -107,20 +110,13 @@ impl<'a> Settings<'a> {
     }
 
     /// The properties that vary, and their values at a position.
-    pub(super) fn finish(self) -> (Vec<Varying>, Vec<VaryingProperty>, Arc<PropertiesAt>) {
-        let Settings { formulas, cells, varying, dimensions, typical, .. } = self;
+    pub(super) fn finish(self) -> (Vec<Varying>, Arc<PropertiesAt>) {
+        let Settings { formulas, cells, varying, dimensions, .. } = self;
         let at = Arc::new(move |position: &[f64; 3]| -> Vec<f64> {
             let values = formulas.iter().map(|formula| formula.evaluate(&position[..dimensions.min(3)]));
             values.chain(cells.iter().map(|cells| cells.at(position))).collect()
         });
-        let values = at(&typical);
-        let property = |(varying, typical): (&Varying, f64)| VaryingProperty {
-            name: Cow::Owned(varying.key.replace('/', "_")),
-            unit: Cow::Borrowed(varying.unit),
-            typical,
-        };
-        let properties = varying.iter().zip(values).map(property).collect();
-        (varying, properties, at)
+        (varying, at)
     }
 }
 

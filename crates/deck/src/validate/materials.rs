@@ -4,7 +4,8 @@ use super::Check;
 use crate::Expression;
 use crate::formulas::at_start;
 use crate::gates::Checks;
-use crate::material::{MaterialDeck, Surroundings};
+use crate::laws::MaterialDeck;
+use crate::material::Surroundings;
 use crate::quoting::quote;
 use crate::span::escape;
 
@@ -54,11 +55,11 @@ impl Check<'_> {
                 continue;
             }
             let is_in_range = self.ranges(&pointer, material);
-            match material.law(&surroundings) {
+            match material.stated_law(&surroundings) {
                 Err(faults) => self.formulas(&pointer, faults),
                 // A contradiction may be a consequence of a value out of its range.
-                Ok(built) if built.varying.is_empty() && is_in_range => {
-                    if let Some(found) = (built.consistency)(&[]) {
+                Ok(stated) if stated.varying.is_empty() && is_in_range => {
+                    if let Some(found) = (stated.consistency)(&[]) {
                         let message = format!("material {}: {}", quote(name), found.message);
                         if found.key.is_empty() {
                             self.error_at_key("D057", &pointer, message, &found.help);

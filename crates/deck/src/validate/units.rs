@@ -6,7 +6,7 @@ use super::Check;
 use super::extent::Extent;
 use crate::quoting::quote;
 use crate::span::escape;
-use crate::{BodyDeck, Expression, GridDeck, LoadDeck, Parameter};
+use crate::{BodyDeck, Expression, GridDeck, Parameter};
 
 /// Acceleration of gravity in m/s², exact or rounded.
 const GRAVITY_IN_METRES: std::ops::RangeInclusive<f64> = 9.5..=10.5;
@@ -30,10 +30,10 @@ impl Check<'_> {
         let deck = self.deck;
         let mut checked: BTreeSet<&str> = BTreeSet::new();
         for load in &deck.loads {
-            let LoadDeck::Gravity { acceleration, bodies, .. } = load else { continue };
+            let Some(acceleration) = load.acceleration() else { continue };
             let gravity = acceleration.iter().map(|a| a * a).sum::<f64>().sqrt();
             let loaded =
-                deck.bodies.iter().filter(|b| bodies.as_ref().is_none_or(|names| names.contains(&b.name)));
+                deck.bodies.iter().filter(|b| load.bodies().is_none_or(|names| names.contains(&b.name)));
             for body in loaded {
                 let Some(material) = deck.materials.get(&body.material) else { continue };
                 if !checked.insert(&body.material) {

@@ -1,7 +1,6 @@
 //! A material in the form that its points need.
 
-use super::consistency::Consistency;
-use super::property::Varying;
+use super::stated_law::StatedLaw;
 use mpm_core::formula::Formula;
 use mpm_core::material::Material;
 
@@ -9,12 +8,10 @@ use mpm_core::material::Material;
 pub(crate) struct MaterialOfPoints {
     /// Name.
     pub name: String,
-    /// The law.
+    /// The law as it is stated.
+    pub stated: StatedLaw,
+    /// The law, with typical values of the properties that vary.
     pub law: Box<dyn Material>,
-    /// Properties that vary, and the check that properties are consistent; none for a law that the deck does not
-    /// describe.
-    pub varying: Vec<Varying>,
-    pub consistency: Option<Consistency>,
     /// Initial density, if it varies.
     pub density: Option<Formula>,
 }

@@ -3,13 +3,20 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::diagnostic::{Diagnostic, Severity};
-use super::hash::fnv1a;
-use super::quoting::quote;
-use super::references::existing;
-use super::source::Source;
-use super::span::escape;
-use mpm_core::formula::closest;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::LawDeck;
+use crate::Expression;
+use crate::diagnostic::{Diagnostic, Severity};
+use crate::formulas::Fault;
+use crate::hash::fnv1a;
+use crate::material::{Faults, Reading, StatedLaw};
+use crate::quoting::quote;
+use crate::references::existing;
+use crate::source::Source;
+use crate::span::escape;
+use mpm_core::formula::{FormulaError, closest};
 use mpm_core::material::Material;
 use mpm_core::material::conformance::{Property, check};
 use mpm_core::points::Points;
@@ -17,27 +24,65 @@ use mpm_core::tensor::Sym3;
 use mpm_files::fields::PointField;
 use mpm_foreign::{Described, Kind, Library, LibraryError, LibraryLaw, differs_between_threads};
 
+/// A law of your own in a shared library, written in C, Fortran or another compiled language; its code runs as part
+/// of the program.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LibraryDeck {
+    /// Path of the library, relative to the deck.
+    #[schemars(extend("examples" = ["./law.so"]))]
+    pub file: String,
+    /// Values of the parameters of the law, with the names and in the units that the library states.
+    #[serde(default)]
+    #[schemars(extend("examples" = [{"young": 12e6, "poisson": 0.3}]))]
+    pub parameters: BTreeMap<String, f64>,
+    /// Initial mass density ρ₀, [mass/volume]; needed if gravity or a force per mass acts.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = 0.0, "examples" = [2000]))]
+    pub density: Option<Expression>,
+}
+
 /// Largest component of the strains at which a law is tested, [-].
 const LARGEST: f64 = 0.01;
 
-/// A material of a deck whose law comes from a library.
-pub(super) struct OfLibrary<'a> {
-    pub(super) source: &'a Source,
-    /// Directory of the deck.
-    pub(super) directory: &'a Path,
-    /// Name of the material.
-    pub(super) name: &'a str,
-    /// Path of the library as the deck states it.
-    pub(super) file: &'a str,
-    pub(super) parameters: &'a BTreeMap<String, f64>,
+impl LawDeck for LibraryDeck {
+    fn density(&self) -> Option<&Expression> {
+        self.density.as_ref()
+    }
+
+    // The deck that names a library loads it.
+    fn read(&self, _: Reading) -> Result<StatedLaw, Faults> {
+        let message = "only a deck can load the law of a library".to_owned();
+        let error = FormulaError { message, offset: 0, length: 0, help: None };
+        Err(vec![Fault { key: "file".to_owned(), text: self.file.clone(), error }])
+    }
+
+    fn keeps_strength(&self) -> bool {
+        true
+    }
+
+    fn library(&self) -> Option<&LibraryDeck> {
+        Some(self)
+    }
 }
 
-impl OfLibrary<'_> {
+/// A library that a material of a deck names, and what its messages need.
+pub(crate) struct NamedLibrary<'a> {
+    pub(crate) source: &'a Source,
+    /// Directory of the deck.
+    pub(crate) directory: &'a Path,
+    /// Name of the material.
+    pub(crate) name: &'a str,
+    /// Path of the library, and the values of its parameters.
+    pub(crate) deck: &'a LibraryDeck,
+}
+
+impl NamedLibrary<'_> {
     /// Loads the library and creates the law.
     ///
     /// # Errors
     /// All faults of the library or, if it can be loaded, of the parameters.
-    pub(super) fn law(&self) -> Result<Box<dyn Material>, Vec<Diagnostic>> {
+    pub(crate) fn law(&self) -> Result<LibraryLaw, Vec<Diagnostic>> {
         let library = self.open().map_err(|fault| vec![*fault])?;
         let values = self.values(library.parameters())?;
         let law = LibraryLaw::new(library, values).map_err(|reason| {
@@ -50,11 +95,11 @@ impl OfLibrary<'_> {
             ]
         })?;
         match law.state_fields().iter().find(|field| is_field_of_points(&field.name)) {
-            None => Ok(Box::new(law)),
+            None => Ok(law),
             Some(field) => {
                 let message = format!(
                     "the library {} cannot be used: its history variable {} has the name of another field of the points",
-                    quote(self.file),
+                    quote(&self.deck.file),
                     quote(&field.name)
                 );
                 let found = Diagnostic::at(self.source, "D061", &self.at("file"), message);
@@ -70,9 +115,9 @@ impl OfLibrary<'_> {
     }
 
     fn open(&self) -> Result<std::sync::Arc<Library>, Box<Diagnostic>> {
-        let path = self.directory.join(self.file);
+        let path = self.directory.join(&self.deck.file);
         let fault = |what: String, help: String| {
-            let message = format!("the library {} {what}", quote(self.file));
+            let message = format!("the library {} {what}", quote(&self.deck.file));
             Box::new(Diagnostic::at(self.source, "D061", &self.at("file"), message).help(help))
         };
         let unreadable = |why: String| {
@@ -90,6 +135,7 @@ impl OfLibrary<'_> {
             Err(unreadable("it is not a file".to_owned()))
         }
     }
+
     /// The values of the parameters in the order of the library.
     fn values(&self, known: &[Described]) -> Result<Vec<f64>, Vec<Diagnostic>> {
         let names = || known.iter().map(|parameter| parameter.name.as_str());
@@ -98,7 +144,7 @@ impl OfLibrary<'_> {
             _ => existing(("parameter of the law", "parameters of the law"), &names().collect::<Vec<_>>()),
         };
         let (mut found, mut meant) = (Vec::new(), Vec::new());
-        for given in self.parameters.keys().filter(|given| !names().any(|name| name == *given)) {
+        for given in self.deck.parameters.keys().filter(|given| !names().any(|name| name == *given)) {
             let message =
                 format!("the law of the material {} has no parameter {}", quote(self.name), quote(given));
             let best = closest(given, names());
@@ -112,7 +158,7 @@ impl OfLibrary<'_> {
         }
         let mut values = Vec::with_capacity(known.len());
         for Described { name, unit } in known {
-            match self.parameters.get(name) {
+            match self.deck.parameters.get(name) {
                 Some(value) => values.push(*value),
                 // A misspelt parameter explains a missing one.
                 None if meant.contains(&name.as_str()) => {}
@@ -168,7 +214,7 @@ fn remedy(error: &LibraryError) -> &'static str {
 
 /// Messages about the law of a library that lacks a property on which the solver relies. Only a law without a response
 /// in the unstrained state, in which the points begin, is refused.
-pub(super) fn remarks(source: &Source, name: &str, law: &dyn Material) -> Vec<Diagnostic> {
+pub(crate) fn remarks(source: &Source, name: &str, law: &dyn Material) -> Vec<Diagnostic> {
     let at = format!("/materials/{}/file", escape(name));
     let remark = |severity: Severity, what: String, help: &str| {
         let message = format!("the law of the material {}: {what}", quote(name));

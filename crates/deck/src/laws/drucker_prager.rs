@@ -1,0 +1,69 @@
+//! Drucker-Prager plasticity.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{LawDeck, cauchy, zero};
+use crate::Expression;
+use crate::material::{Faults, Reading, StatedLaw};
+use mpm_core::material::{DruckerPrager, Match, StrengthMeasure};
+
+/// Drucker-Prager plasticity: f = √J₂ + η p − ξ c with the mean stress p, a cone matched to the Mohr-Coulomb
+/// strength, flow with the dilation angle ψ, and return to the apex.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DruckerPragerDeck {
+    /// Young's modulus E, [stress].
+    #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [20e6]))]
+    pub young: Expression,
+    /// Poisson's ratio ν, [-].
+    #[schemars(extend("exclusiveMinimum" = -1.0, "exclusiveMaximum" = 0.5, "examples" = [0.3]))]
+    pub poisson: Expression,
+    /// Cohesion c, [stress].
+    #[schemars(extend("minimum" = 0.0, "examples" = [5e3]))]
+    pub cohesion: Expression,
+    /// Friction angle φ, [degrees].
+    #[schemars(extend("minimum" = 0.0, "exclusiveMaximum" = 90.0, "examples" = [30]))]
+    pub friction_angle: Expression,
+    /// Dilation angle ψ, [degrees], at most the friction angle.
+    #[serde(default = "zero")]
+    #[schemars(extend("minimum" = 0.0, "exclusiveMaximum" = 90.0, "examples" = [0]))]
+    pub dilation_angle: Expression,
+    /// Stress states in which the cone has the Mohr-Coulomb strength.
+    #[serde(rename = "match")]
+    pub matched: Match,
+    /// Stress measure that the strength limits.
+    #[serde(default = "cauchy")]
+    pub strength: StrengthMeasure,
+    /// Initial mass density ρ₀, [mass/volume]; needed if gravity or a force per mass acts.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = 0.0, "examples" = [1800]))]
+    pub density: Option<Expression>,
+}
+
+impl LawDeck for DruckerPragerDeck {
+    fn density(&self) -> Option<&Expression> {
+        self.density.as_ref()
+    }
+
+    fn read(&self, mut read: Reading) -> Result<StatedLaw, Faults> {
+        let [young, poisson] = read.elasticity(&self.young, &self.poisson);
+        let friction = read.friction(&self.cohesion, &self.friction_angle, &self.dilation_angle);
+        let (matched, measure) = (self.matched, self.strength);
+        read.finish(
+            move |p| {
+                let law = DruckerPrager::new(young.at(p), poisson.at(p), friction.at(p), matched);
+                law.limiting(measure)
+            },
+            move |p| friction.without_strength(p),
+        )
+    }
+
+    fn flows_at_constant_volume(&self) -> bool {
+        self.dilation_angle.as_number() == Some(0.0)
+    }
+
+    fn is_associated(&self) -> bool {
+        self.friction_angle == self.dilation_angle
+    }
+}

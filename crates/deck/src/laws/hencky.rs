@@ -1,0 +1,36 @@
+//! Hencky elasticity.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::LawDeck;
+use crate::Expression;
+use crate::material::{Faults, Reading, StatedLaw, consistent};
+use mpm_core::material::Hencky;
+
+/// Hencky elasticity: Kirchhoff stress linear in the logarithmic strain.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct HenckyDeck {
+    /// Young's modulus E, [stress].
+    #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [12e6]))]
+    pub young: Expression,
+    /// Poisson's ratio ν, [-].
+    #[schemars(extend("exclusiveMinimum" = -1.0, "exclusiveMaximum" = 0.5, "examples" = [0.3]))]
+    pub poisson: Expression,
+    /// Initial mass density ρ₀, [mass/volume]; needed if gravity or a force per mass acts.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = 0.0, "examples" = [2000]))]
+    pub density: Option<Expression>,
+}
+
+impl LawDeck for HenckyDeck {
+    fn density(&self) -> Option<&Expression> {
+        self.density.as_ref()
+    }
+
+    fn read(&self, mut read: Reading) -> Result<StatedLaw, Faults> {
+        let [young, poisson] = read.elasticity(&self.young, &self.poisson);
+        read.finish(move |p| Hencky::new(young.at(p), poisson.at(p)), consistent)
+    }
+}

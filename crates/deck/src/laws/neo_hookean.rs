@@ -1,0 +1,36 @@
+//! Compressible neo-Hookean elasticity.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::LawDeck;
+use crate::Expression;
+use crate::material::{Faults, Reading, StatedLaw, consistent};
+use mpm_core::material::NeoHookean;
+
+/// Compressible neo-Hookean elasticity: W = μ/2 (tr b − 3) − μ ln J + λ/2 (ln J)², with λ and μ from E and ν.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct NeoHookeanDeck {
+    /// Young's modulus E at small strains, [stress].
+    #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [1e6]))]
+    pub young: Expression,
+    /// Poisson's ratio ν at small strains, [-].
+    #[schemars(extend("exclusiveMinimum" = -1.0, "exclusiveMaximum" = 0.5, "examples" = [0.3]))]
+    pub poisson: Expression,
+    /// Initial mass density ρ₀, [mass/volume]; needed if gravity or a force per mass acts.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = 0.0, "examples" = [2000]))]
+    pub density: Option<Expression>,
+}
+
+impl LawDeck for NeoHookeanDeck {
+    fn density(&self) -> Option<&Expression> {
+        self.density.as_ref()
+    }
+
+    fn read(&self, mut read: Reading) -> Result<StatedLaw, Faults> {
+        let [young, poisson] = read.elasticity(&self.young, &self.poisson);
+        read.finish(move |p| NeoHookean::new(young.at(p), poisson.at(p)), consistent)
+    }
+}
