@@ -36,10 +36,10 @@ impl LoadedDeck {
 
     /// Makes this deck the deck of an account, in place of the deck with which the run began.
     pub fn restate(&self, account: &mut Account) {
-        if let Ok(of_this) = self.account(account.start, account.set_up.clone(), account.threads) {
+        if let Ok(current) = self.account(account.start, account.set_up.clone(), account.threads) {
             // A run whose account has no deck writes no checkpoints, and continues without them.
-            let deck = account.deck.is_some().then_some(of_this.deck).flatten();
-            *account = Account { deck, ..of_this };
+            let deck = account.deck.is_some().then_some(current.deck).flatten();
+            *account = Account { deck, ..current };
         }
     }
 }

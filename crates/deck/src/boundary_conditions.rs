@@ -215,7 +215,7 @@ impl BoundaryConditionDeck {
             let name = AXES[axis as usize];
             let moved = displacements.iter().find(|given| given.key == ["ux", "uy", "uz"][axis as usize]);
             if axis as usize >= dimensions {
-                check.of_other_dimension(&at, &format!("the axis `{name}`"), 3);
+                check.wrong_dimension(&at, &format!("the axis `{name}`"), 3);
             } else if self.fix.axes()[..index].contains(&axis) {
                 check.error(
                     "D020",
@@ -230,7 +230,7 @@ impl BoundaryConditionDeck {
             }
         }
         if self.uz.is_some() && dimensions < 3 {
-            check.of_other_dimension(&format!("{pointer}/uz"), "the displacement `uz`", 3);
+            check.wrong_dimension(&format!("{pointer}/uz"), "the displacement `uz`", 3);
         }
         check.formulas_at_nodes(pointer, displacements, &self.intermediate);
     }

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet};
 
 pub use json::{FORMAT_VERSION, as_json};
-pub(crate) use ranks::of_all_ranks;
+pub(crate) use ranks::gathered;
 
 use super::source::{Source, Span};
 
@@ -324,20 +324,20 @@ pub fn count(diagnostics: &[Diagnostic]) -> String {
 }
 
 /// Largest number of messages that are rendered; if a deck has more faults, most have the same cause.
-const MOST: usize = 100;
+const MAX_RENDERED: usize = 100;
 
-/// Renders messages, at most `MOST`, in the given order, with an empty line between them and a newline at the end.
+/// Renders messages, at most `MAX_RENDERED`, in the given order, with an empty line between them and a newline at the end.
 pub fn render_all(source: &Source, diagnostics: &[Diagnostic], colour: bool) -> String {
     let mut text = String::new();
-    for diagnostic in diagnostics.iter().take(MOST) {
+    for diagnostic in diagnostics.iter().take(MAX_RENDERED) {
         if !text.is_empty() {
             text.push('\n');
         }
         text.push_str(&diagnostic.render(source, colour));
         text.push('\n');
     }
-    if diagnostics.len() > MOST {
-        text.push_str(&format!("\nand {} more\n", diagnostics.len() - MOST));
+    if diagnostics.len() > MAX_RENDERED {
+        text.push_str(&format!("\nand {} more\n", diagnostics.len() - MAX_RENDERED));
     }
     text
 }

@@ -171,7 +171,7 @@ pub fn at_places<const D: usize, const C: usize>(
 ///
 /// # Errors
 /// The fault of the formula, with an empty key.
-pub fn of_time(value: &Expression, parameters: &BTreeMap<String, Parameter>) -> Result<Formula, Fault> {
+pub fn at_time(value: &Expression, parameters: &BTreeMap<String, Parameter>) -> Result<Formula, Fault> {
     parse(value, &["factor", "time"], parameters).map_err(|error| Fault {
         key: String::new(),
         text: text_of(value),

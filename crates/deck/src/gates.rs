@@ -15,7 +15,7 @@ pub(crate) trait Checks {
     /// Reports an error at the key rather than at its value.
     fn error_at_key(&mut self, code: &'static str, pointer: &str, message: String, help: &str);
     /// Reports something that exists only in this number of dimensions.
-    fn of_other_dimension(&mut self, pointer: &str, what: &str, dimensions: usize);
+    fn wrong_dimension(&mut self, pointer: &str, what: &str, dimensions: usize);
     /// The components of a vector, if there is one for each axis.
     fn vector(&mut self, pointer: &str, components: &[f64]) -> Option<Vec<f64>>;
     /// Reports a vector with too few or too many components.

@@ -13,9 +13,12 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+pub use self::check as validate;
 pub use boundary_conditions::{
     AlongSurface, Axis, BoundaryConditionDeck, FixDeck, MoveDeck, NodeSelector, NormalDeck,
 };
+pub use build::{first_step, holding, plan, ready, size};
+pub(crate) use build::{placing, seeding, tool_shapes};
 pub use grid::{AxisSpacing, FollowDeck, GridDeck, IntervalDeck, SpacingDeck};
 pub use initial_stress::{InitialStressDeck, StressDeck, initial_factor};
 pub use laws::{
@@ -40,6 +43,8 @@ pub use mpm_core::stress::{Formulation, Volumetric};
 use mpm_files::fields::PointField;
 use mpm_files::results::Request;
 use mpm_files::vtu::Precision;
+pub use read::{changes, load, references, schema, source};
+pub(crate) use read::{hash, parameters, shape, span, yaml};
 pub use region::{Direction, Shape};
 pub use stages::{Reset, StageDeck, ThenDeck};
 pub use steps::{ControlDeck, StepsDeck};
@@ -50,46 +55,26 @@ pub use tools::{
 
 mod account;
 pub mod advice;
-mod axisymmetry;
 mod boundary_conditions;
 pub mod build;
-pub mod changes;
+pub mod check;
 pub mod diagnostic;
-pub mod first_step;
 pub mod formulas;
 mod gates;
 mod grid;
-mod hash;
-pub mod holding;
 mod initial_stress;
 mod laws;
-pub mod load;
 mod loads;
 mod material;
-mod parameters;
 mod per_axis;
-mod placing;
-pub mod plan;
 pub mod quoting;
-mod read;
-pub mod ready;
+pub mod read;
 pub mod reference;
-pub mod references;
 mod region;
-pub mod schema;
-mod seeding;
-mod shape;
-pub mod size;
-pub mod source;
-mod span;
 mod stages;
 mod steps;
 mod surfaces;
-mod tool_shapes;
 mod tools;
-mod tools_at_start;
-pub mod validate;
-mod yaml;
 
 /// A vector as the schema describes it: two entries in the plane, three in space.
 #[derive(JsonSchema)]
@@ -412,7 +397,7 @@ fn yes() -> bool {
 }
 
 /// Default of `max_iterations` if the deck has tools.
-const MOST_WITH_TOOLS: usize = 60;
+const MAX_ITERATIONS_WITH_TOOLS: usize = 60;
 
 /// Control of the Newton iterations.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -447,7 +432,7 @@ impl SolverDeck {
     /// The control of the iterations of a model.
     pub(crate) fn newton(&self, has_tools: bool) -> Newton {
         let SolverDeck { tolerance, max_iterations, linear, predictor, tangent, pattern } = *self;
-        let usual = if has_tools { MOST_WITH_TOOLS } else { Newton::default().max_iterations };
+        let usual = if has_tools { MAX_ITERATIONS_WITH_TOOLS } else { Newton::default().max_iterations };
         let max_iterations = max_iterations.map_or(usual, |most| most as usize);
         Newton { tolerance, max_iterations, linear, predictor, tangent, pattern }
     }

@@ -2,6 +2,7 @@
 
 mod cell_size;
 mod consistency;
+mod material_deck;
 mod material_of_points;
 mod property;
 mod reading;

@@ -140,8 +140,8 @@ fn table(text: &mut String, section: &Value, tag: Option<&str>) {
             kind(property),
             cell(&(description(property) + &example(property)))
         );
-        let of_list = target.get("items").map(resolve);
-        list_words(&mut words, key, of_list.unwrap_or(target));
+        let items = target.get("items").map(resolve);
+        list_words(&mut words, key, items.unwrap_or(target));
     }
     text.push_str(&words);
 }

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::tool_shapes::ToolOfDeck;
+use super::tool_shapes::DeckTool;
 use super::{Axis, Pair, Vector};
 use mpm_core::grid::{Grid, Mesh, Structured};
 use mpm_core::model::Fillable;
@@ -258,8 +258,14 @@ pub(super) trait Given<const D: usize> {
     fn surface(&mut self, place: &str, file: &str) -> Option<Surface>;
 }
 
+/// The regions of all bodies, and the groups of cells of which they consist.
+pub(super) struct Regions<const D: usize> {
+    pub(super) bodies: Vec<Region<D>>,
+    pub(super) groups: Groups,
+}
+
 /// The parts of building regions and grids that depend on the number of dimensions.
-pub(super) trait OfDeck<const D: usize>: Sized + ToolOfDeck<D> + Fillable<D> {
+pub(super) trait DeckRegion<const D: usize>: Sized + DeckTool<D> + Fillable<D> {
     /// Builds a region of a shape that exists only in this number of dimensions; `None` for other shapes.
     fn own(shape: &Shape, place: &str, given: &mut dyn Given<D>) -> Result<Option<Self>, Refusal>;
 
@@ -283,7 +289,7 @@ pub(super) fn region<const D: usize>(
     given: &mut dyn Given<D>,
 ) -> Result<Region<D>, Refusal>
 where
-    Region<D>: OfDeck<D>,
+    Region<D>: DeckRegion<D>,
 {
     let refuse = |error| Refusal::Numbers(place.to_owned(), error);
     let mut parts = Vec::new();
@@ -326,7 +332,7 @@ fn polygon(corners: &[Vec<f64>], place: &str) -> Result<Polygon, Refusal> {
     Polygon::new(corners).map_err(|error| Refusal::Numbers(place.to_owned(), error))
 }
 
-impl OfDeck<2> for Region<2> {
+impl DeckRegion<2> for Region<2> {
     fn own(shape: &Shape, place: &str, _: &mut dyn Given<2>) -> Result<Option<Self>, Refusal> {
         let refuse = |error| Refusal::Numbers(place.to_owned(), error);
         Ok(Some(match shape {
@@ -352,7 +358,7 @@ impl OfDeck<2> for Region<2> {
     }
 }
 
-impl OfDeck<3> for Region<3> {
+impl DeckRegion<3> for Region<3> {
     fn own(shape: &Shape, place: &str, given: &mut dyn Given<3>) -> Result<Option<Self>, Refusal> {
         let refuse = |error| Refusal::Numbers(place.to_owned(), error);
         Ok(Some(match shape {

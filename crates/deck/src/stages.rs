@@ -90,10 +90,10 @@ impl Deck {
 
     /// The distinct tolerances of the analysis, or of its stages, in their order, [-].
     pub fn tolerances(&self) -> Vec<f64> {
-        let of_stages = self.stages.iter().map(|stage| stage.solver.as_ref().unwrap_or(&self.solver));
+        let stage_solvers = self.stages.iter().map(|stage| stage.solver.as_ref().unwrap_or(&self.solver));
         let only = self.stages.is_empty().then_some(&self.solver);
         let mut found = Vec::new();
-        for solver in only.into_iter().chain(of_stages) {
+        for solver in only.into_iter().chain(stage_solvers) {
             if !found.contains(&solver.tolerance) {
                 found.push(solver.tolerance);
             }

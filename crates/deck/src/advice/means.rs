@@ -1,7 +1,7 @@
 //! The properties of a deck that decide which advice applies to its runs.
 
+use crate::check::{names_in, validate};
 use crate::source::Source;
-use crate::validate::{names_in, validate};
 use crate::{AXES, BoundaryConditionDeck, ControlDeck, Deck, GridDeck, Method};
 
 /// The properties of a deck that decide which advice applies to its runs. By default, the deck is unknown, and advice

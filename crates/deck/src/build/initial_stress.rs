@@ -6,7 +6,7 @@ use super::Builder;
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::initial_stress::{InitialStressDeck, unit_weight};
 use crate::quoting::quote;
-use crate::region::{Groups, OfDeck};
+use crate::region::{DeckRegion, Groups, Regions};
 use mpm_core::formula::Formula;
 use mpm_core::grid::Grid;
 use mpm_core::model::Model;
@@ -58,14 +58,14 @@ struct Returned {
 
 impl<const D: usize> Builder<'_, D>
 where
-    Region<D>: OfDeck<D>,
+    Region<D>: DeckRegion<D>,
 {
     /// Sets the stress of the points of all bodies that have an initial stress.
     pub(super) fn initial_stresses(
         &mut self,
         model: &Model<D>,
         points: &mut Points<D>,
-        (regions, groups): (&[Region<D>], &Groups),
+        regions: &Regions<D>,
     ) {
         let stresses: Vec<Option<Stress>> =
             (0..self.deck.bodies.len()).map(|body| self.stress_of(body)).collect();
@@ -74,17 +74,17 @@ where
         }
         let deck = self.deck;
         let is_layer = |body: &usize| matches!(stresses[*body], Some(Stress::Geostatic { .. }));
-        let layer = |body: usize| (&regions[body], unit_weight(deck, &deck.bodies[body]));
+        let layer = |body: usize| (&regions.bodies[body], unit_weight(deck, &deck.bodies[body]));
         let ground_of = |body: usize| {
             let begins =
                 |other: &usize| deck.begins_beside(&deck.bodies[body].name, &deck.bodies[*other].name);
             let layers = (0..stresses.len()).filter(is_layer).filter(begins).map(layer).collect();
-            Ground { grid: model.grid.as_ref(), groups, layers }
+            Ground { grid: model.grid.as_ref(), groups: &regions.groups, layers }
         };
         let grounds: Vec<_> = (0..stresses.len()).map(ground_of).collect();
         for (body, stress) in stresses.iter().enumerate() {
             if let Some(Stress::Geostatic { surface, .. }) = stress {
-                self.level_of_surface(body, *surface, &regions[body], &grounds[body].layers);
+                self.level_of_surface(body, *surface, &regions.bodies[body], &grounds[body].layers);
             }
         }
         let mut returned: Vec<Returned> = stresses.iter().map(|_| Returned::default()).collect();
@@ -105,8 +105,8 @@ where
             }
         }
         for (body, returned) in returned.into_iter().enumerate() {
-            let of_ranks = self.ranks.gather_all(returned);
-            let returned = of_ranks.into_iter().fold(Returned::default(), Returned::and);
+            let gathered = self.ranks.gather_all(returned);
+            let returned = gathered.into_iter().fold(Returned::default(), Returned::and);
             if returned.points > 0 {
                 self.brought_back(body, &returned);
             }
@@ -219,14 +219,14 @@ impl<const D: usize> Ground<'_, D> {
         let height = surface - x[D - 1];
         let line = Line::along_axis(*x, D - 1);
         let above = Intervals::one(0.0, height);
-        let of_layer = |(region, weight): &(&Region<D>, f64)| {
+        let layer_weight = |(region, weight): &(&Region<D>, f64)| {
             weight
                 * match region.intervals(&line) {
                     Some(inside) => inside.intersection(&above).length(),
                     None => self.length_in_cells(region, &line, height),
                 }
         };
-        self.layers.iter().map(of_layer).sum()
+        self.layers.iter().map(layer_weight).sum()
     }
 
     /// Length of the part of a line, from its origin up to a height, that lies in a region containing groups of cells.

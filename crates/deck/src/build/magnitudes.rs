@@ -3,7 +3,7 @@
 use super::Builder;
 use crate::material::MaterialOfPoints;
 use crate::quoting::quote;
-use crate::region::OfDeck;
+use crate::region::DeckRegion;
 use crate::span::escape;
 use mpm_core::grid::Grid;
 use mpm_core::material::axial_modulus_at_rest;
@@ -15,7 +15,7 @@ const POSSIBLE: std::ops::RangeInclusive<f64> = 1e-120..=1e140;
 
 impl<const D: usize> Builder<'_, D>
 where
-    Region<D>: OfDeck<D>,
+    Region<D>: DeckRegion<D>,
 {
     /// Refuses materials in use whose forces on a cell or on the whole grid leave the range `POSSIBLE`. Within it,
     /// results do not depend on the units: in units that differ by powers of four, they are identical to the last bit.
@@ -37,9 +37,9 @@ where
                 continue;
             }
             let what_is = if key == "young" { "a Young's modulus" } else { "a stiffness" };
-            let of_cell = format!("a cell size of {}", shortest(cell));
-            let of_grid = format!("a largest coordinate of {} in the grid", shortest(whole));
-            for (length, what) in [(cell, of_cell), (whole, of_grid)] {
+            let cell_size = format!("a cell size of {}", shortest(cell));
+            let grid_extent = format!("a largest coordinate of {} in the grid", shortest(whole));
+            for (length, what) in [(cell, cell_size), (whole, grid_extent)] {
                 let powers = [length.powi(D as i32 - 1), length.powi(D as i32)];
                 let out =
                     powers.map(|power| stiffness * power).into_iter().find(|force| !POSSIBLE.contains(force));

@@ -7,7 +7,7 @@ use crate::formulas::at_start;
 use crate::laws::{MaterialDeck, remarks};
 use crate::material::{CellSize, MaterialOfPoints};
 use crate::quoting::quote;
-use crate::region::OfDeck;
+use crate::region::DeckRegion;
 use crate::span::escape;
 use mpm_core::grid::Grid;
 use mpm_core::points::{Seed, coordinates};
@@ -16,7 +16,7 @@ use mpm_core::tensor::padded;
 
 impl<const D: usize> Builder<'_, D>
 where
-    Region<D>: OfDeck<D>,
+    Region<D>: DeckRegion<D>,
 {
     /// The laws of all materials, in the order of their names.
     pub(super) fn laws(&mut self, grid: &dyn Grid<D>, regions: &[Region<D>]) -> Vec<MaterialOfPoints> {

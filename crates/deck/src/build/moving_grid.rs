@@ -2,7 +2,7 @@
 
 use super::Builder;
 use crate::quoting::quote;
-use crate::region::OfDeck;
+use crate::region::DeckRegion;
 use crate::{AXES, FollowDeck, GridDeck};
 use mpm_core::grid::{Lines, MIN_SIZE};
 use mpm_core::model::{FollowError, FollowingLines, GridMotionError, Model};
@@ -10,7 +10,7 @@ use mpm_core::region::Region;
 
 impl<const D: usize> Builder<'_, D>
 where
-    Region<D>: OfDeck<D>,
+    Region<D>: DeckRegion<D>,
 {
     /// Makes the lines under `follow` follow their conditions, and checks the motion of the lines over all stages.
     pub(super) fn follow(&mut self, model: &mut Model<D>) {

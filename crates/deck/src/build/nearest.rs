@@ -9,7 +9,7 @@ use crate::formulas::Fault;
 use crate::gates::{Builds, Ties};
 use crate::per_axis::array;
 use crate::quoting::{counted, quote};
-use crate::region::OfDeck;
+use crate::region::DeckRegion;
 use mpm_core::grid::Grid;
 use mpm_core::points::{Points, coordinates};
 use mpm_core::region::Region;
@@ -19,7 +19,7 @@ const SAME: f64 = 1e-9;
 
 impl<const D: usize> Builds for Placing<'_, '_, D>
 where
-    Region<D>: OfDeck<D>,
+    Region<D>: DeckRegion<D>,
 {
     fn parameters(&self) -> &BTreeMap<String, Parameter> {
         &self.builder.loaded.parameters
@@ -40,7 +40,7 @@ where
 
 impl<const D: usize> Builder<'_, D>
 where
-    Region<D>: OfDeck<D>,
+    Region<D>: DeckRegion<D>,
 {
     /// Permanent numbers of the points of a body nearest to a location.
     pub(super) fn nearest(

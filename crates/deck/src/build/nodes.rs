@@ -7,7 +7,7 @@ use crate::per_axis::array;
 use crate::placing;
 use crate::quoting::{quote, rounded};
 use crate::references::existing;
-use crate::region::OfDeck;
+use crate::region::DeckRegion;
 use crate::{AXES, BoundaryConditionDeck, NodeSelector};
 use mpm_core::grid::{Grid, Lines};
 use mpm_core::model::NodeSet;
@@ -23,7 +23,7 @@ const BETWEEN_LINES: f64 = 0.1;
 
 impl<const D: usize> Builder<'_, D>
 where
-    Region<D>: OfDeck<D>,
+    Region<D>: DeckRegion<D>,
 {
     /// The nodes that a boundary condition selects; reports an error if there are none.
     pub(super) fn nodes(

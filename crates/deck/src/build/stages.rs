@@ -2,7 +2,7 @@
 
 use super::Builder;
 use crate::initial_stress::initial_factor;
-use crate::region::OfDeck;
+use crate::region::DeckRegion;
 use crate::{ControlDeck, LoadDeck, Reset, StageDeck, StepsDeck};
 use mpm_core::model::{Control, Controlled, Course, Factors, LoadCurve, Model, Stage, Stepping};
 use mpm_core::points::Points;
@@ -10,7 +10,7 @@ use mpm_core::region::Region;
 
 impl<const D: usize> Builder<'_, D>
 where
-    Region<D>: OfDeck<D>,
+    Region<D>: DeckRegion<D>,
 {
     /// Load steps that begin at a given time, with result files after every `every` steps.
     pub(super) fn stepping(
@@ -63,9 +63,9 @@ where
         }
         let between = |t: &f64| *t > start_time && *t < end_time;
         // A time at the end of a requested step must equal the time of this step to the last bit.
-        let of_step = |t: f64| stepping.requested(t).map_or(t, |step| stepping.time(step));
+        let step_time = |t: f64| stepping.requested(t).map_or(t, |step| stepping.time(step));
         let mut knots: Vec<f64> =
-            curves.iter().flat_map(|c| c.knots()).filter(between).map(of_step).collect();
+            curves.iter().flat_map(|c| c.knots()).filter(between).map(step_time).collect();
         knots.sort_by(f64::total_cmp);
         knots.dedup();
         Stepping { knots, ..stepping }
@@ -147,8 +147,8 @@ where
             None if has_curve => Course::Own,
             None => Course::Stays,
         };
-        let of_load = |load: &LoadDeck| course(load.name(), load.curve().is_some());
-        let loads = self.deck.loads.iter().map(of_load).collect();
+        let load_course = |load: &LoadDeck| course(load.name(), load.curve().is_some());
+        let loads = self.deck.loads.iter().map(load_course).collect();
         let conditions = self.deck.boundary_conditions.iter().map(|c| course(&c.name, c.curve.is_some()));
         (loads, conditions.collect())
     }

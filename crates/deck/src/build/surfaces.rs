@@ -8,7 +8,7 @@ use super::Builder;
 use crate::per_axis::array;
 use crate::placing;
 use crate::quoting::quote;
-use crate::region::{Groups, OfDeck};
+use crate::region::{DeckRegion, Regions};
 use crate::{BoxDeck, HalfSpaceDeck, Idealisation, PartDeck, SurfaceDeck};
 
 /// Length of the samples of a surface relative to the smallest cell at the surface, [-].
@@ -20,18 +20,14 @@ const ROUNDS: usize = 4;
 
 impl<const D: usize> Builder<'_, D>
 where
-    Region<D>: OfDeck<D>,
+    Region<D>: DeckRegion<D>,
 {
     /// Samples all surfaces, given the regions of the bodies.
-    pub(super) fn surfaces(
-        &mut self,
-        grid: &dyn Grid<D>,
-        (regions, groups): (&[Region<D>], &Groups),
-    ) -> Vec<Surface<D>> {
+    pub(super) fn surfaces(&mut self, grid: &dyn Grid<D>, regions: &Regions<D>) -> Vec<Surface<D>> {
         let mut surfaces = Vec::new();
         for (index, deck) in self.loaded.deck.surfaces.iter().enumerate() {
             let body = self.body_number(&deck.body);
-            let Some(region) = regions.get(body) else { continue };
+            let Some(region) = regions.bodies.get(body) else { continue };
             let part = match &deck.part {
                 None => Part::Whole,
                 Some(PartDeck { within: Some(BoxDeck { min, max }), .. }) => {
@@ -62,7 +58,7 @@ where
                 (None, _) => Surface::new(deck.name.clone(), body, region, &part, [spacing, cell]),
                 (Some(_), Part::Side(side)) => Err(NoBoundary::NoSide(*side)),
                 (Some((group, motion)), _) => {
-                    let cells = groups.cells(group.key, grid.n_cells());
+                    let cells = regions.groups.cells(group.key, grid.n_cells());
                     let facets = boundary_of_cells(grid, &cells, motion, nodes.as_deref(), spacing)?;
                     Ok(Surface::of_facets(deck.name.clone(), body, facets, &part, cell))
                 }

@@ -9,19 +9,19 @@ use mpm_core::region::Region;
 use mpm_core::tool::{Pose, Shape};
 
 use super::Builder;
-use crate::formulas::of_time;
+use crate::formulas::at_time;
 use crate::loads::load_curve;
 use crate::per_axis::array;
 use crate::quoting::quote;
-use crate::region::{FromFiles, Given, Groups, OfDeck};
+use crate::region::{DeckRegion, FromFiles, Given, Groups};
 use crate::span::escape;
-use crate::tool_shapes::ToolOfDeck;
+use crate::tool_shapes::DeckTool;
 use crate::tools::{ContactDeck, FreeDeck, FrictionDeck, ToolDeck, ToolPartDeck, ToolShape, Turn};
 use crate::{Expression, Idealisation, Parameter};
 
 impl<const D: usize> Builder<'_, D>
 where
-    Region<D>: OfDeck<D>,
+    Region<D>: DeckRegion<D>,
 {
     /// Builds all tools; those with a fault are left out.
     pub(super) fn tools(&mut self, grid: &dyn Grid<D>) -> Vec<Tool<D>> {
@@ -185,7 +185,7 @@ fn formula(
         other => other.clone(),
     };
     // Faults of the formula have already been reported.
-    of_time(&in_radians, parameters).unwrap_or_else(|_| Formula::constant(0.0))
+    at_time(&in_radians, parameters).unwrap_or_else(|_| Formula::constant(0.0))
 }
 
 /// A rotation vector or a moment; in the plane, about z.

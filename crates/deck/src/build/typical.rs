@@ -2,7 +2,7 @@
 
 use super::Builder;
 use crate::material::MaterialOfPoints;
-use crate::region::OfDeck;
+use crate::region::DeckRegion;
 use mpm_core::points::Seed;
 use mpm_core::region::Region;
 use mpm_core::tensor::padded;
@@ -13,7 +13,7 @@ const SAME: f64 = 1e-9;
 
 impl<const D: usize> Builder<'_, D>
 where
-    Region<D>: OfDeck<D>,
+    Region<D>: DeckRegion<D>,
 {
     /// Replaces the typical properties of the materials by those at a point near the centre of a body: unlike the
     /// centre itself, where a body may have a hole, every point has properties in range. `seeds` are the points of this
@@ -26,8 +26,8 @@ where
     ) {
         for material in materials.iter_mut().filter(|material| !material.stated.varying.is_empty()) {
             let Some(body) = self.body_of(&material.name) else { continue };
-            let of_body = || seeds.iter().zip(numbers).filter(move |(seed, _)| seed.body as usize == body);
-            let Some(place) = self.middle_of(|| of_body().map(|(seed, number)| (seed.position, *number)))
+            let in_body = || seeds.iter().zip(numbers).filter(move |(seed, _)| seed.body as usize == body);
+            let Some(place) = self.middle_of(|| in_body().map(|(seed, number)| (seed.position, *number)))
             else {
                 continue;
             };
@@ -60,7 +60,7 @@ where
         let least = self.ranks.smallest(points().map(|(x, _)| distance(&x)).fold(f64::INFINITY, f64::min));
         let closest = points().filter(|(x, _)| distance(x) <= (1.0 + SAME) * least);
         let closest = closest.map(|(x, number)| (number, padded(&x))).min_by_key(|(number, _)| *number);
-        let of_all = self.ranks.gather_all(closest).into_iter().flatten();
-        of_all.min_by_key(|(number, _)| *number).map(|(_, place)| place)
+        let candidates = self.ranks.gather_all(closest).into_iter().flatten();
+        candidates.min_by_key(|(number, _)| *number).map(|(_, place)| place)
     }
 }

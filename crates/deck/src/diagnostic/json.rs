@@ -18,11 +18,11 @@ pub fn as_json(source: &Source, diagnostics: &[Diagnostic]) -> Value {
         "usable": usable,
         "errors": count(Severity::Error),
         "warnings": count(Severity::Warning),
-        "diagnostics": diagnostics.iter().map(|d| of_one(source, d)).collect::<Vec<_>>(),
+        "diagnostics": diagnostics.iter().map(|d| one_as_json(source, d)).collect::<Vec<_>>(),
     })
 }
 
-fn of_one(source: &Source, diagnostic: &Diagnostic) -> Value {
+fn one_as_json(source: &Source, diagnostic: &Diagnostic) -> Value {
     let place = |offset: usize| {
         let (line, column) = source.line_column(offset);
         json!({ "line": line, "column": column })

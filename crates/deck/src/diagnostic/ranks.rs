@@ -40,17 +40,17 @@ impl Sent {
 
 /// The messages of all ranks, on every rank. If several ranks report the same code with the same severity at the
 /// same location, only the messages of the lowest rank are kept.
-pub(crate) fn of_all_ranks(ranks: &Ranks, own: Vec<Diagnostic>) -> Vec<Diagnostic> {
+pub(crate) fn gathered(ranks: &Ranks, own: Vec<Diagnostic>) -> Vec<Diagnostic> {
     if ranks.is_alone() {
         return own;
     }
     let own: Vec<Sent> = own.into_iter().map(Sent::from).collect();
     let mut all: Vec<Diagnostic> = Vec::new();
-    for of_rank in ranks.gather_all(own) {
-        let of_rank = of_rank.into_iter().filter_map(Sent::received);
+    for received in ranks.gather_all(own) {
+        let received = received.into_iter().filter_map(Sent::received);
         let key = |found: &Diagnostic| (found.code, found.severity, found.pointer.clone());
         let is_new = |found: &Diagnostic| !all.iter().any(|known| key(known) == key(found));
-        let new: Vec<Diagnostic> = of_rank.filter(is_new).collect();
+        let new: Vec<Diagnostic> = received.filter(is_new).collect();
         all.extend(new);
     }
     all

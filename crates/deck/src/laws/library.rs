@@ -180,9 +180,9 @@ impl NamedLibrary<'_> {
 
 /// True if the result files or the arrays of the points have a field of this name that is not a history variable.
 pub fn is_field_of_points(name: &str) -> bool {
-    let of_files = PointField::ALL.into_iter().filter(|field| *field != PointField::EquivalentPlasticStrain);
-    let mut of_files = of_files.map(PointField::name).chain(["body_id", "material_id", "point_id"]);
-    of_files.any(|taken| taken == name) || Points::<3>::reserves(name)
+    let fields = PointField::ALL.into_iter().filter(|field| *field != PointField::EquivalentPlasticStrain);
+    let mut fields = fields.map(PointField::name).chain(["body_id", "material_id", "point_id"]);
+    fields.any(|taken| taken == name) || Points::<3>::reserves(name)
 }
 
 /// Advice on a library that cannot be used.

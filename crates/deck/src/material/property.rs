@@ -8,8 +8,7 @@ use serde_json::Value;
 
 use super::cell_size::CellSize;
 use crate::formulas::{Fault, at_start};
-use crate::schema::{resolve, strict_schema};
-use crate::{Expression, MaterialDeck, Parameter};
+use crate::{Expression, Parameter};
 use mpm_core::formula::Formula;
 use mpm_core::material::{PropertiesAt, VaryingProperty};
 
@@ -120,59 +119,9 @@ impl<'a> Settings<'a> {
     }
 }
 
-impl MaterialDeck {
-    /// The numbers and formulas of the material, each with its key, such as `cohesion` or `softening/strain`.
-    pub fn properties(&self) -> Vec<(String, Expression)> {
-        let mut found = Vec::new();
-        collect("", &serde_json::to_value(self).unwrap_or_default(), &mut found);
-        found
-    }
-
-    /// The name of the law.
-    pub fn model(&self) -> String {
-        let value = serde_json::to_value(self).unwrap_or_default();
-        value["model"].as_str().unwrap_or_default().to_owned()
-    }
-
-    /// The range of a property as the schema of decks states it.
-    pub fn range(&self, key: &str) -> Range {
-        let variant = strict_schema().pointer("/definitions/MaterialDeck/allOf");
-        let is_own = |branch: &&Value| {
-            branch.pointer("/if/properties/model/const").and_then(Value::as_str) == Some(&self.model())
-        };
-        let branch = variant.and_then(Value::as_array).and_then(|branches| branches.iter().find(is_own));
-        let mut schema = branch.and_then(|branch| branch.get("then"));
-        for part in key.split('/') {
-            let key = format!("/properties/{part}");
-            schema = schema.and_then(|of| {
-                let choices = [Some(of), Some(resolve(of)), of.pointer("/anyOf/0").map(resolve)];
-                choices.into_iter().flatten().find_map(|of| of.pointer(&key))
-            });
-        }
-        Range(schema.cloned().unwrap_or_default())
-    }
-}
-
-/// Adds the numbers and strings of a mapping, except words chosen from a fixed list and the path of a file.
-fn collect(prefix: &str, value: &Value, found: &mut Vec<(String, Expression)>) {
-    for (key, value) in value.as_object().into_iter().flatten() {
-        let path = if prefix.is_empty() { key.clone() } else { format!("{prefix}/{key}") };
-        match value {
-            Value::Number(number) => {
-                found.push((path, Expression::Number(number.as_f64().unwrap_or(f64::NAN))))
-            }
-            Value::String(text) if !["model", "match", "strength", "file"].contains(&key.as_str()) => {
-                found.push((path, Expression::Formula(text.clone())));
-            }
-            Value::Object(_) => collect(&path, value, found),
-            _ => {}
-        }
-    }
-}
-
 /// The values that a property may have.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Range(Value);
+pub struct Range(pub(super) Value);
 
 impl Range {
     /// True if the value is finite and in the range.

@@ -4,14 +4,12 @@ use std::collections::BTreeMap;
 
 use super::cell_size::CellSize;
 use super::consistency::{Consistency, consistent};
-use super::property::{Settings, Varying};
-use super::reading::Reading;
+use super::property::Varying;
+use crate::Parameter;
 use crate::diagnostic::Diagnostic;
-use crate::formulas::Fault;
 use crate::quoting::quote;
 use crate::source::Source;
 use crate::span::escape;
-use crate::{MaterialDeck, Parameter};
 use mpm_core::material::Material;
 
 /// A law whose properties have been read once: it forms the law of a material for whatever typical position becomes
@@ -67,45 +65,4 @@ pub struct Surroundings<'a> {
     pub dimensions: usize,
     /// Size of the cells.
     pub cells: CellSize,
-}
-
-impl MaterialDeck {
-    /// Reads the properties of the material.
-    ///
-    /// # Errors
-    /// The faults of its formulas.
-    pub fn stated_law(&self, surroundings: &Surroundings) -> Result<StatedLaw, Vec<Fault>> {
-        let none = BTreeMap::new();
-        let Surroundings { parameters, dimensions, cells } = surroundings;
-        let settings = Settings::new(parameters.unwrap_or(&none), *dimensions);
-        self.law_deck().read(Reading::new(settings, cells))
-    }
-
-    /// The law of the material, formed without a deck; no property of the material may vary.
-    ///
-    /// # Errors
-    /// The first fault or contradiction.
-    pub fn law_alone(&self) -> Result<Box<dyn Material>, String> {
-        let first = |faults: Vec<Fault>| {
-            let text = |fault: Fault| format!("`{}`: {}", fault.key, fault.error.message);
-            faults.into_iter().next().map(text).unwrap_or_default()
-        };
-        let stated = self.stated_law(&Surroundings::default()).map_err(first)?;
-        match (stated.consistency)(&[]) {
-            None => Ok(stated.law(&[0.0; 3])),
-            Some(found) => Err(found.message),
-        }
-    }
-
-    /// The first property out of its range, or the first contradiction, at a point where the varying properties have
-    /// these values.
-    pub fn fault_at(&self, stated: &StatedLaw, properties: &[f64]) -> Option<String> {
-        for (varying, value) in stated.varying.iter().zip(properties) {
-            let range = self.range(&varying.key);
-            if !range.contains(*value) {
-                return Some(format!("`{}` is {value}; it must be {}", varying.key, range.in_words()));
-            }
-        }
-        (stated.consistency)(properties).map(|found| found.message)
-    }
 }

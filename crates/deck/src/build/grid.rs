@@ -1,0 +1,86 @@
+//! The grid of a deck, and the mesh of a gmsh file.
+
+use super::Builder;
+use crate::GridDeck;
+use crate::diagnostic::{Diagnostic, Severity};
+use crate::per_axis::array;
+use crate::quoting::quote;
+use crate::region::DeckRegion;
+use mpm_core::grid::gmsh::{self, GmshError};
+use mpm_core::grid::{Axis, CoincidentLines, Grid, Mesh, Structured};
+use mpm_core::region::Region;
+use mpm_core::stress::Volumetric;
+
+impl<const D: usize> Builder<'_, D>
+where
+    Region<D>: DeckRegion<D>,
+{
+    pub(super) fn grid(&mut self) -> Option<Box<dyn Grid<D>>> {
+        match &self.deck.grid {
+            GridDeck::Structured { origin, size, spacing, .. } => {
+                let (origin, size): ([f64; D], [f64; D]) = (array(origin), array(size));
+                let axes: Result<Vec<Axis>, CoincidentLines> =
+                    (spacing.entries(D).iter().enumerate().take(D))
+                        .map(|(d, entry)| entry.axis(origin[d], size[d]))
+                        .collect();
+                match axes.map(<[Axis; D]>::try_from) {
+                    Ok(Ok(axes)) => Some(Region::boxed_lines(Structured::with_axes(axes))),
+                    Ok(Err(axes)) => {
+                        let message = format!("the spacing has {} entries for {D} axes", axes.len());
+                        self.error("D015", "/grid/spacing", message, "give one entry per axis".to_owned());
+                        None
+                    }
+                    Err(error) => {
+                        let help = "use fewer cells, or a ratio closer to 1".to_owned();
+                        self.error("D027", "/grid/spacing", error.to_string(), help);
+                        None
+                    }
+                }
+            }
+            GridDeck::Gmsh { file } => {
+                let averages = |body: &crate::BodyDeck| body.volumetric == Volumetric::MeanDilatation;
+                let needs_patches = self.deck.bodies.iter().any(averages);
+                let mesh = self.mesh(file)?;
+                Some(Region::boxed_mesh(if needs_patches { mesh.with_patches() } else { mesh }))
+            }
+        }
+    }
+
+    /// The mesh of a gmsh file; reports an error if it cannot be used.
+    fn mesh(&mut self, file: &str) -> Option<Mesh<D>> {
+        let path = self.loaded.directory.join(file);
+        let source = &self.loaded.source;
+        let read = gmsh::read_file(&path);
+        // Faults in the file can only be repaired in gmsh.
+        let help = match &read {
+            Err(GmshError::Io(_) | GmshError::NotAFile | GmshError::TooLarge { .. }) => {
+                format!("the path is relative to the deck; here it means `{}`", path.display())
+            }
+            Err(GmshError::NotGmsh | GmshError::Version { .. }) => {
+                "save the mesh from gmsh as `.msh`, format 4.1 or 2.2".to_owned()
+            }
+            _ => "repair the mesh in gmsh and save it again".to_owned(),
+        };
+        let mesh = read
+            .map_err(|error| format!("the mesh {} cannot be read: {error}", quote(file)))
+            .and_then(|read| {
+                Mesh::from_gmsh(&read)
+                    .map_err(|error| format!("the mesh {} cannot be used: {error}", quote(file)))
+            });
+        match mesh {
+            Ok(mesh) => {
+                for warning in mesh.warnings() {
+                    let message = format!("the mesh {}: {warning}", quote(file));
+                    let found = Diagnostic::at(source, "D032", "/grid/file", message);
+                    let help = "if this is not intended, repair the mesh in gmsh and save it again";
+                    self.found.push(found.severity(Severity::Warning).help(help));
+                }
+                Some(mesh)
+            }
+            Err(message) => {
+                self.error("D032", "/grid/file", message, help);
+                None
+            }
+        }
+    }
+}
