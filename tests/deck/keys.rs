@@ -94,9 +94,9 @@ fn walk(home: &str, value: &Value, at: &str, found: &mut BTreeMap<String, String
     }
 }
 
-/// False for the tag of a variant, which is declared elsewhere.
+/// False for the tag of a variant, which is declared elsewhere, and for a retired key, which no deck needs.
 fn is_declaration(schema: &Value) -> bool {
-    schema.as_object().is_some_and(|schema| !schema.is_empty())
+    schema.as_object().is_some_and(|schema| !schema.is_empty() && !schema.contains_key("deprecated"))
 }
 
 /// All keys of the schema, given by the pointers at which they are declared.

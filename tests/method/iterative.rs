@@ -104,7 +104,6 @@ impl<const D: usize> Equations<D> {
             lattice: &lattice,
             position: &|node| self.places[node].map(f64::from),
             lines,
-            keeps_pattern: false,
             halo: &Halo::default(),
         })
     }

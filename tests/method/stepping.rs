@@ -7,7 +7,7 @@ use std::path::Path;
 
 use mpm::deck::build::build;
 use mpm::deck::load::{load, load_text};
-use mpm::model::{Control, Controlled, Model, PatternReuse, Predictor, StabilisationMode, StiffnessUpdate};
+use mpm::model::{Control, Controlled, Model, Predictor, StabilisationMode, StiffnessUpdate};
 use mpm::points::Points;
 use mpm::solver::{
     self, Diagnosis, FailedAttempt, Kind, Observer, Reached, Silent, SolveError, Step, StepReport, Stepper,
@@ -28,8 +28,6 @@ struct Record {
     /// Displacement of the first probe.
     probe: [f64; 2],
     unknowns: usize,
-    /// Number of unknowns in the sparsity pattern that the next step can reuse.
-    kept: usize,
 }
 
 #[derive(Default)]
@@ -70,7 +68,6 @@ impl Observer<2> for Recorder {
             reactions: report.reactions.clone(),
             probe,
             unknowns: report.unknowns,
-            kept: summary.kept.as_ref().map_or(0, |kept| kept.names.len()),
         });
         if self.stop_after == Some(report.step.index) {
             let reached = Reached { step: report.step, summary: summary.clone() };
@@ -446,44 +443,6 @@ fn a_prediction_and_a_kept_tangent_change_the_way_only() {
         solver::go_on(&model, &mut stopped, reached, &mut Recorder::default()).unwrap();
         assert!(stopped.converged.position == points.converged.position, "{predictor:?}, {tangent:?}");
     }
-}
-
-/// A column settles out of its upper cells and returns. The first pattern contains the patterns of all its steps, so
-/// one symbolic factorisation serves all. A resumed run continues with the same bits.
-#[test]
-fn an_analysis_serves_for_the_patterns_that_it_contains() {
-    let start = |pattern: PatternReuse| {
-        let mut parts = text(
-            &BAR.replace("METHOD", "mpm")
-                .replace(", LARGEST", "")
-                .replace("density: 100", "density: 2e4")
-                .replace("fix: [x]}", "fix: [x]}\n  - {name: far, nodes: {x: 1}, fix: [x]}"),
-        );
-        parts.0.newton.pattern = pattern;
-        parts
-    };
-    let (outcome, plain, _) = run(start(PatternReuse::Same));
-    assert!(outcome.unwrap().kept.is_none());
-    let (outcome, recorder, points) = run(start(PatternReuse::Contained));
-    let largest = outcome.unwrap().kept.unwrap();
-    let fewest = recorder.steps.iter().map(|step| step.unknowns).min().unwrap();
-    println!("{} unknowns, {fewest} at least in a step", largest.names.len());
-    assert!(recorder.steps.iter().all(|step| step.unknowns <= largest.names.len()));
-    assert!(fewest < largest.names.len() && recorder.steps.last().unwrap().unknowns > fewest);
-    assert!(recorder.steps.iter().all(|step| step.kept == largest.names.len()), "analysed once");
-    for (a, b) in plain.steps.iter().zip(&recorder.steps) {
-        assert_eq!((a.step, a.unknowns), (b.step, b.unknowns));
-        for (a, b) in a.reactions.iter().flatten().zip(b.reactions.iter().flatten()) {
-            assert!((a - b).abs() < 1e-3, "{a} {b}");
-        }
-    }
-    let (model, mut stopped) = start(PatternReuse::Contained);
-    let stop_after = recorder.steps.iter().position(|step| step.unknowns == fewest).map(|k| k + 1);
-    let mut recorder = Recorder { stop_after, ..Recorder::default() };
-    solver::run(&model, &mut stopped, &mut recorder).unwrap_err();
-    let (mut stopped, reached) = recorder.reached.unwrap();
-    solver::go_on(&model, &mut stopped, reached, &mut Recorder::default()).unwrap();
-    assert!(stopped.converged.position == points.converged.position);
 }
 
 /// After the last step, `step` returns `None`, however often it is called.

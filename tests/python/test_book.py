@@ -148,6 +148,6 @@ def test_every_decision_has_a_status():
     for page in sorted((DOCS / "decisions").glob("0*.md")):
         title, blank, status, *_ = page.read_text().split("\n")
         assert title.startswith("# ") and not blank, page.name
-        assert re.match(r"\*\*Status\.\*\* (Accepted\.|(Accepted; s|S)uperseded by \[\d+\])", status), page.name
+        assert re.match(r"\*\*Status\.\*\* (Accepted\.|Withdrawn: |(Accepted; s|S)uperseded by \[\d+\])", status), page.name
         for number, file in re.findall(r"\[(\d+)\]\((\d+)-", status):
             assert int(number) == int(file) > int(page.name[:4]), page.name

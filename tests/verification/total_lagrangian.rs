@@ -91,7 +91,6 @@ fn balance<const D: usize, M: Mechanics<D>>(
         lattice: &|active| model.grid.lattice(links.active_nodes()[active] as usize),
         position: &|active| model.grid.node_position(links.active_nodes()[active] as usize),
         lines: [None; D],
-        keeps_pattern: false,
         halo: &Halo::default(),
     };
     let mut sum = Sum::begun(of_model::<D, D, M>(model), context, points).unwrap_or_else(|e| panic!("{e:?}"));

@@ -34,7 +34,7 @@ pub use initial_state::InitialImbalance;
 pub use load::{Action, Load, LoadCurve, Pressure, VectorFormula};
 pub use moduli::ModuliAtRest;
 pub use moving_grid::{FollowError, FollowingLines, GridMotionError, MovingGrid};
-pub use newton::{Newton, PatternReuse, Predictor, StiffnessUpdate};
+pub use newton::{Newton, Predictor, StiffnessUpdate};
 pub use stabilisation::{Stabilisation, StabilisationMode};
 pub use stage::{Course, Factors, Present, Stage};
 pub use stepping::{Control, Controlled, SAME_TIME, Stepping};

@@ -37,7 +37,7 @@ pub use mpm_core::linear::Choice as LinearChoice;
 pub use mpm_core::model::InitialImbalance;
 use mpm_core::model::Newton;
 pub use mpm_core::model::Stabilisation;
-pub use mpm_core::model::{PatternReuse, Predictor, StiffnessUpdate};
+pub use mpm_core::model::{Predictor, StiffnessUpdate};
 pub use mpm_core::points::PointVolume;
 pub use mpm_core::stress::{Formulation, Volumetric};
 use mpm_files::fields::PointField;
@@ -396,6 +396,16 @@ fn yes() -> bool {
     true
 }
 
+/// Values of the retired key `pattern`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum RetiredPattern {
+    /// Without effect: this is what happens.
+    Same,
+    /// Without effect: patterns contained in an earlier one are analysed as well.
+    Contained,
+}
+
 /// Default of `max_iterations` if the deck has tools.
 const MAX_ITERATIONS_WITH_TOOLS: usize = 60;
 
@@ -417,24 +427,27 @@ pub struct SolverDeck {
     pub predictor: Predictor,
     /// When the stiffness is factorised within a step.
     pub tangent: StiffnessUpdate,
-    /// When the elimination order and the layout of the factor are reused.
-    pub pattern: PatternReuse,
+    /// Retired, without effect: the elimination order and the layout of the factor are reused while the sparsity
+    /// pattern stays the same.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("deprecated" = true))]
+    pub pattern: Option<RetiredPattern>,
 }
 
 impl Default for SolverDeck {
     fn default() -> Self {
-        let Newton { tolerance, linear, predictor, tangent, pattern, .. } = Newton::default();
-        SolverDeck { tolerance, max_iterations: None, linear, predictor, tangent, pattern }
+        let Newton { tolerance, linear, predictor, tangent, .. } = Newton::default();
+        SolverDeck { tolerance, max_iterations: None, linear, predictor, tangent, pattern: None }
     }
 }
 
 impl SolverDeck {
     /// The control of the iterations of a model.
     pub(crate) fn newton(&self, has_tools: bool) -> Newton {
-        let SolverDeck { tolerance, max_iterations, linear, predictor, tangent, pattern } = *self;
+        let SolverDeck { tolerance, max_iterations, linear, predictor, tangent, pattern: _ } = *self;
         let usual = if has_tools { MAX_ITERATIONS_WITH_TOOLS } else { Newton::default().max_iterations };
         let max_iterations = max_iterations.map_or(usual, |most| most as usize);
-        Newton { tolerance, max_iterations, linear, predictor, tangent, pattern }
+        Newton { tolerance, max_iterations, linear, predictor, tangent }
     }
 }
 

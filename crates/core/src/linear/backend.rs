@@ -118,24 +118,9 @@ pub struct Layout<'a, const D: usize, const N: usize = D> {
     /// Coordinates of the lattice lines along each axis, [length]; `None` along axes on which they are evenly spaced or
     /// unknown.
     pub lines: [Option<&'a [f64]>; D],
-    /// True if an analysed pattern can be reused for patterns that it contains.
-    pub keeps_pattern: bool,
     /// The active nodes shared with other ranks. If there are any, the matrix contains only the contributions of this
     /// rank; vectors are complete.
     pub halo: &'a Halo,
-}
-
-impl<const D: usize, const N: usize> Layout<'_, D, N> {
-    /// Names of the unknowns, which stay valid from step to step: grid node times `N`, plus the component; ascending.
-    pub fn names(&self) -> Vec<u64> {
-        let mut names = Vec::with_capacity(self.numbering.count());
-        self.numbering.for_each(|node, component, unknown| {
-            if unknown.is_some() {
-                names.push((self.nodes[node] as usize * N + component) as u64);
-            }
-        });
-        names
-    }
 }
 
 /// The stiffness matrix, with working space for its products.

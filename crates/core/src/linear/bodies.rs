@@ -118,7 +118,6 @@ impl<const D: usize> Part<D> {
             lattice: &|node| self.places[node],
             position: &|node| self.places[node].map(f64::from),
             lines: std::array::from_fn(|d| self.lines[d].as_deref()),
-            keeps_pattern: false,
             halo: &self.halo,
         })
     }

@@ -6,14 +6,12 @@ mod stages;
 #[cfg(test)]
 mod tests;
 
-use std::sync::Arc;
-
 use super::backend::{Backend, Layout, Solved, Stiffness};
 use super::blocks::BlockMatrix;
 use super::direct::{LOST, REFINEMENTS, ROUND_OFF, UNPIVOTED_RESIDUAL, WEAK, is_available};
 use super::direct_backend::elimination_order;
 use super::multifrontal::Multifrontal;
-use super::{Factorisation, FreeEntries, Gathered, LinearError, Named, Numbering, Pattern};
+use super::{Factorisation, FreeEntries, Gathered, LinearError, Numbering, Pattern};
 use crate::ranks::{Halo, Ranks, sharing};
 use stages::{Stages, key};
 
@@ -60,25 +58,15 @@ struct Matrix {
 
 impl<const D: usize, const N: usize> Default for Divided<D, N> {
     fn default() -> Self {
-        Divided::with(None)
+        Divided { gathered: Gathered::default(), parts: None, fewest: FEWEST, is_indefinite: false }
     }
 }
 
 impl<const D: usize, const N: usize> Divided<D, N> {
-    /// A backend that starts from a pattern analysed by rank 0.
-    pub fn with(kept: Option<Arc<Named>>) -> Self {
-        Divided { gathered: Gathered::with(kept), parts: None, fewest: FEWEST, is_indefinite: false }
-    }
-
     /// This backend, set to divide only systems with at least this number of unknowns.
     #[must_use]
     pub fn from(self, fewest: f64) -> Self {
         Divided { fewest, ..self }
-    }
-
-    /// The pattern that rank 0 has analysed, for later steps.
-    pub fn kept(&self) -> Option<Arc<Named>> {
-        self.gathered.kept()
     }
 
     /// Leaves the equations to rank 0 until the next step.

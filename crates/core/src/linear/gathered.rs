@@ -3,14 +3,12 @@
 //!
 //! Rank 0 needs memory for the equations of all ranks, but no parallel library is needed.
 
-use std::sync::Arc;
-
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::backend::{Backend, Layout, Solved, Stiffness};
 use super::blocks::{Block, BlockMatrix};
-use super::{DirectBackend, LinearError, Named, Numbering};
+use super::{DirectBackend, LinearError, Numbering};
 use crate::ranks::{Halo, Ranks};
 
 /// Solves the equations by a factorisation on rank 0; with a single rank, it works like the direct backend.
@@ -21,7 +19,7 @@ pub struct Gathered<const D: usize, const N: usize = D> {
 
 impl<const D: usize, const N: usize> Default for Gathered<D, N> {
     fn default() -> Self {
-        Gathered::with(None)
+        Gathered { direct: DirectBackend::default(), whole: Whole::nothing() }
     }
 }
 
@@ -132,7 +130,6 @@ impl<const D: usize, const N: usize> Whole<D, N> {
     /// Calls `work` with the equations in the form that the direct backend requires.
     fn with<T>(
         &self,
-        keeps_pattern: bool,
         lines: [Option<&[f64]>; D],
         work: impl FnOnce(&Layout<D, N>, BlockMatrix<N>) -> T,
     ) -> T {
@@ -143,7 +140,6 @@ impl<const D: usize, const N: usize> Whole<D, N> {
             // The direct backend needs no positions.
             position: &|node| self.lattice[node].map(f64::from),
             lines,
-            keeps_pattern,
             halo: &Halo::default(),
         };
         let Whole { symmetric, column_start, row, blocks, .. } = self;
@@ -171,16 +167,6 @@ fn numbers(bytes: &[u8]) -> impl Iterator<Item = f64> {
 }
 
 impl<const D: usize, const N: usize> Gathered<D, N> {
-    /// A backend that starts with an analysed pattern.
-    pub fn with(kept: Option<Arc<Named>>) -> Self {
-        Gathered { direct: DirectBackend::with(kept), whole: Whole::nothing() }
-    }
-
-    /// The analysed pattern for later steps.
-    pub fn kept(&self) -> Option<Arc<Named>> {
-        self.direct.kept()
-    }
-
     /// Passes the outcome of rank 0 to all ranks; an unknown in an error is converted to its index on the receiving
     /// rank.
     fn share<T: Serialize + DeserializeOwned>(
@@ -260,7 +246,7 @@ impl<const D: usize, const N: usize> Backend<D, N> for Gathered<D, N> {
         let of_root = ranks.is_root().then(|| {
             self.whole = Whole::new(&parts, matrix.symmetric);
             let Gathered { direct, whole } = self;
-            whole.with(layout.keeps_pattern, layout.lines, |layout, matrix| direct.prepare(layout, &matrix))
+            whole.with(layout.lines, |layout, matrix| direct.prepare(layout, &matrix))
         });
         self.share(layout, of_root)
     }
@@ -274,7 +260,7 @@ impl<const D: usize, const N: usize> Backend<D, N> for Gathered<D, N> {
         let of_root = ranks.is_root().then(|| {
             let Gathered { direct, whole } = self;
             whole.take(&blocks);
-            whole.with(layout.keeps_pattern, layout.lines, |layout, matrix| direct.factorise(layout, &matrix))
+            whole.with(layout.lines, |layout, matrix| direct.factorise(layout, &matrix))
         });
         self.share(layout, of_root)
     }
@@ -302,7 +288,7 @@ impl<const D: usize, const N: usize> Backend<D, N> for Gathered<D, N> {
                     rhs[node as usize].fill_with(|| values.next().unwrap_or(0.0));
                 }
             }
-            whole.with(layout.keeps_pattern, layout.lines, |layout, matrix| {
+            whole.with(layout.lines, |layout, matrix| {
                 let division = &mut super::Division::new(matrix.column_start, matrix.row);
                 let mut stiffness = Stiffness { matrix, division };
                 direct.solve(layout, &mut stiffness, &rhs, &mut solution, tolerance)

@@ -5,7 +5,6 @@ mod blocks;
 #[cfg(test)]
 mod bodies;
 mod choice;
-mod containing;
 mod direct;
 mod direct_backend;
 mod divided;
@@ -29,7 +28,6 @@ use crate::counted::counted;
 pub use backend::{Backend, Backends, Engine, Engines, Layout, Solved, Stiffness};
 pub use blocks::{Block, BlockMatrix, Division};
 pub use choice::{ALGEBRAIC, Choice, Extent};
-pub use containing::{Embedding, Named};
 pub use direct::Direct;
 pub use direct_backend::{DirectBackend, FreeEntries};
 pub use divided::Divided;

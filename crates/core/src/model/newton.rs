@@ -18,8 +18,6 @@ pub struct Newton {
     pub predictor: Predictor,
     /// When the stiffness is factorised.
     pub tangent: StiffnessUpdate,
-    /// Reuse of the symbolic factorisation.
-    pub pattern: PatternReuse,
 }
 
 impl Default for Newton {
@@ -30,7 +28,6 @@ impl Default for Newton {
             linear: Choice::Auto,
             predictor: Predictor::None,
             tangent: StiffnessUpdate::Fresh,
-            pattern: PatternReuse::Same,
         }
     }
 }
@@ -60,16 +57,4 @@ pub enum StiffnessUpdate {
     /// In the first iteration, and after any iteration that reduces the out-of-balance force by less than a factor of
     /// ten.
     Kept,
-}
-
-/// Reuse of the symbolic factorisation (elimination order and layout of the factor).
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[serde(rename_all = "kebab-case")]
-pub enum PatternReuse {
-    /// Reused if the sparsity pattern is the same.
-    #[default]
-    Same,
-    /// Also reused if the new sparsity pattern is contained in the old one.
-    Contained,
 }

@@ -35,7 +35,6 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         summary.path = path;
         self.cause = None;
         self.lost_points = None;
-        summary.kept = self.equations.kept();
         summary.pace.succeeded(&model.stepping, report.most_solves);
         summary.accept(&report);
         let balance = summary.balance();

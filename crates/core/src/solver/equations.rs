@@ -1,13 +1,11 @@
 //! The linear equations of an iteration, eq. (26), with their border of global unknowns, and the choice of a backend.
 
-use std::sync::Arc;
-
 use crate::assembly::{Border, System};
 use crate::basis::Connectivity;
 use crate::dofs::DofMap;
 use crate::grid::Axis;
-use crate::linear::{Backend, Backends, Choice, Divided, Extent, Krylov, Layout, LinearError, Named, Solved};
-use crate::model::{Model, PatternReuse};
+use crate::linear::{Backend, Backends, Choice, Divided, Extent, Krylov, Layout, LinearError, Solved};
+use crate::model::Model;
 use crate::step::{Nodal, StepContext};
 use crate::timing::{Phase, Timings};
 
@@ -83,7 +81,6 @@ impl<const D: usize, const N: usize> EquationContext<'_, D, N> {
                 Some(lines) => lines.axes().each_ref().map(Axis::graded_lines),
                 None => [None; D],
             },
-            keeps_pattern: self.model.newton.pattern == PatternReuse::Contained,
             halo: self.links.halo(),
         })
     }
@@ -127,16 +124,6 @@ impl<const D: usize, const N: usize> Equations<D, N> {
     /// model asks for an iterative solution, the equations are factorised.
     pub(super) fn with_multipliers(self, has_multipliers: bool) -> Self {
         Equations { has_multipliers, ..self }
-    }
-
-    /// Starts with a pattern that has already been analysed.
-    pub(super) fn resume(&mut self, kept: Option<Arc<Named>>) {
-        self.direct = Divided::with(kept);
-    }
-
-    /// The analysed pattern for later steps.
-    pub(super) fn kept(&self) -> Option<Arc<Named>> {
-        self.direct.kept()
     }
 
     fn backend(&mut self) -> &mut dyn Backend<D, N> {

@@ -195,7 +195,6 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
             return Err(refused(name, "it has a saved state, but has not been added to the analysis"));
         }
         restore(&mut self.terms, &reached.summary.terms).map_err(|(term, reason)| refused(term, &reason))?;
-        self.equations.resume(reached.summary.kept.clone());
         self.reached = reached;
         Ok(self)
     }

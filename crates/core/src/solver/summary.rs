@@ -1,12 +1,11 @@
 //! The summary of a run: counts, work, quality, warnings and timings, and the data that its next step builds on.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde::{Deserialize, Serialize};
 
 use crate::equilibrium::{Energy, InitialState, StepReport};
-use crate::linear::{Named, Nature, Solved};
+use crate::linear::{Nature, Solved};
 use crate::model::{Factors, Model};
 use crate::points::{Points, Split};
 use crate::quality::{BalanceSoFar, Quality, Warning};
@@ -72,9 +71,6 @@ pub struct Summary {
     /// The factors of each stage in which the strength is reduced, in the order of the stages.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub strength: Vec<StageStrength>,
-    /// The sparsity pattern that later steps may reuse.
-    #[serde(default, serialize_with = "save_kept", deserialize_with = "load_kept")]
-    pub kept: Option<Arc<Named>>,
     /// Load factor of the last converged step, [-]; `None` unless all loads and prescribed motions share one.
     pub load_factor: Option<f64>,
     /// Load factor of largest magnitude in equilibrium, [-]; `None` unless all loads and prescribed motions share one.
@@ -136,14 +132,6 @@ pub struct Summary {
     pub timings: Timings,
 }
 
-fn save_kept<S: Serializer>(kept: &Option<Arc<Named>>, to: S) -> Result<S::Ok, S::Error> {
-    kept.as_deref().serialize(to)
-}
-
-fn load_kept<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Arc<Named>>, D::Error> {
-    Ok(Option::<Named>::deserialize(from)?.map(Arc::new))
-}
-
 /// The last converged step of a run: together with the points, all that a restart needs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Reached {
@@ -189,7 +177,6 @@ impl Reached {
             && self.step.end <= model.end_time()
             && self.summary.pace.is_valid()
             && self.summary.path.fits::<D>()
-            && self.summary.kept.as_ref().is_none_or(|kept| kept.fits::<D>(model.grid.n_nodes()))
             && self.summary.quality.fits(model.bodies.len())
     }
 }

@@ -2,14 +2,34 @@
 
 use super::Check;
 use crate::ControlDeck;
+use crate::diagnostic::{Diagnostic, Severity};
 use crate::quoting::quote;
 use mpm_core::basis::DomainKind;
 use mpm_core::model::StabilisationMode;
 
+/// Pointers to keys that decks of earlier versions may have, each with the reason why it has no effect.
+const RETIRED: [(&str, &str); 1] = [(
+    "/solver/pattern",
+    "a pattern is analysed again whenever it changes, which takes at most 3 % of a run",
+)];
+
 impl Check<'_> {
+    /// Notes keys of earlier versions. They are accepted, so that old decks can be run.
+    fn retired_keys(&mut self) {
+        for (at, reason) in RETIRED {
+            if self.source.key_span_of(at).is_some() {
+                let key = at.rsplit('/').next().unwrap_or(at);
+                let message = format!("`{key}` no longer has an effect: {reason}");
+                let found = Diagnostic::at_key(self.source, "D037", at, message).severity(Severity::Note);
+                self.found.push(found.help("remove it"));
+            }
+        }
+    }
+
     /// Warns of keys whose value changes nothing. Values from parameters, and keys whose effect depends on such values,
     /// are exempt: they may have an effect in another run of a study.
     pub(super) fn keys_without_effect(&mut self) {
+        self.retired_keys();
         self.stabilisation_without_effect();
         self.curves_without_effect();
         self.volume_without_effect();

@@ -227,7 +227,6 @@ impl<const D: usize> Part<D> {
             lattice: &lattice,
             position: &|node| self.places[node].map(f64::from),
             lines: [None; D],
-            keeps_pattern: false,
             halo: &self.halo,
         };
         let Part { symmetric, ref column_start, ref row, ref blocks, .. } = *self;
