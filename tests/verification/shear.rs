@@ -149,14 +149,14 @@ fn acoustic(law: &VonMises, gamma: f64, steps: usize) -> Vec<f64> {
         let b_n = PlaneStrain::elastic_left_cauchy_green(law.strain_measure(), &strain);
         let start = StartOfStep { b_n, J_n: 1.0, volume_n: 1.0 };
         let increment = Increment::flat(df);
-        let point = PlaneStrain::respond_updated(&start, &increment, law, &[0.0], &mut [0.0]).unwrap();
+        let point = PlaneStrain::respond_current(&start, &increment, law, &[0.0], &mut [0.0]).unwrap();
         strain = point.elastic_strain;
         let c = point.weak;
         let along = |degrees: i32| {
             let (sin, cos) = f64::from(degrees).to_radians().sin_cos();
             let n = [cos, sin];
             let q = |i: usize, k: usize| -> f64 {
-                (0..4).map(|m| n[m / 2] * c.tangent[i][m / 2][k][m % 2] * n[m % 2]).sum()
+                (0..4).map(|m| n[m / 2] * c.tangent[m % 2][m / 2][i][k] * n[m % 2]).sum()
             };
             let (mean, half) = (0.5 * (q(0, 0) + q(1, 1)), 0.5 * (q(0, 0) - q(1, 1)));
             mean - half.hypot(q(0, 1))

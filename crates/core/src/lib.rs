@@ -57,7 +57,7 @@
 //! | ε^e | [`elastic_strain`](points::State::elastic_strain) | elastic logarithmic strain, ½ ln b^e (or ½ (b^e − I), see [`StrainMeasure`](material::StrainMeasure)) |
 //! | τ | [`kirchhoff_stress`](points::State::kirchhoff_stress), `tau` | Kirchhoff stress |
 //! | V P̃, V Ã | [`stress`](stress::InPlane::stress), [`tangent`](stress::InPlane::tangent) | stress of eq. (18) and its derivative (A.3), times the volume, in plane strain, formed by `plane_strain::previous`; in space, [`Spatial`](stress::Spatial) has the equivalent in the current configuration |
-//! | σ, a | [`stress`](stress::Contribution::stress), [`tangent`](stress::Contribution::tangent) | stress and tangent of the updated Lagrangian formulation, eqs. (2)-(6) |
+//! | V σ, V a | [`stress`](stress::Current::stress), [`tangent`](stress::Current::tangent) | stress and tangent of the updated Lagrangian formulation, eqs. (2)-(6) |
 //! | D^alg | [`tangent`](material::Response::tangent) | algorithmic (consistent) tangent of the law |
 //! | L | [`log_with_derivative`](tensor::log_with_derivative), `L` | derivative of the logarithm, eq. (A.2) |
 //! | V_p^0, V_p^n | [`original_volume`](points::Points::original_volume), [`volume_n`](stress::StartOfStep::volume_n), by [`Model::volume`](model::Model::volume) | volume of a point, original and at the start of the step, eq. (22) |

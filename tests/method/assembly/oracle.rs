@@ -1,14 +1,15 @@
 //! An independent, slow and simple implementation: plain loops over points and degrees of freedom into dense arrays,
-//! the basis as integrals of hat functions, and the transcribed updated Lagrangian kernel in three dimensions with the
+//! the basis as integrals of hat functions, and the transcribed updated Lagrangian equations in three dimensions with the
 //! motion of each degree of freedom as a 3×3 displacement gradient. No groups, batches, sparsity patterns or closed
 //! forms.
+#![allow(non_snake_case)]
 
 use mpm::assembly::Wanted;
 use mpm::basis::{DomainKind, Method};
-use mpm::kinematics::Increment;
+use mpm::material::{Material, StrainMeasure};
 use mpm::step::{At, StepContext};
 use mpm::stress::{Axisymmetric, Mechanics, PlaneStrain, Solid, StartOfStep};
-use mpm::tensor::Mat3;
+use mpm::tensor::{Mat3, Sym3, Tangent, Tensor4, log_with_derivative, mandel_entry};
 use mpm::terms::Sum;
 use nalgebra::{DMatrix, DVector};
 
@@ -151,6 +152,35 @@ pub fn motions_of_point<const D: usize, M: Mechanics<D>>(state: &State<D>, p: us
     motions
 }
 
+fn delta(i: usize, j: usize) -> f64 {
+    f64::from(u8::from(i == j))
+}
+
+fn tensor4(entry: impl Fn(usize, usize, usize, usize) -> f64) -> Tensor4<3> {
+    [0, 1, 2].map(|i| [0, 1, 2].map(|j| [0, 1, 2].map(|k| [0, 1, 2].map(|l| entry(i, j, k, l)))))
+}
+
+/// Volume, σ and the spatial modulus a of a point, eqs. (A.1)-(A.2) with S_ijkl = σ_il δ_jk, equation by equation.
+fn updated(start: &StartOfStep, dF: &Mat3, law: &dyn Material, old: &[f64]) -> (f64, Mat3, Tensor4<3>) {
+    let b = Sym3::symmetric_part(&(dF * start.b_n.to_matrix() * dF.transpose()));
+    let (strain, L) = match law.strain_measure() {
+        StrainMeasure::Logarithmic => {
+            let (log_b, L) = log_with_derivative(&b);
+            (log_b * 0.5, L)
+        }
+        StrainMeasure::LeftCauchyGreen => ((b - Sym3::IDENTITY) * 0.5, Tangent::identity()),
+    };
+    let answer = law.update(&strain, old, &mut old.to_vec()).unwrap();
+    let (C, b, dJ) = (answer.tangent * L * 0.5, b.to_matrix(), dF.determinant());
+    let J = dJ * start.J_n;
+    let sigma = answer.tau.to_matrix() / J;
+    let B = tensor4(|p, q, k, l| delta(p, k) * b[(q, l)] + delta(q, k) * b[(p, l)]); // (A.2)
+    let sum = |term: &dyn Fn(usize) -> f64| term(0) + term(1) + term(2);
+    let CB = tensor4(|i, j, k, l| sum(&|p| sum(&|q| mandel_entry(&C, i, j, p, q) * B[p][q][k][l])));
+    let a = tensor4(|i, j, k, l| CB[i][j][k][l] / J - sigma[(i, l)] * delta(j, k)); // (A.1)
+    (dJ * start.volume_n, sigma, a)
+}
+
 /// f_int and K on all nodes of the grid, eqs. (2)-(6).
 fn dense<const D: usize, M: Mechanics<D>>(state: &State<D>) -> (DVector<f64>, DMatrix<f64>) {
     let State { model, points, links, delta_d } = state;
@@ -170,21 +200,19 @@ fn dense<const D: usize, M: Mechanics<D>>(state: &State<D>) -> (DVector<f64>, DM
             J_n: f_n.determinant(),
             volume_n: f_n.determinant() * points.original_volume[p],
         };
-        let rows: [[f64; 3]; 3] = std::array::from_fn(|i| std::array::from_fn(|j| increment[(i, j)]));
         let old = &points.converged.history[p * points.history_len..][..law.state_fields().len()];
-        let c =
-            Solid::respond_updated(&start, &Increment::flat(rows), law, old, &mut old.to_vec()).unwrap().weak;
+        let (volume, sigma, a) = updated(&start, &increment, law, old);
         let inverse = increment.try_inverse().unwrap();
         for (_, motion) in &mut motions {
             *motion *= inverse; // (8)
         }
         for (b, motion_b) in &motions {
             let change = Mat3::from_fn(|i, j| {
-                (0..9).map(|e| c.tangent[i][j][e / 3][e % 3] * motion_b[(e / 3, e % 3)]).sum::<f64>()
+                (0..9).map(|e| a[i][j][e / 3][e % 3] * motion_b[(e / 3, e % 3)]).sum::<f64>()
             });
-            f[*b] += c.volume * Mat3::from_fn(|i, j| c.stress[i][j]).dot(motion_b);
+            f[*b] += volume * sigma.dot(motion_b);
             for (a, motion_a) in &motions {
-                k[(*a, *b)] += c.volume * motion_a.dot(&change);
+                k[(*a, *b)] += volume * motion_a.dot(&change);
             }
         }
     }

@@ -6,9 +6,7 @@ use mpm::grid::gmsh::read;
 use mpm::grid::mesh::Mesh;
 use mpm::kinematics::Increment;
 use mpm::step::{At, StepContext};
-use mpm::stress::{
-    Axisymmetric, Formulation, InPlane, Mechanics, PlaneStrain, Solid, StartOfStep, Volumetric,
-};
+use mpm::stress::{Axisymmetric, Formulation, Mechanics, PlaneStrain, Solid, StartOfStep, Volumetric};
 use mpm::terms::Sum;
 
 use super::states::{Domain, FORMULATIONS, Law, Random, State, cases, random_state, state_on, with_laws};
@@ -329,7 +327,7 @@ fn point_tangents_and_stiffness_are_symmetric() {
     }
 }
 
-/// The tangent of a point in plane strain, `[i][j][k][l]`.
+/// The tangent of a point in plane strain times its volume, `[i][j][k][l]`.
 fn point_tangent(
     model: &mpm::model::Model<2>,
     points: &mpm::points::Points<2>,
@@ -352,15 +350,14 @@ fn point_tangent(
     };
     let old = &points.converged.history[p * points.history_len..][..law.state_fields().len()];
     let new = &mut old.to_vec();
-    match formulation {
+    let tangent = match formulation {
         Formulation::PreviouslyConverged => {
-            let InPlane { tangent, .. } =
-                PlaneStrain::respond(&start, &increment, law, old, new).unwrap().weak;
-            let index = [0, 1];
-            index.map(|i| index.map(|j| index.map(|k| index.map(|l| tangent[l][j][i][k]))))
+            PlaneStrain::respond(&start, &increment, law, old, new).unwrap().weak.tangent
         }
         Formulation::UpdatedLagrangian => {
-            PlaneStrain::respond_updated(&start, &increment, law, old, new).unwrap().weak.tangent
+            PlaneStrain::respond_current(&start, &increment, law, old, new).unwrap().weak.tangent
         }
-    }
+    };
+    let index = [0, 1];
+    index.map(|i| index.map(|j| index.map(|k| index.map(|l| tangent[l][j][i][k]))))
 }

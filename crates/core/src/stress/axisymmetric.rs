@@ -6,8 +6,8 @@
 
 use super::products::MANDEL_INDEX;
 use super::{
-    Averaging, Contribution, Current, Lane, Lanes, MeanDilatation, Mechanics, PointError, PointResponse,
-    Solid, Spatial, StartOfStep, WeakForm, transposed,
+    Averaging, Current, Lane, Lanes, MeanDilatation, Mechanics, PointError, PointResponse, Solid, Spatial,
+    StartOfStep, WeakForm, transposed,
 };
 use crate::kinematics::Increment;
 use crate::material::Material;
@@ -145,11 +145,9 @@ impl Mechanics<2> for Axisymmetric {
     const REVOLVED: bool = true;
     type Previous = Revolved;
     type Isotropic = Revolved;
-    type Updated = Contribution<2, 3>;
     type Current = Current<2, 3>;
     type Averaging = Revolved;
     type AveragingIsotropic = Revolved;
-    type AveragingUpdated = MeanDilatation<2, 3>;
 
     #[inline]
     fn respond(
@@ -186,40 +184,5 @@ impl Mechanics<2> for Axisymmetric {
         new: &mut [f64],
     ) -> Result<PointResponse<Revolved>, PointError> {
         Self::respond(start, increment, material, old, new)
-    }
-
-    fn respond_updated(
-        start: &StartOfStep,
-        increment: &Increment<2>,
-        material: &dyn Material,
-        old: &[f64],
-        new: &mut [f64],
-    ) -> Result<PointResponse<Contribution<2, 3>>, PointError> {
-        let PointResponse { weak: full, tau, elastic_strain } =
-            Solid::respond_updated(start, &solid(increment)?, material, old, new)?;
-        // Component (i, j) of the three-dimensional stress. (1, 2) is zero: the hoop stress does no work on the axial
-        // displacement.
-        let component = |i: usize, j: usize| match (i, j) {
-            (1, AROUND) => None,
-            (_, AROUND) => Some((AROUND, AROUND)),
-            pair => Some(pair),
-        };
-        let index = std::array::from_fn::<usize, 2, _>(|i| i);
-        let components = std::array::from_fn::<usize, 3, _>(|j| j);
-        let stress =
-            index.map(|i| components.map(|j| component(i, j).map_or(0.0, |(i, j)| full.stress[i][j])));
-        let entry = |i, j, k, l| match (component(i, j), component(k, l)) {
-            (Some((i, j)), Some((k, l))) => full.tangent[i][j][k][l],
-            _ => 0.0,
-        };
-        let tangent = index.map(|i| components.map(|j| index.map(|k| components.map(|l| entry(i, j, k, l)))));
-        let weak = Contribution {
-            stress,
-            tangent,
-            volume: full.volume,
-            inverse: full.inverse.as_ref().map(in_plane),
-            per_radius: 1.0 / (increment.radius * increment.hoop),
-        };
-        Ok(PointResponse { weak, tau, elastic_strain })
     }
 }

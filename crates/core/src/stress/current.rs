@@ -1,7 +1,7 @@
-//! The weak form of a point in the current configuration, with all moduli.
+//! The weak form of a point in the updated Lagrangian formulation: in the current configuration, with all moduli.
 #![allow(non_snake_case)]
 
-use super::{Contribution, Lane, Lanes, WeakForm, transposed};
+use super::{Lane, Lanes, WeakForm, transposed};
 
 /// Stress and moduli of a point in the current configuration, with indices in the order in which they are contracted.
 /// `T` is a number for one point, or a vector with one SIMD lane per point.
@@ -11,10 +11,10 @@ use super::{Contribution, Lane, Lanes, WeakForm, transposed};
 /// so `E` is also the n in the exponent 1/n of the volumetric split: 2 in plane strain, 3 otherwise.
 #[derive(Debug, Clone, Copy)]
 pub struct Current<const D: usize, const E: usize, T = f64> {
-    /// V⁰τ with the reference volume V⁰ = V_n/J_n, `[j][i]`, [stress·volume].
+    /// V σ of eq. (2), which is V⁰τ with the reference volume V⁰ = V_n/J_n, `[j][i]`, [stress·volume].
     pub stress: [[T; D]; E],
-    /// V⁰ (∂τ/∂H − τ_il δ_jk) with the displacement gradient H in the current configuration, `[l][j][i][k]`,
-    /// [stress·volume]; eq. (A.1) times the volume.
+    /// V a of eqs. (3) and (A.1), which is V⁰ (∂τ/∂H − τ_il δ_jk) with the displacement gradient H in the current
+    /// configuration, `[l][j][i][k]`, [stress·volume].
     pub tangent: [[[[T; D]; D]; E]; E],
     /// ΔF⁻¹.
     pub inverse: [[T; D]; D],
@@ -55,16 +55,6 @@ impl<const D: usize, const E: usize> Current<D, E> {
         self.inverse.as_flattened_mut().iter_mut().for_each(|x| *x *= factor);
         self.per_radius *= factor;
         self
-    }
-}
-
-impl<const D: usize, const E: usize> From<&Contribution<D, E>> for Current<D, E> {
-    fn from(point: &Contribution<D, E>) -> Self {
-        let Contribution { stress, tangent, volume, inverse, per_radius } = point;
-        let identity = std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j))));
-        let weighted = std::array::from_fn(|j| std::array::from_fn(|i| stress[i][j] * volume));
-        let entry = |i: usize, j: usize, k: usize, l: usize| tangent[i][j][k][l] * volume;
-        Current::with_tangent(weighted, inverse.unwrap_or(identity), *per_radius, entry)
     }
 }
 

@@ -17,7 +17,7 @@
 #![allow(non_snake_case)]
 
 use super::current::along;
-use super::{Contribution, Current, Lane, Lanes, WeakForm};
+use super::{Current, Lane, Lanes, WeakForm};
 
 /// Tensor conjugate to the gradients of the basis, `[j][i]`.
 type Rows<const D: usize, const E: usize, T = f64> = [[T; D]; E];
@@ -190,12 +190,6 @@ impl<const D: usize, const E: usize> Averaging<D> for MeanDilatation<D, E> {
         }
         add_transport(point, -pressure);
         averaged
-    }
-}
-
-impl<const D: usize, const E: usize> From<&Contribution<D, E>> for MeanDilatation<D, E> {
-    fn from(point: &Contribution<D, E>) -> Self {
-        MeanDilatation::new(Current::from(point))
     }
 }
 

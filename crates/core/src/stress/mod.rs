@@ -2,14 +2,13 @@
 //! internal force and stiffness, eqs. (14)-(18) and (A.1)-(A.6).
 //!
 //! [`plane_strain`] has a closed form for motions that keep z a principal direction. [`solid`] is the general kernel in
-//! three dimensions, and [`axisymmetric`] adapts it to bodies of revolution. Each also implements the updated
-//! Lagrangian formulation, which in three dimensions is a literal transcription of the equations. Tests compare all
-//! kernels with each other and with a transcription of eqs. (18) and (A.3)-(A.6).
+//! three dimensions, and [`axisymmetric`] adapts it to bodies of revolution. The updated Lagrangian formulation is
+//! [`Current`], which F-bar uses as well. Tests compare all kernels with each other and with transcriptions of the
+//! equations.
 #![allow(non_snake_case)]
 
 mod averaged_solid;
 mod axisymmetric;
-mod contribution;
 mod current;
 mod dilated;
 mod in_plane;
@@ -31,7 +30,6 @@ use crate::tensor::{Lane, Lanes, Sym3};
 
 pub use averaged_solid::{AveragedIsotropic, AveragedSpatial};
 pub use axisymmetric::{Axisymmetric, Revolved};
-pub use contribution::Contribution;
 pub use current::Current;
 pub use dilated::{Averaged, Averaging, Centred, Centring, FBar, MeanDilatation};
 pub use in_plane::InPlane;
@@ -49,7 +47,8 @@ pub enum Formulation {
     /// The previously converged configuration, Coombs et al. (2020), section 5.
     #[default]
     PreviouslyConverged,
-    /// The current configuration, Coombs et al. (2020), section 3. Slower; kept as a cross-check.
+    /// The current configuration, Coombs et al. (2020), section 3. Slower; kept as a cross-check. Points that take the
+    /// dilatation of their cell are formulated in this configuration in any case.
     UpdatedLagrangian,
 }
 
@@ -140,16 +139,12 @@ pub trait Mechanics<const D: usize>: Copy + Send + Sync + 'static {
     type Previous: WeakForm<D>;
     /// As [`Mechanics::Previous`], for laws with isotropic spatial moduli.
     type Isotropic: WeakForm<D>;
-    /// A point in the updated Lagrangian formulation.
-    type Updated: WeakForm<D>;
-    /// A point in the current configuration, whose volume ratio may be the value at the centre of its cell.
-    type Current: Centring<D> + for<'a> From<&'a Self::Updated>;
+    /// A point in the updated Lagrangian formulation, whose volume ratio may be the value at the centre of its cell.
+    type Current: WeakForm<D> + Centring<D>;
     /// A point whose volume ratio may be the mean over its cell.
     type Averaging: Averaging<D>;
     /// As [`Mechanics::Averaging`], for laws with isotropic spatial moduli.
     type AveragingIsotropic: Averaging<D>;
-    /// As [`Mechanics::Averaging`], in the updated Lagrangian formulation.
-    type AveragingUpdated: Averaging<D> + for<'a> From<&'a Self::Updated>;
     /// Number n of principal directions that a change of volume stretches.
     const DILATED: usize = 3;
 
@@ -189,19 +184,7 @@ pub trait Mechanics<const D: usize>: Copy + Send + Sync + 'static {
         None
     }
 
-    /// Evaluates a point in the updated Lagrangian formulation.
-    ///
-    /// # Errors
-    /// As [`Mechanics::respond`].
-    fn respond_updated(
-        start: &StartOfStep,
-        increment: &Increment<D>,
-        material: &dyn Material,
-        old: &[f64],
-        new: &mut [f64],
-    ) -> Result<PointResponse<Self::Updated>, PointError>;
-
-    /// Evaluates a point with all moduli in the current configuration.
+    /// Evaluates a point in the updated Lagrangian formulation, with all moduli in the current configuration.
     ///
     /// # Errors
     /// As [`Mechanics::respond`].

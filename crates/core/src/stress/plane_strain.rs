@@ -8,12 +8,11 @@ use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 
 use super::principal::{self, InPlaneAnswer};
 use super::{
-    Contribution, Current, InPlane, Lane, Lanes, MeanDilatation, Mechanics, PointError, PointResponse,
-    StartOfStep,
+    Current, InPlane, Lane, Lanes, MeanDilatation, Mechanics, PointError, PointResponse, StartOfStep,
 };
 use crate::kinematics::Increment;
 use crate::material::{CompactResponse, Material, StrainMeasure, VectorisedLaw};
-use crate::tensor::{Sym3, Tensor4, plane};
+use crate::tensor::{Sym3, plane};
 
 /// Plane strain in the x-y plane.
 #[derive(Debug, Clone, Copy)]
@@ -157,11 +156,9 @@ impl Mechanics<2> for PlaneStrain {
 
     type Previous = InPlane;
     type Isotropic = InPlane;
-    type Updated = Contribution<2, 2>;
     type Current = Current<2, 2>;
     type Averaging = MeanDilatation<2, 2>;
     type AveragingIsotropic = MeanDilatation<2, 2>;
-    type AveragingUpdated = MeanDilatation<2, 2>;
     const DILATED: usize = 2;
 
     #[inline(always)]
@@ -237,26 +234,6 @@ impl Mechanics<2> for PlaneStrain {
             point(weak.point(2), &law, 2),
             point(weak.point(3), &law, 3),
         ])
-    }
-
-    fn respond_updated(
-        start: &StartOfStep,
-        increment: &Increment<2>,
-        material: &dyn Material,
-        old: &[f64],
-        new: &mut [f64],
-    ) -> Result<PointResponse<Contribution<2, 2>>, PointError> {
-        let dF = &increment.dF;
-        let Answer { trial, law, C, tau } = answer(start, dF, material, old, new)?;
-        let (stress, tangent) = updated(&C, &tau, &in_plane(&trial.b), trial.dJ * start.J_n);
-        let weak = Contribution {
-            stress,
-            tangent,
-            volume: trial.dJ * start.volume_n,
-            inverse: Some(invert(dF, trial.dJ)),
-            per_radius: 0.0,
-        };
-        Ok(PointResponse { weak, tau: law.0, elastic_strain: law.1 })
     }
 
     fn elastic_left_cauchy_green(measure: StrainMeasure, elastic_strain: &Sym3) -> Sym3 {
@@ -373,7 +350,7 @@ fn previous<T: Lane>(
     InPlane { stress, tangent }
 }
 
-/// τ and the modulus of eqs. (A.1)-(A.2), with S_ijkl = τ_il δ_jk, times `weight`.
+/// V σ and V a of eqs. (A.1)-(A.2), with S_ijkl = σ_il δ_jk; `weight` is V⁰ = V_n/J_n, and V σ = V⁰ τ.
 #[inline(always)]
 fn current<T: Lane>(
     C: &[[T; 3]; 3],
@@ -398,21 +375,4 @@ fn current<T: Lane>(
         }
     }
     Current { stress, tangent, inverse, per_radius: T::splat(0.0) }
-}
-
-/// σ and the spatial modulus a of eqs. (A.1)-(A.2), with S_ijkl = σ_il δ_jk.
-fn updated(C: &[[f64; 3]; 3], tau: &[[f64; 2]; 2], b: &[[f64; 2]; 2], J: f64) -> ([[f64; 2]; 2], Tensor4<2>) {
-    let sigma = tau.map(|row| row.map(|x| x / J));
-    let CB = contract(C, b);
-    let tangent = std::array::from_fn(|i| {
-        std::array::from_fn(|j| {
-            std::array::from_fn(|k| {
-                std::array::from_fn(|l| {
-                    let geometric = if j == k { sigma[i][l] } else { 0.0 };
-                    CB[IN_PLANE_INDEX[i][j]][k][l] / J - geometric
-                })
-            })
-        })
-    });
-    (sigma, tangent)
 }

@@ -3,12 +3,11 @@
 use super::principal;
 use super::products::{MANDEL_INDEX, full, times};
 use super::{
-    Contribution, Current, Isotropic, Lane, Lanes, MeanDilatation, Mechanics, PointError, PointResponse,
-    StartOfStep, WeakForm, transposed,
+    Current, Isotropic, Lane, Lanes, Mechanics, PointError, PointResponse, StartOfStep, WeakForm, transposed,
 };
 use crate::kinematics::Increment;
 use crate::material::{Material, StrainMeasure};
-use crate::tensor::{Mat3, Sym3, Tangent, Tensor4, log_with_derivative, mandel_entry};
+use crate::tensor::{Sym3, log_with_derivative};
 use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 
 /// Three-dimensional solid, without idealisation.
@@ -172,11 +171,9 @@ fn answer(
 impl Mechanics<3> for Solid {
     type Previous = Spatial;
     type Isotropic = Isotropic;
-    type Updated = Contribution<3, 3>;
     type Current = Current<3, 3>;
     type Averaging = Spatial;
     type AveragingIsotropic = Isotropic;
-    type AveragingUpdated = MeanDilatation<3, 3>;
 
     #[inline(always)]
     fn respond(
@@ -252,50 +249,4 @@ impl Mechanics<3> for Solid {
     ) -> Option<Result<PointResponse<Isotropic>, PointError>> {
         Self::respond_isotropic(start, increment, material)
     }
-
-    fn respond_updated(
-        start: &StartOfStep,
-        increment: &Increment<3>,
-        material: &dyn Material,
-        old: &[f64],
-        new: &mut [f64],
-    ) -> Result<PointResponse<Contribution<3, 3>>, PointError> {
-        let (dJ, inverse) = invert(&increment.dF)?;
-        let b = trial(&increment.dF, &start.b_n);
-        let (tau, elastic_strain, derivative) = answer(material, &b, old, new)?;
-        let C = Tangent::from_fn(|r, c| 0.5 * derivative[c][r]);
-        let (sigma, a) = updated(&C, &tau.to_matrix(), &b.to_matrix(), dJ * start.J_n);
-        let weak = Contribution {
-            stress: sigma,
-            tangent: a,
-            volume: dJ * start.volume_n,
-            inverse: Some(inverse),
-            per_radius: 0.0,
-        };
-        Ok(PointResponse { weak, tau, elastic_strain })
-    }
-}
-
-/// Builds a fourth-order tensor from its entries.
-fn tensor4(entry: impl Fn(usize, usize, usize, usize) -> f64) -> Tensor4<3> {
-    let index = std::array::from_fn::<usize, 3, _>(|i| i);
-    index.map(|i| index.map(|j| index.map(|k| index.map(|l| entry(i, j, k, l)))))
-}
-
-/// Sum of `term` over one index.
-fn sum(term: impl Fn(usize) -> f64) -> f64 {
-    term(0) + term(1) + term(2)
-}
-
-fn delta(i: usize, j: usize) -> f64 {
-    f64::from(u8::from(i == j))
-}
-
-/// σ and the spatial modulus a of eqs. (A.1)-(A.2), with S_ijkl = σ_il δ_jk, equation by equation.
-fn updated(C: &Tangent, tau: &Mat3, b: &Mat3, J: f64) -> ([[f64; 3]; 3], Tensor4<3>) {
-    let sigma = tau / J;
-    let B = tensor4(|p, q, k, l| delta(p, k) * b[(q, l)] + delta(q, k) * b[(p, l)]); // (A.2)
-    let CB = tensor4(|i, j, k, l| sum(|p| sum(|q| mandel_entry(C, i, j, p, q) * B[p][q][k][l])));
-    let a = tensor4(|i, j, k, l| CB[i][j][k][l] / J - sigma[(i, l)] * delta(j, k)); // (A.1)
-    (std::array::from_fn(|i| std::array::from_fn(|j| sigma[(i, j)])), a)
 }

@@ -110,6 +110,19 @@ fn delta(i: usize, j: usize) -> f64 {
     f64::from(u8::from(i == j))
 }
 
+/// All numbers of a point under the pressure of its cell: force, stiffness, and its part in the coupling of the nodes.
+fn averaged_moduli<W: Averaged<3>>(weak: &W) -> Vec<f64> {
+    let (stress, tangent) = tensors(weak);
+    let mut all = [stress.as_flattened(), flat(&tangent), &[weak.modulus()]].concat();
+    for (axis, value) in axes() {
+        let gradient = weak.gradient(&axis, value);
+        all.extend(W::divergence(&gradient));
+        all.extend(weak.column_of_coupling(&gradient));
+        all.extend(weak.row_of_coupling(&gradient));
+    }
+    all
+}
+
 /// Literal transcription of eqs. (18) and (A.3)-(A.6), times the volume.
 fn transcription(start: &StartOfStep, dF: &Rows, law: &dyn Material, old: &[f64]) -> (Rows, Tensor4<3>) {
     let dF = Mat3::from_fn(|i, j| dF[i][j]);
@@ -159,11 +172,32 @@ proptest! {
                 prop_assert!((isotropic.elastic_strain - point.elastic_strain).norm() < 1e-15);
             }
             // Both formulations give the same force and stiffness.
-            let updated = Solid::respond_updated(&start, &Increment::flat(dF), law.as_ref(), &old, &mut old.clone()).unwrap();
+            let updated = Solid::respond_current(&start, &Increment::flat(dF), law.as_ref(), &old, &mut old.clone()).unwrap();
             let (P, A) = tensors(&updated.weak);
             prop_assert!(difference(P.as_flattened(), stress.as_flattened()) < 1e-13 * scale);
             prop_assert!(difference(flat(&A), flat(&tangent)) < 1e-12 * scale);
             prop_assert!(updated.tau == point.tau && updated.elastic_strain == point.elastic_strain);
+        }
+    }
+
+    /// The pressure of the cell and the coupling of its nodes, without fourth-order tensors and with them.
+    #[test]
+    fn the_solid_under_the_pressure_of_its_cell_equals_the_general_form(
+        (start, dF) in spatial_states(), factor in 0.8..1.25f64, pressure in -1e6..1e6f64,
+    ) {
+        for law in laws() {
+            let old = history(law.as_ref());
+            let increment = Increment::flat(dF);
+            let point = Solid::respond(&start, &increment, law.as_ref(), &old, &mut old.clone()).unwrap().weak;
+            let general = MeanDilatation::new(Current::from(&point)).averaged(factor, pressure);
+            let expected = averaged_moduli(&general);
+            let scale = largest(&expected) + pressure.abs();
+            let found = averaged_moduli(&point.averaged(factor, pressure));
+            prop_assert!(difference(&found, &expected) < 1e-12 * scale, "{law:?}");
+            if let Some(isotropic) = Solid::respond_isotropic(&start, &increment, law.as_ref()) {
+                let found = averaged_moduli(&isotropic.unwrap().weak.averaged(factor, pressure));
+                prop_assert!(difference(&found, &expected) < 1e-12 * scale, "{law:?}");
+            }
         }
     }
 
@@ -227,7 +261,7 @@ proptest! {
             let PointResponse { weak, tau, elastic_strain } = alone;
             check(PointResponse { weak: moduli(&weak, &axes()), tau, elastic_strain })?;
             let PointResponse { weak, tau, elastic_strain } =
-                PlaneStrain::respond_updated(&start, &increment, law.as_ref(), &old, &mut old.clone()).unwrap();
+                PlaneStrain::respond_current(&start, &increment, law.as_ref(), &old, &mut old.clone()).unwrap();
             check(PointResponse { weak: moduli(&weak, &axes()), tau, elastic_strain })?;
             // Evaluated with other points in the lanes, one of them at rest.
             let mut lanes: Vec<Lanes> = old.iter().map(|h| Lanes::splat(*h)).collect();
@@ -335,7 +369,7 @@ proptest! {
             let (forces, blocks) = moduli(&point.weak, &nodes);
             check(forces, blocks)?;
             prop_assert!(point.elastic_strain.is_plane() && point.tau.is_plane());
-            let point = Axisymmetric::respond_updated(&start, &increment, law.as_ref(), &old, &mut old.clone()).unwrap();
+            let point = Axisymmetric::respond_current(&start, &increment, law.as_ref(), &old, &mut old.clone()).unwrap();
             let (forces, blocks) = moduli(&point.weak, &nodes);
             check(forces, blocks)?;
         }

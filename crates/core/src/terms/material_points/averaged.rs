@@ -17,7 +17,7 @@ use super::cell_room::{CellRoom, Motion, barred};
 use super::evaluation::{Task, Trial};
 
 /// The points of one material in a group, whose dilatation is replaced by their mean dilatation.
-pub(super) struct Averaged<'t, 'a, 's, 'r, const D: usize, M: Mechanics<D>, const UPDATED: bool> {
+pub(super) struct Averaged<'t, 'a, 's, 'r, const D: usize, M: Mechanics<D>> {
     pub(super) task: &'t Task<'a, D, M>,
     pub(super) group: usize,
     /// The points of the group that may be of this material.
@@ -46,7 +46,7 @@ pub(super) enum Found {
     },
 }
 
-impl<const D: usize, M: Mechanics<D>, const UPDATED: bool> Averaged<'_, '_, '_, '_, D, M, UPDATED> {
+impl<const D: usize, M: Mechanics<D>> Averaged<'_, '_, '_, '_, D, M> {
     /// Evaluates the points, and stores their stress and strain.
     // Inlined, this function would be compiled once for each form of the stiffness.
     #[inline(never)]
@@ -55,9 +55,7 @@ impl<const D: usize, M: Mechanics<D>, const UPDATED: bool> Averaged<'_, '_, '_, 
     }
 }
 
-impl<const D: usize, M: Mechanics<D>, const UPDATED: bool> WithSimd
-    for Averaged<'_, '_, '_, '_, D, M, UPDATED>
-{
+impl<const D: usize, M: Mechanics<D>> WithSimd for Averaged<'_, '_, '_, '_, D, M> {
     type Output = Result<Found, PointFailure>;
 
     #[inline(always)]
@@ -66,7 +64,7 @@ impl<const D: usize, M: Mechanics<D>, const UPDATED: bool> WithSimd
     }
 }
 
-impl<const D: usize, M: Mechanics<D>, const UPDATED: bool> Averaged<'_, '_, '_, '_, D, M, UPDATED> {
+impl<const D: usize, M: Mechanics<D>> Averaged<'_, '_, '_, '_, D, M> {
     #[inline(always)]
     fn respond(&mut self) -> Result<Found, PointFailure> {
         let (mut before, mut after) = (0.0, 0.0);
@@ -105,20 +103,6 @@ impl<const D: usize, M: Mechanics<D>, const UPDATED: bool> Averaged<'_, '_, '_, 
         // Growing the vectors in steps would copy the responses again and again.
         let n = moved.len();
         let mut sum = 0.0;
-        if UPDATED {
-            self.cell.updated.clear();
-            self.cell.updated.reserve(n);
-            for (p, motion) in moved {
-                let (barred, factor) = barred::<D, M>(motion, theta);
-                let (old, new) = task.histories(*p, self.trial);
-                let response = M::respond_updated(&task.start[*p], &barred, task.law(*p), old, new);
-                let response = response.map_err(|error| PointFailure { point: *p, error })?;
-                let weak = M::AveragingUpdated::from(&response.weak);
-                sum += self.keep(*p, &response);
-                self.cell.updated.push((weak, factor));
-            }
-            return Ok((sum, false));
-        }
         if self.respond_isotropic(moved, theta, &mut sum)? {
             return Ok((sum, true));
         }

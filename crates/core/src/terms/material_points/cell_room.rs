@@ -13,7 +13,6 @@ pub(super) struct CellRoom<const D: usize, M: Mechanics<D>> {
     pub(super) moved: Vec<(usize, Motion<D>)>,
     pub(super) isotropic: Vec<Responded<M::AveragingIsotropic>>,
     pub(super) averaging: Vec<Responded<M::Averaging>>,
-    pub(super) updated: Vec<Responded<M::AveragingUpdated>>,
     pub(super) coupling: CouplingRoom<D>,
 }
 
@@ -31,7 +30,6 @@ impl<const D: usize, M: Mechanics<D>> Default for CellRoom<D, M> {
             moved: Vec::new(),
             isotropic: Vec::new(),
             averaging: Vec::new(),
-            updated: Vec::new(),
             coupling: CouplingRoom::default(),
         }
     }

@@ -64,15 +64,11 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
     fn add_averaged(&mut self, points: Range<usize>, kind: Kind) -> Result<(), PointFailure> {
         let mut cell = std::mem::take(self.cell);
         let Vectorised { task, group, trial, room, .. } = self;
-        let averaged =
-            Averaged::<D, M, UPDATED> { task, group: *group, points, kind, trial, room, cell: &mut cell };
+        let averaged = Averaged { task, group: *group, points, kind, trial, room, cell: &mut cell };
         let found = averaged.find()?;
-        let CellRoom { moved, isotropic, averaging, updated, coupling } = &mut cell;
+        let CellRoom { moved, isotropic, averaging, coupling } = &mut cell;
         match found {
             Found::Alone(p) => self.add_alone(p)?,
-            Found::Together { volume, sum, .. } if UPDATED => {
-                self.add_responses(moved, volume, sum, updated, coupling)
-            }
             Found::Together { volume, sum, isotropic: true } => {
                 self.add_responses(moved, volume, sum, isotropic, coupling);
             }
@@ -147,7 +143,7 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
     #[inline(never)]
     fn add_centred(&mut self, p: usize) -> Result<(), PointFailure> {
         let Vectorised { task, group, trial, room, force, dense, .. } = self;
-        let (response, mut excess) = task.respond_centred::<UPDATED>(*group, p, trial, room)?;
+        let (response, mut excess) = task.respond_centred(*group, p, trial, room)?;
         trial.keep(p, &response);
         let weak = &response.weak;
         let links = task.links.links(p, room);
@@ -175,7 +171,7 @@ impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
     // Inlined, this function would be compiled once for each form of the stiffness.
     #[inline(never)]
     #[expect(clippy::type_complexity)]
-    fn respond_centred<const UPDATED: bool>(
+    fn respond_centred(
         &self,
         group: usize,
         p: usize,
@@ -187,12 +183,7 @@ impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
         let (barred, factor) = barred::<D, M>(&motion, theta);
         let (old, new) = self.histories(p, trial);
         let (start, law) = (&self.start[p], self.law(p));
-        let response = if UPDATED {
-            let updated = M::respond_updated(start, &barred, law, old, new);
-            updated.map(|response| response.map(|weak| M::Current::from(&weak)))
-        } else {
-            M::respond_current(start, &barred, law, old, new)
-        };
+        let response = M::respond_current(start, &barred, law, old, new);
         let response = response.map_err(|error| PointFailure { point: p, error })?;
         Ok((response.map(|weak| weak.centred(factor, motion.dJ / theta)), gradient))
     }

@@ -344,7 +344,7 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         let old = &task.old_history[p * n..][..kept];
         let new = &mut trial.history[here * n..][..kept];
         if UPDATED {
-            let response = M::respond_updated(start, &increment, law, old, new);
+            let response = M::respond_current(start, &increment, law, old, new);
             keep(p, response.as_ref().map_err(|e| failure(*e))?, &links, trial, *dense, force);
         } else {
             let response = M::respond(start, &increment, law, old, new);
