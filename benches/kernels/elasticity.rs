@@ -1,7 +1,7 @@
 //! Equations of linear elasticity on complete grids of quadrilaterals or hexahedra, a common benchmark for direct
 //! solvers.
 
-use mpm::linear::{Direct, LinearSolver, Pattern, ordering};
+use mpm::linear::{Direct, Pattern, ordering};
 
 use crate::calibration::Machine;
 use crate::clock::least;

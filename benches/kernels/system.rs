@@ -7,7 +7,7 @@ use mpm::basis::Connectivity;
 use mpm::deck::{build::build, load::load_text};
 use mpm::dofs::DofMap;
 use mpm::grid::Grid;
-use mpm::linear::{Direct, FactorSize, Factorisation, FreeEntries, LinearSolver, ordering};
+use mpm::linear::{Direct, FactorSize, Factorisation, FreeEntries, ordering};
 use mpm::model::Model;
 use mpm::points::Points;
 use mpm::step::{At, StepContext};

@@ -12,7 +12,7 @@ use mpm::deck::load::{LoadedDeck, load, load_text};
 use mpm::dofs::DofMap;
 use mpm::linear::{
     Backend, BlockMatrix, Choice, Direct, Division, Factorisation, FreeEntries, Krylov, Layout, LinearError,
-    LinearSolver, Solved, Stiffness,
+    Solved, Stiffness,
 };
 use mpm::model::Model;
 use mpm::points::Points;

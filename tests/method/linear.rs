@@ -1,7 +1,7 @@
 //! The linear solver on matrices for which factorisation without pivoting is inaccurate.
 #![allow(clippy::unwrap_used)]
 
-use mpm::linear::{Direct, LinearSolver, Pattern};
+use mpm::linear::{Direct, Pattern};
 
 /// A symmetric tridiagonal matrix, stored as its lower triangle: pairs of unknowns with the block [[pivot, 1], [1, 0]],
 /// and the entry `link` between consecutive pairs.

@@ -2,11 +2,11 @@
 
 mod factor;
 
-use mpm_core::linear::{Backend, BlockMatrix, Factorisation, Layout, LinearError, Solved, Stiffness, Text};
+use mpm_core::linear::{Backend, BlockMatrix, Factorisation, Layout, LinearError, Solved, Stiffness};
 use mpm_core::ranks::{Halo, Ranks};
 
 use crate::entries::{GlobalNumbers, Known, diagonal};
-use crate::error::{Error, agree};
+use crate::error::{Error, NOT_PREPARED, agree};
 use crate::objects::{Matrix, Vector};
 use crate::session::is_running;
 
@@ -104,7 +104,7 @@ impl<const D: usize, const N: usize> Backend<D, N> for Direct<N> {
 
     fn factorise(&mut self, layout: &Layout<D, N>, matrix: &BlockMatrix<N>) -> Result<(), LinearError> {
         let ranks = layout.halo.ranks();
-        let system = self.system.as_mut().ok_or(LinearError::Library(Text("the matrix was not prepared")))?;
+        let system = self.system.as_mut().ok_or(NOT_PREPARED)?;
         let outcome = system.factorise(layout.halo, matrix);
         let outcome = agree(ranks, outcome);
         if matches!(outcome, Err(LinearError::Library(_))) {
@@ -122,7 +122,7 @@ impl<const D: usize, const N: usize> Backend<D, N> for Direct<N> {
         _: f64,
     ) -> Result<Solved, LinearError> {
         let singular = LinearError::Singular { unknown: None };
-        let system = self.system.as_mut().ok_or(LinearError::Library(Text("the matrix was not prepared")))?;
+        let system = self.system.as_mut().ok_or(NOT_PREPARED)?;
         let factorisation = system.factorised.ok_or(singular)?;
         let mut own = vec![0.0; system.known.numbers().own()];
         system.known.numbers().take(b, &mut own);

@@ -1,9 +1,10 @@
 //! Errors of MPI and PETSc.
 
+use std::borrow::Cow;
 use std::ffi::{CStr, c_char, c_int, c_void};
 use std::sync::{Mutex, PoisonError};
 
-use mpm_core::linear::{LinearError, Text};
+use mpm_core::linear::LinearError;
 use mpm_core::ranks::Ranks;
 
 use crate::ffi;
@@ -41,6 +42,10 @@ pub enum Error {
         message: String,
     },
 }
+
+/// A backend was used before it was prepared.
+pub(crate) const NOT_PREPARED: LinearError =
+    LinearError::Library(Cow::Borrowed("the matrix was not prepared"));
 
 /// The message of the last error.
 static MESSAGE: Mutex<String> = Mutex::new(String::new());
@@ -96,8 +101,7 @@ impl From<Error> for LinearError {
             Error::Petsc { code: ffi::PETSC_ERR_MAT_LU_ZRPVT | ffi::PETSC_ERR_MAT_CH_ZRPVT, .. } => {
                 LinearError::Singular { unknown: None }
             }
-            // Such an error ends the program, so the text may stay in memory.
-            other => LinearError::Library(Text(other.to_string().leak())),
+            other => LinearError::Library(other.to_string().into()),
         }
     }
 }
@@ -119,7 +123,7 @@ pub(crate) fn agree<T>(ranks: &Ranks, outcome: Result<T, LinearError>) -> Result
             1 => LinearError::Singular { unknown: None },
             2 => LinearError::NotConverged { iterations: 0, residual: f64::NAN },
             4 => LinearError::OutOfMemory { needed: None },
-            _ => LinearError::Library(Text("another rank has failed")),
+            _ => LinearError::Library("another rank has failed".into()),
         }),
     }
 }

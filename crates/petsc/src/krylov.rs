@@ -5,11 +5,11 @@ mod preconditioner;
 mod shell;
 mod solvers;
 
-use mpm_core::linear::{Backend, BlockMatrix, Factorisation, Layout, LinearError, Solved, Stiffness, Text};
+use mpm_core::linear::{Backend, BlockMatrix, Factorisation, Layout, LinearError, Solved, Stiffness};
 use mpm_core::ranks::Halo;
 
 use crate::entries::{GlobalNumbers, Known, diagonal};
-use crate::error::{Error, agree};
+use crate::error::{Error, NOT_PREPARED, agree};
 use crate::ffi;
 use crate::objects::{Matrix, Vector};
 use crate::session::is_running;
@@ -116,7 +116,7 @@ impl<const D: usize, const N: usize> Backend<D, N> for Krylov<D, N> {
     /// preconditioner.
     fn factorise(&mut self, layout: &Layout<D, N>, matrix: &BlockMatrix<N>) -> Result<(), LinearError> {
         let ranks = layout.halo.ranks();
-        let system = self.system.as_mut().ok_or(LinearError::Library(Text("the matrix was not prepared")))?;
+        let system = self.system.as_mut().ok_or(NOT_PREPARED)?;
         let outcome = system.take(layout.halo, matrix);
         let mut positive = agree(ranks, outcome)?;
         if let Some(preconditioner) = &mut self.preconditioner {
@@ -139,7 +139,7 @@ impl<const D: usize, const N: usize> Backend<D, N> for Krylov<D, N> {
         tolerance: f64,
     ) -> Result<Solved, LinearError> {
         let Krylov { preconditioner, system } = self;
-        let present = system.as_mut().ok_or(LinearError::Library(Text("the matrix was not prepared")))?;
+        let present = system.as_mut().ok_or(NOT_PREPARED)?;
         let mut context = Context::new(
             layout.halo,
             present.known.numbers(),

@@ -1,12 +1,15 @@
 //! Sparse direct solver: multifrontal LLᵀ and LU and, from the faer library, LDLᵀ without pivoting and LU with partial
 //! pivoting, behind one interface.
 
+#[cfg(test)]
+mod tests;
+
 use crate::memory::{Bound, Memory};
 
 use super::ldlt::Ldlt;
 use super::multifrontal::Multifrontal;
 use super::pivoted_lu::PivotedLu;
-use super::{FactorSize, Factorisation, LinearError, LinearSolver, Pattern};
+use super::{FactorSize, Factorisation, LinearError, Pattern};
 
 /// Largest relative residual at which a solution from a factorisation without pivoting is accepted.
 pub(super) const UNPIVOTED_RESIDUAL: f64 = 1e-8;
@@ -95,8 +98,13 @@ pub(super) fn is_available(here: u64, on_this_machine: u64) -> bool {
     on_this_machine <= LITTLE || Memory::this_machine().is_none_or(has_room)
 }
 
-impl LinearSolver for Direct {
-    fn analyse(&mut self, pattern: Pattern, order: Vec<usize>) -> Result<bool, LinearError> {
+impl Direct {
+    /// Prepares for matrices of this pattern; `order` lists the unknowns in the order of elimination. Does nothing if
+    /// the pattern and the order are the same as in the last analysis; returns false in this case, and true otherwise.
+    ///
+    /// # Errors
+    /// [`LinearError::OutOfMemory`] if the factor does not fit in memory.
+    pub fn analyse(&mut self, pattern: Pattern, order: Vec<usize>) -> Result<bool, LinearError> {
         let is_same = self.pattern == pattern && self.order == order;
         if is_same && (self.fronts.is_some() || self.pivoted.is_some()) {
             self.largest = 0.0; // a resumed run knows nothing of earlier steps
@@ -120,7 +128,11 @@ impl LinearSolver for Direct {
         Ok(true)
     }
 
-    fn factorise(&mut self, values: &[f64]) -> Result<Factorisation, LinearError> {
+    /// Factorises the matrix with these values, in the order of the pattern.
+    ///
+    /// # Errors
+    /// [`LinearError`] if no factorisation exists.
+    pub fn factorise(&mut self, values: &[f64]) -> Result<Factorisation, LinearError> {
         self.kind = None;
         self.suspect = None;
         self.shifted = false;
@@ -143,7 +155,11 @@ impl LinearSolver for Direct {
         })
     }
 
-    fn solve(&mut self, rhs: &mut [f64]) -> Result<(), LinearError> {
+    /// Replaces the right-hand side by the solution.
+    ///
+    /// # Errors
+    /// [`LinearError`] if the solution is not finite, or if a further factorisation that it needs fails.
+    pub fn solve(&mut self, rhs: &mut [f64]) -> Result<(), LinearError> {
         if self.pattern.n == 0 {
             return Ok(());
         }
@@ -159,9 +175,7 @@ impl LinearSolver for Direct {
         }
         Err(LinearError::Singular { unknown: self.suspect })
     }
-}
 
-impl Direct {
     /// The size of the multifrontal factors of the analysed pattern.
     pub fn factor_size(&self) -> FactorSize {
         self.fronts.as_ref().map(Multifrontal::size).unwrap_or_default()

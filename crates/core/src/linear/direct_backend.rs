@@ -2,7 +2,7 @@
 
 use super::backend::{Backend, Layout, Solved, Stiffness};
 use super::blocks::BlockMatrix;
-use super::{Direct, Factorisation, LinearError, LinearSolver, Numbering, Pattern, ordering};
+use super::{Direct, Factorisation, LinearError, Numbering, Pattern, ordering};
 
 /// The entries of a block matrix that belong to unknowns.
 #[derive(Debug, Default)]

@@ -21,7 +21,7 @@ impl Reduction<'_> {
 
 /// Returns, on all ranks, the error of the first rank that has one, so that no rank continues alone.
 pub(super) fn agree<T>(ranks: &Ranks, outcome: Result<T, LinearError>) -> Result<T, LinearError> {
-    match ranks.first(outcome.as_ref().err().copied()) {
+    match ranks.first(outcome.as_ref().err().cloned()) {
         Some(error) => Err(error),
         None => outcome,
     }

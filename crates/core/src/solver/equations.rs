@@ -215,7 +215,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
 
     /// The failure that caused equations to be factorised instead of solved iteratively; returned once.
     pub(super) fn unreported_turn(&mut self) -> Option<LinearError> {
-        let error = self.turned.filter(|_| !self.is_reported);
+        let error = self.turned.clone().filter(|_| !self.is_reported);
         self.is_reported |= error.is_some();
         error
     }
@@ -246,7 +246,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
                 ) => {
                     let turn = timings
                         .measure(Phase::Analyse, || self.prepare_with(Method::Direct, context, system));
-                    turn.map_err(|_| error)?;
+                    turn.map_err(|_| error.clone())?;
                     self.turned.get_or_insert(error);
                 }
                 outcome => return outcome,

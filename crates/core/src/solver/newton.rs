@@ -325,7 +325,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
 
     fn without_equilibrium(&self) -> SolveError {
         let StepContext { model, links, step, .. } = self.context;
-        if let Some(error) = self.course.singular {
+        if let Some(error) = self.course.singular.clone() {
             return SolveError::linear(error, &self.context, &self.system);
         }
         let is_path_missed = self.system.condition.as_ref().is_some_and(|condition| !condition.is_met());

@@ -2,7 +2,7 @@
 
 use std::ffi::CStr;
 
-use mpm_core::linear::{LinearError, Text};
+use mpm_core::linear::LinearError;
 use mpm_core::ranks::Ranks;
 
 use crate::error::{Error, check, text_at};
@@ -92,7 +92,7 @@ impl Factor {
                 return Err(match status {
                     _ if is_memory => LinearError::OutOfMemory { needed: None },
                     0 => LinearError::Singular { unknown: None },
-                    _ => LinearError::Library(Text(format!("MUMPS ends with error {status}").leak())),
+                    _ => LinearError::Library(format!("MUMPS ends with error {status}").into()),
                 });
             }
             room *= 2;

@@ -4,7 +4,7 @@ use std::any::Any;
 use std::ffi::c_void;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 
-use mpm_core::linear::{LinearError, Stiffness, Text};
+use mpm_core::linear::{LinearError, Stiffness};
 use mpm_core::ranks::Halo;
 
 use crate::entries::GlobalNumbers;
@@ -96,7 +96,7 @@ impl<'a, 'b, const D: usize, const N: usize> Context<'a, 'b, D, N> {
         numbers.spread(halo, own, given);
         clear_held(given, held);
         let preconditioner =
-            preconditioner.as_mut().ok_or(LinearError::Library(Text("no preconditioner")))?;
+            preconditioner.as_mut().ok_or(LinearError::Library("no preconditioner".into()))?;
         agree(halo.ranks(), preconditioner.apply(halo, given, found))?;
         clear_held(found, held);
         self.finish_held(|r, held| r / held);

@@ -1,6 +1,6 @@
 //! The iterative backend.
 
-use mpm_core::linear::{BlockMatrix, Factorisation, Layout, LinearError, Text};
+use mpm_core::linear::{BlockMatrix, Factorisation, Layout, LinearError};
 use mpm_core::ranks::{Halo, Ranks};
 use mpm_petsc::{Krylov, Preconditioner};
 
@@ -130,7 +130,7 @@ pub fn panic(ranks: &Ranks) {
 pub fn wrong_option(ranks: &Ranks) {
     let outcome = Part::new(ranks, [6, 3], Kind::Definite).solve(&mut backend::<2>(false), TOLERANCE);
     match outcome.err() {
-        Some(LinearError::Library(Text(text))) => assert!(text.contains("nonsense"), "{text}"),
+        Some(LinearError::Library(text)) => assert!(text.contains("nonsense"), "{text}"),
         other => panic!("{other:?}"),
     }
 }

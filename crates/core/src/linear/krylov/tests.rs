@@ -33,7 +33,7 @@ fn check<const D: usize>(body: &Body<D>, factorisation: Factorisation) {
         let found = solve(body, n, rule);
         for found in &found {
             assert_eq!(found.levels, alone.levels);
-            let solved = found.solved.unwrap();
+            let solved = found.solved.as_ref().unwrap();
             assert_eq!(solved.factorisation, factorisation);
             assert!(solved.iterations.abs_diff(expected.iterations) <= 1, "{solved:?} {expected:?}");
         }

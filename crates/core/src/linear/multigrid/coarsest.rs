@@ -1,7 +1,7 @@
 //! The direct solution on the coarsest level. If there are several ranks, each rank has the whole matrix of this level.
 
 use super::super::reduction::agree;
-use super::super::{Direct, LinearError, LinearSolver, Pattern, ordering};
+use super::super::{Direct, LinearError, Pattern, ordering};
 use super::level::Level;
 
 /// The factor of the matrix of the coarsest level, and the nodes of all ranks on this level.
