@@ -265,11 +265,11 @@ impl Interface {
         Some(unsafe { energy(parameters.as_ptr(), strain.as_ptr(), history.as_ptr()) })
     }
 
-    /// Plastic work per initial volume; zero if the library has no function for it.
-    pub(crate) fn plastic_work(&self, parameters: &[f64], history: &[f64]) -> f64 {
-        let Some(work) = self.plastic_work.filter(|_| self.fits(parameters, history)) else { return 0.0 };
+    /// Plastic work per initial volume; `None` if the library has no function for it.
+    pub(crate) fn plastic_work(&self, parameters: &[f64], history: &[f64]) -> Option<f64> {
+        let work = self.plastic_work.filter(|_| self.fits(parameters, history))?;
         // SAFETY: all arrays have the lengths that the header states.
-        unsafe { work(parameters.as_ptr(), history.as_ptr()) }
+        Some(unsafe { work(parameters.as_ptr(), history.as_ptr()) })
     }
 
     /// Elastic strain that produces a stress; `None` if the library has no function for it.

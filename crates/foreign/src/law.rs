@@ -102,7 +102,16 @@ impl Material for LibraryLaw {
     }
 
     fn plastic_work(&self, history: &[f64]) -> f64 {
-        self.library.interface.plastic_work(&self.parameters, history)
+        self.library.interface.plastic_work(&self.parameters, history).unwrap_or(0.0)
+    }
+
+    /// True if the plastic work has changed; if the library does not state it, any change of a variable counts.
+    fn has_yielded(&self, initial: &[f64], history: &[f64]) -> bool {
+        let work = |history| self.library.interface.plastic_work(&self.parameters, history);
+        match (work(initial), work(history)) {
+            (Some(before), Some(now)) => before != now,
+            _ => initial != history,
+        }
     }
 
     fn tangent_is_symmetric(&self) -> bool {

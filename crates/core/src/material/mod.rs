@@ -278,6 +278,13 @@ pub trait Material: Send + Sync + std::fmt::Debug {
         0.0
     }
 
+    /// True if a point with the history variables `history`, which had the values `initial` at the start, has yielded
+    /// since. By default, any change of a history variable counts; a law some of whose variables also change without
+    /// flow must tell the difference.
+    fn has_yielded(&self, initial: &[f64], history: &[f64]) -> bool {
+        initial != history
+    }
+
     /// The law with its strength divided by a factor: cohesion, tensile strength and the tangent of the friction angle,
     /// or yield stress and hardening modulus; `None` if the law has no such strength.
     fn with_strength_divided(&self, _factor: f64) -> Option<Box<dyn Material>> {

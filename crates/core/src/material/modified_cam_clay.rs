@@ -198,6 +198,11 @@ impl Material for ModifiedCamClay {
         history[WORK]
     }
 
+    /// The other variables also start from an initial stress.
+    fn has_yielded(&self, initial: &[f64], history: &[f64]) -> bool {
+        initial[EQUIVALENT_STRAIN] != history[EQUIVALENT_STRAIN]
+    }
+
     /// Implicit hardening couples the flow direction to P_c although the flow is associated.
     fn tangent_is_symmetric(&self) -> bool {
         false

@@ -13,6 +13,8 @@ const FIELDS: [StateField; 3] = [
     StateField::new("plastic_work", "energy/volume", 0.0),
 ];
 
+/// Index of the equivalent plastic strain among these variables.
+const EQUIVALENT_STRAIN: usize = 0;
 /// Index of the plastic volumetric strain among these variables.
 const VOLUMETRIC_STRAIN: usize = 1;
 /// Index of the plastic work among these variables.
@@ -63,6 +65,11 @@ impl<L: SoilPlasticity> Material for L {
 
     fn plastic_work(&self, history: &[f64]) -> f64 {
         history[PLASTIC_WORK]
+    }
+
+    /// The plastic volumetric strain also starts from an initial stress.
+    fn has_yielded(&self, initial: &[f64], history: &[f64]) -> bool {
+        initial[EQUIVALENT_STRAIN] != history[EQUIVALENT_STRAIN]
     }
 
     fn tangent_is_symmetric(&self) -> bool {

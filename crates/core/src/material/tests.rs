@@ -312,3 +312,24 @@ fn a_law_with_more_friction_than_dilation_is_not_symmetric() {
         assert!(law.tangent_is_symmetric() && is_symmetric(1.2) && !is_symmetric(0.8), "{law:?}");
     }
 }
+
+/// A point yields if it flows, not if it is strained elastically or starts with a stress.
+#[test]
+fn a_point_has_yielded_once_it_has_flowed() {
+    let clays = cam_clays().into_iter().map(|law| Box::new(law) as Box<dyn Material>);
+    let mut flowing = 0;
+    for law in laws().into_iter().chain(clays) {
+        let initial = law.initial_history();
+        let mut stressed = initial.clone();
+        law.start_from(&Sym3([-0.01, -0.02, -0.01, 0.0, 0.0, 0.0]), 0.97, &mut stressed);
+        assert!(!law.has_yielded(&initial, &stressed), "{law:?}");
+        for trial in [Sym3([-1e-6, -1e-6, -1e-6, 0.0, 0.0, 1e-7]), Sym3([0.05, -0.08, 0.0, 0.0, 0.0, 0.1])] {
+            let mut new = stressed.clone();
+            let Ok(response) = law.update(&trial, &stressed, &mut new) else { continue };
+            let has_flowed = (response.elastic_strain - trial).norm() > 1e-12;
+            flowing += usize::from(has_flowed);
+            assert_eq!(law.has_yielded(&initial, &new), has_flowed, "{law:?}");
+        }
+    }
+    assert!(flowing >= 12, "{flowing}");
+}

@@ -170,6 +170,11 @@ impl<L: Material + Clone + 'static> Material for Varying<L> {
         self.with(properties, |law| law.plastic_work(own))
     }
 
+    fn has_yielded(&self, initial: &[f64], history: &[f64]) -> bool {
+        let (own, properties) = self.split(history);
+        self.with(properties, |law| law.has_yielded(self.split(initial).0, own))
+    }
+
     fn with_strength_divided(&self, factor: f64) -> Option<Box<dyn Material>> {
         let divided_by = self.divided_by * factor;
         let is_symmetric = self.typical.with_strength_divided(divided_by)?.tangent_is_symmetric();

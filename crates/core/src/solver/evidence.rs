@@ -13,8 +13,6 @@ use crate::terms::held_material::HeldMaterial;
 use super::attempt::{FailedAttempt, Iterate};
 use crate::step::Step;
 
-/// Name of the history variable of laws that distinguishes plastic flow from other changes.
-const EQUIVALENT_PLASTIC_STRAIN: &str = "equivalent_plastic_strain";
 /// Filling ratio below which cells are not examined for hourglass modes, since their nodes move far for another reason,
 /// [-].
 const FULL: f64 = 0.5;
@@ -64,18 +62,13 @@ fn cells_at<const D: usize>(model: &Model<D>, links: &Connectivity<D>, place: &[
     links.active_cells().iter().copied().filter(|cell| touches(*cell)).collect()
 }
 
-/// Number of points that have yielded since the start of the analysis, including the failed step: those whose
-/// equivalent plastic strain, or, if their law has none, any history variable differs from the initial value at their
-/// position. The other variables of soils also change with the initial stress.
+/// Number of points that have yielded since the start of the analysis, including the failed step.
 pub(super) fn points_that_flow<const D: usize>(model: &Model<D>, points: &Points<D>) -> usize {
     let flows = |p: &usize| {
         let law = model.law(points, *p);
         let initial = law.initial_history_at(&padded(&points.original_position[*p]));
-        let plastic = law.state_fields().iter().position(|field| field.name == EQUIVALENT_PLASTIC_STRAIN);
-        let shown = plastic.map_or(0..initial.len(), |f| f..f + 1);
-        let own = [&points.trial.history, &points.converged.history];
-        let own = own.map(|all| &all[p * points.history_len..]);
-        shown.into_iter().any(|f| own.iter().any(|history| history[f] != initial[f]))
+        let own = |all: &[f64]| law.has_yielded(&initial, &all[p * points.history_len..][..initial.len()]);
+        own(&points.trial.history) || own(&points.converged.history)
     };
     (0..points.len()).filter(flows).count()
 }
