@@ -1,9 +1,10 @@
 //! The material points: their fixed fields, their converged state, and the trial state of the current load step.
 //!
-//! Each field is declared once, in `points/fields.rs`; the code for commits, reordering, checkpoints and arrays follows
-//! from the declaration. Fields that only some analyses need are declared at run time by [`Points::declare`].
+//! Each field is declared once, in `points/fields.rs`; commits, reordering, checkpoints and arrays work on the list of
+//! all fields. Fields that only some analyses need are declared at run time by [`Points::declare`].
 
 mod arrays;
+mod column;
 mod declare;
 mod fields;
 mod further;

@@ -1,5 +1,5 @@
-//! Declaration of the fields of the points: from a list of fields, [`point_fields`] generates the arrays and all code
-//! that handles each field.
+//! Declaration of the fields of the points: from a list of fields, [`point_fields`] generates the arrays and the lists
+//! of fields on which all other code works.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -44,18 +44,18 @@ pub struct StoredField {
 ///
 /// Fixed fields have no name in messages. The shape is `one` (one value per point), `one_or_none` (the same, but the
 /// field takes no memory if all initial values are zero) or `up_to[count]` (several values per point, the same number
-/// for all points). The macro generates both structures, `Points::new`, the code that reorders fields, commits trial
-/// values and checks array lengths, the visitor of the state for checkpoints, and the look-up of fields by name.
+/// for all points). The macro generates both structures, the initial values, and the lists of the fields and of their
+/// columns, in the order of declaration; functions on these lists do everything else (`points/fields.rs`).
 macro_rules! point_fields {
-    (@per $self:ident) => { 1 };
-    (@per $self:ident $per:ident) => { $self.$per };
-    (@field $self:ident, $kind:ident, $name:ident: $type:ty, $([$per:ident])? $unit:literal, $label:literal) => {
+    (@per $counts:ident) => { 1 };
+    (@per $counts:ident $per:ident) => { $counts.$per };
+    (@field $points:ident, $kind:ident, $name:ident: $type:ty, $([$per:ident])? $unit:literal, $label:expr) => {
         $crate::points::StoredField {
             name: stringify!($name),
             label: $label,
             unit: $unit,
             kind: $crate::points::FieldKind::$kind,
-            components: point_fields!(@per $self $($per)?)
+            components: point_fields!(@per $points $($per)?)
                 * <$type as $crate::points::value::Value>::COMPONENTS,
         }
     };
@@ -91,39 +91,17 @@ macro_rules! point_fields {
         }
 
         impl<const D: usize> $State<D> {
-            /// The initial trial state of a step that begins from this state.
-            pub(super) fn trial(&self) -> Self {
-                $State { $($answer: self.$answer.clone(),)* ..$State::default() }
+            /// Number of fields of the motion, the first ones of the columns; answers follow.
+            pub(super) const N_MOTION: usize = [$(stringify!($motion)),*].len();
+
+            /// The columns of all fields.
+            pub(super) fn columns(&self) -> Vec<&dyn $crate::points::column::Column> {
+                vec![$(&self.$motion,)* $(&self.$answer,)*]
             }
 
-            /// Swaps the responses of laws with those of another state.
-            pub(super) fn swap_answers(&mut self, other: &mut Self) {
-                $(std::mem::swap(&mut self.$answer, &mut other.$answer);)*
-            }
-
-            /// Takes over a trial state, including the fields of the motion if the trial state has them.
-            pub(super) fn take(&mut self, trial: &mut Self) {
-                self.swap_answers(trial);
-                let has_moved = [$(trial.$motion.len() == self.$motion.len()),*];
-                if has_moved.into_iter().all(|has_moved| has_moved) {
-                    $(self.$motion = std::mem::take(&mut trial.$motion);)*
-                }
-            }
-
-            /// Allocates the fields of the motion with the lengths of this converged state; the caller must write every
-            /// value.
-            pub(crate) fn make_room_for_motion(&mut self, converged: &Self) {
-                $(self.$motion.resize(converged.$motion.len(), $crate::points::value::Value::ZERO);)*
-            }
-
-            /// Discards the fields of the motion and frees their memory.
-            pub(crate) fn forget_motion(&mut self) {
-                $(self.$motion = Vec::new();)*
-            }
-
-            /// Number of entries of each field.
-            pub(super) fn lengths(&self) -> Vec<usize> {
-                vec![$(self.$motion.len(),)* $(self.$answer.len(),)*]
+            /// The columns of all fields, to be changed.
+            pub(super) fn columns_mut(&mut self) -> Vec<&mut dyn $crate::points::column::Column> {
+                vec![$(&mut self.$motion,)* $(&mut self.$answer,)*]
             }
         }
 
@@ -154,12 +132,6 @@ macro_rules! point_fields {
             pub const STORED: &'static [&'static str] =
                 &[$(stringify!($fixed),)* $(stringify!($motion),)* $(stringify!($answer),)*];
 
-            /// Stress-free, undeformed points; their order determines the permanent numbers.
-            pub fn new(seeds: &[$crate::points::Seed<D>]) -> Self {
-                let numbers = (0..seeds.len() as u32).collect();
-                $Points::numbered(seeds, numbers, &$crate::ranks::Ranks::default())
-            }
-
             /// Stress-free, undeformed points with these permanent numbers; other ranks create the other points. All
             /// ranks store the same number of values per point.
             #[inline(never)]
@@ -170,7 +142,7 @@ macro_rules! point_fields {
             ) -> Self {
                 use $crate::points::declare::start;
                 $(let $count = ranks.largest(start::most(seeds, $count_of) as f64) as usize;)*
-                let state = $State {
+                let converged = $State {
                     $($motion: start::$motion_shape(seeds, $($motion_per,)? $motion_start),)*
                     $($answer: start::$answer_shape(seeds, $($answer_per,)? $answer_start),)*
                 };
@@ -178,8 +150,8 @@ macro_rules! point_fields {
                     id,
                     cell: vec![0; seeds.len()],
                     $($fixed: start::$fixed_shape(seeds, $($fixed_per,)? $fixed_start),)*
-                    trial: state.trial(),
-                    converged: state,
+                    trial: $State { $($answer: converged.$answer.clone(),)* ..$State::default() },
+                    converged,
                     $($count,)*
                     further: $crate::points::Further::default(),
                     ranks: ranks.clone(),
@@ -187,175 +159,33 @@ macro_rules! point_fields {
                 }
             }
 
-            /// Puts the points into another order.
-            #[inline(never)]
-            pub(super) fn reorder(&mut self, order: &[u32]) {
-                use $crate::points::declare::{gather, gather_into};
-                self.id = gather(&self.id, order, 1);
-                self.cell = gather(&self.cell, order, 1);
-                $(self.$fixed = gather(&self.$fixed, order, point_fields!(@per self $($fixed_per)?));)*
-                $(
-                    let per_point = point_fields!(@per self $($motion_per)?);
-                    self.converged.$motion = gather(&self.converged.$motion, order, per_point);
-                )*
-                // Reuse the trial state: the current step has not written it yet.
-                let (old, new) = (&self.converged, &mut self.trial);
-                $(gather_into(&old.$answer, order, point_fields!(@per self $($answer_per)?), &mut new.$answer);)*
-                self.converged.swap_answers(&mut self.trial);
-                self.further.reorder(order);
-            }
-
-            /// Keeps the points with these indices, in this order.
-            #[allow(dead_code, reason = "tests declare points whose number never changes")]
-            #[inline(never)]
-            pub(super) fn select(&mut self, order: &[u32]) {
-                use $crate::points::declare::gather;
-                self.id = gather(&self.id, order, 1);
-                self.cell = gather(&self.cell, order, 1);
-                $(self.$fixed = gather(&self.$fixed, order, point_fields!(@per self $($fixed_per)?));)*
-                $(
-                    let per_point = point_fields!(@per self $($motion_per)?);
-                    self.converged.$motion = gather(&self.converged.$motion, order, per_point);
-                )*
-                $(
-                    let per_point = point_fields!(@per self $($answer_per)?);
-                    self.converged.$answer = gather(&self.converged.$answer, order, per_point);
-                )*
-                self.trial = self.converged.trial();
-                self.further.reorder(order);
-            }
-
-            /// Appends other points, in their converged state. Both sets must store the same number of values per
-            /// point.
-            #[allow(dead_code, reason = "tests declare points whose number never changes")]
-            #[inline(never)]
-            pub(super) fn append_fields(&mut self, other: &Self) {
-                let n = self.id.len();
-                use $crate::points::declare::append;
-                append(&mut self.id, &other.id, [n, other.id.len()]);
-                append(&mut self.cell, &other.cell, [n, other.id.len()]);
-                $(
-                    let per_point = point_fields!(@per self $($fixed_per)?);
-                    append(&mut self.$fixed, &other.$fixed, [n, other.id.len()].map(|n| n * per_point));
-                )*
-                $(
-                    let per_point = point_fields!(@per self $($motion_per)?);
-                    let counts = [n, other.id.len()].map(|n| n * per_point);
-                    append(&mut self.converged.$motion, &other.converged.$motion, counts);
-                )*
-                $(
-                    let per_point = point_fields!(@per self $($answer_per)?);
-                    let counts = [n, other.id.len()].map(|n| n * per_point);
-                    append(&mut self.converged.$answer, &other.converged.$answer, counts);
-                )*
-                self.trial = self.converged.trial();
-                self.further.append(&other.further, [n, other.id.len()]);
-            }
-
-            /// The converged values of all fields at the points with these indices, as plain numbers; an empty list for
-            /// a field without entries.
-            #[allow(dead_code, reason = "tests declare points that stay on one rank")]
-            pub(super) fn numbers_of_fields(&self, places: &[u32]) -> Vec<Vec<f64>> {
-                use $crate::points::value::numbers_at;
+            /// The declared fields.
+            pub(super) fn stored_fields(&self) -> Vec<$crate::points::StoredField> {
                 vec![
-                    $(numbers_at(&self.$fixed, places, point_fields!(@per self $($fixed_per)?)),)*
-                    $(numbers_at(&self.converged.$motion, places, point_fields!(@per self $($motion_per)?)),)*
-                    $(numbers_at(&self.converged.$answer, places, point_fields!(@per self $($answer_per)?)),)*
+                    $(point_fields!(
+                        @field self, Fixed, $fixed: $fixed_type, $([$fixed_per])? $fixed_unit, stringify!($fixed)
+                    ),)*
+                    $(point_fields!(
+                        @field self, Motion, $motion: $motion_type, $([$motion_per])? $motion_unit, $motion_label
+                    ),)*
+                    $(point_fields!(
+                        @field self, Answer, $answer: $answer_type, $([$answer_per])? $answer_unit, $answer_label
+                    ),)*
                 ]
             }
 
-            /// Replaces all fields by numbers that [`Self::numbers_of_fields`] returned.
-            #[allow(dead_code, reason = "tests declare points that stay on one rank")]
-            pub(super) fn take_fields(&mut self, fields: Vec<Vec<f64>>) {
-                let mut fields = fields.into_iter();
-                $(self.$fixed = $crate::points::value::from_numbers(&fields.next().unwrap_or_default());)*
-                $(self.converged.$motion = $crate::points::value::from_numbers(&fields.next().unwrap_or_default());)*
-                $(self.converged.$answer = $crate::points::value::from_numbers(&fields.next().unwrap_or_default());)*
+            /// The columns of the declared fields: the fixed fields, and those of the converged state.
+            pub(super) fn columns(&self) -> Vec<&dyn $crate::points::column::Column> {
+                let mut columns: Vec<&dyn $crate::points::column::Column> = vec![$(&self.$fixed),*];
+                columns.extend(self.converged.columns());
+                columns
             }
 
-            /// An empty set of points that stores as many values per point as this one, without further fields.
-            #[allow(dead_code, reason = "tests declare points that stay on one rank")]
-            pub(super) fn with_counts(&self) -> Self {
-                let none = $Points::new(&[]);
-                $Points {
-                    $($count: self.$count,)*
-                    ranks: self.ranks.clone(),
-                    partition: self.partition.clone(),
-                    ..none
-                }
-            }
-
-            /// Visits the fields of the converged state as checkpoints store them: in the order of declaration, with
-            /// values in the current order of the points; zeros for a field without entries.
-            ///
-            /// # Errors
-            /// The first error that a visit returns.
-            pub fn for_each_field<E>(
-                &self,
-                mut visit: impl FnMut(&$crate::points::StoredField, &mut dyn Iterator<Item = f64>) -> Result<(), E>,
-            ) -> Result<(), E> {
-                use $crate::points::value::numbers;
-                let n = self.id.len();
-                $(
-                    let field = point_fields!(
-                        @field self, Motion, $motion: $motion_type, $([$motion_per])? $motion_unit, $motion_label
-                    );
-                    let count = n * point_fields!(@per self $($motion_per)?);
-                    visit(&field, &mut numbers(&self.converged.$motion, count))?;
-                )*
-                $(
-                    let field = point_fields!(
-                        @field self, Answer, $answer: $answer_type, $([$answer_per])? $answer_unit, $answer_label
-                    );
-                    let count = n * point_fields!(@per self $($answer_per)?);
-                    visit(&field, &mut numbers(&self.converged.$answer, count))?;
-                )*
-                Ok(())
-            }
-
-            /// Builds a state from the fields that [`Self::for_each_field`] visits; `read` must return the requested
-            /// number of values of a field.
-            ///
-            /// # Errors
-            /// The first error of `read`.
-            pub fn read_state<E>(
-                &self,
-                mut read: impl FnMut(&$crate::points::StoredField, usize) -> Result<Vec<f64>, E>,
-            ) -> Result<$State<D>, E> {
-                use $crate::points::value::restored;
-                let n = self.id.len();
-                Ok($State {
-                    $($motion: {
-                        let field = point_fields!(
-                            @field self, Motion, $motion: $motion_type, $([$motion_per])? $motion_unit, $motion_label
-                        );
-                        restored(&read(&field, n * field.components)?, &self.converged.$motion)
-                    },)*
-                    $($answer: {
-                        let field = point_fields!(
-                            @field self, Answer, $answer: $answer_type, $([$answer_per])? $answer_unit, $answer_label
-                        );
-                        restored(&read(&field, n * field.components)?, &self.converged.$answer)
-                    },)*
-                })
-            }
-
-            /// The converged values of the declared field with this name, with the points in this order.
-            pub(crate) fn stored(&self, name: &str, order: &[usize]) -> Option<$crate::points::PointValues> {
-                use $crate::points::PointValues;
-                $(if name == stringify!($fixed) {
-                    let per_point = point_fields!(@per self $($fixed_per)?);
-                    return Some(PointValues::of_field(&self.$fixed, per_point, order));
-                })*
-                $(if name == stringify!($motion) {
-                    let per_point = point_fields!(@per self $($motion_per)?);
-                    return Some(PointValues::of_field(&self.converged.$motion, per_point, order));
-                })*
-                $(if name == stringify!($answer) {
-                    let per_point = point_fields!(@per self $($answer_per)?);
-                    return Some(PointValues::of_field(&self.converged.$answer, per_point, order));
-                })*
-                None
+            /// The columns of the declared fields, to be changed.
+            pub(super) fn columns_mut(&mut self) -> Vec<&mut dyn $crate::points::column::Column> {
+                let mut columns: Vec<&mut dyn $crate::points::column::Column> = vec![$(&mut self.$fixed),*];
+                columns.extend(self.converged.columns_mut());
+                columns
             }
         }
     };
@@ -401,33 +231,4 @@ pub(super) mod start {
         }
         all
     }
-}
-
-/// Reorders the values of points, `n` for each point; empty if there are no values.
-pub(super) fn gather<T: Copy + Send + Sync>(values: &[T], order: &[u32], n: usize) -> Vec<T> {
-    if values.is_empty() {
-        Vec::new()
-    } else if n == 1 {
-        order.par_iter().with_min_len(PIECE).map(|&p| values[p as usize]).collect()
-    } else {
-        order.iter().flat_map(|&p| &values[p as usize * n..][..n]).copied().collect()
-    }
-}
-
-/// Appends `others` to `values`; `counts` are the lengths of both, and an array without entries stands for zeros.
-pub(super) fn append<T: Value>(values: &mut Vec<T>, others: &[T], counts: [usize; 2]) {
-    if values.is_empty() && others.is_empty() {
-        return;
-    }
-    // Growth by doubling would take twice the memory even when few points arrive.
-    values.reserve_exact((counts[0] + counts[1]).saturating_sub(values.len()));
-    values.resize(counts[0], T::ZERO);
-    values.extend(others);
-    values.resize(counts[0] + counts[1], T::ZERO);
-}
-
-/// Like [`gather`], but into an existing array.
-pub(super) fn gather_into<T: Copy + Send + Sync>(values: &[T], order: &[u32], n: usize, room: &mut [T]) {
-    let places = room.par_chunks_exact_mut(n.max(1)).with_min_len(PIECE);
-    places.zip(order).for_each(|(place, &p)| place.copy_from_slice(&values[p as usize * n..][..n]));
 }

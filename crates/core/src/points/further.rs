@@ -4,7 +4,8 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::declare::{FieldKind, append, gather};
+use super::column::{append, gather};
+use super::declare::FieldKind;
 use crate::counted::counted;
 
 /// Largest number of components per point of a further field.

@@ -329,7 +329,7 @@ impl<const D: usize> Points<D> {
         let Ok(Packed { id, cell, fields, further }) = postcard::from_bytes(message) else { return };
         let mut others = self.none();
         (others.id, others.cell) = (id, cell);
-        others.take_fields(fields);
+        others.take_fields(&fields);
         others.further.take(further, others.id.len());
         self.append(&others);
     }

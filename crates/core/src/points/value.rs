@@ -134,39 +134,6 @@ impl Restored for bool {
     }
 }
 
-/// The numbers of a field at the points with these indices, `per_point` values each; empty if the field has no entries.
-pub(super) fn numbers_at<T: Value>(values: &[T], places: &[u32], per_point: usize) -> Vec<f64> {
-    if values.is_empty() {
-        return Vec::new();
-    }
-    let mut numbers = Vec::with_capacity(places.len() * per_point * T::COMPONENTS);
-    for &p in places {
-        for value in &values[p as usize * per_point..][..per_point] {
-            (0..T::COMPONENTS).for_each(|c| numbers.push(value.number(c)));
-        }
-    }
-    numbers
-}
-
-/// Builds values from their numbers.
-pub(super) fn from_numbers<T: Restored>(numbers: &[f64]) -> Vec<T> {
-    numbers.chunks_exact(T::COMPONENTS).map(T::from_numbers).collect()
-}
-
-/// The numbers of a field as they are stored, zero for values that have no entry.
-pub(super) fn numbers<T: Value>(values: &[T], count: usize) -> impl Iterator<Item = f64> {
-    let n = T::COMPONENTS;
-    (0..count * n).map(move |k| values.get(k / n).map_or(0.0, |value| value.number(k % n)))
-}
-
-/// Builds values from these numbers; empty if `present`, the values that they replace, is empty.
-pub(super) fn restored<T: Restored>(numbers: &[f64], present: &[T]) -> Vec<T> {
-    if present.is_empty() {
-        return Vec::new();
-    }
-    numbers.chunks_exact(T::COMPONENTS).map(T::from_numbers).collect()
-}
-
 /// One array for users of the library: the values of a field in the order of the permanent numbers of the points.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PointValues {
