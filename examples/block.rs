@@ -50,7 +50,7 @@ fn run(spacing: f64, law: Box<dyn Material>, method: Method) {
     let set_up = memory();
     let start = Instant::now();
     let summary = match solver::run(&model, &mut points, &mut Silent) {
-        Ok(summary) => summary,
+        Ok(reached) => reached.summary,
         Err(error) => return println!("{error}"),
     };
     let lowest = |p: usize| points.converged.position[p][2] - points.original_position[p][2];

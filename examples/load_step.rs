@@ -17,7 +17,7 @@ use mpm::deck::{build::build, load::load_text};
 use mpm::material::Response;
 use mpm::model::{Action, Model, NodeSet};
 use mpm::points::Points;
-use mpm::solver::{self, Observer, Step, StepReport, Summary};
+use mpm::solver::{self, Observer, Reached, Step, StepReport, Summary};
 use mpm::tensor::{Mat3, Sym3, log_derivative, padded};
 use nalgebra::{DMatrix, DVector, Vector3};
 use std::ops::AddAssign;
@@ -177,7 +177,7 @@ impl Observer<2> for Twin {
         model: &Model<2>,
         points: &Points<2>,
         report: &StepReport<2>,
-        _: &Summary,
+        _: &Reached,
     ) -> std::io::Result<()> {
         let (delta_d, f_react, residuals) = load_step(model, &mut self.0, report.step).expect("equilibrium");
         let nodal =
@@ -208,7 +208,7 @@ fn run(method: &str, material: &str) -> Summary {
     let deck = load_text("cantilever", DECK.as_bytes(), &set).expect("a sound deck");
     let (model, mut points) = build(&deck).expect("a sound model");
     let mut twin = Twin(points.clone());
-    solver::run(&model, &mut points, &mut twin).expect("equilibrium")
+    solver::run(&model, &mut points, &mut twin).expect("equilibrium").summary
 }
 
 fn main() {

@@ -193,13 +193,13 @@ fn run(directory: &Path, from: Option<usize>) -> Result<(Summary, Points<2>), Bo
             resume_stage(&mut model, &mut points, &reached)?;
             checkpoint.restore(&model, &mut points)?;
             let place = (directory, Lock::take(directory)?);
-            let files = Results::resume(place, &asked, &model, account, &checkpoint, reached.step)?;
+            let files = Results::resume(place, &asked, &model, account, &checkpoint, reached.progress.step)?;
             (reached, files)
         }
     };
     let never = &mut |_: &mut _, _: &mut _, _: &mut _| Ok(false);
-    let summary = run_extended(&mut model, &mut points, reached, &extension(), &mut files, never)?;
-    Ok((summary, points))
+    let reached = run_extended(&mut model, &mut points, reached, &extension(), &mut files, never)?;
+    Ok((reached.summary, points))
 }
 
 fn main() {

@@ -253,17 +253,17 @@ where
         model: &Model<D>,
         points: &Points<D>,
         report: &StepReport<D>,
-        summary: &Summary,
+        reached: &Reached,
     ) -> io::Result<()> {
         let mut follower = self.0.borrow_mut();
         let worker = &mut *follower.worker;
-        worker.record.converged(model, points, report, summary)?;
+        worker.record.converged(model, points, report, reached)?;
         if let Some(files) = &mut worker.files {
-            files.results.converged(model, points, report, summary)?;
-            files.progress.converged(report, summary);
+            files.results.converged(model, points, report, reached)?;
+            files.progress.converged(report, reached);
             files.write_status();
         }
-        let document = step_document(model, report, summary, worker.record.wording());
+        let document = step_document(model, report, &reached.summary, worker.record.wording());
         follower.pause(&(model, points), Some(document));
         Ok(())
     }
@@ -308,13 +308,13 @@ where
         &mut self,
         model: &Model<D>,
         points: &Points<D>,
-        summary: &Summary,
+        reached: &Reached,
         error: Option<&SolveError>,
     ) -> io::Result<()> {
         let worker = &mut *self.0.borrow_mut().worker;
-        let recorded = worker.record.finished(model, points, summary, error);
+        let recorded = worker.record.finished(model, points, reached, error);
         let Some(files) = &mut worker.files else { return recorded };
-        let written = files.results.finished(model, points, summary, error);
+        let written = files.results.finished(model, points, reached, error);
         let lost = written.as_ref().err().map(SolveError::output);
         files.progress.finished(error.or(lost.as_ref()));
         files.write_status();

@@ -89,7 +89,9 @@ fn codes(deck: &str, set: &[(String, String)]) -> Codes {
             take(&ready.notes);
             let nothing = ready.analysis.beginning();
             match ready.analysis.run(nothing, &mut Silent) {
-                Ok(summary) => codes[1].extend(summary.warnings.iter().map(|warning| warning.code.text())),
+                Ok(reached) => {
+                    codes[1].extend(reached.summary.warnings.iter().map(|warning| warning.code.text()))
+                }
                 Err(error) => {
                     codes[0].insert(error.code().unwrap());
                 }

@@ -11,16 +11,16 @@ use mpm::deck::diagnostic::Diagnostic;
 use mpm::deck::load::{load, load_text};
 use mpm::model::Model;
 use mpm::points::Points;
-use mpm::solver::{self, Silent, Summary, path_length};
+use mpm::solver::{self, Reached, Silent, path_length};
 
 fn deck(text: &str) -> (Model<2>, Points<2>) {
     let loaded = load_text("deck", text.as_bytes(), &[]).unwrap_or_else(|failure| panic!("{failure}"));
     build(&loaded).unwrap_or_else(|found| panic!("{found:?}"))
 }
 
-fn run((model, mut points): (Model<2>, Points<2>)) -> (Points<2>, Summary) {
-    let summary = solver::run(&model, &mut points, &mut Silent).unwrap();
-    (points, summary)
+fn run((model, mut points): (Model<2>, Points<2>)) -> (Points<2>, Reached) {
+    let reached = solver::run(&model, &mut points, &mut Silent).unwrap();
+    (points, reached)
 }
 
 fn faults(text: &str) -> Vec<Diagnostic> {
@@ -128,18 +128,18 @@ steps: {count: COUNT, control: {type: arc-length LENGTH}}
 ";
 
 /// The cantilever along a path of this length, and the length that it reached.
-fn cantilever(count: usize, length: Option<f64>) -> (Points<2>, Summary, f64) {
+fn cantilever(count: usize, length: Option<f64>) -> (Points<2>, Reached, f64) {
     let given = length.map_or(String::new(), |length| format!(", length: {length:?}"));
     let text = CANTILEVER.replace("COUNT", &count.to_string()).replace("LENGTH", &given);
-    let (points, summary) = run(deck(&text));
-    let found = path_length(&points, &summary.path, 1.0).unwrap();
-    (points, summary, found)
+    let (points, reached) = run(deck(&text));
+    let found = path_length(&points, &reached.progress.path, 1.0).unwrap();
+    (points, reached, found)
 }
 
 #[test]
 fn the_length_of_the_path_can_be_given() {
-    let (free, free_summary, length) = cantilever(8, None);
-    let (given, given_summary, same) = cantilever(8, Some(length));
+    let (free, free_reached, length) = cantilever(8, None);
+    let (given, given_reached, same) = cantilever(8, Some(length));
     let apart = |a: &Points<2>, b: &Points<2>| {
         let (in_a, in_b) = (a.by_id(), b.by_id());
         let pairs = in_a.iter().zip(&in_b);
@@ -148,13 +148,14 @@ fn the_length_of_the_path_can_be_given() {
     };
     println!("length {length}, given {same}, places off by {:.1e}", apart(&free, &given));
     assert!((same / length - 1.0).abs() < 1e-12 && apart(&free, &given) < 1e-9);
-    assert!((given_summary.path.factor / free_summary.path.factor - 1.0).abs() < 1e-9);
+    assert!((given_reached.progress.path.factor / free_reached.progress.path.factor - 1.0).abs() < 1e-9);
     // Twice as many steps of half the length end at the same state; the same number of these steps ends half-way.
-    let (fine, fine_summary, _) = cantilever(16, Some(length));
-    let (half, half_summary, halved) = cantilever(8, Some(0.5 * length));
+    let (fine, fine_reached, _) = cantilever(16, Some(length));
+    let (half, half_reached, halved) = cantilever(8, Some(0.5 * length));
     let (far, to_half) = (apart(&fine, &given), apart(&half, &given));
     println!("steps of half the length: places off by {far:.1e}; half of the path: by {to_half:.1e}");
-    assert_eq!((given_summary.steps, fine_summary.steps, half_summary.steps), (8, 16, 8));
+    let steps = [given_reached, fine_reached, half_reached].map(|reached| reached.summary.steps);
+    assert_eq!(steps, [8, 16, 8]);
     assert!((halved / length - 0.5).abs() < 1e-12);
     assert!(far < 0.1 * to_half, "{far:e}, {to_half:e}");
 }

@@ -6,7 +6,7 @@ use mpm::deck::load::load_text;
 use mpm::dofs::{ConstraintError, Constraints, Fields};
 use mpm::model::Model;
 use mpm::points::Points;
-use mpm::solver::{Kernels, Observer, Silent, SolveError, StepReport, Stepper, Summary};
+use mpm::solver::{Kernels, Observer, Reached, Silent, SolveError, StepReport, Stepper};
 use mpm::step::{At, StepContext};
 use mpm::stress::PlaneStrain;
 use mpm::terms::{BeginError, EvaluateError, GlobalMotion, Saved, Term};
@@ -46,7 +46,7 @@ impl<const D: usize> Observer<D> for Last<D> {
         _: &Model<D>,
         _: &Points<D>,
         report: &StepReport<D>,
-        _: &Summary,
+        _: &Reached,
     ) -> std::io::Result<()> {
         self.0 = Some(report.clone());
         Ok(())
@@ -63,7 +63,7 @@ impl Observer<2> for Every {
         _: &Model<2>,
         _: &Points<2>,
         report: &StepReport<2>,
-        _: &Summary,
+        _: &Reached,
     ) -> std::io::Result<()> {
         self.0.push(report.clone());
         Ok(())
@@ -336,8 +336,9 @@ fn a_lid_of_ties_and_one_of_springs_on_a_plate_press_alike() {
     let (model, mut points) = block(&[]);
     let mut last = Last(None);
     let terms: Vec<Box<dyn Term<2>>> = vec![Lid::new(force, Some(spring))];
-    let summary = Stepper::new(&model, &mut points).with_terms(terms).unwrap().run(&mut last).unwrap();
-    let (moved, elongation): ([f64; 2], f64) = serde_json::from_value(summary.terms["lid"].value()).unwrap();
+    let reached = Stepper::new(&model, &mut points).with_terms(terms).unwrap().run(&mut last).unwrap();
+    let (moved, elongation): ([f64; 2], f64) =
+        serde_json::from_value(reached.progress.terms["lid"].value()).unwrap();
     // By the equation of the plate, the springs carry the force.
     assert!((spring * elongation / force + 1.0).abs() < 1e-9, "{elongation:e}");
     let sprung = last.0.unwrap();
@@ -453,13 +454,14 @@ fn a_further_field_is_solved_beside_the_displacement() {
         let stepper = Stepper::<2, 3>::with_fields(&model, &mut points, kernels, fields).unwrap();
         let conduction = Conduction { unit, again: 3.0 * unit, at_end: Vec::new(), start: Vec::new() };
         let mut last = Last(None);
-        let summary = stepper.with_terms(vec![Box::new(conduction)]).unwrap().run(&mut last).unwrap();
+        let reached = stepper.with_terms(vec![Box::new(conduction)]).unwrap().run(&mut last).unwrap();
         let report = last.0.unwrap();
         assert!(report.unknowns > alone.unknowns && report.residuals.last().unwrap() <= &1e-9);
         let moved = farthest(&report.grid.delta_d, &alone.grid.delta_d);
         let size = farthest(&alone.grid.delta_d, &vec![[0.0; 2]; alone.grid.delta_d.len()]);
         assert!(moved < 1e-9 * size, "{unit:e}: {moved:e}");
-        let found: Vec<(f64, f64)> = serde_json::from_value(summary.terms["conduction"].value()).unwrap();
+        let found: Vec<(f64, f64)> =
+            serde_json::from_value(reached.progress.terms["conduction"].value()).unwrap();
         assert_eq!(found.len(), report.grid.delta_d.len());
         for (y, value) in found {
             assert!((value / unit - (1.0 + y)).abs() < 1e-9, "{unit:e}: {value:e} at {y}");

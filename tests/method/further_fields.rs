@@ -197,7 +197,7 @@ fn further_fields_survive_grouping_commit_checkpoint_and_resumption_and_are_in_f
     // The history goes on with the same columns, and is refused with others.
     let resume = |asked: &Request| {
         let place = (&*directory, Lock::take(&directory).unwrap());
-        Results::resume(place, asked, &model, account(), &checkpoint, reached.step)
+        Results::resume(place, asked, &model, account(), &checkpoint, reached.progress.step)
     };
     let refused = resume(&Request { forces: Vec::new(), ..asked.clone() }).err().unwrap().to_string();
     assert!(refused.contains("columns"), "{refused}");

@@ -18,7 +18,7 @@ use mpm::model::Model;
 use mpm::points::Points;
 use mpm::quality::Code;
 use mpm::ranks::Halo;
-use mpm::solver::{self, Observer, Solvable, StepReport, Summary};
+use mpm::solver::{self, Observer, Reached, Solvable, StepReport, Summary};
 use mpm::step::{At, StepContext};
 use mpm::stress::{Mechanics, PlaneStrain, Solid};
 use mpm::terms::Sum;
@@ -347,7 +347,7 @@ impl<const D: usize> Observer<D> for Record {
         _: &Model<D>,
         points: &Points<D>,
         report: &StepReport<D>,
-        _: &Summary,
+        _: &Reached,
     ) -> std::io::Result<()> {
         self.residuals.push(report.residuals.clone());
         self.factorisations.extend(&report.factorisations);
@@ -365,7 +365,7 @@ where
     built.0.newton.linear = linear;
     pool.install(|| {
         let mut record = Record::default();
-        let summary = solver::run(&built.0, &mut built.1, &mut record).unwrap();
+        let Reached { summary, .. } = solver::run(&built.0, &mut built.1, &mut record).unwrap();
         (record, summary)
     })
 }

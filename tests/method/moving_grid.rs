@@ -6,8 +6,7 @@ use mpm::deck::load::{LoadedDeck, load_text};
 use mpm::model::Model;
 use mpm::points::{PointArray, Points};
 use mpm::solver::{
-    Observer, Reached, Silent, Solvable, SolveError, StepReport, Stepper, Summary, resume_stage, run,
-    run_stages,
+    Observer, Reached, Silent, Solvable, SolveError, StepReport, Stepper, resume_stage, run, run_stages,
 };
 
 type Build<const D: usize> = fn(&LoadedDeck) -> Result<(Model<D>, Points<D>), Vec<Diagnostic>>;
@@ -34,7 +33,7 @@ impl<const D: usize> Observer<D> for Every<D> {
         model: &Model<D>,
         points: &Points<D>,
         report: &StepReport<D>,
-        summary: &Summary,
+        reached: &Reached,
     ) -> std::io::Result<()> {
         let values = |array| points.array(array).values;
         self.steps.push(State {
@@ -43,7 +42,7 @@ impl<const D: usize> Observer<D> for Every<D> {
             gradient: values(PointArray::DeformationGradient),
             reactions: report.reactions.iter().flatten().copied().collect(),
         });
-        self.resumable.push((points.clone(), Reached { step: report.step, summary: summary.clone() }));
+        self.resumable.push((points.clone(), reached.clone()));
         let axis = &model.grid.lines().unwrap().axes()[D - 1];
         self.lines.push((0..=axis.n_cells()).map(|number| axis.line(number)).collect());
         Ok(())
@@ -255,7 +254,7 @@ fn a_grid_that_has_not_been_moved_is_refused() {
     let (mut model, mut points) = built();
     let mut reached = Reached::nothing(&points);
     for _ in 0..6 {
-        model.place_grid(reached.step.end).unwrap();
+        model.place_grid(reached.progress.step.end).unwrap();
         let mut stepper = Stepper::new(&model, &mut points).resume(reached).unwrap();
         stepper.step(&mut Silent).unwrap().unwrap();
         reached = stepper.reached().clone();

@@ -8,7 +8,7 @@ use mpm::deck::build::build;
 use mpm::deck::load::{load, load_text};
 use mpm::model::Model;
 use mpm::points::{PointArray, Points};
-use mpm::solver::{Reached, Silent, SolveError, Stepper, Summary, run_stages, run_stages_with_terms};
+use mpm::solver::{Reached, Silent, SolveError, Stepper, run_stages, run_stages_with_terms};
 use mpm::step::{At, Nodal, StepContext};
 use mpm::terms::{BeginError, EvaluateError, Saved, Term, TermFailure};
 use serde_json::Value;
@@ -63,7 +63,7 @@ impl Term<2> for Brittle {
 }
 
 /// A short run of the collapse with this term.
-fn run(most: f64, last: usize, may_succeed_if_smaller: bool) -> (Result<Summary, SolveError>, f64) {
+fn run(most: f64, last: usize, may_succeed_if_smaller: bool) -> (Result<Reached, SolveError>, f64) {
     let set = [("h", "1"), ("n", "2"), ("method", "gimp"), ("steps", "20")];
     let set = set.map(|(k, v)| (k.to_owned(), v.to_owned()));
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("inputs/collapse.yaml");
@@ -81,10 +81,10 @@ fn run(most: f64, last: usize, may_succeed_if_smaller: bool) -> (Result<Summary,
 #[test]
 fn a_step_is_cut_if_a_term_can_follow_a_smaller_one() {
     let (whole, farthest) = run(f64::INFINITY, usize::MAX, true);
-    let whole = whole.unwrap();
+    let whole = whole.unwrap().summary;
     assert_eq!((whole.steps, whole.failed_attempts), (4, 0));
     let (cut, farthest_of_cut) = run(0.6 * farthest, usize::MAX, true);
-    let cut = cut.unwrap();
+    let cut = cut.unwrap().summary;
     assert!(cut.steps > 4 && cut.failed_attempts > 0, "{} {}", cut.steps, cut.failed_attempts);
     assert!(farthest_of_cut <= 0.6 * farthest);
 }
@@ -211,13 +211,13 @@ fn a_further_term_acts_in_all_stages() {
     let (mut model, mut points) = column("");
     let reached = Reached::nothing(&points);
     let further = |_: &Model<2>| vec![Box::new(OwnWeight::default()) as Box<dyn Term<2>>];
-    let summary = run_stages_with_terms(&mut model, &mut points, reached, &further, &mut Silent).unwrap();
+    let reached = run_stages_with_terms(&mut model, &mut points, reached, &further, &mut Silent).unwrap();
     let found = points.array(PointArray::Position).values;
     let difference = expected.iter().zip(&found).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     println!("positions differ by {difference:e}");
     assert_eq!(expected.len(), found.len());
     assert!(difference < 1e-10, "{difference:e}");
-    assert_eq!(summary.terms["own weight"].value(), Value::from(summary.steps as u64));
+    assert_eq!(reached.progress.terms["own weight"].value(), Value::from(reached.summary.steps as u64));
 }
 
 /// In a collapse in large steps, the bodies slump under the weight of the model, and under that of a further term if
@@ -235,14 +235,14 @@ fn bodies_slump_only_if_all_terms_allow_it() {
             further.push(Box::new(OwnWeight { may_slump, ..OwnWeight::default() }));
         }
         let stepper = Stepper::new(&model, &mut points).with_terms(further).unwrap();
-        let summary = stepper.run(&mut Silent);
-        (summary, points.array(PointArray::Position).values)
+        let outcome = stepper.run(&mut Silent);
+        (outcome, points.array(PointArray::Position).values)
     };
     let (built_in, expected) = collapse(None);
     let (allowed, found) = collapse(Some(true));
     let (forbidden, _) = collapse(Some(false));
     let difference = expected.iter().zip(&found).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-    let work = [built_in, allowed, forbidden].map(|summary| summary.unwrap().damping_work);
+    let work = [built_in, allowed, forbidden].map(|outcome| outcome.unwrap().summary.damping_work);
     println!("damping work {work:?}, positions differ by {difference:e}");
     assert!(work[0] > 1e5 && (work[1] / work[0] - 1.0).abs() < 1e-6 && work[2] == 0.0, "{work:?}");
     assert!(difference < 1e-6, "{difference:e}");

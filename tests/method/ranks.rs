@@ -10,7 +10,7 @@ use mpm::memory::Memory;
 use mpm::model::Model;
 use mpm::points::Points;
 use mpm::ranks::{Ranks, threads};
-use mpm::solver::{Observer, SolveError, StepReport, Summary};
+use mpm::solver::{Observer, Reached, SolveError, StepReport};
 
 use crate::long::{first, is_long};
 
@@ -41,7 +41,7 @@ impl<const D: usize> Observer<D> for Recorder {
         _: &Model<D>,
         points: &Points<D>,
         report: &StepReport<D>,
-        summary: &Summary,
+        Reached { summary, .. }: &Reached,
     ) -> std::io::Result<()> {
         let (energy, links) = (report.energy, &report.grid.links);
         let mut numbers: Vec<f64> = report.reactions.iter().flatten().copied().collect();

@@ -8,7 +8,7 @@ use mpm::deck::load::load_text;
 use mpm::deck::ready::{Analysis, ready};
 use mpm::model::Model;
 use mpm::points::Points;
-use mpm::solver::{Observer, StepReport, Summary};
+use mpm::solver::{Observer, Reached, StepReport};
 
 /// Quantities compared between runs, without their units.
 #[derive(Debug, Default, PartialEq)]
@@ -33,7 +33,7 @@ impl<const D: usize> Observer<D> for Recorder {
         _: &Model<D>,
         points: &Points<D>,
         report: &StepReport<D>,
-        summary: &Summary,
+        Reached { summary, .. }: &Reached,
     ) -> std::io::Result<()> {
         let force = self.stress * self.length.powi(D as i32 - 1);
         let energy = force * self.length;
@@ -126,7 +126,7 @@ steps: {{count: 1}}"
         let nothing = analysis.beginning();
         let outcome = analysis.run(nothing, &mut mpm::solver::Silent);
         match outcome {
-            Ok(summary) => assert!(force == "1e-320" && summary.external_work.is_finite()),
+            Ok(reached) => assert!(force == "1e-320" && reached.summary.external_work.is_finite()),
             Err(error) => assert!(error.code().is_some() && force != "1e-320", "{force}: {error}"),
         }
     }

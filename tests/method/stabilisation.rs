@@ -11,7 +11,7 @@ use mpm::deck::load::{load, load_text};
 use mpm::dofs::DofMap;
 use mpm::model::{Model, StabilisationMode};
 use mpm::points::{Points, State};
-use mpm::solver::{self, Observer, SolveError, StepReport, Summary};
+use mpm::solver::{self, Observer, Reached, SolveError, StepReport};
 use mpm::step::{At, StepContext};
 use mpm::stress::{Axisymmetric, Mechanics, PlaneStrain, Solid};
 use mpm::terms::Sum;
@@ -286,7 +286,7 @@ impl Observer<2> for Recorder {
         model: &Model<2>,
         points: &Points<2>,
         report: &StepReport<2>,
-        _: &Summary,
+        _: &Reached,
     ) -> std::io::Result<()> {
         self.residuals.push(report.residuals.clone());
         if let Some(probe) = model.probes.first() {
@@ -399,7 +399,7 @@ steps: {{count: 1}}"
 }
 
 /// Runs a deck of `inputs/` without cutting steps.
-fn run(deck: &str, set: &[(&str, &str)], mode: StabilisationMode) -> (Result<Summary, SolveError>, Recorder) {
+fn run(deck: &str, set: &[(&str, &str)], mode: StabilisationMode) -> (Result<Reached, SolveError>, Recorder) {
     let set: Vec<_> = set.iter().map(|(k, v)| ((*k).to_owned(), (*v).to_owned())).collect();
     let path = Path::new(ROOT).join("inputs").join(deck);
     let (mut model, mut points): (Model<2>, Points<2>) = build(&load(&path, &set).unwrap()).unwrap();

@@ -4,7 +4,7 @@ use mpm::deck::build::build;
 use mpm::deck::load::load_text;
 use mpm::model::Model;
 use mpm::points::{PointArray, Points};
-use mpm::solver::{Observer, Reached, Silent, StepReport, Summary, resume_stage, run_stages};
+use mpm::solver::{Observer, Progress, Reached, Silent, StepReport, Summary, resume_stage, run_stages};
 
 /// Keeps the positions of the points, in permanent order, and the report of every step.
 #[derive(Default)]
@@ -19,7 +19,7 @@ impl Observer<2> for Every {
         _: &Model<2>,
         points: &Points<2>,
         report: &StepReport<2>,
-        _: &Summary,
+        _: &Reached,
     ) -> std::io::Result<()> {
         self.positions.push(points.array(PointArray::Position).values);
         self.reports.push(report.clone());
@@ -32,6 +32,7 @@ pub struct Run {
     pub model: Model<2>,
     pub points: Points<2>,
     pub every: Every,
+    pub progress: Progress,
     pub summary: Summary,
 }
 
@@ -48,8 +49,8 @@ pub fn run_with(text: &str, values: &[(&str, &str)]) -> Run {
         build(&load_text("stages.yaml", text.as_bytes(), &values).unwrap()).unwrap();
     let mut every = Every::default();
     let reached = Reached::nothing(&points);
-    let summary = run_stages(&mut model, &mut points, reached, &mut every).unwrap();
-    Run { model, points, every, summary }
+    let Reached { progress, summary } = run_stages(&mut model, &mut points, reached, &mut every).unwrap();
+    Run { model, points, every, progress, summary }
 }
 
 fn farthest(a: &[f64], b: &[f64]) -> f64 {
@@ -105,7 +106,7 @@ fn an_elastic_column_comes_back_when_its_load_is_dug_away() {
         let stages = "stages:
   - {name: weight, steps: {count: 4}, factors: {weight: 1}}
   - {name: dig, remove: [pit], steps: {count: 4}}";
-        let Run { model, points, every, summary } = run(&column(light, CLAY, method, 1.0, stages));
+        let Run { model, points, every, summary, .. } = run(&column(light, CLAY, method, 1.0, stages));
         let floor = |step: usize| every.reports[step].reactions[1][1];
         let weight = 1800.0 * 10.0 * 4.0;
         assert!((floor(3) / weight - 1.0).abs() < 1e-9, "{}", floor(3));
@@ -348,10 +349,10 @@ impl Observer<2> for Keep {
         _: &Model<2>,
         points: &Points<2>,
         report: &StepReport<2>,
-        summary: &Summary,
+        reached: &Reached,
     ) -> std::io::Result<()> {
         if report.step.index == self.after {
-            self.kept = Some((points.clone(), Reached { step: report.step, summary: summary.clone() }));
+            self.kept = Some((points.clone(), reached.clone()));
         }
         Ok(())
     }
@@ -387,12 +388,9 @@ stages:
   - {name: again, remove: [b], add: [b], steps: {count: 3}}
   - {name: rest, steps: {count: 2}}
 ";
-    let Run { summary, points, .. } = run(deck);
-    let twice = summary
-        .splits
-        .iter()
-        .filter(|split| summary.splits.iter().any(|o| o != *split && o.point == split.point));
-    assert!(points.len() > 8 && twice.count() > 0, "{:?}", summary.splits);
+    let Run { progress: Progress { splits, .. }, points, .. } = run(deck);
+    let twice = splits.iter().filter(|split| splits.iter().any(|o| o != *split && o.point == split.point));
+    assert!(points.len() > 8 && twice.count() > 0, "{:?}", splits);
     resumes(deck);
 }
 
@@ -412,8 +410,8 @@ pub fn resumes(deck: &str) {
         resume_stage(&mut model, &mut points, &reached).unwrap();
         assert_eq!(points.len(), kept.len(), "the points of the stage");
         let mut points = kept;
-        let summary = run_stages(&mut model, &mut points, reached, &mut Silent).unwrap();
-        assert_eq!(summary.strength, whole.summary.strength, "after step {after}");
+        let resumed = run_stages(&mut model, &mut points, reached, &mut Silent).unwrap();
+        assert_eq!(resumed.progress.strength, whole.progress.strength, "after step {after}");
         for array in [PointArray::Position, PointArray::CauchyStress, PointArray::Displacement] {
             assert_eq!(points.array(array).values, whole.points.array(array).values, "after step {after}");
         }

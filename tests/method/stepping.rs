@@ -11,7 +11,6 @@ use mpm::model::{Control, Controlled, Model, Predictor, StabilisationMode, Stiff
 use mpm::points::Points;
 use mpm::solver::{
     self, Diagnosis, FailedAttempt, Kind, Observer, Reached, Silent, SolveError, Step, StepReport, Stepper,
-    Summary,
 };
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
@@ -47,7 +46,7 @@ impl Observer<2> for Recorder {
         model: &Model<2>,
         points: &Points<2>,
         report: &StepReport<2>,
-        summary: &Summary,
+        reached: &Reached,
     ) -> std::io::Result<()> {
         let place = points.by_id();
         let mut probe = [0.0; 2];
@@ -70,9 +69,8 @@ impl Observer<2> for Recorder {
             unknowns: report.unknowns,
         });
         if self.stop_after == Some(report.step.index) {
-            let reached = Reached { step: report.step, summary: summary.clone() };
             // The state as a checkpoint stores it.
-            let text = serde_json::to_string(&reached).unwrap();
+            let text = serde_json::to_string(reached).unwrap();
             self.reached = Some((points.clone(), serde_json::from_str(&text).unwrap()));
         }
         Ok(())
@@ -104,7 +102,7 @@ fn text(text: &str) -> (Model<2>, Points<2>) {
     build(&load_text("deck", text.as_bytes(), &[]).unwrap()).unwrap()
 }
 
-fn run((model, mut points): (Model<2>, Points<2>)) -> (Result<Summary, SolveError>, Recorder, Points<2>) {
+fn run((model, mut points): (Model<2>, Points<2>)) -> (Result<Reached, SolveError>, Recorder, Points<2>) {
     let mut recorder = Recorder::default();
     let outcome = solver::run(&model, &mut points, &mut recorder);
     for record in &recorder.steps {
@@ -131,7 +129,7 @@ fn the_collapse_in_five_steps_and_the_beam_in_three_end_by_themselves() {
                 deck("collapse.yaml", &[("h", "0.25"), ("n", "3"), ("method", method), ("steps", "5")]);
             parts.0.stabilisation.mode = mode;
             let (outcome, recorder, points) = run(parts);
-            let summary = outcome.unwrap();
+            let Reached { summary, .. } = outcome.unwrap();
             let (coarse, fine) = (extent(&points), extent(&fine.2));
             println!(
                 "collapse, {method}, {mode:?}: {} steps, {} failed attempts, extent {coarse:.3?}, in 40 steps {fine:.3?}",
@@ -246,7 +244,8 @@ fn a_truss_is_followed_through_its_snap() {
     );
 }
 
-/// A run resumed after any step continues with the same bits, even where steps are cut or the load factor is unknown.
+/// A run resumed after any step continues with the same bits, even where steps are cut or the load factor is unknown:
+/// its next step depends on the progress, and not on the summary.
 #[test]
 fn a_run_goes_on_where_it_stopped() {
     let mut cases = vec![("arch", deck("arch.yaml", &[("steps", "20"), ("h", "0.5")]), 7)];
@@ -258,12 +257,15 @@ fn a_run_goes_on_where_it_stopped() {
         let mut some = points.clone();
         let stopped = solver::run(&model, &mut some, &mut first);
         assert!(matches!(stopped, Err(SolveError::Interrupted { .. })), "{name}");
-        let (mut points, reached) = first.reached.take().unwrap();
-        let mut rest = Recorder::default();
-        let _ = solver::go_on(&model, &mut points, reached, &mut rest);
-        let joined: Vec<Record> = first.steps.into_iter().chain(rest.steps).collect();
-        assert_eq!(joined, whole.steps, "{name}");
-        assert_eq!(points.converged, all.converged, "{name}");
+        let (stopped, reached) = first.reached.take().unwrap();
+        let without_summary = Reached { progress: reached.progress.clone(), ..Reached::nothing(&stopped) };
+        for reached in [reached, without_summary] {
+            let (mut points, mut rest) = (stopped.clone(), Recorder::default());
+            let _ = solver::go_on(&model, &mut points, reached, &mut rest);
+            let joined: Vec<&Record> = first.steps.iter().chain(&rest.steps).collect();
+            assert_eq!(joined, whole.steps.iter().collect::<Vec<_>>(), "{name}");
+            assert_eq!(points.converged, all.converged, "{name}");
+        }
     }
 }
 
@@ -318,7 +320,7 @@ fn kinks_are_met_by_steps_that_grow() {
         let deck =
             BAR.replace("METHOD", "mpm").replace("LARGEST", "largest: 16").replace("0.6", &kink.to_string());
         let (outcome, recorder, _) = run(text(&deck));
-        let summary = outcome.unwrap();
+        let Reached { summary, .. } = outcome.unwrap();
         assert!(summary.steps < 15, "{}", summary.steps);
         assert_eq!(summary.largest_load_factor, Some(1.0));
         assert!(recorder.steps.iter().any(|r| r.step.end == kink && r.factor == Some(1.0)), "{kink}");
@@ -332,7 +334,7 @@ fn a_body_is_unloaded_to_nothing() {
         for count in ["50", "400"] {
             let deck = BAR.replace("METHOD", method).replace("50, LARGEST", count);
             let (outcome, _, points) = run(text(&deck));
-            assert_eq!(outcome.unwrap().failed_attempts, 0, "{method}, {count} steps");
+            assert_eq!(outcome.unwrap().summary.failed_attempts, 0, "{method}, {count} steps");
             let stress = points.converged.kirchhoff_stress.iter().map(|s| s.dot(s).sqrt());
             let largest = stress.fold(0.0, f64::max);
             println!("{method}, {count} steps: {largest:.1e} Pa are left of {:.1e} Pa", 3e3);
@@ -395,7 +397,7 @@ fn the_largest_load_factor_may_be_negative() {
     let factors: Vec<f64> = recorder.steps.iter().filter_map(|r| r.factor).collect();
     let least = factors.iter().copied().fold(0.0, f64::min);
     assert!(least < -0.01, "{factors:?}");
-    assert_eq!(outcome.unwrap().largest_load_factor, Some(least));
+    assert_eq!(outcome.unwrap().summary.largest_load_factor, Some(least));
 }
 
 /// The predictor and the kept tangent give the same equilibria with fewer factorisations. A resumed run continues with
@@ -410,7 +412,7 @@ fn a_prediction_and_a_kept_tangent_change_the_way_only() {
         parts
     };
     let (outcome, plain, _) = run(start());
-    let plain_solves = outcome.unwrap().linear_solves;
+    let plain_solves = outcome.unwrap().summary.linear_solves;
     for (predictor, tangent) in [
         (Predictor::LastStep, StiffnessUpdate::Fresh),
         (Predictor::None, StiffnessUpdate::Kept),
@@ -423,7 +425,7 @@ fn a_prediction_and_a_kept_tangent_change_the_way_only() {
             parts
         };
         let (outcome, recorder, points) = run(with());
-        let summary = outcome.unwrap();
+        let Reached { summary, .. } = outcome.unwrap();
         println!(
             "{predictor:?}, {tangent:?}: {} solves, {} evaluations",
             summary.linear_solves, summary.evaluations
@@ -456,6 +458,6 @@ fn no_step_follows_the_end_of_the_analysis() {
     }
     for _ in 0..2 {
         assert!(stepper.step(&mut Silent).unwrap().is_none());
-        assert_eq!(stepper.reached().step.index, n_steps);
+        assert_eq!(stepper.reached().progress.step.index, n_steps);
     }
 }

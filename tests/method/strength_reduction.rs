@@ -72,11 +72,11 @@ fn the_bracket_of_a_homogeneous_block_contains_its_exact_factor() {
         (frictional("mohr-coulomb", 0.0), 50e3, sand_factor),
     ] {
         for tolerance in [0.05, 0.005, 1e-4] {
-            let Run { summary, every, .. } = block(&material, pressure, &reduction(1.0, 1.6, tolerance));
+            let Run { progress, every, .. } = block(&material, pressure, &reduction(1.0, 1.6, tolerance));
             let StrengthBracket { stands: Some(stands), fails: Some(fails), .. } =
-                summary.last_strength().unwrap()
+                progress.last_strength().unwrap()
             else {
-                panic!("{material}: {:?}", summary.strength);
+                panic!("{material}: {:?}", progress.strength);
             };
             println!("{material}: exact {exact:.6}, between {stands:.6} and {fails:.6}");
             assert!(stands <= exact * (1.0 + 1e-5) && exact * (1.0 - 1e-5) <= fails, "{exact}");
@@ -89,12 +89,12 @@ fn the_bracket_of_a_homogeneous_block_contains_its_exact_factor() {
 #[test]
 fn a_factor_beyond_the_ends_of_the_search_is_left_open() {
     let above = block(CLAY, 101e3, &reduction(1.5, 2.0, 0.005));
-    let StrengthBracket { stands, fails, .. } = above.summary.last_strength().unwrap();
+    let StrengthBracket { stands, fails, .. } = above.progress.last_strength().unwrap();
     assert_eq!(stands, None);
     assert!(fails.is_some_and(|fails| fails > 1.5 && fails <= 1.505), "{fails:?}");
     assert_eq!(above.summary.steps, 1, "only that of the load");
     let below = block(CLAY, 101e3, &reduction(1.0, 1.3, 0.005));
-    let StrengthBracket { stands, fails, .. } = below.summary.last_strength().unwrap();
+    let StrengthBracket { stands, fails, .. } = below.progress.last_strength().unwrap();
     assert_eq!((stands, fails), (Some(1.3), None));
     assert_eq!((below.summary.steps, below.summary.failed_attempts), (4, 0));
 }
@@ -104,7 +104,7 @@ fn a_factor_beyond_the_ends_of_the_search_is_left_open() {
 fn a_reduction_that_fails_at_once_begins_with_the_factor_of_the_stage_before() {
     let clay_factor = 1.001;
     let barely = block(CLAY, 140e3 / clay_factor, &reduction(1.0, 1.6, 0.005));
-    let StrengthBracket { stands, fails, .. } = barely.summary.last_strength().unwrap();
+    let StrengthBracket { stands, fails, .. } = barely.progress.last_strength().unwrap();
     assert_eq!((stands, barely.summary.steps), (Some(1.0), 1));
     assert!(fails.is_some_and(|fails| fails > clay_factor && fails <= 1.005), "{fails:?}");
 }
@@ -112,8 +112,8 @@ fn a_reduction_that_fails_at_once_begins_with_the_factor_of_the_stage_before() {
 #[test]
 fn every_stage_that_reduces_the_strength_keeps_its_own_factors() {
     let again = reduction(1.0, 1.6, 0.005).replace("safety", "again");
-    let Run { summary, .. } = block(CLAY, 101e3, &(reduction(1.0, 1.2, 0.005) + &again));
-    let [first, second] = &summary.strength[..] else { panic!("{:?}", summary.strength) };
+    let Run { progress, .. } = block(CLAY, 101e3, &(reduction(1.0, 1.2, 0.005) + &again));
+    let [first, second] = &progress.strength[..] else { panic!("{:?}", progress.strength) };
     assert_eq!((first.stage, first.bracket.stands, first.bracket.fails), (1, Some(1.2), None));
     let StrengthBracket { stands: Some(stands), fails: Some(fails), slides, .. } = second.bracket else {
         panic!("{second:?}")
@@ -132,7 +132,7 @@ fn slope(h: &str, further: &str) -> Run {
 fn settings_of_the_iterations_do_not_decide_the_factor_of_safety() {
     for h in ["2", "1"] {
         // The shape in which a slope stands again after it has slid depends on the path.
-        let slides = |further: &str| slope(h, further).summary.last_strength().unwrap().slides.unwrap();
+        let slides = |further: &str| slope(h, further).progress.last_strength().unwrap().slides.unwrap();
         let usual = slides("");
         for solver in ["max_iterations: 6", "tangent: kept"] {
             let found = slides(&format!("solver: {{{solver}}}\n"));
@@ -145,8 +145,8 @@ fn settings_of_the_iterations_do_not_decide_the_factor_of_safety() {
 /// With coarse cells, the slope slides and stands again. Published factors are 1.38 to 1.40.
 #[test]
 fn a_slope_that_slides_is_told_from_one_that_stands() {
-    let Run { summary, points, .. } = slope("1", "");
-    let StrengthBracket { stands, slides, moved, .. } = summary.last_strength().unwrap();
+    let Run { progress, summary, points, .. } = slope("1", "");
+    let StrengthBracket { stands, slides, moved, .. } = progress.last_strength().unwrap();
     let [before, after] = slides.unwrap();
     assert!(after - before <= 0.005, "the tolerance of the deck");
     println!("slides between {before} and {after}, stands up to {stands:?}, moved by {moved}");
@@ -159,7 +159,7 @@ fn a_slope_that_slides_is_told_from_one_that_stands() {
     assert!(farthest <= moved && moved < 1.2 * farthest, "{farthest} {moved}");
 
     let stiff = block(CLAY, 101e3, &reduction(1.0, 1.6, 0.005));
-    assert_eq!(stiff.summary.last_strength().unwrap().slides, None);
+    assert_eq!(stiff.progress.last_strength().unwrap().slides, None);
     assert!(stiff.summary.warnings.iter().all(|warning| warning.code != Code::Slides));
 }
 
@@ -167,8 +167,8 @@ fn a_slope_that_slides_is_told_from_one_that_stands() {
 #[test]
 fn the_stage_after_a_reduction_has_the_full_strength() {
     let after = "  - {name: more, steps: {count: 2}, factors: {push: 1.35}}\n";
-    let Run { summary, every, .. } = block(CLAY, 101e3, &(reduction(1.0, 1.6, 0.005) + after));
-    assert!(summary.last_strength().unwrap().fails.is_some());
+    let Run { progress, every, .. } = block(CLAY, 101e3, &(reduction(1.0, 1.6, 0.005) + after));
+    assert!(progress.last_strength().unwrap().fails.is_some());
     let reduced: Vec<_> = every.reports.iter().filter(|report| report.step.end > 2.0).collect();
     let intervals: Vec<_> = reduced.iter().map(|report| [report.step.start, report.step.end]).collect();
     assert_eq!(intervals, [[2.0, 2.5], [2.5, 3.0]], "the stage begins at its own time");
@@ -184,7 +184,7 @@ fn a_strength_given_as_a_formula_is_reduced_like_a_number() {
     let (constant, varying) = (block(CLAY, 101e3, &stages), block(formula, 101e3, &stages));
     let history = |run: &Run| run.model.materials[0].law.state_fields().len();
     assert_eq!(history(&varying), history(&constant) + 1, "every point has its own cohesion");
-    assert_eq!(varying.summary.strength, constant.summary.strength);
+    assert_eq!(varying.progress.strength, constant.progress.strength);
 }
 
 /// The block stays elastic up to its factor of safety, so nothing moves after the displacement due to the load has been
@@ -262,8 +262,8 @@ fn a_reduction_has_the_same_bits_on_one_thread_and_on_two() {
         pool.install(|| run(SLOPE))
     };
     let (one, two) = (on(1), on(2));
-    assert!(one.summary.last_strength().unwrap().fails.is_some(), "{:?}", one.summary.strength);
-    assert_eq!(one.summary.strength, two.summary.strength);
+    assert!(one.progress.last_strength().unwrap().fails.is_some(), "{:?}", one.progress.strength);
+    assert_eq!(one.progress.strength, two.progress.strength);
     for array in [PointArray::Position, PointArray::CauchyStress, PointArray::Displacement] {
         let bits = |run: &Run| run.points.array(array).values.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
         assert_eq!(bits(&one), bits(&two));

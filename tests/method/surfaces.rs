@@ -6,7 +6,7 @@ use mpm::deck::load::load_text;
 use mpm::model::Model;
 use mpm::points::PointArray;
 use mpm::points::Points;
-use mpm::solver::{Observer, StepReport, Summary, run as solve};
+use mpm::solver::{Observer, Reached, StepReport, run as solve};
 
 use crate::stages::{Run, resumes, run};
 
@@ -156,7 +156,7 @@ impl Observer<3> for Last {
         _: &Model<3>,
         _: &Points<3>,
         report: &StepReport<3>,
-        _: &Summary,
+        _: &Reached,
     ) -> std::io::Result<()> {
         self.reaction.extend(report.reactions[0]);
         self.residuals.push(report.residuals.clone());

@@ -9,7 +9,7 @@ use mpm::deck::diagnostic::Diagnostic;
 use mpm::deck::load::{LoadedDeck, load};
 use mpm::model::Model;
 use mpm::points::{Points, StoredField};
-use mpm::solver::{self, Observer, Solvable, StepReport, Summary};
+use mpm::solver::{self, Observer, Reached, Solvable, StepReport};
 
 /// Complete result of a run, as bits.
 #[derive(Default)]
@@ -40,7 +40,7 @@ impl<const D: usize> Observer<D> for Bits {
         _: &Model<D>,
         points: &Points<D>,
         report: &StepReport<D>,
-        _: &Summary,
+        _: &Reached,
     ) -> std::io::Result<()> {
         self.residuals.extend(bits(report.residuals.iter().copied()));
         self.reactions.extend(bits(report.reactions.iter().flatten().copied()));

@@ -233,14 +233,14 @@ def test_a_damaged_checkpoint_is_named_and_the_one_before_it_used(mpm, tmp_path,
     newest = directory / "checkpoint_0030.mpm"
     good = newest.read_bytes()
     for damaged in [good[:-100], good[:100], b"", good[:-50] + bytes([good[-50] ^ 1]) + good[-49:],
-                    good.replace(b"mpm checkpoint 5", b"mpm checkpoint 9", 1)]:
+                    good.replace(b"mpm checkpoint 6", b"mpm checkpoint 9", 1)]:
         newest.write_bytes(damaged)
         process = mpm("run", deck, "--out", directory, *SMALL, "--resume")
         assert process.returncode == 0, process.stderr
         assert "checkpoint_0030.mpm` cannot be used" in process.stderr
         assert "resuming after step 27" in process.stderr
         assert results(directory) == expected
-        assert newest.read_bytes()[:16] == b"mpm checkpoint 5"
+        assert newest.read_bytes()[:16] == b"mpm checkpoint 6"
 
 
 def test_nothing_to_go_on_from(mpm, tmp_path):

@@ -34,7 +34,7 @@ impl Observer<2> for Recorder {
         model: &Model<2>,
         points: &Points<2>,
         report: &StepReport<2>,
-        _: &Summary,
+        _: &Reached,
     ) -> std::io::Result<()> {
         let place = points.by_id();
         let mean = |ids: &[u32]| {
@@ -91,6 +91,7 @@ fn finish(mut model: Model<2>, mut points: Points<2>) -> Analysis {
     let mut recorder = Recorder::default();
     let reached = Reached::nothing(&points);
     let summary = solver::run_stages(&mut model, &mut points, reached, &mut recorder);
+    let summary = summary.map(|reached| reached.summary);
     Analysis { model, points, steps: recorder.steps, summary }
 }
 
@@ -103,7 +104,7 @@ impl<F: FnMut(&Points<2>, &StepReport<2>)> Observer<2> for Watcher<F> {
         _: &Model<2>,
         points: &Points<2>,
         report: &StepReport<2>,
-        _: &Summary,
+        _: &Reached,
     ) -> std::io::Result<()> {
         self.0(points, report);
         Ok(())
@@ -116,7 +117,7 @@ pub fn watch(
     points: &mut Points<2>,
     look: impl FnMut(&Points<2>, &StepReport<2>),
 ) -> Result<Summary, SolveError> {
-    solver::run(model, points, &mut Watcher(look))
+    solver::run(model, points, &mut Watcher(look)).map(|reached| reached.summary)
 }
 
 impl Analysis {

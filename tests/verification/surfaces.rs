@@ -175,7 +175,7 @@ impl mpm::solver::Observer<3> for MeanRadius {
         model: &Model<3>,
         _: &Points<3>,
         report: &StepReport<3>,
-        _: &mpm::solver::Summary,
+        _: &mpm::solver::Reached,
     ) -> std::io::Result<()> {
         let length = |x: &[f64; 3]| x.iter().map(|x| x * x).sum::<f64>().sqrt();
         let mean = |places: &[[f64; 3]], areas: &[f64]| {

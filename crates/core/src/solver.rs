@@ -16,6 +16,7 @@
 //! | `initial_state` | equilibrium of bodies that are stressed at time 0 |
 //! | `strength` | factors of a strength reduction, and displacements during it |
 //! | `splitting` | domains that have become too long are split between steps |
+//! | `progress` | what the next step builds on and a restart restores |
 //! | `conclusion`, `summary`, `observer` | reports on a step and on the run |
 //! | `course` | the record of the iterations, with f^R of eq. (28) |
 //! | `forcing`, `damping`, `damped_step` | beyond the paper: inexact solves, damping |
@@ -53,6 +54,7 @@ mod newton;
 mod observer;
 mod of_rank;
 mod pace;
+mod progress;
 mod reach;
 mod refusal;
 mod release;
@@ -85,13 +87,14 @@ pub use motion::Motion;
 pub use observer::{Observer, Silent};
 pub use of_rank::OfRank;
 pub use pace::Pace;
+pub use progress::{Progress, Reached, StageReached};
 pub use stages::{
     Change, Extension, FurtherTerms, resume_stage, run_extended, run_stages, run_stages_with_terms,
     run_with_changes,
 };
 pub use stepper::{Kernels, Stepper};
 pub use strength::{StageStrength, StrengthBracket};
-pub use summary::{Reached, StageReached, Summary};
+pub use summary::Summary;
 
 /// A model in a number of dimensions that the solver supports.
 pub trait Solvable<const D: usize> {
@@ -124,7 +127,7 @@ pub fn run<const D: usize>(
     model: &Model<D>,
     points: &mut Points<D>,
     observer: &mut dyn Observer<D>,
-) -> Result<Summary, SolveError>
+) -> Result<Reached, SolveError>
 where
     Model<D>: Solvable<D>,
 {
@@ -149,7 +152,7 @@ pub fn go_on<const D: usize>(
     points: &mut Points<D>,
     reached: Reached,
     observer: &mut dyn Observer<D>,
-) -> Result<Summary, SolveError>
+) -> Result<Reached, SolveError>
 where
     Model<D>: Solvable<D>,
 {

@@ -8,7 +8,7 @@ use crate::basis::Connectivity;
 use crate::model::Model;
 
 /// A load step: the time it starts from and the time it reaches.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Step {
     /// Step number, from 1.
     pub index: usize,

@@ -1,10 +1,10 @@
 //! Checkpoints: everything a run needs to resume, bit for bit, from a converged step.
 //!
 //! A file consists of a line with the format version, blocks of compressed bytes, and a checksum of both (`blocks`).
-//! The bytes hold JSON text with the deck and the summary of the run so far, followed by the arrays of the points. Data
-//! that follow from the deck alone, such as masses, are computed again. A file is written under a temporary name and
-//! then renamed, and the last two checkpoints are kept, so that a complete checkpoint exists at all times after the
-//! first one.
+//! The bytes hold JSON text with the deck and, as two parts, the progress and the summary of the run so far, followed by
+//! the arrays of the points. Data that follow from the deck alone, such as masses, are computed again. A file is written
+//! under a temporary name and then renamed, and the last two checkpoints are kept, so that a complete checkpoint exists
+//! at all times after the first one.
 //!
 //! With several ranks, each rank writes its points to a piece, a file of the same format. The main file of the
 //! checkpoint then states the sizes of the pieces in place of the arrays, and is written last. Any number of ranks can
@@ -51,7 +51,7 @@ pub struct Head {
     pub deck: Value,
     /// Hash of the files that the deck names.
     pub files: String,
-    /// The last converged step, and the summary of the run so far.
+    /// The last converged step: what the next step builds on, and what is reported on the run so far.
     pub reached: Reached,
     /// Findings of the run so far.
     pub findings: Findings,
@@ -117,7 +117,7 @@ pub(super) fn write<const D: usize>(
         further: points.further.iter().map(|(_, field)| field.clone()).collect(),
         pieces: Vec::new(),
     };
-    let step = reached.step.index;
+    let step = reached.progress.step.index;
     if ranks.is_alone() {
         write_file(&directory.join(file_name(step)), &head, Some(points))?;
     } else {
@@ -213,7 +213,7 @@ fn read_on(ranks: &Ranks, path: &Path) -> Result<Checkpoint, String> {
     for number in ranks.share(checkpoint.head.pieces.len()) {
         let (head, arrays) = read_piece(&checkpoint, number)?;
         checkpoint.arrays.push((head.shape[1], arrays));
-        checkpoint.paths.push(head.reached.summary.path);
+        checkpoint.paths.push(head.reached.progress.path);
     }
     Ok(checkpoint)
 }
@@ -230,7 +230,10 @@ fn read_piece(checkpoint: &Checkpoint, number: usize) -> Result<(Head, Vec<u8>),
         read_file(&directory.join(&name)).map_err(|reason| format!("its piece `{name}`: {reason}"))?;
     let whole = &checkpoint.head;
     let shape = [whole.shape[0], whole.pieces[number], whole.shape[2], whole.shape[3]];
-    if head.shape != shape || head.reached.step != whole.reached.step || head.further != whole.further {
+    if head.shape != shape
+        || head.reached.progress.step != whole.reached.progress.step
+        || head.further != whole.further
+    {
         return Err(format!("its piece `{name}` does not belong to `{}`", file_name(step)));
     }
     Ok((head, arrays))
@@ -256,7 +259,7 @@ impl Checkpoint {
     fn with_joined_path(mut self, ranks: &Ranks) -> Checkpoint {
         let paths = ranks.gather_all(std::mem::take(&mut self.paths)).concat();
         if !paths.is_empty() {
-            self.head.reached.summary.path = SolutionPath::joined(&paths);
+            self.head.reached.progress.path = SolutionPath::joined(&paths);
         }
         self
     }
@@ -340,7 +343,7 @@ impl Checkpoint {
 
     /// The last converged step.
     pub fn step(&self) -> Step {
-        self.head.reached.step
+        self.head.reached.progress.step
     }
 }
 

@@ -252,7 +252,7 @@ impl Findings {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use mpm_core::solver::{self, Observer};
+    use mpm_core::solver::{self, Observer, Reached};
     use mpm_deck::{build::build, load::load_text};
 
     #[derive(Default)]
@@ -264,9 +264,9 @@ mod tests {
             model: &Model<D>,
             _points: &Points<D>,
             report: &StepReport<D>,
-            summary: &Summary,
+            reached: &Reached,
         ) -> std::io::Result<()> {
-            self.0.accept(model, report, summary);
+            self.0.accept(model, report, &reached.summary);
             Ok(())
         }
     }

@@ -6,7 +6,7 @@ use serde_json::Value;
 
 use mpm_core::model::Model;
 use mpm_core::points::Points;
-use mpm_core::solver::{Diagnosis, FailedAttempt, Observer, SolveError, Step, StepReport, Summary};
+use mpm_core::solver::{Diagnosis, FailedAttempt, Observer, Reached, SolveError, Step, StepReport};
 
 use super::findings::{Extremes, Findings};
 use super::history::{
@@ -92,7 +92,7 @@ impl<const D: usize> Observer<D> for Record {
         model: &Model<D>,
         points: &Points<D>,
         report: &StepReport<D>,
-        summary: &Summary,
+        Reached { summary, .. }: &Reached,
     ) -> io::Result<()> {
         self.findings.accept(model, report, summary);
         self.history.rows.push(row_of_history(model, points, report, summary, &Beside::default()));
@@ -115,14 +115,14 @@ impl<const D: usize> Observer<D> for Record {
         &mut self,
         model: &Model<D>,
         points: &Points<D>,
-        summary: &Summary,
+        reached: &Reached,
         error: Option<&SolveError>,
     ) -> io::Result<()> {
         self.findings.extremes = Extremes::new(model, points);
         self.summary = Some(self.account.document(
             model,
             &Whole::new(model, points),
-            summary,
+            reached,
             &self.findings,
             &Outcome::new(error),
         ));

@@ -323,7 +323,8 @@ fn tables_in<const D: usize>(
     model: &Model<D>,
     reached: Option<&Reached>,
 ) -> io::Result<[Kept; 3]> {
-    let (last, steps) = reached.map_or((0, 0), |reached| (reached.step.index, reached.summary.steps));
+    let (last, steps) =
+        reached.map_or((0, 0), |reached| (reached.progress.step.index, reached.summary.steps));
     let table = |name: &str, columns: &[String]| Table::keep(directory.join(name), columns, last);
     let history = table("history.csv", &columns_of_history(model, &asked.beside()))?;
     let quality = table("quality.csv", &QUALITY.map(String::from))?;

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use mpm_core::memory;
 use mpm_core::model::{LoadCurve, Model, Stepping};
-use mpm_core::solver::{Reached, SolveError, Step, StepReport, Summary};
+use mpm_core::solver::{Reached, SolveError, Step, StepReport};
 
 use super::checkpoint;
 use super::lock::Lock;
@@ -188,9 +188,8 @@ impl Progress {
         self.reductions.iter().find(is_in)?.strength_factor(end)
     }
 
-    fn set_stage(&mut self, summary: &Summary) {
-        let number = summary.stage.as_ref().map_or(0, |stage| stage.number);
-        if let Some((name, tolerance)) = self.stages.get(number) {
+    fn set_stage(&mut self, reached: &Reached) {
+        if let Some((name, tolerance)) = self.stages.get(reached.progress.stage_number()) {
             self.status.stage = Some(name.clone());
             self.status.tolerance = *tolerance;
         }
@@ -198,18 +197,18 @@ impl Progress {
 
     /// Records that a stage has begun.
     pub fn stage_began(&mut self, reached: &Reached) {
-        self.set_stage(&reached.summary);
+        self.set_stage(reached);
     }
 
     /// Records that the run resumes from a step that an earlier run reached.
     pub fn resumed(&mut self, reached: &Reached) {
-        let end = reached.step.end;
+        let end = reached.progress.step.end;
         self.status.steps = reached.summary.steps;
-        self.status.step = reached.step.index;
+        self.status.step = reached.progress.step.index;
         self.status.time = end;
         self.status.load_factor = reached.summary.load_factor;
         self.status.strength_factor = self.strength_factor(end);
-        self.set_stage(&reached.summary);
+        self.set_stage(reached);
         self.status.warnings = reached.summary.warnings.len();
         self.recent = VecDeque::from([(end, self.began)]);
     }
@@ -230,13 +229,13 @@ impl Progress {
     }
 
     /// Records a converged step.
-    pub fn converged<const D: usize>(&mut self, report: &StepReport<D>, summary: &Summary) {
-        self.status.steps = summary.steps;
+    pub fn converged<const D: usize>(&mut self, report: &StepReport<D>, reached: &Reached) {
+        self.status.steps = reached.summary.steps;
         self.status.unknowns = report.unknowns;
         self.status.load_factor = report.load_factor;
         self.status.strength_factor = report.strength_factor;
-        self.set_stage(summary);
-        self.status.warnings = summary.warnings.len();
+        self.set_stage(reached);
+        self.status.warnings = reached.summary.warnings.len();
         self.recent.push_back((report.step.end, Instant::now()));
         if self.recent.len() > RECENT + 1 {
             self.recent.pop_front();

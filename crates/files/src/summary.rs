@@ -14,7 +14,9 @@ use serde_json::{Map, Value, json};
 use mpm_core::model::{Model, Stepping};
 use mpm_core::points::Points;
 use mpm_core::quality::{Balance, Quality, Warning, Worst};
-use mpm_core::solver::{Diagnosis, InitialState, SolveError, StageStrength, StrengthBracket, Summary};
+use mpm_core::solver::{
+    Diagnosis, InitialState, Reached, SolveError, StageStrength, StrengthBracket, Summary,
+};
 use mpm_core::timing::{Phase, Spent, Timings};
 
 /// Version of the program, as it appears in the results.
@@ -154,12 +156,12 @@ impl Account {
         path: &Path,
         model: &Model<D>,
         whole: &Whole,
-        summary: &Summary,
+        reached: &Reached,
         findings: &Findings,
         outcome: &Outcome,
     ) -> io::Result<()> {
-        check(path, summary, findings)?;
-        let document = self.document(model, whole, summary, findings, outcome);
+        check(path, &reached.summary, findings)?;
+        let document = self.document(model, whole, reached, findings, outcome);
         let mut text = serde_json::to_string_pretty(&document).map_err(io::Error::other)?;
         text.push('\n');
         super::replace::replace_file(path, |out| out.write_all(text.as_bytes()))
@@ -170,10 +172,11 @@ impl Account {
         &self,
         model: &Model<D>,
         whole: &Whole,
-        summary: &Summary,
+        reached: &Reached,
         findings: &Findings,
         outcome: &Outcome,
     ) -> Value {
+        let Reached { progress, summary } = reached;
         let mut timings = self.set_up.clone();
         timings.add(&summary.timings);
         let (word, code, reason) = match outcome {
@@ -253,12 +256,12 @@ impl Account {
             document["law_libraries"] = json!(self.law_libraries);
         }
         if !model.stages.is_empty() {
-            document["stages"] = stages(model, summary);
+            document["stages"] = stages(model, reached);
         } else if summary.exchanged_energy != 0.0 {
             document["exchanged_energy"] = json!(summary.exchanged_energy);
         }
         let reductions: Vec<Value> =
-            summary.strength.iter().map(|of| strength_reduction(model, of)).collect();
+            progress.strength.iter().map(|of| strength_reduction(model, of)).collect();
         if let Some(last) = reductions.last() {
             document["strength_reduction"] = last.clone();
         }
@@ -456,15 +459,15 @@ fn at_step((value, step): (f64, usize)) -> Value {
 }
 
 /// The stages with their times, the stage that the run has reached, and the energy that stages have exchanged.
-fn stages<const D: usize>(model: &Model<D>, summary: &Summary) -> Value {
+fn stages<const D: usize>(model: &Model<D>, reached: &Reached) -> Value {
     let of = model.stages.iter().map(|stage| {
         let Stepping { start_time, end_time, count, .. } = stage.stepping;
         json!({"name": stage.name, "start": start_time, "end": end_time, "steps_requested": count})
     });
     json!({
         "all": of.collect::<Vec<_>>(),
-        "reached": summary.stage.as_ref().map_or(0, |stage| stage.number) + 1,
-        "exchanged_energy": summary.exchanged_energy,
+        "reached": reached.progress.stage_number() + 1,
+        "exchanged_energy": reached.summary.exchanged_energy,
     })
 }
 

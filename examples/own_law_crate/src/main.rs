@@ -50,7 +50,7 @@ fn run(deck: &Path, directory: &Path) -> Result<Summary, Box<dyn Error>> {
         Analysis::Solid(parts) => Results::create(directory, &request, &parts.0, account)?,
     };
     let beginning = analysis.beginning();
-    Ok(analysis.run(beginning, &mut results)?)
+    Ok(analysis.run(beginning, &mut results)?.summary)
 }
 
 fn main() -> Result<(), Box<dyn Error>> {

@@ -17,7 +17,7 @@ use crate::output::lock::Lock;
 use crate::output::results::Results;
 use crate::output::summary::Start;
 use crate::ranks::Ranks;
-use crate::solver::{SolveError, Summary};
+use crate::solver::{Reached, SolveError};
 use crate::timing::Timings;
 use anyhow::{anyhow, bail};
 use serde_json::{Value, json};
@@ -148,8 +148,8 @@ fn as_document(prepared: &Result<Prepared, Box<LoadFailure>>) -> Value {
 
 /// Outcome of an analysis.
 pub struct Ended {
-    /// The summary of the run, or the error that ended it.
-    pub outcome: Result<Summary, SolveError>,
+    /// What the run has reached, or the error that ended it.
+    pub outcome: Result<Reached, SolveError>,
     /// The closing table; `None` if no step is in equilibrium.
     pub closing: Option<Closing>,
 }
@@ -220,7 +220,7 @@ pub fn run_into(run: Run, ready: Prepared, set_up: Timings) -> anyhow::Result<Op
             (created.map_err(|error| not_writable(directory, error))?, None)
         }
         Some((lock, checkpoint, reached)) => {
-            let (place, step) = ((directory, lock), reached.step);
+            let (place, step) = ((directory, lock), reached.progress.step);
             let reopened = match &analysis {
                 Analysis::Plane(parts) => {
                     Results::resume(place, &asked, &parts.0, account, &checkpoint, step)
@@ -294,7 +294,7 @@ pub fn run_along(
         };
     let account = loaded.account(Start::now(), Timings::default(), rayon::current_num_threads())?;
     let asked = loaded.deck.request();
-    let from = reached.as_ref().map(|(checkpoint, reached)| (checkpoint.as_ref(), reached.step));
+    let from = reached.as_ref().map(|(checkpoint, reached)| (checkpoint.as_ref(), reached.progress.step));
     let results = match &analysis {
         Analysis::Plane(parts) => Results::without_files(directory, &asked, &parts.0, account, from),
         Analysis::Solid(parts) => Results::without_files(directory, &asked, &parts.0, account, from),

@@ -100,10 +100,10 @@ pub fn find(
         bail!("the checkpoint `{name}` cannot be used: {reason}\n  help: {AGAIN}");
     }
     let mut reached = checkpoint.head.reached.clone();
-    reached.step.index = step;
+    reached.progress.step.index = step;
     reached.summary.diagnosis = None;
     if checkpoint_deck.courses() != loaded.deck.courses() {
-        reached.summary.pace = Pace::default();
+        reached.progress.pace = Pace::default();
     }
     Ok(Found::Step(Box::new(checkpoint), Box::new(reached)))
 }

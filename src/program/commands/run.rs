@@ -114,8 +114,8 @@ fn run_as_root(
         }
     }
     let (text, code) = match &outcome {
-        Ok(summary) => {
-            timings.add(&summary.timings);
+        Ok(reached) => {
+            timings.add(&reached.summary.timings);
             let table = timings_table(&timings);
             log_text(&table);
             (if args.timings { table } else { String::new() }, 0)

@@ -20,7 +20,7 @@ use crate::program::machines::Machines;
 use crate::program::screen::failure::{Coded, as_error, in_words};
 use crate::program::screen::progress::View;
 use crate::ranks::Ranks;
-use crate::solver::SolveError;
+use crate::solver::{Reached, SolveError};
 use crate::study::{
     Axis, Member, Outcome, Record, Row, Study, dependence_on_cells, may_be_replaced, write_table,
 };
@@ -184,14 +184,14 @@ impl Sweep {
                 Outcome::Failed(in_words(&error))
             }
             Ok(None) => Outcome::Completed,
-            Ok(Some(Ended { outcome: Ok(summary), .. })) => {
+            Ok(Some(Ended { outcome: Ok(Reached { progress, summary }), .. })) => {
                 message!(
                     "  completed: {} in equilibrium, {}, {:.1} s",
                     counted(summary.steps, "step", "steps"),
                     counted(summary.evaluations, "evaluation", "evaluations"),
                     start.elapsed().wall.as_secs_f64()
                 );
-                if let Some(bracket) = summary.last_strength() {
+                if let Some(bracket) = progress.last_strength() {
                     message!("  factor of safety {bracket}");
                 }
                 Outcome::Completed

@@ -9,7 +9,7 @@ use crate::output::findings::{Extreme, Findings, ForceBalance};
 use crate::output::results::{Picture, Results};
 use crate::program::screen::quantities::{duration, significant};
 use crate::quality::{BalanceSoFar, MAX_ENERGY_ERROR, MAX_REGRIDDING};
-use crate::solver::{SolveError, StageStrength, Summary};
+use crate::solver::{Progress, Reached, SolveError, StageStrength};
 
 /// Width of a line, [characters]; names and paths may exceed it.
 const WIDTH: usize = 80;
@@ -54,10 +54,11 @@ impl Closing {
     /// Sums up a run that has ended; `None` if no step is in equilibrium.
     pub fn new<const D: usize>(
         model: &Model<D>,
-        summary: &Summary,
+        reached: &Reached,
         results: &Results,
         error: Option<&SolveError>,
     ) -> Option<Closing> {
+        let Reached { progress, summary } = reached;
         let (steps, asked) = (summary.steps, model.steps_requested());
         let in_equilibrium = format!("{} in equilibrium", counted(steps, "step", "steps"));
         // With cut steps, a run may have as many steps as requested, or more, without having reached the end.
@@ -100,7 +101,7 @@ impl Closing {
             balance: summary.balance(),
             warnings: summary.warnings.len(),
             findings: results.findings().clone(),
-            safety: safety(model, summary),
+            safety: safety(model, progress),
             nonassociated: Vec::new(),
             directory: results.directory().to_owned(),
             picture: results.last_picture(),
@@ -254,13 +255,13 @@ fn shell_word(path: &Path) -> String {
 }
 
 /// The factors of safety in words: a single one, or one for each of several stages, with its name.
-fn safety<const D: usize>(model: &Model<D>, summary: &Summary) -> Vec<String> {
+fn safety<const D: usize>(model: &Model<D>, progress: &Progress) -> Vec<String> {
     let in_words = |stage_strength: &StageStrength| {
-        let stage = model.stages.get(stage_strength.stage).filter(|_| summary.strength.len() > 1);
+        let stage = model.stages.get(stage_strength.stage).filter(|_| progress.strength.len() > 1);
         let stage = stage.map(|stage| format!("stage `{}`: ", stage.name)).unwrap_or_default();
         format!("{stage}{}", stage_strength.bracket)
     };
-    summary.strength.iter().map(in_words).collect()
+    progress.strength.iter().map(in_words).collect()
 }
 
 /// Rows, each with a label and some text.

@@ -135,9 +135,13 @@ impl Watch {
         self.progress.resumed(reached);
         self.warned = reached.summary.warnings.len();
         if let Display::Bar { bar, .. } = &self.display {
-            bar.set_position(part_of(reached.step.end, self.progress.status().end_time));
+            bar.set_position(part_of(reached.progress.step.end, self.progress.status().end_time));
         }
-        self.say(&format!("resuming after step {} from {}", reached.step.index, checkpoint.path.display()));
+        self.say(&format!(
+            "resuming after step {} from {}",
+            reached.progress.step.index,
+            checkpoint.path.display()
+        ));
     }
 
     /// Prints a line, above the bar if there is one.
@@ -261,10 +265,11 @@ where
         model: &Model<D>,
         points: &Points<D>,
         report: &StepReport<D>,
-        summary: &Summary,
+        reached: &Reached,
     ) -> io::Result<()> {
-        let written = self.results.converged(model, points, report, summary);
-        self.progress.converged(report, summary);
+        let written = self.results.converged(model, points, report, reached);
+        self.progress.converged(report, reached);
+        let summary = &reached.summary;
         if let Display::Bar { bar, .. } = &self.display {
             bar.set_position(part_of(report.step.end, model.end_time()));
         }
@@ -339,16 +344,16 @@ where
         &mut self,
         model: &Model<D>,
         points: &Points<D>,
-        summary: &Summary,
+        reached: &Reached,
         error: Option<&SolveError>,
     ) -> io::Result<()> {
-        self.say_warnings(summary);
-        let written = self.results.finished(model, points, summary, error);
+        self.say_warnings(&reached.summary);
+        let written = self.results.finished(model, points, reached, error);
         // The summary is complete before the status reports the end of the run.
         let lost = written.as_ref().err().map(SolveError::output);
         self.progress.finished(error.or(lost.as_ref()));
         self.update_status();
-        self.closing = Closing::new(model, summary, &self.results, error);
+        self.closing = Closing::new(model, reached, &self.results, error);
         written
     }
 }

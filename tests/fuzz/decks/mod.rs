@@ -25,7 +25,7 @@ use mpm::deck::source::Source;
 use mpm::memory::{Bound, Memory};
 use mpm::model::Model;
 use mpm::points::Points;
-use mpm::solver::{Observer, SolveError, StepReport, Summary};
+use mpm::solver::{Observer, Reached, SolveError, StepReport};
 use serde_json::Value;
 
 use crate::harness::{Bench, fuzz, fuzz_for_long};
@@ -50,7 +50,7 @@ impl<const D: usize> Observer<D> for OneStep {
         _: &Model<D>,
         _: &Points<D>,
         _: &StepReport<D>,
-        _: &Summary,
+        _: &Reached,
     ) -> std::io::Result<()> {
         self.done = true;
         Ok(())

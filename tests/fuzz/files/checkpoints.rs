@@ -22,6 +22,7 @@ use mpm::output::lock::Lock;
 use mpm::output::results::{Request, Results};
 use mpm::output::summary::{Account, Start};
 use mpm::points::{FieldKind, PointFieldSpec, Points};
+use mpm::solver::Reached;
 use mpm::timing::Timings;
 
 use super::damage::damage;
@@ -67,7 +68,7 @@ checkpoint: {every: 1}
 ";
 
 /// Bytes before the first block: the line with the version of the format.
-const LINE: usize = "mpm checkpoint 5\n".len();
+const LINE: usize = "mpm checkpoint 6\n".len();
 
 /// The points of a model as they are built.
 enum Fresh {
@@ -176,23 +177,23 @@ impl Origin {
             std::fs::write(path, content).unwrap();
         }
         let mut reached = checkpoint.head.reached.clone();
-        reached.step.index = index;
+        reached.progress.step.index = index;
         let (place, account) =
             ((&*self.directory, Lock::take(&self.directory).unwrap()), account(&self.loaded));
         let asked = no_output();
         let results = match &self.analysis {
             Analysis::Plane(parts) => {
-                Results::resume(place, &asked, &parts.0, account, &checkpoint, reached.step)
+                Results::resume(place, &asked, &parts.0, account, &checkpoint, reached.progress.step)
             }
             Analysis::Solid(parts) => {
-                Results::resume(place, &asked, &parts.0, account, &checkpoint, reached.step)
+                Results::resume(place, &asked, &parts.0, account, &checkpoint, reached.progress.step)
             }
         };
         let Ok(mut results) = results else {
             return "5 refused as other than the tables".into();
         };
         match self.analysis.run(reached, &mut results) {
-            Ok(summary) => {
+            Ok(Reached { summary, .. }) => {
                 assert!(summary.external_work.is_finite());
                 "7 went on to the end".into()
             }

@@ -8,7 +8,7 @@ use mpm::material::NeoHookean;
 use mpm::memory;
 use mpm::model::{Action, Load, LoadCurve, Model};
 use mpm::points::Points;
-use mpm::solver::{self, Silent, Summary};
+use mpm::solver::{self, Reached, Silent, Summary};
 use mpm::timing::Phase;
 
 use super::bodies::{Filling, cells_in, fill, fixed, model, nodes_where};
@@ -45,7 +45,7 @@ fn measure(h: f64, n: usize, threads: usize) -> (Points<3>, Summary) {
     pool.install(|| {
         let (model, mut points) = block(h, n);
         let before = memory::resident().unwrap();
-        let summary = solver::run(&model, &mut points, &mut Silent).unwrap();
+        let Reached { summary, .. } = solver::run(&model, &mut points, &mut Silent).unwrap();
         let (mut cpu, mut wall) = (0.0, 0.0);
         println!("{} points, {} unknowns, {} thread(s)", points.len(), summary.unknowns, threads);
         for phase in Phase::ALL {

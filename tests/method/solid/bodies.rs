@@ -13,7 +13,7 @@ use mpm::model::{
     StabilisationMode, Stepping,
 };
 use mpm::points::{PointVolume, Points, Seed};
-use mpm::solver::{self, Observer, SolveError, StepReport, Summary};
+use mpm::solver::{self, Observer, Reached, SolveError, StepReport};
 use mpm::stress::Formulation;
 use mpm::tensor::{Mat3, Sym3};
 
@@ -180,7 +180,7 @@ impl<F: FnMut(&Points<3>, &StepReport<3>)> Observer<3> for Watcher<F> {
         _: &Model<3>,
         points: &Points<3>,
         report: &StepReport<3>,
-        _: &Summary,
+        _: &Reached,
     ) -> std::io::Result<()> {
         self.0(points, report);
         Ok(())
@@ -192,6 +192,6 @@ pub fn watch(
     model: &Model<3>,
     points: &mut Points<3>,
     look: impl FnMut(&Points<3>, &StepReport<3>),
-) -> Result<Summary, SolveError> {
+) -> Result<Reached, SolveError> {
     solver::run(model, points, &mut Watcher(look))
 }

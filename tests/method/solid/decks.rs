@@ -73,8 +73,8 @@ steps: {{count: 1}}
     let (model, mut points) = solid(&text);
     let inner = points.outer_layer.iter().filter(|outer| !**outer).count();
     assert!(inner > 0 && inner < points.len(), "{inner} of {}", points.len());
-    let summary = solver::run(&model, &mut points, &mut Silent).unwrap();
-    assert!(summary.unknowns > 0);
+    let reached = solver::run(&model, &mut points, &mut Silent).unwrap();
+    assert!(reached.summary.unknowns > 0);
     for p in 0..points.len() {
         let (x, expected) = (points.converged.position[p], turn.apply(&points.original_position[p]));
         assert!((0..3).all(|d| (x[d] - expected[d]).abs() < 1e-10), "{x:?} {expected:?}");

@@ -8,7 +8,7 @@ use mpm::formula::Formula;
 use mpm::grid::{Axis, Structured};
 use mpm::model::{Action, BoundaryCondition, Load, LoadCurve, Model, NodeSet};
 use mpm::points::{Points, Seed};
-use mpm::solver::{self, Observer, StepReport, Summary};
+use mpm::solver::{self, Observer, Reached, StepReport};
 
 use super::bodies::watch;
 
@@ -128,7 +128,7 @@ impl Observer<2> for Recorder {
         _: &Model<2>,
         points: &Points<2>,
         _: &StepReport<2>,
-        _: &Summary,
+        _: &Reached,
     ) -> std::io::Result<()> {
         let of = |p: usize| (points.converged.position[p], points.converged.kirchhoff_stress[p].0);
         self.0.push(points.by_id().into_iter().map(of).collect());

@@ -91,8 +91,8 @@ impl Default for Fill {
 ///     .gravity("weight", [0.0, -9.81])
 ///     .steps(2)
 ///     .build()?;
-/// let summary = solver::run(&model, &mut points, &mut Silent)?;
-/// assert_eq!(summary.steps, 2);
+/// let reached = solver::run(&model, &mut points, &mut Silent)?;
+/// assert_eq!(reached.summary.steps, 2);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 ///

@@ -10,10 +10,11 @@ use super::agree::agree;
 use super::control::Path;
 use super::error::SolveError;
 use super::observer::Observer;
+use super::progress::Reached;
 use super::splitting;
 use super::stepper::Stepper;
 use super::strength::Movement;
-use super::summary::{Reached, Summary};
+use super::summary::Summary;
 
 impl<const D: usize, const N: usize> Stepper<'_, D, N> {
     /// Makes the trial state of a converged step the converged state.
@@ -29,20 +30,23 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         self.part_from_obstacles(&report.replaced_domains);
         self.split_long_domains();
         let (model, points) = (self.model, &*self.points);
-        let Reached { step, summary } = &mut self.reached;
-        summary.terms = save(&self.terms);
-        *step = report.step;
-        summary.path = path;
         self.cause = None;
         self.lost_points = None;
-        summary.pace.succeeded(&model.stepping, report.most_solves);
+        let Reached { progress, summary } = &mut self.reached;
+        progress.terms = save(&self.terms);
+        progress.step = report.step;
+        progress.path = path;
+        progress.pace.succeeded(&model.stepping, report.most_solves);
+        progress.carried.clone_from(&report.carried);
+        progress.last_iterations = report.solves();
         summary.accept(&report);
         let balance = summary.balance();
         let raised = summary.quality.judge_balances(model, points, &balance, report.step.index);
         summary.warnings.extend(raised);
         let mut timings = Timings::default();
-        let observed = timings.measure(Phase::Output, || observer.converged(model, points, &report, summary));
-        summary.timings.add(&timings);
+        let reached = &self.reached;
+        let observed = timings.measure(Phase::Output, || observer.converged(model, points, &report, reached));
+        self.reached.summary.timings.add(&timings);
         self.report = Some(report);
         agree(&points.ranks, observed.map_err(SolveError::Output))
     }
@@ -57,7 +61,7 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
     /// from this state.
     fn split_long_domains(&mut self) {
         let Stepper { model, points, reached, terms, .. } = self;
-        splitting::split_long(model, points, terms, &mut reached.summary.splits);
+        splitting::split_long(model, points, terms, &mut reached.progress.splits);
     }
 
     /// True if bodies begin to slide in a step that is in equilibrium but not committed, and a smaller step can narrow
@@ -68,9 +72,9 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
             return false;
         }
         let movement = Movement::of(model, points, step);
-        let summary = &mut self.reached.summary;
-        summary.strength_of(model.present.stage).begins_to_slide(movement)
-            && summary.pace.halve(&model.stepping, step.start, step.end)
+        let progress = &mut self.reached.progress;
+        progress.strength_of(model.present.stage).begins_to_slide(movement)
+            && progress.pace.halve(&model.stepping, step.start, step.end)
     }
 
     /// Reports that a smaller step replaces a converged step in which bodies begin to slide.
@@ -104,11 +108,12 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
             let movement = Movement::of(model, points, report.step);
             let from = model.stepping.strength_factor(model.stepping.start_time).unwrap_or(factor);
             // Damped iterations never act while the strength is reduced, so damped steps precede the reduction.
-            let slumped = self.reached.summary.damped;
-            let bracket = self.reached.summary.strength_of(model.present.stage);
+            let Reached { progress, summary } = &mut self.reached;
+            let slumped = summary.damped;
+            let bracket = progress.strength_of(model.present.stage);
             let begun = bracket.begins(slumped, report.step.index);
             let slides = bracket.stood(factor, from, movement, report.step.index);
-            self.reached.summary.warnings.extend(begun.into_iter().chain(slides));
+            summary.warnings.extend(begun.into_iter().chain(slides));
         }
         let Summary { quality, warnings, .. } = &mut self.reached.summary;
         if let Some(error) = self.equations.unreported_turn()

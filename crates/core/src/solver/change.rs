@@ -7,8 +7,8 @@ use crate::points::Points;
 use crate::tensor::Sym3;
 use crate::terms::continue_from;
 
+use super::progress::Reached;
 use super::stages::{Amount, resume_stage};
-use super::summary::Reached;
 
 /// Fraction of the elastic strain of a point at which its law responds elastically even if the point yields, [-].
 const ELASTIC_PART: f64 = 1e-3;
@@ -35,15 +35,15 @@ pub fn change_model<const D: usize>(
 ) -> Result<(), String> {
     // The points stay; only the model must know its stage.
     resume_stage(&mut next, &mut Points::new(&[]), reached)?;
-    let time = reached.step.end;
+    let time = reached.progress.step.end;
     let offsets = next.offsets_of_lines(model, time);
     if !offsets.is_empty() {
         next.offset_lines(&offsets)?;
     }
     next.place_grid(time).map_err(|error| error.to_string())?;
     let strains = changed_strains([model, &next], points, differs)?;
-    continue_from([model, &next], &mut reached.summary.terms, time)?;
-    reached.summary.offsets_of_lines = offsets;
+    continue_from([model, &next], &mut reached.progress.terms, time)?;
+    reached.progress.offsets_of_lines = offsets;
     let before = Amount::of(model, points);
     *model = next;
     for (p, strain) in strains {

@@ -19,9 +19,9 @@ use super::damping;
 use super::error::SolveError;
 use super::located::with_energy;
 use super::motion::Motion;
+use super::progress::Reached;
 use super::residual::RoundOff;
 use super::step_system::StepSystem;
-use super::summary::Summary;
 use super::unknowns::Unknowns;
 
 /// The iterate at which an attempt has ended, in equilibrium or not.
@@ -41,13 +41,13 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
         &mut self,
         context: &StepContext<D>,
         points: &Points<D>,
-        summary: &Summary,
+        reached: &Reached,
         slump: Slump,
         (ended, replaced_domains): (Ended, Vec<u32>),
     ) -> Result<Attempt<D>, SolveError> {
         Ok(match ended {
             Ended::Balanced => {
-                let (report, path) = self.report(context, points, summary, slump)?;
+                let (report, path) = self.report(context, points, reached, slump)?;
                 Attempt::Equilibrium(Box::new(StepReport { replaced_domains, ..report }), path)
             }
             Ended::Strayed { is_at_rest } => {
@@ -65,13 +65,13 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
         &mut self,
         context: &StepContext<D>,
         points: &Points<D>,
-        summary: &Summary,
+        reached: &Reached,
         slump: Slump,
     ) -> Result<(StepReport<D>, Path), SolveError> {
         let StepContext { model, links, step, .. } = *context;
         let load_factor = self.load_factor(context);
         let (energy, reaction) = self.energy(context, points, slump)?;
-        let undone = summary.undone_work + energy.undone_work;
+        let undone = reached.summary.undone_work + energy.undone_work;
         let energy = Energy { plastic_work: energy.plastic_work - undone, ..energy };
         let nature = self.system.nature(model);
         let LastIterate { system: StepSystem { dofs, sum, condition, parts, fields }, unknowns, course } =
@@ -108,7 +108,7 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
         let report = StepReport {
             step,
             body_residuals: body_residual::of_bodies(&forces, model, points, links),
-            carried: forces.carried(parts, &summary.carried, model.bodies.len()),
+            carried: forces.carried(parts, &reached.progress.carried, model.bodies.len()),
             reactions,
             further_reactions,
             moments,
@@ -134,7 +134,7 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
                 reaction: displacement(&reaction).into_owned(),
             },
             rounding_limited: course.round_off != RoundOff::NoMatter,
-            damped: summary.pace.is_damped(),
+            damped: reached.progress.pace.is_damped(),
             replaced_domains: Vec::new(),
             most_solves: (course.most_solves)
                 .max(course.residuals.len().saturating_sub(1 + course.augmentations + course.solves_before)),

@@ -17,7 +17,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         let is_last = !self.search.needs_stiffness
             && !self.effort.may_keep_stiffness(newton)
             && !self.is_damped()
-            && self.course.forecast(&self.forcing, self.summary.last_iterations) <= newton.tolerance
+            && self.course.forecast(&self.forcing, self.progress.last_iterations) <= newton.tolerance
             && self.has_reached_constraints();
         if is_last { Wanted::Force } else { Wanted::Stiffness }
     }

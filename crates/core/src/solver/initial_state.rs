@@ -10,11 +10,11 @@ use super::agree::agree;
 use super::error::SolveError;
 use super::located::{locate_failure, with_energy, worst};
 use super::observer::Observer;
+use super::progress::Reached;
 use super::residual::Forces;
 use super::round_off::EvaluatedAt;
 use super::step_system::StepSystem;
 use super::stepper::Stepper;
-use super::summary::Summary;
 use super::unknowns::Unknowns;
 
 impl<const D: usize, const N: usize> Stepper<'_, D, N> {
@@ -25,7 +25,7 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
     /// of a first step that cannot begin.
     pub(super) fn begin_stressed(&mut self, observer: &mut dyn Observer<D>) -> Result<(), SolveError> {
         let Some(treatment) = self.model.initial_imbalance else { return Ok(()) };
-        if self.reached.step.index > 0 || self.reached.summary.initial_state.is_some() {
+        if self.reached.progress.step.index > 0 || self.reached.summary.initial_state.is_some() {
             return Ok(());
         }
         let state = self.initial_state()?;
@@ -49,12 +49,12 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         let links = self.complete_links(linked, step)?;
         let points = &mut *self.points;
         let context = StepContext { model, links: &links, step, factor: 0.0 };
-        let Summary { timings, path, carried, .. } = &mut self.reached.summary;
-        let mut system = StepSystem::new(&context, points, path, carried, &self.fields, &mut self.terms)?;
+        let Reached { progress, summary } = &mut self.reached;
+        let mut system = StepSystem::new(&context, points, progress, &self.fields, &mut self.terms)?;
         let n_globals = system.sum.system().border.len();
         let mut unknowns = Unknowns::<N>::new(model, 0.0, &links, n_globals);
         let evaluate = || system.sum.evaluate(&context, points, unknowns.at(), Wanted::Stiffness);
-        let evaluated = timings.measure(Phase::Assembly, evaluate);
+        let evaluated = summary.timings.measure(Phase::Assembly, evaluate);
         let state = evaluated
             .map_err(|failure| locate_failure(failure, model, points, step, 0, &[]))
             .and_then(|()| {

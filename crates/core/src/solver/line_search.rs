@@ -158,7 +158,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         let (damped, has_kinks) = (self.is_damped(), self.system.sum.has_kinks());
         let first = if damped || has_kinks {
             1
-        } else if self.summary.pace.is_careful() || self.effort == Effort::Thorough {
+        } else if self.progress.pace.is_careful() || self.effort == Effort::Thorough {
             FIRST_SEARCH
         } else {
             ((LATE * newton.max_iterations as f64) as usize).max(FIRST_SEARCH)

@@ -16,6 +16,7 @@ use super::equations::Equations;
 use super::error::SolveError;
 use super::forcing::Forcing;
 use super::observer::Observer;
+use super::progress::{Progress, Reached};
 use super::reach::reach_out;
 use super::step_system::StepSystem;
 use super::stepper::Stepper;
@@ -41,6 +42,7 @@ pub(super) struct LoadStep<'a, const D: usize, const N: usize> {
     /// True if the system has been laid out anew since the equations were prepared for it.
     pub(super) is_laid_out_anew: bool,
     pub(super) equations: &'a mut Equations<D, N>,
+    pub(super) progress: &'a Progress,
     pub(super) summary: &'a mut Summary,
     pub(super) observer: &'a mut dyn Observer<D>,
 }
@@ -62,13 +64,13 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         let link = || old.renew(model.grid.as_ref(), self.points, &model.methods());
         let linked = self.reached.summary.timings.measure(Phase::Basis, link);
         let links = self.complete_links(linked, step).map_err(at_once)?;
-        let context = StepContext { model, links: &links, step, factor: self.reached.summary.path.factor };
+        let context = StepContext { model, links: &links, step, factor: self.reached.progress.path.factor };
         let mut load_step = self.begin(context, slump, effort, observer).map_err(at_once)?; // C, (29), pattern of K
         let ended = load_step.iterate(); // section 6.3
         let ended = ended.and_then(|ended| Ok((ended, load_step.move_points()?))); // section 6.4
         let mut last = load_step.into_last_iterate();
-        let (points, summary) = (&*self.points, &self.reached.summary);
-        let concluded = ended.and_then(|ended| last.outcome(&context, points, summary, slump, ended));
+        let (points, reached) = (&*self.points, &self.reached);
+        let concluded = ended.and_then(|ended| last.outcome(&context, points, reached, slump, ended));
         let outcome = concluded.map_err(|error| {
             let agreed = agree(links.halo().ranks(), Err::<(), _>(error));
             last.failed(&context, agreed.err().unwrap_or_else(SolveError::elsewhere))
@@ -133,11 +135,10 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         observer: &'a mut dyn Observer<D>,
     ) -> Result<LoadStep<'a, D, N>, SolveError> {
         let (points, fields, terms) = (&mut *self.points, &self.fields, &mut self.terms);
-        let summary = &mut self.reached.summary;
-        let Summary { timings, path, carried, .. } = summary;
-        let begin = || StepSystem::new(&context, points, path, carried, fields, terms);
-        let system = timings.measure(Phase::SetUp, begin)?;
-        let load_step = LoadStep::new(context, points, system, slump, &mut self.equations, summary, observer);
+        let reached = &mut self.reached;
+        let begin = || StepSystem::new(&context, points, &reached.progress, fields, terms);
+        let system = reached.summary.timings.measure(Phase::SetUp, begin)?;
+        let load_step = LoadStep::new(context, points, system, slump, &mut self.equations, reached, observer);
         Ok(LoadStep { effort, ..load_step })
     }
 }
@@ -149,16 +150,17 @@ impl<'a, const D: usize, const N: usize> LoadStep<'a, D, N> {
         system: StepSystem<D, N>,
         slump: Slump,
         equations: &'a mut Equations<D, N>,
-        summary: &'a mut Summary,
+        reached: &'a mut Reached,
         observer: &'a mut dyn Observer<D>,
     ) -> Self {
         let StepContext { model, links, step, factor } = context;
         let mut unknowns = Unknowns::new(model, factor, links, system.sum.system().border.len());
-        let damped = summary.pace.is_damped();
+        let Reached { progress, summary } = reached;
+        let damped = progress.pace.is_damped();
         let uses_predictor =
             model.newton.predictor == Predictor::LastStep && !model.stepping.control.has_unknown_factor();
         if uses_predictor && !damped {
-            unknowns.predicted = summary.path.motion.extrapolate(links, step);
+            unknowns.predicted = progress.path.motion.extrapolate(links, step);
         }
         let stride =
             if damped && slump.may_go_on() { STRIDE * smallest_cell(model, links) } else { f64::INFINITY };
@@ -176,6 +178,7 @@ impl<'a, const D: usize, const N: usize> LoadStep<'a, D, N> {
             is_predicted: false,
             is_laid_out_anew: false,
             equations,
+            progress,
             summary,
             observer,
         }

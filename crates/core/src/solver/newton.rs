@@ -84,7 +84,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
     }
 
     pub(super) fn is_damped(&self) -> bool {
-        self.summary.pace.is_damped()
+        self.progress.pace.is_damped()
     }
 
     /// True if the iterate is in equilibrium: it has the prescribed motion, the load factor meets its condition, and
@@ -206,7 +206,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             && !self.equations.is_iterative()
             && !self.unknowns.prescribes
             && !self.course.was_augmented_along
-            && !self.summary.pace.is_careful()
+            && !self.progress.pace.is_careful()
             && self.course.falls_fast()
     }
 

@@ -8,7 +8,7 @@ use crate::step::Step;
 use super::attempt::FailedAttempt;
 use super::diagnosis::Diagnosis;
 use super::error::SolveError;
-use super::summary::{Reached, Summary};
+use super::progress::Reached;
 
 /// A follower of a run: a writer of results, a progress display, or a recorder in tests.
 ///
@@ -31,7 +31,7 @@ pub trait Observer<const D: usize> {
     /// displacement first, [-]; otherwise it is empty.
     fn iteration(&mut self, _step: Step, _iteration: usize, _residual: f64, _by_field: &[f64]) {}
 
-    /// Called when a step is in equilibrium and committed.
+    /// Called when a step is in equilibrium and committed; `reached` is the end of this step.
     ///
     /// # Errors
     /// Any error stops the run.
@@ -40,7 +40,7 @@ pub trait Observer<const D: usize> {
         _model: &Model<D>,
         _points: &Points<D>,
         _report: &StepReport<D>,
-        _summary: &Summary,
+        _reached: &Reached,
     ) -> std::io::Result<()> {
         Ok(())
     }
@@ -98,7 +98,7 @@ pub trait Observer<const D: usize> {
         &mut self,
         _model: &Model<D>,
         _points: &Points<D>,
-        _summary: &Summary,
+        _reached: &Reached,
         _error: Option<&SolveError>,
     ) -> std::io::Result<()> {
         Ok(())

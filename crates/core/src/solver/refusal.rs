@@ -9,8 +9,8 @@ use super::attempt::FailedAttempt;
 use super::diagnosis::Diagnosis;
 use super::error::SolveError;
 use super::observer::Observer;
+use super::progress::Reached;
 use super::stepper::Stepper;
-use super::summary::Reached;
 
 impl<const D: usize, const N: usize> Stepper<'_, D, N> {
     /// True if a thorough attempt at the same step follows a failed one: while strength is reduced, the settings must
@@ -41,15 +41,15 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         observer: &mut dyn Observer<D>,
     ) -> Result<(), SolveError> {
         let (model, points) = (self.model, &*self.points);
-        let Reached { summary, step } = &mut self.reached;
+        let Reached { progress, summary } = &mut self.reached;
         summary.failed_attempts += 1;
         let Step { start, end, .. } = failed.step;
         let is_torn = failed.error.is_torn();
-        let was_last_resort = summary.pace.is_last_resort();
+        let was_last_resort = progress.pace.is_last_resort();
         let goes_on =
-            failed.may_succeed_if_smaller && summary.pace.failed(&model.stepping, start, end, is_torn);
+            failed.may_succeed_if_smaller && progress.pace.failed(&model.stepping, start, end, is_torn);
         // The last attempt before the last resorts shows why the step fails.
-        let diagnosis = (!was_last_resort && (!goes_on || summary.pace.is_last_resort())).then(|| {
+        let diagnosis = (!was_last_resort && (!goes_on || progress.pace.is_last_resort())).then(|| {
             // Each rank examines only its own data, because the errors of the ranks may differ, and with them what the
             // ranks look for.
             let halo = failed.exchange_halo(Halo::default());
@@ -74,12 +74,12 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         if let Some(fails) = model.stepping.strength_factor(end).filter(|_| failed.may_succeed_if_smaller) {
             let from = model.stepping.strength_factor(model.stepping.start_time);
             // The state before the stage is in equilibrium at full strength.
-            let stood =
-                step.index > 0 || summary.initial_state.as_ref().is_some_and(|state| state.is_balanced);
-            let bracket = summary.strength_of(model.present.stage);
+            let step = progress.step.index;
+            let stood = step > 0 || summary.initial_state.as_ref().is_some_and(|state| state.is_balanced);
+            let bracket = progress.strength_of(model.present.stage);
             bracket.stands = bracket.stands.or(from.filter(|from| stood && *from <= 1.0));
             bracket.fails = Some(fails);
-            let short = bracket.stopped_short(step.index);
+            let short = bracket.stopped_short(step);
             summary.warnings.extend(short);
             let observe = || observer.failed(model, points, &failed, None);
             let observed = summary.timings.measure(Phase::Output, observe).map_err(SolveError::Output);

@@ -19,10 +19,10 @@ use super::error::SolveError;
 use super::located::with_energy;
 use super::observer::Observer;
 use super::pace::Pace;
+use super::progress::{Progress, Reached, StageReached};
 use super::residual::MOST_OF_ROUND_OFF;
 use super::splitting::split_again;
 use super::stepper::{Kernels, Stepper, finish, start};
-use super::summary::{Reached, StageReached, Summary};
 
 /// Fraction of the largest force that bodies have carried below which an out-of-balance force may be round-off, [-].
 const LEFT: f64 = 1e-9;
@@ -128,9 +128,9 @@ fn enter<const D: usize, const N: usize>(
     extension: &Extension<D, N>,
 ) -> Result<(), SolveError> {
     let number = model.present.stage + 1;
-    let began = model.factors_at_end(reached.summary.path.factor);
+    let began = model.factors_at_end(reached.progress.path.factor);
     let time = model.stepping.end_time;
-    let step = Step { index: reached.step.index + 1, start: time, end: time };
+    let step = Step { index: reached.progress.step.index + 1, start: time, end: time };
     let ended = &model.stages[model.present.stage];
     if ended.resets_displacement {
         points.reset_displacement();
@@ -157,29 +157,30 @@ fn enter<const D: usize, const N: usize>(
         // The loads are still those at the end of the previous stage.
         let control = std::mem::replace(&mut model.stepping.control, Control::Load);
         let (balance, further) = (extension.kernels.balance, (extension.terms)(model));
-        let forces = balance(model, points, step, further, &mut reached.summary.terms);
+        let forces = balance(model, points, step, further, &mut reached.progress.terms);
         model.stepping.control = control;
         model.present.released_forces = forces?;
         // A remainder that the tolerance or round-off has left out of balance is not a force to release.
         let squares = model.present.released_forces.iter().flat_map(|(_, force)| force).map(|f| f * f);
-        let carried = reached.summary.carried.iter().copied().fold(0.0, f64::max);
+        let carried = reached.progress.carried.iter().copied().fold(0.0, f64::max);
         let left = model.newton.tolerance.clamp(LEFT, MOST_OF_ROUND_OFF) * carried;
         if squares.sum::<f64>().sqrt() <= left {
             model.present.released_forces.clear();
         }
     }
-    let mut splits_before = reached.summary.stage.take().map(|stage| stage.splits_before).unwrap_or_default();
-    splits_before.push(reached.summary.splits.len());
-    reached.summary.stage = Some(StageReached {
+    let mut splits_before =
+        reached.progress.stage.take().map(|stage| stage.splits_before).unwrap_or_default();
+    splits_before.push(reached.progress.splits.len());
+    reached.progress.stage = Some(StageReached {
         number,
         began,
         released_forces: model.present.released_forces.iter().map(|(node, f)| (*node, f.to_vec())).collect(),
         splits_before,
     });
     // A strength reduction ends its stage when equilibrium is lost, before the end time of the stage.
-    reached.step.end = time;
-    reached.summary.pace = Pace::default();
-    reached.summary.path = Path::default();
+    reached.progress.step.end = time;
+    reached.progress.pace = Pace::default();
+    reached.progress.path = Path::default();
     Ok(())
 }
 
@@ -228,11 +229,11 @@ pub fn resume_stage<const D: usize>(
     points: &mut Points<D>,
     reached: &Reached,
 ) -> Result<(), String> {
-    let Summary { splits, offsets_of_lines, .. } = &reached.summary;
+    let Progress { splits, offsets_of_lines, stage, .. } = &reached.progress;
     if !offsets_of_lines.is_empty() {
         model.offset_lines(offsets_of_lines)?;
     }
-    let Some(StageReached { number, began, released_forces, splits_before }) = &reached.summary.stage else {
+    let Some(StageReached { number, began, released_forces, splits_before }) = stage else {
         return split_again(model, points, splits);
     };
     let of_model = [model.loads.len(), model.boundary_conditions.len()];
@@ -273,7 +274,7 @@ pub fn run_stages<const D: usize>(
     points: &mut Points<D>,
     reached: Reached,
     observer: &mut dyn Observer<D>,
-) -> Result<Summary, SolveError>
+) -> Result<Reached, SolveError>
 where
     Model<D>: Solvable<D>,
 {
@@ -291,7 +292,7 @@ pub fn run_stages_with_terms<const D: usize>(
     reached: Reached,
     further: FurtherTerms<D>,
     observer: &mut dyn Observer<D>,
-) -> Result<Summary, SolveError>
+) -> Result<Reached, SolveError>
 where
     Model<D>: Solvable<D>,
 {
@@ -314,7 +315,7 @@ pub fn run_with_changes<const D: usize>(
     reached: Reached,
     observer: &mut dyn Observer<D>,
     change: Change<'_, D>,
-) -> Result<Summary, SolveError>
+) -> Result<Reached, SolveError>
 where
     Model<D>: Solvable<D>,
 {
@@ -334,11 +335,11 @@ pub fn run_extended<const D: usize, const N: usize>(
     extension: &Extension<D, N>,
     observer: &mut dyn Observer<D>,
     change: Change<'_, D>,
-) -> Result<Summary, SolveError> {
+) -> Result<Reached, SolveError> {
     // A saved state that does not match ends the run before anything is reported.
     extension.stepper(model, points)?.resume(reached.clone())?;
     // A grid that cannot move is reported when its step begins.
-    let _ = model.place_grid(reached.step.end);
+    let _ = model.place_grid(reached.progress.step.end);
     let started = start(model, points, &mut reached, observer);
     let outcome = started.and_then(|()| {
         loop {
@@ -364,7 +365,7 @@ fn all_stages<const D: usize, const N: usize>(
     observer: &mut dyn Observer<D>,
 ) -> Result<(), SolveError> {
     loop {
-        let Step { index, end, .. } = reached.step;
+        let Step { index, end, .. } = reached.progress.step;
         model.place_grid(end).map_err(|error| SolveError::GridMotion { step: index + 1, error })?;
         let before = std::mem::replace(reached, Reached::nothing(points));
         let mut stepper = extension.stepper(model, points)?.resume(before)?;

@@ -9,8 +9,9 @@ use crate::step::StepContext;
 use crate::terms::{Sum, Terms};
 
 use super::agree::agree;
-use super::control::{Condition, Path};
+use super::control::Condition;
 use super::error::SolveError;
+use super::progress::Progress;
 use super::reach::begin;
 use super::residual::Parts;
 
@@ -31,8 +32,7 @@ impl<const D: usize, const N: usize> StepSystem<D, N> {
     pub(super) fn new(
         context: &StepContext<D>,
         points: &Points<D>,
-        path: &Path,
-        carried: &[f64],
+        progress: &Progress,
         fields: &Fields,
         terms: &mut Terms<D, N>,
     ) -> Result<Self, SolveError> {
@@ -50,10 +50,10 @@ impl<const D: usize, const N: usize> StepSystem<D, N> {
             return Err(SolveError::Unheld { step: step.index, node: place.to_vec(), axis });
         }
         begin(terms, context, points)?;
-        let condition = Condition::new(model, points, links, step, path, terms);
+        let condition = Condition::new(model, points, links, step, &progress.path, terms);
         let sum = Sum::new(std::mem::take(terms), context, &dofs);
         let parts = Parts::new(&joined, links.halo(), fields.components());
-        let parts = parts.of_bodies(points, links, model.bodies.len(), carried);
+        let parts = parts.of_bodies(points, links, model.bodies.len(), &progress.carried);
         Ok(StepSystem { dofs, sum, condition, parts, fields: fields.clone() })
     }
 

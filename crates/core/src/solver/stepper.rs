@@ -21,8 +21,9 @@ use super::diagnosis::Diagnosis;
 use super::equations::Equations;
 use super::error::SolveError;
 use super::observer::Observer;
+use super::progress::{Progress, Reached};
 use super::release::{BalancingForces, balancing_forces};
-use super::summary::{Reached, Summary};
+use super::summary::Summary;
 
 /// An analysis, load step by load step.
 ///
@@ -191,10 +192,10 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
     /// [`SolveError::Term`] if a term cannot resume from its saved state, or if a saved state belongs to no term.
     pub fn resume(mut self, reached: Reached) -> Result<Self, SolveError> {
         let is_known = |name: &String| self.terms.iter().any(|term| term.name() == name.as_str());
-        if let Some(name) = reached.summary.terms.keys().find(|name| !is_known(name)) {
+        if let Some(name) = reached.progress.terms.keys().find(|name| !is_known(name)) {
             return Err(refused(name, "it has a saved state, but has not been added to the analysis"));
         }
-        restore(&mut self.terms, &reached.summary.terms).map_err(|(term, reason)| refused(term, &reason))?;
+        restore(&mut self.terms, &reached.progress.terms).map_err(|(term, reason)| refused(term, &reason))?;
         self.reached = reached;
         Ok(self)
     }
@@ -214,8 +215,8 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
     /// Solves the next step as [`Stepper::step`] does; false if none is left.
     fn solve_step(&mut self, observer: &mut dyn Observer<D>) -> Result<bool, SolveError> {
         self.begin_stressed(observer)?;
-        let (before, mut effort) = (self.reached.step.index, Effort::Usual);
-        while self.reached.step.index == before {
+        let (before, mut effort) = (self.reached.progress.step.index, Effort::Usual);
+        while self.reached.progress.step.index == before {
             let Some(step) = self.next_step(effort, observer)? else { return Ok(false) };
             let attempted = self.attempt(step, self.role_of_slumping(), effort, observer);
             let was = std::mem::replace(&mut effort, Effort::Usual);
@@ -240,7 +241,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
     ///
     /// # Errors
     /// As for [`Stepper::step`]; [`SolveError::GridMotion`] if the grid moves.
-    pub fn run(mut self, observer: &mut dyn Observer<D>) -> Result<Summary, SolveError> {
+    pub fn run(mut self, observer: &mut dyn Observer<D>) -> Result<Reached, SolveError> {
         self.expect_fixed_grid()?;
         let started = self.start(observer);
         let step = self.kernels.step;
@@ -256,7 +257,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
     /// # Errors
     /// [`SolveError::GridMotion`].
     pub(super) fn expect_fixed_grid(&self) -> Result<(), SolveError> {
-        let (step, error) = (self.reached.step.index + 1, GridMotionError::NotPlaced);
+        let (step, error) = (self.reached.progress.step.index + 1, GridMotionError::NotPlaced);
         if self.model.moving_grid.is_some() { Err(SolveError::GridMotion { step, error }) } else { Ok(()) }
     }
 
@@ -273,7 +274,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         self,
         outcome: Result<(), SolveError>,
         observer: &mut dyn Observer<D>,
-    ) -> Result<Summary, SolveError> {
+    ) -> Result<Reached, SolveError> {
         finish(self.model, self.points, self.reached, outcome, observer)
     }
 
@@ -282,12 +283,12 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         self.points
     }
 
-    /// The last converged step, and the summary of the run so far.
+    /// The last converged step: the progress and the summary of the run so far.
     pub fn reached(&self) -> &Reached {
         &self.reached
     }
 
-    /// The last converged step, and the summary of the run so far.
+    /// The last converged step: the progress and the summary of the run so far.
     pub(super) fn into_reached(self) -> Reached {
         self.reached
     }
@@ -297,12 +298,12 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
     /// # Errors
     /// [`SolveError`] if the observer interrupts the run, or the grid has not been placed.
     fn next_step(&self, effort: Effort, observer: &mut dyn Observer<D>) -> Result<Option<Step>, SolveError> {
-        let Reached { step: Step { index, end: start, .. }, summary } = &self.reached;
+        let Progress { step: Step { index, end: start, .. }, strength, pace, .. } = &self.reached.progress;
         let stage = self.model.present.stage;
-        if summary.strength.iter().any(|of| of.stage == stage && of.bracket.fails.is_some()) {
+        if strength.iter().any(|of| of.stage == stage && of.bracket.fails.is_some()) {
             return Ok(None);
         }
-        let Some(end) = summary.pace.end_of_step(&self.model.stepping, *start) else { return Ok(None) };
+        let Some(end) = pace.end_of_step(&self.model.stepping, *start) else { return Ok(None) };
         let step = Step { index: index + 1, start: *start, end };
         if !self.model.has_grid_of(step.start) {
             return Err(SolveError::GridMotion { step: step.index, error: GridMotionError::NotPlaced });
@@ -316,8 +317,8 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
 
     /// The role of slumping in the next attempt.
     fn role_of_slumping(&self) -> Slump {
-        let may_slump =
-            self.reached.summary.pace.is_damped() && damping::may_slump(self.model, self.points, &self.terms);
+        let may_slump = self.reached.progress.pace.is_damped()
+            && damping::may_slump(self.model, self.points, &self.terms);
         if may_slump { Slump::MayBegin } else { Slump::Forbidden }
     }
 
@@ -380,12 +381,11 @@ pub(super) fn finish<const D: usize>(
     mut reached: Reached,
     outcome: Result<(), SolveError>,
     observer: &mut dyn Observer<D>,
-) -> Result<Summary, SolveError> {
+) -> Result<Reached, SolveError> {
     let Summary { timings, quality, .. } = &mut reached.summary;
     timings.measure(Phase::Update, || quality.conclude(model, points));
-    let finished = reached.summary;
-    let reported = observer.finished(model, points, &finished, outcome.as_ref().err());
-    outcome.and(agree(&points.ranks, reported.map_err(SolveError::Output))).map(|()| finished)
+    let reported = observer.finished(model, points, &reached, outcome.as_ref().err());
+    outcome.and(agree(&points.ranks, reported.map_err(SolveError::Output))).map(|()| reached)
 }
 
 fn refused(term: &str, reason: &str) -> SolveError {

@@ -1,83 +1,36 @@
-//! The summary of a run: counts, work, quality, warnings and timings, and the data that its next step builds on.
-
-use std::collections::BTreeMap;
+//! What is reported on a run: counts, work, quality, warnings and timings.
 
 use serde::{Deserialize, Serialize};
 
 use crate::equilibrium::{Energy, InitialState, StepReport};
 use crate::linear::{Nature, Solved};
-use crate::model::{Factors, Model};
-use crate::points::{Points, Split};
+use crate::model::Model;
 use crate::quality::{BalanceSoFar, Quality, Warning};
-use crate::step::Step;
-use crate::terms::Saved;
 use crate::timing::Timings;
 
-use super::control::Path;
 use super::diagnosis::Diagnosis;
-use super::pace::Pace;
-use super::strength::{StageStrength, StrengthBracket};
+use super::progress::MOST_COUNTED;
 
-/// The stage of a run, as checkpoints store it.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct StageReached {
-    /// Number of the stage, from 0.
-    pub number: usize,
-    /// The factors with which the stage began.
-    pub began: Factors,
-    /// Grid nodes, and the forces on them that are released over the stage, [force].
-    pub(super) released_forces: Vec<(u32, Vec<f64>)>,
-    /// For each stage after the first, up to this one, the number of splits of points before it began.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub(super) splits_before: Vec<usize>,
-}
-
-/// The summary of a run up to its last converged step.
+/// What is reported on a run up to its last converged step; [`Progress`](super::Progress) holds what the next step needs.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
     /// Number of converged steps.
     pub steps: usize,
     /// Number of steps accepted at the limit of round-off rather than at the tolerance.
-    #[serde(default)]
     pub rounding_limited: usize,
     /// Number of steps whose equilibrium was found only by damped iterations.
-    #[serde(default)]
     pub damped: usize,
-    /// The points that were split, in the order of the splits.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub splits: Vec<Split>,
     /// Number of torn domains that were replaced.
-    #[serde(default)]
     pub replaced_domains: usize,
-    /// Largest force on a part of each body so far, [`StepReport::carried`], [force].
-    #[serde(default)]
-    pub carried: Vec<f64>,
     /// The state before the first step, if bodies are stressed at time 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub initial_state: Option<InitialState>,
     /// Number of attempts at a step that did not reach equilibrium.
     pub failed_attempts: usize,
-    /// The current step size.
-    pub pace: Pace,
-    /// Data on the path so far that the next step needs.
-    pub path: Path,
-    /// The current stage; `None` in the first stage.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub stage: Option<StageReached>,
-    /// The displacement that each group of lines of a moving grid has in addition to the one that its condition
-    /// prescribes, [length]; empty unless the model has changed during the run.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub offsets_of_lines: Vec<f64>,
-    /// The factors of each stage in which the strength is reduced, in the order of the stages.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub strength: Vec<StageStrength>,
     /// Load factor of the last converged step, [-]; `None` unless all loads and prescribed motions share one.
     pub load_factor: Option<f64>,
     /// Load factor of largest magnitude in equilibrium, [-]; `None` unless all loads and prescribed motions share one.
     pub largest_load_factor: Option<f64>,
-    /// The saved states of the terms of equilibrium, by term name, [`crate::terms::Term::save`].
-    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
-    pub terms: BTreeMap<String, Saved>,
     /// The probable cause of the failure; `None` unless the run has failed.
     pub diagnosis: Option<Diagnosis>,
     /// Largest number of faces stabilised in a step.
@@ -93,9 +46,6 @@ pub struct Summary {
     /// Number of linear solves whose matrix was not positive definite; those of saddle points, which never are, do not
     /// count.
     pub indefinite_solves: usize,
-    /// Number of iterations of the last converged step, 0 before the first one.
-    #[serde(default)]
-    pub last_iterations: usize,
     /// Largest number of unknowns in a step.
     pub unknowns: usize,
     /// Work of loads and reactions so far, [energy].
@@ -106,10 +56,8 @@ pub struct Summary {
     pub stabilisation_work: f64,
     /// Stored energy and plastic work of bodies that were added, less those of bodies that were removed, plus the
     /// change of both in bodies that changed their material or whose material has changed, [energy].
-    #[serde(default)]
     pub exchanged_energy: f64,
     /// Work absorbed so far by the damping of damped iterations, [energy].
-    #[serde(default)]
     pub damping_work: f64,
     /// Sum over the steps of the magnitude of the sum of external and regridding work, [energy].
     pub gross_work: f64,
@@ -119,10 +67,8 @@ pub struct Summary {
     pub plastic_work: f64,
     /// Plastic work that the history variables of the laws record but that was not done, because the strength was
     /// reduced, [energy].
-    #[serde(default)]
     pub undone_work: f64,
     /// Work dissipated so far by friction between tools and bodies, [energy].
-    #[serde(default)]
     pub friction_work: f64,
     /// The quality of the run.
     pub quality: Quality,
@@ -132,56 +78,26 @@ pub struct Summary {
     pub timings: Timings,
 }
 
-/// The last converged step of a run: together with the points, all that a restart needs.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Reached {
-    /// The last converged step; number and time are 0 before the first one.
-    pub step: Step,
-    /// The summary of the run so far.
-    pub summary: Summary,
-}
-
-impl Reached {
-    /// The state of a run before its first step.
-    pub fn nothing<const D: usize>(points: &Points<D>) -> Reached {
-        let summary = Summary { quality: Quality::new(points), ..Summary::default() };
-        Reached { step: Step { index: 0, start: 0.0, end: 0.0 }, summary }
-    }
-}
-
 /// Relative round-off of a stored energy, [-].
 const ROUND_OFF: f64 = 1e-13;
 /// Work, relative to the energy of an initial stress, below which it is hardly more than round-off, [-].
 const LEAST_WORK: f64 = 1e-10;
 
-/// Upper bound on each count of a run.
-const MOST_COUNTED: usize = 1 << 48;
-
-impl Reached {
-    /// True if a run of this model could have reached this step.
-    pub fn fits<const D: usize>(&self, model: &Model<D>) -> bool {
-        let of = &self.summary;
-        let counts = [
-            of.steps,
-            of.failed_attempts,
-            of.evaluations,
-            of.linear_solves,
-            of.iterative_solves,
-            of.linear_iterations,
-            of.indefinite_solves,
-            self.step.index,
-        ];
-        counts.iter().all(|count| *count < MOST_COUNTED)
-            && 0.0 <= self.step.start
-            && self.step.start < self.step.end
-            && self.step.end <= model.end_time()
-            && self.summary.pace.is_valid()
-            && self.summary.path.fits::<D>()
-            && self.summary.quality.fits(model.bodies.len())
-    }
-}
-
 impl Summary {
+    /// True if this can be the summary of a run of this model.
+    pub(super) fn fits<const D: usize>(&self, model: &Model<D>) -> bool {
+        let counts = [
+            self.steps,
+            self.failed_attempts,
+            self.evaluations,
+            self.linear_solves,
+            self.iterative_solves,
+            self.linear_iterations,
+            self.indefinite_solves,
+        ];
+        counts.iter().all(|count| *count < MOST_COUNTED) && self.quality.fits(model.bodies.len())
+    }
+
     /// The balances of the run.
     pub fn balance(&self) -> BalanceSoFar {
         BalanceSoFar {
@@ -208,27 +124,12 @@ impl Summary {
         if self.gross_work > 0.0 { missing / self.gross_work } else { 0.0 }
     }
 
-    /// The factors of the latest stage so far in which the strength is reduced; `None` before the first such stage.
-    pub fn last_strength(&self) -> Option<StrengthBracket> {
-        self.strength.last().map(|of_stage| of_stage.bracket)
-    }
-
-    /// The factors of a stage in which the strength is reduced.
-    pub(super) fn strength_of(&mut self, stage: usize) -> &mut StrengthBracket {
-        let place = self.strength.iter().position(|of_stage| of_stage.stage == stage).unwrap_or_else(|| {
-            self.strength.push(StageStrength { stage, bracket: StrengthBracket::default() });
-            self.strength.len() - 1
-        });
-        &mut self.strength[place].bracket
-    }
-
+    /// Adds the account of a converged step.
     pub(super) fn accept<const D: usize>(&mut self, report: &StepReport<D>) {
         self.steps += 1;
         self.rounding_limited += usize::from(report.rounding_limited);
         self.damped += usize::from(report.damped);
-        self.carried.clone_from(&report.carried);
         self.replaced_domains += report.replaced_domains.len();
-        self.last_iterations = report.solves();
         self.stabilised_faces = self.stabilised_faces.max(report.stabilised_faces);
         self.load_factor = report.load_factor;
         if let Some(factor) = report.load_factor {

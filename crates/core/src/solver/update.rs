@@ -66,7 +66,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             let error = |error| SolveError::GridMotion { step: step.index, error };
             let moved_grid = model.grid_at(step.end).map_err(error)?;
             let next_grid = moved_grid.as_ref().map_or(model.grid.as_ref(), |grid| grid as &dyn Grid<D>);
-            let replaces = self.summary.pace.is_last_resort();
+            let replaces = self.progress.pace.is_last_resort();
             let mut trial = std::mem::take(&mut self.points.trial);
             trial.make_room_for_motion(&self.points.converged);
             let points = &*self.points;

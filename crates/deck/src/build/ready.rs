@@ -13,7 +13,7 @@ use mpm_core::model::Model;
 use mpm_core::points::Points;
 use mpm_core::ranks::Ranks;
 use mpm_core::region::Region;
-use mpm_core::solver::{self, Observer, Reached, SolveError, Summary};
+use mpm_core::solver::{self, Observer, Reached, SolveError};
 
 /// A model and its points.
 #[derive(Debug)]
@@ -199,7 +199,7 @@ impl Analysis {
         &mut self,
         reached: Reached,
         observer: &mut O,
-    ) -> Result<Summary, SolveError> {
+    ) -> Result<Reached, SolveError> {
         match self {
             Analysis::Plane(parts) => run_in_plane(parts, reached, observer),
             Analysis::Solid(parts) => run_in_space(parts, reached, observer),
@@ -212,7 +212,7 @@ fn run_in_plane(
     (model, points): &mut (Model<2>, Points<2>),
     reached: Reached,
     observer: &mut dyn Observer<2>,
-) -> Result<Summary, SolveError> {
+) -> Result<Reached, SolveError> {
     solver::run_stages(model, points, reached, observer)
 }
 
@@ -220,6 +220,6 @@ fn run_in_space(
     (model, points): &mut (Model<3>, Points<3>),
     reached: Reached,
     observer: &mut dyn Observer<3>,
-) -> Result<Summary, SolveError> {
+) -> Result<Reached, SolveError> {
     solver::run_stages(model, points, reached, observer)
 }

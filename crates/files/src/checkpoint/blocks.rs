@@ -14,7 +14,7 @@ use rayon::prelude::*;
 
 /// The first line of a file, without its newline: the name of the format, and its version.
 pub(super) const NAME: &str = "mpm checkpoint";
-const VERSION: u32 = 5;
+const VERSION: u32 = 6;
 
 /// Length of a block, [byte], and number of blocks compressed at a time.
 const BLOCK: usize = 1 << 20;

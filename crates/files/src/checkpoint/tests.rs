@@ -1,7 +1,7 @@
 use super::*;
 use mpm_core::points::{PointFieldSpec, State};
 use mpm_core::ranks::threads;
-use mpm_core::solver::Summary;
+use mpm_core::solver::{Progress, Summary};
 use mpm_deck::load::load;
 use mpm_deck::ready::{Analysis, ready_on};
 
@@ -21,7 +21,8 @@ fn analysis_on(ranks: &Ranks) -> (Value, Model<2>, Points<2>) {
 
 fn reached(step: usize) -> Reached {
     let summary = Summary { steps: step, external_work: 0.1 + 0.2, ..Summary::default() };
-    Reached { step: Step { index: step, start: 0.1, end: 1.0 / 3.0 }, summary }
+    let step = Step { index: step, start: 0.1, end: 1.0 / 3.0 };
+    Reached { progress: Progress { step, ..Progress::default() }, summary }
 }
 
 fn names(directory: &Path) -> Vec<String> {
@@ -203,7 +204,7 @@ fn a_state_that_no_run_has_reached_is_refused() {
     points.id[1] = points.id[0];
     assert!(refused(&points, &reached(3), &nothing).contains("its point numbers"));
     let mut account = reached(4);
-    account.step.end = 2.0;
+    account.progress.step.end = 2.0;
     assert!(refused(&good, &account, &nothing).contains("summary"));
     let mut account = reached(5);
     account.summary.quality.shear =

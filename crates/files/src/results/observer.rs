@@ -11,7 +11,6 @@ use mpm_core::points::Points;
 use mpm_core::ranks::Ranks;
 use mpm_core::solver::{
     Diagnosis, FailedAttempt, GridFields, NodalField, Observer, Reached, SolveError, Step, StepReport,
-    Summary,
 };
 use mpm_core::terms::{Contact, Surfaces};
 
@@ -152,11 +151,11 @@ impl Results {
         model: &Model<D>,
         points: &Points<D>,
         report: &StepReport<D>,
-        summary: &Summary,
+        reached: &Reached,
     ) -> io::Result<()> {
-        let ranks = &points.ranks;
+        let (ranks, summary) = (&points.ranks, &reached.summary);
         self.last = report.step;
-        self.accepted = Some(Reached { step: report.step, summary: summary.clone() });
+        self.accepted = Some(reached.clone());
         self.findings.accept(model, report, summary);
         let row = row_of_history(model, points, report, summary, &self.beside);
         let mut settled = self.failure.take().map_or(Ok(()), Err);
@@ -246,7 +245,7 @@ impl Results {
         &mut self,
         model: &Model<D>,
         points: &Points<D>,
-        summary: &Summary,
+        reached: &Reached,
         error: Option<&SolveError>,
     ) -> io::Result<()> {
         let ranks = &points.ranks;
@@ -278,7 +277,7 @@ impl Results {
         let lost = own.or_else(|| lost.map(|what| SolveError::Output(io::Error::other(what))));
         let outcome = Outcome::new(error.or(lost.as_ref()));
         let path = self.directory.join("summary.json");
-        let summarised = self.account.write(&path, model, &whole, summary, &self.findings, &outcome);
+        let summarised = self.account.write(&path, model, &whole, reached, &self.findings, &outcome);
         written.and(summarised)
     }
 }
@@ -309,9 +308,9 @@ macro_rules! observe {
                 model: &Model<$D>,
                 points: &Points<$D>,
                 report: &StepReport<$D>,
-                summary: &Summary,
+                reached: &Reached,
             ) -> io::Result<()> {
-                self.converged_in(model, points, report, summary)
+                self.converged_in(model, points, report, reached)
             }
 
             fn failed(
@@ -340,10 +339,10 @@ macro_rules! observe {
                 &mut self,
                 model: &Model<$D>,
                 points: &Points<$D>,
-                summary: &Summary,
+                reached: &Reached,
                 error: Option<&SolveError>,
             ) -> io::Result<()> {
-                self.finished_in(model, points, summary, error)
+                self.finished_in(model, points, reached, error)
             }
         }
     )*};

@@ -9,7 +9,7 @@ mod tangent;
 use crate::equilibrium::StepReport;
 use crate::model::{Builder, Model};
 use crate::points::Points;
-use crate::solver::{Observer, Solvable, SolveError, Stepper, Summary};
+use crate::solver::{Observer, Reached, Solvable, SolveError, Stepper, Summary};
 
 /// A completed analysis.
 struct Run<const D: usize> {
@@ -27,7 +27,7 @@ impl<const D: usize> Observer<D> for Reports<D> {
         _: &Model<D>,
         _: &Points<D>,
         report: &StepReport<D>,
-        _: &Summary,
+        _: &Reached,
     ) -> std::io::Result<()> {
         self.0.push(report.clone());
         Ok(())
@@ -47,6 +47,6 @@ where
     Model<D>: Solvable<D>,
 {
     let mut reports = Reports(Vec::new());
-    let summary = Stepper::new(model, &mut points).run(&mut reports)?;
+    let Reached { summary, .. } = Stepper::new(model, &mut points).run(&mut reports)?;
     Ok(Run { points, reports: reports.0, summary })
 }

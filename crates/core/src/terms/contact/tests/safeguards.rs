@@ -57,7 +57,7 @@ fn large_motions_are_cut() {
     assert!(matches!(failed, Err(SolveError::Contact { .. })), "{failed:?}");
     model.stepping.smallest = 0.01;
     let mut reports = Reports(Vec::new());
-    let summary = Stepper::new(&model, &mut points).run(&mut reports).unwrap();
+    let summary = Stepper::new(&model, &mut points).run(&mut reports).unwrap().summary;
     assert!(summary.steps > 3 && summary.failed_attempts > 0, "{} steps", summary.steps);
     let state = &reports.0.last().unwrap().tools[0];
     assert!((state.displacement[1] + 0.5).abs() < 1e-12);
