@@ -6,10 +6,10 @@
 //! | `acceptance`, `refusal` | the commit of a converged step, and what follows a failed attempt |
 //! | `stages`, `release` | the transition between stages: what is added and removed, and the forces that are released |
 //! | `change` | the change of a model between two steps |
-//! | `load_step`, `step_system` | one attempt at a step, and what it sets up once |
-//! | `newton` | the iterations, eqs. (26), (30) |
-//! | `evaluation`, `unknowns` | forces and K of an iterate; Δd, δd and reactions, eq. (28) |
-//! | `line_search` | the decision to record an iterate, or to evaluate it again, in most cases after a shorter δd |
+//! | `load_step`, `step_system` | one attempt at a step, and the equations that it sets up once |
+//! | `newton` | the iterations: forces and K of an iterate, eqs. (19)-(23), (28), residual, what follows from it |
+//! | `increment`, `unknowns` | δd, eqs. (26), (30); Δd, reactions and global unknowns, eq. (28) |
+//! | `line_search` | the decision to accept an iterate, or to evaluate it again, in most cases after a shorter δd |
 //! | `residual`, `body_residual`, `round_off` | eq. (40) for connected parts and for bodies; its round-off |
 //! | `update` | motion of points and domains, section 6.4 |
 //! | `equations` | choice of the linear solver, border of global unknowns |
@@ -19,7 +19,7 @@
 //! | `progress` | what the next step builds on and a restart restores |
 //! | `conclusion`, `summary`, `observer` | reports on a step and on the run |
 //! | `course` | the record of the iterations, with f^R of eq. (28) |
-//! | `forcing`, `damping`, `damped_step` | beyond the paper: inexact solves, damping |
+//! | `forcing`, `damping` | beyond the paper: inexact solves, damping |
 //! | `control`, `motion` | beyond the paper: unknown load factor, prediction |
 //! | `agree`, `of_rank`, `reach` | what all ranks of a run decide together |
 //! | `attempt`, `error`, `located` | how attempts end, and the point or node at fault |
@@ -37,14 +37,13 @@ mod change;
 mod conclusion;
 mod control;
 mod course;
-mod damped_step;
 mod damping;
 mod diagnosis;
 mod equations;
 mod error;
-mod evaluation;
 mod evidence;
 mod forcing;
+mod increment;
 mod initial_state;
 mod line_search;
 mod load_step;

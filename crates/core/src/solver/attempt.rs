@@ -1,21 +1,77 @@
-//! The outcome of an attempt at a step: equilibrium, progress towards it, or failure.
+//! An attempt at a step: how it is made, and its outcome, which is equilibrium, progress towards it, or failure.
 
 use crate::basis::Connectivity;
+use crate::equilibrium::{Energy, StepReport};
+use crate::linear::LinearError;
+use crate::model::StiffnessUpdate;
+use crate::ranks::{Halo, Ranks};
+use crate::step::{Nodal, Step, StepContext};
 
 use super::control::{NoPath, Path};
+use super::damping::MORE_ITERATIONS;
 use super::error::SolveError;
-use crate::equilibrium::Energy;
-use crate::equilibrium::StepReport;
-use crate::linear::LinearError;
-use crate::model::{Newton, StiffnessUpdate};
-use crate::ranks::Halo;
-use crate::step::{Nodal, Step};
+use super::pace::Pace;
 
 /// Largest number of linear solves in a thorough attempt, unless the settings allow more.
 const MANY_ITERATIONS: usize = 50;
 
+/// An attempt at a step: the step, and how its iterations are conducted.
+#[derive(Clone, Copy)]
+pub(super) struct Attempt<'a, const D: usize> {
+    /// The step, on its grid.
+    pub(super) context: StepContext<'a, D>,
+    /// The step size, with the last resort in use.
+    pub(super) pace: Pace,
+    /// The effort of the iterations.
+    pub(super) effort: Effort,
+    /// The role of slumping.
+    pub(super) slump: Slump,
+    /// Largest nodal displacement of damped iterations before the step continues on a fresh grid, [length]; infinite if
+    /// the step must stay on its grid.
+    pub(super) stride: f64,
+    /// Number of iterations of the previous step, 0 before the first one.
+    pub(super) last_iterations: usize,
+}
+
+impl<const D: usize> Attempt<'_, D> {
+    /// Largest residual of eq. (40) that counts as equilibrium, [-].
+    pub(super) fn tolerance(&self) -> f64 {
+        self.context.model.newton.tolerance
+    }
+
+    /// True if iterations are damped.
+    pub(super) fn is_damped(&self) -> bool {
+        self.pace.is_damped()
+    }
+
+    /// True if line searches begin early.
+    pub(super) fn searches_early(&self) -> bool {
+        self.pace.is_careful() || self.effort == Effort::Thorough
+    }
+
+    /// Largest number of linear solves in the attempt, counted anew after each multiplier update.
+    pub(super) fn most_iterations(&self) -> usize {
+        let asked = self.context.model.newton.max_iterations;
+        let most = match self.effort {
+            Effort::Usual => asked,
+            Effort::Thorough => asked.max(MANY_ITERATIONS),
+        };
+        if self.is_damped() { MORE_ITERATIONS * most } else { most }
+    }
+
+    /// True if the stiffness may be kept from one iteration to the next.
+    pub(super) fn may_keep_stiffness(&self) -> bool {
+        self.effort == Effort::Usual && self.context.model.newton.tangent == StiffnessUpdate::Kept
+    }
+
+    /// The ranks of the analysis.
+    pub(super) fn ranks(&self) -> &Ranks {
+        self.context.links.halo().ranks()
+    }
+}
+
 /// The outcome of an attempt that has not failed.
-pub(super) enum Attempt<const D: usize> {
+pub(super) enum Outcome<const D: usize> {
     /// The step is in equilibrium.
     Equilibrium(Box<StepReport<D>>, Path),
     /// Damped iterations have moved the points so far that a fresh grid is needed on the way to equilibrium.
@@ -53,21 +109,6 @@ pub(super) enum Effort {
     /// The stiffness is formed anew in every iteration, line searches begin early and many iterations are allowed, so
     /// that the settings do not decide whether equilibrium is found.
     Thorough,
-}
-
-impl Effort {
-    /// Largest number of undamped linear solves in the attempt, counted anew after each multiplier update.
-    pub(super) fn most_iterations(self, newton: &Newton) -> usize {
-        match self {
-            Effort::Usual => newton.max_iterations,
-            Effort::Thorough => newton.max_iterations.max(MANY_ITERATIONS),
-        }
-    }
-
-    /// True if the stiffness may be kept from one iteration to the next.
-    pub(super) fn may_keep_stiffness(self, newton: &Newton) -> bool {
-        self == Effort::Usual && newton.tangent == StiffnessUpdate::Kept
-    }
 }
 
 /// The account of a slump before it reaches equilibrium.

@@ -11,7 +11,7 @@ use crate::step::{Nodal, StepContext, displacement};
 use crate::terms::{TermReport, Terms};
 
 use super::agree::agree;
-use super::attempt::{Attempt, Ended, FailedAttempt, Iterate, OnTheWay, Slump};
+use super::attempt::{Attempt, Ended, FailedAttempt, Iterate, OnTheWay, Outcome};
 use super::body_residual;
 use super::control::Path;
 use super::course::Course;
@@ -25,13 +25,14 @@ use super::step_system::StepSystem;
 use super::unknowns::Unknowns;
 
 /// The iterate at which an attempt has ended, in equilibrium or not.
-pub(super) struct LastIterate<const D: usize, const N: usize> {
+pub(super) struct LastIterate<'a, const D: usize, const N: usize> {
+    pub(super) attempt: Attempt<'a, D>,
     pub(super) system: StepSystem<D, N>,
     pub(super) unknowns: Unknowns<N>,
     pub(super) course: Course<N>,
 }
 
-impl<const D: usize, const N: usize> LastIterate<D, N> {
+impl<const D: usize, const N: usize> LastIterate<'_, D, N> {
     /// The outcome of an attempt whose iterations have ended in this way, and in which these domains were replaced,
     /// without the links, which the caller holds.
     ///
@@ -39,20 +40,19 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
     /// [`SolveError::Law`] if a law has no finite energy.
     pub(super) fn outcome(
         &mut self,
-        context: &StepContext<D>,
         points: &Points<D>,
         reached: &Reached,
-        slump: Slump,
-        (ended, replaced_domains): (Ended, Vec<u32>),
-    ) -> Result<Attempt<D>, SolveError> {
+        ended: Ended,
+        replaced_domains: Vec<u32>,
+    ) -> Result<Outcome<D>, SolveError> {
         Ok(match ended {
             Ended::Balanced => {
-                let (report, path) = self.report(context, points, reached, slump)?;
-                Attempt::Equilibrium(Box::new(StepReport { replaced_domains, ..report }), path)
+                let (report, path) = self.report(points, reached)?;
+                Outcome::Equilibrium(Box::new(StepReport { replaced_domains, ..report }), path)
             }
             Ended::Strayed { is_at_rest } => {
-                let energy = self.energy_on_the_way(context, points, slump)?;
-                Attempt::OnTheWay(OnTheWay { energy, replaced_domains, is_at_rest })
+                let energy = self.energy_on_the_way(points)?;
+                Outcome::OnTheWay(OnTheWay { energy, replaced_domains, is_at_rest })
             }
         })
     }
@@ -61,21 +61,15 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
     ///
     /// # Errors
     /// [`SolveError::Law`] if a law has no finite energy.
-    fn report(
-        &mut self,
-        context: &StepContext<D>,
-        points: &Points<D>,
-        reached: &Reached,
-        slump: Slump,
-    ) -> Result<(StepReport<D>, Path), SolveError> {
-        let StepContext { model, links, step, .. } = *context;
-        let load_factor = self.load_factor(context);
-        let (energy, reaction) = self.energy(context, points, slump)?;
+    fn report(&mut self, points: &Points<D>, reached: &Reached) -> Result<(StepReport<D>, Path), SolveError> {
+        let StepContext { model, links, step, .. } = self.attempt.context;
+        let load_factor = self.load_factor();
+        let (energy, reaction) = self.energy(points)?;
         let undone = reached.summary.undone_work + energy.undone_work;
         let energy = Energy { plastic_work: energy.plastic_work - undone, ..energy };
         let nature = self.system.nature(model);
-        let LastIterate { system: StepSystem { dofs, sum, condition, parts, fields }, unknowns, course } =
-            self;
+        let LastIterate { attempt, system, unknowns, course } = self;
+        let StepSystem { dofs, sum, condition, parts, fields } = system;
         let f_ext = sum.system().external_force();
         let delta_d = displacement(&unknowns.delta_d).into_owned();
         let path = match (condition, model.newton.predictor) {
@@ -134,7 +128,7 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
                 reaction: displacement(&reaction).into_owned(),
             },
             rounding_limited: course.round_off != RoundOff::NoMatter,
-            damped: reached.progress.pace.is_damped(),
+            damped: attempt.is_damped(),
             replaced_domains: Vec::new(),
             most_solves: (course.most_solves)
                 .max(course.residuals.len().saturating_sub(1 + course.augmentations + course.solves_before)),
@@ -153,32 +147,28 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
     ///
     /// # Errors
     /// [`SolveError::Law`] if a law has no finite energy.
-    fn energy_on_the_way(
-        &self,
-        context: &StepContext<D>,
-        points: &Points<D>,
-        slump: Slump,
-    ) -> Result<Energy, SolveError> {
-        let (energy, _) = self.energy(context, points, slump)?;
-        let halo = context.links.halo();
+    fn energy_on_the_way(&self, points: &Points<D>) -> Result<Energy, SolveError> {
+        let (energy, _) = self.energy(points)?;
+        let halo = self.attempt.context.links.halo();
         let at_end = damping::work(halo, &self.course.out_of_balance, &self.unknowns.delta_d);
         Ok(Energy { damping_work: energy.damping_work + at_end, ..energy })
     }
 
     /// The failed attempt with the grid fields at which its iterations ended, but without the links, which the caller
     /// holds.
-    pub(super) fn failed(&mut self, context: &StepContext<D>, error: SolveError) -> Box<FailedAttempt<D>> {
-        let nature = self.system.nature(context.model);
+    pub(super) fn failed(&mut self, error: SolveError) -> Box<FailedAttempt<D>> {
+        let StepContext { model, step, .. } = self.attempt.context;
+        let nature = self.system.nature(model);
         let course = &mut self.course;
         Box::new(FailedAttempt {
-            step: context.step,
+            step,
             may_succeed_if_smaller: error.is_retryable(),
             is_repeated: false,
             error,
             residuals: std::mem::take(&mut course.residuals),
             augmentations: course.augmentations,
             linear_iterations: course.linear_iterations(),
-            load_factor: self.load_factor(context),
+            load_factor: self.load_factor(),
             indefinite: (self.course.solved.iter())
                 .any(|solved| solved.factorisation.shows_instability(nature)),
             iterate: Some(Iterate {
@@ -195,13 +185,14 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
     }
 
     /// Load factor at the end of the step, [-]; `None` unless all loads and prescribed motions share one factor.
-    fn load_factor(&self, context: &StepContext<D>) -> Option<f64> {
-        if !context.model.stages.is_empty() {
+    fn load_factor(&self) -> Option<f64> {
+        let StepContext { model, step, .. } = self.attempt.context;
+        if !model.stages.is_empty() {
             return None;
         }
-        match context.model.stepping.control {
+        match model.stepping.control {
             Control::Load | Control::StrengthReduction { .. } => {
-                context.model.common_curve().map(|curve| curve.factor(context.step.end))
+                model.common_curve().map(|curve| curve.factor(step.end))
             }
             Control::Displacement { .. } | Control::ArcLength { .. } => Some(self.unknowns.factor),
         }
@@ -211,13 +202,9 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
     ///
     /// # Errors
     /// [`SolveError::Law`] if a law has no finite energy.
-    fn energy(
-        &self,
-        context: &StepContext<D>,
-        points: &Points<D>,
-        slump: Slump,
-    ) -> Result<(Energy, Nodal<N>), SolveError> {
-        let LastIterate { system: StepSystem { dofs, sum, .. }, unknowns, course } = self;
+    fn energy(&self, points: &Points<D>) -> Result<(Energy, Nodal<N>), SolveError> {
+        let LastIterate { attempt, system: StepSystem { dofs, sum, .. }, unknowns, course } = self;
+        let Attempt { ref context, slump, .. } = *attempt;
         let f_ext = sum.system().external_force();
         // While bodies slump, the loads have already grown to their values at the end of the step.
         let f_ext_start = if slump.has_begun() { f_ext.clone() } else { sum.external_force_at_start(dofs) };

@@ -47,6 +47,17 @@ pub(super) struct Field<'a, const N: usize> {
     pub(super) globals: &'a [f64],
 }
 
+/// The motions from which an iteration determines the change of the load factor.
+#[derive(Clone, Copy)]
+pub(super) struct Responses<'a, const N: usize> {
+    /// Δd, the motion in the step so far.
+    pub(super) so_far: Field<'a, N>,
+    /// δd_r, the response to the out-of-balance force.
+    pub(super) to_residual: Field<'a, N>,
+    /// δd_f, the response to a unit of the load factor.
+    pub(super) to_load: Field<'a, N>,
+}
+
 /// The condition that determines the load factor of a step.
 pub(super) enum Condition<const D: usize, const N: usize> {
     /// Σ w·Δd over the nodes, with the `weight` w of each node, equals the increment `by`.
@@ -182,12 +193,8 @@ impl<const D: usize, const N: usize> Condition<D, N> {
     ///
     /// # Errors
     /// [`NoPath`].
-    pub(super) fn change(
-        &mut self,
-        so_far: Field<N>,
-        of_residual: Field<N>,
-        of_load: Field<N>,
-    ) -> Result<f64, NoPath> {
+    pub(super) fn change(&mut self, responses: Responses<N>) -> Result<f64, NoPath> {
+        let Responses { so_far, to_residual: of_residual, to_load: of_load } = responses;
         let finite = |x: f64| if x.is_finite() { Ok(x) } else { Err(NoPath::NoIntersection) };
         if let Condition::Global { number, by } = self {
             let along = |field: &Field<N>| number.and_then(|n| field.globals.get(n)).copied().unwrap_or(0.0);

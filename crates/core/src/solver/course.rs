@@ -4,7 +4,6 @@ use crate::linear::{LinearError, Solved};
 
 use super::forcing::Forcing;
 use super::residual::RoundOff;
-use super::unknowns::Bracket;
 use crate::step::Nodal;
 
 /// A tangent may be kept after an iteration that leaves at most this fraction of the out-of-balance force, [-].
@@ -20,12 +19,12 @@ pub(super) struct Course<const N: usize> {
     /// How round-off affects the last residual.
     pub(super) round_off: RoundOff,
     pub(super) solved: Vec<Solved>,
+    /// The tolerances of the linear solves.
+    pub(super) forcing: Forcing,
     /// Number of increments solved with sliding contact points supported, and the last failure of a solve without this
     /// support.
     pub(super) supported: usize,
     pub(super) singular: Option<LinearError>,
-    /// True if the current layout of the system has a factor.
-    pub(super) has_factor: bool,
     /// Out-of-balance force of the last evaluation, [force].
     pub(super) out_of_balance: Nodal<N>,
     /// Internal force at the start of the step.
@@ -44,24 +43,6 @@ pub(super) struct Course<const N: usize> {
     pub(super) was_augmented_along: bool,
 }
 
-/// What has been tried at the current iterate.
-#[derive(Debug, Default)]
-pub(super) struct Search {
-    /// True if the forces alone did not suffice, so that the stiffness is needed.
-    pub(super) needs_stiffness: bool,
-    pub(super) halvings: usize,
-    pub(super) searches: usize,
-    pub(super) backtracks: usize,
-    pub(super) bracket: Bracket,
-}
-
-impl Search {
-    /// True if the last iterative increment has been shortened.
-    pub(super) fn has_shortened(&self) -> bool {
-        self.halvings + self.searches + self.backtracks > 0
-    }
-}
-
 impl<const N: usize> Course<N> {
     pub(super) fn new() -> Self {
         Course {
@@ -69,9 +50,9 @@ impl<const N: usize> Course<N> {
             by_field: Vec::new(),
             round_off: RoundOff::NoMatter,
             solved: Vec::new(),
+            forcing: Forcing::default(),
             supported: 0,
             singular: None,
-            has_factor: false,
             out_of_balance: Vec::new(),
             f_int_start: Vec::new(),
             shortened: false,
@@ -126,11 +107,11 @@ impl<const N: usize> Course<N> {
     /// residual as its tolerance allows. Infinite if no forecast is possible: in the first step, before two iterations,
     /// and for iterations with a lower number than the last one of the previous step, because in a step that rotates a
     /// body, the first increments are large and predict nothing.
-    pub(super) fn forecast(&self, forcing: &Forcing, of_last_step: usize) -> f64 {
+    pub(super) fn forecast(&self, of_last_step: usize) -> f64 {
         match self.residuals[..] {
             [_, .., before, now] if of_last_step > 0 && self.residuals.len() >= of_last_step => {
                 let reduction = now / before;
-                now * (reduction * reduction).max(forcing.last())
+                now * (reduction * reduction).max(self.forcing.last())
             }
             _ => f64::INFINITY,
         }

@@ -22,6 +22,10 @@ pub(super) struct Equations<const D: usize, const N: usize = D> {
     /// A user's backend, which replaces the built-in ones.
     own: Option<Box<dyn Backend<D, N>>>,
     method: Method,
+    /// True if the backend is prepared for the current layout of the equations.
+    is_prepared: bool,
+    /// True if the current layout has a factor or a preconditioner.
+    has_factor: bool,
     /// Increments of the unknowns, stored by node and component.
     solution: Nodal<N>,
     /// The first failure that caused equations to be factorised instead of solved iteratively.
@@ -108,6 +112,8 @@ impl<const D: usize, const N: usize> Equations<D, N> {
             of_engine: Backends::default(),
             own,
             method: Method::Direct,
+            is_prepared: false,
+            has_factor: false,
             solution: Vec::new(),
             turned: None,
             is_reported: false,
@@ -150,6 +156,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         context: EquationContext<D, N>,
         system: &System<N>,
     ) -> Result<(), LinearError> {
+        (self.is_prepared, self.has_factor) = (true, false);
         self.solution.resize(context.links.n_active(), [0.0; N]);
         if self.own.is_some() {
             return self.prepare_with(Method::Own, context, system);
@@ -206,6 +213,26 @@ impl<const D: usize, const N: usize> Equations<D, N> {
             backend.iter_mut().filter(|_| of != method).for_each(|backend| backend.release());
         }
         context.with_layout(|layout| self.backend().prepare(layout, &system.matrix()))
+    }
+
+    /// Records that the system has been laid out anew: the equations must be prepared again before they are solved.
+    pub(super) fn outgrow(&mut self) {
+        self.is_prepared = false;
+    }
+
+    /// True if the equations are prepared for the current layout of the system.
+    pub(super) fn is_prepared(&self) -> bool {
+        self.is_prepared
+    }
+
+    /// True if an earlier solution has left a factor of the current layout.
+    pub(super) fn has_factor(&self) -> bool {
+        self.has_factor
+    }
+
+    /// Gives up the factor of earlier solutions, because the equations have changed.
+    pub(super) fn forget_factor(&mut self) {
+        self.has_factor = false;
     }
 
     /// True if the equations of the step are solved iteratively.
@@ -267,6 +294,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         let factorise =
             |layout: &Layout<D, N>| self.backend().factorise(layout, &system.reduced(context.dofs).matrix);
         timings.measure(Phase::Factorise, || context.with_layout(factorise))?;
+        self.has_factor = true;
         timings.measure(Phase::Solve, || self.solve_bordered(context, system, rhs, delta, tolerance))
     }
 
@@ -307,7 +335,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         let mut motion = delta.to_vec();
         let mut solved = self.solve_nodes(context, system, rhs.forces, &mut motion, tolerance)?;
         let border = std::mem::take(&mut system.border);
-        let globals = self.solve_border(context, system, &border, (&mut motion, rhs.globals));
+        let globals = self.solve_border(context, system, &border, &mut motion, rhs.globals);
         system.border = border;
         let (iterations, globals) = globals?;
         solved.iterations += iterations;
@@ -341,7 +369,8 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         context: EquationContext<D, N>,
         system: &mut System<N>,
         border: &Border<N>,
-        (delta, residuals): (&mut [[f64; N]], Option<&[f64]>),
+        delta: &mut [[f64; N]],
+        residuals: Option<&[f64]>,
     ) -> Result<(usize, Vec<f64>), LinearError> {
         let n = border.len();
         let (mut iterations, mut influence) = (0, Vec::with_capacity(n));

@@ -43,10 +43,7 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
     /// Evaluates f_int, f_ext and the reactions of eq. (28) at time 0 and Δd = 0. Writes only the trial state.
     fn initial_state(&mut self) -> Result<InitialState, SolveError> {
         let step = Step { index: 1, start: 0.0, end: 0.0 };
-        let (model, old) = (self.model, self.old_links());
-        let link = || old.renew(model.grid.as_ref(), self.points, &model.methods());
-        let linked = self.reached.summary.timings.measure(Phase::Basis, link);
-        let links = self.complete_links(linked, step)?;
+        let (model, links) = (self.model, self.link(step)?);
         let points = &mut *self.points;
         let context = StepContext { model, links: &links, step, factor: 0.0 };
         let Reached { progress, summary } = &mut self.reached;
@@ -58,8 +55,7 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         let state = evaluated
             .map_err(|failure| locate_failure(failure, model, points, step, 0, &[]))
             .and_then(|()| {
-                system.sum.system_mut().complete();
-                system.sum.system_mut().condense(&system.dofs);
+                system.complete();
                 let forces = system.sum.system();
                 let f_ext = forces.external_force();
                 unknowns.reaction = reactions_of(f_ext, forces.internal_force(), &system.dofs);

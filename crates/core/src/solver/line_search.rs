@@ -1,18 +1,7 @@
-//! The decision on an evaluated iterate: either its residual is recorded, or the iterate is evaluated again. δd is
-//! halved if a point cannot follow it, and shortened by a line search if it overshoots.
+//! The decision on an evaluated iterate: either it is accepted, or evaluated again. δd is halved if a point cannot
+//! follow it, and shortened by a line search if it overshoots; a prediction that is of no use is withdrawn.
 
-use crate::assembly::Wanted;
-use crate::step::StepContext;
-use crate::terms::EvaluateError;
-
-use super::attempt::Effort;
-use super::course::Search;
 use super::damping::MOST_TRIALS;
-use super::error::SolveError;
-use super::load_step::LoadStep;
-use super::located::locate_failure;
-use super::residual::Measured;
-use super::unknowns::Bracket;
 
 /// Largest number of halvings of δd when a point cannot follow it.
 const MOST_HALVINGS: usize = 5;
@@ -34,141 +23,250 @@ const FIRST_SEARCH: usize = 3;
 /// late enough not to disturb iterations that converge by themselves.
 const LATE: f64 = 0.75;
 
-impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
-    /// Records the residual of the iterate; `None` if the iterate must be evaluated again, with its stiffness or closer
-    /// to the previous iterate.
-    ///
-    /// # Errors
-    /// [`SolveError`] if the iterate cannot be evaluated.
-    pub(super) fn settle(
-        &mut self,
-        iteration: usize,
-        wanted: Wanted,
-        measured: Result<Option<Measured>, EvaluateError>,
-    ) -> Result<Option<f64>, SolveError> {
-        let is_final = measured.as_ref().is_err_and(EvaluateError::is_final);
-        let found = match measured {
-            Ok(Some(found)) => Ok(found),
-            Err(failure) if is_final || wanted == Wanted::Stiffness => Err(failure),
-            _ => {
-                self.search.needs_stiffness = true;
-                return Ok(None);
-            }
-        };
-        if !is_final && (self.shortens(iteration, found.as_ref().ok()) || self.withdraws(&found)) {
-            // The residual was forecast for the whole increment only.
-            self.search.needs_stiffness = true;
-            return Ok(None);
-        }
-        self.is_predicted = false;
-        self.search = Search::default();
-        let StepContext { model, step, .. } = self.context;
-        let Measured { residual, round_off, by_field } = found
-            .map_err(|f| locate_failure(f, model, self.points, step, iteration, &self.course.residuals))?;
-        self.course.residuals.push(residual);
-        self.course.round_off = round_off;
-        self.observer.iteration(step, iteration, residual, &by_field);
-        self.course.by_field = by_field;
-        if iteration == 0 {
-            // Δd = 0: the stresses are those at the start of the step.
-            self.course.f_int_start = self.system.sum.system().internal_force().to_vec();
-        }
-        Ok(Some(residual))
+/// The decision on an iterate.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Decision {
+    /// The iterate is accepted, whether it could be evaluated or not.
+    Accept,
+    /// Only this fraction of what was applied of δd is kept.
+    Shorten(f64),
+    /// The iterations start again from Δd = 0.
+    Withdraw,
+}
+
+/// What has been tried at the current iterate.
+#[derive(Debug, Default)]
+pub(super) struct Search {
+    /// True if the forces alone did not suffice, so that the stiffness is needed.
+    pub(super) needs_stiffness: bool,
+    /// True if δd is a prediction.
+    pub(super) is_predicted: bool,
+    halvings: usize,
+    searches: usize,
+    backtracks: usize,
+    bracket: Bracket,
+}
+
+/// The iterate and its iteration, as the line search sees them.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Situation<'a> {
+    /// Number of the iteration.
+    pub(super) iteration: usize,
+    /// Number of iterations since the last multiplier update.
+    pub(super) since_update: usize,
+    /// Largest number of iterations that the settings allow.
+    pub(super) max_iterations: usize,
+    /// The residuals of the step before this iterate, [-].
+    pub(super) residuals: &'a [f64],
+    /// Largest residual that counts as equilibrium, [-].
+    pub(super) tolerance: f64,
+    /// True if the iterations are damped.
+    pub(super) is_damped: bool,
+    /// True if a line search begins early, because an attempt has failed recently.
+    pub(super) begins_early: bool,
+    /// True if the equations have kinks.
+    pub(super) has_kinks: bool,
+    /// True if the load factor is an unknown.
+    pub(super) has_unknown_factor: bool,
+    /// True if δd contains a prescribed motion, so that a fraction of it would not lead towards equilibrium.
+    pub(super) prescribes: bool,
+    /// True if no increment has followed the last multiplier update.
+    pub(super) is_augmented: bool,
+}
+
+impl Search {
+    /// The search at Δd = 0, to which a prediction has been withdrawn.
+    pub(super) fn withdrawn() -> Self {
+        Search { needs_stiffness: true, ..Search::default() }
     }
 
-    /// Shortens δd and returns true if a point could not follow it (`found` is then `None`), if the potential rises
-    /// again at the end of δd, or if the residual has grown in a cycle.
-    fn shortens(&mut self, iteration: usize, found: Option<&Measured>) -> bool {
-        let has_kinks = self.system.sum.has_kinks();
-        let [most_halvings, most_searches] = match (self.is_damped(), has_kinks) {
+    /// True if the last iterative increment has been shortened.
+    pub(super) fn has_shortened(&self) -> bool {
+        self.halvings + self.searches + self.backtracks > 0
+    }
+
+    /// Decides about an iterate; `residual` is `None` if a point could not follow δd. `secant` returns the factor by
+    /// which to scale what was applied of δd so that the slope of the potential is zero at its end, if it is known.
+    pub(super) fn decide(
+        &mut self,
+        situation: &Situation,
+        residual: Option<f64>,
+        secant: impl FnOnce(&mut Bracket) -> Option<f64>,
+    ) -> Decision {
+        let is_better = residual.is_some_and(|residual| residual < situation.residuals[0]);
+        let decision = match self.shorter(situation, residual, secant) {
+            Some(part) => Decision::Shorten(part),
+            None if self.is_predicted && !is_better => Decision::Withdraw,
+            None => Decision::Accept,
+        };
+        // The residual was forecast for the whole increment only.
+        self.needs_stiffness |= decision != Decision::Accept;
+        decision
+    }
+
+    /// The fraction to which δd is shortened if a point could not follow it, if the potential rises again at the end of
+    /// δd, or if the residual has grown in a cycle.
+    fn shorter(
+        &mut self,
+        situation: &Situation,
+        residual: Option<f64>,
+        secant: impl FnOnce(&mut Bracket) -> Option<f64>,
+    ) -> Option<f64> {
+        let [most_halvings, most_searches] = match (situation.is_damped, situation.has_kinks) {
             (true, _) => [MOST_TRIALS; 2],
             (false, false) => [MOST_HALVINGS, MOST_SEARCHES],
             (false, true) => [MOST_HALVINGS, MOST_SEARCHES_WITH_KINKS],
         };
-        let may_shorten = iteration > 0 && !self.unknowns.prescribes && !self.course.is_augmented;
-        let Some(&Measured { residual, .. }) = found else {
-            let halves = may_shorten && self.search.halvings < most_halvings;
-            if halves {
-                self.search.halvings += 1;
-                self.shorten(0.5);
-            }
-            return halves;
+        let may_shorten = situation.iteration > 0 && !situation.prescribes && !situation.is_augmented;
+        let Some(residual) = residual else {
+            let halves = may_shorten && self.halvings < most_halvings;
+            self.halvings += usize::from(halves);
+            return halves.then_some(0.5);
         };
         // A residual that may be mere round-off says nothing about the length of an increment.
-        if residual <= self.context.model.newton.tolerance {
-            return false;
+        if residual <= situation.tolerance {
+            return None;
         }
-        if self.search.searches < most_searches
-            && !self.course.is_augmented
-            && self.may_search(iteration, residual)
-        {
-            if !has_kinks {
-                self.search.bracket = Bracket::default(); // Smooth potentials need no more than a secant.
+        if self.searches < most_searches && !situation.is_augmented && situation.may_search(residual) {
+            if !situation.has_kinks {
+                self.bracket = Bracket::default(); // Smooth potentials need no more than a secant.
             }
-            let border = &self.system.sum.system().border;
-            let bracket = &mut self.search.bracket;
-            let shorter = self.unknowns.secant_fraction(&self.course.out_of_balance, border, bracket);
-            if let Some(shorter) = shorter {
-                self.search.searches += 1;
-                self.shorten(shorter);
-                return true;
+            if let Some(shorter) = secant(&mut self.bracket) {
+                self.searches += 1;
+                return Some(shorter);
             }
         }
-        let backtracks =
-            self.search.backtracks < MOST_BACKTRACKS && may_shorten && self.cycles(iteration, residual);
-        if backtracks {
-            self.search.backtracks += 1;
-            self.shorten(0.5);
-        }
-        backtracks
+        let backtracks = self.backtracks < MOST_BACKTRACKS && may_shorten && situation.cycles(residual);
+        self.backtracks += usize::from(backtracks);
+        backtracks.then_some(0.5)
     }
+}
 
-    /// Returns to Δd = 0, where the iterations began, if a predicted iterate is no better.
-    fn withdraws(&mut self, found: &Result<Measured, EvaluateError>) -> bool {
-        let is_better = |found: &Measured| found.residual < self.course.residuals[0];
-        let withdraws = self.is_predicted && !found.as_ref().is_ok_and(is_better);
-        if withdraws {
-            self.unknowns.start_again();
-            self.is_predicted = false;
-            self.search = Search::default();
-        }
-        withdraws
-    }
-
-    /// Shortens the last iterative increment: only the fraction `part` of what was applied is kept.
-    fn shorten(&mut self, part: f64) {
-        if std::mem::take(&mut self.course.is_augmented_along) {
-            self.system.sum.withdraw_augmentation();
-        }
-        self.unknowns.shorten(part);
+impl Situation<'_> {
+    /// The residual before δd, infinite in iteration 0, [-].
+    fn before(&self) -> f64 {
+        self.residuals.last().copied().unwrap_or(f64::INFINITY)
     }
 
     /// True if the equations have kinks and, in a late iteration, an increment has led to a larger residual.
-    fn cycles(&self, iteration: usize, residual: f64) -> bool {
-        let before = self.course.residuals.last().copied().unwrap_or(f64::INFINITY);
-        self.system.sum.has_kinks()
-            && iteration - self.course.solves_before >= FIRST_BACKTRACK
-            && residual > before.max(self.context.model.newton.tolerance)
+    fn cycles(&self, residual: f64) -> bool {
+        self.has_kinks && self.since_update >= FIRST_BACKTRACK && residual > self.before().max(self.tolerance)
     }
 
     /// True if a line search may shorten the last increment, given the residual to which it has led. Across kinks, any
     /// increment may overshoot.
-    fn may_search(&self, iteration: usize, residual: f64) -> bool {
-        let newton = &self.context.model.newton;
-        let (damped, has_kinks) = (self.is_damped(), self.system.sum.has_kinks());
-        let first = if damped || has_kinks {
+    fn may_search(&self, residual: f64) -> bool {
+        let Situation { is_damped, has_kinks, .. } = *self;
+        let first = if is_damped || has_kinks {
             1
-        } else if self.progress.pace.is_careful() || self.effort == Effort::Thorough {
+        } else if self.begins_early {
             FIRST_SEARCH
         } else {
-            ((LATE * newton.max_iterations as f64) as usize).max(FIRST_SEARCH)
+            ((LATE * self.max_iterations as f64) as usize).max(FIRST_SEARCH)
         };
-        let before = self.course.residuals.last().copied().unwrap_or(f64::INFINITY);
-        iteration - self.course.solves_before >= first
-            && !self.unknowns.prescribes
+        let before = self.before();
+        self.since_update >= first
+            && !self.prescribes
             // Only the first increment changes the quantity that determines the load factor.
-            && (self.system.sum.system().per_factor().is_none() || has_kinks && iteration > 1)
-            && (damped || residual > if has_kinks { FAST * before } else { before })
-            && residual > newton.tolerance
+            && (!self.has_unknown_factor || has_kinks && self.iteration > 1)
+            && (is_damped || residual > if has_kinks { FAST * before } else { before })
+            && residual > self.tolerance
+    }
+}
+
+/// The bracket of a line search: fractions of an increment, with the negated slopes of the potential there. The search
+/// is the regula falsi with the slope halved at an end that is retained (Illinois algorithm), because contact has kinks
+/// that a secant alone underestimates.
+#[derive(Debug, Default)]
+pub(super) struct Bracket {
+    low: Option<[f64; 2]>,
+    high: Option<[f64; 2]>,
+    was_high: Option<bool>,
+}
+
+impl Bracket {
+    /// The factor that leads from a fraction with this slope to the next fraction; `None` while the potential still
+    /// falls at the end of the whole increment.
+    pub(super) fn factor(&mut self, start: f64, fraction: f64, slope: f64) -> Option<f64> {
+        let is_high = slope < 0.0;
+        let low = self.low.get_or_insert([0.0, start]);
+        if is_high {
+            self.high = Some([fraction, slope]);
+            if self.was_high == Some(true) {
+                low[1] *= 0.5;
+            }
+        } else {
+            *low = [fraction, slope];
+            if let (Some(false), Some(high)) = (self.was_high, &mut self.high) {
+                high[1] *= 0.5;
+            }
+        }
+        let (low, high) = (*low, self.high?);
+        self.was_high = Some(is_high);
+        let share = (low[1] / (low[1] - high[1])).clamp(0.1, 0.9);
+        Some(if low[0] == 0.0 { share } else { (low[0] + share * (high[0] - low[0])) / fraction })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A late iteration that has increased the residual from 0.1.
+    const LATE_ITERATION: Situation = Situation {
+        iteration: 9,
+        since_update: 9,
+        max_iterations: 10,
+        residuals: &[1.0, 0.1],
+        tolerance: 1e-9,
+        is_damped: false,
+        begins_early: false,
+        has_kinks: false,
+        has_unknown_factor: false,
+        prescribes: false,
+        is_augmented: false,
+    };
+
+    #[test]
+    fn an_increment_that_a_point_cannot_follow_is_halved_a_few_times() {
+        let mut search = Search::default();
+        let decisions: Vec<_> =
+            (0..=MOST_HALVINGS).map(|_| search.decide(&LATE_ITERATION, None, |_| None)).collect();
+        assert!(decisions[..MOST_HALVINGS].iter().all(|decision| *decision == Decision::Shorten(0.5)));
+        assert_eq!(decisions[MOST_HALVINGS], Decision::Accept);
+        assert!(search.needs_stiffness && search.has_shortened());
+        let first = Situation { iteration: 0, ..LATE_ITERATION };
+        assert_eq!(
+            Search::default().decide(&first, None, |_| None),
+            Decision::Accept,
+            "there is no increment"
+        );
+    }
+
+    #[test]
+    fn a_line_search_begins_late_unless_there_is_reason_for_care() {
+        let decide = |situation: &Situation, residual: f64| {
+            Search::default().decide(situation, Some(residual), |_| Some(0.3))
+        };
+        assert_eq!(decide(&LATE_ITERATION, 0.2), Decision::Shorten(0.3));
+        assert_eq!(decide(&LATE_ITERATION, 0.05), Decision::Accept, "the residual has fallen");
+        let early = Situation { iteration: 3, since_update: 3, ..LATE_ITERATION };
+        assert_eq!(decide(&early, 0.2), Decision::Accept);
+        assert_eq!(decide(&Situation { begins_early: true, ..early }, 0.2), Decision::Shorten(0.3));
+        assert_eq!(
+            decide(&Situation { prescribes: true, begins_early: true, ..early }, 0.2),
+            Decision::Accept
+        );
+    }
+
+    #[test]
+    fn a_prediction_that_is_no_better_is_withdrawn() {
+        let first = Situation { iteration: 1, since_update: 1, residuals: &[0.1], ..LATE_ITERATION };
+        let decide = |residual: Option<f64>| {
+            let mut search = Search { is_predicted: true, halvings: MOST_HALVINGS, ..Search::default() };
+            search.decide(&first, residual, |_| None)
+        };
+        assert_eq!(decide(Some(0.05)), Decision::Accept);
+        assert_eq!([decide(Some(0.2)), decide(Some(f64::NAN)), decide(None)], [Decision::Withdraw; 3]);
     }
 }

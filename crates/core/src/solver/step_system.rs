@@ -65,6 +65,14 @@ impl<const D: usize, const N: usize> StepSystem<D, N> {
             false => Nature::NoPotential,
         }
     }
+
+    /// Completes an evaluation: adds up the contributions of all ranks, and moves the forces on tied components to the
+    /// components to which these are tied.
+    pub(super) fn complete(&mut self) {
+        let system = self.sum.system_mut();
+        system.complete();
+        system.condense(&self.dofs);
+    }
 }
 
 /// The constraints of the model and of the terms.

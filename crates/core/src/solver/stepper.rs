@@ -15,7 +15,7 @@ use crate::timing::Phase;
 
 use super::Solvable;
 use super::agree::agree;
-use super::attempt::{Attempt, Effort, FailedAttempt, OnTheWay, Slump};
+use super::attempt::{Effort, FailedAttempt, OnTheWay, Outcome, Slump};
 use super::damping;
 use super::diagnosis::Diagnosis;
 use super::equations::Equations;
@@ -221,11 +221,11 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
             let attempted = self.attempt(step, self.role_of_slumping(), effort, observer);
             let was = std::mem::replace(&mut effort, Effort::Usual);
             match attempted {
-                Ok(Attempt::Equilibrium(report, _)) if self.hides_a_slide(step) => {
+                Ok(Outcome::Equilibrium(report, _)) if self.hides_a_slide(step) => {
                     self.bisect(*report, observer)?;
                 }
-                Ok(Attempt::Equilibrium(report, path)) => self.accept(*report, path, observer)?,
-                Ok(Attempt::OnTheWay(way)) => self.slump(step, way, observer)?,
+                Ok(Outcome::Equilibrium(report, path)) => self.accept(*report, path, observer)?,
+                Ok(Outcome::OnTheWay(way)) => self.slump(step, way, observer)?,
                 Err(failed) if was == Effort::Usual && self.is_repeated(&failed) => {
                     self.announce_repetition(*failed, observer)?;
                     effort = Effort::Thorough;
@@ -344,11 +344,11 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
             let goes_on = grids < damping::MOST_GRIDS && rests < damping::MOST_RESTS;
             let slump = if goes_on { Slump::GoesOn } else { Slump::Ends };
             match self.attempt(step, slump, Effort::Usual, observer) {
-                Ok(Attempt::Equilibrium(mut report, path)) => {
+                Ok(Outcome::Equilibrium(mut report, path)) => {
                     way.lead_to(&mut report);
                     return self.accept(*report, path, observer);
                 }
-                Ok(Attempt::OnTheWay(more)) => way = more.after(way),
+                Ok(Outcome::OnTheWay(more)) => way = more.after(way),
                 Err(mut failed) => {
                     *self.points = before;
                     // The iterate belongs to a state of the points that no longer exists.

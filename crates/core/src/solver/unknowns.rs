@@ -9,6 +9,7 @@ use crate::ranks::Halo;
 use crate::region::vector::{minus, norm};
 use crate::step::{At, Nodal};
 
+use super::line_search::Bracket;
 use super::residual::Forces;
 
 /// The unknowns of a load step and the vectors that an iteration works with.
@@ -228,39 +229,5 @@ impl<const N: usize> Unknowns<N> {
     pub(super) fn forces<'a>(&'a self, out_of_balance: &'a Nodal<N>, system: &'a System<N>) -> Forces<'a, N> {
         let (f_ext, holding) = (system.external_force(), system.holding_force());
         Forces { out_of_balance, f_ext, reaction: &self.reaction, holding }
-    }
-}
-
-/// The bracket of a line search: fractions of an increment, with the negated slopes of the potential there. The search
-/// is the regula falsi with the slope halved at an end that is retained (Illinois algorithm), because contact has kinks
-/// that a secant alone underestimates.
-#[derive(Debug, Default)]
-pub(super) struct Bracket {
-    low: Option<[f64; 2]>,
-    high: Option<[f64; 2]>,
-    was_high: Option<bool>,
-}
-
-impl Bracket {
-    /// The factor that leads from a fraction with this slope to the next fraction; `None` while the potential still
-    /// falls at the end of the whole increment.
-    fn factor(&mut self, start: f64, fraction: f64, slope: f64) -> Option<f64> {
-        let is_high = slope < 0.0;
-        let low = self.low.get_or_insert([0.0, start]);
-        if is_high {
-            self.high = Some([fraction, slope]);
-            if self.was_high == Some(true) {
-                low[1] *= 0.5;
-            }
-        } else {
-            *low = [fraction, slope];
-            if let (Some(false), Some(high)) = (self.was_high, &mut self.high) {
-                high[1] *= 0.5;
-            }
-        }
-        let (low, high) = (*low, self.high?);
-        self.was_high = Some(is_high);
-        let share = (low[1] / (low[1] - high[1])).clamp(0.1, 0.9);
-        Some(if low[0] == 0.0 { share } else { (low[0] + share * (high[0] - low[0])) / fraction })
     }
 }

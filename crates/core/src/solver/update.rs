@@ -6,16 +6,14 @@ use std::sync::{Mutex, PoisonError};
 
 use super::agree::agree;
 use super::error::SolveError;
-use super::load_step::LoadStep;
 use crate::basis::{Connectivity, DomainKind, LinkBuffer as Products, Method, SupportError, check_domain};
 use crate::domain::DomainMotion;
 use crate::grid::{Grid, interpolate};
 use crate::kinematics::Increment;
 use crate::model::Model;
-use crate::points::Points;
-use crate::step::{Step, StepContext, displacement};
+use crate::points::{Points, State};
+use crate::step::{Step, StepContext};
 use crate::tensor::Mat3;
-use crate::timing::{Phase, Timings};
 
 /// The new position, deformation and domain of one point. Each task reuses one instance for point after point, because
 /// copies would take a considerable part of the time of the update; only as many corners as the point has are valid.
@@ -47,58 +45,65 @@ const MOST_HALVINGS: usize = 10;
 /// A task of at most this many groups is not divided between threads.
 const GRAIN: usize = 16;
 
-impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
-    /// Moves the points with the grid, eqs. (9) and (31); updates F by eq. (16) and the domains by eqs. (32)-(39). All
-    /// results go into the trial state, whose stress and strain the last evaluation has written.
-    ///
-    /// As a last resort, and in bodies whose long domains are split, domains that are torn or have corners outside the
-    /// grid are replaced; returns the permanent numbers of their points on all ranks, ascending.
-    ///
-    /// # Errors
-    /// [`SolveError`] if a point or a corner of its domain leaves the grid, or a domain is torn or collapses.
-    pub(super) fn move_points(&mut self) -> Result<Vec<u32>, SolveError> {
-        let StepContext { model, links, step, .. } = self.context;
-        let mut timings = Timings::default();
-        let replaced = Mutex::new(Vec::new());
-        let moved = timings.measure(Phase::Update, || {
-            let delta_d = &displacement(&self.unknowns.delta_d);
-            // The next step must find the points in its grid.
-            let error = |error| SolveError::GridMotion { step: step.index, error };
-            let moved_grid = model.grid_at(step.end).map_err(error)?;
-            let next_grid = moved_grid.as_ref().map_or(model.grid.as_ref(), |grid| grid as &dyn Grid<D>);
-            let replaces = self.progress.pace.is_last_resort();
-            let mut trial = std::mem::take(&mut self.points.trial);
-            trial.make_room_for_motion(&self.points.converged);
-            let points = &*self.points;
-            let update = PointUpdate { model, links, points, step, next_grid, delta_d, replaces };
-            let move_point = |nodes: &[u32], products: &mut Products<D>, p: usize, moved: &mut Moved<D>| {
-                update.move_point(nodes, products, p, moved)?;
-                if moved.is_replaced {
-                    replaced.lock().unwrap_or_else(PoisonError::into_inner).push(points.id[p]);
-                }
-                Ok(())
-            };
-            let room = Room {
-                first: 0,
-                position: &mut trial.position,
-                deformation_gradient: &mut trial.deformation_gradient,
-                half_lengths: &mut trial.half_lengths,
-                corners: &mut trial.corners,
-            };
-            let outcome = room.fill(points, links, 0..links.n_groups(), &move_point);
-            if outcome.is_err() {
-                trial.forget_motion();
-            }
-            self.points.trial = trial;
-            outcome
-        });
-        self.summary.timings.add(&timings);
-        agree(self.ranks(), moved)?;
-        let replaced = replaced.into_inner().unwrap_or_else(PoisonError::into_inner);
-        let mut replaced = self.ranks().gather_all(replaced).concat();
-        replaced.sort_unstable();
-        Ok(replaced)
+/// Moves the points with the grid by Δd, eqs. (9) and (31); updates F by eq. (16) and the domains by eqs. (32)-(39). All
+/// results go into the trial state, whose stress and strain the last evaluation has written.
+///
+/// If `replaces` is true, as a last resort, and in bodies whose long domains are split, domains that are torn or have
+/// corners outside the grid are replaced; returns the permanent numbers of their points on all ranks, ascending.
+///
+/// # Errors
+/// [`SolveError`] if a point or a corner of its domain leaves the grid, or a domain is torn or collapses.
+pub(super) fn move_points<const D: usize>(
+    context: &StepContext<D>,
+    points: &mut Points<D>,
+    delta_d: &[[f64; D]],
+    replaces: bool,
+) -> Result<Vec<u32>, SolveError> {
+    let mut trial = std::mem::take(&mut points.trial);
+    trial.make_room_for_motion(&points.converged);
+    let moved = motion_of_points(context, points, &mut trial, delta_d, replaces);
+    if moved.is_err() {
+        trial.forget_motion();
     }
+    points.trial = trial;
+    let ranks = context.links.halo().ranks();
+    let mut replaced = ranks.gather_all(agree(ranks, moved)?).concat();
+    replaced.sort_unstable();
+    Ok(replaced)
+}
+
+/// Writes the motion of the points of this rank into the trial state; returns the permanent numbers of the points whose
+/// domains were replaced, in any order.
+fn motion_of_points<const D: usize>(
+    context: &StepContext<D>,
+    points: &Points<D>,
+    trial: &mut State<D>,
+    delta_d: &[[f64; D]],
+    replaces: bool,
+) -> Result<Vec<u32>, SolveError> {
+    let StepContext { model, links, step, .. } = *context;
+    let replaced = Mutex::new(Vec::new());
+    // The next step must find the points in its grid.
+    let error = |error| SolveError::GridMotion { step: step.index, error };
+    let moved_grid = model.grid_at(step.end).map_err(error)?;
+    let next_grid = moved_grid.as_ref().map_or(model.grid.as_ref(), |grid| grid as &dyn Grid<D>);
+    let update = PointUpdate { model, links, points, step, next_grid, delta_d, replaces };
+    let move_point = |nodes: &[u32], products: &mut Products<D>, p: usize, moved: &mut Moved<D>| {
+        update.move_point(nodes, products, p, moved)?;
+        if moved.is_replaced {
+            replaced.lock().unwrap_or_else(PoisonError::into_inner).push(points.id[p]);
+        }
+        Ok(())
+    };
+    let room = Room {
+        first: 0,
+        position: &mut trial.position,
+        deformation_gradient: &mut trial.deformation_gradient,
+        half_lengths: &mut trial.half_lengths,
+        corners: &mut trial.corners,
+    };
+    room.fill(points, links, 0..links.n_groups(), &move_point)?;
+    Ok(replaced.into_inner().unwrap_or_else(PoisonError::into_inner))
 }
 
 /// The part of the trial state that is written when a range of consecutive points is updated.
@@ -235,7 +240,7 @@ impl<const D: usize> PointUpdate<'_, D> {
         moved.half_lengths = points.half_lengths(p);
         moved.is_replaced = false;
         match body.method.domain() {
-            DomainKind::None => moved.half_lengths = self.box_of_standard_point(p, (&F, &dF)),
+            DomainKind::None => moved.half_lengths = self.box_of_standard_point(p, &F, &dF),
             DomainKind::Box => {
                 let motion = DomainMotion {
                     F: &along_axes::<D>(F),
@@ -305,7 +310,7 @@ impl<const D: usize> PointUpdate<'_, D> {
     /// The updated half lengths of the box of a standard point, which only contact with tools uses; zero for points
     /// without a box. Corners beyond the cell of the point move with the basis of that cell, continued outwards: the
     /// next cell may hold no material. A box that would collapse keeps its size.
-    fn box_of_standard_point(&self, p: usize, (F, dF): (&Mat3, &Mat3)) -> [f64; D] {
+    fn box_of_standard_point(&self, p: usize, F: &Mat3, dF: &Mat3) -> [f64; D] {
         let PointUpdate { model, points, .. } = *self;
         let previous = points.half_lengths(p);
         if previous == [0.0; D] {
