@@ -192,8 +192,8 @@ fn run(directory: &Path, from: Option<usize>) -> Result<(Summary, Points<2>), Bo
             let reached = checkpoint.head.reached.clone();
             resume_stage(&mut model, &mut points, &reached)?;
             checkpoint.restore(&model, &mut points)?;
-            let place = (directory, Lock::take(directory)?);
-            let files = Results::resume(place, &asked, &model, account, &checkpoint, reached.progress.step)?;
+            let (lock, step) = (Lock::take(directory)?, reached.progress.step);
+            let files = Results::resume(directory, lock, &asked, &model, account, &checkpoint, step)?;
             (reached, files)
         }
     };

@@ -79,9 +79,8 @@ impl Session {
         let (requests, link) = mpsc::channel();
         let link = Link { events, requests: link };
         let reports_iterations = on_iteration.is_some();
-        let begun = py.detach(|| {
-            begin((name, text, &overrides), threads, out.clone(), &laws, link, reports_iterations)
-        });
+        let deck = DeckText { name, text, overrides: &overrides };
+        let begun = py.detach(|| begin(deck, threads, out.clone(), &laws, link, reports_iterations));
         let Begun { thread, notes, history } = begun.map_err(|error| laws.blamed(py, error))?;
         let running = Running {
             events: received,
@@ -371,9 +370,17 @@ struct Begun {
     history: Vec<String>,
 }
 
+/// The text of a deck.
+struct DeckText<'a> {
+    name: &'a str,
+    text: &'a [u8],
+    /// Parameters, each with the value that replaces that of the deck.
+    overrides: &'a [(String, String)],
+}
+
 /// Reads and builds a deck, opens its files and begins its run on a new thread.
 fn begin(
-    (name, text, overrides): (&str, &[u8], &[(String, String)]),
+    deck: DeckText,
     threads: Option<usize>,
     out: Option<PathBuf>,
     laws: &Laws,
@@ -384,7 +391,7 @@ fn begin(
     let pool = pool(threads)?;
     let mut set_up = Timings::default();
     let prepared = set_up.measure(Phase::SetUp, || {
-        let mut deck = loaded(name, text, overrides)?;
+        let mut deck = loaded(deck.name, deck.text, deck.overrides)?;
         laws.replace(&mut deck)?;
         prepared(deck, &pool)
     })?;

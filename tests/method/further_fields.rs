@@ -196,8 +196,8 @@ fn further_fields_survive_grouping_commit_checkpoint_and_resumption_and_are_in_f
     let reached = checkpoint.head.reached.clone();
     // The history goes on with the same columns, and is refused with others.
     let resume = |asked: &Request| {
-        let place = (&*directory, Lock::take(&directory).unwrap());
-        Results::resume(place, asked, &model, account(), &checkpoint, reached.progress.step)
+        let lock = Lock::take(&directory).unwrap();
+        Results::resume(&directory, lock, asked, &model, account(), &checkpoint, reached.progress.step)
     };
     let refused = resume(&Request { forces: Vec::new(), ..asked.clone() }).err().unwrap().to_string();
     assert!(refused.contains("columns"), "{refused}");

@@ -101,7 +101,8 @@ pub struct Checkpoint {
 /// A file-system error, or `InvalidInput` if a number of the points is not finite; earlier checkpoints are then kept.
 pub(super) fn write<const D: usize>(
     directory: &Path,
-    identity: (&Value, &str),
+    deck: &Value,
+    files: &str,
     reached: &Reached,
     findings: &Findings,
     points: &Points<D>,
@@ -109,8 +110,8 @@ pub(super) fn write<const D: usize>(
     let ranks = &points.ranks;
     let mut head = Head {
         program: VERSION.to_owned(),
-        deck: identity.0.clone(),
-        files: identity.1.to_owned(),
+        deck: deck.clone(),
+        files: files.to_owned(),
         reached: reached.clone(),
         findings: findings.clone(),
         shape: [D, points.len(), points.history_len, points.corners_per_point],

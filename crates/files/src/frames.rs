@@ -314,9 +314,10 @@ impl Frames {
         if self.outlines.is_empty() {
             self.outlines = model.tools.iter().map(|tool| Outlined::new(tool, model)).collect();
         }
-        let of = (self.precision, &self.room);
-        let surfaces = surfaces_of_tools(&self.outlines, (model, tools), step, of);
-        Ok(vec![Frame::new(4, step, surfaces)?, Frame::new(5, step, contacts_of_tools(tools, step, of))?])
+        let (precision, room) = (self.precision, &self.room);
+        let surfaces = surfaces_of_tools(&self.outlines, model, tools, step, precision, room);
+        let contacts = contacts_of_tools(tools, step, precision, room);
+        Ok(vec![Frame::new(4, step, surfaces)?, Frame::new(5, step, contacts)?])
     }
 
     fn file_of_surfaces<const D: usize>(

@@ -213,7 +213,8 @@ impl Results {
     /// If the directory cannot be written to, does not contain the results up to the checkpoint, or has a file with the
     /// name of a result file that no run wrote; in the last two cases nothing in the directory is changed.
     pub fn resume<const D: usize>(
-        (directory, lock): (&Path, Lock),
+        directory: &Path,
+        lock: Lock,
         asked: &Request,
         model: &Model<D>,
         account: Account,

@@ -17,7 +17,8 @@ impl Account {
         &self,
         path: &Path,
         model: &Model<D>,
-        (points, ranks): (usize, usize),
+        points: usize,
+        ranks: usize,
     ) -> io::Result<()> {
         let began = jiff::Timestamp::now() - self.start.elapsed().wall;
         let mut document = json!({

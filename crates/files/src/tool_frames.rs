@@ -66,9 +66,11 @@ impl Outlined {
 /// If values cannot be written.
 pub(super) fn surfaces_of_tools<const D: usize>(
     outlines: &[Outlined],
-    (model, tools): (&Model<D>, &[ToolState<D>]),
+    model: &Model<D>,
+    tools: &[ToolState<D>],
     step: Step,
-    (precision, room): (Precision, &Room),
+    precision: Precision,
+    room: &Room,
 ) -> Result<File, String> {
     let (mut positions, mut corners) = (Vec::new(), Vec::new());
     let (mut numbers, mut parts): (Vec<i32>, Vec<i32>) = Default::default();
@@ -125,7 +127,8 @@ pub(super) fn surfaces_of_tools<const D: usize>(
 pub(super) fn contacts_of_tools<const D: usize>(
     tools: &[ToolState<D>],
     step: Step,
-    (precision, room): (Precision, &Room),
+    precision: Precision,
+    room: &Room,
 ) -> Result<File, String> {
     let all =
         || tools.iter().enumerate().flat_map(|(k, tool)| tool.contacts.iter().map(move |c| (k as i32, c)));

@@ -280,7 +280,7 @@ impl Run<'_> {
         }
         loop {
             let use_conjugate = *definite && symmetric;
-            let outcome = solvers.solve(use_conjugate, operator, context, (given, found), tolerance)?;
+            let outcome = solvers.solve(use_conjugate, operator, context, given, found, tolerance)?;
             match outcome {
                 Outcome::Converged { iterations } => {
                     let numbers = found.with(own, |found| found.to_vec())?;

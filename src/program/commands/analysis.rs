@@ -193,7 +193,7 @@ pub fn run_into(run: Run, ready: Prepared, set_up: Timings) -> anyhow::Result<Op
     let from = match begin {
         Begin::Anew => None,
         Begin::AtCheckpoint | Begin::AtCheckpointIfAny => {
-            match checkpoint_in(directory, &loaded, (&mut analysis, machines), begin)? {
+            match checkpoint_in(directory, &loaded, &mut analysis, machines, begin)? {
                 Some((_, Found::End(steps))) => {
                     message!(
                         "the run in `{}` is complete: {} in equilibrium; nothing is left to do",
@@ -210,7 +210,7 @@ pub fn run_into(run: Run, ready: Prepared, set_up: Timings) -> anyhow::Result<Op
     let asked = loaded.deck.request();
     let account = loaded.account(start, set_up, rayon::current_num_threads())?;
     let law_libraries = account.law_libraries.clone();
-    let shown = (view, Arc::clone(&account.wording));
+    let wording = Arc::clone(&account.wording);
     let (results, from) = match from {
         None => {
             let created = match &analysis {
@@ -220,13 +220,13 @@ pub fn run_into(run: Run, ready: Prepared, set_up: Timings) -> anyhow::Result<Op
             (created.map_err(|error| not_writable(directory, error))?, None)
         }
         Some((lock, checkpoint, reached)) => {
-            let (place, step) = ((directory, lock), reached.progress.step);
+            let step = reached.progress.step;
             let reopened = match &analysis {
                 Analysis::Plane(parts) => {
-                    Results::resume(place, &asked, &parts.0, account, &checkpoint, step)
+                    Results::resume(directory, lock, &asked, &parts.0, account, &checkpoint, step)
                 }
                 Analysis::Solid(parts) => {
-                    Results::resume(place, &asked, &parts.0, account, &checkpoint, step)
+                    Results::resume(directory, lock, &asked, &parts.0, account, &checkpoint, step)
                 }
             };
             let results = reopened
@@ -234,7 +234,7 @@ pub fn run_into(run: Run, ready: Prepared, set_up: Timings) -> anyhow::Result<Op
             (results, Some((checkpoint, reached)))
         }
     };
-    if let View::Run { log: Some(log) } = &shown.0 {
+    if let View::Run { log: Some(log) } = &view {
         // A write error of the log is reported by the progress display.
         let _ = log.begin();
     }
@@ -242,8 +242,8 @@ pub fn run_into(run: Run, ready: Prepared, set_up: Timings) -> anyhow::Result<Op
     // The points of a resumed run may differ from those of the first stage.
     let n = if machines.ranks().is_alone() { analysis.n_points() } else { extent.points };
     let mut watch = match &analysis {
-        Analysis::Plane(parts) => Watch::new(results, &parts.0, n, start, shown, stop),
-        Analysis::Solid(parts) => Watch::new(results, &parts.0, n, start, shown, stop),
+        Analysis::Plane(parts) => Watch::new(results, &parts.0, n, start, view, wording, stop),
+        Analysis::Solid(parts) => Watch::new(results, &parts.0, n, start, view, wording, stop),
     };
     watch.law_libraries(&law_libraries);
     machines.equip(&mut analysis);
@@ -317,7 +317,8 @@ pub fn run_along(
 fn checkpoint_in(
     directory: &Path,
     loaded: &LoadedDeck,
-    (analysis, machines): (&mut Analysis, &Machines),
+    analysis: &mut Analysis,
+    machines: &Machines,
     begin: Begin,
 ) -> anyhow::Result<Option<(Lock, Found)>> {
     let lock = match Lock::take(directory) {

@@ -55,7 +55,7 @@ pub fn run(args: RunArgs, command_line: &[OsString], began: Instant) -> anyhow::
     let directory = args.out.clone().unwrap_or_else(|| default_directory(&args.deck.deck));
     let outcome = started.and_then(|()| {
         if machines.ranks().is_root() {
-            run_as_root(args, &machines, &directory, (command_line, began))
+            run_as_root(args, &machines, &directory, command_line, began)
         } else {
             analysis::run_along(&args.deck, &machines, &directory, args.resume)
         }
@@ -69,7 +69,8 @@ fn run_as_root(
     args: RunArgs,
     machines: &Machines,
     directory: &Path,
-    (command_line, began): (&[OsString], Instant),
+    command_line: &[OsString],
+    began: Instant,
 ) -> anyhow::Result<u8> {
     if let Some(log) = &args.log {
         log::keep_out_of_results(log, directory)?;

@@ -78,7 +78,8 @@ impl Watch {
         model: &Model<D>,
         points: usize,
         start: Start,
-        (view, wording): (View, Arc<dyn Wording>),
+        view: View,
+        wording: Arc<dyn Wording>,
         stop: Arc<AtomicBool>,
     ) -> Self {
         let label = match &view {

@@ -178,15 +178,15 @@ impl Origin {
         }
         let mut reached = checkpoint.head.reached.clone();
         reached.progress.step.index = index;
-        let (place, account) =
-            ((&*self.directory, Lock::take(&self.directory).unwrap()), account(&self.loaded));
+        let (place, account) = (&self.directory, account(&self.loaded));
+        let lock = Lock::take(place).unwrap();
         let asked = no_output();
         let results = match &self.analysis {
             Analysis::Plane(parts) => {
-                Results::resume(place, &asked, &parts.0, account, &checkpoint, reached.progress.step)
+                Results::resume(place, lock, &asked, &parts.0, account, &checkpoint, reached.progress.step)
             }
             Analysis::Solid(parts) => {
-                Results::resume(place, &asked, &parts.0, account, &checkpoint, reached.progress.step)
+                Results::resume(place, lock, &asked, &parts.0, account, &checkpoint, reached.progress.step)
             }
         };
         let Ok(mut results) = results else {

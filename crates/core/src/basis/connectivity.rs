@@ -181,8 +181,8 @@ impl<const D: usize> Connectivity<D> {
             if pass == 0 {
                 sharing = self.sharing(&points.ranks, grid.n_nodes());
                 let others = SharedTouches { ranks: &points.ranks, sharing: &sharing };
-                let group_lists = (&self.group_node_start[..], &self.group_nodes[..]);
-                slivers = Slivers::new(grid, &self.active_cells, group_lists, &self.touches, &others);
+                let (starts, nodes) = (&self.group_node_start, &self.group_nodes);
+                slivers = Slivers::new(grid, &self.active_cells, starts, nodes, &self.touches, &others);
             }
             if slivers.is_empty() {
                 break;

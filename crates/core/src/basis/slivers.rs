@@ -100,7 +100,8 @@ impl Slivers {
     pub(super) fn new<const D: usize>(
         grid: &dyn Grid<D>,
         cells: &[u32],
-        (starts, group_nodes): (&[usize], &[u32]),
+        starts: &[usize],
+        group_nodes: &[u32],
         touches: &[Touch],
         others: &SharedTouches,
     ) -> Slivers {

@@ -54,7 +54,8 @@ impl<const D: usize, const N: usize> Multigrid<D, N> {
     pub(super) fn analyse(
         &mut self,
         matrix: &BlockMatrix<N>,
-        (places, lines): (Vec<[u32; D]>, [LatticeLines; D]),
+        places: Vec<[u32; D]>,
+        lines: [LatticeLines; D],
         held: Vec<[bool; N]>,
         halo: &Halo,
     ) -> Result<bool, LinearError> {
@@ -69,7 +70,7 @@ impl<const D: usize, const N: usize> Multigrid<D, N> {
             *self = Multigrid::default(); // frees the memory before more is allocated
             Level::finest(lattice, matrix, held)
         } else {
-            let given = Input::new(matrix, (places, lines), held, halo);
+            let given = Input::new(matrix, places, lines, held, halo);
             if ranks.all(self.input.as_ref() == Some(&given)) {
                 return Ok(false);
             }

@@ -34,7 +34,7 @@ impl<const D: usize, const N: usize> Preconditioner<D, N> {
         let lines = layout.lines.map(|lines| lines.map(<[f64]>::to_vec));
         let part = self.symmetric_part.as_ref().map(SymmetricPart::matrix);
         let matrix = part.as_ref().unwrap_or(matrix);
-        self.multigrid.analyse(matrix, (places, lines), held_by(layout.numbering), layout.halo).map(|_| ())
+        self.multigrid.analyse(matrix, places, lines, held_by(layout.numbering), layout.halo).map(|_| ())
     }
 
     /// Takes the values of a matrix; returns false if the matrix, or its symmetric part, is found not to be positive

@@ -132,7 +132,7 @@ impl Measures {
             .map(|k| {
                 let mut measures = empty();
                 for group in k * piece..((k + 1) * piece).min(links.n_groups()) {
-                    measures.add_group(model, points, (links, next_grid), &objections, group);
+                    measures.add_group(model, points, links, next_grid, &objections, group);
                 }
                 measures
             })
@@ -169,7 +169,8 @@ impl Measures {
         &mut self,
         model: &Model<D>,
         points: &Points<D>,
-        (links, next_grid): (&Connectivity<D>, &dyn Grid<D>),
+        links: &Connectivity<D>,
+        next_grid: &dyn Grid<D>,
         objections: &[Option<Objection>],
         group: usize,
     ) {

@@ -33,7 +33,7 @@ pub fn watch<const D: usize>(
     let material = Material::new(model, points, links);
     let mut found = Vec::new();
     for (number, condition, nodes) in moving {
-        if let Some(place) = material.ahead_of((model, points, links), condition, nodes, delta_d) {
+        if let Some(place) = material.ahead_of(model, points, links, condition, nodes, delta_d) {
             found.push((number, warn(&condition.name, place, step)));
         }
     }
@@ -104,7 +104,9 @@ impl Material {
     /// the grid. `None` if there is none.
     fn ahead_of<const D: usize>(
         &self,
-        (model, points, links): (&Model<D>, &Points<D>, &Connectivity<D>),
+        model: &Model<D>,
+        points: &Points<D>,
+        links: &Connectivity<D>,
         condition: &BoundaryCondition<D>,
         nodes: &[u32],
         delta_d: &[[f64; D]],

@@ -70,9 +70,8 @@ fn respond(
 
 /// Derivative of the shear component of τ between two axes with respect to that of b: (τ_a − τ_b)/(b_a − b_b).
 #[inline(always)]
-fn on_shear(response: &PrincipalResponse, strain: &[f64; 3], b: &[f64; 3], pair: (usize, usize)) -> f64 {
+fn on_shear(response: &PrincipalResponse, strain: &[f64; 3], b: &[f64; 3], [i, j]: [usize; 2]) -> f64 {
     let PrincipalResponse { tau, modulus, .. } = response;
-    let (i, j) = pair;
     let limit = 0.5 * (modulus[i][i] - modulus[i][j] - modulus[j][i] + modulus[j][j]);
     let per_strain = divided_difference([tau[i], tau[j]], [strain[i], strain[j]], limit);
     0.5 * per_strain * log_divided_difference(b[i], b[j])
@@ -252,7 +251,7 @@ pub(super) fn in_space(
             *entry /= *b;
         }
     }
-    let across = [(1, 2), (0, 2), (0, 1)].map(|pair| 2.0 * on_shear(&response, &strain, &values, pair));
+    let across = [[1, 2], [0, 2], [0, 1]].map(|pair| 2.0 * on_shear(&response, &strain, &values, pair));
     let derivative = spectrum.full_derivative(&PrincipalDerivative { normal, across });
     Ok((spectrum.compose(response.tau), spectrum.compose(response.elastic_strain), derivative.data.0))
 }

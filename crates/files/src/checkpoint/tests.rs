@@ -39,7 +39,7 @@ fn the_last_two_are_kept_and_read_back_exactly() {
     for (step, stress) in [(9, 0.1), (10, 1.0 / 3.0), (10000, -5e-324)] {
         points.converged.kirchhoff_stress[7].0[2] = stress;
         points.converged.position[3] = [stress, 0.25];
-        write(directory.path(), (&deck, "f"), &reached(step), &Findings::default(), &points).unwrap();
+        write(directory.path(), &deck, "f", &reached(step), &Findings::default(), &points).unwrap();
     }
     assert_eq!(names(directory.path()), ["checkpoint_0010.mpm", "checkpoint_10000.mpm"]);
     let (found, refused) = latest(directory.path(), &Ranks::default()).unwrap();
@@ -91,7 +91,7 @@ fn any_number_of_ranks_reads_the_pieces_of_others() {
             for p in 0..points.len() {
                 points.converged.kirchhoff_stress[p].0[2] = 0.1 * (step as f64 + f64::from(points.id[p]));
             }
-            write(directory.path(), (&deck, "f"), &reached(step), &Findings::default(), &points).unwrap();
+            write(directory.path(), &deck, "f", &reached(step), &Findings::default(), &points).unwrap();
             // Without this, a rank may begin the next checkpoint while the first rank still writes this one.
             ranks.any(false);
         }
@@ -136,7 +136,7 @@ fn damaged_files_are_refused_by_name_and_the_one_before_is_used() {
     let directory = tempfile::tempdir().unwrap();
     let (deck, _, points) = analysis();
     for step in [1, 2] {
-        write(directory.path(), (&deck, "f"), &reached(step), &Findings::default(), &points).unwrap();
+        write(directory.path(), &deck, "f", &reached(step), &Findings::default(), &points).unwrap();
     }
     let path = directory.path().join("checkpoint_0002.mpm");
     let good = fs::read(&path).unwrap();
@@ -173,7 +173,7 @@ const NAME_LENGTH: usize = "mpm checkpoint ".len();
 fn points_of_another_kind_are_refused() {
     let directory = tempfile::tempdir().unwrap();
     let (deck, model, points) = analysis();
-    write(directory.path(), (&deck, "f"), &reached(1), &Findings::default(), &points).unwrap();
+    write(directory.path(), &deck, "f", &reached(1), &Findings::default(), &points).unwrap();
     let found = latest(directory.path(), &Ranks::default()).unwrap().0.unwrap();
     let mut other = Points::<2>::new(&[]);
     assert!(found.restore(&model, &mut other).unwrap_err().contains("other points"));
@@ -189,7 +189,7 @@ fn a_state_that_no_run_has_reached_is_refused() {
     let directory = tempfile::tempdir().unwrap();
     let (deck, model, good) = analysis();
     let refused = |points: &Points<2>, reached: &Reached, findings: &Findings| {
-        write(directory.path(), (&deck, "f"), reached, findings, points).unwrap();
+        write(directory.path(), &deck, "f", reached, findings, points).unwrap();
         let found = latest(directory.path(), &Ranks::default()).unwrap().0.unwrap();
         found.restore(&model, &mut analysis().2).unwrap_err()
     };
@@ -219,7 +219,7 @@ fn a_number_that_is_not_finite_reaches_no_file() {
     let says = |change: &dyn Fn(&mut State<2>)| {
         let mut points = good.clone();
         change(&mut points.converged);
-        let error = write(directory.path(), (&deck, "f"), &reached(1), &Findings::default(), &points);
+        let error = write(directory.path(), &deck, "f", &reached(1), &Findings::default(), &points);
         let error = error.unwrap_err();
         assert_eq!(error.kind(), io::ErrorKind::InvalidInput);
         error.to_string()
@@ -253,7 +253,7 @@ fn further_fields_are_kept_and_others_are_refused() {
     let numbers: Vec<f64> = (0..2 * n).map(|k| k as f64).collect();
     points.further.restore(age, &numbers);
     points.further.restore(pore, &numbers[n..]);
-    write(directory.path(), (&deck, "f"), &reached(1), &Findings::default(), &points).unwrap();
+    write(directory.path(), &deck, "f", &reached(1), &Findings::default(), &points).unwrap();
     let found = latest(directory.path(), &Ranks::default()).unwrap().0.unwrap();
 
     let restored = |declared: &[PointFieldSpec]| {
@@ -296,8 +296,7 @@ fn further_fields_are_kept_and_others_are_refused() {
     let mut values = numbers[n..].to_vec();
     values[4] = f64::NAN;
     points.further.restore(pore, &values);
-    let error =
-        write(directory.path(), (&deck, "f"), &reached(2), &Findings::default(), &points).unwrap_err();
+    let error = write(directory.path(), &deck, "f", &reached(2), &Findings::default(), &points).unwrap_err();
     assert!(error.to_string().contains(&format!("field `pore_pressure` of point {} is NaN", points.id[4])));
 }
 
@@ -308,7 +307,7 @@ fn damaged_lists_of_further_fields_are_refused() {
     let (deck, model, mut points) = analysis();
     let n = points.len();
     points.declare(spec("age", FieldKind::Motion, 2, n)).unwrap();
-    write(directory.path(), (&deck, "f"), &reached(1), &Findings::default(), &points).unwrap();
+    write(directory.path(), &deck, "f", &reached(1), &Findings::default(), &points).unwrap();
     let good = latest(directory.path(), &Ranks::default()).unwrap().0.unwrap();
     let refused = |change: &dyn Fn(&mut Checkpoint)| {
         let mut damaged = Checkpoint {
@@ -339,7 +338,7 @@ fn damaged_lists_of_further_fields_are_refused() {
 fn an_account_without_further_fields_does_not_name_them() {
     let directory = tempfile::tempdir().unwrap();
     let (deck, _, points) = analysis();
-    write(directory.path(), (&deck, "f"), &reached(1), &Findings::default(), &points).unwrap();
+    write(directory.path(), &deck, "f", &reached(1), &Findings::default(), &points).unwrap();
     let head = latest(directory.path(), &Ranks::default()).unwrap().0.unwrap().head;
     let text = serde_json::to_string(&head).unwrap();
     assert!(text.ends_with(&format!(r#""shape":[2,{},1,4]}}"#, points.len())), "{text}");

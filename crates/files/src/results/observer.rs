@@ -57,8 +57,8 @@ impl Results {
             && let Some(reached) = &self.accepted
             && self.last.index > self.checkpointed
         {
-            let identity = (deck, self.account.files_hash.as_str());
-            checkpoint::write(&self.directory, identity, reached, &self.findings, points)?;
+            let files = &self.account.files_hash;
+            checkpoint::write(&self.directory, deck, files, reached, &self.findings, points)?;
             self.checkpointed = self.last.index;
         }
         Ok(())
@@ -114,9 +114,9 @@ impl Results {
 impl Results {
     fn started_in<const D: usize>(&mut self, model: &Model<D>, points: &Points<D>) -> io::Result<()> {
         let ranks = &points.ranks;
-        let size = (ranks.count_all(points.len()), ranks.count());
+        let all_points = ranks.count_all(points.len());
         let begun = if ranks.is_root() {
-            self.account.write_start(&self.directory.join("run.json"), model, size)
+            self.account.write_start(&self.directory.join("run.json"), model, all_points, ranks.count())
         } else {
             Ok(())
         };

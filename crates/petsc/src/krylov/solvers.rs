@@ -98,7 +98,8 @@ impl Solvers {
         use_conjugate: bool,
         operator: &Matrix,
         context: &mut Context<D, N>,
-        (b, x): (&Vector, &mut Vector),
+        b: &Vector,
+        x: &mut Vector,
         tolerance: f64,
     ) -> Result<Outcome, LinearError> {
         let solver = if use_conjugate { &self.conjugate } else { &self.general };

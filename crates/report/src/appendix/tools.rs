@@ -130,7 +130,7 @@ fn figures(page: &mut Page, run: &Run, tool: &ToolDeck, naming: &Naming) {
         let moved =
             largest_motion(run, &columns, motion).or_else(|| largest_motion(run, &columns, Quantity::Length));
         for group in acting.chunks(MAX_CURVES) {
-            let (chart, against) = chart(run, group, (quantity, name), moved);
+            let (chart, against) = chart(run, group, quantity, name, moved);
             let tool_name = escape(&tool.name);
             let parts = if tool.parts.is_empty() { "" } else { " and its parts" };
             let name = if name == "force" { "Forces" } else { "Moments" };
@@ -157,7 +157,8 @@ fn largest_motion<'a>(run: &Run, columns: &'a [Quantified], quantity: Quantity) 
 fn chart(
     run: &Run,
     group: &[&Quantified],
-    (quantity, name): (Quantity, &str),
+    quantity: Quantity,
+    name: &str,
     moved: Option<&Quantified>,
 ) -> (Chart, String) {
     let progress = Progress::common(std::slice::from_ref(run));

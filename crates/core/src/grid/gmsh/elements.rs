@@ -42,7 +42,8 @@ impl Elements {
         &mut self,
         reader: &mut Reader<'_>,
         nodes: &Nodes,
-        (kind, tag): (Type, u64),
+        kind: Type,
+        tag: u64,
         mut number: impl FnMut(&mut Reader<'_>) -> Result<u64, GmshError>,
     ) -> Result<Option<Element>, GmshError> {
         let Some(usable) = kind.kind else {
@@ -87,7 +88,7 @@ pub(super) fn read_41(
         let group_set = sets.number(groups);
         for _ in 0..n {
             let tag = reader.size("an element number")?;
-            let element = all.nodes(reader, nodes, (kind, tag), |r| r.size("a node number"))?;
+            let element = all.nodes(reader, nodes, kind, tag, |r| r.size("a node number"))?;
             all.elements.extend(element.map(|element| Element { group_set, ..element }));
         }
         found += n;
@@ -113,7 +114,7 @@ pub(super) fn read_22(reader: &mut Reader<'_>, nodes: &Nodes) -> Result<Elements
         let block = Block::read(reader)?;
         for _ in 0..block.n {
             let (kind, tag, group) = block.head(reader)?;
-            let element = all.nodes(reader, nodes, (kind, tag), |r| r.natural("a node number"))?;
+            let element = all.nodes(reader, nodes, kind, tag, |r| r.natural("a node number"))?;
             let Some(element) = element else { continue };
             let next = all.elements.len() as u32;
             let number = *known.entry((element.kind, element.nodes)).or_insert(next);

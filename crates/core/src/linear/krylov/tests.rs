@@ -128,8 +128,8 @@ fn ranks_repeat_an_analysis_together() {
         let mut multigrid = Multigrid::<2, 2>::default();
         [body, body, shorter, shorter, body].map(|body| {
             let part = body.part(&ranks, |cell| slabs(cell, body.cells, 2));
-            let places = (part.places.clone(), part.lines.clone());
-            multigrid.analyse(&part.matrix(), places, held_by(&part.numbering), &part.halo)
+            let (places, lines) = (part.places.clone(), part.lines.clone());
+            multigrid.analyse(&part.matrix(), places, lines, held_by(&part.numbering), &part.halo)
         })
     });
     assert!(outcomes.iter().all(|of_rank| *of_rank == [true, false, true, false, true].map(Ok)));

@@ -65,7 +65,8 @@ fn is_large(rows: usize, pivots: usize) -> bool {
 /// pivot of LU is zero or not finite.
 pub(super) fn eliminate(
     factors: usize,
-    (rows, pivots): (usize, usize),
+    rows: usize,
+    pivots: usize,
     panel: &mut [f64],
     update: &mut [f64],
 ) -> bool {

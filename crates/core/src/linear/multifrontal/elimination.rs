@@ -76,7 +76,7 @@ impl Elimination<'_> {
                 passed.add(factor, first, 0, columns);
             });
         });
-        if !dense::eliminate(front.factors, (front.rows, front.pivots), panel, update) {
+        if !dense::eliminate(front.factors, front.rows, front.pivots, panel, update) {
             return false;
         }
         for_each_factor(front, update, |factor, update| {

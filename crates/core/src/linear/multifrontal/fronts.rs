@@ -91,13 +91,13 @@ impl Fronts {
         let nodes = Nodes::new(pattern, order, order.len() - kept);
         let tree = Tree::new(&nodes);
         let factors = if mirror.is_some() { 2 } else { 1 };
-        let mut fronts = Fronts::lay_out(&nodes, &tree, pattern, (factors, kept));
+        let mut fronts = Fronts::lay_out(&nodes, &tree, pattern, factors, kept);
         let borders = Borders::of(&nodes, &tree);
         fronts.fill(pattern, &nodes, &tree, &borders, mirror);
         fronts
     }
 
-    fn lay_out(nodes: &Nodes, tree: &Tree, pattern: &Pattern, (factors, kept): (usize, usize)) -> Fronts {
+    fn lay_out(nodes: &Nodes, tree: &Tree, pattern: &Pattern, factors: usize, kept: usize) -> Fronts {
         let n = tree.pivots.len();
         let mut front: Vec<Front> = Vec::with_capacity(n);
         let (mut first, mut border, mut panel) = (0, 0, 0);

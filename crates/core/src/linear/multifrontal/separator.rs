@@ -32,8 +32,8 @@ impl Columns<'_> {
         self.range.clone().map(|column| self.n - column).sum()
     }
 
-    /// Calls `visit` with the index and the values of each column of a factor.
-    fn for_each(&self, (factor, factors): (usize, usize), mut visit: impl FnMut(usize, &[f64])) {
+    /// Calls `visit` with the index and the values of each column of one of the `factors`.
+    fn for_each(&self, factor: usize, factors: usize, mut visit: impl FnMut(usize, &[f64])) {
         let mut place = factor * self.len();
         let stride = dense::stride(self.n);
         for column in self.range.clone() {
@@ -53,7 +53,7 @@ impl Columns<'_> {
     pub fn packed(&self, factors: usize) -> Vec<f64> {
         let mut packed = Vec::with_capacity(factors * self.len());
         (0..factors).for_each(|factor| {
-            self.for_each((factor, factors), |_, numbers| packed.extend_from_slice(numbers));
+            self.for_each(factor, factors, |_, numbers| packed.extend_from_slice(numbers));
         });
         packed
     }
@@ -98,7 +98,7 @@ impl Multifrontal {
         let Some(front) = self.fronts.front.first() else { return };
         let factors = front.factors;
         for k in 0..factors {
-            columns.for_each((k, factors), |column, numbers| {
+            columns.for_each(k, factors, |column, numbers| {
                 let at = rows[column] as usize;
                 let (target, height, offset) = match at.checked_sub(front.pivots) {
                     None => (&mut *panel, front.rows, 0),
@@ -118,6 +118,6 @@ impl Multifrontal {
             left.fill(0.0);
             return true;
         }
-        dense::eliminate(front.factors, (front.rows, front.pivots), panel, left)
+        dense::eliminate(front.factors, front.rows, front.pivots, panel, left)
     }
 }

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use crate::linear::Block;
 use crate::ranks::Ranks;
 
-use super::ghosts::{Find, Known, Messages};
+use super::ghosts::{Messages, Register};
 
 /// The columns of a part of a row: their position numbers and ranks.
 type Columns = Vec<(u64, u32)>;
@@ -38,16 +38,17 @@ pub(super) struct Contributions {
 }
 
 /// The pattern of a matrix by rows: the start of each row, and the columns of all rows.
-pub(super) type RowColumns = (Vec<usize>, Vec<u32>);
+pub(super) struct RowColumns {
+    pub start: Vec<usize>,
+    pub column: Vec<u32>,
+}
 
 impl Contributions {
     /// Tells the other ranks which entries this rank contributes to rows of known nodes. Returns the columns of the own
     /// rows, ascending, including the diagonal; columns received from other ranks become ghosts.
-    pub(super) fn new(
-        ranks: &Ranks,
-        (known, find): (&mut Known, &mut Find),
-        (start, column): &RowColumns,
-    ) -> (Self, RowColumns) {
+    pub(super) fn new(ranks: &Ranks, register: &mut Register, rows: &RowColumns) -> (Self, RowColumns) {
+        let RowColumns { start, column } = rows;
+        let known = &register.known;
         let columns_of = |row: usize| &column[start[row]..start[row + 1]];
         let send = known.by_owner(|row| start[row + 1] > start[row]);
         let columns: Vec<(usize, Vec<Vec<u32>>)> = (send.iter())
@@ -65,10 +66,10 @@ impl Contributions {
             let mut first = 0;
             let mut nodes = Vec::with_capacity(rows.len());
             for (key, columns) in rows {
-                let Some(&row) = find.get(&key).filter(|row| (**row as usize) < known.own) else { continue };
+                let Some(row) = register.own(key) else { continue };
                 nodes.push(row);
                 let places: Vec<u32> =
-                    columns.iter().map(|(key, owner)| known.find_or_add(find, *key, *owner)).collect();
+                    columns.iter().map(|(key, owner)| register.find_or_add(*key, *owner)).collect();
                 let from = rank;
                 parts.push(Part { row, from, first, places });
                 first += columns.len();
@@ -85,11 +86,11 @@ impl Contributions {
             blocks[part.from] += part.places.len();
         }
         parts.sort_by_key(|part| part.row);
-        let own = known.own;
+        let own = register.known.own;
         let mut part_start = vec![0; own + 1];
         parts.iter().for_each(|part| part_start[part.row as usize + 1] += 1);
         (0..own).for_each(|row| part_start[row + 1] += part_start[row]);
-        let mut whole = (vec![0], Vec::new());
+        let mut whole = RowColumns { start: vec![0], column: Vec::new() };
         let mut row_columns = Vec::new();
         for row in 0..own {
             row_columns.clear();
@@ -102,8 +103,8 @@ impl Contributions {
             for place in parts.iter_mut().flat_map(|part| &mut part.places) {
                 *place = row_columns.partition_point(|column| column < place) as u32;
             }
-            whole.1.extend(&row_columns);
-            whole.0.push(whole.1.len());
+            whole.column.extend(&row_columns);
+            whole.start.push(whole.column.len());
         }
         (Contributions { rows, columns: of_rank, parts, part_start, blocks }, whole)
     }

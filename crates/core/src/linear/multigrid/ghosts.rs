@@ -16,13 +16,16 @@ pub(super) struct Known {
     pub owner: Vec<u32>,
 }
 
-/// Finds known nodes by their position numbers.
-pub(super) type Find = FxHashMap<u64, u32>;
+/// The known nodes while their level is laid out, with an index that finds them by their position numbers.
+pub(super) struct Register {
+    pub known: Known,
+    pub find: FxHashMap<u64, u32>,
+}
 
-impl Known {
+impl Register {
     /// The known nodes, given with their ranks and reordered so that the nodes of this rank come first; both kinds keep
     /// their order.
-    pub(super) fn new(rank: usize, nodes: &[(u64, u32)]) -> (Self, Find) {
+    pub(super) fn new(rank: usize, nodes: &[(u64, u32)]) -> Self {
         let is_own = |node: &&(u64, u32)| node.1 as usize == rank;
         let own = nodes.iter().filter(is_own).count();
         let in_order = || nodes.iter().filter(is_own).chain(nodes.iter().filter(|node| !is_own(node)));
@@ -32,20 +35,28 @@ impl Known {
             owner: in_order().map(|(_, owner)| *owner).collect(),
         };
         let find = known.key.iter().copied().zip(0..).collect();
-        (known, find)
+        Register { known, find }
     }
 
-    pub(super) fn len(&self) -> usize {
-        self.key.len()
+    /// The node of this rank at this position; `None` if there is none.
+    pub(super) fn own(&self, key: u64) -> Option<u32> {
+        self.find.get(&key).copied().filter(|node| (*node as usize) < self.known.own)
     }
 
     /// The node at this position; it becomes a ghost if it was not known.
-    pub(super) fn find_or_add(&mut self, find: &mut Find, key: u64, owner: u32) -> u32 {
+    pub(super) fn find_or_add(&mut self, key: u64, owner: u32) -> u32 {
+        let Register { known, find } = self;
         *find.entry(key).or_insert_with(|| {
-            self.key.push(key);
-            self.owner.push(owner);
-            self.key.len() as u32 - 1
+            known.key.push(key);
+            known.owner.push(owner);
+            known.key.len() as u32 - 1
         })
+    }
+}
+
+impl Known {
+    pub(super) fn len(&self) -> usize {
+        self.key.len()
     }
 
     /// The ranks to which ghosts belong, ascending, each with its ghosts for which `has` is true, in the order of their
@@ -133,7 +144,7 @@ impl Ghosts {
     /// The ghosts among the known nodes; `colour` gives the colour of a node, one of `n_colours`.
     pub(super) fn new(
         ranks: &Ranks,
-        (known, find): (&Known, &Find),
+        Register { known, find }: &Register,
         n_colours: usize,
         colour: impl Fn(usize) -> usize,
     ) -> Self {

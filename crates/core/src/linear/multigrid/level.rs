@@ -66,7 +66,7 @@ impl<const D: usize, const N: usize> Level<D, N> {
 
     /// The finest level.
     pub(super) fn finest(lattice: Lattice<D>, matrix: &BlockMatrix<N>, held: Vec<[bool; N]>) -> Self {
-        let (start, column) = whole_rows(matrix);
+        let RowColumns { start, column } = whole_rows(matrix);
         Level::new(lattice, Rows::new(start, column), held, None)
     }
 
@@ -187,7 +187,7 @@ impl<const D: usize, const N: usize> Level<D, N> {
                 #[inline(always)]
                 || {
                     piece.for_each(|row, columns, values| {
-                        stencil.product((&fine.rows, &fine.unscale), transfer, row, &mut sum);
+                        stencil.product(&fine.rows, &fine.unscale, transfer, row, &mut sum);
                         let width = values.len() / N;
                         for (k, &column) in columns.iter().enumerate() {
                             let block = &sum[stencil.place(row, column as usize)];
@@ -242,7 +242,7 @@ pub(super) fn whole_rows<const N: usize>(matrix: &BlockMatrix<N>) -> RowColumns 
             }
         }
     }
-    (start, column)
+    RowColumns { start, column }
 }
 
 /// The diagonal of the block of a node.

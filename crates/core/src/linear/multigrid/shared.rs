@@ -12,7 +12,7 @@ use crate::ranks::{Halo, Ranks};
 
 use super::coarse_owners::{Claim, coarse_owners};
 use super::contributions::{Contributions, RowColumns};
-use super::ghosts::{Find, Ghosts, Known};
+use super::ghosts::{Ghosts, Register};
 use super::level::{Level, block_of, diagonal_of, own_entries, whole_rows};
 use super::of_ranks::Shared;
 use super::rows::Rows;
@@ -32,7 +32,8 @@ pub(super) struct Input<const D: usize, const N: usize> {
 impl<const D: usize, const N: usize> Input<D, N> {
     pub(super) fn new(
         matrix: &BlockMatrix<N>,
-        (places, lines): (Vec<[u32; D]>, [LatticeLines; D]),
+        places: Vec<[u32; D]>,
+        lines: [LatticeLines; D],
         held: Vec<[bool; N]>,
         halo: &Halo,
     ) -> Self {
@@ -60,20 +61,20 @@ impl<const D: usize, const N: usize> Level<D, N> {
         others.sort_unstable_by_key(|node| key(*node));
         let nodes: Vec<(u64, u32)> =
             own.iter().chain(&others).map(|node| (key(*node), input.owner[*node])).collect();
-        let (known, find) = Known::new(ranks.own(), &nodes);
+        let register = Register::new(ranks.own(), &nodes);
         let held = own.iter().map(|node| input.held[*node]).collect();
         let active: Vec<u32> = own.iter().chain(&others).map(|node| *node as u32).collect();
         let mut place = vec![0; active.len()];
         active.iter().zip(0..).for_each(|(node, k)| place[*node as usize] = k);
-        let (start, column) = whole_rows(matrix);
-        let mut rows = (vec![0], Vec::with_capacity(column.len()));
+        let RowColumns { start, column } = whole_rows(matrix);
+        let mut rows = RowColumns { start: vec![0], column: Vec::with_capacity(column.len()) };
         for &node in &active {
             let columns = &column[start[node as usize]..start[node as usize + 1]];
-            rows.1.extend(columns.iter().map(|other| place[*other as usize]));
-            rows.0.push(rows.1.len());
+            rows.column.extend(columns.iter().map(|other| place[*other as usize]));
+            rows.start.push(rows.column.len());
         }
         lattice.place = active.iter().map(|node| lattice.place[*node as usize]).collect();
-        Level::shared(ranks, lattice, held, (known, find), &rows, active)
+        Level::shared(ranks, lattice, held, register, &rows, active)
     }
 
     /// A level of which this rank knows some nodes; `rows` lists the columns that this rank contributes to the rows of
@@ -82,17 +83,17 @@ impl<const D: usize, const N: usize> Level<D, N> {
         ranks: &Ranks,
         mut lattice: Lattice<D>,
         held: Vec<[bool; N]>,
-        (mut known, mut find): (Known, Find),
+        mut register: Register,
         rows: &RowColumns,
         active: Vec<u32>,
     ) -> Self {
-        let (contributions, (start, column)) = Contributions::new(ranks, (&mut known, &mut find), rows);
+        let (contributions, RowColumns { start, column }) = Contributions::new(ranks, &mut register, rows);
         let more: Vec<[u32; D]> =
-            known.key[lattice.len()..].iter().map(|key| lattice.place_of(*key)).collect();
+            register.known.key[lattice.len()..].iter().map(|key| lattice.place_of(*key)).collect();
         lattice.place.extend(more);
         let colour = |node: usize| lattice.colour(lattice.place[node]);
-        let ghosts = Ghosts::new(ranks, (&known, &find), lattice.n_colours(), colour);
-        let shared = Shared { known, ghosts, contributions, active };
+        let ghosts = Ghosts::new(ranks, &register, lattice.n_colours(), colour);
+        let shared = Shared { known: register.known, ghosts, contributions, active };
         Level::new(lattice, Rows::new(start, column), held, Some(shared))
     }
 
@@ -117,7 +118,8 @@ impl<const D: usize, const N: usize> Level<D, N> {
         claims.dedup_by_key(|(key, _)| *key);
         let owners = coarse_owners(ranks, &claims, lattice.places());
         let nodes: Vec<(u64, u32)> = claims.iter().map(|(key, _)| *key).zip(owners).collect();
-        let (known, find) = Known::new(ranks.own(), &nodes);
+        let register = Register::new(ranks.own(), &nodes);
+        let Register { known, find } = &register;
         lattice.place = known.key.iter().map(|key| lattice.place_of(*key)).collect();
         let mut transfer = Transfer::new(&self.lattice, own, known.len(), |place| find[&lattice.key(place)]);
         let mut held = vec![[false; N]; known.own];
@@ -128,7 +130,7 @@ impl<const D: usize, const N: usize> Level<D, N> {
             }
         }
         let rows = self.columns_above(&lattice, &transfer);
-        let level = Level::shared(ranks, lattice, held, (known, find), &rows, Vec::new());
+        let level = Level::shared(ranks, lattice, held, register, &rows, Vec::new());
         transfer.extend(level.lattice.len());
         (level, transfer)
     }
@@ -154,7 +156,7 @@ impl<const D: usize, const N: usize> Level<D, N> {
             (0..lattice.len()).into_par_iter().map_init(|| vec![false; stencil.len], columns).collect();
         let mut start = vec![0];
         of_rows.iter().for_each(|columns| start.push(start[start.len() - 1] + columns.len()));
-        (start, of_rows.into_iter().flatten().collect())
+        RowColumns { start, column: of_rows.into_iter().flatten().collect() }
     }
 
     /// Copies the values of the matrix, which is distributed over the ranks.
@@ -191,7 +193,7 @@ impl<const D: usize, const N: usize> Level<D, N> {
             let mut sum = vec![[[0.0; N]; N]; stencil.len];
             Arch::new().dispatch(
                 #[inline(always)]
-                || stencil.product((&fine.rows, &fine.unscale), transfer, row, &mut sum),
+                || stencil.product(&fine.rows, &fine.unscale, transfer, row, &mut sum),
             );
             for (block, &column) in blocks.iter_mut().zip(columns) {
                 *block = sum[stencil.place(row, column as usize)];

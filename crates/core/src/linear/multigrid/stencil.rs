@@ -37,7 +37,8 @@ impl Stencil {
     #[inline(always)]
     pub(super) fn product<const N: usize>(
         &self,
-        (rows, unscale): (&Rows<N>, &[[f64; N]]),
+        rows: &Rows<N>,
+        unscale: &[[f64; N]],
         transfer: &Transfer,
         row: usize,
         sum: &mut [Block<N>],
