@@ -13,7 +13,7 @@ mod reduced;
 use crate::basis::Connectivity;
 use crate::dofs::DofMap;
 use crate::linear::{Block, BlockMatrix, Division, Stiffness};
-use crate::ranks::{Halo, Ranks};
+use crate::ranks::Reduction;
 use crate::step::Nodal;
 
 pub use border::Border;
@@ -53,8 +53,8 @@ pub struct System<const N: usize> {
     pub border: Border<N>,
     /// The matrix blocks of the equations for the unknowns, if nodes are turned or tied.
     reduced: Vec<Block<N>>,
-    /// The nodes shared with other ranks. The blocks contain the contributions of this rank only.
-    halo: Halo,
+    /// Sums over the whole run. The blocks contain the contributions of this rank only.
+    reduction: Reduction,
 }
 
 impl<const N: usize> System<N> {
@@ -80,7 +80,7 @@ impl<const N: usize> System<N> {
             per_factor: None,
             border: Border::new(globals, links.n_active()),
             reduced: Vec::new(),
-            halo: links.halo().clone(),
+            reduction: links.reduction().clone(),
             pairs,
         }
     }
@@ -122,32 +122,24 @@ impl<const N: usize> System<N> {
     /// Sums the forces over all ranks, once the terms of this rank have been added. The stiffness remains divided
     /// between ranks.
     pub(crate) fn complete(&mut self) {
-        let ranks = self.halo.ranks();
-        if ranks.is_alone() {
-            return;
-        }
-        self.halo.add(&mut self.internal);
-        self.halo.add(&mut self.external);
+        let reduction = &self.reduction;
+        reduction.complete(&mut self.internal);
+        reduction.complete(&mut self.external);
         let n = self.internal.len();
         for force in [&mut self.holding, &mut self.per_factor] {
-            if ranks.any(force.is_some()) {
-                self.halo.add(force.get_or_insert_with(|| vec![[0.0; N]; n]));
+            if reduction.any(force.is_some()) {
+                reduction.complete(force.get_or_insert_with(|| vec![[0.0; N]; n]));
             }
         }
-        if ranks.any(self.round_off.is_some()) {
-            self.halo.add_numbers(self.round_off.get_or_insert_with(|| vec![0.0; n]));
+        if reduction.any(self.round_off.is_some()) {
+            reduction.complete_numbers(self.round_off.get_or_insert_with(|| vec![0.0; n]));
         }
-        self.border.complete(&self.halo);
+        self.border.complete(reduction);
     }
 
-    /// The ranks that share the system.
-    pub(crate) fn ranks(&self) -> &Ranks {
-        self.halo.ranks()
-    }
-
-    /// Adds the contributions of other ranks to a force.
-    pub(crate) fn add_ranks(&self, force: &mut [[f64; N]]) {
-        self.halo.add(force);
+    /// Sums over the whole run.
+    pub(crate) fn reduction(&self) -> &Reduction {
+        &self.reduction
     }
 
     /// Transfers the forces on tied components to the components to which they are tied.
@@ -246,7 +238,7 @@ impl<const N: usize> System<N> {
     /// `out = K x` over all active nodes, including constrained ones.
     pub fn multiply(&mut self, x: &[[f64; N]], out: &mut [[f64; N]]) {
         self.pairs.matrix(&self.blocks).multiply(&mut self.division, x, out);
-        self.halo.add(out);
+        self.reduction.complete(out);
     }
 
     /// The largest magnitude of an entry of K, or an upper bound if several ranks share K.
@@ -254,7 +246,7 @@ impl<const N: usize> System<N> {
         let entries = self.blocks.iter().flatten().flatten();
         let own = entries.fold(0.0, |largest, entry| f64::max(largest, entry.abs()));
         // An entry that ranks share is at most the sum of their largest entries.
-        self.halo.ranks().total(own)
+        self.reduction.total(own)
     }
 
     /// Σ |K_vw| |x_w| over all active nodes: for each node, the magnitude of the terms in the sum K x.
@@ -272,15 +264,15 @@ impl<const N: usize> System<N> {
                 }
             }
         });
-        self.halo.add(&mut sums);
+        self.reduction.complete(&mut sums);
         sums
     }
 
     /// Adds a multiple of a diagonal matrix, given per node, to K; the next evaluation of K discards it.
     pub fn add_to_diagonal(&mut self, factor: f64, diagonal: &[[f64; N]]) {
-        let (blocks, halo) = (&mut self.blocks, &self.halo);
+        let (blocks, reduction) = (&mut self.blocks, &self.reduction);
         self.pairs.for_each(|row, column, place| {
-            if row == column && halo.is_own(row) {
+            if row == column && reduction.counts(row) {
                 for d in 0..N {
                     blocks[place][d][d] += factor * diagonal[row][d];
                 }
@@ -296,7 +288,7 @@ impl<const N: usize> System<N> {
                 diagonal[row] = std::array::from_fn(|d| self.blocks[place][d][d]);
             }
         });
-        self.halo.add(&mut diagonal);
+        self.reduction.complete(&mut diagonal);
         diagonal
     }
 }

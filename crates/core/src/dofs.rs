@@ -17,7 +17,7 @@ use crate::basis::{Connectivity, JoinedParts};
 use crate::linear::Numbering;
 use crate::model::Model;
 use crate::points::Points;
-use crate::ranks::Ranks;
+use crate::ranks::Reduction;
 
 pub use constraints::Constraints;
 pub use covered::{Covered, covered};
@@ -182,7 +182,7 @@ impl<const N: usize> DofMap<N> {
     pub fn unheld(
         &self,
         parts: &JoinedParts,
-        ranks: &Ranks,
+        reduction: &Reduction,
         axes: std::ops::Range<usize>,
     ) -> Option<(usize, usize)> {
         let mut held = vec![0.0; N * parts.lowest.len()];
@@ -191,7 +191,7 @@ impl<const N: usize> DofMap<N> {
                 held[N * *part as usize + axis] = 1.0;
             }
         }
-        ranks.maximum(&mut held);
+        reduction.maximum(&mut held);
         (0..parts.lowest.len())
             .find_map(|part| axes.clone().find(|axis| held[N * part + axis] == 0.0).map(|axis| (part, axis)))
     }

@@ -35,7 +35,7 @@
 //! | Quality of results | [`quality`]: measures of numerical quality, and the warnings derived from them |
 //! | Surfaces of bodies | [`surface`]: samples of the boundary of a body, carried by the grid, for tractions, pressures and weakly prescribed motions |
 //! | Geometry | [`region`]: primitives, closed surfaces from STL files, booleans and motions, with their volumes; [`formula`]: formulas in position and time; [`tool`]: shapes of rigid tools, their closest points, and poses |
-//! | Many machines | [`ranks`]: the processes that share an analysis, each with the points in its part of the grid; [`ranks::Halo`]: the nodes that several processes touch |
+//! | Many machines | [`ranks`]: the processes that share an analysis, each with the points in its part of the grid; [`ranks::Halo`]: the nodes that several processes touch; [`ranks::Reduction`]: sums, products and decisions over a whole run, for code that need not know of ranks |
 //! | Resources | [`memory`]: memory limits; [`timing`]: time per phase of a run |
 //!
 //! This crate does not depend on the other crates of `mpm`: `mpm-files` writes results, `mpm-deck` builds a model and

@@ -6,6 +6,7 @@
 //! end of the run.
 
 mod cohesion;
+mod collective;
 mod contrast;
 mod gaps;
 mod holding;
@@ -185,8 +186,8 @@ pub struct Quality {
 impl Quality {
     /// The quality of a run that begins from the converged state of `points`.
     pub fn new<const D: usize>(points: &Points<D>) -> Quality {
-        let mass: f64 = points.ranks.total(points.mass.iter().sum());
-        let volume = points.ranks.total((0..points.len()).map(|p| points.volume(p)).sum());
+        let mass: f64 = points.reduction().total(points.mass.iter().sum());
+        let volume = points.reduction().total((0..points.len()).map(|p| points.volume(p)).sum());
         Quality {
             mass: Balance { start: mass, now: mass },
             volume: Balance { start: volume, now: volume },

@@ -5,6 +5,7 @@
 //! path.
 
 mod halo;
+mod reduction;
 pub mod threads;
 
 use std::ops::Range;
@@ -13,6 +14,7 @@ use std::sync::Arc;
 use serde::{Serialize, de::DeserializeOwned};
 
 pub use halo::{Halo, Sharer, Sharing, sharing};
+pub use reduction::Reduction;
 
 /// Messages between ranks. The methods that gather or exchange are collective: all ranks must call them, in the same
 /// order.
@@ -99,6 +101,11 @@ impl Ranks {
             None => vec![own],
             Some(ranks) => ranks.gather_all(&encode(&own)).iter().filter_map(|bytes| decode(bytes)).collect(),
         }
+    }
+
+    /// The items of all ranks, those of each rank in their order, in rank order.
+    pub fn join<T: Serialize + DeserializeOwned>(&self, own: Vec<T>) -> Vec<T> {
+        if self.is_alone() { own } else { self.gather_all(own).into_iter().flatten().collect() }
     }
 
     /// The values of all ranks on rank 0, in rank order; none on the other ranks.

@@ -21,7 +21,7 @@
 //! | `course` | the record of the iterations, with f^R of eq. (28) |
 //! | `forcing`, `damping` | beyond the paper: inexact solves, damping |
 //! | `control`, `motion` | beyond the paper: unknown load factor, prediction |
-//! | `agree`, `of_rank`, `reach` | what all ranks of a run decide together |
+//! | `collective`, `of_rank` | collective decisions of the ranks of a run |
 //! | `attempt`, `error`, `located` | how attempts end, and the point or node at fault |
 //! | `diagnosis`, `evidence`, `stiffness` | why attempts fail; stiffness contrasts between materials |
 //!
@@ -30,10 +30,10 @@
 //! fresh grids; if no equilibrium follows, the points are restored.
 
 mod acceptance;
-mod agree;
 mod attempt;
 mod body_residual;
 mod change;
+mod collective;
 mod conclusion;
 mod control;
 mod course;
@@ -54,7 +54,6 @@ mod observer;
 mod of_rank;
 mod pace;
 mod progress;
-mod reach;
 mod refusal;
 mod release;
 mod residual;

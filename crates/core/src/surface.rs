@@ -16,7 +16,7 @@ mod support;
 
 use std::collections::BTreeMap;
 
-use crate::ranks::Ranks;
+use crate::ranks::Reduction;
 use crate::region::{Facet, NoBoundary, Region, area_vector};
 
 pub use carried::Carried;
@@ -191,22 +191,19 @@ pub struct SurfaceFields<const D: usize> {
 }
 
 impl<const D: usize> SurfaceFields<D> {
-    /// The fields completed over all ranks: each rank supplies the values of its own samples and the reactions that it
+    /// The fields with the values of all samples: each rank supplies those of its own samples and the reactions that it
     /// adds.
-    pub fn of_all_ranks(&self, ranks: &Ranks, is_own: impl Fn(usize) -> bool) -> Self {
+    pub fn completed(&self, reduction: &Reduction, is_own: impl Fn(usize) -> bool) -> Self {
         let mut all = self.clone();
-        if ranks.is_alone() {
-            return all;
-        }
         for sample in (0..all.position.len()).filter(|sample| !is_own(*sample)) {
             (all.position[sample], all.normal[sample], all.area[sample]) = ([0.0; D], [0.0; D], 0.0);
         }
         let SurfaceFields { position, normal, area, pressure, load, reaction } = &mut all;
         for vectors in [position, normal, load, reaction] {
-            ranks.sum(vectors.as_flattened_mut());
+            reduction.sum(vectors.as_flattened_mut());
         }
-        ranks.sum(area);
-        ranks.sum(pressure);
+        reduction.sum(area);
+        reduction.sum(pressure);
         all
     }
 }

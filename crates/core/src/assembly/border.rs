@@ -1,6 +1,6 @@
 //! Equations of a few global unknowns, such as the motions of a rigid body, in addition to the nodal equations.
 
-use crate::ranks::Halo;
+use crate::ranks::Reduction;
 use crate::step::Nodal;
 
 /// The global equations r(d, w) = 0 and the effect of the global unknowns w on the nodes:
@@ -116,13 +116,12 @@ impl<const N: usize> Border<N> {
     }
 
     /// Sums the contributions of all ranks.
-    pub(crate) fn complete(&mut self, halo: &Halo) {
-        let ranks = halo.ranks();
+    pub(crate) fn complete(&mut self, reduction: &Reduction) {
         let Border { columns, rows, corner, residual, per_factor, scale, round_off, support, .. } = self;
-        columns.iter_mut().chain(rows).for_each(|field| halo.add(field));
+        columns.iter_mut().chain(rows).for_each(|field| reduction.complete(field));
         for numbers in corner.iter_mut().chain([residual, per_factor, scale, round_off, support]) {
             if !numbers.is_empty() {
-                ranks.sum(numbers);
+                reduction.sum(numbers);
             }
         }
     }

@@ -2,7 +2,7 @@
 
 use super::Connectivity;
 use crate::points::Points;
-use crate::ranks::Halo;
+use crate::ranks::Reduction;
 
 /// The bodies whose points touch a node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -46,16 +46,13 @@ impl<const D: usize> Connectivity<D> {
                 }
             }
         }
-        join(self.halo(), &mut touched);
+        join(self.reduction(), &mut touched);
         touched
     }
 }
 
 /// Adds the bodies of other ranks at shared nodes.
-fn join(halo: &Halo, touched: &mut [TouchedBy]) {
-    if halo.ranks().is_alone() {
-        return;
-    }
+fn join(reduction: &Reduction, touched: &mut [TouchedBy]) {
     // The lowest and the highest body at each node; if they differ, several bodies touch it.
     let numbers = |none: f64, several: f64| -> Vec<f64> {
         let number = |touched: &TouchedBy| match touched {
@@ -67,8 +64,8 @@ fn join(halo: &Halo, touched: &mut [TouchedBy]) {
     };
     let mut least = numbers(f64::INFINITY, -1.0);
     let mut most = numbers(f64::NEG_INFINITY, f64::from(u32::MAX));
-    halo.minimum(&mut least);
-    halo.maximum(&mut most);
+    reduction.smallest_at_nodes(&mut least);
+    reduction.largest_at_nodes(&mut most);
     for (touched, (least, most)) in touched.iter_mut().zip(least.into_iter().zip(most)) {
         *touched = if least < most {
             TouchedBy::Several

@@ -11,7 +11,7 @@ use super::slivers::{SharedTouches, Slivers, Touch};
 use super::{Basis, Method, PointGeometry, Support, SupportError};
 use crate::grid::Grid;
 use crate::points::Points;
-use crate::ranks::{Halo, Ranks, Sharing};
+use crate::ranks::{Halo, Ranks, Reduction, Sharing};
 
 use piece::Piece;
 
@@ -76,7 +76,7 @@ pub struct Connectivity<const D: usize> {
     /// Active nodes of `layer_cells`, and further nodes that terms need on this rank; grid numbers.
     layer_nodes: Vec<u32>,
     /// The active nodes that other ranks also have.
-    halo: Halo,
+    reduction: Reduction,
 }
 
 /// The basis functions of a point cannot be formed.
@@ -204,7 +204,7 @@ impl<const D: usize> Connectivity<D> {
         }
         self.number_active_nodes(grid.n_nodes());
         self.agree_on_carriers(ranks);
-        self.halo = self.find_halo(ranks, grid.n_nodes());
+        self.reduction = Reduction::new(self.find_halo(ranks, grid.n_nodes()));
         self
     }
 
@@ -387,7 +387,12 @@ impl<const D: usize> Connectivity<D> {
     /// The active nodes that other ranks also have. If there are other ranks, this rank has the nodes that its points
     /// touch, the active nodes of one layer of adjacent cells, and those that [`Connectivity::with_nodes`] has added.
     pub fn halo(&self) -> &Halo {
-        &self.halo
+        self.reduction.halo()
+    }
+
+    /// Sums, extremes and decisions over the points and active nodes of the whole run.
+    pub fn reduction(&self) -> &Reduction {
+        &self.reduction
     }
 
     /// Cells that points of other ranks touch, next to the active cells of this rank, ascending.

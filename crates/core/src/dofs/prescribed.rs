@@ -102,8 +102,8 @@ fn original_places<const D: usize>(
             });
         }
     }
-    links.halo().add(&mut sums);
-    links.halo().add_numbers(&mut weights);
+    links.reduction().complete(&mut sums);
+    links.reduction().complete_numbers(&mut weights);
     sums.iter().zip(weights).map(|(sum, weights)| sum.map(|part| part / weights)).collect()
 }
 
@@ -128,7 +128,7 @@ pub fn nodes_of<const D: usize>(
                     }
                 }
             }
-            links.halo().maximum(&mut touched);
+            links.reduction().largest_at_nodes(&mut touched);
             (0..touched.len()).filter(|&node| touched[node] > 0.0).collect()
         }
     }

@@ -10,7 +10,7 @@ use nalgebra::DMatrix;
 use crate::basis::{Connectivity, JoinedParts};
 use crate::model::{Model, NodeSet};
 use crate::points::Points;
-use crate::ranks::Ranks;
+use crate::ranks::Reduction;
 use crate::surface::support;
 
 use super::DofMap;
@@ -64,15 +64,14 @@ pub fn free_parts<const D: usize>(
     links: &Connectivity<D>,
     dofs: &DofMap<D>,
 ) -> Vec<FreePart<D>> {
-    let (joined, halo) = (links.joined_parts(), links.halo());
-    let ranks = halo.ranks();
+    let (joined, reduction) = (links.joined_parts(), links.reduction());
     let place = |node: usize| model.grid.node_position(links.active_nodes()[node] as usize);
     let mut parts: Vec<Part<D>> = joined.lowest.iter().map(|_| Part::empty()).collect();
-    for (node, &part) in joined.at_node.iter().enumerate().filter(|(node, _)| halo.is_own(*node)) {
+    for (node, &part) in joined.at_node.iter().enumerate().filter(|(node, _)| reduction.counts(*node)) {
         parts[part as usize].add(&place(node));
     }
-    add_up_nodes(ranks, &mut parts);
-    for (node, &part) in joined.at_node.iter().enumerate().filter(|(node, _)| halo.is_own(*node)) {
+    add_up_nodes(reduction, &mut parts);
+    for (node, &part) in joined.at_node.iter().enumerate().filter(|(node, _)| reduction.counts(*node)) {
         let x = place(node);
         dofs.for_each_held_direction(node, |direction| parts[part as usize].hold(&x, direction));
     }
@@ -94,7 +93,7 @@ pub fn free_parts<const D: usize>(
             }
         }
     }
-    add_up_held(ranks, &mut parts);
+    add_up_held(reduction, &mut parts);
     if model.revolved {
         parts.iter_mut().for_each(Part::resist_by_hoops);
     }
@@ -111,17 +110,14 @@ pub fn free_parts<const D: usize>(
 }
 
 /// Sums the node counts and positions of the parts over all ranks.
-fn add_up_nodes<const D: usize>(ranks: &Ranks, parts: &mut [Part<D>]) {
-    if ranks.is_alone() {
-        return;
-    }
+fn add_up_nodes<const D: usize>(reduction: &Reduction, parts: &mut [Part<D>]) {
     let mut sums: Vec<f64> = parts.iter().flat_map(|part| part.sum).collect();
     sums.extend(parts.iter().map(|part| part.n_nodes as f64));
-    ranks.sum(&mut sums);
+    reduction.sum(&mut sums);
     // The lowest coordinates are the negatives of the largest negated coordinates.
     let mut ends: Vec<f64> = parts.iter().flat_map(|part| part.low.map(|x| -x)).collect();
     ends.extend(parts.iter().flat_map(|part| part.high));
-    ranks.maximum(&mut ends);
+    reduction.maximum(&mut ends);
     let n = parts.len();
     for (k, part) in parts.iter_mut().enumerate() {
         part.sum = std::array::from_fn(|d| sums[D * k + d]);
@@ -132,12 +128,9 @@ fn add_up_nodes<const D: usize>(ranks: &Ranks, parts: &mut [Part<D>]) {
 }
 
 /// Sums the constraints on each part over all ranks.
-fn add_up_held<const D: usize>(ranks: &Ranks, parts: &mut [Part<D>]) {
-    if ranks.is_alone() {
-        return;
-    }
+fn add_up_held<const D: usize>(reduction: &Reduction, parts: &mut [Part<D>]) {
     let mut sums: Vec<f64> = parts.iter().flat_map(|part| part.gram.iter().copied()).collect();
-    ranks.sum(&mut sums);
+    reduction.sum(&mut sums);
     for (part, sums) in parts.iter_mut().zip(sums.chunks_exact(n_motions(D).pow(2))) {
         part.gram.copy_from_slice(sums);
     }
@@ -159,8 +152,7 @@ fn name_bodies<const D: usize>(
             }
         }
     }
-    let members: BTreeSet<(u16, u32)> =
-        links.halo().ranks().gather_all(members).into_iter().flatten().collect();
+    let members: BTreeSet<(u16, u32)> = links.reduction().gather_all(members).into_iter().flatten().collect();
     for (part, found) in free.iter_mut() {
         found.bodies = members.iter().filter(|(_, in_part)| in_part == part).map(|(body, _)| *body).collect();
         let elsewhere = |body: &u16| members.iter().any(|(other, in_part)| other == body && in_part != part);

@@ -5,7 +5,7 @@ use crate::basis::Connectivity;
 use crate::dofs::{DofMap, nodes_of};
 use crate::model::{BoundaryCondition, Model};
 use crate::points::Points;
-use crate::ranks::{Halo, Ranks};
+use crate::ranks::Reduction;
 
 use crate::step::Nodal;
 use crate::terms::Ledger;
@@ -60,7 +60,7 @@ impl Energy {
     }
 
     /// The sum over all ranks.
-    fn of_all(mut self, ranks: &Ranks) -> Energy {
+    fn of_all(mut self, reduction: &Reduction) -> Energy {
         let Energy {
             external_work,
             regridding_work,
@@ -82,7 +82,7 @@ impl Energy {
             friction_work,
         ];
         let mut sums = all.each_ref().map(|energy| **energy);
-        ranks.sum(&mut sums);
+        reduction.sum(&mut sums);
         all.into_iter().zip(sums).for_each(|(energy, sum)| *energy = sum);
         self
     }
@@ -93,7 +93,7 @@ impl Energy {
     /// is the internal force at the start, all [force]; `delta_d` is the displacement increment, [length]; `ledger` is
     /// the energy of the terms.
     pub fn new<const D: usize, const N: usize>(
-        halo: &Halo,
+        reduction: &Reduction,
         delta_d: &[[f64; D]],
         [start, end]: [(&Nodal<N>, &Nodal<N>); 2],
         f_int_start: &[[f64; N]],
@@ -109,14 +109,14 @@ impl Energy {
             external_work: friction,
             ..Energy::default()
         };
-        for (node, du) in delta_d.iter().enumerate().filter(|(node, _)| halo.is_own(*node)) {
+        for (node, du) in delta_d.iter().enumerate().filter(|(node, _)| reduction.counts(*node)) {
             for d in 0..D {
                 let [before, after] = [start, end].map(|(load, reaction)| load[node][d] + reaction[node][d]);
                 energy.external_work += 0.5 * (before + after) * du[d];
                 energy.regridding_work += 0.5 * (f_int_start[node][d] - before) * du[d];
             }
         }
-        energy.of_all(halo.ranks())
+        energy.of_all(reduction)
     }
 }
 
@@ -154,16 +154,16 @@ pub fn reaction_moments<const D: usize, const N: usize>(
     if model.revolved {
         return None;
     }
-    let (positions, ranks) = (deformed_nodes(model, links, delta_d), links.halo().ranks());
+    let (positions, reduction) = (deformed_nodes(model, links, delta_d), links.reduction());
     let of_condition = |(number, condition): (usize, &BoundaryCondition<D>)| {
         let mut nodes = nodes_of(condition, points, links);
-        nodes.retain(|node| links.halo().is_own(*node));
-        let count = ranks.count_all(nodes.len());
+        nodes.retain(|node| links.reduction().counts(*node));
+        let count = reduction.count_all(nodes.len());
         if count == 0 {
             return ReactionMoment { about: None, moment: [0.0; 3] };
         }
         let mut about: [f64; D] = std::array::from_fn(|d| nodes.iter().map(|n| positions[*n][d]).sum());
-        ranks.sum(&mut about);
+        reduction.sum(&mut about);
         about.iter_mut().for_each(|x| *x /= count as f64);
         let mut moment = [0.0; 3];
         for node in nodes {
@@ -181,7 +181,7 @@ pub fn reaction_moments<const D: usize, const N: usize>(
                 *m += arm[i] * force[j] - arm[j] * force[i];
             }
         }
-        ranks.sum(&mut moment);
+        reduction.sum(&mut moment);
         ReactionMoment { about: Some(about), moment }
     };
     Some(model.boundary_conditions.iter().enumerate().map(of_condition).collect())
@@ -213,11 +213,11 @@ pub fn moment_error<const D: usize, const N: usize>(
     if model.revolved {
         return None;
     }
-    let (positions, halo) = (deformed_nodes(model, links, delta_d), links.halo());
-    let own = || (0..positions.len()).filter(|node| halo.is_own(*node));
+    let (positions, reduction) = (deformed_nodes(model, links, delta_d), links.reduction());
+    let own = || (0..positions.len()).filter(|node| reduction.counts(*node));
     let mut middle: [f64; D] = std::array::from_fn(|d| own().map(|node| positions[node][d]).sum());
-    halo.ranks().sum(&mut middle);
-    let count = halo.ranks().count_all(own().count()) as f64;
+    reduction.sum(&mut middle);
+    let count = reduction.count_all(own().count()) as f64;
     middle.iter_mut().for_each(|x| *x /= count);
     let (mut moments, mut scale) = ([[0.0; D]; D], 0.0);
     for node in own() {
@@ -232,8 +232,8 @@ pub fn moment_error<const D: usize, const N: usize>(
             scale += length(&arm) * length(force);
         }
     }
-    halo.ranks().sum(moments.as_flattened_mut());
-    let scale = halo.ranks().total(scale);
+    reduction.sum(moments.as_flattened_mut());
+    let scale = reduction.total(scale);
     let moment = moments.as_flattened().iter().map(|m| m * m).sum::<f64>().sqrt();
     Some(if scale > 0.0 { moment / scale } else { 0.0 })
 }

@@ -6,7 +6,7 @@ use crate::basis::Connectivity;
 use crate::dofs::{DofMap, FURTHER, Field};
 use crate::linear::Factorisation;
 use crate::model::Model;
-use crate::ranks::Halo;
+use crate::ranks::Reduction;
 use crate::terms::{NamedForce, ToolState};
 
 use super::balance::{Energy, ReactionMoment};
@@ -160,13 +160,13 @@ pub fn reactions_of<const N: usize>(f_ext: &[[f64; N]], f_int: &[[f64; N]], dofs
 /// [`DofMap::for_each_share`].
 pub fn named_reactions<const D: usize, const N: usize>(
     model: &Model<D>,
-    halo: &Halo,
+    reduction: &Reduction,
     reaction: &[[f64; N]],
     dofs: &DofMap<N>,
 ) -> (Vec<[f64; D]>, Vec<FurtherReaction>) {
     let mut sums = vec![[0.0; D]; model.boundary_conditions.len()];
     let mut further = vec![[0.0; N]; dofs.further_conditions().len()];
-    for (node, force) in reaction.iter().enumerate().filter(|(node, _)| halo.is_own(*node)) {
+    for (node, force) in reaction.iter().enumerate().filter(|(node, _)| reduction.counts(*node)) {
         dofs.for_each_share(model, node, force, |condition, component, share| {
             match condition.checked_sub(FURTHER) {
                 None => sums[condition][component] += share,
@@ -174,8 +174,8 @@ pub fn named_reactions<const D: usize, const N: usize>(
             }
         });
     }
-    halo.ranks().sum(sums.as_flattened_mut());
-    halo.ranks().sum(further.as_flattened_mut());
+    reduction.sum(sums.as_flattened_mut());
+    reduction.sum(further.as_flattened_mut());
     let named = dofs.further_conditions().iter().cloned().zip(further);
     let named = named.map(|(condition, sum)| FurtherReaction { condition, resultant: sum.to_vec() });
     (sums, named.collect())

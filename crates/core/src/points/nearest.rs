@@ -53,14 +53,14 @@ impl<const D: usize> Points<D> {
             n if n > most => *least.select_nth_unstable_by(most, f64::total_cmp).1,
             _ => f64::INFINITY,
         };
-        let limit = self.ranks.smallest(limit);
+        let limit = self.reduction().smallest(limit);
         let near = of_body().filter(|&p| distance(p) <= limit + slack);
         let near = near.map(|p| Near {
             id: self.id[p],
             distance: distance(p),
             position: self.original_position[p].to_vec(),
         });
-        let mut found: Vec<Near> = self.ranks.gather_all(near.collect::<Vec<_>>()).concat();
+        let mut found: Vec<Near> = self.reduction().join(near.collect());
         found.sort_unstable_by(|a, b| a.distance.total_cmp(&b.distance).then(a.id.cmp(&b.id)));
         if let Some(last) = found.get(most).map(|last| last.distance) {
             found.retain(|near| near.distance <= last + slack);

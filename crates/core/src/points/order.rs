@@ -4,8 +4,14 @@ use rayon::prelude::*;
 
 use super::{PIECE, Points, State};
 use crate::grid::Grid;
+use crate::ranks::{Halo, Reduction};
 
 impl<const D: usize> Points<D> {
+    /// Sums, extremes and decisions over the points of the whole run.
+    pub fn reduction(&self) -> Reduction {
+        Reduction::new(Halo::from(&self.ranks))
+    }
+
     /// Moves points to the ranks in whose parts of the grid they lie, and sorts the points of this rank by the grid
     /// cell that holds them, then by body; points of the same cell and body keep their order. Returns the index of the
     /// first point of every occupied cell, followed by the number of points. The cells of a patch follow one another
@@ -17,7 +23,7 @@ impl<const D: usize> Points<D> {
     pub fn group_by_cell(&mut self, grid: &dyn Grid<D>) -> Result<Vec<usize>, Option<usize>> {
         self.further.begin();
         let outside = self.locate(grid);
-        if self.ranks.any(outside.is_some()) {
+        if self.reduction().any(outside.is_some()) {
             return Err(outside);
         }
         self.migrate(grid);

@@ -75,7 +75,7 @@ impl<const D: usize> Points<D> {
             }
             // New numbers follow the order of the permanent numbers of the cut points, regardless of the ranks that
             // hold them.
-            let mut of_all = self.ranks.gather_all(long).concat();
+            let mut of_all = self.reduction().join(long);
             if of_all.is_empty() {
                 break;
             }

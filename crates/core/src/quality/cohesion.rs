@@ -12,7 +12,7 @@ use crate::basis::Connectivity;
 use crate::equilibrium::GridFields;
 use crate::model::Model;
 use crate::points::{Points, coordinates};
-use crate::ranks::Ranks;
+use crate::ranks::Reduction;
 
 /// Marks a node that no cluster has touched.
 const NOBODY: u16 = u16::MAX;
@@ -27,26 +27,25 @@ pub struct Cohesion {
 }
 
 /// Consecutive points of one body in one cell that touch the same nodes.
-struct Cluster {
-    body: u16,
+pub(super) struct Cluster {
+    pub(super) body: u16,
     first: usize,
     end: usize,
-    /// The active nodes that the points touch; empty on a single rank.
-    nodes: Vec<u32>,
+    /// Those active nodes that the points touch and that other ranks have, too.
+    pub(super) shared: Vec<u32>,
 }
 
 /// The connected parts of every body, according to the links of a step.
-struct Parts {
-    clusters: Vec<Cluster>,
+pub(super) struct Parts {
+    pub(super) clusters: Vec<Cluster>,
     /// For each cluster, the representative of its part.
-    root: Vec<u32>,
+    pub(super) root: Vec<u32>,
     /// For each body, the representative of the bodies that it is connected to.
-    together: Vec<usize>,
+    pub(super) together: Vec<usize>,
 }
 
 impl Parts {
     fn new<const D: usize>(model: &Model<D>, points: &Points<D>, links: &Connectivity<D>) -> Parts {
-        let is_alone = links.halo().ranks().is_alone();
         let mut clusters: Vec<Cluster> = Vec::new();
         let mut root: Vec<u32> = Vec::new();
         let mut together: Vec<u32> = (0..model.bodies.len() as u32).collect();
@@ -72,9 +71,9 @@ impl Parts {
                 }
                 last = Some((body, local));
                 let number = clusters.len() as u32;
-                let node = |place: &u32| nodes[*place as usize];
-                let at = if is_alone { Vec::new() } else { local.iter().map(node).collect() };
-                clusters.push(Cluster { body, first: p, end, nodes: at });
+                let shared = local.iter().map(|place| nodes[*place as usize]);
+                let shared = shared.filter(|node| links.halo().is_shared(*node as usize)).collect();
+                clusters.push(Cluster { body, first: p, end, shared });
                 root.push(number);
                 for &place in local {
                     let node = nodes[place as usize];
@@ -93,65 +92,18 @@ impl Parts {
         }
         let together = (0..together.len() as u32).map(|body| find(&mut together, body) as usize).collect();
         let root = (0..root.len() as u32).map(|cluster| find(&mut root, cluster)).collect();
-        let parts = Parts { clusters, root, together };
-        if links.halo().ranks().is_alone() { parts } else { parts.joined(links) }
+        Parts { clusters, root, together }.joined(links)
     }
 
-    /// The parts joined across all ranks: clusters of one body that share a node are in the same part even if they are
-    /// on different ranks. The root of a part is then a number among the clusters of all ranks.
-    fn joined<const D: usize>(mut self, links: &Connectivity<D>) -> Parts {
-        let ranks = links.halo().ranks();
-        let counts = ranks.gather_all(self.clusters.len() as u32);
-        let first: u32 = counts[..ranks.own()].iter().sum();
-        // For each shared node and each body at that node, the roots of the clusters of the body.
-        let mut at: Vec<(u32, u16, u32)> = Vec::new();
-        let mut is_shared = vec![false; links.n_active()];
-        links.halo().neighbours().flat_map(|(_, nodes)| nodes).for_each(|n| is_shared[*n as usize] = true);
-        for (number, cluster) in self.clusters.iter().enumerate() {
-            for &node in cluster.nodes.iter().filter(|node| is_shared[**node as usize]) {
-                at.push((links.active_nodes()[node as usize], cluster.body, first + self.root[number]));
-            }
-        }
-        at.sort_unstable();
-        at.dedup();
-        let mut root: Vec<u32> = (0..counts.iter().sum()).collect();
-        for (number, local) in self.root.iter().enumerate() {
-            root[(first as usize) + number] = first + local;
-        }
-        let mut all = ranks.gather_all(at).concat();
-        all.sort_unstable();
-        for pair in all.windows(2).filter(|pair| (pair[0].0, pair[0].1) == (pair[1].0, pair[1].1)) {
-            unite(&mut root, pair[0].2, pair[1].2);
-        }
-        let mut together: Vec<u32> = (0..self.together.len() as u32).collect();
-        for pair in all.windows(2).filter(|pair| pair[0].0 == pair[1].0) {
-            unite(&mut together, u32::from(pair[0].1), u32::from(pair[1].1));
-        }
-        for representatives in
-            ranks.gather_all(self.together.iter().map(|body| *body as u32).collect::<Vec<_>>())
-        {
-            for (body, other) in (0u32..).zip(representatives) {
-                unite(&mut together, body, other);
-            }
-        }
-        for number in 0..self.root.len() {
-            self.root[number] = find(&mut root, first + number as u32);
-        }
-        self.together = (0..together.len() as u32).map(|body| find(&mut together, body) as usize).collect();
-        self
-    }
-
-    /// The number of parts of each body, on all ranks.
-    fn count(&self, bodies: usize, ranks: &Ranks) -> Vec<usize> {
+    /// The number of parts of each body.
+    fn count(&self, bodies: usize, reduction: &Reduction) -> Vec<usize> {
         let mut parts: Vec<(u16, u32)> =
             self.clusters.iter().zip(&self.root).map(|(cluster, root)| (cluster.body, *root)).collect();
         parts.sort_unstable();
         parts.dedup();
-        if !ranks.is_alone() {
-            parts = ranks.gather_all(parts).concat();
-            parts.sort_unstable();
-            parts.dedup();
-        }
+        parts = reduction.join(parts);
+        parts.sort_unstable();
+        parts.dedup();
         let mut count = vec![0; bodies];
         parts.iter().for_each(|(body, _)| count[*body as usize] += 1);
         count
@@ -196,7 +148,7 @@ impl Cohesion {
             return Vec::new(); // the parts of a single body are those of the active nodes
         }
         let now = Parts::new(model, points, &grid.links);
-        let count = now.count(model.bodies.len(), &points.ranks);
+        let count = now.count(model.bodies.len(), &points.reduction());
         let Some(start) = known else {
             *known = Some(Cohesion { parts: count, together: now.together });
             return Vec::new();
@@ -286,7 +238,7 @@ fn gap_between<const D: usize>(points: &Points<D>, sides: &[Vec<usize>; 2]) -> O
     Some((squared(&here, &there).sqrt(), middle))
 }
 
-fn find(root: &mut [u32], mut member: u32) -> u32 {
+pub(super) fn find(root: &mut [u32], mut member: u32) -> u32 {
     while root[member as usize] != member {
         root[member as usize] = root[root[member as usize] as usize];
         member = root[member as usize];
@@ -294,7 +246,7 @@ fn find(root: &mut [u32], mut member: u32) -> u32 {
     member
 }
 
-fn unite(root: &mut [u32], a: u32, b: u32) {
+pub(super) fn unite(root: &mut [u32], a: u32, b: u32) {
     let [a, b] = [a, b].map(|member| find(root, member));
     root[a.max(b) as usize] = a.min(b);
 }

@@ -30,19 +30,19 @@ struct Taken {
     stress: HashMap<usize, [f64; 2]>,
     /// Σ |τ|² V over the other points.
     free: f64,
-    /// True if `stress` includes the points of all ranks.
+    /// True if `stress` includes all points of the run.
     is_complete: bool,
 }
 
 impl Taken {
-    /// Adds up the stresses at the nodes over all ranks.
+    /// Adds up the stresses at the nodes over the whole run.
     fn complete<const D: usize>(&mut self, links: &Connectivity<D>) {
         if std::mem::replace(&mut self.is_complete, true) {
             return;
         }
         let mut field = vec![[0.0; 2]; links.n_active()];
         self.stress.iter().for_each(|(node, sums)| field[*node] = *sums);
-        links.halo().add(&mut field);
+        links.reduction().complete(&mut field);
         let stressed = |(node, sums): (usize, [f64; 2])| (sums[1] > 0.0).then_some((node, sums));
         self.stress = field.into_iter().enumerate().filter_map(stressed).collect();
     }
@@ -92,12 +92,10 @@ pub fn watch<const D: usize>(
             }
         }
     }
-    let ranks = links.halo().ranks();
-    if !ranks.is_alone() {
-        // All ranks must judge the same bodies.
-        for body in ranks.gather_all(taken.keys().copied().collect::<Vec<u16>>()).concat() {
-            taken.entry(body).or_default().complete(links);
-        }
+    let reduction = links.reduction();
+    // The same bodies must be judged everywhere.
+    for body in reduction.join(taken.keys().copied().collect::<Vec<u16>>()) {
+        taken.entry(body).or_default().complete(links);
     }
     let warning = |(body, taken): (u16, Taken)| {
         // A held point keeps the stress that it had before; the free points around it show what stress it would
@@ -107,8 +105,8 @@ pub fn watch<const D: usize>(
             let [stress, volume] = around.fold([0.0; 2], |[s, v], [stress, volume]| [s + stress, v + volume]);
             if volume > 0.0 { stress / volume * model.volume(points, p) } else { 0.0 }
         };
-        let held: f64 = ranks.total(taken.held.iter().map(|(p, _)| would_carry(*p)).sum());
-        let share = held / (held + ranks.total(taken.free));
+        let held: f64 = reduction.total(taken.held.iter().map(|(p, _)| would_carry(*p)).sum());
+        let share = held / (held + reduction.total(taken.free));
         let &(point, by) = taken.held.first()?;
         (share > MAX_STIFFENED).then(|| (body as usize, warn(model, points, [body, by], point, share, step)))
     };
@@ -165,18 +163,16 @@ fn stiffness_of_bodies<const D: usize>(
             });
         }
     }
-    if !links.halo().ranks().is_alone() {
-        join(&mut stiffness, links);
-    }
+    join(&mut stiffness, links);
     stiffness
 }
 
-/// Adds up the stiffnesses of all ranks.
+/// Adds up the stiffnesses over the whole run.
 fn join<const D: usize>(stiffness: &mut Stiffness, links: &Connectivity<D>) {
     let own: Vec<(u32, u16, f64)> = (stiffness.iter_mut().zip(links.active_nodes()))
         .flat_map(|(at_node, node)| std::mem::take(at_node).into_iter().map(|(body, k)| (*node, body, k)))
         .collect();
-    for (node, body, added) in links.halo().ranks().gather_all(own).concat() {
+    for (node, body, added) in links.reduction().join(own) {
         let Some(active) = links.seen_by(body, node as usize) else { continue };
         match stiffness[active].iter_mut().find(|(other, _)| *other == body) {
             Some((_, sum)) => *sum += added,

@@ -103,22 +103,18 @@ pub fn watch<const D: usize>(
         .collect()
 }
 
-/// The reaches at the nodes of all ranks, by grid node.
+/// The reaches at all nodes of the run, by grid node.
 fn reaches_everywhere<const D: usize>(
     links: &Connectivity<D>,
     mut own: Vec<((u32, u16), Reach<D>)>,
 ) -> Vec<((u32, u16), Reach<D>)> {
     own.iter_mut().for_each(|((node, _), _)| *node = links.active_nodes()[*node as usize]);
-    let ranks = links.halo().ranks();
-    if ranks.is_alone() {
-        return own;
-    }
     let packed = |((node, body), reach): ((u32, u16), Reach<D>)| {
         let Reach { low, high, spacing } = reach;
         (node, body, [low.to_vec(), high.to_vec(), vec![spacing]].concat())
     };
     let mut merged: BTreeMap<(u32, u16), Reach<D>> = BTreeMap::new();
-    for (node, body, numbers) in ranks.gather_all(own.into_iter().map(packed).collect::<Vec<_>>()).concat() {
+    for (node, body, numbers) in links.reduction().join(own.into_iter().map(packed).collect()) {
         let at = |k: usize| numbers.get(k).copied().unwrap_or(0.0);
         let (low, high) = (std::array::from_fn(at), std::array::from_fn(|d| at(D + d)));
         let found = Reach { low, high, spacing: at(2 * D) };

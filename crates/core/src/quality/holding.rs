@@ -152,9 +152,9 @@ impl AtNodes {
                 });
             }
         }
-        links.halo().add_numbers(&mut found.volume_of);
+        links.reduction().complete_numbers(&mut found.volume_of);
         let mut sums = [found.volume, found.prescribed, found.followed];
-        links.halo().ranks().sum(&mut sums);
+        links.reduction().sum(&mut sums);
         [found.volume, found.prescribed, found.followed] = sums;
         found
     }
@@ -168,9 +168,9 @@ impl AtNodes {
     ) -> Option<[f64; D]> {
         let volume =
             |node: u32| links.copies(node as usize).fold(0.0, |sum, active| sum + self.volume_of[active]);
-        let ranks = links.halo().ranks();
+        let reduction = links.reduction();
         let mut volumes: Vec<f64> = nodes.iter().map(|node| volume(*node)).collect();
-        ranks.maximum(&mut volumes);
+        reduction.maximum(&mut volumes);
         let least = (0..nodes.len()).min_by(|&a, &b| volumes[a].total_cmp(&volumes[b]))?;
         Some(model.grid.node_position(nodes[least] as usize))
     }

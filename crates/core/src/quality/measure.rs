@@ -139,10 +139,8 @@ impl Measures {
             .collect();
         let mut all = empty();
         pieces.iter().for_each(|piece| all.merge(piece));
-        if !points.ranks.is_alone() {
-            let by_rank = points.ranks.gather_all(std::mem::replace(&mut all, empty()));
-            by_rank.iter().for_each(|measures| all.merge(measures));
-        }
+        let everywhere = points.reduction().gather_all(std::mem::replace(&mut all, empty()));
+        everywhere.iter().for_each(|part| all.merge(part));
         for rotation in all.bodies.iter_mut().filter_map(|body| body.rotation.as_mut()) {
             rotation.value = rotation_of_turn(rotation.value);
         }

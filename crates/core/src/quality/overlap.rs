@@ -7,7 +7,6 @@ use rayon::prelude::*;
 use crate::basis::DomainKind;
 use crate::model::Model;
 use crate::points::Points;
-use crate::ranks::Ranks;
 
 /// Side of the bins that domains are sorted into, relative to the mean extent of a domain, [-].
 const BIN: f64 = 2.0;
@@ -16,31 +15,31 @@ const BIN: f64 = 2.0;
 const MAX_BINS: i64 = 1000;
 
 /// A domain: its bounding box and, for a quadrilateral in the plane that is not a box, its two triangles.
-struct Domain<const D: usize> {
-    low: [f64; D],
-    high: [f64; D],
+pub(super) struct Domain<const D: usize> {
+    pub(super) low: [f64; D],
+    pub(super) high: [f64; D],
     /// Two triangles, counterclockwise.
-    halves: Option<[[[f64; 2]; 3]; 2]>,
+    pub(super) halves: Option<[[[f64; 2]; 3]; 2]>,
 }
 
 /// Volume shared by the domains of the converged state, summed over all pairs of points, relative to the total volume
 /// of the domains, [-]; for bodies of revolution, in the meridional section. `None` without domains, with triangular
 /// domains, and in space with domains given by corners. All ranks must call this together.
 pub fn domain_overlap<const D: usize>(model: &Model<D>, points: &Points<D>) -> Option<f64> {
-    let ranks = &points.ranks;
+    let reduction = &points.reduction();
     let own = domains_of(model, points);
-    if ranks.any(own.is_none()) {
+    if reduction.any(own.is_none()) {
         return None;
     }
     let mut domains = own?;
-    let total = ranks.total(domains.iter().map(Domain::volume).sum());
+    let total = reduction.total(domains.iter().map(Domain::volume).sum());
     if !total.is_finite() || total <= 0.0 {
         return None;
     }
     let n_own = domains.len();
-    let lower = domains_on_lower_ranks(ranks, &domains);
+    let lower = Domain::from_lower_ranks(&points.ranks, &domains);
     domains.extend(lower);
-    Some(ranks.total(shared_by_pairs(&domains, n_own)) / total)
+    Some(reduction.total(shared_by_pairs(&domains, n_own)) / total)
 }
 
 /// The domains of the points of this rank; `None` if some cannot be intersected with others.
@@ -59,32 +58,6 @@ fn domains_of<const D: usize>(model: &Model<D>, points: &Points<D>) -> Option<Ve
         }
     }
     Some(domains)
-}
-
-/// The domains of lower ranks that may meet those of this rank.
-#[inline(never)]
-fn domains_on_lower_ranks<const D: usize>(ranks: &Ranks, own: &[Domain<D>]) -> Vec<Domain<D>> {
-    if ranks.is_alone() {
-        return Vec::new();
-    }
-    let hull = own.iter().fold([[f64::INFINITY; D], [f64::NEG_INFINITY; D]], |[low, high], domain| {
-        [
-            std::array::from_fn(|d| low[d].min(domain.low[d])),
-            std::array::from_fn(|d| high[d].max(domain.high[d])),
-        ]
-    });
-    let hulls = ranks.gather_all(hull.as_flattened().to_vec());
-    let mut messages = Vec::new();
-    for (rank, hull) in hulls.iter().enumerate().skip(ranks.own() + 1) {
-        let meets =
-            |domain: &&Domain<D>| (0..D).all(|d| domain.low[d] < hull[D + d] && hull[d] < domain.high[d]);
-        let message: Vec<Vec<f64>> = own.iter().filter(meets).map(Domain::numbers).collect();
-        if !message.is_empty() {
-            messages.push((rank, message));
-        }
-    }
-    let received = ranks.exchange(messages).into_iter().flat_map(|(_, domains)| domains);
-    received.filter_map(|numbers| Domain::from_numbers(&numbers)).collect()
 }
 
 /// Volume shared by two domains, summed over all pairs that contain at least one of the first `n_own` domains.
@@ -143,22 +116,6 @@ fn quadrilateral<const D: usize>(corners: &[[f64; D]]) -> Option<Domain<D>> {
 }
 
 impl<const D: usize> Domain<D> {
-    /// The domain as numbers, for other ranks: the ends of the bounding box, and the corners of the halves if it has
-    /// any.
-    fn numbers(&self) -> Vec<f64> {
-        let halves = self.halves.iter().flatten().flatten().flatten();
-        self.low.iter().chain(&self.high).chain(halves).copied().collect()
-    }
-
-    fn from_numbers(numbers: &[f64]) -> Option<Self> {
-        let (low, rest) = numbers.split_first_chunk()?;
-        let (high, rest) = rest.split_first_chunk()?;
-        let halves = (!rest.is_empty()).then(|| {
-            std::array::from_fn(|h| std::array::from_fn(|k| std::array::from_fn(|d| rest[6 * h + 2 * k + d])))
-        });
-        Some(Domain { low: *low, high: *high, halves })
-    }
-
     fn volume(&self) -> f64 {
         match &self.halves {
             None => (0..D).map(|d| self.high[d] - self.low[d]).product(),

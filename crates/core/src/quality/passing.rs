@@ -78,7 +78,7 @@ impl Material {
                 }
             }
         }
-        links.halo().add_numbers(&mut points_around);
+        links.reduction().complete_numbers(&mut points_around);
         let mut beyond = vec![0.0; links.n_active()];
         for group in 0..links.n_groups() {
             let nodes = links.nodes_of(group);
@@ -90,7 +90,7 @@ impl Material {
                 links.for_each_value(p, |place, value| beyond[nodes[place] as usize] += value * volume);
             }
         }
-        links.halo().add_numbers(&mut beyond);
+        links.reduction().complete_numbers(&mut beyond);
         Material { points_around, beyond }
     }
 

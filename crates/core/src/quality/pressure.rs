@@ -5,7 +5,7 @@ use std::ops::Range;
 use crate::basis::Connectivity;
 use crate::model::Model;
 use crate::points::Points;
-use crate::ranks::Ranks;
+use crate::ranks::Reduction;
 use crate::stress::Volumetric;
 use crate::tensor::Sym3;
 
@@ -15,7 +15,7 @@ const MIN_CELLS: usize = 8;
 /// Differences between the mean stresses of the points in a cell, relative to the deviatoric stresses; root mean square
 /// over all cells, [-].
 pub fn oscillation<const D: usize>(stress: &[Sym3], links: &Connectivity<D>) -> f64 {
-    oscillation_of(links.halo().ranks(), stress, (0..links.n_groups()).map(|group| links.points_of(group)))
+    oscillation_of(links.reduction(), stress, (0..links.n_groups()).map(|group| links.points_of(group)))
 }
 
 /// The oscillation of the pressures where bodies flow.
@@ -41,18 +41,18 @@ pub(super) fn oscillation_in_flow<const D: usize>(
     };
     let groups = (0..links.n_groups()).map(|group| links.points_of(group));
     let flowing: Vec<_> = groups.filter(|group| group.len() > 1 && group.clone().all(flows)).collect();
-    let ranks = links.halo().ranks();
-    if ranks.count_all(flowing.len()) < MIN_CELLS {
+    let reduction = links.reduction();
+    if reduction.count_all(flowing.len()) < MIN_CELLS {
         return None;
     }
     let is_standard = |p: usize| model.bodies[points.body[p] as usize].volumetric == Volumetric::Standard;
     Some(InFlow {
-        is_standard: ranks.any(flowing.iter().cloned().flatten().any(is_standard)),
-        value: oscillation_of(ranks, &points.trial.kirchhoff_stress, flowing.into_iter()),
+        is_standard: reduction.any(flowing.iter().cloned().flatten().any(is_standard)),
+        value: oscillation_of(reduction, &points.trial.kirchhoff_stress, flowing.into_iter()),
     })
 }
 
-fn oscillation_of(ranks: &Ranks, stress: &[Sym3], cells: impl Iterator<Item = Range<usize>>) -> f64 {
+fn oscillation_of(reduction: &Reduction, stress: &[Sym3], cells: impl Iterator<Item = Range<usize>>) -> f64 {
     let (mut spread, mut deviator) = (0.0, 0.0);
     for cell in cells {
         let n = cell.len() as f64;
@@ -63,6 +63,6 @@ fn oscillation_of(ranks: &Ranks, stress: &[Sym3], cells: impl Iterator<Item = Ra
             deviator += stress[p].dot(&stress[p]) - 3.0 * mean(p).powi(2);
         }
     }
-    let [spread, deviator] = [spread, deviator].map(|sum| ranks.total(sum));
+    let [spread, deviator] = [spread, deviator].map(|sum| reduction.total(sum));
     if deviator > 0.0 { (spread / deviator).sqrt() } else { 0.0 }
 }

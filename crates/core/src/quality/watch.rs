@@ -2,6 +2,7 @@
 //! gaps across which bodies act on each other, instability, and balances of work and energy.
 
 use super::cohesion::Cohesion;
+use super::collective;
 use super::pressure::{InFlow, oscillation_in_flow};
 use super::thresholds::{
     HARMFUL_REGRIDDING, MAX_BOX_ROTATION, MAX_CROSSINGS, MAX_ENERGY_ERROR, MAX_OSCILLATION, MAX_REGRIDDING,
@@ -12,7 +13,6 @@ use crate::equilibrium::StepReport;
 use crate::material::Material;
 use crate::model::{Body, Model};
 use crate::points::{Points, coordinates};
-use crate::ranks::Ranks;
 use crate::tensor::Sym3;
 
 /// First step at which the balances are judged: after fewer steps, their error is large anyway.
@@ -44,7 +44,6 @@ impl Quality {
         report: &StepReport<D>,
     ) -> Vec<Warning> {
         let (links, step) = (&report.grid.links, report.step.index);
-        let ranks = &points.ranks;
         let mut found = Cohesion::watch(&mut self.cohesion, model, points, &report.grid, step);
         found.extend(holding::watch(&mut self.held, model, points, links, &report.grid.delta_d, step));
         found.extend(passing::watch(model, points, links, &report.grid.delta_d, step));
@@ -68,7 +67,7 @@ impl Quality {
             }
             found.extend((value > MAX_OSCILLATION).then(|| (0, locking(value, step, is_standard))));
         }
-        let found = from_all_ranks(ranks, found);
+        let found = collective::all_warnings(&points.ranks, found);
         self.for_the_first_time(found)
     }
 
@@ -175,27 +174,7 @@ fn work_of_round_off<const D: usize>(model: &Model<D>, points: &Points<D>) -> f6
     let energy = |law: &dyn Material| law.energy(&strain, &law.initial_history());
     let energies: Vec<f64> = model.materials.iter().map(|material| energy(material.law.as_ref())).collect();
     let energy = |p: usize| energies[model.bodies[points.body[p] as usize].material];
-    points.ranks.total((0..points.len()).map(|p| energy(p) * points.original_volume[p]).sum())
-}
-
-fn read(text: &str) -> Option<Vec<(usize, Warning)>> {
-    serde_json::from_str(text).ok()
-}
-
-/// The warnings raised on any rank, each once.
-fn from_all_ranks(ranks: &Ranks, own: Vec<(usize, Warning)>) -> Vec<(usize, Warning)> {
-    if !ranks.any(!own.is_empty()) || ranks.is_alone() {
-        return own;
-    }
-    // Warnings omit the fields that they lack, so that only a format with field names can read them back.
-    let texts = ranks.gather_all(serde_json::to_string(&own).unwrap_or_default());
-    let mut all: Vec<(usize, Warning)> = Vec::new();
-    for (number, warning) in texts.iter().filter_map(|text| read(text)).flatten() {
-        if !all.iter().any(|(other, known)| (*other, known.code) == (number, warning.code)) {
-            all.push((number, warning));
-        }
-    }
-    all
+    points.reduction().total((0..points.len()).map(|p| energy(p) * points.original_volume[p]).sum())
 }
 
 fn hidden_residuals<const D: usize>(model: &Model<D>, report: &StepReport<D>) -> Vec<(usize, Warning)> {

@@ -86,6 +86,13 @@ fn numbers(bytes: &[u8]) -> impl Iterator<Item = u32> {
     bytes.chunks_exact(4).map(|word| u32::from_ne_bytes(word.try_into().unwrap_or_default()))
 }
 
+impl From<&Ranks> for Halo {
+    /// Without shared nodes.
+    fn from(ranks: &Ranks) -> Self {
+        Halo { ranks: ranks.clone(), ..Halo::default() }
+    }
+}
+
 impl Halo {
     /// The halo of these active nodes, given by their grid numbers, ascending; `sharing` lists the nodes that other
     /// ranks also have. A node belongs to the lowest rank whose points touch it or, if there is none, to the lowest
@@ -117,6 +124,11 @@ impl Halo {
             }
         }
         Halo { ranks: ranks.clone(), neighbours, shared, border, foreign, is_own }
+    }
+
+    /// True if other ranks have a node, too.
+    pub fn is_shared(&self, node: usize) -> bool {
+        self.border.binary_search(&(node as u32)).is_ok()
     }
 
     /// The ranks of the analysis.

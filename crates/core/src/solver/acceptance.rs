@@ -6,7 +6,7 @@ use crate::step::Step;
 use crate::terms::save;
 use crate::timing::{Phase, Timings};
 
-use super::agree::agree;
+use super::collective::agree;
 use super::control::Path;
 use super::error::SolveError;
 use super::observer::Observer;
@@ -48,7 +48,7 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         let observed = timings.measure(Phase::Output, || observer.converged(model, points, &report, reached));
         self.reached.summary.timings.add(&timings);
         self.report = Some(report);
-        agree(&points.ranks, observed.map_err(SolveError::Output))
+        agree(&points.reduction(), observed.map_err(SolveError::Output))
     }
 
     /// Moves the corners of replaced domains out of obstacles.
@@ -88,7 +88,7 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         let (model, points) = (self.model, &*self.points);
         let timings = &mut self.reached.summary.timings;
         let observed = timings.measure(Phase::Output, || observer.bisected(model, points, step));
-        agree(&points.ranks, observed.map_err(SolveError::Output))
+        agree(&points.reduction(), observed.map_err(SolveError::Output))
     }
 
     /// Measures a converged step before it is committed.

@@ -4,7 +4,7 @@ use crate::basis::Connectivity;
 use crate::equilibrium::{Energy, StepReport};
 use crate::linear::LinearError;
 use crate::model::StiffnessUpdate;
-use crate::ranks::{Halo, Ranks};
+use crate::ranks::Reduction;
 use crate::step::{Nodal, Step, StepContext};
 
 use super::control::{NoPath, Path};
@@ -64,9 +64,9 @@ impl<const D: usize> Attempt<'_, D> {
         self.effort == Effort::Usual && self.context.model.newton.tangent == StiffnessUpdate::Kept
     }
 
-    /// The ranks of the analysis.
-    pub(super) fn ranks(&self) -> &Ranks {
-        self.context.links.halo().ranks()
+    /// Sums, extremes and decisions over the whole run.
+    pub(super) fn reduction(&self) -> &Reduction {
+        self.context.links.reduction()
     }
 }
 
@@ -195,11 +195,11 @@ impl<const D: usize> FailedAttempt<D> {
         })
     }
 
-    /// Replaces the halo of the iterate's links and returns the previous one.
-    pub(super) fn exchange_halo(&mut self, halo: Halo) -> Halo {
+    /// Replaces the reduction of the iterate's links and returns the previous one.
+    pub(super) fn exchange_reduction(&mut self, reduction: Reduction) -> Reduction {
         match &mut self.iterate {
-            Some(iterate) => iterate.links.exchange_halo(halo),
-            None => Halo::default(),
+            Some(iterate) => iterate.links.exchange_reduction(reduction),
+            None => Reduction::default(),
         }
     }
 

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use crate::basis::{Connectivity, TouchedBy};
 use crate::model::Model;
 use crate::points::Points;
-use crate::ranks::Halo;
+use crate::ranks::Reduction;
 
 use super::residual::{Forces, ratio};
 use super::round_off::{ACCUMULATED, IN_MOTION, IN_STRAIN, forces_of_unit_strain};
@@ -26,7 +26,7 @@ pub(super) fn of_bodies<const D: usize, const N: usize>(
     if bodies < 2 {
         return Vec::new();
     }
-    let halo = links.halo();
+    let reduction = links.reduction();
     let touched = links.bodies_at_nodes(points);
     let mut passed_on: BTreeMap<(u16, u32), [f64; D]> = BTreeMap::new();
     for group in 0..links.n_groups() {
@@ -46,25 +46,25 @@ pub(super) fn of_bodies<const D: usize, const N: usize>(
         }
     }
     let mut sums = vec![[0.0; 3]; bodies]; // squares: out of balance, on the body, on shared nodes
-    if !halo.ranks().is_alone() {
-        passed_on = complete(passed_on, bodies, halo, links.n_active());
+    if !reduction.is_alone() {
+        passed_on = complete(passed_on, bodies, reduction, links.n_active());
     }
     for ((body, node), force) in &passed_on {
-        if halo.is_own(*node as usize) {
+        if reduction.counts(*node as usize) {
             sums[*body as usize][2] += force.iter().map(|f| f * f).sum::<f64>();
         }
     }
     // A motion by one cell and a strain of one are assumed, because the stiffness is no longer available.
     let round_off = f64::EPSILON * ACCUMULATED * (IN_MOTION + IN_STRAIN);
     let unit = forces_of_unit_strain(model, points, links);
-    for (node, touched) in touched.iter().enumerate().filter(|(node, _)| halo.is_own(*node)) {
+    for (node, touched) in touched.iter().enumerate().filter(|(node, _)| reduction.counts(*node)) {
         let TouchedBy::One(body) = touched else { continue };
         let [out, on, _] = &mut sums[usize::from(*body)];
         let beyond = |f: &f64| if f.abs() > round_off * unit[node] { f * f } else { 0.0 };
         *out += forces.out_of_balance[node][..D].iter().map(beyond).sum::<f64>();
         *on += forces.total(node)[..D].iter().map(|f| f * f).sum::<f64>();
     }
-    halo.ranks().sum(sums.as_flattened_mut());
+    reduction.sum(sums.as_flattened_mut());
     sums.into_iter().map(|[out, on, passed_on]| ratio(out.sqrt(), on.max(passed_on).sqrt())).collect()
 }
 
@@ -72,7 +72,7 @@ pub(super) fn of_bodies<const D: usize, const N: usize>(
 fn complete<const D: usize>(
     forces: BTreeMap<(u16, u32), [f64; D]>,
     bodies: usize,
-    halo: &Halo,
+    reduction: &Reduction,
     n_nodes: usize,
 ) -> BTreeMap<(u16, u32), [f64; D]> {
     let mut all = BTreeMap::new();
@@ -81,7 +81,7 @@ fn complete<const D: usize>(
         for ((_, node), force) in forces.range((body, 0)..=(body, u32::MAX)) {
             of_body[*node as usize] = *force;
         }
-        halo.add(&mut of_body);
+        reduction.complete(&mut of_body);
         let acting = (0u32..).zip(of_body).filter(|(_, force)| *force != [0.0; D]);
         all.extend(acting.map(|(node, force)| ((body, node), force)));
     }

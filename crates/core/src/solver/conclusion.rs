@@ -10,9 +10,9 @@ use crate::points::Points;
 use crate::step::{Nodal, StepContext, displacement};
 use crate::terms::{TermReport, Terms};
 
-use super::agree::agree;
 use super::attempt::{Attempt, Ended, FailedAttempt, Iterate, OnTheWay, Outcome};
 use super::body_residual;
+use super::collective::agree;
 use super::control::Path;
 use super::course::Course;
 use super::damping;
@@ -80,8 +80,8 @@ impl<const D: usize, const N: usize> LastIterate<'_, D, N> {
             (None, Predictor::None) => Path::default(),
         };
         let forces = unknowns.forces(&course.out_of_balance, sum.system());
-        let (halo, ranks) = (links.halo(), links.halo().ranks());
-        let (mut reactions, further_reactions) = named_reactions(model, halo, &reaction, dofs);
+        let reduction = links.reduction();
+        let (mut reactions, further_reactions) = named_reactions(model, reduction, &reaction, dofs);
         let mut moments = reaction_moments(model, points, links, &delta_d, (&reaction, dofs));
         let TermReport {
             mut loads,
@@ -91,8 +91,8 @@ impl<const D: usize, const N: usize> LastIterate<'_, D, N> {
             tools,
             stabilised_faces,
         } = sum.report(model);
-        ranks.sum(loads.as_flattened_mut());
-        named.iter_mut().for_each(|named| ranks.sum(&mut named.force));
+        reduction.sum(loads.as_flattened_mut());
+        named.iter_mut().for_each(|named| reduction.sum(&mut named.force));
         for of in of_surfaces {
             reactions[of.condition] = of.force;
             if let Some(moments) = &mut moments {
@@ -114,8 +114,8 @@ impl<const D: usize, const N: usize> LastIterate<'_, D, N> {
             moment_error: moment_error(model, links, &delta_d, (f_ext, &reaction)),
             load_factor,
             strength_factor: model.stepping.strength_factor(step.end),
-            unknowns: ranks.count_all(dofs.n_free_at(|node| halo.is_own(node))),
-            stabilised_faces: ranks.count_all(stabilised_faces),
+            unknowns: reduction.count_all(dofs.n_free_at(|node| reduction.counts(node))),
+            stabilised_faces: reduction.count_all(stabilised_faces),
             grid: GridFields {
                 links: Connectivity::default(),
                 parts: parts.count(),
@@ -149,8 +149,8 @@ impl<const D: usize, const N: usize> LastIterate<'_, D, N> {
     /// [`SolveError::Law`] if a law has no finite energy.
     fn energy_on_the_way(&self, points: &Points<D>) -> Result<Energy, SolveError> {
         let (energy, _) = self.energy(points)?;
-        let halo = self.attempt.context.links.halo();
-        let at_end = damping::work(halo, &self.course.out_of_balance, &self.unknowns.delta_d);
+        let reduction = self.attempt.context.links.reduction();
+        let at_end = damping::work(reduction, &self.course.out_of_balance, &self.unknowns.delta_d);
         Ok(Energy { damping_work: energy.damping_work + at_end, ..energy })
     }
 
@@ -210,11 +210,11 @@ impl<const D: usize, const N: usize> LastIterate<'_, D, N> {
         let f_ext_start = if slump.has_begun() { f_ext.clone() } else { sum.external_force_at_start(dofs) };
         let reaction = reactions_of(f_ext, sum.system().internal_force(), dofs);
         let reaction_start = reactions_of(&f_ext_start, &course.f_int_start, dofs);
-        let halo = context.links.halo();
+        let reduction = context.links.reduction();
         let ledger = sum.ledger(context, points, unknowns.at());
-        agree(halo.ranks(), with_energy(&ledger, context.model, points, &points.trial, context.step))?;
+        agree(reduction, with_energy(&ledger, context.model, points, &points.trial, context.step))?;
         let energy = Energy::new(
-            halo,
+            reduction,
             &displacement::<D, N>(&unknowns.delta_d),
             [(&f_ext_start, &reaction_start), (f_ext, &reaction)],
             &course.f_int_start,

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::basis::Connectivity;
 use crate::model::{Control, Controlled, Model};
 use crate::points::Points;
-use crate::ranks::Halo;
+use crate::ranks::Reduction;
 use crate::terms::{GlobalMotion, Terms, motions};
 
 use super::motion::Motion;
@@ -61,7 +61,7 @@ pub(super) struct Responses<'a, const N: usize> {
 /// The condition that determines the load factor of a step.
 pub(super) enum Condition<const D: usize, const N: usize> {
     /// Σ w·Δd over the nodes, with the `weight` w of each node, equals the increment `by`.
-    Displacement { weight: Vec<[f64; N]>, by: f64, halo: Halo },
+    Displacement { weight: Vec<[f64; N]>, by: f64, reduction: Reduction },
     /// The increment of the global unknown `number` equals `by`; `number` is `None` if there is no such unknown.
     Global { number: Option<usize>, by: f64 },
     /// In the inner product weighted by the volume that each node carries, (Δd − c, Δd − c) equals the square of
@@ -70,7 +70,7 @@ pub(super) enum Condition<const D: usize, const N: usize> {
     /// small.
     ArcLength {
         volume: Vec<f64>,
-        halo: Halo,
+        reduction: Reduction,
         length: Option<f64>,
         ahead: Vec<[f64; N]>,
         share: f64,
@@ -101,7 +101,7 @@ pub enum NoPath {
 /// Factor that converts the length of a path, [length], to a length weighted by volume, [length·volume^½]: the square
 /// root of the original volume of all points.
 fn weight_of_length<const D: usize>(points: &Points<D>) -> f64 {
-    points.ranks.total(points.original_volume.iter().sum::<f64>()).sqrt()
+    points.reduction().total(points.original_volume.iter().sum::<f64>()).sqrt()
 }
 
 /// Arc length of the path, [length], if the arc length determines the load factor: the sum over the steps of
@@ -114,12 +114,12 @@ pub fn path_length<const D: usize>(points: &Points<D>, path: &Path, time: f64) -
 
 /// Σ V (a·b) over the nodes.
 fn weighted<const D: usize, const N: usize>(
-    halo: &Halo,
+    reduction: &Reduction,
     volume: &[f64],
     a: &[[f64; N]],
     b: &[[f64; N]],
 ) -> f64 {
-    halo.sum_over_nodes(a.len(), |n| volume[n] * (0..D).map(|d| a[n][d] * b[n][d]).sum::<f64>())
+    reduction.sum_over_nodes(a.len(), |n| volume[n] * (0..D).map(|d| a[n][d] * b[n][d]).sum::<f64>())
 }
 
 fn difference<const N: usize>(a: &[[f64; N]], b: &[[f64; N]]) -> Vec<[f64; N]> {
@@ -159,8 +159,8 @@ impl<const D: usize, const N: usize> Condition<D, N> {
                         });
                     }
                 }
-                links.halo().add(&mut weight);
-                Some(Condition::Displacement { weight, by: to * share, halo: links.halo().clone() })
+                links.reduction().complete(&mut weight);
+                Some(Condition::Displacement { weight, by: to * share, reduction: links.reduction().clone() })
             }
             Control::ArcLength { length: total } => {
                 let mut volume = vec![0.0; links.n_active()];
@@ -173,12 +173,12 @@ impl<const D: usize, const N: usize> Condition<D, N> {
                         });
                     }
                 }
-                links.halo().add_numbers(&mut volume);
+                links.reduction().complete_numbers(&mut volume);
                 let given = total.map(|total| total * weight_of_length(points) / model.stepping.duration());
                 let length = given.or(path.rate).map(|rate| rate * (step.end - step.start));
                 Some(Condition::ArcLength {
                     volume,
-                    halo: links.halo().clone(),
+                    reduction: links.reduction().clone(),
                     length,
                     ahead: path.motion.direction(links),
                     share,
@@ -207,22 +207,23 @@ impl<const D: usize, const N: usize> Condition<D, N> {
         let (delta_d, of_residual, of_load) = (so_far.nodes, of_residual.nodes, of_load.nodes);
         match self {
             Condition::Global { .. } => Err(NoPath::NoInfluence),
-            Condition::Displacement { weight, by, halo } => {
+            Condition::Displacement { weight, by, reduction } => {
                 let along = |field: &[[f64; N]]| -> f64 {
-                    if halo.ranks().is_alone() {
+                    if reduction.is_alone() {
                         return weight.iter().zip(field).flat_map(|(w, u)| (0..D).map(|d| w[d] * u[d])).sum();
                     }
-                    halo.sum_over_nodes(field.len(), |n| (0..D).map(|d| weight[n][d] * field[n][d]).sum())
+                    reduction
+                        .sum_over_nodes(field.len(), |n| (0..D).map(|d| weight[n][d] * field[n][d]).sum())
                 };
                 let influence = along(of_load);
-                let far = |field: &[[f64; N]]| halo.norm(field);
+                let far = |field: &[[f64; N]]| reduction.norm(field);
                 if influence.abs() <= NO_INFLUENCE * far(weight) * far(of_load) {
                     return Err(NoPath::NoInfluence);
                 }
                 finite((*by - along(delta_d) - along(of_residual)) / influence)
             }
-            Condition::ArcLength { volume, halo, length, ahead, share, centre, met } => {
-                let product = |a: &[[f64; N]], b: &[[f64; N]]| weighted::<D, N>(halo, volume, a, b);
+            Condition::ArcLength { volume, reduction, length, ahead, share, centre, met } => {
+                let product = |a: &[[f64; N]], b: &[[f64; N]]| weighted::<D, N>(reduction, volume, a, b);
                 let a = product(of_load, of_load);
                 if a == 0.0 {
                     return Err(NoPath::NoInfluence);
@@ -275,9 +276,9 @@ impl<const D: usize, const N: usize> Condition<D, N> {
     /// previous step.
     pub(super) fn goes_on(&self, delta_d: &[[f64; N]]) -> bool {
         match self {
-            Condition::ArcLength { volume, halo, ahead, centre: Some(centre), .. } => {
+            Condition::ArcLength { volume, reduction, ahead, centre: Some(centre), .. } => {
                 let step = difference(delta_d, centre);
-                let along = weighted::<D, N>(halo, volume, ahead, &step);
+                let along = weighted::<D, N>(reduction, volume, ahead, &step);
                 along >= 0.0
             }
             _ => true,

@@ -9,7 +9,7 @@
 use crate::assembly::System;
 use crate::model::{BoundaryCondition, Model};
 use crate::points::Points;
-use crate::ranks::Halo;
+use crate::ranks::Reduction;
 
 use crate::step::Nodal;
 use crate::terms::Terms;
@@ -57,7 +57,7 @@ pub(super) fn may_slump<const D: usize, const N: usize>(
     terms.iter().all(|term| term.may_slump(model))
         && !model.boundary_conditions.iter().any(BoundaryCondition::moves)
         && {
-            let count = |n: usize| points.ranks.count_all(n) as f64;
+            let count = |n: usize| points.reduction().count_all(n) as f64;
             count(points_that_flow(model, points)) / count(points.len()).max(1.0) > COLLAPSES
         }
 }
@@ -69,8 +69,12 @@ pub(super) fn farthest<const N: usize>(displacement: &[[f64; N]]) -> f64 {
 
 /// Work absorbed by damping over a displacement, [energy]: the contribution of the out-of-balance force at its end to
 /// the trapezoidal rule.
-pub(super) fn work<const N: usize>(halo: &Halo, out_of_balance: &[[f64; N]], delta_d: &[[f64; N]]) -> f64 {
-    0.5 * halo.dot(out_of_balance, delta_d)
+pub(super) fn work<const N: usize>(
+    reduction: &Reduction,
+    out_of_balance: &[[f64; N]],
+    delta_d: &[[f64; N]],
+) -> f64 {
+    0.5 * reduction.dot(out_of_balance, delta_d)
 }
 
 /// The damping of an iteration.

@@ -90,15 +90,15 @@ impl<const D: usize, const N: usize> EquationContext<'_, D, N> {
     }
 
     fn extent(&self, system: &System<N>) -> Extent {
-        let (halo, n) = (self.links.halo(), self.links.n_active());
-        let nodes = halo.sum_over_nodes(n, |_| 1.0);
-        let blocks = halo.ranks().total(system.matrix().blocks.len() as f64);
+        let (reduction, n) = (self.links.reduction(), self.links.n_active());
+        let nodes = reduction.sum_over_nodes(n, |_| 1.0);
+        let blocks = reduction.total(system.matrix().blocks.len() as f64);
         let pairs = if system.matrix().symmetric { blocks } else { 0.5 * (blocks + nodes) };
         if !self.model.grid.coarsens() {
             return Extent::of_mesh::<D>(nodes, pairs);
         }
         let reach = system.matrix().reach(|active| self.lattice(active));
-        let reach = halo.ranks().largest(f64::from(reach.into_iter().max().unwrap_or(0)));
+        let reach = reduction.largest(f64::from(reach.into_iter().max().unwrap_or(0)));
         Extent { nodes, reach, pairs }
     }
 }
@@ -163,7 +163,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         }
         let choice = context.model.newton.linear;
         // Coarser grids support neither nodes held along directions other than the axes nor tied nodes.
-        let is_plain = context.links.halo().ranks().all(context.dofs.is_plain());
+        let is_plain = context.links.reduction().all(context.dofs.is_plain());
         let is_regular = context.model.grid.coarsens() && is_plain;
         let method = match self.of_engine.algebraic {
             _ if is_regular => Method::Iterative,
@@ -382,8 +382,8 @@ impl<const D: usize, const N: usize> Equations<D, N> {
             iterations += self.solve_nodes(context, system, &rhs, &mut z, OF_BORDER)?.iterations;
             influence.push(z);
         }
-        let halo = context.links.halo();
-        let along = |row: &[[f64; N]], field: &[[f64; N]]| halo.dot(row, field);
+        let reduction = context.links.reduction();
+        let along = |row: &[[f64; N]], field: &[[f64; N]]| reduction.dot(row, field);
         // All ranks take part in each product, so they must form the products in the same order: column by column.
         let influences: Vec<f64> =
             (0..n * n).map(|entry| along(&border.rows[entry % n], &influence[entry / n])).collect();

@@ -87,7 +87,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, '_, D, N> {
         let begin = || unknowns.begin_iteration(sum.system_mut(), dofs, &course.out_of_balance);
         summary.timings.measure(Phase::Solve, begin);
         let residual = course.residuals.last().copied().unwrap_or(1.0);
-        course.forcing.next(unknowns.halo.norm(&unknowns.rhs), residual, attempt.tolerance())
+        course.forcing.next(unknowns.reduction.norm(&unknowns.rhs), residual, attempt.tolerance())
     }
 
     /// Makes the predicted increment the first δd.
@@ -223,7 +223,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, '_, D, N> {
             }
         };
         unknowns.iterative_globals = globals;
-        let far = attempt.ranks().largest(farthest(&displacement::<D, N>(&unknowns.iterative)));
+        let far = attempt.reduction().largest(farthest(&displacement::<D, N>(&unknowns.iterative)));
         if far > stride {
             let part = stride / far;
             unknowns.iterative.iter_mut().flatten().for_each(|u| *u *= part);
@@ -247,7 +247,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, '_, D, N> {
         let (solved, _) =
             equations.solve(equation_context, system, rhs, iterative, tolerance, &mut summary.timings)?;
         let at_rest = AT_REST * smallest_cell(context.model, context.links);
-        let far = attempt.ranks().largest(farthest(&displacement::<D, N>(iterative)));
+        let far = attempt.reduction().largest(farthest(&displacement::<D, N>(iterative)));
         if solved.factorisation.is_definite() && far <= at_rest {
             return Ok(());
         }

@@ -6,7 +6,7 @@ use crate::model::InitialImbalance;
 use crate::step::{Step, StepContext, displacement};
 use crate::timing::Phase;
 
-use super::agree::agree;
+use super::collective::agree;
 use super::error::SolveError;
 use super::located::{locate_failure, with_energy, worst};
 use super::observer::Observer;
@@ -72,16 +72,16 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
                 }
                 .measure(&system.parts, tolerance, &at);
                 let ledger = system.sum.ledger(&context, points, unknowns.at());
-                let ranks = links.halo().ranks();
-                agree(ranks, with_energy(&ledger, model, points, &points.trial, step))?;
+                let reduction = links.reduction();
+                agree(reduction, with_energy(&ledger, model, points, &points.trial, step))?;
                 Ok(InitialState {
                     residual: measured.residual,
                     is_balanced: measured.residual <= tolerance,
                     worst: worst(model, &links, &displacement(&out_of_balance)),
-                    energy: ranks.total(ledger.stored),
+                    energy: reduction.total(ledger.stored),
                 })
             });
-        let state = agree(links.halo().ranks(), state);
+        let state = agree(links.reduction(), state);
         self.terms = system.sum.into_terms();
         self.links = links;
         state

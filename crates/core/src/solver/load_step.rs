@@ -6,8 +6,8 @@ use crate::step::{Step, StepContext, displacement};
 use crate::stress::Volumetric;
 use crate::timing::Phase;
 
-use super::agree::agree;
 use super::attempt::{Attempt, Effort, FailedAttempt, Iterate, Outcome, Slump};
+use super::collective::{agree, reach_out};
 use super::conclusion::LastIterate;
 use super::course::Course;
 use super::damping::STRIDE;
@@ -16,7 +16,6 @@ use super::line_search::Search;
 use super::newton::LoadStep;
 use super::observer::Observer;
 use super::progress::{Progress, Reached};
-use super::reach::reach_out;
 use super::step_system::StepSystem;
 use super::stepper::Stepper;
 use super::unknowns::Unknowns;
@@ -44,7 +43,7 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         let (points, reached) = (&*self.points, &self.reached);
         let concluded = moved.and_then(|(ended, replaced)| last.outcome(points, reached, ended, replaced));
         let outcome = concluded.map_err(|error| {
-            let agreed = agree(links.halo().ranks(), Err::<(), _>(error));
+            let agreed = agree(links.reduction(), Err::<(), _>(error));
             last.failed(agreed.err().unwrap_or_else(SolveError::elsewhere))
         });
         self.terms = last.into_terms();
@@ -66,7 +65,7 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         let failure = lacking.map(|point| SupportFailure { point, error: SupportError::NoCentre });
         let linked = failure.map_or(linked, Err);
         let linked = linked.map_err(|failure| SolveError::unsupported(model, points, failure, step));
-        reach_out(model, points, agree(&points.ranks, linked)?, &mut self.terms, step)
+        reach_out(model, points, agree(&points.reduction(), linked)?, &mut self.terms, step)
     }
 
     /// The links of the last step, whose memory is reused: those of the last report, if there is one.
@@ -164,5 +163,5 @@ impl<'a, const D: usize> Attempt<'a, D> {
 /// Size of the smallest active cell, [length].
 pub(super) fn smallest_cell<const D: usize>(model: &Model<D>, links: &Connectivity<D>) -> f64 {
     let sizes = links.active_cells().iter().map(|&cell| model.grid.size(cell as usize));
-    links.halo().ranks().smallest(sizes.fold(f64::INFINITY, f64::min))
+    links.reduction().smallest(sizes.fold(f64::INFINITY, f64::min))
 }

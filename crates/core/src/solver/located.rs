@@ -126,7 +126,7 @@ pub(super) fn worst<const D: usize>(
             let place = model.grid.node_position(links.active_nodes()[n] as usize);
             (place.to_vec(), out_of_balance[n].to_vec())
         });
-    let all = links.halo().ranks().gather_all(own).into_iter().flatten();
+    let all = links.reduction().gather_all(own).into_iter().flatten();
     all.max_by(|(_, a), (_, b)| size(a).total_cmp(&size(b)))
 }
 

@@ -63,7 +63,7 @@ impl Motion {
             place.and_then(|place| increments.get(place)).copied()
         };
         let mut known: Vec<Option<[f64; N]>> = links.active_nodes().iter().map(at).collect();
-        links.halo().fill(&mut known);
+        links.reduction().fill(&mut known);
         known
     }
 
@@ -98,8 +98,8 @@ impl Motion {
                 }
             }
         }
-        links.halo().add(&mut sum);
-        links.halo().add_numbers(&mut count);
+        links.reduction().complete(&mut sum);
+        links.reduction().complete_numbers(&mut count);
         let of_node = |n: usize| match known[n] {
             Some(increment) => increment,
             None if count[n] > 0.0 => sum[n].map(|sum| sum / count[n]),

@@ -247,7 +247,7 @@ impl<'a, const D: usize, const N: usize> LoadStep<'_, 'a, D, N> {
 
     fn has_reached_constraints(&self) -> bool {
         let shortened = self.course.shortened;
-        self.attempt.ranks().all(self.system.dofs.is_reached(&self.unknowns.delta_d))
+        self.attempt.reduction().all(self.system.dofs.is_reached(&self.unknowns.delta_d))
             && self.system.condition.as_ref().is_none_or(|condition| condition.is_met() && !shortened)
     }
 
@@ -259,7 +259,7 @@ impl<'a, const D: usize, const N: usize> LoadStep<'_, 'a, D, N> {
 
     /// Largest component of a nodal displacement of the step, [length].
     fn farthest(&self) -> f64 {
-        self.attempt.ranks().largest(damping::farthest(&displacement::<D, N>(&self.unknowns.delta_d)))
+        self.attempt.reduction().largest(damping::farthest(&displacement::<D, N>(&self.unknowns.delta_d)))
     }
 
     /// Ends the iterations: checks the path and the stability, and frees the matrices.

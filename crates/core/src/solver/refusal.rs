@@ -1,11 +1,11 @@
 //! What follows a failed attempt at a step.
 
-use crate::ranks::{Halo, Ranks};
+use crate::ranks::Reduction;
 use crate::step::Step;
 use crate::timing::Phase;
 
-use super::agree::agree;
 use super::attempt::FailedAttempt;
+use super::collective::{agree, value_of_first_to_know};
 use super::diagnosis::Diagnosis;
 use super::error::SolveError;
 use super::observer::Observer;
@@ -30,7 +30,7 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         summary.failed_attempts += 1;
         let observe = || observer.failed(model, points, &failed, None);
         let observed = summary.timings.measure(Phase::Output, observe).map_err(SolveError::Output);
-        agree(&points.ranks, observed)
+        agree(&points.reduction(), observed)
     }
 
     /// Prepares the next attempt (a smaller step or a last resort), ends a strength reduction, or returns the error
@@ -52,16 +52,18 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         let diagnosis = (!was_last_resort && (!goes_on || progress.pace.is_last_resort())).then(|| {
             // Each rank examines only its own data, because the errors of the ranks may differ, and with them what the
             // ranks look for.
-            let halo = failed.exchange_halo(Halo::default());
+            let reduction = failed.exchange_reduction(Reduction::default());
             let lost_points = self.lost_points.as_ref();
             let diagnosis = Diagnosis::new(model, points, &failed, lost_points, summary.largest_load_factor);
-            failed.exchange_halo(halo);
-            of_failing_rank(&points.ranks, &failed, diagnosis)
+            failed.exchange_reduction(reduction);
+            // The rank that has the error passes its diagnosis on; the others know the error in words only.
+            let knows = !matches!(failed.error, SolveError::OnRank(_));
+            value_of_first_to_know(&points.reduction(), knows, diagnosis)
         });
         if goes_on {
             let observe = || observer.failed(model, points, &failed, None);
             let observed = summary.timings.measure(Phase::Output, observe).map_err(SolveError::Output);
-            let observed = agree(&points.ranks, observed);
+            let observed = agree(&points.reduction(), observed);
             match diagnosis {
                 Some(diagnosis) => self.cause = Some((failed, diagnosis)),
                 None if failed.has_lost_points(model.newton.tolerance) => {
@@ -83,7 +85,7 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
             summary.warnings.extend(short);
             let observe = || observer.failed(model, points, &failed, None);
             let observed = summary.timings.measure(Phase::Output, observe).map_err(SolveError::Output);
-            return agree(&points.ranks, observed);
+            return agree(&points.reduction(), observed);
         }
         let cause = self.cause.take().filter(|_| was_last_resort);
         let ended = match (&cause, &diagnosis) {
@@ -97,14 +99,4 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         let _ = self.reached.summary.timings.measure(Phase::Output, observe);
         Err(cause.map_or(failed.error, |(cause, _)| cause.error))
     }
-}
-
-/// The diagnosis of the rank that has the error; the other ranks know the error in words only.
-fn of_failing_rank<const D: usize>(ranks: &Ranks, failed: &FailedAttempt<D>, own: Diagnosis) -> Diagnosis {
-    if ranks.is_alone() {
-        return own;
-    }
-    let is_known = !matches!(failed.error, SolveError::OnRank(_));
-    let shared = ranks.first(is_known.then(|| serde_json::to_string(&own).unwrap_or_default()));
-    shared.and_then(|text| serde_json::from_str(&text).ok()).unwrap_or(own)
 }

@@ -7,15 +7,13 @@ use crate::basis::Connectivity;
 use crate::dofs::DofMap;
 use crate::model::Model;
 use crate::points::Points;
-use crate::ranks::Ranks;
 use crate::step::{At, Step, StepContext};
 use crate::stress::Mechanics;
 use crate::terms::{Saved, Sum, Terms, of_model, restore, save};
 
-use super::agree::agree;
+use super::collective::{agree, begin, forces_on_all_nodes, reach_out};
 use super::error::SolveError;
 use super::located::locate_failure;
-use super::reach::{begin, reach_out};
 
 /// The function [`balancing_forces`] for one kind of mechanics; its arguments are the model, its points, the step, the
 /// terms beside those of the model, and the saved state of all terms.
@@ -48,10 +46,10 @@ pub(super) fn balancing_forces<const D: usize, const N: usize, M: Mechanics<D>>(
     let mut terms = of_model::<D, N, M>(model);
     terms.extend(further);
     let methods = model.methods();
-    let ranks = points.ranks.clone();
+    let reduction = points.reduction();
     let linked = Connectivity::default().renew(model.grid.as_ref(), points, &methods);
     let links =
-        agree(&ranks, linked.map_err(|failure| SolveError::unsupported(model, points, failure, step)))?;
+        agree(&reduction, linked.map_err(|failure| SolveError::unsupported(model, points, failure, step)))?;
     restore(&mut terms, saved)
         .map_err(|(term, reason)| SolveError::Term { term: term.to_owned(), reason })?;
     let removed = model.stages.get(model.present.stage).map_or(&[][..], |stage| &stage.removed);
@@ -62,14 +60,14 @@ pub(super) fn balancing_forces<const D: usize, const N: usize, M: Mechanics<D>>(
     let links = reach_out(model, points, links, &mut terms, step)?;
     let dofs = DofMap::new(model, points, &links, step.start, step.end)
         .map_err(|error| SolveError::Constraint { step: step.index, error });
-    let dofs = agree(&ranks, dofs)?;
+    let dofs = agree(&reduction, dofs)?;
     let context = StepContext { model, links: &links, step, factor: 0.0 };
     begin(&mut terms, &context, points)?;
     let mut sum = Sum::new(terms, &context, &DofMap::unconstrained(links.n_active()));
     let none = vec![[0.0; N]; links.n_active()];
     let evaluated = sum.evaluate(&context, points, At::new(&none), Wanted::Force);
     let evaluated = evaluated.map_err(|failure| locate_failure(failure, model, points, step, 0, &[]));
-    agree(&points.ranks, evaluated)?;
+    agree(&reduction, evaluated)?;
     sum.system_mut().complete();
     let (f_ext, f_int) = (sum.system().external_force(), sum.system().internal_force());
     let mut forces = Vec::new();
@@ -77,22 +75,9 @@ pub(super) fn balancing_forces<const D: usize, const N: usize, M: Mechanics<D>>(
         let lacking: [f64; N] = std::array::from_fn(|d| f_int[active][d] - f_ext[active][d]);
         let held = dofs.held_part(active, &lacking);
         let force: [f64; D] = std::array::from_fn(|d| lacking[d] - held[d]);
-        if force != [0.0; D] && links.halo().is_own(active) {
+        if force != [0.0; D] && links.reduction().counts(active) {
             forces.push((node, force));
         }
     }
-    Ok(of_all_ranks(&points.ranks, forces))
-}
-
-/// The forces on the nodes of all ranks, by grid node.
-fn of_all_ranks<const D: usize>(ranks: &Ranks, own: ByNode<D>) -> ByNode<D> {
-    if ranks.is_alone() {
-        return own;
-    }
-    let forces: Vec<(u32, Vec<f64>)> = own.into_iter().map(|(node, force)| (node, force.to_vec())).collect();
-    let mut all: ByNode<D> = (ranks.gather_all(forces).concat().into_iter())
-        .map(|(node, force)| (node, std::array::from_fn(|d| force.get(d).copied().unwrap_or(0.0))))
-        .collect();
-    all.sort_unstable_by_key(|(node, _)| *node);
-    all
+    Ok(forces_on_all_nodes(&reduction, forces))
 }

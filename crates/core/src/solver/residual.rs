@@ -15,7 +15,7 @@ use std::ops::Range;
 use crate::assembly::System;
 use crate::basis::{Connectivity, JoinedParts};
 use crate::points::Points;
-use crate::ranks::Halo;
+use crate::ranks::Reduction;
 use crate::region::vector::norm;
 use crate::step::Nodal;
 
@@ -39,7 +39,7 @@ pub(super) struct Parts {
     /// Components of each field; the displacement comes first.
     fields: Vec<Range<usize>>,
     /// The nodes shared with other ranks, and the ranks.
-    halo: Halo,
+    reduction: Reduction,
     /// Numbers of the bodies that each part belongs to, ascending.
     bodies: Vec<Vec<usize>>,
     /// For each part, the largest force that its bodies have carried in earlier steps, [force].
@@ -48,10 +48,10 @@ pub(super) struct Parts {
 
 impl Parts {
     /// Parts of the nodes, and the components of each field.
-    pub(super) fn new(joined: &JoinedParts, halo: &Halo, fields: Vec<Range<usize>>) -> Parts {
+    pub(super) fn new(joined: &JoinedParts, reduction: &Reduction, fields: Vec<Range<usize>>) -> Parts {
         let n = joined.lowest.len();
-        let (of_node, halo) = (joined.at_node.clone(), halo.clone());
-        Parts { of_node, n, fields, halo, bodies: vec![vec![0]; n], carried: vec![0.0; n] }
+        let (of_node, reduction) = (joined.at_node.clone(), reduction.clone());
+        Parts { of_node, n, fields, reduction, bodies: vec![vec![0]; n], carried: vec![0.0; n] }
     }
 
     /// Adds the bodies of each part, and the largest force that each body has carried in earlier steps.
@@ -73,7 +73,7 @@ impl Parts {
                     }
                 }
             }
-            for of_rank in self.halo.ranks().gather_all(of_part.clone()) {
+            for of_rank in self.reduction.gather_all(of_part.clone()) {
                 of_part.iter_mut().zip(of_rank).for_each(|(all, more)| all.extend(more));
             }
             self.bodies = of_part.into_iter().map(|bodies| bodies.into_iter().collect()).collect();
@@ -88,7 +88,7 @@ impl Parts {
     /// Keeps a statement about each part true only if it is true on all ranks.
     fn agree(&self, holds: &mut [bool]) {
         let mut fails: Vec<f64> = holds.iter().map(|holds| f64::from(u8::from(!holds))).collect();
-        self.halo.ranks().maximum(&mut fails);
+        self.reduction.maximum(&mut fails);
         holds.iter_mut().zip(fails).for_each(|(holds, fails)| *holds = fails == 0.0);
     }
 
@@ -110,13 +110,13 @@ impl Parts {
     ) -> Vec<f64> {
         let mut sums = vec![0.0; self.n];
         for ((node, value), part) in field.enumerate().zip(&self.of_node) {
-            if self.halo.is_own(node) {
+            if self.reduction.counts(node) {
                 for x in &value[components.clone()] {
                     sums[*part as usize] += x * x;
                 }
             }
         }
-        self.halo.ranks().sum(&mut sums);
+        self.reduction.sum(&mut sums);
         sums.into_iter().map(f64::sqrt).collect()
     }
 }
@@ -382,7 +382,8 @@ impl<const N: usize> Forces<'_, N> {
     /// part must balance, relative to the sum of the magnitudes of all forces on the part, [-].
     fn resultants(&self, parts: &Parts, revolved: bool) -> Vec<f64> {
         let mut sums = vec![([0.0; N], 0.0); parts.n];
-        for (node, part) in parts.of_node.iter().enumerate().filter(|(node, _)| parts.halo.is_own(*node)) {
+        for (node, part) in parts.of_node.iter().enumerate().filter(|(node, _)| parts.reduction.counts(*node))
+        {
             let (sum, scale) = &mut sums[*part as usize];
             let total = self.total(node);
             for d in usize::from(revolved)..parts.displacement().end {
@@ -394,8 +395,8 @@ impl<const N: usize> Forces<'_, N> {
             }
         }
         for (sum, scale) in &mut sums {
-            parts.halo.ranks().sum(sum);
-            *scale = parts.halo.ranks().total(*scale);
+            parts.reduction.sum(sum);
+            *scale = parts.reduction.total(*scale);
         }
         sums.into_iter().map(|(sum, scale)| ratio(norm(&sum), scale)).collect()
     }
@@ -424,7 +425,7 @@ mod tests {
 
     fn parts(lowest: &[usize]) -> Parts {
         let joined = JoinedParts::on_one_rank(lowest);
-        Parts::new(&joined, &Halo::default(), Fields::displacement(1).components())
+        Parts::new(&joined, &Reduction::default(), Fields::displacement(1).components())
     }
 
     fn residual(out: [f64; 4], tolerance: f64) -> Option<f64> {

@@ -38,13 +38,13 @@ impl<const D: usize, const N: usize> EvaluatedAt<'_, D, N> {
             .active_cells()
             .iter()
             .fold(0.0, |size, &cell| f64::max(size, model.grid.size(cell as usize)));
-        let ranks = links.halo().ranks();
-        let [motion, size] = [motion, size].map(|value| ranks.largest(value));
+        let reduction = links.reduction();
+        let [motion, size] = [motion, size].map(|value| reduction.largest(value));
         // Shared nodes count once on each rank, which raises the bound only slightly.
-        let entries_of_row = ranks.total((N * delta_d.len()) as f64);
+        let entries_of_row = reduction.total((N * delta_d.len()) as f64);
         let strain = IN_STRAIN * NO_SUCH_FORCE * size;
         let of_terms = system.round_off().map_or(0.0, |all| all.iter().copied().fold(0.0, f64::max));
-        let of_terms = ranks.largest(of_terms);
+        let of_terms = reduction.largest(of_terms);
         f64::EPSILON * system.largest_entry() * (IN_MOTION * entries_of_row * motion + strain) + of_terms
     }
 
@@ -84,6 +84,6 @@ pub(super) fn forces_of_unit_strain<const D: usize>(
             });
         }
     }
-    links.halo().add_numbers(&mut forces);
+    links.reduction().complete_numbers(&mut forces);
     forces
 }

@@ -37,7 +37,7 @@ pub(super) fn split_long<const D: usize, const N: usize>(
     }
     let of_stages = model.stages.iter().flat_map(|stage| &stage.added.id);
     let numbers = points.id.iter().chain(of_stages).copied().chain(splits.iter().map(|split| split.half));
-    let last = points.ranks.largest(numbers.max().map_or(-1.0, f64::from));
+    let last = points.reduction().largest(numbers.max().map_or(-1.0, f64::from));
     let next = (last + 1.0) as u32;
     let probed = model.probes.iter().flat_map(|probe| &probe.points).copied().collect();
     splits.extend(points.split_long(&Present { of_model: OfModel { model }, terms, probed }, next));

@@ -13,7 +13,7 @@ use crate::terms::{Ledger, Terms};
 use crate::timing::Phase;
 
 use super::Solvable;
-use super::agree::agree;
+use super::collective::agree;
 use super::control::Path;
 use super::error::SolveError;
 use super::located::with_energy;
@@ -141,17 +141,17 @@ fn enter<const D: usize, const N: usize>(
         || !stage.released.is_empty()
         || !stage.set.is_empty()
         || !stage.materials.is_empty();
-    if !points.ranks.any(changes) {
+    if !points.reduction().any(changes) {
         model.begin_stage(number, &began);
     } else {
         let before = Amount::of(model, points);
         change_points(model, points, number);
         model.begin_stage(number, &began);
-        let ranks = points.ranks.clone();
-        agree(&ranks, keep_stress(model, points, number))?;
+        let reduction = points.reduction();
+        agree(&reduction, keep_stress(model, points, number))?;
         let now = Amount::of(model, points);
         let exchanged = Ledger { stored: now.energy() - before.energy(), ..Ledger::default() };
-        agree(&ranks, with_energy(&exchanged, model, points, &points.converged, step))?;
+        agree(&reduction, with_energy(&exchanged, model, points, &points.converged, step))?;
         reached.summary.exchanged_energy += exchanged.stored;
         reached.summary.quality.exchange(now.mass - before.mass, now.volume - before.volume);
         // The loads are still those at the end of the previous stage.
@@ -204,12 +204,12 @@ impl Amount {
             stored += law.energy(&points.converged.elastic_strain[p], history) * points.original_volume[p];
             plastic += law.plastic_work(history) * points.original_volume[p];
         }
-        let ranks = &points.ranks;
+        let reduction = &points.reduction();
         Amount {
-            mass: ranks.total(points.mass.iter().sum()),
-            volume: ranks.total((0..points.len()).map(|p| points.volume(p)).sum()),
-            stored: ranks.total(stored),
-            plastic: ranks.total(plastic),
+            mass: reduction.total(points.mass.iter().sum()),
+            volume: reduction.total((0..points.len()).map(|p| points.volume(p)).sum()),
+            stored: reduction.total(stored),
+            plastic: reduction.total(plastic),
         }
     }
 
@@ -384,7 +384,7 @@ fn all_stages<const D: usize, const N: usize>(
         }
         let observe = || observer.stage_ended(model, points);
         let observed = reached.summary.timings.measure(Phase::Output, observe);
-        agree(&points.ranks, observed.map_err(SolveError::Output))?;
+        agree(&points.reduction(), observed.map_err(SolveError::Output))?;
         let entered = enter(model, points, reached, extension);
         observer.stage_began(entered.is_ok().then_some(&*reached));
         entered?;

@@ -8,11 +8,10 @@ use crate::points::Points;
 use crate::step::StepContext;
 use crate::terms::{Sum, Terms};
 
-use super::agree::agree;
+use super::collective::{agree, begin};
 use super::control::Condition;
 use super::error::SolveError;
 use super::progress::Progress;
-use super::reach::begin;
 use super::residual::Parts;
 
 /// The equations of one attempt, set up once.
@@ -37,14 +36,15 @@ impl<const D: usize, const N: usize> StepSystem<D, N> {
         terms: &mut Terms<D, N>,
     ) -> Result<Self, SolveError> {
         let StepContext { model, links, step, .. } = *context;
-        let ranks = links.halo().ranks();
+        let reduction = links.reduction();
         let dofs = constraints(context, points, fields, terms);
-        let dofs = agree(ranks, dofs.map_err(|error| SolveError::Constraint { step: step.index, error }))?;
+        let dofs =
+            agree(reduction, dofs.map_err(|error| SolveError::Constraint { step: step.index, error }))?;
         // In a body of revolution, hoop stresses resist radial motion.
         let rigid = usize::from(model.revolved)..D;
         let joined = links.joined_parts();
         let may_be_held = terms.iter().any(|term| term.may_hold());
-        let unheld = dofs.unheld(&joined, ranks, rigid);
+        let unheld = dofs.unheld(&joined, reduction, rigid);
         if let Some((part, axis)) = unheld.filter(|_| !may_be_held) {
             let place = model.grid.node_position(joined.lowest[part] as usize);
             return Err(SolveError::Unheld { step: step.index, node: place.to_vec(), axis });
@@ -52,7 +52,7 @@ impl<const D: usize, const N: usize> StepSystem<D, N> {
         begin(terms, context, points)?;
         let condition = Condition::new(model, points, links, step, &progress.path, terms);
         let sum = Sum::new(std::mem::take(terms), context, &dofs);
-        let parts = Parts::new(&joined, links.halo(), fields.components());
+        let parts = Parts::new(&joined, links.reduction(), fields.components());
         let parts = parts.of_bodies(points, links, model.bodies.len(), &progress.carried);
         Ok(StepSystem { dofs, sum, condition, parts, fields: fields.clone() })
     }

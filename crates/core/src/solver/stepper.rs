@@ -14,8 +14,8 @@ use crate::terms::{Terms, of_model, restore};
 use crate::timing::Phase;
 
 use super::Solvable;
-use super::agree::agree;
 use super::attempt::{Effort, FailedAttempt, OnTheWay, Outcome, Slump};
+use super::collective::agree;
 use super::damping;
 use super::diagnosis::Diagnosis;
 use super::equations::Equations;
@@ -309,7 +309,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
             return Err(SolveError::GridMotion { step: step.index, error: GridMotionError::NotPlaced });
         }
         // A thorough attempt belongs to the failed one before it; a run is not interrupted between them.
-        if effort == Effort::Usual && self.points.ranks.any(observer.interrupted()) {
+        if effort == Effort::Usual && self.points.reduction().any(observer.interrupted()) {
             return Err(SolveError::Interrupted { step: step.index });
         }
         Ok(Some(step))
@@ -335,7 +335,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         let (mut grids, mut rests) = (0, 0);
         loop {
             self.points.commit();
-            if self.points.ranks.any(observer.interrupted()) {
+            if self.points.reduction().any(observer.interrupted()) {
                 *self.points = before;
                 return Err(SolveError::Interrupted { step: step.index });
             }
@@ -371,7 +371,7 @@ pub(super) fn start<const D: usize>(
     observer: &mut dyn Observer<D>,
 ) -> Result<(), SolveError> {
     let started = reached.summary.timings.measure(Phase::Output, || observer.started(model, points));
-    agree(&points.ranks, started.map_err(SolveError::Output))
+    agree(&points.reduction(), started.map_err(SolveError::Output))
 }
 
 /// Concludes the summary of a run that has ended, and reports it.
@@ -385,7 +385,7 @@ pub(super) fn finish<const D: usize>(
     let Summary { timings, quality, .. } = &mut reached.summary;
     timings.measure(Phase::Update, || quality.conclude(model, points));
     let reported = observer.finished(model, points, &reached, outcome.as_ref().err());
-    outcome.and(agree(&points.ranks, reported.map_err(SolveError::Output))).map(|()| reached)
+    outcome.and(agree(&points.reduction(), reported.map_err(SolveError::Output))).map(|()| reached)
 }
 
 fn refused(term: &str, reason: &str) -> SolveError {

@@ -70,8 +70,8 @@ impl Movement {
         let (before, after) = (&points.converged.position, &points.trial.position);
         let square = |v: [f64; D]| v.iter().map(|x| x * x).sum::<f64>();
         let moves = before.iter().zip(after).map(|(x, y)| square(std::array::from_fn(|d| y[d] - x[d])));
-        let ranks = &points.ranks;
-        let largest = ranks.largest(moves.fold(0.0, f64::max).sqrt());
+        let reduction = &points.reduction();
+        let largest = reduction.largest(moves.fold(0.0, f64::max).sqrt());
         let mut gravity = [0.0; D];
         for load in &model.loads {
             if let Action::Gravity(acceleration) = &load.action {
@@ -85,7 +85,7 @@ impl Movement {
                 .iter()
                 .map(place)
                 .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)]);
-            ranks.largest(ends[1]) - ranks.smallest(ends[0])
+            reduction.largest(ends[1]) - reduction.smallest(ends[0])
         };
         let magnitude = square(gravity).sqrt();
         let height = if magnitude > 0.0 {

@@ -5,7 +5,7 @@ use crate::basis::Connectivity;
 use crate::dofs::DofMap;
 use crate::linear::LinearError;
 use crate::model::Model;
-use crate::ranks::Halo;
+use crate::ranks::Reduction;
 use crate::region::vector::{minus, norm};
 use crate::step::{At, Nodal};
 
@@ -46,7 +46,7 @@ pub(super) struct Unknowns<const N: usize> {
     /// A displacement that no equilibrium in this grid can have, [length].
     far: f64,
     /// The nodes shared with other ranks.
-    pub(super) halo: Halo,
+    pub(super) reduction: Reduction,
 }
 
 /// An iterative displacement of this many grid diameters indicates a singular stiffness.
@@ -81,7 +81,7 @@ impl<const N: usize> Unknowns<N> {
             taken: 1.0,
             axes: D,
             far: FAR * diameter,
-            halo: links.halo().clone(),
+            reduction: links.reduction().clone(),
         }
     }
 
@@ -93,8 +93,8 @@ impl<const N: usize> Unknowns<N> {
         dofs: &DofMap<N>,
         out_of_balance: &[[f64; N]],
     ) {
-        let Unknowns { iterative, k_delta, rhs, delta_d, halo, .. } = self;
-        self.prescribes = halo.ranks().any(dofs.remaining(delta_d, iterative));
+        let Unknowns { iterative, k_delta, rhs, delta_d, reduction, .. } = self;
+        self.prescribes = reduction.any(dofs.remaining(delta_d, iterative));
         k_delta.fill([0.0; N]);
         if self.prescribes {
             system.multiply(iterative, k_delta);
@@ -119,7 +119,7 @@ impl<const N: usize> Unknowns<N> {
         let carried = (0..delta.len()).find_map(|node| {
             delta[node][..self.axes].iter().position(far).and_then(|axis| dofs.free(node, axis))
         });
-        if self.halo.ranks().any(carried.is_some()) {
+        if self.reduction.any(carried.is_some()) {
             return Err(LinearError::Singular { unknown: carried });
         }
         system.multiply(&self.iterative, &mut self.k_delta);
@@ -192,7 +192,7 @@ impl<const N: usize> Unknowns<N> {
     /// Work of the out-of-balance forces, at the nodes and in the global equations, over the whole of the last
     /// increment, [energy].
     pub(super) fn slope(&self, force: &[[f64; N]], border: &Border<N>) -> f64 {
-        (self.halo.dot(force, &self.iterative) + border.work(&self.iterative_globals)) / self.taken
+        (self.reduction.dot(force, &self.iterative) + border.work(&self.iterative_globals)) / self.taken
     }
 
     /// The factor by which to scale the applied fraction of the last increment, so that the increment ends where a

@@ -4,7 +4,7 @@
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
-use super::agree::agree;
+use super::collective::agree;
 use super::error::SolveError;
 use crate::basis::{Connectivity, DomainKind, LinkBuffer as Products, Method, SupportError, check_domain};
 use crate::domain::DomainMotion;
@@ -66,8 +66,8 @@ pub(super) fn move_points<const D: usize>(
         trial.forget_motion();
     }
     points.trial = trial;
-    let ranks = context.links.halo().ranks();
-    let mut replaced = ranks.gather_all(agree(ranks, moved)?).concat();
+    let reduction = context.links.reduction();
+    let mut replaced = reduction.gather_all(agree(reduction, moved)?).concat();
     replaced.sort_unstable();
     Ok(replaced)
 }

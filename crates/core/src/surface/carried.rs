@@ -7,7 +7,7 @@ use super::support::{Support, active, carrying_cell, support};
 use super::unit;
 use crate::basis::Connectivity;
 use crate::grid::Grid;
-use crate::ranks::Ranks;
+use crate::ranks::Reduction;
 use crate::region::area_vector;
 
 /// A surface carried by the grid.
@@ -89,13 +89,13 @@ impl<const D: usize> Carried<D> {
     /// # Errors
     /// As [`Carried::locate`], the same on all ranks.
     pub fn find(&mut self, grid: &dyn Grid<D>, links: &Connectivity<D>) -> Result<(), [f64; D]> {
-        let ranks = links.halo().ranks();
+        let reduction = links.reduction();
         let place = |(x, normal)| carrying_cell(grid, links, self.body, x, &unit(normal));
         let own: Vec<Option<(u32, u32)>> = self.converged.iter().zip(&self.normals()).map(place).collect();
         // The earliest cell that any rank has found, in the order of the search, is the one that a rank with all nodes
         // would find.
         let mut best: Vec<Option<(u32, u32, u32)>> = vec![None; own.len()];
-        for (rank, found) in (0u32..).zip(ranks.gather_all(own)) {
+        for (rank, found) in (0u32..).zip(reduction.gather_all(own)) {
             for (best, found) in best.iter_mut().zip(found) {
                 let found = found.map(|(tried, cell)| (tried, cell, rank));
                 *best = match (*best, found) {
@@ -109,7 +109,7 @@ impl<const D: usize> Carried<D> {
             best.map(|(_, cell, rank)| (cell, rank)).ok_or(*x)
         };
         self.found = best.into_iter().zip(&self.converged).map(known).collect::<Result<_, _>>()?;
-        self.own = Some(ranks.own() as u32);
+        self.own = Some(reduction.own() as u32);
         Ok(())
     }
 
@@ -131,7 +131,7 @@ impl<const D: usize> Carried<D> {
     }
 
     /// Sends the trial positions of the corners to all ranks.
-    pub fn complete(&mut self, ranks: &Ranks) {
+    pub fn complete(&mut self, reduction: &Reduction) {
         let Some(own) = self.own else { return };
         let mut numbers = vec![0.0; D * self.trial.len()];
         for (k, (x, (_, rank))) in self.trial.iter().zip(&self.found).enumerate() {
@@ -139,7 +139,7 @@ impl<const D: usize> Carried<D> {
                 numbers[k * D..][..D].copy_from_slice(x);
             }
         }
-        ranks.sum(&mut numbers);
+        reduction.sum(&mut numbers);
         for (x, numbers) in self.trial.iter_mut().zip(numbers.chunks_exact(D)) {
             x.copy_from_slice(numbers);
         }

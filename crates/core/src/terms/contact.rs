@@ -81,7 +81,7 @@ use serde_json::Value;
 use crate::assembly::{System, Wanted};
 use crate::model::{Model, Tool};
 use crate::points::Points;
-use crate::ranks::Halo;
+use crate::ranks::Reduction;
 use crate::region::vector::{along, dot, minus, norm};
 use crate::step::{At, Nodal, StepContext};
 
@@ -111,7 +111,7 @@ const MORE_PENALTY: f64 = 10.0;
 pub struct Contact<const D: usize> {
     tools: Vec<Moving<D>>,
     /// The nodes that this rank shares with others in the current step.
-    halo: Halo,
+    reduction: Reduction,
     /// The state kept for the contact points that touched at the end of the last converged step.
     converged: FxHashMap<Key, Kept<D>>,
     /// For each body, true if it took part in the last converged step.
@@ -157,7 +157,7 @@ impl<const D: usize> Contact<D> {
     pub fn new(model: &Model<D>) -> Self {
         Contact {
             tools: model.tools.iter().map(Moving::new).collect(),
-            halo: Halo::default(),
+            reduction: Reduction::default(),
             converged: FxHashMap::default(),
             has_begun: vec![false; model.bodies.len()],
             is_there: vec![false; model.bodies.len()],
@@ -209,7 +209,7 @@ impl<const D: usize> Contact<D> {
             followed(candidate, &self.multipliers[k], trial, &self.tools[number], increments)
         };
         let followed: Option<Vec<Followed<D>>> = (0..self.trials.len()).map(of_place).collect();
-        if self.halo.ranks().all(followed.is_some()) { followed } else { None }
+        if self.reduction.all(followed.is_some()) { followed } else { None }
     }
 }
 
@@ -301,7 +301,7 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
         let trials = Trials { model, tools: &self.tools, delta_d: at.delta_d, farthest, at_rest };
         self.at_rest = at_rest;
         let found = trials.all(&self.candidates, &self.multipliers, &self.has_touched, &mut self.trials);
-        agreed(self.halo.ranks(), found)?;
+        agreed(&self.reduction, found)?;
         let is_symmetric = self.touching().all(|(.., touch)| touch.is_symmetric());
         self.is_symmetric &= is_symmetric;
         let [touches, holds] = self.touched();
@@ -311,7 +311,7 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
         let pairs: Vec<_> = self.candidates.iter().zip(&self.trials).collect();
         evaluation::add(&self.tools, &pairs, &holds, wanted, sum);
         self.factor = at.factor;
-        let is_first = self.halo.ranks().is_root();
+        let is_first = self.reduction.is_root();
         evaluation::add_loads(model, &self.tools, (step.step.end, at.factor), at.globals, is_first, sum);
         Ok(())
     }
@@ -345,11 +345,11 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
             trials,
             tools,
             tolerances,
-            halo,
+            reduction,
             ..
         } = self;
         let now = Change::of_update(candidates, multipliers, trials, tools);
-        let Some(worst) = worst(candidates, &now, tolerances, halo) else {
+        let Some(worst) = worst(candidates, &now, tolerances, reduction) else {
             return Ok(Augmentation::Satisfied);
         };
         let tool = worst.tool;
@@ -358,7 +358,7 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
             return Ok(Augmentation::Satisfied);
         }
         if is_last {
-            if worst.rank != halo.ranks().own() {
+            if worst.rank != reduction.own() {
                 return Err(Failure::OnRank.into());
             }
             return Err(EvaluateError::from(ContactError::NotSettled {
@@ -389,7 +389,7 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
     fn augment_along(&mut self, increment: At<N>, update: usize, added: &mut Response<N>) -> Augmentation {
         let Some(followed) = self.followed(increment) else { return Augmentation::Satisfied };
         let changes: Vec<Option<Change<D>>> = followed.iter().map(|followed| followed.change).collect();
-        let worst = worst(&self.candidates, &changes, &self.tolerances, &self.halo);
+        let worst = worst(&self.candidates, &changes, &self.tolerances, &self.reduction);
         let before = if update == 0 { None } else { self.worst_along };
         let helps = |worst: &Worst| worst.is_worth_it(self.tolerances[worst.tool], before.as_ref());
         if !worst.as_ref().is_some_and(helps) {
@@ -466,7 +466,7 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
             (candidate.key, Kept { multiplier, motion, excess: (-touch.gap()).max(0.0) })
         });
         // Material points may move to other ranks.
-        self.converged = of_all_ranks(self.halo.ranks(), touching.collect()).into_iter().collect();
+        self.converged = of_all_ranks(&self.reduction, touching.collect()).into_iter().collect();
         self.tools.iter_mut().for_each(Moving::commit);
         self.has_begun.iter_mut().zip(&self.is_there).for_each(|(begun, there)| *begun = *there);
     }

@@ -68,7 +68,7 @@ fn not_yet_released<const D: usize>(
     for (node, force) in released {
         // A node without material carries no force.
         let active = links.copies(*node as usize).next();
-        if let Some(active) = active.filter(|active| links.halo().is_own(*active)) {
+        if let Some(active) = active.filter(|active| links.reduction().counts(*active)) {
             forces[active] = force.map(|f| share * f);
         }
     }

@@ -3,7 +3,7 @@
 use super::contact::ContactError;
 use crate::dofs::ConstraintError;
 use crate::points::coordinates;
-use crate::ranks::Ranks;
+use crate::ranks::Reduction;
 use crate::stress::PointError;
 
 /// The reason why a term cannot begin a step.
@@ -120,14 +120,11 @@ impl EvaluateError {
 
 /// Lets the evaluation of a term succeed only if it succeeds on all ranks. Errors that a smaller increment cannot avoid
 /// take precedence.
-pub(super) fn agree<T>(ranks: &Ranks, outcome: Result<T, EvaluateError>) -> Result<T, EvaluateError> {
-    if ranks.is_alone() {
-        return outcome;
-    }
+pub(super) fn agree<T>(reduction: &Reduction, outcome: Result<T, EvaluateError>) -> Result<T, EvaluateError> {
     let own = outcome.as_ref().err();
     let [fails, is_final] = [own.is_some(), own.is_some_and(EvaluateError::is_final)];
     let mut numbers = [fails, is_final].map(|is| f64::from(u8::from(is)));
-    ranks.maximum(&mut numbers);
+    reduction.maximum(&mut numbers);
     let [fails, is_final] = numbers.map(|number| number > 0.0);
     let of_other = EvaluateError::OnRank { is_final };
     match outcome {

@@ -72,20 +72,18 @@ impl Ghost {
         for (weak, &cell) in weak.iter_mut().zip(&cells) {
             *weak |= held.filling(model, links, cell) < filling;
         }
-        let (halo, ranks) = (links.halo(), links.halo().ranks());
-        if !ranks.is_alone() {
-            // Only the ranks to which a cell belongs know whether it is weak.
-            let is_own = |cell: &u32| beside.binary_search(cell).is_err();
-            let known = cells.iter().zip(&weak).filter(|(cell, weak)| **weak && is_own(cell));
-            let all_weak = ranks.gather_all(known.map(|(cell, _)| *cell).collect::<Vec<u32>>()).concat();
-            let all_weak: HashSet<u32> = all_weak.into_iter().collect();
-            weak.iter_mut().zip(&cells).for_each(|(weak, cell)| *weak = all_weak.contains(cell));
-            few = ranks.gather_all(few).into_iter().flatten().collect();
-        }
+        let reduction = links.reduction();
+        // Only where a cell has points is it known to be weak.
+        let is_own = |cell: &u32| beside.binary_search(cell).is_err();
+        let known = cells.iter().zip(&weak).filter(|(cell, weak)| **weak && is_own(cell));
+        let all_weak = reduction.join(known.map(|(cell, _)| *cell).collect::<Vec<u32>>());
+        let all_weak: HashSet<u32> = all_weak.into_iter().collect();
+        weak.iter_mut().zip(&cells).for_each(|(weak, cell)| *weak = all_weak.contains(cell));
+        few = reduction.gather_all(few).into_iter().flatten().collect();
         // Among the ranks that have a face, the owner of its lowest node adds it.
         let is_ours = |nodes: &[u32]| {
             let lowest = nodes.iter().min().and_then(|node| links.copies(*node as usize).next());
-            lowest.is_some_and(|lowest| halo.is_own(lowest))
+            lowest.is_some_and(|lowest| reduction.counts(lowest))
         };
         for Face { cells: [a, b], nodes } in faces.iter().filter(|face| is_ours(&face.nodes)) {
             let both = [cells[*a], cells[*b]];

@@ -38,7 +38,7 @@ impl HeldMaterial {
             }
         }
         for sum in [&mut held.volume, &mut held.stiff, &mut held.flexibility] {
-            links.halo().add_numbers(sum);
+            links.reduction().complete_numbers(sum);
         }
         held
     }

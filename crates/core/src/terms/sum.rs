@@ -95,7 +95,7 @@ impl<const D: usize, const N: usize> Sum<D, N> {
     }
 
     fn laid_out(terms: &Terms<D, N>, step: &StepContext<D>, dofs: &DofMap<N>) -> System<N> {
-        let symmetric = step.links.halo().ranks().all(terms.iter().all(|term| term.is_symmetric(step)));
+        let symmetric = step.links.reduction().all(terms.iter().all(|term| term.is_symmetric(step)));
         let of_terms = |couple: &mut dyn FnMut(&[u32])| terms.iter().for_each(|term| term.couples(couple));
         let globals = terms.iter().map(|term| term.n_globals()).sum();
         System::new(
@@ -113,7 +113,7 @@ impl<const D: usize, const N: usize> Sum<D, N> {
         let is_symmetric = || self.terms.iter().all(|term| term.is_symmetric(step));
         let outgrown =
             self.system.is_symmetric() && !is_symmetric() || self.terms.iter().any(|term| term.outgrows());
-        let outgrown = step.links.halo().ranks().any(outgrown);
+        let outgrown = step.links.reduction().any(outgrown);
         if outgrown {
             self.terms.iter_mut().for_each(|term| term.forget_layout());
             self.system = Sum::laid_out(&self.terms, step, dofs);
@@ -170,7 +170,7 @@ impl<const D: usize, const N: usize> Sum<D, N> {
         for term in terms {
             let (own, rest) = of_term(term.as_ref(), at, system.border.first);
             let evaluated = term.evaluate(step, points, own, wanted, system);
-            agree(step.links.halo().ranks(), evaluated)?;
+            agree(step.links.reduction(), evaluated)?;
             system.border.first = rest;
         }
         Ok(())
@@ -192,8 +192,8 @@ impl<const D: usize, const N: usize> Sum<D, N> {
             let (own, next) = of_term(term.as_ref(), at, first);
             first = next;
             let augmented = term.augment(step, points, own);
-            let ranks = step.links.halo().ranks();
-            if ranks.any(agree(ranks, augmented)? == Augmentation::Updated) {
+            let reduction = step.links.reduction();
+            if reduction.any(agree(reduction, augmented)? == Augmentation::Updated) {
                 outcome = Augmentation::Updated;
             }
         }
@@ -213,13 +213,13 @@ impl<const D: usize, const N: usize> Sum<D, N> {
             }
             added.first = next;
         }
-        let ranks = self.system.ranks();
-        if !ranks.any(outcome == Augmentation::Updated) {
+        let reduction = self.system.reduction();
+        if !reduction.any(outcome == Augmentation::Updated) {
             return None;
         }
-        if !ranks.is_alone() {
-            self.system.add_ranks(added.force_mut());
-            ranks.sum(&mut added.globals);
+        if !reduction.is_alone() {
+            reduction.complete(added.force_mut());
+            reduction.sum(&mut added.globals);
         }
         Some(added)
     }
@@ -231,7 +231,7 @@ impl<const D: usize, const N: usize> Sum<D, N> {
         for term in terms {
             supports |= term.support(system);
         }
-        system.ranks().any(supports)
+        system.reduction().any(supports)
     }
 
     /// Withdraws the updates of multipliers along the last increment.
@@ -254,7 +254,7 @@ impl<const D: usize, const N: usize> Sum<D, N> {
     pub fn external_force_at_start(&self, dofs: &DofMap<N>) -> Nodal<N> {
         let mut force = vec![[0.0; N]; self.system.internal_force().len()];
         self.terms.iter().for_each(|term| term.force_at_start(&mut force));
-        self.system.add_ranks(&mut force);
+        self.system.reduction().complete(&mut force);
         dofs.condense(&mut force);
         force
     }

@@ -14,7 +14,7 @@ use crate::assembly::{System, Wanted};
 use crate::basis::Connectivity;
 use crate::model::{Model, NodeSet};
 use crate::points::Points;
-use crate::ranks::Ranks;
+use crate::ranks::Reduction;
 use crate::region::area_vector;
 use crate::step::{At, Nodal, StepContext};
 use crate::surface::{Carried, Surface, SurfaceFields, centre, unit};
@@ -36,8 +36,8 @@ pub struct Surfaces<const D: usize> {
     is_there: Vec<bool>,
     loads: Vec<SurfaceLoad<D>>,
     conditions: Vec<Condition<D>>,
-    /// The ranks that share the surfaces.
-    ranks: Ranks,
+    /// Sums over all samples of the surfaces.
+    reduction: Reduction,
     /// Forces on the nodes in the state from which the step starts, [force].
     start: Nodal<D>,
     fields: Vec<SurfaceFields<D>>,
@@ -60,7 +60,7 @@ impl<const D: usize> Surfaces<D> {
             carried: model.surfaces.iter().map(Carried::new).collect(),
             loads: loads.filter_map(on_surface).collect(),
             conditions: conditions.filter_map(of_surface).collect(),
-            ranks: Ranks::default(),
+            reduction: Reduction::default(),
             start: Vec::new(),
             fields: Vec::new(),
         }
@@ -109,9 +109,8 @@ impl<const D: usize> Surfaces<D> {
     fn find_bodies(&mut self, model: &Model<D>, points: &Points<D>) {
         let mut has_points = vec![false; model.bodies.len()];
         points.body.iter().for_each(|&body| has_points[body as usize] = true);
-        if !points.ranks.is_alone() {
-            has_points.iter_mut().for_each(|has| *has = points.ranks.any(*has));
-        }
+        let reduction = points.reduction();
+        has_points.iter_mut().for_each(|has| *has = reduction.any(*has));
         self.is_there = model.surfaces.iter().map(|surface| has_points[surface.body]).collect();
     }
 
@@ -190,7 +189,7 @@ impl<const D: usize, const N: usize> Term<D, N> for Surfaces<D> {
 
     fn begin(&mut self, step: &StepContext<D>, points: &Points<D>) -> Result<(), BeginError> {
         let StepContext { model, links, .. } = *step;
-        self.ranks = points.ranks.clone();
+        self.reduction = points.reduction();
         self.find_bodies(model, points);
         for ((surface, carried), is_there) in model.surfaces.iter().zip(&mut self.carried).zip(&self.is_there)
         {
@@ -264,15 +263,15 @@ impl<const D: usize, const N: usize> Term<D, N> for Surfaces<D> {
     fn report(&self, _: &Model<D>, report: &mut TermReport<D>) {
         self.loads.iter().for_each(|load| load.add_resultant(&mut report.loads));
         let acting = self.conditions.iter().filter(|condition| condition.len() > 0);
-        report.reactions.extend(acting.map(|condition| condition.reaction(&self.ranks, &self.carried)));
+        report.reactions.extend(acting.map(|condition| condition.reaction(&self.reduction, &self.carried)));
         let of_all = |(fields, carried): (&SurfaceFields<D>, &Carried<D>)| {
-            fields.of_all_ranks(&self.ranks, |sample| carried.is_own(sample))
+            fields.completed(&self.reduction, |sample| carried.is_own(sample))
         };
         report.surfaces.extend(self.fields.iter().zip(&self.carried).map(of_all));
     }
 
     fn commit(&mut self) {
-        self.carried.iter_mut().for_each(|carried| carried.complete(&self.ranks));
+        self.carried.iter_mut().for_each(|carried| carried.complete(&self.reduction));
         self.carried.iter_mut().for_each(Carried::commit);
         self.conditions.iter_mut().for_each(Condition::commit);
     }

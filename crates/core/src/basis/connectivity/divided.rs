@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 
 use super::Connectivity;
 use crate::grid::Grid;
-use crate::ranks::{Halo, Ranks, Sharing, sharing};
+use crate::ranks::{Halo, Ranks, Reduction, Sharing, sharing};
 
 impl<const D: usize> Connectivity<D> {
-    /// Replaces the halo and returns the previous one. Without a halo, the links are treated as if no other rank shared
-    /// them, and nothing is summed over ranks.
-    pub(crate) fn exchange_halo(&mut self, halo: Halo) -> Halo {
-        std::mem::replace(&mut self.halo, halo)
+    /// Replaces the reduction and returns the previous one. With the default, the links are treated as if no other rank
+    /// shared them, and nothing is summed over ranks.
+    pub(crate) fn exchange_reduction(&mut self, reduction: Reduction) -> Reduction {
+        std::mem::replace(&mut self.reduction, reduction)
     }
 
     /// Adds active nodes of other ranks, given by their grid numbers, to the active nodes of this rank.
@@ -22,7 +22,7 @@ impl<const D: usize> Connectivity<D> {
         self.group_nodes.iter_mut().for_each(|node| *node = self.copies.nodes()[*node as usize]);
         self.layer_nodes.extend(wanted);
         self.number_active_nodes(grid.n_nodes());
-        self.halo = self.find_halo(ranks, grid.n_nodes());
+        self.reduction = Reduction::new(self.find_halo(ranks, grid.n_nodes()));
         self
     }
 
@@ -94,7 +94,7 @@ impl<const D: usize> Connectivity<D> {
     /// it. All ranks must call this together.
     #[inline(never)]
     pub fn shown_cells(&self, grid: &dyn Grid<D>) -> Vec<u32> {
-        let ranks = self.halo.ranks();
+        let ranks = self.halo().ranks();
         let mut cells = self.active_cells.clone();
         let own: Vec<(u32, bool)> = cells.iter().map(|cell| (*cell, true)).collect();
         let shared = sharing(ranks, &own, grid.n_cells());

@@ -1,7 +1,7 @@
 //! Agreement of all ranks on what each of them finds.
 
 use super::error::ContactError;
-use crate::ranks::Ranks;
+use crate::ranks::Reduction;
 use crate::terms::EvaluateError;
 
 /// The reason why contact cannot be evaluated on this rank.
@@ -29,18 +29,15 @@ impl From<Failure> for EvaluateError {
 }
 
 /// Turns success into failure unless all ranks have succeeded.
-pub(super) fn agreed<T>(ranks: &Ranks, outcome: Result<T, ContactError>) -> Result<T, Failure> {
-    let fails = ranks.any(outcome.is_err());
+pub(super) fn agreed<T>(reduction: &Reduction, outcome: Result<T, ContactError>) -> Result<T, Failure> {
+    let fails = reduction.any(outcome.is_err());
     let outcome = outcome.map_err(Failure::Own);
     if fails { outcome.and(Err(Failure::OnRank)) } else { outcome }
 }
 
 /// Sets each value to true if it is true on any rank.
-pub(super) fn any_of_each(ranks: &Ranks, values: &mut [bool]) {
-    if ranks.is_alone() {
-        return;
-    }
+pub(super) fn any_of_each(reduction: &Reduction, values: &mut [bool]) {
     let mut numbers: Vec<f64> = values.iter().map(|is| f64::from(u8::from(*is))).collect();
-    ranks.maximum(&mut numbers);
+    reduction.maximum(&mut numbers);
     values.iter_mut().zip(numbers).for_each(|(is, number)| *is = number > 0.0);
 }

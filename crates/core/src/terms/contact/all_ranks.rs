@@ -8,7 +8,7 @@
 use super::candidates::{CENTRE, Key, Near, Search};
 use super::plain::{Plain, exchange};
 use super::search::Found;
-use crate::ranks::{Halo, Ranks};
+use crate::ranks::Reduction;
 use crate::tool::Closest;
 
 /// The index of an active node among those that this rank shares with another rank; the same on both.
@@ -45,11 +45,6 @@ impl<const D: usize> Plain for Corner<D> {
 }
 
 impl<const D: usize> Search<'_, D> {
-    /// The ranks of the analysis.
-    pub(super) fn ranks(&self) -> &Ranks {
-        self.links.halo().ranks()
-    }
-
     /// Position of the cell of a material point in the order of the grid.
     fn order(&self, p: usize) -> u32 {
         let cell = self.points.cell[p];
@@ -73,7 +68,7 @@ impl<const D: usize> Search<'_, D> {
                 messages.push((rank, near));
             }
         }
-        let of_others = exchange(self.ranks(), messages).into_iter().flat_map(|(_, corners)| corners);
+        let of_others = exchange(halo.ranks(), messages).into_iter().flat_map(|(_, corners)| corners);
         places.extend(of_others.map(|corner| (corner.order, of_other(corner))));
         // All points of a cell are on one rank, and the stable sort keeps their order.
         places.sort_by_key(|(order, _)| *order);
@@ -113,14 +108,12 @@ type AtNode<const D: usize> = ((u32, usize), ([f64; D], f64));
 /// Adds the contributions of other ranks to sums at nodes of this rank. A sum belongs to a tool and an active node, for
 /// which `place` returns the index of the sum if this rank has it.
 pub(super) fn add_others<const D: usize>(
-    halo: &Halo,
+    reduction: &Reduction,
     sums: &mut [([f64; D], f64)],
     of: &[(u32, usize)],
     place: impl Fn(u32, usize) -> Option<usize>,
 ) {
-    if halo.ranks().is_alone() {
-        return;
-    }
+    let halo = reduction.halo();
     let mut messages = Vec::new();
     for (rank, shared) in halo.neighbours() {
         let shares: Vec<AtNode<D>> = (of.iter().zip(&*sums))

@@ -34,15 +34,15 @@ impl<const D: usize> Contact<D> {
 
     /// Finds the contact points of a step and their multipliers.
     pub(super) fn find(&mut self, step: &StepContext<D>, points: &Points<D>) -> Result<(), Failure> {
-        self.halo = step.links.halo().clone();
+        self.reduction = step.links.reduction().clone();
         for (moving, tool) in self.tools.iter_mut().zip(&step.model.tools) {
             moving.begin(tool, step.model, step.step, step.factor)?;
         }
         self.is_there.fill(false);
         points.body.iter().for_each(|&body| self.is_there[body as usize] = true);
-        any_of_each(self.halo.ranks(), &mut self.is_there);
+        any_of_each(&self.reduction, &mut self.is_there);
         let sizes = points.cell.iter().map(|&cell| step.model.grid.size(cell as usize));
-        self.smallest = self.halo.ranks().smallest(sizes.fold(f64::INFINITY, f64::min));
+        self.smallest = self.reduction.smallest(sizes.fold(f64::INFINITY, f64::min));
         let nearest = AWAKE * self.smallest;
         let awake = |moving: &Moving<D>| moving.translation().map(|u| nearest.max(AWAKE_AFTER * u));
         self.awake = self.tools.iter().map(|moving| awake(moving).unwrap_or(f64::INFINITY)).collect();
@@ -108,7 +108,7 @@ impl<const D: usize> Contact<D> {
         };
         let awake = self.candidates.iter().enumerate().map(awake).collect();
         // A contact point joined by the corner of a sleeping domain may pass to another rank.
-        let known: FxHashMap<Key, Awake<D>> = (of_all_ranks(self.halo.ranks(), awake).into_iter())
+        let known: FxHashMap<Key, Awake<D>> = (of_all_ranks(&self.reduction, awake).into_iter())
             .map(|(key, multipliers, penalty)| (key, (multipliers, penalty)))
             .collect();
         self.find_places(step, points)?;

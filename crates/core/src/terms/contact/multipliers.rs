@@ -8,7 +8,7 @@ use super::evaluation::Trial;
 use super::interface::Multiplier;
 use super::motion::Moving;
 use super::plain::{Plain, of_all_ranks, of_parts};
-use crate::ranks::Halo;
+use crate::ranks::Reduction;
 use crate::region::vector::{along, norm};
 
 of_parts!([] Worst, { tool, named, rank, size, place, mean, overlap, slip });
@@ -168,7 +168,7 @@ pub(super) fn worst<const D: usize>(
     candidates: &[Candidate<D>],
     changes: &[Option<Change<D>>],
     tolerances: &[f64],
-    halo: &Halo,
+    reduction: &Reduction,
 ) -> Option<Worst> {
     let changing = || {
         let all = candidates.iter().zip(changes).enumerate();
@@ -184,9 +184,9 @@ pub(super) fn worst<const D: usize>(
             *total += weight;
         }
     }
-    if !halo.ranks().is_alone() {
+    if !reduction.is_alone() {
         let number = |tool, node| numbers.known.get(&(tool, node)).copied();
-        add_others(halo, &mut of_nodes, &numbers.pairs(), number);
+        add_others(reduction, &mut of_nodes, &numbers.pairs(), number);
     }
     let seen_by_nodes = |i: usize, candidate: &Candidate<D>| {
         let nodes = candidate.basis.iter().zip(numbers.of_place(i));
@@ -201,7 +201,7 @@ pub(super) fn worst<const D: usize>(
             [Worst {
                 tool: candidate.key.tool as usize,
                 named: k,
-                rank: halo.ranks().own(),
+                rank: reduction.own(),
                 size: candidate.size,
                 place: change.size() / candidate.size,
                 mean: norm(&seen_by_nodes(i, candidate)) / candidate.size,
@@ -212,7 +212,7 @@ pub(super) fn worst<const D: usize>(
     }
     let own: Vec<[Worst; 2]> = largest.both().into_iter().collect();
     let mut largest = Largest { tolerances, of_means: None, of_places: None };
-    of_all_ranks(halo.ranks(), own).into_iter().for_each(|of_rank| largest.include(of_rank));
+    of_all_ranks(reduction, own).into_iter().for_each(|of_rank| largest.include(of_rank));
     let [of_means, of_places] = largest.both()?;
     let named = if of_places.place > MOST_OF_PLACE { of_places } else { of_means };
     Some(Worst { tool: of_means.tool, place: of_places.place, mean: of_means.mean, ..named })

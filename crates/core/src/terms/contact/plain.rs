@@ -2,7 +2,7 @@
 
 use super::candidates::Key;
 use super::interface::{Mode, Multiplier};
-use crate::ranks::Ranks;
+use crate::ranks::{Ranks, Reduction};
 use crate::tool::Closest;
 
 /// A value that can be written as a few numbers. Whole numbers must be below 2⁵³.
@@ -15,11 +15,11 @@ pub(super) trait Plain: Sized {
 }
 
 /// The values of all ranks, in the order of the ranks.
-pub(super) fn of_all_ranks<T: Plain>(ranks: &Ranks, own: Vec<T>) -> Vec<T> {
-    if ranks.is_alone() {
+pub(super) fn of_all_ranks<T: Plain>(reduction: &Reduction, own: Vec<T>) -> Vec<T> {
+    if reduction.is_alone() {
         return own;
     }
-    ranks.gather_all(in_numbers(&own)).into_iter().flat_map(from_numbers).collect()
+    reduction.gather_all(in_numbers(&own)).into_iter().flat_map(from_numbers).collect()
 }
 
 /// Sends values to some ranks, at most one message to each; returns the values for this rank, each message with the

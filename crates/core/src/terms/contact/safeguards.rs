@@ -39,7 +39,7 @@ impl<const D: usize> Contact<D> {
         at: At<N>,
     ) -> Result<(), Failure> {
         let centres = self.centres();
-        agreed(self.halo.ranks(), self.check_own_motion(step, points, at, &centres))
+        agreed(&self.reduction, self.check_own_motion(step, points, at, &centres))
     }
 
     /// Checks how far the contact points of this rank have moved.
@@ -96,8 +96,8 @@ impl<const D: usize> Contact<D> {
             .filter(|(candidate, _)| is_centre(candidate))
             .map(|(candidate, trial)| ((candidate.key.tool, candidate.key.point), trial.position));
         let mut centres: Centres<D> = centres.collect();
-        let ranks = self.halo.ranks();
-        if ranks.is_alone() {
+        let reduction = &self.reduction;
+        if reduction.is_alone() {
             return centres;
         }
         // Corners shared with domains of other ranks need the centres of those domains.
@@ -111,9 +111,10 @@ impl<const D: usize> Contact<D> {
             .collect();
         wanted.sort_unstable();
         wanted.dedup();
-        let known = of_all_ranks(ranks, wanted).into_iter().filter_map(|of| Some((of, *centres.get(&of)?)));
+        let known =
+            of_all_ranks(reduction, wanted).into_iter().filter_map(|of| Some((of, *centres.get(&of)?)));
         let known: Vec<((u32, u32), [f64; D])> = known.collect();
-        centres.extend(of_all_ranks(ranks, known));
+        centres.extend(of_all_ranks(reduction, known));
         centres
     }
 

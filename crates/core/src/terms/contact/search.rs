@@ -74,7 +74,7 @@ impl<const D: usize> Search<'_, D> {
         };
         pieces.par_iter_mut().enumerate().for_each(in_piece);
         let error = pieces.iter_mut().find_map(|found| found.error.take());
-        agreed(self.ranks(), error.map_or(Ok(()), Err))?;
+        agreed(self.links.reduction(), error.map_or(Ok(()), Err))?;
         self.join_shared(pieces);
         let moduli = self.moduli();
         let link = |found: &mut Found<D>| {
@@ -207,8 +207,9 @@ impl<const D: usize> Search<'_, D> {
         }
         // Domains in cells of different sizes may share a corner: the smallest size on any rank decides.
         let places = pieces.iter().flat_map(|found| &found.places);
-        let size = self.ranks().smallest(places.map(|place| place.size).fold(f64::INFINITY, f64::min));
-        if !self.ranks().is_alone() {
+        let size =
+            self.links.reduction().smallest(places.map(|place| place.size).fold(f64::INFINITY, f64::min));
+        if !self.links.reduction().is_alone() {
             self.add_others(pieces, is_shared);
         }
         let width = 1e3 * SHARED * size;

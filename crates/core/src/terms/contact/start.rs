@@ -45,7 +45,7 @@ pub fn overlaps_at_start<const D: usize>(model: &Model<D>, points: &Points<D>) -
     for (number, tool) in model.tools.iter().enumerate() {
         let placed = Placed { model, points, tool };
         let inside = placed.inside();
-        let way = if points.ranks.any(!inside.is_empty()) { placed.shortest_way() } else { None };
+        let way = if points.reduction().any(!inside.is_empty()) { placed.shortest_way() } else { None };
         for body in 0..model.bodies.len() {
             let of_body: Vec<&Inside<D>> =
                 inside.iter().filter(|inside| points.body[inside.p] as usize == body).collect();
@@ -55,7 +55,7 @@ pub fn overlaps_at_start<const D: usize>(model: &Model<D>, points: &Points<D>) -
             let own = deepest.map(|Inside { p, corner, overlap, .. }| -> Deepest {
                 (points.id[*p], corner.to_vec(), *overlap, of_body.len(), reach)
             });
-            let of_ranks = points.ranks.gather_all(own).into_iter().flatten();
+            let of_ranks = points.reduction().gather_all(own).into_iter().flatten();
             let deepest = of_ranks.reduce(|a, b| {
                 let (n, reach) = (a.3 + b.3, larger(a.4, b.4));
                 let deeper = if b.2 > a.2 { b } else { a };
@@ -146,7 +146,7 @@ impl<const D: usize> Placed<'_, D> {
             lengths.reduce(|a, b| Some(a?.max(b?))).unwrap_or(Some(0.0))
         };
         let length = self.touchable().map(of_point).reduce(|| Some(0.0), |a, b| Some(a?.max(b?)));
-        Some(points.ranks.largest(length.unwrap_or(f64::INFINITY))).filter(|length| length.is_finite())
+        Some(points.reduction().largest(length.unwrap_or(f64::INFINITY))).filter(|length| length.is_finite())
     }
 
     /// Twice the diagonal of the box around the grid and the tool, [length]; of the grid alone if the tool is

@@ -67,7 +67,7 @@ impl<const D: usize> Contact<D> {
             }
         };
         let touching = self.touching().map(of_place).collect();
-        for of_place in of_all_ranks(self.halo.ranks(), touching) {
+        for of_place in of_all_ranks(&self.reduction, touching) {
             states[of_place.tool].add(of_place);
         }
         states

@@ -10,7 +10,7 @@ impl<const D: usize> Contact<D> {
     pub(super) fn motion<const N: usize>(&self, at: At<N>) -> (f64, bool) {
         let moves = at.delta_d.iter().flatten().chain(at.globals).any(|u| *u != 0.0);
         let mut numbers = [farthest::<D, N>(at.delta_d), f64::from(u8::from(moves))];
-        self.halo.ranks().maximum(&mut numbers);
+        self.reduction.maximum(&mut numbers);
         (numbers[0], numbers[1] == 0.0)
     }
 
@@ -23,7 +23,7 @@ impl<const D: usize> Contact<D> {
             of_tools[tool] = true;
             of_tools[n + tool] |= !touch.slides_with_friction();
         }
-        any_of_each(self.halo.ranks(), &mut of_tools);
+        any_of_each(&self.reduction, &mut of_tools);
         let holds = of_tools.split_off(n);
         [of_tools, holds]
     }

@@ -22,7 +22,7 @@ use crate::formula::Formula;
 use crate::grid::Grid;
 use crate::material::axial_modulus_at_rest;
 use crate::model::{Model, NodeSet, OnSurface};
-use crate::ranks::Ranks;
+use crate::ranks::Reduction;
 use crate::step::{At, Nodal, StepContext};
 use crate::surface::{Carried, Surface, SurfaceFields, centre};
 
@@ -387,7 +387,7 @@ impl<const D: usize> Condition<D> {
     }
 
     /// The reaction on the body, with its moment about the mean position of the surface.
-    pub(super) fn reaction(&self, ranks: &Ranks, carried: &[Carried<D>]) -> SurfaceReaction<D> {
+    pub(super) fn reaction(&self, reduction: &Reduction, carried: &[Carried<D>]) -> SurfaceReaction<D> {
         let carried = &carried[self.on.surface];
         let places: Vec<[f64; D]> = (0..carried.len()).map(|sample| centre(&carried.facet(sample))).collect();
         let n = places.len().max(1) as f64;
@@ -395,7 +395,7 @@ impl<const D: usize> Condition<D> {
         // samples of its own patches have reactions here.
         let own: Vec<usize> = carried.own_samples().collect();
         let mut about: [f64; D] = std::array::from_fn(|d| own.iter().map(|s| places[*s][d]).sum());
-        ranks.sum(&mut about);
+        reduction.sum(&mut about);
         about.iter_mut().for_each(|x| *x /= n);
         let (mut sum, mut moment) = ([0.0; D], [0.0; 3]);
         for (x, reaction) in places.iter().zip(&self.reaction) {
@@ -409,8 +409,8 @@ impl<const D: usize> Condition<D> {
                 *moment += arm[i] * force[j] - arm[j] * force[i];
             }
         }
-        ranks.sum(&mut sum);
-        ranks.sum(&mut moment);
+        reduction.sum(&mut sum);
+        reduction.sum(&mut moment);
         SurfaceReaction { condition: self.number, force: sum, about, moment }
     }
 
