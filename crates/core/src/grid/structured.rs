@@ -277,4 +277,25 @@ mod tests {
         assert_eq!([0, 4, 8].map(|node| grid.size_around(node)), [0.5, 0.5, 2.0]);
         assert_eq!(grid.sides_around([2, 2]), [2.0, 4.0]);
     }
+
+    #[test]
+    fn a_structured_grid_answers_from_its_lines() {
+        let x = Axis::graded(vec![0.0, 1.0, 3.0]).unwrap();
+        let y = Axis::graded(vec![0.0, 0.5, 4.5]).unwrap();
+        let grid: Box<dyn Grid<2>> = Structured::with_axes([x, y]).into();
+        assert_eq!((grid.smallest_size(), grid.total_volume()), (0.5, 13.5));
+        assert_eq!((grid.spacing(3), grid.spacing_around(4)), ([2.0, 4.0], [1.0, 0.5]));
+        assert!((grid.diagonal(2) - 17.0_f64.sqrt()).abs() < 1e-15);
+        // The smaller of two cells with a common side of length 0.5.
+        assert_eq!(grid.thickness([0, 1], 0.5), 1.0);
+        assert!(grid.is_at_edge(&[0, 1]) && grid.is_at_edge(&[2, 5]) && !grid.is_at_edge(&[1, 4]));
+        assert!(grid.coarsens() && !grid.has_simplices() && grid.set_names().is_none());
+        assert_eq!((grid.cell_lattice(3, 2), grid.cell_lattice(3, 1)), ([1, 1], [0, 0]));
+        assert_eq!(grid.cells_near(&[[1.5, 1.0], [2.0, 2.0]]).last(), Some(3));
+        for place in [[0.3, 0.2], [2.9, 4.4], [-0.1, 5.0]] {
+            let ((cell, basis), (same, values)) =
+                (grid.basis_near(&place, None), grid.values_near(&place, None));
+            assert_eq!((cell, CellValues::from(basis)), (same, values));
+        }
+    }
 }
