@@ -8,12 +8,13 @@ use crate::ranks::Reduction;
 use crate::step::{Nodal, Step, StepContext};
 
 use super::control::{NoPath, Path};
-use super::damping::MORE_ITERATIONS;
 use super::error::SolveError;
 use super::pace::Pace;
 
 /// Largest number of linear solves in a thorough attempt, unless the settings allow more.
 const MANY_ITERATIONS: usize = 50;
+/// Ratio of the allowed number of damped iterations to the allowed number of undamped ones.
+const MORE_ITERATIONS: usize = 10;
 
 /// An attempt at a step: the step, and how its iterations are conducted.
 #[derive(Clone, Copy)]

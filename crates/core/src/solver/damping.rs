@@ -16,8 +16,6 @@ use crate::terms::Terms;
 
 use super::evidence::points_that_flow;
 
-/// Ratio of the allowed number of damped iterations to the allowed number of undamped ones.
-pub(super) const MORE_ITERATIONS: usize = 10;
 /// Largest number of evaluations in the line search of a damped iteration, and of halvings of an increment that a point
 /// cannot follow.
 pub(super) const MOST_TRIALS: usize = 10;

@@ -257,7 +257,7 @@ impl Diagnosis {
         let around = at.as_ref().and_then(cell_at);
         let flowing =
             links.map_or(0.0, |_| points_that_flow(model, points) as f64 / points.len().max(1) as f64);
-        let found = Found::new(model, points, failed, at.as_deref(), (around, flowing));
+        let found = Found::new(model, points, failed, at.as_deref(), around, flowing);
         let kind = kind_of(failed, &found);
         // An earlier attempt has converged, so lack of convergence is not the cause.
         let (kind, error) = match lost_points {
@@ -368,7 +368,8 @@ impl Found {
         points: &Points<D>,
         failed: &FailedAttempt<D>,
         at: Option<&[f64]>,
-        (around, flowing): (Option<(u32, f64)>, f64),
+        around: Option<(u32, f64)>,
+        flowing: f64,
     ) -> Found {
         let iterate = failed.iterate.as_ref();
         let at_place = iterate.zip(at);

@@ -140,8 +140,8 @@ impl<'a, const D: usize, const N: usize> LoadStep<'_, 'a, D, N> {
         let at = EvaluatedAt { model, points: self.points, links, system, delta_d: &unknowns.delta_d };
         let measured = forces.measure(parts, tolerance, &at); // (40)
         let of_globals = system.border.relative_residuals();
-        Some(of_globals.fold(measured, |measured, of_global| {
-            measured.and(Measured::of_global(of_global, tolerance), tolerance)
+        Some(of_globals.fold(measured, |measured, (residual, is_round_off)| {
+            measured.and(Measured::of_global(residual, is_round_off, tolerance), tolerance)
         }))
     }
 

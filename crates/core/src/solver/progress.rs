@@ -13,7 +13,7 @@ use crate::terms::Saved;
 use super::control::Path;
 use super::pace::Pace;
 use super::strength::{StageStrength, StrengthBracket};
-use super::summary::Summary;
+use super::summary::{MOST_COUNTED, Summary};
 
 /// The last converged step of a run: together with the points, all that a restart needs.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -82,9 +82,6 @@ impl Reached {
         self.progress.fits(model) && self.summary.fits(model)
     }
 }
-
-/// Upper bound on each count of a run.
-pub(super) const MOST_COUNTED: usize = 1 << 48;
 
 impl Progress {
     /// True if a run of this model could have come this far.

@@ -149,7 +149,7 @@ impl Measured {
     }
 
     /// The measure of one global equation, whose residual may be round-off.
-    pub(super) fn of_global((residual, is_round_off): (f64, bool), tolerance: f64) -> Measured {
+    pub(super) fn of_global(residual: f64, is_round_off: bool, tolerance: f64) -> Measured {
         let round_off = match residual {
             _ if !is_round_off || residual <= tolerance => RoundOff::NoMatter,
             _ if residual > MOST_OF_ROUND_OFF => RoundOff::Forbids,

@@ -9,7 +9,6 @@ use crate::quality::{BalanceSoFar, Quality, Warning};
 use crate::timing::Timings;
 
 use super::diagnosis::Diagnosis;
-use super::progress::MOST_COUNTED;
 
 /// What is reported on a run up to its last converged step; [`Progress`](super::Progress) holds what the next step needs.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -78,6 +77,8 @@ pub struct Summary {
     pub timings: Timings,
 }
 
+/// Upper bound on each count of a run.
+pub(super) const MOST_COUNTED: usize = 1 << 48;
 /// Relative round-off of a stored energy, [-].
 const ROUND_OFF: f64 = 1e-13;
 /// Work, relative to the energy of an initial stress, below which it is hardly more than round-off, [-].
