@@ -1,5 +1,6 @@
 //! Every key of the schema, misspelt, with values of every other type, and with values outside its range: the messages
-//! are those stored in `tests/decks/generated`. `UPDATE_EXPECTED=1` rewrites them.
+//! are those stored in `tests/decks/generated`, one line for each; the first message of each code is also stored as it
+//! is rendered. `UPDATE_EXPECTED=1` rewrites them.
 
 #![allow(clippy::unwrap_used)]
 
@@ -10,6 +11,7 @@ use crate::remedy;
 use mpm::deck::diagnostic::{Diagnostic, Gate};
 use mpm::deck::load::load_text;
 use mpm::deck::schema::strict_schema;
+use mpm::deck::source::Source;
 use serde_json::Value;
 
 use crate::deck_text::{DeckText, last, misspelt, place, root};
@@ -44,7 +46,7 @@ fn resolve(home: &str) -> String {
     reference.map_or_else(|| home.to_owned(), |path| resolve(path.trim_start_matches('#')))
 }
 
-fn has_type(schema: &Value, value: &Value) -> bool {
+fn of_type(schema: &Value, value: &Value) -> bool {
     match schema.get("type").and_then(Value::as_str) {
         Some("number") => value.is_number(),
         Some("integer") => value.is_i64() || value.is_u64(),
@@ -62,7 +64,7 @@ fn walk(home: &str, value: &Value, at: &str, found: &mut BTreeMap<String, String
     if let Some(choices) = node.get("anyOf").and_then(Value::as_array) {
         let schema_of =
             |choice: usize| strict_schema().pointer(&resolve(&format!("{home}/anyOf/{choice}"))).unwrap();
-        let chosen = (0..choices.len()).find(|choice| has_type(schema_of(*choice), value)).unwrap();
+        let chosen = (0..choices.len()).find(|choice| of_type(schema_of(*choice), value)).unwrap();
         return walk(&format!("{home}/anyOf/{chosen}"), value, at, found);
     }
     if let Some(items) = value.as_array() {
@@ -133,9 +135,9 @@ fn keys(decks: &[DeckText; 8]) -> Vec<Key<'_>> {
     for deck in decks {
         let mut found = BTreeMap::new();
         walk("", &deck.value, "", &mut found);
-        let mut found_in_deck: Vec<(String, String)> = found.into_iter().collect();
-        found_in_deck.sort_by_key(|(_, pointer)| deck.source.key_span_of(pointer).unwrap().start);
-        for (home, pointer) in found_in_deck {
+        let mut of_deck: Vec<(String, String)> = found.into_iter().collect();
+        of_deck.sort_by_key(|(_, pointer)| deck.source.key_span_of(pointer).unwrap().start);
+        for (home, pointer) in of_deck {
             if seen.insert(home.clone()) {
                 keys.push(Key { deck, pointer, schema: strict_schema().pointer(&resolve(&home)).unwrap() });
             }
@@ -157,53 +159,113 @@ fn compare(name: &str, found: &str) {
     assert!(stored == found, "{name} differs from what is stored, first in {differs:?}");
 }
 
-fn messages(deck: &DeckText, text: &str) -> (Vec<Diagnostic>, String) {
-    let (found, text) = match load_text(&deck.name, text.as_bytes(), &[]) {
-        Ok(loaded) => (loaded.notes, String::new()),
-        Err(failure) => (failure.diagnostics.clone(), failure.render(false)),
+/// The messages about a changed deck, with the text to which they refer.
+fn messages(deck: &DeckText, text: &str) -> (Source, Vec<Diagnostic>) {
+    let (source, found) = match load_text(&deck.name, text.as_bytes(), &[]) {
+        Ok(loaded) => (loaded.source, loaded.notes),
+        Err(failure) => (failure.source, failure.diagnostics),
     };
     found.iter().for_each(remedy::has_remedy);
-    (found, text)
+    (source, found)
+}
+
+/// Messages in the form in which they are stored.
+#[derive(Default)]
+struct Stored {
+    /// The first message of each code, as it is rendered.
+    rendered: BTreeMap<&'static str, String>,
+    /// A line for each message: its place, its code, what is wrong, notes, and the remedy.
+    lines: String,
+}
+
+impl Stored {
+    fn add(&mut self, source: &Source, found: &[Diagnostic]) {
+        for found in found {
+            self.rendered.entry(found.code).or_insert_with(|| found.render(source, false));
+            let (line, column) = place(source, found);
+            let Diagnostic { code, severity, message, notes, help, .. } = found;
+            let name = last(source.name());
+            let mut text = format!("{name}:{line}:{column} {severity:?} {code} {message}");
+            notes.iter().for_each(|note| text.push_str(&format!("; note: {note}")));
+            help.iter().for_each(|help| text.push_str(&format!("; help: {help}")));
+            self.lines.push_str(&(text.replace('\n', " ") + "\n"));
+        }
+    }
+
+    fn text(&self) -> String {
+        let rendered: Vec<String> = self.rendered.values().map(|message| format!("{message}\n\n")).collect();
+        rendered.concat() + &self.lines
+    }
 }
 
 #[test]
 fn every_misspelt_key_is_named() {
     let decks = decks();
-    let mut all = String::new();
+    let mut all = Stored::default();
     for key in keys(&decks) {
         let (name, wrong) = (last(&key.pointer), misspelt(last(&key.pointer)));
         let text = key.deck.with_key(&key.pointer, &wrong);
-        let (found, rendered) = messages(key.deck, &text);
+        let (source, found) = messages(key.deck, &text);
         let expected = key.deck.source.line_column(key.deck.source.key_span_of(&key.pointer).unwrap().start);
-        let source = mpm::deck::source::Source::read(&key.deck.name, text.as_bytes()).0;
         let named = found.iter().find(|d| d.code == "D006" && place(&source, d) == expected);
-        let named = named.unwrap_or_else(|| panic!("{}: {rendered}", key.pointer));
+        let named = named.unwrap_or_else(|| panic!("{}: {found:?}", key.pointer));
         assert!(named.is_error() && named.gate == Gate::Shape);
         let help = named.help.as_ref().unwrap();
         assert!(help.contains(&format!("`{name}`")), "{}: {help}", key.pointer);
-        all.push_str(&rendered);
-        all.push('\n');
+        all.add(&source, &found);
     }
-    compare("misspelt_keys", &all);
+    compare("misspelt_keys", &all.text());
 }
 
-/// A value of every type; a key accepts at most a few of them.
-const VALUES: [&str; 6] = ["wrong", "5.5", "true", "", "[7]", "{a: 7}"];
+/// A value of every type, and how messages call it; a key accepts at most a few of them.
+const VALUES: [(&str, &str); 6] = [
+    ("wrong", "the text `wrong`"),
+    ("5.5", "the number 5.5"),
+    ("true", "`true`"),
+    ("", "an empty value"),
+    ("[7]", "a list"),
+    ("{a: 7}", "a mapping"),
+];
+
+/// The errors about a value: what they say, without how they call the value, and where.
+fn errors(source: &Source, found: &[Diagnostic], called: &str) -> (String, String) {
+    let errors = || found.iter().filter(|found| found.is_error());
+    let ending = format!(", found {called}");
+    let said = |found: &Diagnostic| {
+        format!("{} {}", found.code, found.message.strip_suffix(&ending).unwrap_or(&found.message))
+    };
+    let at = |found: &Diagnostic| {
+        let (line, column) = place(source, found);
+        format!("{line}:{column}")
+    };
+    let said: Vec<String> = errors().map(said).collect();
+    let said = if said.is_empty() { "accepted".to_owned() } else { said.join(" + ") };
+    (said, errors().map(at).collect::<Vec<_>>().join(" + "))
+}
+
+/// The values of a key by what the errors about them say, and by where.
+type ByErrors = Vec<(String, Vec<(String, Vec<&'static str>)>)>;
+
+/// The entry of a list with this key, which is added if it does not exist.
+fn entry<V: Default>(list: &mut Vec<(String, V)>, key: String) -> &mut V {
+    let place = list.iter().position(|(known, _)| *known == key).unwrap_or_else(|| {
+        list.push((key, V::default()));
+        list.len() - 1
+    });
+    &mut list[place].1
+}
 
 #[test]
 fn every_wrong_type_is_named() {
     let decks = decks();
     let mut all = String::new();
     for key in keys(&decks) {
-        for value in VALUES {
+        let mut by_errors = ByErrors::new();
+        for (value, called) in VALUES {
             let text = key.deck.with_value(&key.pointer, value);
-            let (found, _) = messages(key.deck, &text);
-            let source = mpm::deck::source::Source::read(&key.deck.name, text.as_bytes()).0;
-            all.push_str(&format!("{}: {value}\n", key.pointer));
-            for message in found.iter().filter(|d| d.is_error()) {
-                let (line, column) = place(&source, message);
-                all.push_str(&format!("  {}:{line}:{column}: {}\n", message.code, message.message));
-            }
+            let (source, found) = messages(key.deck, &text);
+            let (said, at) = errors(&source, &found, called);
+            entry(entry(&mut by_errors, said), at).push(value);
             let first = found.iter().find(|d| d.is_error() && d.gate == Gate::Shape);
             if let Some(first) = first {
                 let line = place(&source, first).0;
@@ -212,6 +274,11 @@ fn every_wrong_type_is_named() {
                 let right = places.map(|span| key.deck.source.line_column(span.unwrap().start).0);
                 assert!(right.contains(&line), "{}: {value}: {first:?}", key.pointer);
             }
+        }
+        for (said, places) in by_errors {
+            let places = places.iter().map(|(at, values)| format!("{at} [{}]", values.join(" | ")));
+            let places: Vec<String> = places.collect();
+            all.push_str(&format!("{} {said}: {}\n", key.pointer, places.join(", ").trim_start()));
         }
     }
     compare("wrong_types", &all);
@@ -236,7 +303,7 @@ fn beyond(schema: &Value) -> Vec<f64> {
 #[test]
 fn every_value_out_of_range_is_named() {
     let decks = decks();
-    let mut all = String::new();
+    let mut all = Stored::default();
     let mut count = 0;
     for key in keys(&decks) {
         let choices = key.schema.get("anyOf").and_then(Value::as_array);
@@ -244,16 +311,14 @@ fn every_value_out_of_range_is_named() {
             choices.map_or_else(|| vec![key.schema], |choices| choices.iter().collect());
         for value in ranges.into_iter().flat_map(beyond) {
             let text = key.deck.with_value(&key.pointer, &value.to_string());
-            let (found, rendered) = messages(key.deck, &text);
-            let source = mpm::deck::source::Source::read(&key.deck.name, text.as_bytes()).0;
+            let (source, found) = messages(key.deck, &text);
             let place_of_value = source.line_column(source.span_of(&key.pointer).unwrap().start);
             let named = found.iter().any(|d| d.code == "D009" && place(&source, d) == place_of_value);
-            assert!(named, "{} = {value}: {rendered}", key.pointer);
-            all.push_str(&rendered);
-            all.push('\n');
+            assert!(named, "{} = {value}: {found:?}", key.pointer);
+            all.add(&source, &found);
             count += 1;
         }
     }
     assert!(count > 20, "{count}");
-    compare("ranges", &all);
+    compare("ranges", &all.text());
 }
