@@ -76,6 +76,13 @@ where
         }
     }
 
+    /// Largest number of history variables of the materials that stages assign to a body.
+    fn later_history(&self, body: &str, materials: &[MaterialOfPoints]) -> usize {
+        let later = self.deck.stages.iter().filter_map(|stage| stage.material.get(body));
+        let later = materials.iter().filter(|material| later.clone().any(|name| *name == material.name));
+        later.map(|material| material.law.state_fields().len()).max().unwrap_or(0)
+    }
+
     /// Fills every body with points; returns the points that this rank creates, with their permanent numbers.
     pub(super) fn seeds(
         &mut self,
@@ -89,11 +96,7 @@ where
             let body = &bodies[number];
             let density = self.deck.materials[&deck.material].density().and_then(Expression::as_number);
             let mut history = materials[body.material].law.initial_history();
-            // Points need room for the history variables of materials that stages assign to the body.
-            let later = self.deck.stages.iter().filter_map(|stage| stage.material.get(&deck.name));
-            let later = materials.iter().filter(|material| later.clone().any(|name| *name == material.name));
-            let most = later.map(|material| material.law.state_fields().len()).max().unwrap_or(0);
-            let room = history.len().max(most);
+            let room = history.len().max(self.later_history(&deck.name, materials));
             history.resize(room, 0.0);
             let filling = Filling {
                 grid,

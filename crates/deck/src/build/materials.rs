@@ -172,12 +172,15 @@ where
         room: usize,
         seeds: &mut [Seed<D>],
     ) {
-        let MaterialOfPoints { name, stated, law, density } = material;
+        self.weigh(body, material, seeds);
+        let MaterialOfPoints { name, stated, law, .. } = material;
         let varying = &stated.varying;
+        if varying.is_empty() {
+            return;
+        }
         let own = law.state_fields().len() - varying.len();
         let deck = &self.deck.materials[name];
         let ranges: Vec<_> = varying.iter().map(|varying| deck.range(&varying.key)).collect();
-        let density_range = density.as_ref().map(|_| deck.range("density"));
         // The first fault of each property.
         let mut faults: Vec<(String, &str, String, String)> = Vec::new();
         let mut fault = |key: &str, code, message: String, help: String| {
@@ -188,23 +191,6 @@ where
         for seed in seeds {
             let place =
                 || format!("at the point {} of the body {}", coordinates(&seed.position), quote(body));
-            if let (Some(density), Some(range)) = (density, &density_range) {
-                let value = density.evaluate(&seed.position);
-                if range.contains(value) {
-                    seed.mass = value * seed.volume;
-                } else {
-                    let message = format!("the density of {} is {value} {}", quote(name), place());
-                    fault(
-                        "density",
-                        "D058",
-                        message,
-                        format!("change it so that it is {}{}", finite(value), range.in_words()),
-                    );
-                }
-            }
-            if varying.is_empty() {
-                continue;
-            }
             let mut history = law.initial_history_at(&padded(&seed.position));
             let properties = &history[own..];
             let mut is_in_range = true;
@@ -234,6 +220,27 @@ where
         }
         for (key, code, message, help) in faults {
             self.error(code, &format!("/materials/{}/{key}", escape(name)), message, help);
+        }
+    }
+
+    /// Gives each point the mass that follows from a density that varies, and checks this density.
+    fn weigh(&mut self, body: &str, material: &MaterialOfPoints, seeds: &mut [Seed<D>]) {
+        let MaterialOfPoints { name, density: Some(density), .. } = material else { return };
+        let range = self.deck.materials[name].range("density");
+        let mut first = None;
+        for seed in seeds {
+            let value = density.evaluate(&seed.position);
+            if range.contains(value) {
+                seed.mass = value * seed.volume;
+            } else {
+                first.get_or_insert((value, seed.position));
+            }
+        }
+        if let Some((value, position)) = first {
+            let place = format!("at the point {} of the body {}", coordinates(&position), quote(body));
+            let message = format!("the density of {} is {value} {place}", quote(name));
+            let help = format!("change it so that it is {}{}", finite(value), range.in_words());
+            self.error("D058", &format!("/materials/{}/density", escape(name)), message, help);
         }
     }
 }
