@@ -13,7 +13,7 @@ use mpm::model::Model;
 use mpm::points::Points;
 use mpm::solver::{Silent, SolveError, Stepper};
 use mpm::step::{At, Nodal, StepContext};
-use mpm::terms::{BeginError, EvaluateError, Term};
+use mpm::terms::{BeginError, Character, EvaluateError, Term};
 
 /// A point force that moves with the time of the analysis.
 struct Trolley {
@@ -55,8 +55,8 @@ impl Term<2> for Trolley {
         "trolley"
     }
 
-    fn is_symmetric(&self, _: &StepContext<2>) -> bool {
-        true
+    fn character(&self, _: &Model<2>) -> Character {
+        Character::SMOOTH
     }
 
     fn begin(&mut self, step: &StepContext<2>, _: &Points<2>) -> Result<(), BeginError> {

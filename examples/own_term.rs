@@ -17,7 +17,7 @@ use mpm::model::{BuildError, Builder, Fill, Model};
 use mpm::points::Points;
 use mpm::solver::{Silent, Stepper, Summary};
 use mpm::step::{At, StepContext};
-use mpm::terms::{BeginError, EvaluateError, Ledger, Saved, Term, TermReport};
+use mpm::terms::{BeginError, Character, EvaluateError, Ledger, Saved, Term, TermReport};
 
 /// A wall. Points x with normal·x < offset are behind it; it pushes them back with a force per volume of `stiffness`
 /// times their distance from the wall.
@@ -46,12 +46,9 @@ impl Term<2> for Wall {
         "wall"
     }
 
-    fn is_symmetric(&self, _: &StepContext<2>) -> bool {
-        true
-    }
-
-    fn may_hold(&self) -> bool {
-        true
+    // Points touch the wall and leave it, and it holds the block.
+    fn character(&self, _: &Model<2>) -> Character {
+        Character { has_kinks: true, may_hold: true, ..Character::SMOOTH }
     }
 
     fn begin(&mut self, _: &StepContext<2>, _: &Points<2>) -> Result<(), BeginError> {
@@ -113,11 +110,6 @@ impl Term<2> for Wall {
 
     fn ledger(&self, _: &StepContext<2>, _: &Points<2>, _: At<2>) -> Ledger {
         Ledger { stored: self.stored - self.at_start, ..Ledger::default() }
-    }
-
-    // Points touch the wall and leave it.
-    fn has_kinks(&self) -> bool {
-        true
     }
 
     fn report(&self, _: &Model<2>, report: &mut TermReport<2>) {

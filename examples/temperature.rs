@@ -30,7 +30,7 @@ use mpm::points::{FieldKind, PointFieldSpec, Points};
 use mpm::solver::{Extension, Kernels, Reached, Summary, resume_stage, run_extended};
 use mpm::step::{At, StepContext};
 use mpm::stress::PlaneStrain;
-use mpm::terms::{BeginError, EvaluateError, Term, Terms};
+use mpm::terms::{BeginError, Character, EvaluateError, Term, Terms};
 use mpm::timing::Timings;
 
 /// The component of the temperature among the unknowns of a node.
@@ -69,12 +69,8 @@ impl Term<2, 3> for Heat {
     }
 
     // The temperature stresses the bodies, but their motion does not heat them.
-    fn is_symmetric(&self, _: &StepContext<2>) -> bool {
-        false
-    }
-
-    fn has_potential(&self, _: &Model<2>) -> bool {
-        false
+    fn character(&self, _: &Model<2>) -> Character {
+        Character { is_symmetric: false, has_potential: false, ..Character::SMOOTH }
     }
 
     fn begin(&mut self, _: &StepContext<2>, _: &Points<2>) -> Result<(), BeginError> {

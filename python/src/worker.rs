@@ -354,7 +354,7 @@ fn step_document<const D: usize>(
         "strength_factor": report.strength_factor,
         "reactions": named(&mut model.boundary_conditions.iter().map(|c| &c.name), &report.reactions),
         "loads": named(&mut model.loads.iter().map(|load| &load.name), &report.loads),
-        "tools": tools_document(model, &report.tools),
+        "tools": tools_document(model, report.list()),
         "unknowns": report.unknowns,
         "external_work": summary.external_work,
         "strain_energy": summary.strain_energy,

@@ -9,7 +9,7 @@ use mpm::points::Points;
 use mpm::solver::{Kernels, Observer, Reached, Silent, SolveError, StepReport, Stepper};
 use mpm::step::{At, StepContext};
 use mpm::stress::PlaneStrain;
-use mpm::terms::{BeginError, EvaluateError, GlobalMotion, Saved, Term};
+use mpm::terms::{BeginError, Character, EvaluateError, GlobalMotion, GlobalUnknowns, Saved, Term};
 
 /// A block of 2 m × 2 m on a grid of 3 m × 3 m, under its own weight.
 const BLOCK: &str = "
@@ -240,8 +240,8 @@ impl Term<2> for Lid {
         "lid"
     }
 
-    fn is_symmetric(&self, _: &StepContext<2>) -> bool {
-        true
+    fn character(&self, _: &Model<2>) -> Character {
+        Character::SMOOTH
     }
 
     fn begin(&mut self, step: &StepContext<2>, _: &Points<2>) -> Result<(), BeginError> {
@@ -249,15 +249,6 @@ impl Term<2> for Lid {
         self.elongation.resize(self.nodes.len(), 0.0);
         self.share = step.step.end / step.model.stepping.end_time;
         Ok(())
-    }
-
-    fn n_globals(&self) -> usize {
-        usize::from(self.spring.is_some())
-    }
-
-    fn motions(&self, _: &Model<2>) -> Vec<GlobalMotion> {
-        let plate = GlobalMotion { number: 0, of: "plate".to_owned(), component: 1, is_free: true };
-        self.spring.map(|_| plate).into_iter().collect()
     }
 
     fn constrain(
@@ -304,13 +295,27 @@ impl Term<2> for Lid {
         Ok(())
     }
 
-    fn commit(&mut self) {
+    fn commit(&mut self, _: &StepContext<2>, _: &mut Points<2>) {
         self.moved[1] = self.moved[0];
         self.elongation.clone_from(&self.trial);
     }
 
     fn save(&self) -> Option<Saved> {
         Some(serde_json::json!([self.moved, self.elongation.iter().sum::<f64>()]).into())
+    }
+
+    fn global_unknowns(&self) -> Option<&dyn GlobalUnknowns<2>> {
+        self.spring.map(|_| self as _)
+    }
+}
+
+impl GlobalUnknowns<2> for Lid {
+    fn count(&self) -> usize {
+        1
+    }
+
+    fn motions(&self, _: &Model<2>) -> Vec<GlobalMotion> {
+        vec![GlobalMotion { number: 0, of: "plate".to_owned(), component: 1, is_free: true }]
     }
 }
 
@@ -373,8 +378,8 @@ impl Term<2, 3> for Conduction {
         "conduction"
     }
 
-    fn is_symmetric(&self, _: &StepContext<2>) -> bool {
-        true
+    fn character(&self, _: &Model<2>) -> Character {
+        Character::SMOOTH
     }
 
     fn begin(&mut self, step: &StepContext<2>, _: &Points<2>) -> Result<(), BeginError> {

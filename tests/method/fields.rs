@@ -15,7 +15,7 @@ use mpm::points::Points;
 use mpm::solver::{Kernels, Silent, SolveError, Stepper};
 use mpm::step::{At, StepContext};
 use mpm::stress::PlaneStrain;
-use mpm::terms::{BeginError, EvaluateError, Term};
+use mpm::terms::{BeginError, Character, EvaluateError, Term};
 
 const YOUNG: f64 = 1e6;
 const POISSON: f64 = 0.3;
@@ -32,8 +32,8 @@ impl Term<2, 3> for KeptVolume {
         "kept volume"
     }
 
-    fn is_symmetric(&self, _: &StepContext<2>) -> bool {
-        true
+    fn character(&self, _: &Model<2>) -> Character {
+        Character::SMOOTH
     }
 
     fn begin(&mut self, _: &StepContext<2>, _: &Points<2>) -> Result<(), BeginError> {

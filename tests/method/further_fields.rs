@@ -16,7 +16,7 @@ use mpm::output::summary::{Account, Start};
 use mpm::points::{FieldKind, PointFieldSpec, Points};
 use mpm::solver::Stepper;
 use mpm::step::{At, StepContext};
-use mpm::terms::{BeginError, EvaluateError, Term, TermReport};
+use mpm::terms::{BeginError, Character, EvaluateError, Term, TermReport};
 use mpm::timing::Timings;
 use vtkio::IOBuffer;
 use vtkio::model::Attribute;
@@ -33,8 +33,8 @@ impl Term<2> for Way {
         "way"
     }
 
-    fn is_symmetric(&self, _: &StepContext<2>) -> bool {
-        true
+    fn character(&self, _: &Model<2>) -> Character {
+        Character::SMOOTH
     }
 
     fn begin(&mut self, _: &StepContext<2>, _: &Points<2>) -> Result<(), BeginError> {

@@ -10,7 +10,7 @@ use mpm::model::Model;
 use mpm::points::{PointArray, Points};
 use mpm::solver::{Reached, Silent, SolveError, Stepper, run_stages, run_stages_with_terms};
 use mpm::step::{At, Nodal, StepContext};
-use mpm::terms::{BeginError, EvaluateError, Saved, Term, TermFailure};
+use mpm::terms::{BeginError, Character, EvaluateError, Saved, Term, TermFailure};
 use serde_json::Value;
 
 /// A term without force that cannot be evaluated if a node moves too far, or from some step on.
@@ -36,8 +36,8 @@ impl Term<2> for Brittle {
         "brittle"
     }
 
-    fn is_symmetric(&self, _: &StepContext<2>) -> bool {
-        true
+    fn character(&self, _: &Model<2>) -> Character {
+        Character::SMOOTH
     }
 
     fn begin(&mut self, step: &StepContext<2>, _: &Points<2>) -> Result<(), BeginError> {
@@ -130,12 +130,8 @@ impl Term<2> for OwnWeight {
         "own weight"
     }
 
-    fn is_symmetric(&self, _: &StepContext<2>) -> bool {
-        true
-    }
-
-    fn may_slump(&self, _: &Model<2>) -> bool {
-        self.may_slump
+    fn character(&self, _: &Model<2>) -> Character {
+        Character { may_slump: self.may_slump, ..Character::SMOOTH }
     }
 
     fn begin(&mut self, step: &StepContext<2>, points: &Points<2>) -> Result<(), BeginError> {
@@ -164,7 +160,7 @@ impl Term<2> for OwnWeight {
         }
     }
 
-    fn commit(&mut self) {
+    fn commit(&mut self, _: &StepContext<2>, _: &mut Points<2>) {
         self.steps += 1;
     }
 

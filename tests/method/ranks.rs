@@ -11,6 +11,8 @@ use mpm::model::Model;
 use mpm::points::Points;
 use mpm::ranks::{Ranks, threads};
 use mpm::solver::{Observer, Reached, SolveError, StepReport};
+use mpm::surface::SurfaceFields;
+use mpm::terms::ToolState;
 
 use crate::long::{first, is_long};
 
@@ -46,8 +48,8 @@ impl<const D: usize> Observer<D> for Recorder {
         let (energy, links) = (report.energy, &report.grid.links);
         let mut numbers: Vec<f64> = report.reactions.iter().flatten().copied().collect();
         numbers.extend(report.loads.iter().flatten());
-        numbers.extend(report.tools.iter().flat_map(|tool| tool.force));
-        for surface in &report.surfaces {
+        numbers.extend(report.list::<ToolState<D>>().iter().flat_map(|tool| tool.force));
+        for surface in report.list::<SurfaceFields<D>>() {
             numbers.extend(
                 [&surface.position, &surface.load, &surface.reaction].into_iter().flatten().flatten(),
             );
@@ -61,7 +63,8 @@ impl<const D: usize> Observer<D> for Recorder {
             report.stabilised_faces as f64,
         ]);
         self.record.numbers.push(numbers);
-        let mut moments: Vec<f64> = report.tools.iter().flat_map(|tool| tool.moment).collect();
+        let mut moments: Vec<f64> =
+            report.list::<ToolState<D>>().iter().flat_map(|tool| tool.moment).collect();
         moments.extend(report.moments.iter().flatten().flat_map(|of| of.moment));
         self.record.moments.push(moments);
         let gathered = points.gather();

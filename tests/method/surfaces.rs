@@ -7,6 +7,8 @@ use mpm::model::Model;
 use mpm::points::PointArray;
 use mpm::points::Points;
 use mpm::solver::{Observer, Reached, StepReport, run as solve};
+use mpm::surface::SurfaceFields;
+use mpm::terms::ToolState;
 
 use crate::stages::{Run, resumes, run};
 
@@ -62,7 +64,7 @@ fn a_wall_set_on_a_surface_takes_over_what_loads_leave() {
         assert_eq!(wall[5..], [0.0; 3]);
         // Mean position of the samples of the surface.
         let position = |step: usize| {
-            let places = &every.reports[step].surfaces[0].position;
+            let places = &every.reports[step].list::<SurfaceFields<2>>()[0].position;
             places.iter().map(|x| x[0]).sum::<f64>() / places.len() as f64
         };
         assert!((position(4) - position(1)).abs() < 1e-12, "{:e}", position(4) - position(1));
@@ -108,9 +110,10 @@ fn the_surface_of_a_body_that_is_added_again_begins_anew() {
         ("  - {name: top, body: cap, part: {edge: 2}}", "  - {name: roof, surface: top, uy: -1e-3}");
     for method in ["mpm", "gimp", "cpdi2"] {
         let Run { every, .. } = run(&bar(method, top, roof, "", stages));
-        let moved: Vec<f64> = (every.reports.iter().map(|report| &report.surfaces[1].position))
-            .map(|places| places.iter().map(|x| x[1] - 1.4).sum::<f64>() / places.len() as f64)
-            .collect();
+        let moved: Vec<f64> =
+            (every.reports.iter().map(|report| &report.list::<SurfaceFields<2>>()[1].position))
+                .map(|places| places.iter().map(|x| x[1] - 1.4).sum::<f64>() / places.len() as f64)
+                .collect();
         for (moved, expected) in moved.iter().zip([-0.5e-3, -1e-3, 0.0, 0.0]) {
             assert!((moved - expected).abs() < 5e-5, "{method}: {moved:e} instead of {expected:e}");
         }
@@ -138,7 +141,8 @@ output: {probes: [{name: tip, body: bar, nearest: [2.1, 0.9]}]}";
     );
     resumes(&deck);
     let Run { every, .. } = run(&deck);
-    let counts: Vec<usize> = every.reports.iter().map(|report| report.surfaces[2].position.len()).collect();
+    let counts: Vec<usize> =
+        every.reports.iter().map(|report| report.list::<SurfaceFields<2>>()[2].position.len()).collect();
     assert_eq!(counts.iter().filter(|n| **n == 0).count(), 4, "the cap is there in two stages: {counts:?}");
     assert!(every.reports.iter().all(|report| report.energy.external_work.is_finite()));
 }
@@ -243,8 +247,8 @@ steps: {{count: 2, control: {{type: displacement, tool: plate, axis: y, to: -0.0
         );
         let Run { every, .. } = run(&deck);
         let last = every.reports.last().unwrap();
-        println!("{on}: factor {:?}, displacement {:?}", last.load_factor, last.tools[0].displacement);
-        assert!((last.tools[0].displacement[1] + 0.02).abs() < 1e-12);
+        println!("{on}: factor {:?}, displacement {:?}", last.load_factor, last.list::<ToolState<2>>()[0].displacement);
+        assert!((last.list::<ToolState<2>>()[0].displacement[1] + 0.02).abs() < 1e-12);
         last.load_factor.unwrap()
     });
     assert!(found[0] > 1.0 && (found[0] / found[1] - 1.0).abs() < 1e-5, "{found:?}");

@@ -128,6 +128,18 @@ def circles(arrows):
     return sorted(sorted("::".join(module) for module in group) for group in groups)
 
 
+def between_rooms(arrows):
+    """The arrows between modules that share a parent, each with all that it contains."""
+    found = collections.defaultdict(set)
+    for module, used in arrows.items():
+        for other in used:
+            pairs = zip(module, other)
+            shared = next((k for k, (a, b) in enumerate(pairs) if a != b), None)
+            if shared:
+                found[module[:shared + 1]].add(other[:shared + 1])
+    return found
+
+
 @pytest.fixture(scope="module")
 def sources():
     return Sources(CRATES)
@@ -136,6 +148,11 @@ def sources():
 def test_no_files_import_each_other_in_a_circle(sources):
     assert len(sources.files) > 250, "all files are looked at"
     assert circles(sources.arrows()) == []
+
+
+def test_no_rooms_of_the_core_import_each_other_in_a_circle(sources):
+    core = {module: used for module, used in sources.arrows().items() if module[0] == "mpm_core"}
+    assert circles(between_rooms(core)) == []
 
 
 def test_nothing_is_imported_from_a_higher_layer(sources):
@@ -163,6 +180,14 @@ def test_circles_and_arrows_upwards_are_found(tmp_path):
     (tmp_path / "c.rs").write_text("not part of it")
     found = Sources({"crate_of_test": tmp_path / "lib.rs"})
     assert circles(found.arrows()) == [["crate_of_test::a", "crate_of_test::b"]]
+    # A file of one room that uses another room, whose root uses the first room.
+    (tmp_path / "b").mkdir()
+    (tmp_path / "a.rs").write_text("use crate::b::inner::Inner;\npub struct Alpha;\n")
+    (tmp_path / "b.rs").write_text("pub mod inner;\npub struct Beta;\nfn f(_: super::Alpha) {}\n")
+    (tmp_path / "b/inner.rs").write_text("pub struct Inner;\n")
+    found = Sources({"crate_of_test": tmp_path / "lib.rs"})
+    assert circles(found.arrows()) == []
+    assert circles(between_rooms(found.arrows())) == [["crate_of_test::a", "crate_of_test::b"]]
     (tmp_path / "b.rs").write_text("pub struct Beta;\n#[cfg(test)]\nmod tests {\n    use super::Alpha;\n}\n")
     assert circles(Sources({"crate_of_test": tmp_path / "lib.rs"}).arrows()) == []
 

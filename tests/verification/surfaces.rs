@@ -7,6 +7,7 @@ use mpm::material::{Hencky, Material, NeoHookean};
 use mpm::model::Model;
 use mpm::points::Points;
 use mpm::solver::StepReport;
+use mpm::surface::SurfaceFields;
 
 use crate::analysis::watch;
 use crate::radial::{Inner, Radial, Shell};
@@ -71,7 +72,7 @@ fn error_of_pressure(shell: Shell, law_name: &str, method: &str, n: usize) -> f6
     let mut exact = Radial::new(shell, [INNER, OUTER], law.as_ref(), 200);
     let mut error = 0.0;
     run(&text, |_, report| {
-        let surface = &report.surfaces[0];
+        let surface = &report.list::<SurfaceFields<2>>()[0];
         let (mut sum, mut area) = (0.0, 0.0);
         for (x, a) in surface.position.iter().zip(&surface.area) {
             sum += a * x[0].hypot(x[1]);
@@ -182,7 +183,7 @@ impl mpm::solver::Observer<3> for MeanRadius {
             let sum: f64 = places.iter().zip(areas).map(|(x, a)| a * length(x)).sum();
             sum / areas.iter().sum::<f64>()
         };
-        let (surface, now) = (&model.surfaces[0], &report.surfaces[0]);
+        let (surface, now) = (&model.surfaces[0], &report.list::<SurfaceFields<3>>()[0]);
         let areas: Vec<f64> = (0..surface.len()).map(|k| length(&surface.original_area(k))).collect();
         (self.from, self.to) = (mean(&surface.samples, &areas), mean(&now.position, &now.area));
         Ok(())
@@ -219,7 +220,9 @@ fn a_block_under_pressure_has_no_residual_at_any_angle() {
         let largest = report.grid.reaction.iter().flatten().fold(0.0f64, |most, r| most.max(r.abs()));
         assert!(largest < 1e-10 * pressure, "step {steps}: {largest:e} of {pressure}");
         assert!(report.loads[0].iter().all(|f| f.abs() < 1e-12 * pressure), "{:?}", report.loads);
-        assert!((report.surfaces[0].area.iter().sum::<f64>() / stretch - 6.0).abs() < 1e-10);
+        assert!(
+            (report.list::<SurfaceFields<2>>()[0].area.iter().sum::<f64>() / stretch - 6.0).abs() < 1e-10
+        );
     });
     assert_eq!(steps, 10);
 }
@@ -242,7 +245,8 @@ fn a_floating_body_displaces_its_weight() {
     let (_, points) = run(text, |_, report| {
         let [gravity, water] = [report.loads[0][1], report.loads[1][1]];
         assert!((gravity + weight).abs() < 1e-9 * weight && (water - weight).abs() < 1e-8 * weight);
-        let deepest = report.surfaces[0].position.iter().fold(f64::INFINITY, |y, x| y.min(x[1]));
+        let deepest =
+            report.list::<SurfaceFields<2>>()[0].position.iter().fold(f64::INFINITY, |y, x| y.min(x[1]));
         // The draught of the base; the elastic shortening is of the order of 1e-4.
         assert!((1.5 - deepest - 0.6).abs() < 1e-3, "{deepest}");
         let orders = mpm::quality::newton_order(&report.residuals);

@@ -4,25 +4,37 @@
 //! surfaces with their loads and weak conditions, and the contact with rigid tools. A new term implements [`Term`], in
 //! a file here or in another crate.
 
+mod attached;
 pub mod contact;
 pub mod external_force;
 mod failure;
 pub mod ghost;
+mod global_unknowns;
 pub mod held_material;
+mod layout;
+mod ledger;
 pub mod material_points;
+mod multipliers;
+mod report;
 mod saved;
 mod sum;
 pub mod surface;
 mod term;
 
+pub use attached::{Attached, Obstacle};
 pub use contact::{
-    Contact, ContactError, ContactPlace, ContactPoint, Mode, PartState, StartOverlap, ToolState,
-    boxes_on_the_way, overlaps_at_start,
+    Contact, ContactPoint, Mode, PartState, StartOverlap, ToolState, boxes_on_the_way, overlaps_at_start,
 };
 pub use failure::{
-    BeginError, EvaluateError, LawFailure, LoadNotFinite, PointFailure, SurfaceLost, TermFailure,
+    BeginError, ContactError, ContactPlace, EvaluateError, LawFailure, LoadNotFinite, PointFailure,
+    SurfaceLost, TermFailure,
 };
+pub use global_unknowns::{GlobalMotion, GlobalUnknowns};
+pub use layout::Layout;
+pub use ledger::Ledger;
+pub use multipliers::{Augmentation, Multipliers, Response};
+pub use report::{NamedForce, Record, Records, SurfaceReaction, TermReport};
 pub use saved::Saved;
 pub use sum::{Sum, Terms, continue_from, motions, of_model, restore, save};
 pub use surface::Surfaces;
-pub use term::{Augmentation, GlobalMotion, Ledger, NamedForce, Response, SurfaceReaction, Term, TermReport};
+pub use term::{Character, Coupled, Term};

@@ -7,6 +7,8 @@ use serde::{Deserialize, Serialize};
 use mpm_core::model::Model;
 use mpm_core::points::Points;
 use mpm_core::solver::{ReactionMoment, StepReport, Summary};
+use mpm_core::surface::SurfaceFields;
+use mpm_core::terms::ToolState;
 
 use super::fields::{pressure, von_mises_stress};
 
@@ -57,9 +59,10 @@ impl ForceBalance {
         let own = report.grid.reaction.iter().enumerate().filter(|(node, _)| halo.is_own(*node));
         let nodal_force = halo.ranks().total(own.flat_map(|(_, reaction)| reaction).map(|r| r.abs()).sum());
         // A pressure on a closed surface has no resultant, so the magnitudes at its samples are summed.
+        let (surfaces, tools) = (report.list::<SurfaceFields<D>>(), report.list::<ToolState<D>>());
         let surface_forces =
-            report.surfaces.iter().flat_map(|surface| surface.reaction.iter().chain(&surface.load)).flatten();
-        let tool_forces = report.tools.iter().flat_map(|tool| tool.contacts.iter().flat_map(|at| &at.force));
+            surfaces.iter().flat_map(|surface| surface.reaction.iter().chain(&surface.load)).flatten();
+        let tool_forces = tools.iter().flat_map(|tool| tool.contacts.iter().flat_map(|at| &at.force));
         let held = nodal_force + surface_forces.chain(tool_forces).map(|r| r.abs()).sum::<f64>();
         let applied = report.applied();
         let magnitude: f64 = applied.iter().map(|f| f.abs()).sum();
@@ -69,7 +72,7 @@ impl ForceBalance {
             moment: moment.components().to_vec(),
         });
         let named = report.forces.iter().map(|named| (named.name.clone(), named.force.to_vec()));
-        let tools = model.tools.iter().zip(&report.tools);
+        let tools = model.tools.iter().zip(tools);
         let further = named.chain(tools.map(|(tool, state)| (tool.name.clone(), state.force.to_vec())));
         ForceBalance {
             applied: applied.to_vec(),

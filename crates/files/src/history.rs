@@ -4,6 +4,7 @@ use mpm_core::dofs::Field;
 use mpm_core::model::{Model, Probe};
 use mpm_core::points::Points;
 use mpm_core::solver::{FailedAttempt, ReactionMoment, Step, StepReport, Summary};
+use mpm_core::terms::ToolState;
 
 use super::findings::Findings;
 use super::table::Entry;
@@ -156,7 +157,7 @@ pub fn row_of_history<const D: usize>(
         row.extend(moment.iter().flat_map(|moment| moment.components()).map(|m| Entry::from(*m)));
     }
     row.extend(report.loads.iter().flatten().map(|f| Entry::from(*f)));
-    for tool in &report.tools {
+    for tool in report.list::<ToolState<D>>() {
         let about = if model.revolved {
             3
         } else if D == 3 {

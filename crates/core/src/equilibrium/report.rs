@@ -7,11 +7,10 @@ use crate::dofs::{DofMap, FURTHER, Field};
 use crate::linear::Factorisation;
 use crate::model::Model;
 use crate::ranks::Reduction;
-use crate::terms::{NamedForce, ToolState};
+use crate::terms::{NamedForce, Record, Records};
 
 use super::balance::{Energy, ReactionMoment};
 use crate::step::{Nodal, Step};
-use crate::surface::SurfaceFields;
 
 /// Grid fields of a load step.
 #[non_exhaustive]
@@ -117,10 +116,8 @@ pub struct StepReport<const D: usize> {
     pub loads: Vec<[f64; D]>,
     /// Forces of terms other than the loads of the model, such as the forces that a stage releases.
     pub forces: Vec<NamedForce<D>>,
-    /// The surfaces of the model.
-    pub surfaces: Vec<SurfaceFields<D>>,
-    /// The rigid tools of the model.
-    pub tools: Vec<ToolState<D>>,
+    /// What terms report by types of their own, such as the surfaces and the rigid tools of the model.
+    pub records: Records,
     /// Work and energy.
     pub energy: Energy,
     /// Relative imbalance of moments, see [`moment_error`](super::moment_error), [-]; `None` for bodies of revolution.
@@ -141,6 +138,11 @@ impl<const D: usize> StepReport<D> {
     /// Number of iterations: linear solves and, with a predictor, the predicted increment.
     pub fn solves(&self) -> usize {
         self.residuals.len().saturating_sub(1 + self.augmentations)
+    }
+
+    /// The values of this type that a term has reported, on all ranks; none if no term reports any.
+    pub fn list<T: Record>(&self) -> &[T] {
+        self.records.list()
     }
 
     /// Sum of the resultants of all loads, [force].

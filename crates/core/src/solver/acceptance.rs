@@ -2,7 +2,7 @@
 
 use crate::equilibrium::StepReport;
 use crate::quality::{Code, Location, Measures, Warning};
-use crate::step::Step;
+use crate::step::{Step, StepContext};
 use crate::terms::save;
 use crate::timing::{Phase, Timings};
 
@@ -25,8 +25,7 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         observer: &mut dyn Observer<D>,
     ) -> Result<(), SolveError> {
         self.judge(&report);
-        self.points.commit();
-        self.terms.iter_mut().for_each(|term| term.commit());
+        self.commit(&report);
         self.part_from_obstacles(&report.replaced_domains);
         self.split_long_domains();
         let (model, points) = (self.model, &*self.points);
@@ -49,6 +48,15 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         self.reached.summary.timings.add(&timings);
         self.report = Some(report);
         agree(&points.reduction(), observed.map_err(SolveError::Output))
+    }
+
+    /// Commits the terms, then the points.
+    fn commit(&mut self, report: &StepReport<D>) {
+        let Stepper { model, points, reached, terms, .. } = self;
+        let links = &report.grid.links;
+        let context = StepContext { model, links, step: report.step, factor: reached.progress.path.factor };
+        terms.iter_mut().for_each(|term| term.commit(&context, points));
+        points.commit();
     }
 
     /// Moves the corners of replaced domains out of obstacles.

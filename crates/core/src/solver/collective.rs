@@ -85,8 +85,8 @@ pub(super) fn reach_out<const D: usize, const N: usize>(
         return Ok(links);
     }
     let mut wanted = Vec::new();
-    for term in terms {
-        let nodes = term.reach(model, points, &links).map_err(|error| SolveError::begin(error, step));
+    for attached in terms.iter_mut().filter_map(|term| term.attached()) {
+        let nodes = attached.reach(model, points, &links).map_err(|error| SolveError::begin(error, step));
         wanted.extend(agree(ranks, nodes)?);
     }
     Ok(links.with_nodes(model.grid.as_ref(), ranks, wanted))

@@ -83,14 +83,8 @@ impl<const D: usize, const N: usize> LastIterate<'_, D, N> {
         let reduction = links.reduction();
         let (mut reactions, further_reactions) = named_reactions(model, reduction, &reaction, dofs);
         let mut moments = reaction_moments(model, points, links, &delta_d, (&reaction, dofs));
-        let TermReport {
-            mut loads,
-            forces: mut named,
-            reactions: of_surfaces,
-            surfaces,
-            tools,
-            stabilised_faces,
-        } = sum.report(model);
+        let TermReport { mut loads, forces: mut named, reactions: of_surfaces, stabilised_faces, records } =
+            sum.report(model);
         reduction.sum(loads.as_flattened_mut());
         named.iter_mut().for_each(|named| reduction.sum(&mut named.force));
         for of in of_surfaces {
@@ -106,8 +100,7 @@ impl<const D: usize, const N: usize> LastIterate<'_, D, N> {
             reactions,
             further_reactions,
             moments,
-            surfaces,
-            tools,
+            records,
             loads,
             forces: named,
             energy,

@@ -52,7 +52,7 @@ pub(super) fn may_slump<const D: usize, const N: usize>(
     points: &Points<D>,
     terms: &Terms<D, N>,
 ) -> bool {
-    terms.iter().all(|term| term.may_slump(model))
+    terms.iter().all(|term| term.character(model).may_slump)
         && !model.boundary_conditions.iter().any(BoundaryCondition::moves)
         && {
             let count = |n: usize| points.reduction().count_all(n) as f64;

@@ -199,7 +199,7 @@ impl<'a, const D: usize, const N: usize> LoadStep<'_, 'a, D, N> {
         let situation = Situation {
             is_damped: attempt.is_damped(),
             begins_early: attempt.searches_early(),
-            has_kinks: sum.has_kinks(),
+            has_kinks: sum.has_kinks(attempt.context.model),
             has_unknown_factor: sum.system().per_factor().is_some(),
             prescribes: unknowns.prescribes,
             is_augmented: course.is_augmented,

@@ -54,7 +54,8 @@ pub(super) fn balancing_forces<const D: usize, const N: usize, M: Mechanics<D>>(
         .map_err(|(term, reason)| SolveError::Term { term: term.to_owned(), reason })?;
     let removed = model.stages.get(model.present.stage).map_or(&[][..], |stage| &stage.removed);
     if !removed.is_empty() {
-        terms.iter_mut().for_each(|term| term.forget_bodies(model, removed));
+        let attached = terms.iter_mut().filter_map(|term| term.attached());
+        attached.for_each(|attached| attached.forget_bodies(model, removed));
         *saved = save(&terms);
     }
     let links = reach_out(model, points, links, &mut terms, step)?;

@@ -108,7 +108,8 @@ impl<const D: usize, const N: usize> Splitting<D> for Present<'_, D, N> {
 
     fn nearest_allowed(&self, body: usize, place: [f64; D]) -> [f64; D] {
         let model = self.of_model.model;
-        self.terms.iter().fold(place, |place, term| term.nearest_allowed(model, body, place))
+        let obstacles = self.terms.iter().filter_map(|term| term.obstacle());
+        obstacles.fold(place, |place, obstacle| obstacle.nearest_allowed(model, body, place))
     }
 
     fn is_valid(&self, points: &Points<D>, p: usize, corners: &[[f64; D]]) -> bool {

@@ -43,7 +43,7 @@ impl<const D: usize, const N: usize> StepSystem<D, N> {
         // In a body of revolution, hoop stresses resist radial motion.
         let rigid = usize::from(model.revolved)..D;
         let joined = links.joined_parts();
-        let may_be_held = terms.iter().any(|term| term.may_hold());
+        let may_be_held = terms.iter().any(|term| term.character(model).may_hold);
         let unheld = dofs.unheld(&joined, reduction, rigid);
         if let Some((part, axis)) = unheld.filter(|_| !may_be_held) {
             let place = model.grid.node_position(joined.lowest[part] as usize);

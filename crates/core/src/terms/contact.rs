@@ -55,8 +55,8 @@ mod agreement;
 mod all_ranks;
 mod allowance;
 mod along;
+mod augmentation;
 mod candidates;
-mod error;
 mod evaluation;
 mod finding;
 mod interface;
@@ -85,26 +85,27 @@ use crate::ranks::Reduction;
 use crate::region::vector::{along, dot, minus, norm};
 use crate::step::{At, Nodal, StepContext};
 
+use super::attached::{Attached, Obstacle};
 use super::failure::{BeginError, EvaluateError};
+use super::global_unknowns::{GlobalMotion, GlobalUnknowns};
+use super::layout::Layout;
+use super::ledger::Ledger;
+use super::multipliers::Multipliers;
+use super::report::TermReport;
 use super::saved::Saved;
-use super::term::{Augmentation, GlobalMotion, Ledger, Response, Term, TermReport};
+use super::term::{Character, Coupled, Term};
 use agreement::{Failure, agreed};
-use along::{Followed, followed};
 use candidates::{Candidate, Key};
-use evaluation::{Trial, Trials, first_unknowns};
+use evaluation::{Trial, Trials};
 use interface::Multiplier;
 use motion::Moving;
-use multipliers::{Change, Kept, Worst, forces_of, worst};
+use multipliers::{Change, Kept, Worst, forces_of};
 use plain::of_all_ranks;
 use search::Found;
 
-pub use error::{ContactError, ContactPlace};
 pub use interface::Mode;
 pub use start::{StartOverlap, boxes_on_the_way, overlaps_at_start};
 pub use state::{ContactPoint, PartState, ToolState};
-
-/// Factor applied to the penalty of contact points whose gaps close slowly over many updates.
-const MORE_PENALTY: f64 = 10.0;
 
 /// The rigid tools of a model and their contact with the bodies.
 #[derive(Debug, Clone)]
@@ -193,24 +194,6 @@ impl<const D: usize> Contact<D> {
         let pairs = self.candidates.iter().zip(&self.trials).enumerate();
         pairs.filter_map(|(k, (candidate, trial))| Some((k, candidate, trial, trial.touch.as_deref()?)))
     }
-
-    /// All contact points at the linearised end of an increment; `None` if one changes its state on the way, or if the
-    /// equations do not belong to the state in which the increment begins.
-    fn followed<const N: usize>(&self, increment: At<N>) -> Option<Vec<Followed<D>>> {
-        if self.at_rest {
-            return None;
-        }
-        let first = first_unknowns(&self.tools);
-        let of_place = |k: usize| {
-            let (candidate, trial) = (&self.candidates[k], &self.trials[k]);
-            let number = candidate.key.tool as usize;
-            let motions = increment.globals.get(first[number]..).unwrap_or_default();
-            let increments = (increment.delta_d, motions);
-            followed(candidate, &self.multipliers[k], trial, &self.tools[number], increments)
-        };
-        let followed: Option<Vec<Followed<D>>> = (0..self.trials.len()).map(of_place).collect();
-        if self.reduction.all(followed.is_some()) { followed } else { None }
-    }
 }
 
 impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
@@ -218,20 +201,14 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
         "tool contact"
     }
 
-    fn is_symmetric(&self, _: &StepContext<D>) -> bool {
-        self.is_symmetric
-    }
-
-    fn has_kinks(&self) -> bool {
-        true
-    }
-
-    fn has_potential(&self, model: &Model<D>) -> bool {
-        !model.tools.iter().any(Tool::resists_sliding)
-    }
-
-    fn may_hold(&self) -> bool {
-        true
+    fn character(&self, model: &Model<D>) -> Character {
+        Character {
+            is_symmetric: self.is_symmetric,
+            has_kinks: true,
+            has_potential: !model.tools.iter().any(Tool::resists_sliding),
+            may_slump: false,
+            may_hold: true,
+        }
     }
 
     fn begin(&mut self, step: &StepContext<D>, points: &Points<D>) -> Result<(), BeginError> {
@@ -242,7 +219,7 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
         }
     }
 
-    fn couples(&self, couple: &mut dyn FnMut(&[u32])) {
+    fn couples(&self, couple: &mut dyn FnMut(Coupled)) {
         let mut lists = BTreeSet::new();
         let mut last: Option<&Candidate<D>> = None;
         for candidate in &self.candidates {
@@ -256,29 +233,7 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
             lists.insert(list);
             last = Some(candidate);
         }
-        lists.iter().for_each(|nodes| couple(nodes));
-    }
-
-    fn outgrows(&self) -> bool {
-        self.has_woken
-    }
-
-    fn forget_layout(&mut self) {
-        self.has_woken = false;
-    }
-
-    fn motions(&self, model: &Model<D>) -> Vec<GlobalMotion> {
-        let of_tool = |(tool, moving): (&Tool<D>, &Moving<D>)| -> Vec<(String, usize, bool)> {
-            let named = |&k: &usize| (tool.name.clone(), k, tool.freedom(k).is_free());
-            moving.free.iter().map(named).collect()
-        };
-        let all = model.tools.iter().zip(&self.tools).flat_map(of_tool).enumerate();
-        all.map(|(number, (of, component, is_free))| GlobalMotion { number, of, component, is_free })
-            .collect()
-    }
-
-    fn n_globals(&self) -> usize {
-        self.tools.iter().map(|moving| moving.free.len()).sum()
+        lists.iter().for_each(|nodes| couple(Coupled::Nodes(nodes)));
     }
 
     fn evaluate(
@@ -316,122 +271,6 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
         Ok(())
     }
 
-    fn nearest_allowed(&self, model: &Model<D>, body: usize, place: [f64; D]) -> [f64; D] {
-        let out_of = |place: [f64; D], (moving, tool): (&Moving<D>, &Tool<D>)| {
-            if tool.interface_with(body).is_none() {
-                return place;
-            }
-            match moving.start.closest(tool.shape.as_ref(), place, f64::INFINITY) {
-                Some(found) if found.gap < 0.0 => found.point,
-                _ => place,
-            }
-        };
-        self.tools.iter().zip(&model.tools).fold(place, out_of)
-    }
-
-    fn augment(
-        &mut self,
-        step: &StepContext<D>,
-        points: &Points<D>,
-        at: At<N>,
-    ) -> Result<Augmentation, EvaluateError> {
-        self.check_motion(step, points, at)?;
-        let Contact {
-            updates,
-            before,
-            changes,
-            candidates,
-            multipliers,
-            trials,
-            tools,
-            tolerances,
-            reduction,
-            ..
-        } = self;
-        let now = Change::of_update(candidates, multipliers, trials, tools);
-        let Some(worst) = worst(candidates, &now, tolerances, reduction) else {
-            return Ok(Augmentation::Satisfied);
-        };
-        let tool = worst.tool;
-        let is_last = *updates >= step.model.tools[tool].control.augmentations;
-        if worst.is_settled(tolerances[tool], before.as_ref(), *updates, is_last) {
-            return Ok(Augmentation::Satisfied);
-        }
-        if is_last {
-            if worst.rank != reduction.own() {
-                return Err(Failure::OnRank.into());
-            }
-            return Err(EvaluateError::from(ContactError::NotSettled {
-                place: candidates[worst.named].place(step.model),
-                augmentations: *updates,
-                overlap: worst.overlap,
-                slip: worst.slip,
-                most: tolerances[tool] * worst.size,
-            }));
-        }
-        for ((candidate, multiplier), trial) in candidates.iter().zip(multipliers).zip(trials) {
-            *multiplier = forces_of(trial, &tools[candidate.key.tool as usize]);
-        }
-        for ((candidate, now), before) in candidates.iter_mut().zip(&now).zip(changes.iter()) {
-            if let (Some(now), Some(before)) = (now, before)
-                && now.is_slow(before)
-            {
-                let more = if *updates < multipliers::MANY { 1.0 } else { MORE_PENALTY };
-                candidate.penalty = candidate.penalty.max(more * candidate.penalty_if_slow);
-            }
-        }
-        *changes = now;
-        *before = Some(worst);
-        *updates += 1;
-        Ok(Augmentation::Updated)
-    }
-
-    fn augment_along(&mut self, increment: At<N>, update: usize, added: &mut Response<N>) -> Augmentation {
-        let Some(followed) = self.followed(increment) else { return Augmentation::Satisfied };
-        let changes: Vec<Option<Change<D>>> = followed.iter().map(|followed| followed.change).collect();
-        let worst = worst(&self.candidates, &changes, &self.tolerances, &self.reduction);
-        let before = if update == 0 { None } else { self.worst_along };
-        let helps = |worst: &Worst| worst.is_worth_it(self.tolerances[worst.tool], before.as_ref());
-        if !worst.as_ref().is_some_and(helps) {
-            return Augmentation::Satisfied;
-        }
-        self.worst_along = worst;
-        let first = first_unknowns(&self.tools);
-        for ((candidate, trial), Followed { force, .. }) in
-            self.candidates.iter().zip(&self.trials).zip(&followed)
-        {
-            if *force == [0.0; D] {
-                continue;
-            }
-            let of_nodes = added.force_mut();
-            for (node, value) in candidate.basis.iter() {
-                (0..D).for_each(|d| of_nodes[node][d] += value * force[d]);
-            }
-            let number = candidate.key.tool as usize;
-            let moving = &self.tools[number];
-            for (j, &k) in moving.free.iter().enumerate().filter(|(j, _)| !moving.follows[*j]) {
-                added.add_residual(first[number] + j, moving.component(k, &trial.position, force));
-            }
-        }
-        let now = followed.into_iter().map(|followed| followed.multiplier).collect();
-        let before = std::mem::replace(&mut self.multipliers, now);
-        if update == 0 {
-            self.before_increment = before;
-        }
-        Augmentation::Updated
-    }
-
-    /// Adds stiffness to contact points that slide, because friction does not resist their further motion.
-    fn support(&self, sum: &mut System<N>) -> bool {
-        let sliding = || self.touching().filter(|(.., touch)| touch.slides_with_friction());
-        sliding().for_each(|(_, candidate, _, touch)| evaluation::support(candidate, &touch.normal(), sum));
-        sliding().next().is_some()
-    }
-
-    fn withdraw_augmentation(&mut self) {
-        self.multipliers.clone_from(&self.before_increment);
-    }
-
     fn force_at_start(&self, force: &mut Nodal<N>) {
         for (candidate, multiplier) in self.candidates.iter().zip(&self.start) {
             let shear = self.tools[candidate.key.tool as usize].start.vector_to_space(&multiplier.shear);
@@ -453,10 +292,10 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
     }
 
     fn report(&self, model: &Model<D>, report: &mut TermReport<D>) {
-        report.tools.extend(self.states(model));
+        report.add_list(self.states(model));
     }
 
-    fn commit(&mut self) {
+    fn commit(&mut self, _: &StepContext<D>, _: &mut Points<D>) {
         // Surfaces that have parted no longer transfer tension.
         let touching = self.touching().filter(|(_, _, _, touch)| touch.mode != Mode::Parting);
         let touching = touching.map(|(_, candidate, trial, touch)| {
@@ -469,13 +308,6 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
         self.converged = of_all_ranks(&self.reduction, touching.collect()).into_iter().collect();
         self.tools.iter_mut().for_each(Moving::commit);
         self.has_begun.iter_mut().zip(&self.is_there).for_each(|(begun, there)| *begun = *there);
-    }
-
-    /// The multipliers of bodies that have not begun are ignored.
-    fn forget_bodies(&mut self, _: &Model<D>, removed: &[usize]) {
-        for (body, begun) in self.has_begun.iter_mut().enumerate() {
-            *begun &= !removed.contains(&body);
-        }
     }
 
     fn save(&self) -> Option<Saved> {
@@ -491,5 +323,75 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
         }
         (self.converged, self.has_begun) = (converged, has_begun);
         Ok(())
+    }
+
+    fn multipliers(&mut self) -> Option<&mut dyn Multipliers<D, N>> {
+        Some(self)
+    }
+
+    fn global_unknowns(&self) -> Option<&dyn GlobalUnknowns<D>> {
+        Some(self)
+    }
+
+    fn attached(&mut self) -> Option<&mut dyn Attached<D>> {
+        Some(self)
+    }
+
+    fn obstacle(&self) -> Option<&dyn Obstacle<D>> {
+        Some(self)
+    }
+
+    fn layout(&mut self) -> Option<&mut dyn Layout> {
+        Some(self)
+    }
+}
+
+impl<const D: usize> GlobalUnknowns<D> for Contact<D> {
+    fn count(&self) -> usize {
+        self.tools.iter().map(|moving| moving.free.len()).sum()
+    }
+
+    fn motions(&self, model: &Model<D>) -> Vec<GlobalMotion> {
+        let of_tool = |(tool, moving): (&Tool<D>, &Moving<D>)| -> Vec<(String, usize, bool)> {
+            let named = |&k: &usize| (tool.name.clone(), k, tool.freedom(k).is_free());
+            moving.free.iter().map(named).collect()
+        };
+        let all = model.tools.iter().zip(&self.tools).flat_map(of_tool).enumerate();
+        all.map(|(number, (of, component, is_free))| GlobalMotion { number, of, component, is_free })
+            .collect()
+    }
+}
+
+impl<const D: usize> Attached<D> for Contact<D> {
+    /// The multipliers of bodies that have not begun are ignored.
+    fn forget_bodies(&mut self, _: &Model<D>, removed: &[usize]) {
+        for (body, begun) in self.has_begun.iter_mut().enumerate() {
+            *begun &= !removed.contains(&body);
+        }
+    }
+}
+
+impl<const D: usize> Obstacle<D> for Contact<D> {
+    fn nearest_allowed(&self, model: &Model<D>, body: usize, place: [f64; D]) -> [f64; D] {
+        let out_of = |place: [f64; D], (moving, tool): (&Moving<D>, &Tool<D>)| {
+            if tool.interface_with(body).is_none() {
+                return place;
+            }
+            match moving.start.closest(tool.shape.as_ref(), place, f64::INFINITY) {
+                Some(found) if found.gap < 0.0 => found.point,
+                _ => place,
+            }
+        };
+        self.tools.iter().zip(&model.tools).fold(place, out_of)
+    }
+}
+
+impl<const D: usize> Layout for Contact<D> {
+    fn outgrows(&self) -> bool {
+        self.has_woken
+    }
+
+    fn forget_layout(&mut self) {
+        self.has_woken = false;
     }
 }

@@ -7,7 +7,8 @@ use crate::points::Points;
 use crate::step::{At, Nodal, StepContext};
 
 use super::failure::{BeginError, EvaluateError, LoadNotFinite};
-use super::term::{Term, TermReport};
+use super::report::TermReport;
+use super::term::{Character, Term};
 
 /// Name under which the force that a stage releases is reported.
 const RELEASED: &str = "released";
@@ -261,13 +262,10 @@ impl<const D: usize, const N: usize> Term<D, N> for ExternalForces<D> {
         "external forces"
     }
 
-    fn is_symmetric(&self, _: &StepContext<D>) -> bool {
-        true
-    }
-
-    /// Whether bodies can carry loads other than weight is a result that the run must show.
-    fn may_slump(&self, model: &Model<D>) -> bool {
-        model.loads.iter().all(|load| matches!(load.action, Action::Gravity(_)))
+    fn character(&self, model: &Model<D>) -> Character {
+        // Whether bodies can carry loads other than weight is a result that the run must show.
+        let may_slump = model.loads.iter().all(|load| matches!(load.action, Action::Gravity(_)));
+        Character { may_slump, ..Character::SMOOTH }
     }
 
     fn begin(&mut self, context: &StepContext<D>, points: &Points<D>) -> Result<(), BeginError> {

@@ -1,10 +1,13 @@
 //! Reasons why a term cannot be evaluated.
 
-use super::contact::ContactError;
+mod contact;
+
 use crate::dofs::ConstraintError;
 use crate::points::coordinates;
 use crate::ranks::Reduction;
 use crate::stress::PointError;
+
+pub use contact::{ContactError, ContactPlace};
 
 /// The reason why a term cannot begin a step.
 #[non_exhaustive]

@@ -27,7 +27,10 @@ use crate::step::{At, StepContext};
 
 use super::failure::{BeginError, EvaluateError};
 use super::held_material::HeldMaterial;
-use super::term::{Ledger, Term, TermReport};
+use super::layout::Layout;
+use super::ledger::Ledger;
+use super::report::TermReport;
+use super::term::{Character, Coupled, Term};
 
 /// Fraction of the penalty, [-], that acts on the faces of cells with few points: enough to resist hourglass modes,
 /// which would otherwise have no stiffness, and too little to carry load where the material flows.
@@ -209,12 +212,8 @@ impl<const D: usize, const N: usize> Term<D, N> for Ghost {
         "ghost stabilisation"
     }
 
-    fn is_symmetric(&self, _: &StepContext<D>) -> bool {
-        true
-    }
-
-    fn may_slump(&self, _: &Model<D>) -> bool {
-        true
+    fn character(&self, _: &Model<D>) -> Character {
+        Character { may_slump: true, ..Character::SMOOTH }
     }
 
     fn begin(&mut self, step: &StepContext<D>, points: &Points<D>) -> Result<(), BeginError> {
@@ -222,12 +221,8 @@ impl<const D: usize, const N: usize> Term<D, N> for Ghost {
         Ok(())
     }
 
-    fn couples(&self, couple: &mut dyn FnMut(&[u32])) {
-        (0..self.n_faces()).for_each(|face| couple(self.nodes_of(face)));
-    }
-
-    fn forget_layout(&mut self) {
-        self.places.clear();
+    fn couples(&self, couple: &mut dyn FnMut(Coupled)) {
+        (0..self.n_faces()).for_each(|face| couple(Coupled::Nodes(self.nodes_of(face))));
     }
 
     fn evaluate(
@@ -268,6 +263,16 @@ impl<const D: usize, const N: usize> Term<D, N> for Ghost {
 
     fn report(&self, _: &Model<D>, report: &mut TermReport<D>) {
         report.stabilised_faces += self.n_faces();
+    }
+
+    fn layout(&mut self) -> Option<&mut dyn Layout> {
+        Some(self)
+    }
+}
+
+impl Layout for Ghost {
+    fn forget_layout(&mut self) {
+        self.places.clear();
     }
 }
 

@@ -27,7 +27,9 @@ use crate::step::{At, StepContext, displacement};
 use crate::stress::{Mechanics, StartOfStep, Volumetric};
 
 use super::failure::{BeginError, EvaluateError, PointFailure};
-use super::term::{Ledger, Term};
+use super::layout::Layout;
+use super::ledger::Ledger;
+use super::term::{Character, Coupled, Term};
 
 use batched::{Batch, batches, laws_that_answer, laws_that_note};
 use evaluation::{Task, Trial, Work};
@@ -216,20 +218,17 @@ impl<const D: usize, const N: usize, M: Mechanics<D>> Term<D, N> for MaterialPoi
         "material points"
     }
 
-    fn is_symmetric(&self, step: &StepContext<D>) -> bool {
-        let model = step.model;
+    fn character(&self, model: &Model<D>) -> Character {
         let has_f_bar = model.bodies.iter().any(|body| body.volumetric == Volumetric::FBar);
         let reduced = self.reduced.iter().flatten().map(|law| law.as_ref());
         let mut laws = model.materials.iter().map(|material| material.law.as_ref()).chain(reduced);
-        !has_f_bar && laws.all(|law| law.tangent_is_symmetric())
+        let is_symmetric = !has_f_bar && laws.all(|law| law.tangent_is_symmetric());
+        Character { is_symmetric, may_slump: true, ..Character::SMOOTH }
     }
 
-    fn may_slump(&self, _: &Model<D>) -> bool {
-        true
-    }
-
-    fn couples_group(&self, group: usize) -> bool {
-        self.averaged.get(group).is_some_and(|averaged| *averaged)
+    fn couples(&self, couple: &mut dyn FnMut(Coupled)) {
+        let averaged = self.averaged.iter().enumerate().filter(|(_, averaged)| **averaged);
+        averaged.for_each(|(group, _)| couple(Coupled::Group(group)));
     }
 
     fn begin(&mut self, step: &StepContext<D>, points: &Points<D>) -> Result<(), BeginError> {
@@ -307,6 +306,12 @@ impl<const D: usize, const N: usize, M: Mechanics<D>> Term<D, N> for MaterialPoi
         ledger
     }
 
+    fn layout(&mut self) -> Option<&mut dyn Layout> {
+        Some(self)
+    }
+}
+
+impl<const D: usize, M: Mechanics<D>> Layout for MaterialPoints<D, M> {
     fn forget_layout(&mut self) {
         self.batches.clear();
     }

@@ -13,10 +13,14 @@ use super::contact::Contact;
 use super::external_force::ExternalForces;
 use super::failure::{BeginError, EvaluateError, agree};
 use super::ghost::Ghost;
+use super::global_unknowns::GlobalMotion;
+use super::ledger::Ledger;
 use super::material_points::MaterialPoints;
+use super::multipliers::{Augmentation, Multipliers, Response};
+use super::report::TermReport;
 use super::saved::Saved;
 use super::surface::Surfaces;
-use super::term::{Augmentation, GlobalMotion, Ledger, Response, Term, TermReport};
+use super::term::{Coupled, Term};
 
 /// The terms of a model, in the order in which they are added up.
 pub type Terms<const D: usize, const N: usize = D> = Vec<Box<dyn Term<D, N>>>;
@@ -62,9 +66,10 @@ pub fn save<const D: usize, const N: usize>(terms: &Terms<D, N>) -> BTreeMap<Str
 pub fn motions<const D: usize, const N: usize>(terms: &Terms<D, N>, model: &Model<D>) -> Vec<GlobalMotion> {
     let (mut first, mut all) = (0, Vec::new());
     for term in terms {
-        let own = term.motions(model).into_iter();
+        let Some(unknowns) = term.global_unknowns() else { continue };
+        let own = unknowns.motions(model).into_iter();
         all.extend(own.map(|motion| GlobalMotion { number: first + motion.number, ..motion }));
-        first += term.n_globals();
+        first += unknowns.count();
     }
     all
 }
@@ -95,27 +100,35 @@ impl<const D: usize, const N: usize> Sum<D, N> {
     }
 
     fn laid_out(terms: &Terms<D, N>, step: &StepContext<D>, dofs: &DofMap<N>) -> System<N> {
-        let symmetric = step.links.reduction().all(terms.iter().all(|term| term.is_symmetric(step)));
-        let of_terms = |couple: &mut dyn FnMut(&[u32])| terms.iter().for_each(|term| term.couples(couple));
-        let globals = terms.iter().map(|term| term.n_globals()).sum();
-        System::new(
-            step.links,
-            symmetric,
-            &|group| terms.iter().any(|term| term.couples_group(group)),
-            &|couple| with_ties(dofs, step.links, &of_terms, couple),
-            globals,
-        )
+        let symmetric = step.links.reduction().all(are_symmetric(terms, step.model));
+        let of_terms = |couple: &mut dyn FnMut(Coupled)| terms.iter().for_each(|term| term.couples(couple));
+        let mut is_dense = vec![false; step.links.n_groups()];
+        of_terms(&mut |coupled| {
+            if let Coupled::Group(group) = coupled {
+                is_dense[group] = true;
+            }
+        });
+        let lists = |couple: &mut dyn FnMut(&[u32])| {
+            of_terms(&mut |coupled| {
+                if let Coupled::Nodes(nodes) = coupled {
+                    couple(nodes);
+                }
+            });
+        };
+        let globals = terms.iter().map(|term| n_globals(term.as_ref())).sum();
+        let couples = |couple: &mut dyn FnMut(&[u32])| with_ties(dofs, step.links, &lists, couple);
+        System::new(step.links, symmetric, &|group| is_dense[group], &couples, globals)
     }
 
     /// Lays out the system anew if its stiffness ceased to be symmetric in the last evaluation, or if terms couple
     /// further nodes; returns true if it has done so.
     pub fn outgrows(&mut self, step: &StepContext<D>, dofs: &DofMap<N>) -> bool {
-        let is_symmetric = || self.terms.iter().all(|term| term.is_symmetric(step));
-        let outgrown =
-            self.system.is_symmetric() && !is_symmetric() || self.terms.iter().any(|term| term.outgrows());
+        let mut layouts = self.terms.iter_mut().filter_map(|term| term.layout());
+        let outgrown = layouts.any(|layout| layout.outgrows());
+        let outgrown = outgrown || self.system.is_symmetric() && !are_symmetric(&self.terms, step.model);
         let outgrown = step.links.reduction().any(outgrown);
         if outgrown {
-            self.terms.iter_mut().for_each(|term| term.forget_layout());
+            self.terms.iter_mut().filter_map(|term| term.layout()).for_each(|layout| layout.forget_layout());
             self.system = Sum::laid_out(&self.terms, step, dofs);
         }
         outgrown
@@ -191,7 +204,8 @@ impl<const D: usize, const N: usize> Sum<D, N> {
         for term in &mut self.terms {
             let (own, next) = of_term(term.as_ref(), at, first);
             first = next;
-            let augmented = term.augment(step, points, own);
+            let Some(multipliers) = term.multipliers() else { continue };
+            let augmented = multipliers.augment(step, points, own);
             let reduction = step.links.reduction();
             if reduction.any(agree(reduction, augmented)? == Augmentation::Updated) {
                 outcome = Augmentation::Updated;
@@ -208,7 +222,8 @@ impl<const D: usize, const N: usize> Sum<D, N> {
         let mut outcome = Augmentation::Satisfied;
         for term in &mut self.terms {
             let (own, next) = of_term(term.as_ref(), increment, added.first);
-            if term.augment_along(own, update, &mut added) == Augmentation::Updated {
+            let along = |of: &mut dyn Multipliers<D, N>| of.augment_along(own, update, &mut added);
+            if term.multipliers().map(along) == Some(Augmentation::Updated) {
                 outcome = Augmentation::Updated;
             }
             added.first = next;
@@ -228,15 +243,18 @@ impl<const D: usize, const N: usize> Sum<D, N> {
     pub fn support(&mut self) -> bool {
         let Sum { terms, system } = self;
         let mut supports = false;
-        for term in terms {
-            supports |= term.support(system);
+        for multipliers in terms.iter_mut().filter_map(|term| term.multipliers()) {
+            supports |= multipliers.support(system);
         }
         system.reduction().any(supports)
     }
 
     /// Withdraws the updates of multipliers along the last increment.
     pub fn withdraw_augmentation(&mut self) {
-        self.terms.iter_mut().for_each(|term| term.withdraw_augmentation());
+        self.terms
+            .iter_mut()
+            .filter_map(|term| term.multipliers())
+            .for_each(|multipliers| multipliers.withdraw());
     }
 
     /// The sum of all terms in the last evaluation.
@@ -290,18 +308,18 @@ impl<const D: usize, const N: usize> Sum<D, N> {
 
     /// True if the sum derives from a potential, at least approximately.
     pub fn has_potential(&self, model: &Model<D>) -> bool {
-        self.terms.iter().all(|term| term.has_potential(model))
+        self.terms.iter().all(|term| term.character(model).has_potential)
     }
 
-    /// True if a term has kinks, see [`Term::has_kinks`].
-    pub fn has_kinks(&self) -> bool {
-        self.terms.iter().any(|term| term.has_kinks())
+    /// True if a term has kinks, see [`Character::has_kinks`](super::Character::has_kinks).
+    pub fn has_kinks(&self, model: &Model<D>) -> bool {
+        self.terms.iter().any(|term| term.character(model).has_kinks)
     }
 
     /// Frees memory that only further evaluations would need.
     pub fn free_matrices(&mut self) {
         self.system.conclude();
-        self.terms.iter_mut().for_each(|term| term.conclude());
+        self.terms.iter_mut().filter_map(|term| term.layout()).for_each(|layout| layout.conclude());
     }
 
     /// The terms, for the next step.
@@ -317,6 +335,16 @@ fn of_term<'a, const D: usize, const N: usize>(
     at: At<'a, N>,
     first: usize,
 ) -> (At<'a, N>, usize) {
-    let next = first + term.n_globals();
+    let next = first + n_globals(term);
     (At { globals: at.globals.get(first..next).unwrap_or_default(), ..at }, next)
+}
+
+/// Number of global unknowns of a term in the current step.
+fn n_globals<const D: usize, const N: usize>(term: &dyn Term<D, N>) -> usize {
+    term.global_unknowns().map_or(0, |unknowns| unknowns.count())
+}
+
+/// True if the stiffness of all terms is symmetric.
+fn are_symmetric<const D: usize, const N: usize>(terms: &Terms<D, N>, model: &Model<D>) -> bool {
+    terms.iter().all(|term| term.character(model).is_symmetric)
 }

@@ -19,9 +19,13 @@ use crate::region::area_vector;
 use crate::step::{At, Nodal, StepContext};
 use crate::surface::{Carried, Surface, SurfaceFields, centre, unit};
 
+use super::attached::Attached;
 use super::failure::{BeginError, EvaluateError, SurfaceLost};
+use super::global_unknowns::GlobalUnknowns;
+use super::multipliers::{Augmentation, Multipliers};
+use super::report::TermReport;
 use super::saved::Saved;
-use super::term::{Augmentation, Term, TermReport};
+use super::term::{Character, Coupled, Term};
 use condition::Condition;
 use load::SurfaceLoad;
 
@@ -155,36 +159,12 @@ impl<const D: usize, const N: usize> Term<D, N> for Surfaces<D> {
         NAME
     }
 
-    fn is_symmetric(&self, step: &StepContext<D>) -> bool {
-        !self.loads.iter().any(|load| load.follows(step.model))
-    }
-
-    fn may_hold(&self) -> bool {
-        !self.conditions.is_empty() || self.loads.iter().any(|load| load.is_hydrostatic)
-    }
-
-    /// The nodes that carry the samples and patches of this rank.
-    fn reach(
-        &mut self,
-        model: &Model<D>,
-        points: &Points<D>,
-        links: &Connectivity<D>,
-    ) -> Result<Vec<u32>, BeginError> {
-        self.find_bodies(model, points);
-        let (grid, mut nodes) = (model.grid.as_ref(), Vec::new());
-        for ((surface, carried), is_there) in model.surfaces.iter().zip(&mut self.carried).zip(&self.is_there)
-        {
-            if *is_there {
-                carried.find(grid, links).map_err(|position| lost(model, surface, &position))?;
-                carried.own_samples().for_each(|sample| nodes.extend(carried.nodes_of(grid, sample)));
-            }
+    fn character(&self, model: &Model<D>) -> Character {
+        Character {
+            is_symmetric: !self.loads.iter().any(|load| load.follows(model)),
+            may_hold: !self.conditions.is_empty() || self.loads.iter().any(|load| load.is_hydrostatic),
+            ..Character::SMOOTH
         }
-        for condition in &self.conditions {
-            if self.is_there[condition.surface()] && model.is_set(condition.number()) {
-                nodes.extend(condition.nodes(grid, &self.carried));
-            }
-        }
-        Ok(nodes)
     }
 
     fn begin(&mut self, step: &StepContext<D>, points: &Points<D>) -> Result<(), BeginError> {
@@ -211,13 +191,10 @@ impl<const D: usize, const N: usize> Term<D, N> for Surfaces<D> {
         Ok(())
     }
 
-    fn couples(&self, couple: &mut dyn FnMut(&[u32])) {
-        self.loads.iter().for_each(|load| load.couples(&self.carried, couple));
-        self.conditions.iter().for_each(|condition| condition.couples(couple));
-    }
-
-    fn n_globals(&self) -> usize {
-        self.conditions.iter().map(Condition::len).sum()
+    fn couples(&self, couple: &mut dyn FnMut(Coupled)) {
+        let mut couple = |nodes: &[u32]| couple(Coupled::Nodes(nodes));
+        self.loads.iter().for_each(|load| load.couples(&self.carried, &mut couple));
+        self.conditions.iter().for_each(|condition| condition.couples(&mut couple));
     }
 
     fn evaluate(
@@ -245,17 +222,6 @@ impl<const D: usize, const N: usize> Term<D, N> for Surfaces<D> {
         Ok(())
     }
 
-    /// Checks that all conditions are met; they have no multipliers that are constant during iterations.
-    fn augment(
-        &mut self,
-        step: &StepContext<D>,
-        _: &Points<D>,
-        _: At<N>,
-    ) -> Result<Augmentation, EvaluateError> {
-        self.conditions.iter().try_for_each(|condition| condition.check(step.model))?;
-        Ok(Augmentation::Satisfied)
-    }
-
     fn force_at_start(&self, force: &mut Nodal<N>) {
         crate::assembly::add(force, &self.start);
     }
@@ -267,26 +233,13 @@ impl<const D: usize, const N: usize> Term<D, N> for Surfaces<D> {
         let of_all = |(fields, carried): (&SurfaceFields<D>, &Carried<D>)| {
             fields.completed(&self.reduction, |sample| carried.is_own(sample))
         };
-        report.surfaces.extend(self.fields.iter().zip(&self.carried).map(of_all));
+        report.add_list(self.fields.iter().zip(&self.carried).map(of_all).collect());
     }
 
-    fn commit(&mut self) {
+    fn commit(&mut self, _: &StepContext<D>, _: &mut Points<D>) {
         self.carried.iter_mut().for_each(|carried| carried.complete(&self.reduction));
         self.carried.iter_mut().for_each(Carried::commit);
         self.conditions.iter_mut().for_each(Condition::commit);
-    }
-
-    fn forget_bodies(&mut self, model: &Model<D>, removed: &[usize]) {
-        for (surface, carried) in model.surfaces.iter().zip(&mut self.carried) {
-            if removed.contains(&surface.body) {
-                *carried = Carried::new(surface);
-            }
-        }
-        for condition in &mut self.conditions {
-            if removed.contains(&model.surfaces[condition.surface()].body) {
-                condition.forget();
-            }
-        }
     }
 
     fn save(&self) -> Option<Saved> {
@@ -308,5 +261,75 @@ impl<const D: usize, const N: usize> Term<D, N> for Surfaces<D> {
         let conditions = entries("conditions", self.conditions.len())?;
         self.carried.iter_mut().zip(&surfaces).try_for_each(|(of, saved)| of.restore(saved))?;
         self.conditions.iter_mut().zip(&conditions).try_for_each(|(of, saved)| of.restore(saved))
+    }
+
+    fn multipliers(&mut self) -> Option<&mut dyn Multipliers<D, N>> {
+        Some(self)
+    }
+
+    fn global_unknowns(&self) -> Option<&dyn GlobalUnknowns<D>> {
+        Some(self)
+    }
+
+    fn attached(&mut self) -> Option<&mut dyn Attached<D>> {
+        Some(self)
+    }
+}
+
+impl<const D: usize, const N: usize> Multipliers<D, N> for Surfaces<D> {
+    /// Checks that all conditions are met; they have no multipliers that are constant during iterations.
+    fn augment(
+        &mut self,
+        step: &StepContext<D>,
+        _: &Points<D>,
+        _: At<N>,
+    ) -> Result<Augmentation, EvaluateError> {
+        self.conditions.iter().try_for_each(|condition| condition.check(step.model))?;
+        Ok(Augmentation::Satisfied)
+    }
+}
+
+impl<const D: usize> GlobalUnknowns<D> for Surfaces<D> {
+    fn count(&self) -> usize {
+        self.conditions.iter().map(Condition::len).sum()
+    }
+}
+
+impl<const D: usize> Attached<D> for Surfaces<D> {
+    /// The nodes that carry the samples and patches of this rank.
+    fn reach(
+        &mut self,
+        model: &Model<D>,
+        points: &Points<D>,
+        links: &Connectivity<D>,
+    ) -> Result<Vec<u32>, BeginError> {
+        self.find_bodies(model, points);
+        let (grid, mut nodes) = (model.grid.as_ref(), Vec::new());
+        for ((surface, carried), is_there) in model.surfaces.iter().zip(&mut self.carried).zip(&self.is_there)
+        {
+            if *is_there {
+                carried.find(grid, links).map_err(|position| lost(model, surface, &position))?;
+                carried.own_samples().for_each(|sample| nodes.extend(carried.nodes_of(grid, sample)));
+            }
+        }
+        for condition in &self.conditions {
+            if self.is_there[condition.surface()] && model.is_set(condition.number()) {
+                nodes.extend(condition.nodes(grid, &self.carried));
+            }
+        }
+        Ok(nodes)
+    }
+
+    fn forget_bodies(&mut self, model: &Model<D>, removed: &[usize]) {
+        for (surface, carried) in model.surfaces.iter().zip(&mut self.carried) {
+            if removed.contains(&surface.body) {
+                *carried = Carried::new(surface);
+            }
+        }
+        for condition in &mut self.conditions {
+            if removed.contains(&model.surfaces[condition.surface()].body) {
+                condition.forget();
+            }
+        }
     }
 }

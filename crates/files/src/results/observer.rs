@@ -12,7 +12,8 @@ use mpm_core::ranks::Ranks;
 use mpm_core::solver::{
     Diagnosis, FailedAttempt, GridFields, NodalField, Observer, Reached, SolveError, Step, StepReport,
 };
-use mpm_core::terms::{Contact, Surfaces};
+use mpm_core::surface::SurfaceFields;
+use mpm_core::terms::{Contact, Surfaces, ToolState};
 
 use super::{Results, Tables, is_due};
 use crate::checkpoint;
@@ -175,9 +176,9 @@ impl Results {
             let grid_frame = self.frames.grid_frame(model, links, &fields, report.step);
             frames = frames.and_then(|frames| joined(frames, grid_frame.map(Some)));
             if ranks.is_root() {
-                let surface_frame = self.frames.surface_frame(&report.surfaces, report.step);
+                let surface_frame = self.frames.surface_frame(report.list::<SurfaceFields<D>>(), report.step);
                 frames = frames.and_then(|frames| joined(frames, surface_frame));
-                let tool_frames = self.frames.tool_frames(model, &report.tools, report.step);
+                let tool_frames = self.frames.tool_frames(model, report.list::<ToolState<D>>(), report.step);
                 frames = frames.and_then(|frames| joined(frames, tool_frames));
             }
             let shown = self.show(report.step, frames, ranks);

@@ -1,8 +1,8 @@
 //! Agreement of all ranks on what each of them finds.
 
-use super::error::ContactError;
 use crate::ranks::Reduction;
 use crate::terms::EvaluateError;
+use crate::terms::failure::ContactError;
 
 /// The reason why contact cannot be evaluated on this rank.
 #[derive(Debug)]

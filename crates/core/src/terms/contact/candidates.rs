@@ -17,7 +17,6 @@
 
 use rayon::prelude::*;
 
-use super::error::ContactPlace;
 use super::motion::{Moving, farthest};
 use crate::basis::{Connectivity, Method};
 use crate::grid::{CellBasis, MAX_CORNERS};
@@ -25,6 +24,7 @@ use crate::material::Modulus;
 use crate::model::{Model, ModuliAtRest, Tool};
 use crate::points::Points;
 use crate::region::vector::{along, dot, minus, norm};
+use crate::terms::failure::ContactPlace;
 use crate::tool::{Closest, Shape};
 
 /// Two positions count as being on different sides of the tool if the cosine of the angle between their normals is below

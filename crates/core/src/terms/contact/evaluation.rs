@@ -3,13 +3,13 @@
 use rayon::prelude::*;
 
 use super::candidates::{Candidate, OTHER_SIDE, TOUCHING};
-use super::error::ContactError;
 use super::interface::{Approach, Law, Multiplier, Touch};
 use super::motion::{Moving, in_space};
 use crate::assembly::{System, Wanted};
 use crate::model::Model;
 use crate::points::PIECE;
 use crate::region::vector::{along, cross, dot, minus, norm, unit};
+use crate::terms::failure::ContactError;
 
 /// Differences up to this are round-off: of normals, [-], and of gaps relative to coordinates.
 const SAME_NORMAL: f64 = 1e-12;

@@ -1,9 +1,9 @@
 //! The motion of a tool in a step.
 
-use super::error::ContactError;
 use crate::model::{Freedom, Model, Stepping, Tool};
 use crate::region::vector::{along, cross, minus, norm};
 use crate::step::{Step, displacement};
+use crate::terms::failure::ContactError;
 use crate::tool::{Closest, Increment, Pose, Shape};
 
 /// Step in the load factor λ for the finite difference of a prescribed motion, relative to 1 + |λ|, [-].

@@ -6,13 +6,13 @@ use rustc_hash::FxHashMap;
 use super::Contact;
 use super::agreement::{Failure, agreed};
 use super::candidates::{self, Candidate, missed, named};
-use super::error::{ContactError, ContactPlace};
 use super::evaluation::Trial;
 use super::plain::of_all_ranks;
 use crate::model::{Model, Tool};
 use crate::points::Points;
 use crate::region::vector::{along, dot, minus, norm};
 use crate::step::{At, StepContext};
+use crate::terms::failure::{ContactError, ContactPlace};
 use crate::tool::{Closest, Shape};
 
 /// Gap at the start of a step, relative to the size of a cell, above which the straight path of a contact point tells

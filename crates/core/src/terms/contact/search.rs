@@ -5,12 +5,12 @@ use rustc_hash::FxHashMap;
 
 use super::agreement::{Failure, agreed};
 use super::candidates::{CENTRE, Candidate, Key, Near, Search, TOUCHING, corners_of, named, radius_of};
-use super::error::ContactError;
 use super::motion::in_space;
 use crate::basis::Method;
 use crate::grid::MAX_CORNERS;
 use crate::points::PIECE;
 use crate::region::vector::{along, cross, dot, minus, norm};
+use crate::terms::failure::ContactError;
 use crate::tool::Closest;
 
 /// Distance within which domains share a corner, relative to the size of a cell, [-].

@@ -3,7 +3,6 @@
 use rayon::prelude::*;
 
 use super::candidates::{TOUCHING, corners_of, named};
-use super::error::ContactPlace;
 use super::motion::Moving;
 use crate::grid::MAX_CORNERS;
 use crate::model::{Model, Tool};
@@ -11,6 +10,7 @@ use crate::points::{PIECE, Points};
 use crate::region::vector::{along, minus, norm, unit};
 use crate::region::{Bounds, corners, hull};
 use crate::step::Step;
+use crate::terms::failure::ContactPlace;
 use crate::tool::Pose;
 
 /// A tool that overlaps a body at the start.

@@ -6,6 +6,7 @@ mod footings;
 mod safeguards;
 mod tangent;
 
+use super::ToolState;
 use crate::equilibrium::StepReport;
 use crate::model::{Builder, Model};
 use crate::points::Points;
@@ -32,6 +33,11 @@ impl<const D: usize> Observer<D> for Reports<D> {
         self.0.push(report.clone());
         Ok(())
     }
+}
+
+/// The tools in a report.
+fn tools<const D: usize>(report: &StepReport<D>) -> &[ToolState<D>] {
+    report.list()
 }
 
 fn run<const D: usize>(builder: Builder<D>) -> Result<Run<D>, SolveError>

@@ -27,7 +27,7 @@ use crate::step::{At, Nodal, StepContext};
 use crate::surface::{Carried, Surface, SurfaceFields, centre};
 
 use super::super::failure::BeginError;
-use super::super::term::SurfaceReaction;
+use super::super::report::SurfaceReaction;
 
 /// Width of a patch in cells, [-].
 const WIDTH: f64 = 3.0;

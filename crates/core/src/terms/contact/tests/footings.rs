@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use super::{Run, run, run_model};
+use super::{Run, run, run_model, tools};
 use crate::basis::Method;
 use crate::formula::Formula;
 use crate::grid::Structured;
@@ -41,10 +41,10 @@ fn controlled(motion: Freedom, load: f64, control: Control, steps: usize) -> Run
 #[test]
 fn a_footing_sinks_under_a_dead_load_as_far_as_the_load_pushes_it() {
     let pushed = footing(Freedom::Prescribed(Formula::constant(-0.02)), 0.0);
-    let force = pushed.reports[0].tools[0].force[1];
+    let force = tools(&pushed.reports[0])[0].force[1];
     assert!(force < -1e3, "{force}");
     let loaded = footing(Freedom::Free, force);
-    let tool = &loaded.reports[0].tools[0];
+    let tool = &tools(&loaded.reports[0])[0];
     assert!((tool.force[1] / force - 1.0).abs() < 1e-9, "{} {force}", tool.force[1]);
     assert!((tool.displacement[1] / -0.02 - 1.0).abs() < 1e-5, "{}", tool.displacement[1]);
 }
@@ -54,13 +54,13 @@ fn a_footing_sinks_under_a_dead_load_as_far_as_the_load_pushes_it() {
 #[test]
 fn the_displacement_of_a_footing_determines_its_load_and_its_motion() {
     let pushed = footing(Freedom::Prescribed(Formula::constant(-0.02)), 0.0);
-    let force = pushed.reports[0].tools[0].force[1];
+    let force = tools(&pushed.reports[0])[0].force[1];
     let control = Control::Displacement { of: Controlled::Tool(0), axis: 1, to: -0.02 };
     let motion = Formula::parse("-0.05 * factor - 0.03 * factor^2", &["factor", "t"]).unwrap();
     let ways = [(Freedom::Free, -1e5), (Freedom::Prescribed(motion), 0.0)];
     for (freedom, load) in ways {
         let run = controlled(freedom, load, control, 1);
-        let (tool, factor) = (&run.reports[0].tools[0], run.reports[0].load_factor.unwrap());
+        let (tool, factor) = (&tools(&run.reports[0])[0], run.reports[0].load_factor.unwrap());
         assert!((tool.displacement[1] / -0.02 - 1.0).abs() < 1e-9, "{}", tool.displacement[1]);
         assert!((tool.force[1] / force - 1.0).abs() < 1e-5, "{} {force}", tool.force[1]);
         if load == 0.0 {
@@ -78,15 +78,15 @@ fn a_loaded_and_a_driven_footing_follow_an_arc_length() {
     let loaded = along(Freedom::Free, -1e5);
     let driven = along(Freedom::Prescribed(Formula::constant(-0.1)), 0.0);
     for report in &loaded.reports {
-        let (tool, factor) = (&report.tools[0], report.load_factor.unwrap());
+        let (tool, factor) = (&tools(report)[0], report.load_factor.unwrap());
         assert!((factor * -1e5 / tool.force[1] - 1.0).abs() < 1e-8, "{factor} {}", tool.force[1]);
     }
-    let [a, b] = [&loaded, &driven].map(|run| &run.reports.last().unwrap().tools[0]);
+    let [a, b] = [&loaded, &driven].map(|run| &tools(run.reports.last().unwrap())[0]);
     // Steps that are cut differently end at slightly different points of the same path.
     let stiffness = [a, b].map(|tool| tool.force[1] / tool.displacement[1]);
     assert!((stiffness[0] / stiffness[1] - 1.0).abs() < 5e-3, "{stiffness:?}");
     assert!((a.displacement[1] / b.displacement[1] - 1.0).abs() < 0.02, "{:?}", a.displacement);
-    let lengths: Vec<f64> = loaded.reports.iter().map(|report| report.tools[0].displacement[1]).collect();
+    let lengths: Vec<f64> = loaded.reports.iter().map(|report| tools(report)[0].displacement[1]).collect();
     assert!(lengths.is_sorted_by(|a, b| a > b), "{lengths:?}");
 }
 
@@ -106,7 +106,7 @@ fn hertz(cells: usize, method: Method) -> [f64; 2] {
         .tool(tool)
         .steps(2);
     let run = run(builder).unwrap();
-    let state = &run.reports.last().unwrap().tools[0];
+    let state = &tools(run.reports.last().unwrap())[0];
     // The symmetry plane halves the cylinder.
     let load = 2.0 * -state.force[1];
     let half_width = (4.0 * load * radius * (1.0 - poisson * poisson) / (PI * modulus)).sqrt();

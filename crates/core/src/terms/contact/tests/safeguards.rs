@@ -1,7 +1,7 @@
 //! Errors that contact reports, and the continuation of a run from its saved state.
 
 use super::blocks::plate;
-use super::{Reports, run};
+use super::{Reports, run, tools};
 use crate::basis::Method;
 use crate::formula::Formula;
 use crate::grid::Structured;
@@ -59,7 +59,7 @@ fn large_motions_are_cut() {
     let mut reports = Reports(Vec::new());
     let summary = Stepper::new(&model, &mut points).run(&mut reports).unwrap().summary;
     assert!(summary.steps > 3 && summary.failed_attempts > 0, "{} steps", summary.steps);
-    let state = &reports.0.last().unwrap().tools[0];
+    let state = &tools(reports.0.last().unwrap())[0];
     assert!((state.displacement[1] + 0.5).abs() < 1e-12);
     assert!(points.converged.position.iter().all(|x| x[1] < 0.6), "nothing is left above the blade");
 }
@@ -102,8 +102,8 @@ fn a_run_goes_on_from_its_saved_state_with_the_same_bits() {
         Stepper::new(&model, &mut again).resume(reached).unwrap().run(&mut rest).unwrap();
         assert_eq!(points.converged.position, again.converged.position, "{method:?}");
         assert_eq!(
-            whole.0[3..].iter().map(|r| &r.tools).collect::<Vec<_>>(),
-            rest.0.iter().map(|r| &r.tools).collect::<Vec<_>>()
+            whole.0[3..].iter().map(|r| tools(r)).collect::<Vec<_>>(),
+            rest.0.iter().map(|r| tools(r)).collect::<Vec<_>>()
         );
     }
 }
@@ -128,7 +128,7 @@ fn a_square_turns_in_its_hole_and_no_point_slips_through() {
         model.newton.max_iterations = 40;
         let mut reports = Reports(Vec::new());
         Stepper::new(&model, &mut points).run(&mut reports).unwrap();
-        let state = reports.0.last().unwrap().tools[0].clone();
+        let state = tools(reports.0.last().unwrap())[0].clone();
         assert!((state.rotation[2] - 0.5).abs() < 1e-9);
         for x in &points.converged.position {
             let gap = state.pose.closest(&shape as &dyn Shape<2>, *x, f64::INFINITY).unwrap().gap;

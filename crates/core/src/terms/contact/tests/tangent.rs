@@ -11,7 +11,7 @@ use crate::points::Points;
 use crate::region::tests::Random;
 use crate::region::{Ball, Brick};
 use crate::step::{At, StepContext};
-use crate::terms::{Contact, Sum, Terms};
+use crate::terms::{Contact, Sum, Terms, ToolState};
 use crate::tool::{Pose, Shape};
 
 /// Largest difference from a finite-difference derivative, relative to the largest entry.
@@ -66,7 +66,8 @@ fn check<const D: usize>(case: Case<D>) -> usize {
     let mut product = vec![[0.0; D]; n];
     sum.system_mut().multiply(&direction, &mut product);
     let border = sum.system().border.clone();
-    let touching = sum.report(&model).tools.iter().map(|tool| tool.contacts.len()).sum();
+    let touching =
+        sum.report(&model).records().list::<ToolState<D>>().iter().map(|tool| tool.contacts.len()).sum();
     let mut difference = |moved: [&[[f64; D]]; 2], free: [&[f64]; 2]| -> (Vec<f64>, Vec<f64>) {
         let [a, b] = [0, 1].map(|k| {
             evaluate(moved[k], free[k], Wanted::Force, &mut sum);

@@ -1,0 +1,34 @@
+//! Terms that are attached to places on the bodies, and terms that are obstacles in their way.
+
+use crate::basis::Connectivity;
+use crate::model::Model;
+use crate::points::Points;
+
+use super::failure::BeginError;
+
+/// A term attached to places on the bodies, such as their surfaces.
+pub trait Attached<const D: usize> {
+    /// Grid nodes that the term needs on this rank in addition to the nodes of `links`. Called before a step begins,
+    /// only if there are several ranks, and then on all ranks.
+    ///
+    /// # Errors
+    /// [`BeginError`] if the term cannot begin the step.
+    fn reach(
+        &mut self,
+        _model: &Model<D>,
+        _points: &Points<D>,
+        _links: &Connectivity<D>,
+    ) -> Result<Vec<u32>, BeginError> {
+        Ok(Vec::new())
+    }
+
+    /// Discards what the term keeps from earlier steps about bodies that a stage removes: if they are added again, in
+    /// this stage or later, they begin anew. Called between two stages, once the state has been restored.
+    fn forget_bodies(&mut self, model: &Model<D>, removed: &[usize]);
+}
+
+/// A term that keeps the bodies out of a part of space.
+pub trait Obstacle<const D: usize> {
+    /// The position nearest to `place`, [length], that the body can occupy at the last commit: outside all obstacles.
+    fn nearest_allowed(&self, model: &Model<D>, body: usize, place: [f64; D]) -> [f64; D];
+}

@@ -1,0 +1,141 @@
+//! The updates of the multipliers of contact, in equilibrium and along an increment.
+
+use super::Contact;
+use super::agreement::Failure;
+use super::along::{Followed, followed};
+use super::evaluation::{self, first_unknowns};
+use super::multipliers::{self, Change, Worst, forces_of, worst};
+use crate::assembly::System;
+use crate::points::Points;
+use crate::step::{At, StepContext};
+use crate::terms::failure::ContactError;
+use crate::terms::failure::EvaluateError;
+use crate::terms::multipliers::{Augmentation, Multipliers, Response};
+
+/// Factor applied to the penalty of contact points whose gaps close slowly over many updates.
+const MORE_PENALTY: f64 = 10.0;
+
+impl<const D: usize> Contact<D> {
+    /// All contact points at the linearised end of an increment; `None` if one changes its state on the way, or if the
+    /// equations do not belong to the state in which the increment begins.
+    fn followed<const N: usize>(&self, increment: At<N>) -> Option<Vec<Followed<D>>> {
+        if self.at_rest {
+            return None;
+        }
+        let first = first_unknowns(&self.tools);
+        let of_place = |k: usize| {
+            let (candidate, trial) = (&self.candidates[k], &self.trials[k]);
+            let number = candidate.key.tool as usize;
+            let motions = increment.globals.get(first[number]..).unwrap_or_default();
+            let increments = (increment.delta_d, motions);
+            followed(candidate, &self.multipliers[k], trial, &self.tools[number], increments)
+        };
+        let followed: Option<Vec<Followed<D>>> = (0..self.trials.len()).map(of_place).collect();
+        if self.reduction.all(followed.is_some()) { followed } else { None }
+    }
+}
+
+impl<const D: usize, const N: usize> Multipliers<D, N> for Contact<D> {
+    fn augment(
+        &mut self,
+        step: &StepContext<D>,
+        points: &Points<D>,
+        at: At<N>,
+    ) -> Result<Augmentation, EvaluateError> {
+        self.check_motion(step, points, at)?;
+        let Contact {
+            updates,
+            before,
+            changes,
+            candidates,
+            multipliers,
+            trials,
+            tools,
+            tolerances,
+            reduction,
+            ..
+        } = self;
+        let now = Change::of_update(candidates, multipliers, trials, tools);
+        let Some(worst) = worst(candidates, &now, tolerances, reduction) else {
+            return Ok(Augmentation::Satisfied);
+        };
+        let tool = worst.tool;
+        let is_last = *updates >= step.model.tools[tool].control.augmentations;
+        if worst.is_settled(tolerances[tool], before.as_ref(), *updates, is_last) {
+            return Ok(Augmentation::Satisfied);
+        }
+        if is_last {
+            if worst.rank != reduction.own() {
+                return Err(Failure::OnRank.into());
+            }
+            return Err(EvaluateError::from(ContactError::NotSettled {
+                place: candidates[worst.named].place(step.model),
+                augmentations: *updates,
+                overlap: worst.overlap,
+                slip: worst.slip,
+                most: tolerances[tool] * worst.size,
+            }));
+        }
+        for ((candidate, multiplier), trial) in candidates.iter().zip(multipliers).zip(trials) {
+            *multiplier = forces_of(trial, &tools[candidate.key.tool as usize]);
+        }
+        for ((candidate, now), before) in candidates.iter_mut().zip(&now).zip(changes.iter()) {
+            if let (Some(now), Some(before)) = (now, before)
+                && now.is_slow(before)
+            {
+                let more = if *updates < multipliers::MANY { 1.0 } else { MORE_PENALTY };
+                candidate.penalty = candidate.penalty.max(more * candidate.penalty_if_slow);
+            }
+        }
+        *changes = now;
+        *before = Some(worst);
+        *updates += 1;
+        Ok(Augmentation::Updated)
+    }
+
+    fn augment_along(&mut self, increment: At<N>, update: usize, added: &mut Response<N>) -> Augmentation {
+        let Some(followed) = self.followed(increment) else { return Augmentation::Satisfied };
+        let changes: Vec<Option<Change<D>>> = followed.iter().map(|followed| followed.change).collect();
+        let worst = worst(&self.candidates, &changes, &self.tolerances, &self.reduction);
+        let before = if update == 0 { None } else { self.worst_along };
+        let helps = |worst: &Worst| worst.is_worth_it(self.tolerances[worst.tool], before.as_ref());
+        if !worst.as_ref().is_some_and(helps) {
+            return Augmentation::Satisfied;
+        }
+        self.worst_along = worst;
+        let first = first_unknowns(&self.tools);
+        for ((candidate, trial), Followed { force, .. }) in
+            self.candidates.iter().zip(&self.trials).zip(&followed)
+        {
+            if *force == [0.0; D] {
+                continue;
+            }
+            let of_nodes = added.force_mut();
+            for (node, value) in candidate.basis.iter() {
+                (0..D).for_each(|d| of_nodes[node][d] += value * force[d]);
+            }
+            let number = candidate.key.tool as usize;
+            let moving = &self.tools[number];
+            for (j, &k) in moving.free.iter().enumerate().filter(|(j, _)| !moving.follows[*j]) {
+                added.add_residual(first[number] + j, moving.component(k, &trial.position, force));
+            }
+        }
+        let now = followed.into_iter().map(|followed| followed.multiplier).collect();
+        let before = std::mem::replace(&mut self.multipliers, now);
+        if update == 0 {
+            self.before_increment = before;
+        }
+        Augmentation::Updated
+    }
+
+    /// Adds stiffness to contact points that slide, because friction does not resist their further motion.
+    fn support(&self, sum: &mut System<N>) -> bool {
+        let sliding = || self.touching().filter(|(.., touch)| touch.slides_with_friction());
+        sliding().for_each(|(_, candidate, _, touch)| evaluation::support(candidate, &touch.normal(), sum));
+        sliding().next().is_some()
+    }
+
+    fn withdraw(&mut self) {
+        self.multipliers.clone_from(&self.before_increment);
+    }
+}
