@@ -93,7 +93,9 @@ impl Search {
         residual: Option<f64>,
         secant: impl FnOnce(&mut Bracket) -> Option<f64>,
     ) -> Decision {
-        let is_better = residual.is_some_and(|residual| residual < situation.residuals[0]);
+        // There is no earlier residual in iteration 0.
+        let first = situation.residuals.first().copied().unwrap_or(f64::INFINITY);
+        let is_better = residual.is_some_and(|residual| residual < first);
         let decision = match self.shorter(situation, residual, secant) {
             Some(part) => Decision::Shorten(part),
             None if self.is_predicted && !is_better => Decision::Withdraw,
@@ -241,6 +243,12 @@ mod tests {
             Decision::Accept,
             "there is no increment"
         );
+    }
+
+    #[test]
+    fn the_first_iterate_is_accepted() {
+        let first = Situation { iteration: 0, since_update: 0, residuals: &[], ..LATE_ITERATION };
+        assert_eq!(Search::default().decide(&first, Some(1.0), |_| None), Decision::Accept);
     }
 
     #[test]
