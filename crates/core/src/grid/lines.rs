@@ -1,6 +1,6 @@
 //! Lines along the axes between which all cells of a grid lie, with the numbers of the nodes and cells among them.
 
-use super::{Axis, CellBasis, CellValues, for_each_corner};
+use super::{Axis, CellBasis, CellValues};
 
 /// Evenly spaced or graded lines along each axis. The nodes of the grid are the points where they cross; nodes and cells
 /// are numbered with the first axis fastest.
@@ -172,6 +172,34 @@ fn indices<const D: usize>(ranges: [std::ops::Range<usize>; D]) -> impl Iterator
         let index = split(number, lengths);
         std::array::from_fn(|d| first[d] + index[d])
     })
+}
+
+/// Calls `visit` with the index of each corner of a cell, and with the value, [-], and the gradient, [1/length], of its
+/// basis function at local coordinates; `per_length` is 1/h along each axis. Bit d of the index is the side along axis
+/// d.
+#[inline(always)]
+pub fn for_each_corner<const D: usize>(
+    local: [f64; D],
+    per_length: &[f64; D],
+    mut visit: impl FnMut(usize, f64, [f64; D]),
+) {
+    let mut hats = [[0.0; 2]; D];
+    for d in 0..D {
+        hats[d] = [1.0 - local[d], local[d]];
+    }
+    for corner in 0..1 << D {
+        let mut value = 1.0;
+        let mut gradient = [1.0; D];
+        for d in 0..D {
+            let upper = corner >> d & 1;
+            let (hat, slope) = (hats[d][upper], if upper == 1 { per_length[d] } else { -per_length[d] });
+            value *= hat;
+            for e in 0..D {
+                gradient[e] *= if e == d { slope } else { hat };
+            }
+        }
+        visit(corner, value, gradient);
+    }
 }
 
 fn split<const D: usize>(mut number: usize, counts: [usize; D]) -> [usize; D] {

@@ -14,10 +14,10 @@ pub mod subdivide;
 
 pub use axis::{Axis, CoincidentLines, Interval};
 pub use carried::{CarriedLines, CarryError, MIN_SIZE};
-pub use lines::Lines;
+pub use lines::{Lines, for_each_corner};
 pub use mesh::Mesh;
 pub use patches::Patches;
-pub use structured::{Structured, for_each_corner, vtk_corner};
+pub use structured::{Structured, vtk_corner};
 
 /// Boxes grids. The generic code of these grids is compiled here, with full optimisation, and not in the crates that
 /// create them.

@@ -170,34 +170,6 @@ fn least<const D: usize>(sides: [f64; D]) -> f64 {
     sides.into_iter().fold(f64::INFINITY, f64::min)
 }
 
-/// Calls `visit` with the index of each corner of a cell, and with the value, [-], and the gradient, [1/length], of its
-/// basis function at local coordinates; `per_length` is 1/h along each axis. Bit d of the index is the side along axis
-/// d.
-#[inline(always)]
-pub fn for_each_corner<const D: usize>(
-    local: [f64; D],
-    per_length: &[f64; D],
-    mut visit: impl FnMut(usize, f64, [f64; D]),
-) {
-    let mut hats = [[0.0; 2]; D];
-    for d in 0..D {
-        hats[d] = [1.0 - local[d], local[d]];
-    }
-    for corner in 0..1 << D {
-        let mut value = 1.0;
-        let mut gradient = [1.0; D];
-        for d in 0..D {
-            let upper = corner >> d & 1;
-            let (hat, slope) = (hats[d][upper], if upper == 1 { per_length[d] } else { -per_length[d] });
-            value *= hat;
-            for e in 0..D {
-                gradient[e] *= if e == d { slope } else { hat };
-            }
-        }
-        visit(corner, value, gradient);
-    }
-}
-
 /// Converts the corner index of a quadrilateral or hexahedron between VTK order and bitwise order (bit d of the index
 /// is the side along axis d). The map is its own inverse.
 pub fn vtk_corner(corner: usize) -> usize {
