@@ -17,7 +17,7 @@ use mpm::model::{BuildError, Builder, Fill, Model};
 use mpm::points::Points;
 use mpm::solver::{Silent, Stepper, Summary};
 use mpm::step::{At, StepContext};
-use mpm::terms::{BeginError, Character, EvaluateError, Ledger, Saved, Term, TermReport};
+use mpm::terms::{BeginError, Character, EvaluateError, Ledger, NamedEnergy, Saved, Term, TermReport};
 
 /// A wall. Points x with normal·x < offset are behind it; it pushes them back with a force per volume of `stiffness`
 /// times their distance from the wall.
@@ -109,7 +109,7 @@ impl Term<2> for Wall {
     }
 
     fn ledger(&self, _: &StepContext<2>, _: &Points<2>, _: At<2>) -> Ledger {
-        Ledger { stored: self.stored - self.at_start, ..Ledger::default() }
+        [NamedEnergy::stored("wall", [self.at_start, self.stored])].into()
     }
 
     fn report(&self, _: &Model<2>, report: &mut TermReport<2>) {

@@ -16,7 +16,7 @@ use mpm::output::summary::{Account, Start};
 use mpm::points::{FieldKind, PointFieldSpec, Points};
 use mpm::solver::Stepper;
 use mpm::step::{At, StepContext};
-use mpm::terms::{BeginError, Character, EvaluateError, Term, TermReport};
+use mpm::terms::{BeginError, Character, EvaluateError, Ledger, NamedEnergy, Term, TermReport};
 use mpm::timing::Timings;
 use vtkio::IOBuffer;
 use vtkio::model::Attribute;
@@ -66,6 +66,12 @@ impl Term<2> for Way {
             }
         }
         Ok(())
+    }
+
+    fn ledger(&self, step: &StepContext<2>, _: &Points<2>, _: At<2>) -> Ledger {
+        let steps = step.step.index as f64;
+        [NamedEnergy::dissipated("wear", 0.25), NamedEnergy::stored("coil", [steps + 1.0, steps + 2.0])]
+            .into()
     }
 
     fn report(&self, _: &Model<2>, report: &mut TermReport<2>) {
@@ -128,7 +134,8 @@ fn further_fields_survive_grouping_commit_checkpoint_and_resumption_and_are_in_f
     let _ = fs::remove_dir_all(&directory);
     let (model, mut points) = analysis();
     let forces = vec!["drag".to_owned(), "lift".to_owned()];
-    let asked = Request { checkpoints: Some(1), forces, ..Request::default() };
+    let energies = ["wear", "coil", "heat"].map(String::from).to_vec();
+    let asked = Request { checkpoints: Some(1), forces, energies, ..Request::default() };
     let mut files = Results::create(&directory, &asked, &model, account()).unwrap();
     let started = points.id.clone();
     let stepper = Stepper::new(&model, &mut points).with_terms(vec![Box::new(Way)]).unwrap();
@@ -158,10 +165,25 @@ fn further_fields_survive_grouping_commit_checkpoint_and_resumption_and_are_in_f
     let [drag, lift] = [["drag_fx", "drag_fy"], ["lift_fx", "lift_fy"]].map(|names| names.map(of));
     let rows: Vec<_> = lines.collect();
     assert!(rows.len() >= STEPS);
-    for row in rows {
+    let [wear, coil, heat] = ["wear_energy", "coil_energy", "heat_energy"].map(of);
+    for (row, steps) in rows.iter().zip(1..) {
+        // The energy of all steps so far, and that of the state; no term reports the third energy.
+        let steps = f64::from(steps);
+        let energies = [wear, coil].map(|column| row[column].parse::<f64>().unwrap());
+        assert_eq!((energies, row[heat]), ([0.25 * steps, steps + 2.0], ""));
         assert_eq!(drag.map(|column| row[column].parse::<f64>().unwrap()), [1.5, -2.5]);
         assert_eq!(lift.map(|column| row[column]), [""; 2]);
     }
+
+    let summary = fs::read_to_string(directory.join("summary.json")).unwrap();
+    let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
+    assert_eq!(
+        summary["energies"],
+        serde_json::json!([
+            {"name": "wear", "role": "dissipated", "energy": 0.25 * steps},
+            {"name": "coil", "role": "stored", "energy": steps + 2.0, "at_start": 2.0},
+        ])
+    );
 
     // The files contain the fields under their names, at the start and at the end.
     for (file, steps) in [("points_0000.vtu", 0.0), (&format!("points_{:04}.vtu", steps as usize), steps)] {

@@ -7,6 +7,7 @@
 mod assembly;
 mod batched;
 mod constraints;
+mod duration;
 mod failure;
 mod fields;
 mod further_fields;

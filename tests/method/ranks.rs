@@ -45,7 +45,7 @@ impl<const D: usize> Observer<D> for Recorder {
         report: &StepReport<D>,
         Reached { summary, .. }: &Reached,
     ) -> std::io::Result<()> {
-        let (energy, links) = (report.energy, &report.grid.links);
+        let (energy, links) = (&report.energy, &report.grid.links);
         let mut numbers: Vec<f64> = report.reactions.iter().flatten().copied().collect();
         numbers.extend(report.loads.iter().flatten());
         numbers.extend(report.list::<ToolState<D>>().iter().flat_map(|tool| tool.force));

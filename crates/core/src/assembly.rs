@@ -44,6 +44,9 @@ pub struct System<const N: usize> {
     /// The part of the external force that holds bodies as reactions do: the forces of tools and of conditions on
     /// surfaces, and the forces that a stage releases, [force]. `None` if there are no such forces.
     holding: Option<Nodal<N>>,
+    /// Forces by whose norm the out-of-balance force of a field is measured if they are larger than its external forces
+    /// and reactions; `None` if there are no such forces.
+    scale: Option<Nodal<N>>,
     /// Round-off of the external force at each node in addition to the round-off of increments and stresses, [force];
     /// `None` if there is none.
     round_off: Option<Vec<f64>>,
@@ -76,6 +79,7 @@ impl<const N: usize> System<N> {
             internal: zero.clone(),
             external: zero,
             holding: None,
+            scale: None,
             round_off: None,
             per_factor: None,
             border: Border::new(globals, links.n_active()),
@@ -115,7 +119,7 @@ impl<const N: usize> System<N> {
         }
         self.internal.fill([0.0; N]);
         self.external.fill([0.0; N]);
-        (self.holding, self.per_factor, self.round_off) = (None, None, None);
+        (self.holding, self.per_factor, self.scale, self.round_off) = (None, None, None, None);
         self.border.clear();
     }
 
@@ -126,7 +130,7 @@ impl<const N: usize> System<N> {
         reduction.complete(&mut self.internal);
         reduction.complete(&mut self.external);
         let n = self.internal.len();
-        for force in [&mut self.holding, &mut self.per_factor] {
+        for force in [&mut self.holding, &mut self.per_factor, &mut self.scale] {
             if reduction.any(force.is_some()) {
                 reduction.complete(force.get_or_insert_with(|| vec![[0.0; N]; n]));
             }
@@ -146,7 +150,7 @@ impl<const N: usize> System<N> {
     pub(crate) fn condense(&mut self, dofs: &DofMap<N>) {
         dofs.condense(&mut self.internal);
         dofs.condense(&mut self.external);
-        for force in [&mut self.holding, &mut self.per_factor].into_iter().flatten() {
+        for force in [&mut self.holding, &mut self.per_factor, &mut self.scale].into_iter().flatten() {
             dofs.condense(force);
         }
     }
@@ -185,6 +189,20 @@ impl<const N: usize> System<N> {
             holding[d] += f;
             self.external[node][d] += f;
         }
+    }
+
+    /// Adds to the forces by which the out-of-balance force is measured, such as the inertia of a body on which neither
+    /// loads nor reactions act, [force]; the components are those of all fields at a node. They do not act on the bodies.
+    pub fn add_scale(&mut self, node: usize, force: &[f64; N]) {
+        let n = self.external.len();
+        let scale = &mut self.scale.get_or_insert_with(|| vec![[0.0; N]; n])[node];
+        scale.iter_mut().zip(force).for_each(|(sum, f)| *sum += f);
+    }
+
+    /// The forces by which the out-of-balance force is measured if they are larger than external forces and reactions,
+    /// [force]; `None` if there are none.
+    pub fn scale_force(&self) -> Option<&Nodal<N>> {
+        self.scale.as_ref()
     }
 
     /// Adds to the round-off of the external force at a node, [force].

@@ -18,6 +18,13 @@ pub struct Step {
     pub end: f64,
 }
 
+impl Step {
+    /// Duration of the step, in the unit of time of the analysis.
+    pub fn duration(&self) -> f64 {
+        self.end - self.start
+    }
+}
+
 /// A vector at each active node, with one entry per component.
 pub type Nodal<const N: usize> = Vec<[f64; N]>;
 

@@ -31,7 +31,7 @@ pub use failure::{
 };
 pub use global_unknowns::{GlobalMotion, GlobalUnknowns};
 pub use layout::Layout;
-pub use ledger::Ledger;
+pub use ledger::{Amount, Ledger, NamedEnergy, Role, continued, sum_over_ranks};
 pub use multipliers::{Augmentation, Multipliers, Response};
 pub use report::{NamedForce, Record, Records, SurfaceReaction, TermReport};
 pub use saved::Saved;

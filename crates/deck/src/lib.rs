@@ -267,6 +267,7 @@ impl Deck {
             forces: Vec::new(),
             nodal: Vec::new(),
             conditions: Vec::new(),
+            energies: Vec::new(),
         }
     }
 }

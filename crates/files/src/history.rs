@@ -48,6 +48,8 @@ pub struct Beside {
     pub fields: Vec<Field>,
     /// Names of the conditions that terms impose on these fields.
     pub conditions: Vec<String>,
+    /// Names of further energies.
+    pub energies: Vec<String>,
 }
 
 impl Beside {
@@ -122,6 +124,7 @@ pub fn columns_of_history<const D: usize>(model: &Model<D>, beside: &Beside) -> 
         columns.extend(axes.iter().map(|axis| format!("{}_u{axis}", probe.name)));
     }
     columns.extend(["external_work", "strain_energy"].map(String::from));
+    columns.extend(beside.energies.iter().map(|name| format!("{name}_energy")));
     columns
 }
 
@@ -189,6 +192,11 @@ pub fn row_of_history<const D: usize>(
         }
     }
     row.extend([Entry::from(summary.external_work), Entry::from(summary.strain_energy)]);
+    for name in &beside.energies {
+        let named = summary.further_energies.iter().filter(|energy| energy.name == *name);
+        let energy = named.map(|energy| energy.amount.value()).reduce(|sum, energy| sum + energy);
+        row.push(energy.map_or(Entry::Missing, Entry::from));
+    }
     row
 }
 

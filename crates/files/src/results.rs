@@ -52,6 +52,9 @@ pub struct Request {
     pub nodal: Vec<Field>,
     /// Names of the conditions that terms impose on these fields; the reactions of each have columns in `history.csv`.
     pub conditions: Vec<String>,
+    /// Names of energies that terms report, see
+    /// [`Summary::further_energies`](mpm_core::solver::Summary::further_energies); each has a column in `history.csv`.
+    pub energies: Vec<String>,
 }
 
 impl Default for Request {
@@ -65,6 +68,7 @@ impl Default for Request {
             forces: Vec::new(),
             nodal: Vec::new(),
             conditions: Vec::new(),
+            energies: Vec::new(),
         }
     }
 }
@@ -76,6 +80,7 @@ impl Request {
             forces: self.forces.clone(),
             fields: self.nodal.clone(),
             conditions: self.conditions.clone(),
+            energies: self.energies.clone(),
         }
     }
 }

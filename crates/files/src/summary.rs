@@ -17,6 +17,7 @@ use mpm_core::quality::{Balance, Quality, Warning, Worst};
 use mpm_core::solver::{
     Diagnosis, InitialState, Reached, SolveError, StageStrength, StrengthBracket, Summary,
 };
+use mpm_core::terms::{Amount, NamedEnergy};
 use mpm_core::timing::{Phase, Spent, Timings};
 
 /// Version of the program, as it appears in the results.
@@ -274,11 +275,24 @@ impl Account {
         document["damped_steps"] = summary.damped.into();
         document["damping_work"] = summary.damping_work.into();
         document["replaced_domains"] = summary.replaced_domains.into();
+        if !summary.further_energies.is_empty() {
+            document["energies"] = summary.further_energies.iter().map(further_energy).collect();
+        }
         if !model.tools.is_empty() {
             document["friction_work"] = summary.friction_work.into();
         }
         document
     }
+}
+
+/// An energy that terms report under a name of their own.
+fn further_energy(energy: &NamedEnergy) -> Value {
+    let NamedEnergy { name, role, amount } = energy;
+    let mut entry = json!({"name": name, "role": role, "energy": amount.value()});
+    if let Amount::State { start, .. } = amount {
+        entry["at_start"] = json!(start);
+    }
+    entry
 }
 
 /// Checks that the main numbers are finite: JSON would silently replace a non-finite number by null.
@@ -297,6 +311,7 @@ fn check(path: &Path, summary: &Summary, findings: &Findings) -> io::Result<()> 
         ("mass", summary.quality.mass.now),
         ("volume", summary.quality.volume.now),
     ];
+    numbers.extend(summary.further_energies.iter().map(|of| (of.name.as_ref(), of.amount.value())));
     numbers.extend(summary.quality.det_f.iter().flatten().map(|det_f| ("det_f", *det_f)));
     let errors = [findings.errors.energy, findings.errors.force, findings.errors.moment];
     numbers.extend(errors.iter().flatten().map(|(error, _)| ("balance_errors", *error)));

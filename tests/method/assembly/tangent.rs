@@ -7,7 +7,7 @@ use mpm::grid::mesh::Mesh;
 use mpm::kinematics::Increment;
 use mpm::step::{At, StepContext};
 use mpm::stress::{Axisymmetric, Formulation, Mechanics, PlaneStrain, Solid, StartOfStep, Volumetric};
-use mpm::terms::Sum;
+use mpm::terms::{Ledger, Sum};
 
 use super::states::{Domain, FORMULATIONS, Law, Random, State, cases, random_state, state_on, with_laws};
 use crate::meshes::{Cells, brick, plane};
@@ -246,7 +246,7 @@ fn stored<const D: usize>(sum: &mut Sum<D>, state: &mut State<D>, delta_d: &[[f6
     let State { model, points, links, .. } = state;
     let context = StepContext::first(model, links);
     sum.evaluate(&context, points, At::new(delta_d), Wanted::Force).unwrap();
-    sum.ledger(&context, points, At::new(delta_d)).stored
+    sum.ledger(&context, points, At::new(delta_d)).energy(Ledger::ELASTIC)
 }
 
 /// The largest difference between the internal force and the derivative of the stored energy, relative to the force.

@@ -8,7 +8,7 @@ use crate::points::Points;
 use crate::ranks::Reduction;
 
 use crate::step::Nodal;
-use crate::terms::Ledger;
+use crate::terms::{Ledger, NamedEnergy, continued, sum_over_ranks};
 
 /// Work done during a step, and energy at its end.
 ///
@@ -17,7 +17,7 @@ use crate::terms::Ledger;
 /// no longer holds exactly. The resulting out-of-balance forces do work, too. This work vanishes with the step size if
 /// the basis functions are smooth. It does not vanish for standard points, whose stress jumps as they cross cell
 /// boundaries.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Energy {
     /// Work of loads and reactions during the step, [energy].
     pub external_work: f64,
@@ -37,6 +37,8 @@ pub struct Energy {
     /// Work dissipated by friction between tools and bodies during the step, [energy]. The external work contains it,
     /// because the work of a tool is the work of its forces on its own motion.
     pub friction_work: f64,
+    /// The energies that the terms report under names of their own.
+    pub further: Vec<NamedEnergy>,
 }
 
 impl Energy {
@@ -55,6 +57,7 @@ impl Energy {
             stabilisation_work: before.stabilisation_work + self.stabilisation_work,
             damping_work: before.damping_work + self.damping_work,
             friction_work: before.friction_work + self.friction_work,
+            further: continued(before.further, &self.further),
             ..self
         }
     }
@@ -70,6 +73,7 @@ impl Energy {
             plastic_work,
             undone_work,
             friction_work,
+            further,
         } = &mut self;
         let all = [
             external_work,
@@ -84,6 +88,7 @@ impl Energy {
         let mut sums = all.each_ref().map(|energy| **energy);
         reduction.sum(&mut sums);
         all.into_iter().zip(sums).for_each(|(energy, sum)| *energy = sum);
+        sum_over_ranks(further, reduction);
         self
     }
 
@@ -97,16 +102,17 @@ impl Energy {
         delta_d: &[[f64; D]],
         [start, end]: [(&Nodal<N>, &Nodal<N>); 2],
         f_int_start: &[[f64; N]],
-        ledger: Ledger,
+        ledger: &Ledger,
     ) -> Energy {
-        let Ledger { stored, plastic, undone, lost, friction } = ledger;
+        let friction = ledger.energy(Ledger::FRICTION);
         let mut energy = Energy {
-            stabilisation_work: lost,
-            strain_energy: stored,
-            plastic_work: plastic,
-            undone_work: undone,
+            stabilisation_work: ledger.energy(Ledger::STABILISATION),
+            strain_energy: ledger.energy(Ledger::ELASTIC),
+            plastic_work: ledger.energy(Ledger::PLASTIC),
+            undone_work: ledger.energy(Ledger::UNDONE),
             friction_work: friction,
             external_work: friction,
+            further: ledger.further(),
             ..Energy::default()
         };
         for (node, du) in delta_d.iter().enumerate().filter(|(node, _)| reduction.counts(*node)) {

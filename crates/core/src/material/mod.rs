@@ -3,7 +3,8 @@
 //! A law is implemented once, in three dimensions, in one of two strain measures ([`StrainMeasure`]). Laws in the
 //! logarithmic strain have the form of small-strain laws: with the multiplicative decomposition, the return mapping of
 //! small-strain plasticity applies at finite strain. Laws in b^e need no eigenvalues of b^e. A law knows neither the
-//! grid nor the dimension nor the load step, and its result depends only on its arguments.
+//! grid nor the dimension nor the load step, and its result depends only on its arguments. A law that depends on time
+//! provides, for each step, the law of a step of this duration ([`Material::for_duration`]).
 
 mod at_rest;
 mod batch;
@@ -288,6 +289,13 @@ pub trait Material: Send + Sync + std::fmt::Debug {
     /// The law with its strength divided by a factor: cohesion, tensile strength and the tangent of the friction angle,
     /// or yield stress and hardening modulus; `None` if the law has no such strength.
     fn with_strength_divided(&self, _factor: f64) -> Option<Box<dyn Material>> {
+        None
+    }
+
+    /// The law for a step of this duration, in the unit of time of the analysis, if its response depends on time; `None`
+    /// if it does not. It has the history variables, the energy and the plastic work of the law itself. A law that is
+    /// evaluated in batches must answer `None`.
+    fn for_duration(&self, _duration: f64) -> Option<Box<dyn Material>> {
         None
     }
 

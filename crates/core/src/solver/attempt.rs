@@ -131,7 +131,7 @@ impl OnTheWay {
 
     /// Adds this account to the report of the equilibrium that the slump has reached.
     pub(super) fn lead_to<const D: usize>(self, report: &mut StepReport<D>) {
-        report.energy = report.energy.after(self.energy);
+        report.energy = std::mem::take(&mut report.energy).after(self.energy);
         report.replaced_domains.extend(self.replaced_domains);
         report.replaced_domains.sort_unstable();
         report.replaced_domains.dedup();

@@ -8,7 +8,7 @@ use crate::equilibrium::{
 use crate::model::{Control, Predictor};
 use crate::points::Points;
 use crate::step::{Nodal, StepContext, displacement};
-use crate::terms::{TermReport, Terms};
+use crate::terms::{Ledger, TermReport, Terms};
 
 use super::attempt::{Attempt, Ended, FailedAttempt, Iterate, OnTheWay, Outcome};
 use super::body_residual;
@@ -205,13 +205,14 @@ impl<const D: usize, const N: usize> LastIterate<'_, D, N> {
         let reaction_start = reactions_of(&f_ext_start, &course.f_int_start, dofs);
         let reduction = context.links.reduction();
         let ledger = sum.ledger(context, points, unknowns.at());
-        agree(reduction, with_energy(&ledger, context.model, points, &points.trial, context.step))?;
+        let of_laws = ledger.energy(Ledger::ELASTIC) + ledger.energy(Ledger::PLASTIC);
+        agree(reduction, with_energy(of_laws, context.model, points, &points.trial, context.step))?;
         let energy = Energy::new(
             reduction,
             &displacement::<D, N>(&unknowns.delta_d),
             [(&f_ext_start, &reaction_start), (f_ext, &reaction)],
             &course.f_int_start,
-            ledger,
+            &ledger,
         );
         Ok((if slump.has_begun() { energy.of_slump() } else { energy }, reaction))
     }

@@ -4,6 +4,7 @@ use crate::assembly::Wanted;
 use crate::equilibrium::{InitialState, reactions_of};
 use crate::model::InitialImbalance;
 use crate::step::{Step, StepContext, displacement};
+use crate::terms::Ledger;
 use crate::timing::Phase;
 
 use super::collective::agree;
@@ -69,16 +70,19 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
                     f_ext,
                     reaction,
                     holding: forces.holding_force(),
+                    scale: forces.scale_force(),
                 }
                 .measure(&system.parts, tolerance, &at);
                 let ledger = system.sum.ledger(&context, points, unknowns.at());
                 let reduction = links.reduction();
-                agree(reduction, with_energy(&ledger, model, points, &points.trial, step))?;
+                let stored = ledger.energy(Ledger::ELASTIC);
+                let of_laws = stored + ledger.energy(Ledger::PLASTIC);
+                agree(reduction, with_energy(of_laws, model, points, &points.trial, step))?;
                 Ok(InitialState {
                     residual: measured.residual,
                     is_balanced: measured.residual <= tolerance,
                     worst: worst(model, &links, &displacement(&out_of_balance)),
-                    energy: reduction.total(ledger.stored),
+                    energy: reduction.total(stored),
                 })
             });
         let state = agree(links.reduction(), state);

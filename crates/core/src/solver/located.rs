@@ -6,7 +6,7 @@ use crate::linear::LinearError;
 use crate::model::Model;
 use crate::points::{Points, State};
 use crate::step::{Step, StepContext};
-use crate::terms::{EvaluateError, LawFailure, Ledger, PointFailure};
+use crate::terms::{EvaluateError, LawFailure, PointFailure};
 
 use super::error::{PointPlace, SolveError};
 use super::step_system::StepSystem;
@@ -138,18 +138,19 @@ fn place<const D: usize>(model: &Model<D>, points: &Points<D>, p: usize, positio
     }
 }
 
-/// Checks that the laws have a finite energy in a state of the points, given the sum over all points.
+/// Checks that the laws have a finite energy in a state of the points, given the sum of their stored energy and plastic
+/// work over all points, [energy].
 ///
 /// # Errors
 /// [`SolveError::Law`] with the first point at fault, if one is found.
 pub(super) fn with_energy<const D: usize>(
-    Ledger { stored, plastic, .. }: &Ledger,
+    of_laws: f64,
     model: &Model<D>,
     points: &Points<D>,
     state: &State<D>,
     step: Step,
 ) -> Result<(), SolveError> {
-    if (stored + plastic).is_finite() {
+    if of_laws.is_finite() {
         return Ok(());
     }
     let is_at_fault = |p: &usize| {

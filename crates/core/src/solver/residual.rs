@@ -198,6 +198,8 @@ pub(super) struct Forces<'a, const N: usize> {
     pub(super) reaction: &'a Nodal<N>,
     /// The part of `f_ext` that holds bodies as reactions do, [force].
     pub(super) holding: Option<&'a Nodal<N>>,
+    /// Forces that terms declare as the scale of their fields, [force].
+    pub(super) scale: Option<&'a Nodal<N>>,
 }
 
 impl<const N: usize> Forces<'_, N> {
@@ -218,13 +220,13 @@ impl<const N: usize> Forces<'_, N> {
 
     /// The norms in eq. (40) for some components of each part: of the out-of-balance force, and of the sum of external
     /// forces and reactions. Forces that hold bodies may cancel the loads at the same nodes and leave nothing but
-    /// round-off; they count alone if they are larger than the sum.
+    /// round-off; they count alone if they are larger than the sum. So do forces that terms declare as a scale.
     fn of_parts(&self, parts: &Parts, components: Range<usize>) -> Vec<[f64; 2]> {
         let out = parts.norms(components.clone(), self.out_of_balance.iter().copied());
         let mut force = parts.norms(components.clone(), (0..self.f_ext.len()).map(|node| self.total(node)));
-        if let Some(holding) = self.holding {
-            let holding = parts.norms(components, holding.iter().copied());
-            force.iter_mut().zip(holding).for_each(|(force, holding)| *force = force.max(holding));
+        for larger in [self.holding, self.scale].into_iter().flatten() {
+            let larger = parts.norms(components.clone(), larger.iter().copied());
+            force.iter_mut().zip(larger).for_each(|(force, larger)| *force = force.max(larger));
         }
         out.into_iter().zip(force).map(|(out, force)| [out, force]).collect()
     }
@@ -390,8 +392,8 @@ impl<const N: usize> Forces<'_, N> {
                 sum[d] += self.out_of_balance[node][d];
             }
             *scale += total[parts.displacement()].iter().map(|f| f.abs()).sum::<f64>();
-            if let Some(holding) = self.holding {
-                *scale += holding[node][parts.displacement()].iter().map(|f| f.abs()).sum::<f64>();
+            for larger in [self.holding, self.scale].into_iter().flatten() {
+                *scale += larger[node][parts.displacement()].iter().map(|f| f.abs()).sum::<f64>();
             }
         }
         for (sum, scale) in &mut sums {
@@ -430,8 +432,13 @@ mod tests {
 
     fn residual(out: [f64; 4], tolerance: f64) -> Option<f64> {
         let [out_of_balance, f_ext, reaction] = forces(out);
-        let forces =
-            Forces { out_of_balance: &out_of_balance, f_ext: &f_ext, reaction: &reaction, holding: None };
+        let forces = Forces {
+            out_of_balance: &out_of_balance,
+            f_ext: &f_ext,
+            reaction: &reaction,
+            holding: None,
+            scale: None,
+        };
         let residual = forces.of_displacement(&parts(&[0, 0, 2, 2]));
         (residual <= tolerance).then_some(residual)
     }

@@ -9,7 +9,7 @@ use crate::model::{Control, Model, Present, Stage};
 use crate::points::Points;
 use crate::step::Step;
 use crate::tensor::padded;
-use crate::terms::{Ledger, Terms};
+use crate::terms::Terms;
 use crate::timing::Phase;
 
 use super::Solvable;
@@ -150,9 +150,9 @@ fn enter<const D: usize, const N: usize>(
         let reduction = points.reduction();
         agree(&reduction, keep_stress(model, points, number))?;
         let now = Amount::of(model, points);
-        let exchanged = Ledger { stored: now.energy() - before.energy(), ..Ledger::default() };
-        agree(&reduction, with_energy(&exchanged, model, points, &points.converged, step))?;
-        reached.summary.exchanged_energy += exchanged.stored;
+        let exchanged = now.energy() - before.energy();
+        agree(&reduction, with_energy(exchanged, model, points, &points.converged, step))?;
+        reached.summary.exchanged_energy += exchanged;
         reached.summary.quality.exchange(now.mass - before.mass, now.volume - before.volume);
         // The loads are still those at the end of the previous stage.
         let control = std::mem::replace(&mut model.stepping.control, Control::Load);

@@ -6,6 +6,7 @@ use crate::equilibrium::{Energy, InitialState, StepReport};
 use crate::linear::{Nature, Solved};
 use crate::model::Model;
 use crate::quality::{BalanceSoFar, Quality, Warning};
+use crate::terms::{Amount, NamedEnergy, Role, continued};
 use crate::timing::Timings;
 
 use super::diagnosis::Diagnosis;
@@ -69,6 +70,9 @@ pub struct Summary {
     pub undone_work: f64,
     /// Work dissipated so far by friction between tools and bodies, [energy].
     pub friction_work: f64,
+    /// The energies that the terms report under names of their own.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub further_energies: Vec<NamedEnergy>,
     /// The quality of the run.
     pub quality: Quality,
     /// The warnings in the order of the steps; new ones are appended.
@@ -110,15 +114,37 @@ impl Summary {
         }
     }
 
-    /// Difference between the work so far and the growth of the sum of stored energy and plastic work, relative to the
-    /// sum of the magnitudes of all work, [-]: the error of the trapezoidal rule, which falls with the square of the
-    /// step size. Round-off in the energy of an initial stress does not count.
+    /// All energies of the run so far, in the order in which the balance adds them up. The plastic work is the work
+    /// that was done.
+    pub fn energies(&self) -> Vec<NamedEnergy> {
+        let stored = |name, energy| NamedEnergy::stored(name, [0.0, energy]);
+        let mut all = vec![
+            NamedEnergy::supplied("external", self.external_work),
+            NamedEnergy::supplied("regridding", self.regridding_work),
+            NamedEnergy::dissipated("stabilisation", self.stabilisation_work),
+            NamedEnergy::dissipated("damping", self.damping_work),
+            NamedEnergy::supplied("exchanged", self.exchanged_energy),
+            stored("elastic", self.strain_energy),
+            NamedEnergy::dissipated("plastic", self.plastic_work),
+            NamedEnergy::dissipated("friction", self.friction_work),
+        ];
+        all.extend(self.further_energies.iter().cloned());
+        all.extend(self.initial_state.iter().map(|state| NamedEnergy::supplied("initial", state.energy)));
+        all
+    }
+
+    /// Energy that was supplied so far but neither stored nor dissipated, [energy].
+    pub fn unexplained_energy(&self) -> f64 {
+        let shares = self.energies().into_iter().map(|energy| energy.unexplained());
+        shares.reduce(|sum, share| sum + share).unwrap_or(0.0)
+    }
+
+    /// Energy that was supplied so far but neither stored nor dissipated, relative to the sum of the magnitudes of all
+    /// work, [-]: the error of the trapezoidal rule, which falls with the square of the step size. Round-off in the
+    /// energy of an initial stress does not count.
     pub fn energy_error(&self) -> f64 {
-        let work = self.external_work + self.regridding_work - self.stabilisation_work - self.damping_work;
-        let missing =
-            work + self.exchanged_energy - self.strain_energy - self.plastic_work - self.friction_work;
+        let missing = self.unexplained_energy();
         if let Some(InitialState { energy, .. }) = self.initial_state {
-            let missing = missing + energy;
             let counts = missing.abs() > ROUND_OFF * energy && self.gross_work > LEAST_WORK * energy;
             return if counts { missing / self.gross_work } else { 0.0 };
         }
@@ -147,7 +173,9 @@ impl Summary {
             plastic_work,
             undone_work,
             friction_work,
+            ref further,
         } = report.energy;
+        self.add_further(further);
         self.friction_work += friction_work;
         self.damping_work += damping_work;
         self.external_work += external_work;
@@ -157,6 +185,22 @@ impl Summary {
         self.strain_energy = strain_energy;
         self.plastic_work = plastic_work;
         self.undone_work += undone_work;
+    }
+
+    /// Adds the energies of a step that terms report under names of their own. What they supply and the change of what
+    /// they store count as work.
+    fn add_further(&mut self, step: &[NamedEnergy]) {
+        let before = self.further_energies.clone();
+        self.further_energies = continued(std::mem::take(&mut self.further_energies), step);
+        let of_name = |energy: &NamedEnergy| {
+            let earlier = before.iter().find(|earlier| earlier.is_same(energy));
+            let start = match energy.amount {
+                Amount::Accrued(_) => 0.0,
+                Amount::State { start, .. } => earlier.map_or(start, |earlier| earlier.amount.value()),
+            };
+            (energy.role != Role::Dissipated).then(|| (energy.amount.value() - start).abs())
+        };
+        step.iter().filter_map(of_name).for_each(|work| self.gross_work += work);
     }
 
     /// Counts a linear solve.

@@ -227,7 +227,7 @@ impl<const N: usize> Unknowns<N> {
 
     /// The forces that eq. (40) compares.
     pub(super) fn forces<'a>(&'a self, out_of_balance: &'a Nodal<N>, system: &'a System<N>) -> Forces<'a, N> {
-        let (f_ext, holding) = (system.external_force(), system.holding_force());
-        Forces { out_of_balance, f_ext, reaction: &self.reaction, holding }
+        let (f_ext, holding, scale) = (system.external_force(), system.holding_force(), system.scale_force());
+        Forces { out_of_balance, f_ext, reaction: &self.reaction, holding, scale }
     }
 }

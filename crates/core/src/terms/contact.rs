@@ -89,7 +89,7 @@ use super::attached::{Attached, Obstacle};
 use super::failure::{BeginError, EvaluateError};
 use super::global_unknowns::{GlobalMotion, GlobalUnknowns};
 use super::layout::Layout;
-use super::ledger::Ledger;
+use super::ledger::{Ledger, NamedEnergy};
 use super::multipliers::Multipliers;
 use super::report::TermReport;
 use super::saved::Saved;
@@ -288,7 +288,7 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
             let before = moving.end.vector_to_space(&self.start[k].shear);
             -0.5 * dot(&along(&before, 1.0, &touch.shear), &touch.slip())
         };
-        Ledger { friction: self.touching().map(of_place).sum(), ..Ledger::default() }
+        [NamedEnergy::dissipated(Ledger::FRICTION, self.touching().map(of_place).sum())].into()
     }
 
     fn report(&self, model: &Model<D>, report: &mut TermReport<D>) {

@@ -28,7 +28,7 @@ use crate::step::{At, StepContext};
 use super::failure::{BeginError, EvaluateError};
 use super::held_material::HeldMaterial;
 use super::layout::Layout;
-use super::ledger::Ledger;
+use super::ledger::{Ledger, NamedEnergy};
 use super::report::TermReport;
 use super::term::{Character, Coupled, Term};
 
@@ -258,7 +258,7 @@ impl<const D: usize, const N: usize> Term<D, N> for Ghost {
         self.add_force(D, at.delta_d, &mut force);
         // The force includes only the faces of this rank.
         let work = force.iter().flatten().zip(at.delta_d.iter().flatten()).map(|(f, u)| f * u).sum::<f64>();
-        Ledger { lost: 0.5 * work, ..Ledger::default() }
+        [NamedEnergy::dissipated(Ledger::STABILISATION, 0.5 * work)].into()
     }
 
     fn report(&self, _: &Model<D>, report: &mut TermReport<D>) {

@@ -28,7 +28,7 @@ use crate::stress::{Mechanics, StartOfStep, Volumetric};
 
 use super::failure::{BeginError, EvaluateError, PointFailure};
 use super::layout::Layout;
-use super::ledger::Ledger;
+use super::ledger::{Ledger, NamedEnergy};
 use super::term::{Character, Coupled, Term};
 
 use batched::{Batch, batches, laws_that_answer, laws_that_note};
@@ -58,9 +58,11 @@ pub struct MaterialPoints<const D: usize, M> {
     averaged: Vec<bool>,
     /// One batch of points for each law that is evaluated for all its points at once.
     batched: Vec<Batch>,
-    /// The law of each material with reduced strength; `None` if the law has no strength to reduce. The list is empty
-    /// at full strength.
-    reduced: Vec<Option<Box<dyn Material>>>,
+    /// The law of each material for the current step: with reduced strength, or for the duration of the step; `None` if
+    /// it is the law itself. Empty if this holds for all materials.
+    step_laws: Vec<Option<Box<dyn Material>>>,
+    /// True if the strength is reduced in the current step.
+    reduces_strength: bool,
     mechanics: PhantomData<M>,
 }
 
@@ -75,7 +77,8 @@ impl<const D: usize, M> Default for MaterialPoints<D, M> {
             mapped: Vec::new(),
             averaged: Vec::new(),
             batched: Vec::new(),
-            reduced: Vec::new(),
+            step_laws: Vec::new(),
+            reduces_strength: false,
             mechanics: PhantomData,
         }
     }
@@ -135,7 +138,7 @@ impl<const D: usize, M: Mechanics<D>> MaterialPoints<D, M> {
     ) -> Result<(), PointFailure> {
         let StepContext { model, links, .. } = *step;
         let System { pairs, blocks, internal, .. } = sum;
-        let MaterialPoints { start, batches, dense, value, gradient, mapped, reduced, .. } = self;
+        let MaterialPoints { start, batches, dense, value, gradient, mapped, step_laws, .. } = self;
         let [mut current, mut before] = dense.each_mut();
         let mut merged = 0..0;
         let delta_d = displacement(at.delta_d);
@@ -156,7 +159,7 @@ impl<const D: usize, M: Mechanics<D>> MaterialPoints<D, M> {
                 dilated,
                 wanted,
                 laws,
-                reduced,
+                step_laws,
                 mechanics: PhantomData,
             };
             let first = links.points_of(batch.start).start;
@@ -204,11 +207,11 @@ impl<const D: usize, M: Mechanics<D>> MaterialPoints<D, M> {
             batch.evaluate(model, noted)?;
         }
         let answering: Vec<_> = batched.iter().map(|batch| batch.answering(model)).collect();
-        let reduced = std::mem::take(&mut self.reduced);
-        let laws = laws_that_answer(model, points, &reduced, batched, &answering);
+        let step_laws = std::mem::take(&mut self.step_laws);
+        let laws = laws_that_answer(model, points, &step_laws, batched, &answering);
         let outcome = self.pass(step, points, at, Pass { laws: Some(&laws), adds: true, wanted }, sum);
         drop(laws);
-        self.reduced = reduced;
+        self.step_laws = step_laws;
         Ok(outcome?)
     }
 }
@@ -220,8 +223,8 @@ impl<const D: usize, const N: usize, M: Mechanics<D>> Term<D, N> for MaterialPoi
 
     fn character(&self, model: &Model<D>) -> Character {
         let has_f_bar = model.bodies.iter().any(|body| body.volumetric == Volumetric::FBar);
-        let reduced = self.reduced.iter().flatten().map(|law| law.as_ref());
-        let mut laws = model.materials.iter().map(|material| material.law.as_ref()).chain(reduced);
+        let step_laws = self.step_laws.iter().flatten().map(|law| law.as_ref());
+        let mut laws = model.materials.iter().map(|material| material.law.as_ref()).chain(step_laws);
         let is_symmetric = !has_f_bar && laws.all(|law| law.tangent_is_symmetric());
         Character { is_symmetric, may_slump: true, ..Character::SMOOTH }
     }
@@ -245,10 +248,17 @@ impl<const D: usize, const N: usize, M: Mechanics<D>> Term<D, N> for MaterialPoi
         });
         start.collect_into_vec(&mut self.start);
         self.batched = batches(model, points);
-        let reduced =
-            |factor| model.materials.iter().map(move |material| material.law.with_strength_divided(factor));
         let factor = model.stepping.strength_factor(step.step.end);
-        self.reduced = factor.into_iter().flat_map(reduced).collect();
+        self.reduces_strength = factor.is_some();
+        let laws = model.materials.iter().map(|material| {
+            let reduced = factor.and_then(|factor| material.law.with_strength_divided(factor));
+            let law = reduced.as_deref().unwrap_or(material.law.as_ref());
+            law.for_duration(step.step.duration()).or(reduced)
+        });
+        self.step_laws = laws.collect();
+        if self.step_laws.iter().all(Option::is_none) {
+            self.step_laws.clear();
+        }
         self.averaged.clear();
         if model.bodies.iter().any(|body| body.volumetric == Volumetric::MeanDilatation) {
             let takes_mean = |body: u16| model.bodies[body as usize].volumetric == Volumetric::MeanDilatation;
@@ -280,12 +290,13 @@ impl<const D: usize, const N: usize, M: Mechanics<D>> Term<D, N> for MaterialPoi
         outcome
     }
 
+    /// The elastic energy counts from the undeformed state.
     fn ledger(&self, step: &StepContext<D>, points: &Points<D>, _: At<N>) -> Ledger {
-        let mut ledger = Ledger::default();
+        let [mut elastic, mut plastic_work, mut undone] = [0.0; 3];
         for batch in batches(step.model, points) {
             let [stored, plastic] = batch.energies(step.model, points);
-            ledger.stored += stored;
-            ledger.plastic += plastic;
+            elastic += stored;
+            plastic_work += plastic;
         }
         for p in 0..points.len() {
             let law = step.model.law(points, p);
@@ -295,15 +306,21 @@ impl<const D: usize, const N: usize, M: Mechanics<D>> Term<D, N> for MaterialPoi
             let own = p * points.history_len..p * points.history_len + law.state_fields().len();
             let (old, new) = (&points.converged.history[own.clone()], &points.trial.history[own]);
             let volume = points.original_volume[p];
-            ledger.stored += law.energy(&points.trial.elastic_strain[p], new) * volume;
-            ledger.plastic += law.plastic_work(new) * volume;
-            if let Some(Some(reduced)) = self.reduced.get(step.model.bodies[points.body[p] as usize].material)
+            elastic += law.energy(&points.trial.elastic_strain[p], new) * volume;
+            plastic_work += law.plastic_work(new) * volume;
+            let material = step.model.bodies[points.body[p] as usize].material;
+            if self.reduces_strength
+                && let Some(Some(reduced)) = self.step_laws.get(material)
             {
                 let growth = |law: &dyn Material| law.plastic_work(new) - law.plastic_work(old);
-                ledger.undone += (growth(law) - growth(reduced.as_ref())) * volume;
+                undone += (growth(law) - growth(reduced.as_ref())) * volume;
             }
         }
-        ledger
+        Ledger::from([
+            NamedEnergy::stored(Ledger::ELASTIC, [0.0, elastic]),
+            NamedEnergy::dissipated_so_far(Ledger::PLASTIC, plastic_work),
+            NamedEnergy::supplied(Ledger::UNDONE, undone),
+        ])
     }
 
     fn layout(&mut self) -> Option<&mut dyn Layout> {

@@ -279,19 +279,13 @@ impl<const D: usize, const N: usize> Sum<D, N> {
 
     /// Work and energy of all terms.
     pub fn ledger(&self, step: &StepContext<D>, points: &Points<D>, at: At<N>) -> Ledger {
-        let mut first = 0;
-        self.terms.iter().fold(Ledger::default(), |sum, term| {
+        let (mut first, mut sum) = (0, Ledger::default());
+        for term in &self.terms {
             let (at, next) = of_term(term.as_ref(), at, first);
             first = next;
-            let own = term.ledger(step, points, at);
-            Ledger {
-                stored: sum.stored + own.stored,
-                plastic: sum.plastic + own.plastic,
-                undone: sum.undone + own.undone,
-                lost: sum.lost + own.lost,
-                friction: sum.friction + own.friction,
-            }
-        })
+            term.ledger(step, points, at).iter().for_each(|energy| sum.add(energy.clone()));
+        }
+        sum
     }
 
     /// What the terms report of the step, at the last evaluation.

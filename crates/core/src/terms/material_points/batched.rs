@@ -131,17 +131,17 @@ pub(super) fn laws_that_note<'a>(
     laws
 }
 
-/// The laws of all points: stand-ins for laws evaluated in batches, and possibly laws with reduced strength for the
-/// other points.
+/// The laws of all points: stand-ins for laws evaluated in batches, and for the other points, their laws in
+/// the current step.
 pub(super) fn laws_that_answer<'a, const D: usize>(
     model: &'a Model<D>,
     points: &Points<D>,
-    reduced: &'a [Option<Box<dyn Material>>],
+    step_laws: &'a [Option<Box<dyn Material>>],
     batches: &[Batch],
     stand_ins: &'a [Vec<Answering>],
 ) -> Vec<&'a dyn Material> {
-    let law = |p: usize| match reduced.get(model.bodies[points.body[p] as usize].material) {
-        Some(Some(reduced)) => reduced.as_ref(),
+    let law = |p: usize| match step_laws.get(model.bodies[points.body[p] as usize].material) {
+        Some(Some(law)) => law.as_ref(),
         _ => model.law(points, p),
     };
     let mut laws: Vec<&dyn Material> = (0..points.len()).map(law).collect();

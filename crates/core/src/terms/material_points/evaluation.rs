@@ -42,8 +42,8 @@ pub(super) struct Task<'a, const D: usize, M> {
     pub(super) wanted: Wanted,
     /// The law of each point, if some laws are stand-ins for laws that are evaluated in batches.
     pub(super) laws: Option<&'a [&'a dyn Material]>,
-    /// The laws of the materials with reduced strength; empty at full strength.
-    pub(super) reduced: &'a [Option<Box<dyn Material>>],
+    /// The laws of the materials for the current step, where they are not the laws themselves.
+    pub(super) step_laws: &'a [Option<Box<dyn Material>>],
     pub(super) mechanics: std::marker::PhantomData<M>,
 }
 
@@ -146,8 +146,8 @@ impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
             return laws[p];
         }
         let body = &self.model.bodies[self.body[p] as usize];
-        if let Some(Some(reduced)) = self.reduced.get(body.material) {
-            return reduced.as_ref();
+        if let Some(Some(law)) = self.step_laws.get(body.material) {
+            return law.as_ref();
         }
         self.model.materials[body.material].law.as_ref()
     }
