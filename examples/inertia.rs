@@ -53,8 +53,8 @@ impl Inertia {
 
     /// Kinetic energy ½ Σ m v² for these velocities, [energy].
     fn kinetic(points: &Points<2>, velocity: &[f64]) -> f64 {
-        let of_point = |(v, m): (&[f64], &f64)| 0.5 * m * (v[0] * v[0] + v[1] * v[1]);
-        velocity.chunks_exact(2).zip(&points.mass).map(of_point).sum()
+        let kinetic = |(v, m): (&[f64], &f64)| 0.5 * m * (v[0] * v[0] + v[1] * v[1]);
+        velocity.chunks_exact(2).zip(&points.mass).map(kinetic).sum()
     }
 }
 
@@ -129,11 +129,11 @@ impl Term<2> for Inertia {
             if wanted == Wanted::Force {
                 return;
             }
-            for &(row, of_row) in links {
-                for &(column, of_column) in links {
+            for &(row, row_value) in links {
+                for &(column, column_value) in links {
                     // A symmetric system stores only the lower triangle.
                     if let Some(place) = sum.place(row, column) {
-                        let k = 4.0 * m / (dt * dt) * of_row * of_column;
+                        let k = 4.0 * m / (dt * dt) * row_value * column_value;
                         sum.add_block(place, &[[k, 0.0], [0.0, k]]);
                     }
                 }

@@ -126,20 +126,20 @@ impl Term<2, 3> for Heat {
                 let before = &points.further.converged(slope)[2 * p..];
                 let gradient = [before[0] + more[0], before[1] + more[1]];
                 points.further.trial_mut(slope)[2 * p..][..2].copy_from_slice(&gradient);
-                for &(row, value, of_row) in &links {
+                for &(row, value, row_slope) in &links {
                     let force = &mut sum.internal_force_mut()[row];
-                    (0..2).for_each(|d| force[d] -= volume * BETA * now * of_row[d]);
-                    let flow = of_row[0] * gradient[0] + of_row[1] * gradient[1];
+                    (0..2).for_each(|d| force[d] -= volume * BETA * now * row_slope[d]);
+                    let flow = row_slope[0] * gradient[0] + row_slope[1] * gradient[1];
                     force[T] += volume * (capacity * value * rise + CONDUCTIVITY * flow);
                     if wanted == Wanted::Force {
                         continue;
                     }
-                    for &(column, of_value, of_column) in &links {
+                    for &(column, column_value, column_slope) in &links {
                         if let Some(place) = sum.place(row, column) {
                             let mut block = [[0.0; 3]; 3];
-                            (0..2).for_each(|d| block[d][T] = -volume * BETA * of_row[d] * of_value);
-                            let along = of_row[0] * of_column[0] + of_row[1] * of_column[1];
-                            block[T][T] = volume * (capacity * value * of_value + CONDUCTIVITY * along);
+                            (0..2).for_each(|d| block[d][T] = -volume * BETA * row_slope[d] * column_value);
+                            let along = row_slope[0] * column_slope[0] + row_slope[1] * column_slope[1];
+                            block[T][T] = volume * (capacity * value * column_value + CONDUCTIVITY * along);
                             sum.add_block(place, &block);
                         }
                     }
@@ -161,7 +161,7 @@ fn temperature() -> Field {
 /// What the analysis has beside its model.
 fn extension() -> Extension<'static, 2, 3> {
     Extension {
-        kernels: Kernels::of::<PlaneStrain>(),
+        kernels: Kernels::new::<PlaneStrain>(),
         fields: Fields::displacement(2).and_field(temperature()),
         terms: &|_| -> Terms<2, 3> { vec![Box::new(Heat)] },
     }

@@ -57,7 +57,7 @@ fn assembling_again_allocates_nothing() {
                 state.model.formulation = formulation;
                 let State { model, points, links, delta_d } = &mut state;
                 let mut sum =
-                    Sum::of_bodies::<PlaneStrain>(&StepContext::first(model, links), points).unwrap();
+                    Sum::from_model::<PlaneStrain>(&StepContext::first(model, links), points).unwrap();
                 let mut assemble = |delta_d: &[[f64; 2]]| {
                     sum.evaluate(
                         &StepContext::first(model, links),

@@ -204,7 +204,7 @@ fn measure<const D: usize, M: Mechanics<D>>(
     let delta_d: Vec<[f64; D]> =
         links.active_nodes().iter().map(|&node| motion(&grid.node_position(node as usize))).collect();
     let mut sum =
-        Sum::of_bodies::<M>(&StepContext::first(&model, &links), &points).expect("loads are finite");
+        Sum::from_model::<M>(&StepContext::first(&model, &links), &points).expect("loads are finite");
     let assembly = least(|| {
         sum.evaluate(&StepContext::first(&model, &links), &mut points, At::new(&delta_d), Wanted::Stiffness)
             .expect("the motion is possible")

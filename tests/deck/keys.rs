@@ -46,7 +46,7 @@ fn resolve(home: &str) -> String {
     reference.map_or_else(|| home.to_owned(), |path| resolve(path.trim_start_matches('#')))
 }
 
-fn of_type(schema: &Value, value: &Value) -> bool {
+fn has_type(schema: &Value, value: &Value) -> bool {
     match schema.get("type").and_then(Value::as_str) {
         Some("number") => value.is_number(),
         Some("integer") => value.is_i64() || value.is_u64(),
@@ -64,7 +64,7 @@ fn walk(home: &str, value: &Value, at: &str, found: &mut BTreeMap<String, String
     if let Some(choices) = node.get("anyOf").and_then(Value::as_array) {
         let schema_of =
             |choice: usize| strict_schema().pointer(&resolve(&format!("{home}/anyOf/{choice}"))).unwrap();
-        let chosen = (0..choices.len()).find(|choice| of_type(schema_of(*choice), value)).unwrap();
+        let chosen = (0..choices.len()).find(|choice| has_type(schema_of(*choice), value)).unwrap();
         return walk(&format!("{home}/anyOf/{chosen}"), value, at, found);
     }
     if let Some(items) = value.as_array() {
@@ -135,9 +135,9 @@ fn keys(decks: &[DeckText; 8]) -> Vec<Key<'_>> {
     for deck in decks {
         let mut found = BTreeMap::new();
         walk("", &deck.value, "", &mut found);
-        let mut of_deck: Vec<(String, String)> = found.into_iter().collect();
-        of_deck.sort_by_key(|(_, pointer)| deck.source.key_span_of(pointer).unwrap().start);
-        for (home, pointer) in of_deck {
+        let mut found_in_deck: Vec<(String, String)> = found.into_iter().collect();
+        found_in_deck.sort_by_key(|(_, pointer)| deck.source.key_span_of(pointer).unwrap().start);
+        for (home, pointer) in found_in_deck {
             if seen.insert(home.clone()) {
                 keys.push(Key { deck, pointer, schema: strict_schema().pointer(&resolve(&home)).unwrap() });
             }

@@ -315,7 +315,7 @@ impl GlobalUnknowns<2> for Lid {
     }
 
     fn motions(&self, _: &Model<2>) -> Vec<GlobalMotion> {
-        vec![GlobalMotion { number: 0, of: "plate".to_owned(), component: 1, is_free: true }]
+        vec![GlobalMotion { number: 0, name: "plate".to_owned(), component: 1, is_free: true }]
     }
 }
 
@@ -455,7 +455,7 @@ fn a_further_field_is_solved_beside_the_displacement() {
     for unit in [1e-12, 1.0, 1e12] {
         let (model, mut points) = block(&one_step);
         let fields = Fields::displacement(2).and("temperature", 1);
-        let kernels = Kernels::of::<PlaneStrain>();
+        let kernels = Kernels::new::<PlaneStrain>();
         let stepper = Stepper::<2, 3>::with_fields(&model, &mut points, kernels, fields).unwrap();
         let conduction = Conduction { unit, again: 3.0 * unit, at_end: Vec::new(), start: Vec::new() };
         let mut last = Last(None);
@@ -480,7 +480,7 @@ fn contradictions_in_a_further_field_are_refused() {
     let (model, mut points) = block(&[]);
     let fields = Fields::displacement(2).and("temperature", 1);
     let stepper =
-        Stepper::<2, 3>::with_fields(&model, &mut points, Kernels::of::<PlaneStrain>(), fields).unwrap();
+        Stepper::<2, 3>::with_fields(&model, &mut points, Kernels::new::<PlaneStrain>(), fields).unwrap();
     let conduction = Conduction { unit: 1.0, again: 2.0, at_end: Vec::new(), start: Vec::new() };
     let refused = stepper.with_terms(vec![Box::new(conduction)]).unwrap().run(&mut Silent);
     let Err(error @ SolveError::Constraint { .. }) = refused else { panic!("{refused:?}") };

@@ -43,7 +43,7 @@ fn after_one_solve() -> (Vec<Imbalance>, f64) {
         })
         .collect();
 
-    let mut sum = Sum::of_bodies::<PlaneStrain>(&StepContext::first(&model, &links), &points).unwrap();
+    let mut sum = Sum::from_model::<PlaneStrain>(&StepContext::first(&model, &links), &points).unwrap();
     let at_rest = vec![[0.0; 2]; n];
     sum.evaluate(&StepContext::first(&model, &links), &mut points, At::new(&at_rest), Wanted::Stiffness)
         .unwrap();

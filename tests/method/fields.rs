@@ -63,20 +63,20 @@ impl Term<2, 3> for KeptVolume {
                 };
                 let pressure = sum_of(&|u, value, _| value * u[2]);
                 let growth = sum_of(&|u, _, gradient| gradient[0] * u[0] + gradient[1] * u[1]);
-                for &(row, value, of_row) in &links {
+                for &(row, value, row_slope) in &links {
                     let force = &mut sum.internal_force_mut()[row];
-                    (0..2).for_each(|d| force[d] += volume * pressure * of_row[d]);
+                    (0..2).for_each(|d| force[d] += volume * pressure * row_slope[d]);
                     force[2] += volume * value * (growth - pressure / BULK);
-                    for &(column, of_value, of_column) in &links {
+                    for &(column, column_value, column_slope) in &links {
                         if wanted == Wanted::Stiffness
                             && let Some(place) = sum.place(row, column)
                         {
                             let mut block = [[0.0; 3]; 3];
                             for d in 0..2 {
-                                block[d][2] = volume * of_row[d] * of_value;
-                                block[2][d] = volume * value * of_column[d];
+                                block[d][2] = volume * row_slope[d] * column_value;
+                                block[2][d] = volume * value * column_slope[d];
                             }
-                            block[2][2] = -volume * value * of_value / BULK;
+                            block[2][2] = -volume * value * column_value / BULK;
                             sum.add_block(place, &block);
                         }
                     }
@@ -107,7 +107,7 @@ fn stepper<'a>(
     pressure: Field,
 ) -> Result<Stepper<'a, 2, 3>, SolveError> {
     let fields = Fields::displacement(2).and_field(pressure);
-    Stepper::with_fields(model, points, Kernels::of::<PlaneStrain>(), fields)?
+    Stepper::with_fields(model, points, Kernels::new::<PlaneStrain>(), fields)?
         .with_terms(vec![Box::new(KeptVolume)])
 }
 

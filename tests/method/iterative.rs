@@ -62,7 +62,7 @@ fn equations<const D: usize, M: Mechanics<D>>(
     let links = Connectivity::new(model.grid.as_ref(), points, &methods).unwrap();
     let dofs = DofMap::new(model, points, &links, 0.0, model.stepping.end_time / model.stepping.count as f64)
         .unwrap();
-    let mut sum = Sum::of_bodies::<M>(&StepContext::first(model, &links), points).unwrap();
+    let mut sum = Sum::from_model::<M>(&StepContext::first(model, &links), points).unwrap();
     let mut random = Random(3);
     let delta_d: Vec<[f64; D]> =
         (0..links.n_active()).map(|_| std::array::from_fn(|_| wobble * random.next())).collect();

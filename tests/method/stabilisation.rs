@@ -147,7 +147,7 @@ fn enters_force_and_stiffness_alike<const D: usize, M: Mechanics<D>>(
     let rough: Vec<[f64; D]> =
         (0..n).map(|n| std::array::from_fn(|d| ((7 * n + 3 * d) as f64).sin())).collect();
     let mut evaluate = |model: &Model<D>| {
-        let mut sum = Sum::of_bodies::<M>(&StepContext::first(model, &links), &points).unwrap();
+        let mut sum = Sum::from_model::<M>(&StepContext::first(model, &links), &points).unwrap();
         sum.evaluate(&StepContext::first(model, &links), &mut points, At::new(&delta_d), Wanted::Stiffness)
             .unwrap();
         let mut product = vec![[0.0; D]; n];
@@ -198,7 +198,7 @@ steps: {count: 1}",
 fn condition<const D: usize, M: Mechanics<D>>(model: &Model<D>, points: &mut Points<D>) -> f64 {
     let links = link(model, points);
     let dofs = DofMap::<D>::new(model, points, &links, 0.0, 1.0).unwrap();
-    let mut sum = Sum::of_bodies::<M>(&StepContext::first(model, &links), points).unwrap();
+    let mut sum = Sum::from_model::<M>(&StepContext::first(model, &links), points).unwrap();
     let zero = vec![[0.0; D]; links.n_active()];
     sum.evaluate(&StepContext::first(model, &links), points, At::new(&zero), Wanted::Stiffness).unwrap();
     let mut k = DMatrix::zeros(dofs.n_free(), dofs.n_free());

@@ -192,7 +192,7 @@ fn a_truss_is_followed_through_its_snap() {
     let (outcome, by_length, _) = run(deck("arch.yaml", &[]));
     outcome.unwrap();
     let mut parts = deck("arch.yaml", &[]);
-    parts.0.stepping.control = Control::Displacement { of: Controlled::Probe(0), axis: 1, to: -3.0 };
+    parts.0.stepping.control = Control::Displacement { controlled: Controlled::Probe(0), axis: 1, to: -3.0 };
     let (outcome, by_apex, _) = run(parts);
     outcome.unwrap();
     let path = |recorder: &Recorder| -> Vec<[f64; 2]> {
@@ -261,7 +261,7 @@ fn a_run_goes_on_where_it_stopped() {
         let without_summary = Reached { progress: reached.progress.clone(), ..Reached::nothing(&stopped) };
         for reached in [reached, without_summary] {
             let (mut points, mut rest) = (stopped.clone(), Recorder::default());
-            let _ = solver::go_on(&model, &mut points, reached, &mut rest);
+            let _ = solver::resume(&model, &mut points, reached, &mut rest);
             let joined: Vec<&Record> = first.steps.iter().chain(&rest.steps).collect();
             assert_eq!(joined, whole.steps.iter().collect::<Vec<_>>(), "{name}");
             assert_eq!(points.converged, all.converged, "{name}");
@@ -382,7 +382,7 @@ fn the_length_of_the_path_leads_a_cantilever_on() {
 fn a_load_that_does_not_move_the_probe_is_reported_at_once() {
     let bar = BAR.replace("METHOD", "mpm").replace(", LARGEST", "").replace("poisson: 0.3", "poisson: 0");
     let mut parts = text(&bar);
-    parts.0.stepping.control = Control::Displacement { of: Controlled::Probe(0), axis: 0, to: 1.0 };
+    parts.0.stepping.control = Control::Displacement { controlled: Controlled::Probe(0), axis: 0, to: 1.0 };
     let (outcome, recorder, _) = run(parts);
     let error = outcome.unwrap_err();
     println!("{error}: {:?}", recorder.diagnosis);
@@ -392,7 +392,7 @@ fn a_load_that_does_not_move_the_probe_is_reported_at_once() {
 #[test]
 fn the_largest_load_factor_may_be_negative() {
     let mut parts = deck("arch.yaml", &[("steps", "10")]);
-    parts.0.stepping.control = Control::Displacement { of: Controlled::Probe(0), axis: 1, to: 0.2 };
+    parts.0.stepping.control = Control::Displacement { controlled: Controlled::Probe(0), axis: 1, to: 0.2 };
     let (outcome, recorder, _) = run(parts);
     let factors: Vec<f64> = recorder.steps.iter().filter_map(|r| r.factor).collect();
     let least = factors.iter().copied().fold(0.0, f64::min);
@@ -442,7 +442,7 @@ fn a_prediction_and_a_kept_tangent_change_the_way_only() {
         let mut recorder = Recorder { stop_after: Some(9), ..Recorder::default() };
         solver::run(&model, &mut stopped, &mut recorder).unwrap_err();
         let (mut stopped, reached) = recorder.reached.unwrap();
-        solver::go_on(&model, &mut stopped, reached, &mut Recorder::default()).unwrap();
+        solver::resume(&model, &mut stopped, reached, &mut Recorder::default()).unwrap();
         assert!(stopped.converged.position == points.converged.position, "{predictor:?}, {tangent:?}");
     }
 }

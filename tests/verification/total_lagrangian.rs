@@ -13,7 +13,7 @@ use mpm::points::Points;
 use mpm::ranks::Halo;
 use mpm::step::{At, Step, StepContext};
 use mpm::stress::Mechanics;
-use mpm::terms::{Sum, of_model};
+use mpm::terms::{Sum, model_terms};
 
 /// A body in equilibrium under its whole load.
 pub struct Equilibrium<const D: usize> {
@@ -93,7 +93,8 @@ fn balance<const D: usize, M: Mechanics<D>>(
         lines: [None; D],
         halo: &Halo::default(),
     };
-    let mut sum = Sum::begun(of_model::<D, D, M>(model), context, points).unwrap_or_else(|e| panic!("{e:?}"));
+    let mut sum =
+        Sum::begun(model_terms::<D, D, M>(model), context, points).unwrap_or_else(|e| panic!("{e:?}"));
     let mut backend = DirectBackend::default();
     backend.prepare(&layout, &sum.system().matrix()).unwrap_or_else(|e| panic!("{e:?}"));
     let zero = vec![[0.0; D]; links.n_active()];

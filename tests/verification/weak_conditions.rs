@@ -220,7 +220,7 @@ fn largest_fault<const D: usize, M: mpm::stress::Mechanics<D>>(
     const STEP: f64 = 1e-6;
     let links = mpm::basis::Connectivity::new(model.grid.as_ref(), &mut points, &[Method::Gimp]).unwrap();
     let context = StepContext::first(&model, &links);
-    let mut sum = mpm::terms::Sum::<D>::of_bodies::<M>(&context, &points).unwrap();
+    let mut sum = mpm::terms::Sum::<D>::from_model::<M>(&context, &points).unwrap();
     let n = links.n_active();
     let at = |k: usize, d: usize| 0.03 * ([1.3, 0.7, 0.9][d] * k as f64 + d as f64).sin();
     let base: Vec<[f64; D]> = (0..n).map(|k| std::array::from_fn(|d| at(k, d))).collect();

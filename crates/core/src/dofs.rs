@@ -84,7 +84,7 @@ impl<const N: usize> DofMap<N> {
         start: f64,
         end: f64,
     ) -> Result<Self, ConstraintError> {
-        Constraints::of_model(model, points, links, [start, end])?.into_map()
+        Constraints::from_model(model, points, links, [start, end])?.into_map()
     }
 
     /// The map for `n_nodes` nodes without constraints.

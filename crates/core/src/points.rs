@@ -20,7 +20,7 @@ pub use declare::{FieldKind, StoredField};
 pub use fields::{Points, State};
 pub use further::{FieldError, FieldHandle, Further, FurtherField, PointFieldSpec};
 pub use nearest::Near;
-pub use partition::{ByNumber, MOST_IMBALANCE, Partition};
+pub use partition::{ByNumber, MAX_IMBALANCE, Partition};
 pub use seed::Seed;
 pub use split::Split;
 pub(crate) use split::Splitting;

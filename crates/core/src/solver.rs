@@ -3,7 +3,7 @@
 //! | File | Content |
 //! |---|---|
 //! | `stepper`, `pace` | the sequence of steps, and their size |
-//! | `acceptance`, `refusal` | the commit of a converged step, and what follows a failed attempt |
+//! | `acceptance`, `refusal` | the commit of a converged step, and the recovery from a failed attempt |
 //! | `stages`, `release` | the transition between stages: what is added and removed, and the forces that are released |
 //! | `change` | the change of a model between two steps |
 //! | `load_step`, `step_system` | one attempt at a step, and the equations that it sets up once |
@@ -21,7 +21,7 @@
 //! | `course` | the record of the iterations, with f^R of eq. (28) |
 //! | `forcing`, `damping` | beyond the paper: inexact solves, damping |
 //! | `control`, `motion` | beyond the paper: unknown load factor, prediction |
-//! | `collective`, `of_rank` | collective decisions of the ranks of a run |
+//! | `collective`, `remote_error` | collective decisions of the ranks of a run |
 //! | `attempt`, `error`, `located` | how attempts end, and the point or node at fault |
 //! | `diagnosis`, `evidence`, `stiffness` | why attempts fail; stiffness contrasts between materials |
 //!
@@ -51,11 +51,11 @@ mod located;
 mod motion;
 mod newton;
 mod observer;
-mod of_rank;
 mod pace;
 mod progress;
 mod refusal;
 mod release;
+mod remote_error;
 mod residual;
 mod round_off;
 mod splitting;
@@ -83,9 +83,9 @@ pub use diagnosis::{Circumstances, Diagnosis, Kind, Loss};
 pub use error::{CODES, Obstacle, SolveError};
 pub use motion::Motion;
 pub use observer::{Observer, Silent};
-pub use of_rank::OfRank;
 pub use pace::Pace;
 pub use progress::{Progress, Reached, StageReached};
+pub use remote_error::RemoteError;
 pub use stages::{
     Change, Extension, FurtherTerms, resume_stage, run_extended, run_stages, run_stages_with_terms,
     run_with_changes,
@@ -104,14 +104,14 @@ pub trait Solvable<const D: usize> {
 impl Solvable<2> for Model<2> {
     #[inline(never)]
     fn kernels(&self) -> Kernels<2> {
-        if self.revolved { Kernels::of::<Axisymmetric>() } else { Kernels::of::<PlaneStrain>() }
+        if self.revolved { Kernels::new::<Axisymmetric>() } else { Kernels::new::<PlaneStrain>() }
     }
 }
 
 impl Solvable<3> for Model<3> {
     #[inline(never)]
     fn kernels(&self) -> Kernels<3> {
-        Kernels::of::<Solid>()
+        Kernels::new::<Solid>()
     }
 }
 
@@ -145,7 +145,7 @@ where
 ///
 /// # Errors
 /// As for [`run`] and [`Stepper::resume`].
-pub fn go_on<const D: usize>(
+pub fn resume<const D: usize>(
     model: &Model<D>,
     points: &mut Points<D>,
     reached: Reached,

@@ -105,12 +105,12 @@ impl<const D: usize> Surface<D> {
         {
             return Err(NoBoundary::NoSide(*side));
         }
-        Ok(Surface::of_facets(name, body, facets, part, cell))
+        Ok(Surface::from_facets(name, body, facets, part, cell))
     }
 
     /// The surface formed by the facets that lie in a part of the boundary; `cell` is the size of a grid cell,
     /// [length].
-    pub fn of_facets(
+    pub fn from_facets(
         name: impl Into<String>,
         body: usize,
         mut facets: Vec<Facet<D>>,

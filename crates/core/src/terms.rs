@@ -35,6 +35,6 @@ pub use ledger::{Amount, Ledger, NamedEnergy, Role, continued, sum_over_ranks};
 pub use multipliers::{Augmentation, Multipliers, Response};
 pub use report::{NamedForce, Record, Records, SurfaceReaction, TermReport};
 pub use saved::Saved;
-pub use sum::{Sum, Terms, continue_from, motions, of_model, restore, save};
+pub use sum::{Sum, Terms, continue_from, model_terms, motions, restore, save};
 pub use surface::Surfaces;
 pub use term::{Character, Coupled, Term};

@@ -30,7 +30,7 @@ impl LoadedDeck {
             messages: self.notes.iter().map(in_files).collect(),
             set_up,
             threads,
-            wording: Arc::new(Means::of(&self.deck)),
+            wording: Arc::new(Means::new(&self.deck)),
         })
     }
 

@@ -149,7 +149,7 @@ where
         self.strengths(&laws);
         let is_symmetric = laws.iter().all(|material| material.law.tangent_is_symmetric())
             && deck.bodies.iter().all(|body| body.volumetric != Volumetric::FBar);
-        let size = Size::of(deck, grid.as_ref(), &regions.bodies, is_symmetric);
+        let size = Size::new(deck, grid.as_ref(), &regions.bodies, is_symmetric);
         Some(Outline { grid, regions, laws, size })
     }
 

@@ -145,7 +145,7 @@ impl Deck {
         first.is_none_or(|stage| !names(begins(stage)) || names(ends(stage)))
     }
 
-    /// Whether two bodies exist before the first stage, and in each stage.
+    /// True, for each of two bodies, if it exists before the first stage, and in each stage.
     fn presence(&self, bodies: [&str; 2]) -> Vec<[bool; 2]> {
         let names = |list: &[String], body: &str| list.iter().any(|name| name == body);
         let mut are_there = bodies.map(|body| self.is_there_at_start(body, |s| &s.add, |s| &s.remove));

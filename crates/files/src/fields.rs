@@ -135,7 +135,7 @@ impl PointField {
             PointField::PlasticStrain => {
                 let history = HistoryVariable::new(model, EQUIVALENT_PLASTIC_STRAIN);
                 let plastic = |p: usize| {
-                    if history.of(points, p) == 0.0 {
+                    if history.value(points, p) == 0.0 {
                         return Sym3::ZERO;
                     }
                     let measure = model.law(points, p).strain_measure();
@@ -149,7 +149,7 @@ impl PointField {
             PointField::Volume => fill(out, volumes.iter().map(|[_, volume]| [*volume])),
             PointField::EquivalentPlasticStrain => {
                 let history = HistoryVariable::new(model, EQUIVALENT_PLASTIC_STRAIN);
-                fill(out, order.iter().map(|&p| [history.of(points, p)]));
+                fill(out, order.iter().map(|&p| [history.value(points, p)]));
             }
             PointField::PressureSmoothed => fill(out, source.smoothed[tuples].iter().map(|p| [*p])),
         }
@@ -300,7 +300,7 @@ impl<const D: usize> PointSource<'_, D> {
         let other = other_history(self.model).into_iter().map(|name| {
             let history = HistoryVariable::new(self.model, name);
             self.float(name, 1, &[], move |source, tuples, out| {
-                fill(out, source.order[tuples].iter().map(|&p| [history.of(source.points, p)]));
+                fill(out, source.order[tuples].iter().map(|&p| [history.value(source.points, p)]));
             })
         });
         let further = self.points.further.iter().map(|(handle, field)| {

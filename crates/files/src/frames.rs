@@ -391,10 +391,10 @@ impl Frames {
                 encode(&vector(name, &values), values.len())
             }
             NodeValues::Numbers { components, values } => {
-                let of_node = |node: usize| &values[node * components..][..components];
+                let at_node = |node: usize| &values[node * components..][..components];
                 let values: Cow<[f64]> = match &shown {
                     None => values.into(),
-                    Some(shown) => shown.iter().flat_map(|node| of_node(*node as usize)).copied().collect(),
+                    Some(shown) => shown.iter().flat_map(|node| at_node(*node as usize)).copied().collect(),
                 };
                 let n = values.len() / components.max(1);
                 let values = Values::Float64(&values);

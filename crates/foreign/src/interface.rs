@@ -16,7 +16,7 @@ use super::error::{Kind, LibraryError};
 pub const VERSION: i32 = 1;
 
 /// Largest number of parameters, and of history variables.
-const MOST: i64 = 1000;
+const MAX_VARIABLES: i64 = 1000;
 
 #[repr(C)]
 #[derive(Default)]
@@ -171,8 +171,8 @@ impl Loaded {
             return Err(LibraryError::Size { found: sizes.size, expected: SIZE });
         }
         for (kind, count) in [(Kind::Parameter, sizes.n_parameters), (Kind::History, sizes.n_history)] {
-            if !(0..=MOST).contains(&count) {
-                return Err(LibraryError::Count { kind, count, most: MOST });
+            if !(0..=MAX_VARIABLES).contains(&count) {
+                return Err(LibraryError::Count { kind, count, most: MAX_VARIABLES });
             }
         }
         Ok(sizes)

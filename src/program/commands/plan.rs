@@ -19,7 +19,7 @@ pub fn plan(args: &DeckArgs, ranks: usize) -> anyhow::Result<u8> {
         Err(failure) => return analysis::refuse(failure, args.format),
     };
     let denied = args.deny_warnings && deny_warnings(&mut loaded.notes);
-    let plan = match Plan::of(&loaded, ranks) {
+    let plan = match Plan::new(&loaded, ranks) {
         Ok(plan) if !denied => plan,
         planned => {
             let mut diagnostics = loaded.notes;

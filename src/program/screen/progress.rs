@@ -359,7 +359,7 @@ where
     }
 }
 
-/// Whether the initial state is in equilibrium.
+/// The balance of the initial state, in words.
 fn initial_balance(state: &InitialState) -> String {
     let InitialState { residual, is_balanced, worst, .. } = state;
     match worst {

@@ -120,7 +120,7 @@ fn batch<const D: usize>(state: &mut State<D>, numbers: &[usize]) -> Vec<Arc<Ato
 fn evaluated<const D: usize, M: Mechanics<D>>(state: &mut State<D>, wanted: Wanted) -> [Vec<f64>; 5] {
     let State { model, points, links, delta_d } = state;
     let context = StepContext::first(model, links);
-    let mut sum = Sum::of_bodies::<M>(&context, points).unwrap();
+    let mut sum = Sum::from_model::<M>(&context, points).unwrap();
     sum.evaluate(&context, points, At::new(delta_d), wanted).unwrap();
     let mut product = delta_d.clone();
     if wanted == Wanted::Stiffness {
@@ -208,7 +208,7 @@ fn a_refused_strain_names_the_point_and_a_failure_the_law() {
         state.model.materials[0].law = Box::new(law.failing(1, error));
         let State { model, points, links, delta_d } = &mut state;
         let context = StepContext::first(model, links);
-        let mut sum = Sum::of_bodies::<PlaneStrain>(&context, points).unwrap();
+        let mut sum = Sum::from_model::<PlaneStrain>(&context, points).unwrap();
         sum.evaluate(&context, points, At::new(delta_d), Wanted::Force).unwrap_err()
     };
     let refused = outcome(BatchError::Refused { point: 7, error: MaterialError::NoResponse });

@@ -21,7 +21,7 @@ fn eigenvalues<const D: usize, M: Mechanics<D>>(state: &mut State<D>, volumetric
     points.converged.elastic_strain.fill(Sym3::ZERO);
     points.converged.deformation_gradient.fill(Mat3::identity());
     let context = StepContext::first(model, links);
-    let mut sum = Sum::<D>::of_bodies::<M>(&context, points).unwrap();
+    let mut sum = Sum::<D>::from_model::<M>(&context, points).unwrap();
     let rest = vec![[0.0; D]; links.n_active()];
     sum.evaluate(&context, points, At::new(&rest), Wanted::Stiffness).unwrap();
     let n = D * links.n_active();

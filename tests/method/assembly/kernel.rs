@@ -134,7 +134,7 @@ fn check<const D: usize, M: Mechanics<D>>(
     let random = &mut Random(seed);
     let direction: Vec<[f64; D]> = base.iter().map(|_| [0; D].map(|_| random.within(-1.0, 1.0))).collect();
     let mut sum =
-        Sum::of_bodies::<M>(&StepContext::first(&state.model, &state.links), &state.points).unwrap();
+        Sum::from_model::<M>(&StepContext::first(&state.model, &state.links), &state.points).unwrap();
     if sum
         .evaluate(
             &StepContext::first(&state.model, &state.links),

@@ -222,7 +222,7 @@ fn dense<const D: usize, M: Mechanics<D>>(state: &State<D>) -> (DVector<f64>, DM
 /// f_int and K of the program, expanded to all nodes of the grid.
 fn assembled<const D: usize, M: Mechanics<D>>(state: &mut State<D>) -> (DVector<f64>, DMatrix<f64>) {
     let State { model, points, links, delta_d } = state;
-    let mut sum = Sum::of_bodies::<M>(&StepContext::first(model, links), points).unwrap();
+    let mut sum = Sum::from_model::<M>(&StepContext::first(model, links), points).unwrap();
     sum.evaluate(&StepContext::first(model, links), points, At::new(delta_d), Wanted::Stiffness).unwrap();
     let n = model.grid.n_nodes();
     let place = |active: usize, axis: usize| D * links.active_nodes()[active] as usize + axis;

@@ -55,7 +55,7 @@ fn check_derivative<const D: usize, M: Mechanics<D>>(
             state.model.formulation = formulation;
             state.model.bodies.iter_mut().for_each(|body| body.volumetric = volumetric);
             let mut sum =
-                Sum::of_bodies::<M>(&StepContext::first(&state.model, &state.links), &state.points).unwrap();
+                Sum::from_model::<M>(&StepContext::first(&state.model, &state.links), &state.points).unwrap();
             let base = state.delta_d.clone();
             let (_, flowing) = evaluate(&mut sum, &mut state, &base);
             check_mixture(law, &flowing);
@@ -173,7 +173,7 @@ fn check_formulations<const D: usize, M: Mechanics<D>>(cases: Vec<(Method, Law)>
                 state.model.formulation = formulation;
                 state.model.bodies.iter_mut().for_each(|body| body.volumetric = volumetric);
                 let mut sum =
-                    Sum::of_bodies::<M>(&StepContext::first(&state.model, &state.links), &state.points)
+                    Sum::from_model::<M>(&StepContext::first(&state.model, &state.links), &state.points)
                         .unwrap();
                 let base = state.delta_d.clone();
                 let (f, _) = evaluate(&mut sum, &mut state, &base);
@@ -214,7 +214,7 @@ fn check_force<const D: usize, M: Mechanics<D>>(cases: Vec<(Method, Law)>) {
             let (first, half): (Vec<[f64; D]>, Vec<[f64; D]>) =
                 (state.delta_d.clone(), state.delta_d.iter().map(|u| u.map(|u| 0.5 * u)).collect());
             let mut sum =
-                Sum::of_bodies::<M>(&StepContext::first(&state.model, &state.links), &state.points).unwrap();
+                Sum::from_model::<M>(&StepContext::first(&state.model, &state.links), &state.points).unwrap();
             let (force, _) = evaluate(&mut sum, &mut state, &first);
             let trial = state.points.trial.clone();
             // This stiffness belongs to another state and must not change.
@@ -260,7 +260,7 @@ fn difference_from_energy<const D: usize, M: Mechanics<D>>(
     let mut state = random_state::<D, M>(method, law, n_points, 23);
     state.model.bodies.iter_mut().for_each(|body| body.volumetric = volumetric);
     let mut sum =
-        Sum::of_bodies::<M>(&StepContext::first(&state.model, &state.links), &state.points).unwrap();
+        Sum::from_model::<M>(&StepContext::first(&state.model, &state.links), &state.points).unwrap();
     let base = state.delta_d.clone();
     let (force, _) = evaluate(&mut sum, &mut state, &base);
     let scale = largest(&force);

@@ -111,8 +111,8 @@ impl<const N: usize> Border<N> {
 
     /// The work of the out-of-balance forces of the global equations on increments of the global unknowns, [energy].
     pub(crate) fn work(&self, increments: &[f64]) -> f64 {
-        let of_each = self.residual.iter().zip(increments).zip(&self.works);
-        of_each.filter(|(_, works)| **works).map(|((r, w), _)| -r * w).sum()
+        let each = self.residual.iter().zip(increments).zip(&self.works);
+        each.filter(|(_, works)| **works).map(|((r, w), _)| -r * w).sum()
     }
 
     /// Sums the contributions of all ranks.

@@ -261,9 +261,9 @@ impl<const D: usize, const N: usize, const C: usize> Dense<D> for Cell<D, N, C> 
     fn couple(&mut self, coupling: &Coupling<D>) {
         let (mean, row, column) = (&coupling.mean[..N], &coupling.row[..N], &coupling.column[..N]);
         let lanes =
-            |of: &[[f64; D]], c: usize| transposed(&of[c * Lanes::WIDTH..N.min((c + 1) * Lanes::WIDTH)]);
+            |rows: &[[f64; D]], c: usize| transposed(&rows[c * Lanes::WIDTH..N.min((c + 1) * Lanes::WIDTH)]);
         for c in 0..C {
-            let (of_mean, of_row) = (lanes(mean, c), lanes(row, c));
+            let (mean_lanes, row_lanes) = (lanes(mean, c), lanes(row, c));
             for b in 0..N {
                 if self.first(b) > c {
                     break;
@@ -271,7 +271,7 @@ impl<const D: usize, const N: usize, const C: usize> Dense<D> for Cell<D, N, C> 
                 let block = &mut self.columns[b][c];
                 for i in 0..D {
                     for k in 0..D {
-                        block[i][k] += of_mean[i] * column[b][k] + of_row[i] * mean[b][k];
+                        block[i][k] += mean_lanes[i] * column[b][k] + row_lanes[i] * mean[b][k];
                     }
                 }
             }

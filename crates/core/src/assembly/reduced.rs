@@ -25,20 +25,20 @@ impl<const N: usize> System<N> {
                 self.reduced[place] = [[0.0; N]; N];
             }
         });
-        let of_node = |node: usize| -> [Vec<(usize, usize, f64)>; N] {
+        let expressions = |node: usize| -> [Vec<(usize, usize, f64)>; N] {
             std::array::from_fn(|component| dofs.expression(node, component))
         };
         for (row, column, place) in touched {
-            let (of_row, of_column) = (of_node(row), of_node(column));
+            let (row_terms, column_terms) = (expressions(row), expressions(column));
             for (i, k) in (0..N).flat_map(|i| (0..N).map(move |k| (i, k))) {
                 let entry = self.blocks[place][i][k];
-                for &(a, of_a, weight_a) in &of_row[i] {
-                    for &(b, of_b, weight_b) in &of_column[k] {
+                for &(a, component_a, weight_a) in &row_terms[i] {
+                    for &(b, component_b, weight_b) in &column_terms[k] {
                         let value = weight_a * weight_b * entry;
-                        self.add_reduced([a, of_a], [b, of_b], value);
+                        self.add_reduced([a, component_a], [b, component_b], value);
                         // The mirror image of the entry, which a symmetric matrix does not store.
                         if self.is_symmetric() && row != column {
-                            self.add_reduced([b, of_b], [a, of_a], value);
+                            self.add_reduced([b, component_b], [a, component_a], value);
                         }
                     }
                 }

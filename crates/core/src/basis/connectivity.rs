@@ -430,16 +430,16 @@ impl<const D: usize> Connectivity<D> {
         self.copies.seen_by(body, node)
     }
 
-    /// All active nodes at a grid node, one for each group of bodies. See [`NodeCopies::of_node`].
+    /// All active nodes at a grid node, one for each group of bodies. See [`NodeCopies::at_node`].
     #[inline]
     pub fn copies(&self, node: usize) -> std::ops::Range<usize> {
-        self.copies.of_node(node)
+        self.copies.at_node(node)
     }
 
     /// True if a grid node is active.
     #[inline]
     pub fn is_active(&self, node: usize) -> bool {
-        !self.copies.of_node(node).is_empty()
+        !self.copies.at_node(node).is_empty()
     }
 }
 

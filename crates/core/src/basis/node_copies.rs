@@ -82,7 +82,7 @@ impl NodeCopies {
 
     /// All copies of a grid node; empty if no points touch the node. Boundary conditions and output ask for these.
     #[inline]
-    pub fn of_node(&self, node: usize) -> Range<usize> {
+    pub fn at_node(&self, node: usize) -> Range<usize> {
         match self.first[node] {
             NONE => 0..0,
             first if self.groups.is_empty() => first as usize..first as usize + 1,
@@ -100,7 +100,7 @@ impl NodeCopies {
         match self.first[node] {
             NONE => None,
             first if self.groups.is_empty() => Some(first as usize),
-            _ => self.of_node(node).find(|copy| self.groups[*copy] == self.group_of_body[body as usize]),
+            _ => self.at_node(node).find(|copy| self.groups[*copy] == self.group_of_body[body as usize]),
         }
     }
 }
@@ -120,7 +120,7 @@ mod tests {
                 let seen: Vec<_> = (0..6).map(|node| copies.seen_by(body, node)).collect();
                 assert_eq!(seen, [None, Some(0), Some(1), None, Some(2), None]);
             }
-            assert_eq!((copies.of_node(4), copies.of_node(3).len()), (2..3, 0));
+            assert_eq!((copies.at_node(4), copies.at_node(3).len()), (2..3, 0));
         }
     }
 
@@ -136,7 +136,7 @@ mod tests {
         assert_eq!(seen(0), [None, None, Some(1), None, Some(2), None]);
         assert_eq!(seen(1), [None, Some(0), None, None, Some(3), None]);
         assert_eq!(seen(2), seen(0));
-        assert_eq!([1, 2, 4, 5].map(|node| copies.of_node(node)), [0..1, 1..2, 2..4, 0..0]);
+        assert_eq!([1, 2, 4, 5].map(|node| copies.at_node(node)), [0..1, 1..2, 2..4, 0..0]);
     }
 
     #[test]

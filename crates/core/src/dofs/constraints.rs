@@ -63,7 +63,7 @@ impl<'a, const N: usize> Constraints<'a, N> {
     /// # Errors
     /// [`ConstraintError`] if two conditions contradict each other or a formula is not finite.
     #[inline(never)]
-    pub fn of_model<const D: usize>(
+    pub fn from_model<const D: usize>(
         model: &'a Model<D>,
         points: &Points<D>,
         links: &'a Connectivity<D>,
@@ -121,7 +121,7 @@ impl<'a, const N: usize> Constraints<'a, N> {
 
     /// The same constraints on the components of these fields, by whose names errors refer to the unknowns.
     #[must_use]
-    pub fn of_fields(self, fields: &'a Fields) -> Self {
+    pub fn with_fields(self, fields: &'a Fields) -> Self {
         Constraints { fields: Cow::Borrowed(fields), ..self }
     }
 

@@ -93,7 +93,7 @@ fn loose_axis(loose: usize, all: usize) -> String {
 
 impl ConstraintError {
     /// The same error, found while the term of this name set its constraints.
-    pub(crate) fn of_term(self, name: &'static str) -> Self {
+    pub(crate) fn in_term(self, name: &'static str) -> Self {
         match self {
             ConstraintError::Conflict { first, second, node, unknown, a, b, term: None } => {
                 ConstraintError::Conflict { first, second, node, unknown, a, b, term: Some(name) }

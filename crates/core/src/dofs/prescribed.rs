@@ -72,7 +72,7 @@ pub fn displacement_increment<const D: usize>(
 
 /// Added to the weight of each point at a node, so that the sum of the weights is positive even if the basis function of
 /// the node vanishes at all points. If the deformation is uniform, this does not change the result.
-const LEAST_WEIGHT: f64 = 1e-9;
+const MIN_WEIGHT: f64 = 1e-9;
 
 /// Original position of the material at each active node at the start of a step: the mean of the estimates X_p + F_p⁻¹
 /// (x − x_p) of the points around it, weighted by the basis functions. The result is exact if the deformation is
@@ -92,7 +92,7 @@ fn original_places<const D: usize>(
             links.for_each_value(p, |local, value| {
                 let active = nodes[local] as usize;
                 let x = model.grid.node_position(links.active_nodes()[active] as usize);
-                let weight = value.max(0.0) + LEAST_WEIGHT;
+                let weight = value.max(0.0) + MIN_WEIGHT;
                 let sum = &mut sums[active];
                 for i in 0..D {
                     let back: f64 = (0..D).map(|j| inverse[(i, j)] * (x[j] - position[p][j])).sum();

@@ -210,9 +210,9 @@ impl<const D: usize> Part<D> {
                 rotation += 1;
             }
         }
-        for (a, &of_row) in row.iter().enumerate() {
-            for (b, &of_column) in row.iter().enumerate() {
-                self.gram[(a, b)] += of_row * of_column;
+        for (a, &by_row) in row.iter().enumerate() {
+            for (b, &by_column) in row.iter().enumerate() {
+                self.gram[(a, b)] += by_row * by_column;
             }
         }
     }

@@ -177,7 +177,7 @@ impl<const N: usize> Turned<N> {
         };
         if !self.implied.is_empty() {
             let bearers = self.bearers(fixes);
-            if let Some(multiplier) = self.of_least_forces(reaction, &bearers) {
+            if let Some(multiplier) = self.least_forces(reaction, &bearers) {
                 bearers.iter().for_each(|along| carry(along, dot(&along.direction, &multiplier)));
                 return;
             }
@@ -199,7 +199,7 @@ impl<const N: usize> Turned<N> {
 
     /// The vector whose components along the directions of these conditions are the forces with the least sum of
     /// squares that add up to a reaction.
-    fn of_least_forces(&self, reaction: &[f64; N], bearers: &[Along<N>]) -> Option<[f64; N]> {
+    fn least_forces(&self, reaction: &[f64; N], bearers: &[Along<N>]) -> Option<[f64; N]> {
         let n = self.n_held();
         let held = &self.directions[..n];
         let mut gram = DMatrix::<f64>::zeros(n, n);

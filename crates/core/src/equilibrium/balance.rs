@@ -44,7 +44,7 @@ pub struct Energy {
 impl Energy {
     /// Energy of one part of a slumping step. The out-of-balance forces at its start remain from the previous part and
     /// do not stem from the new grid, so their work counts as damping work.
-    pub fn of_slump(self) -> Energy {
+    pub fn in_slump(self) -> Energy {
         Energy { damping_work: self.damping_work - self.regridding_work, regridding_work: 0.0, ..self }
     }
 
@@ -63,7 +63,7 @@ impl Energy {
     }
 
     /// The sum over all ranks.
-    fn of_all(mut self, reduction: &Reduction) -> Energy {
+    fn summed(mut self, reduction: &Reduction) -> Energy {
         let Energy {
             external_work,
             regridding_work,
@@ -122,7 +122,7 @@ impl Energy {
                 energy.regridding_work += 0.5 * (f_int_start[node][d] - before) * du[d];
             }
         }
-        energy.of_all(reduction)
+        energy.summed(reduction)
     }
 }
 
@@ -161,7 +161,7 @@ pub fn reaction_moments<const D: usize, const N: usize>(
         return None;
     }
     let (positions, reduction) = (deformed_nodes(model, links, delta_d), links.reduction());
-    let of_condition = |(number, condition): (usize, &BoundaryCondition<D>)| {
+    let moment = |(number, condition): (usize, &BoundaryCondition<D>)| {
         let mut nodes = nodes_of(condition, points, links);
         nodes.retain(|node| links.reduction().counts(*node));
         let count = reduction.count_all(nodes.len());
@@ -190,7 +190,7 @@ pub fn reaction_moments<const D: usize, const N: usize>(
         reduction.sum(&mut moment);
         ReactionMoment { about: Some(about), moment }
     };
-    Some(model.boundary_conditions.iter().enumerate().map(of_condition).collect())
+    Some(model.boundary_conditions.iter().enumerate().map(moment).collect())
 }
 
 /// Positions of the active nodes at the end of a step, [length].

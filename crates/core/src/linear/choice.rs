@@ -27,7 +27,7 @@ const WORK_OF_SEPARATOR: f64 = 5.0;
 const WORK_OF_BLOCK: f64 = 40e3;
 
 /// Number of unknowns up to which a factorisation is faster in the plane.
-const MOST_IN_PLANE: f64 = 1e6;
+const MAX_UNKNOWNS_IN_PLANE: f64 = 1e6;
 
 /// Time of an iterative solution with an algebraic multigrid, divided by the time with a geometric multigrid; measured,
 /// see `docs/decisions/0045-ranks.md`.
@@ -47,7 +47,7 @@ pub struct Extent {
 impl Extent {
     /// The size of a system on a mesh. Because its nodes have no coordinates in units of cells, the reach is taken from
     /// a structured grid with the same number of pairs.
-    pub fn of_mesh<const D: usize>(nodes: f64, pairs: f64) -> Self {
+    pub fn mesh<const D: usize>(nodes: f64, pairs: f64) -> Self {
         let coupled = 2.0 * pairs / nodes.max(1.0) - 1.0;
         let reach = (0.5 * (coupled.max(1.0).powf(1.0 / D as f64) - 1.0)).max(1.0);
         Extent { nodes, reach, pairs }
@@ -59,7 +59,7 @@ impl Extent {
     pub fn is_large<const D: usize>(&self, has_coarser_grids: bool) -> bool {
         let slower = if has_coarser_grids { 1.0 } else { ALGEBRAIC };
         if D < 3 {
-            return D as f64 * self.nodes > slower * MOST_IN_PLANE;
+            return D as f64 * self.nodes > slower * MAX_UNKNOWNS_IN_PLANE;
         }
         let separator = D as f64 * self.reach.max(1.0) * self.nodes.powf(2.0 / 3.0);
         WORK_OF_SEPARATOR * separator.powi(3) > slower * WORK_OF_BLOCK * self.pairs
@@ -82,9 +82,9 @@ mod tests {
         let plane = |n: f64| Extent { nodes: n * n, reach: 1.0, pairs: 5.0 * n * n };
         assert!(!plane(700.0).is_large::<2>(true) && plane(1000.0).is_large::<2>(true));
         assert!(!plane(1000.0).is_large::<2>(false));
-        let found = Extent::of_mesh::<3>(1000.0, cube(10.0, 2.0).pairs);
+        let found = Extent::mesh::<3>(1000.0, cube(10.0, 2.0).pairs);
         assert!((found.reach - 2.0).abs() < 1e-12, "{found:?}");
         // Tetrahedra have about 15 neighbours.
-        assert_eq!(Extent::of_mesh::<3>(1000.0, 8000.0).reach, 1.0);
+        assert_eq!(Extent::mesh::<3>(1000.0, 8000.0).reach, 1.0);
     }
 }

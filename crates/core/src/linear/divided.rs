@@ -197,11 +197,11 @@ impl<const N: usize> Parts<N> {
 
     fn find_diagonal(&mut self, halo: &Halo) {
         let pattern = &self.pattern;
-        let of_unknown = |j: usize| {
+        let diagonal = |j: usize| {
             let rows = pattern.column_start[j]..pattern.column_start[j + 1];
             rows.clone().find(|e| pattern.row[*e] == j).map_or(0.0, |e| self.matrix.values[e])
         };
-        let own: Vec<f64> = (0..pattern.n).map(of_unknown).collect();
+        let own: Vec<f64> = (0..pattern.n).map(diagonal).collect();
         let mut field = vec![[0.0; N]; self.numbering.n_nodes()];
         self.spread(&own, &mut field);
         halo.add(&mut field);

@@ -33,12 +33,12 @@ struct Whole<const D: usize, const N: usize> {
     row: Vec<u32>,
     blocks: Vec<Block<N>>,
     symmetric: bool,
-    of_rank: Vec<OfRank>,
+    shares: Vec<Share>,
 }
 
 /// The indices of the nodes and blocks of a rank among those of all ranks.
 #[derive(Default)]
-struct OfRank {
+struct Share {
     nodes: Vec<u32>,
     blocks: Vec<usize>,
 }
@@ -71,7 +71,7 @@ impl<const D: usize, const N: usize> Whole<D, N> {
             row: Vec::new(),
             blocks: Vec::new(),
             symmetric: true,
-            of_rank: Vec::new(),
+            shares: Vec::new(),
         }
     }
 
@@ -82,22 +82,22 @@ impl<const D: usize, const N: usize> Whole<D, N> {
         let mut lattice = vec![[0; D]; nodes.len()];
         let mut is_unknown = vec![[false; N]; nodes.len()];
         let place = |node: &u32| nodes.partition_point(|other| other < node) as u32;
-        let mut of_rank: Vec<OfRank> = (parts.iter())
-            .map(|part| OfRank { nodes: part.nodes.iter().map(place).collect(), blocks: Vec::new() })
+        let mut shares: Vec<Share> = (parts.iter())
+            .map(|part| Share { nodes: part.nodes.iter().map(place).collect(), blocks: Vec::new() })
             .collect();
         let mut pairs: Vec<(u32, u32)> = Vec::new();
-        for (part, of_rank) in parts.iter().zip(&of_rank) {
-            for (k, &node) in of_rank.nodes.iter().enumerate() {
+        for (part, share) in parts.iter().zip(&shares) {
+            for (k, &node) in share.nodes.iter().enumerate() {
                 lattice[node as usize].copy_from_slice(&part.lattice[k * D..][..D]);
                 is_unknown[node as usize].copy_from_slice(&part.is_unknown[k * N..][..N]);
             }
-            pairs.extend(part.pairs(&of_rank.nodes));
+            pairs.extend(part.pairs(&share.nodes));
         }
         pairs.sort_unstable();
         pairs.dedup();
-        for (part, of_rank) in parts.iter().zip(&mut of_rank) {
+        for (part, share) in parts.iter().zip(&mut shares) {
             let find = |pair| pairs.partition_point(|other| *other < pair);
-            of_rank.blocks = part.pairs(&of_rank.nodes).map(find).collect();
+            share.blocks = part.pairs(&share.nodes).map(find).collect();
         }
         let mut column_start = vec![0; nodes.len() + 1];
         pairs.iter().for_each(|(column, _)| column_start[*column as usize + 1] += 1);
@@ -109,7 +109,7 @@ impl<const D: usize, const N: usize> Whole<D, N> {
             blocks: vec![[[0.0; N]; N]; pairs.len()],
             row: pairs.into_iter().map(|(_, row)| row).collect(),
             symmetric,
-            of_rank,
+            shares,
             nodes,
         }
     }
@@ -117,9 +117,9 @@ impl<const D: usize, const N: usize> Whole<D, N> {
     /// Sums the blocks of all ranks, in rank order.
     fn take(&mut self, blocks: &[Vec<u8>]) {
         self.blocks.fill([[0.0; N]; N]);
-        for (of_rank, bytes) in self.of_rank.iter().zip(blocks) {
+        for (share, bytes) in self.shares.iter().zip(blocks) {
             let mut values = numbers(bytes);
-            for &place in &of_rank.blocks {
+            for &place in &share.blocks {
                 for sum in self.blocks[place].as_flattened_mut() {
                     *sum += values.next().unwrap_or(0.0);
                 }
@@ -172,9 +172,9 @@ impl<const D: usize, const N: usize> Gathered<D, N> {
     fn share<T: Serialize + DeserializeOwned>(
         &self,
         layout: &Layout<D, N>,
-        of_root: Option<Result<T, LinearError>>,
+        outcome: Option<Result<T, LinearError>>,
     ) -> Result<T, LinearError> {
-        let shared = of_root.map(|outcome| {
+        let shared = outcome.map(|outcome| {
             outcome.map_err(|error| match error {
                 LinearError::Singular { unknown } => {
                     RootFailure::Singular(unknown.and_then(|u| self.place_of(u)))
@@ -224,8 +224,8 @@ impl<const D: usize, const N: usize> Gathered<D, N> {
     fn scatter(&self, ranks: &Ranks, x: Option<&[[f64; N]]>, own: &mut [[f64; N]]) {
         let Some(communicator) = ranks.communicator() else { return };
         let messages = x.map_or_else(Vec::new, |x| {
-            let of_rank = |of: &OfRank| bytes(of.nodes.iter().flat_map(|node| &x[*node as usize]));
-            self.whole.of_rank.iter().map(of_rank).enumerate().collect()
+            let values = |share: &Share| bytes(share.nodes.iter().flat_map(|node| &x[*node as usize]));
+            self.whole.shares.iter().map(values).enumerate().collect()
         });
         for (_, message) in communicator.exchange(messages) {
             for (value, number) in own.as_flattened_mut().iter_mut().zip(numbers(&message)) {
@@ -243,12 +243,12 @@ impl<const D: usize, const N: usize> Backend<D, N> for Gathered<D, N> {
         }
         let parts = ranks.gather(Self::part(layout, matrix));
         self.whole = Whole::nothing();
-        let of_root = ranks.is_root().then(|| {
+        let outcome = ranks.is_root().then(|| {
             self.whole = Whole::new(&parts, matrix.symmetric);
             let Gathered { direct, whole } = self;
             whole.with(layout.lines, |layout, matrix| direct.prepare(layout, &matrix))
         });
-        self.share(layout, of_root)
+        self.share(layout, outcome)
     }
 
     fn factorise(&mut self, layout: &Layout<D, N>, matrix: &BlockMatrix<N>) -> Result<(), LinearError> {
@@ -257,12 +257,12 @@ impl<const D: usize, const N: usize> Backend<D, N> for Gathered<D, N> {
             return self.direct.factorise(layout, matrix);
         };
         let blocks = communicator.gather(&bytes(matrix.blocks.as_flattened().as_flattened().iter()));
-        let of_root = ranks.is_root().then(|| {
+        let outcome = ranks.is_root().then(|| {
             let Gathered { direct, whole } = self;
             whole.take(&blocks);
             whole.with(layout.lines, |layout, matrix| direct.factorise(layout, &matrix))
         });
-        self.share(layout, of_root)
+        self.share(layout, outcome)
     }
 
     fn solve(
@@ -277,14 +277,14 @@ impl<const D: usize, const N: usize> Backend<D, N> for Gathered<D, N> {
         let Some(communicator) = ranks.communicator() else {
             return self.direct.solve(layout, stiffness, b, x, tolerance);
         };
-        let of_ranks = communicator.gather(&bytes(b.as_flattened().iter()));
+        let sides = communicator.gather(&bytes(b.as_flattened().iter()));
         let mut solution = vec![[0.0; N]; self.whole.nodes.len()];
-        let of_root = ranks.is_root().then(|| {
+        let outcome = ranks.is_root().then(|| {
             let Gathered { direct, whole } = self;
             let mut rhs = vec![[0.0; N]; whole.nodes.len()];
-            for (of_rank, bytes) in whole.of_rank.iter().zip(&of_ranks) {
+            for (share, bytes) in whole.shares.iter().zip(&sides) {
                 let mut values = numbers(bytes);
-                for &node in &of_rank.nodes {
+                for &node in &share.nodes {
                     rhs[node as usize].fill_with(|| values.next().unwrap_or(0.0));
                 }
             }
@@ -294,7 +294,7 @@ impl<const D: usize, const N: usize> Backend<D, N> for Gathered<D, N> {
                 direct.solve(layout, &mut stiffness, &rhs, &mut solution, tolerance)
             })
         });
-        let solved = self.share(layout, of_root)?;
+        let solved = self.share(layout, outcome)?;
         self.scatter(ranks, ranks.is_root().then_some(&solution[..]), x);
         Ok(solved)
     }

@@ -217,9 +217,9 @@ fn lines_of<const D: usize>(
     low: [u32; D],
     extent: [u32; D],
 ) -> [LatticeLines; D] {
-    for (d, of_axis) in lines.iter_mut().enumerate() {
+    for (d, along) in lines.iter_mut().enumerate() {
         let (first, last) = (low[d] as usize, low[d].saturating_add(extent[d]) as usize);
-        *of_axis = of_axis.take().map(|lines| (first..=last).map(|k| line(&lines, k)).collect());
+        *along = along.take().map(|lines| (first..=last).map(|k| line(&lines, k)).collect());
     }
     lines
 }
@@ -350,8 +350,8 @@ mod tests {
             let (coarse, transfer) = fine.coarsen();
             for (n, place) in fine.place.iter().enumerate() {
                 for d in [0, 2] {
-                    let at = |of: &Lattice<3>, place: u32| {
-                        of.lines[d].as_ref().map_or(0.0, |l| line(l, place as usize))
+                    let at = |lattice: &Lattice<3>, place: u32| {
+                        lattice.lines[d].as_ref().map_or(0.0, |l| line(l, place as usize))
                     };
                     let value: f64 = (transfer.parents(n).iter())
                         .map(|(node, w)| f64::from(*w) * at(&coarse, coarse.place[*node as usize][d]))

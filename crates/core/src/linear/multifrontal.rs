@@ -57,7 +57,7 @@ impl Multifrontal {
         let mut fronts = if pattern.symmetric {
             Fronts::new(pattern, order, kept, None)
         } else {
-            let mirror = Mirror::of(pattern)?;
+            let mirror = Mirror::new(pattern)?;
             Fronts::new(&mirror.lower, order, kept, Some(&mirror))
         };
         let task = Task::new(&mut fronts);
@@ -85,8 +85,8 @@ impl Multifrontal {
         let mut size = FactorSize::default();
         for front in self.fronts.eliminated() {
             let (k, m) = (front.pivots as f64, front.rows as f64);
-            let of_l = front.pivots * front.rows - front.pivots * (front.pivots.max(1) - 1) / 2;
-            size.entries += front.factors * of_l;
+            let per_factor = front.pivots * front.rows - front.pivots * (front.pivots.max(1) - 1) / 2;
+            size.entries += front.factors * per_factor;
             // Column j of the pivots needs a root, m − j − 1 quotients, and a product and a sum for each entry below
             // and to the right.
             size.operations += front.factors as f64 * (k * m * m - k * k * m + k * k * k / 3.0);

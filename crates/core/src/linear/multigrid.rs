@@ -13,9 +13,9 @@ mod coarsest;
 mod contributions;
 mod ghosts;
 mod level;
-mod of_ranks;
 mod rows;
 mod shared;
+mod shared_level;
 mod smoother;
 mod stencil;
 
@@ -150,8 +150,9 @@ impl<const D: usize, const N: usize> Multigrid<D, N> {
 
     /// Numbers of own nodes and of ghosts that this rank stores on each level.
     pub(super) fn sizes_here(&self) -> Vec<[usize; 2]> {
-        let of_level = |level: &Level<D, N>| [level.rows.len(), level.lattice.len() - level.rows.len()];
-        self.levels.iter().map(of_level).collect()
+        let rows_and_ghosts =
+            |level: &Level<D, N>| [level.rows.len(), level.lattice.len() - level.rows.len()];
+        self.levels.iter().map(rows_and_ghosts).collect()
     }
 }
 

@@ -77,6 +77,6 @@ impl<const D: usize, const N: usize> Preconditioner<D, N> {
 /// True for each component of an active node that is not an unknown.
 pub(super) fn held_by<const N: usize>(numbering: &Numbering<N>) -> Vec<[bool; N]> {
     let is_held = |node, component| numbering.unknown(node, component).is_none();
-    let of_node = |node| std::array::from_fn(|component| is_held(node, component));
-    (0..numbering.n_nodes()).map(of_node).collect()
+    let held = |node| std::array::from_fn(|component| is_held(node, component));
+    (0..numbering.n_nodes()).map(held).collect()
 }

@@ -194,8 +194,8 @@ impl<'a> At<'a> {
     /// Approximate stress of an elastic point at this strain, [stress]; the stress itself if that is larger, since some
     /// laws have a stress at zero strain.
     fn elastic_stress(&self) -> f64 {
-        let of_strain = self.scale * self.logarithmic.norm();
-        of_strain.max(self.response.tau.norm()).max(f64::MIN_POSITIVE)
+        let elastic = self.scale * self.logarithmic.norm();
+        elastic.max(self.response.tau.norm()).max(f64::MIN_POSITIVE)
     }
 
     fn purity(&self) -> Deviation {
@@ -301,8 +301,8 @@ impl<'a> At<'a> {
         let trial = PLANE.map(|c| Lanes([0.0, 1e-3, trial.0[c], f64::NAN]));
         let mut history: Vec<Lanes> = old.iter().map(|h| Lanes::splat(*h)).collect();
         let short = law.respond(&trial, &mut history);
-        let has_bits = |of: &[Lanes; 4], expected: &Sym3| {
-            of.iter().zip(PLANE).all(|(x, c)| x.0[2].to_bits() == expected.0[c].to_bits())
+        let has_bits = |lanes: &[Lanes; 4], expected: &Sym3| {
+            lanes.iter().zip(PLANE).all(|(x, c)| x.0[2].to_bits() == expected.0[c].to_bits())
         };
         let is_same = has_bits(&short.tau, &alone.tau)
             && has_bits(&short.elastic_strain, &alone.elastic_strain)
@@ -333,10 +333,10 @@ impl<'a> At<'a> {
         }
         let (alone, beside, kept) = (&self.response, &responses[1], self.new.len());
         let history = new[kept..].iter().zip(&self.new).map(|(a, b)| (a - b).abs() / (1.0 + b.abs()));
-        let of_tau = (beside.tau - alone.tau).norm() / self.elastic_stress();
-        let of_strain = (beside.elastic_strain - alone.elastic_strain).norm();
-        let of_tangent = (beside.tangent - alone.tangent).norm() / self.scale;
-        let error = history.chain([of_strain, of_tangent]).fold(of_tau, f64::max);
+        let stress_error = (beside.tau - alone.tau).norm() / self.elastic_stress();
+        let strain_error = (beside.elastic_strain - alone.elastic_strain).norm();
+        let tangent_error = (beside.tangent - alone.tangent).norm() / self.scale;
+        let error = history.chain([strain_error, tangent_error]).fold(stress_error, f64::max);
         Deviation::new(Property::Batch, error, 1e-14)
     }
 }

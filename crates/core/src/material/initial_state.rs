@@ -5,7 +5,7 @@ use crate::tensor::Sym3;
 
 /// Largest number of returns to the initial yield surface; with hardening, the size of each return is a fixed fraction
 /// of the size of the previous one.
-const MOST_RETURNS: usize = 200;
+const MAX_RETURNS: usize = 200;
 /// Largest change of the strain in a return that counts as round-off, relative to the strain, [-].
 const RETURNED: f64 = 1e-13;
 
@@ -37,7 +37,7 @@ pub fn initial_state(
     let mut flowed = history.clone();
     let mut strain = law.elastic_strain(tau, &history)?;
     law.start_from(&strain, volume_ratio, &mut history);
-    for _ in 0..MOST_RETURNS {
+    for _ in 0..MAX_RETURNS {
         let response = law.update(&strain, &history, &mut flowed)?;
         let change = (response.elastic_strain - strain).norm();
         strain = response.elastic_strain;

@@ -6,7 +6,7 @@ use super::{
 use crate::tensor::{Sym3, Tangent};
 
 /// Largest number of iterations to find the volume ratio for a stress.
-const MOST_ITERATIONS: usize = 60;
+const MAX_ITERATIONS: usize = 60;
 /// Largest residual of the iterations that counts as round-off, relative to the strain, [-].
 const SETTLED: f64 = 1e-14;
 
@@ -110,7 +110,7 @@ impl Material for NeoHookean {
         if !is_positive(log_j) {
             return Err(MaterialError::NoStrain);
         }
-        for _ in 0..MOST_ITERATIONS {
+        for _ in 0..MAX_ITERATIONS {
             let e = strain(log_j);
             let slope = -1.0 - 0.5 * self.lambda / self.mu * inverse(&e).trace();
             let mut change = (log_j - log_volume_ratio(&e)) / slope;

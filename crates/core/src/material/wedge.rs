@@ -11,7 +11,7 @@ use return_mapping::Returned;
 pub(super) use return_mapping::Strength;
 
 /// Largest number of iterations for the softened strength.
-const MOST_ITERATIONS: usize = 60;
+const MAX_ITERATIONS: usize = 60;
 
 /// Settings of laws with this surface in addition to their strength.
 #[derive(Debug, Clone, Copy)]
@@ -146,9 +146,9 @@ impl<L: WedgeLaw> Wedge<'_, L> {
             }
         }
         if self.settings.softens {
-            let of_strain = flowed.growth(elasticity, &modulus);
+            let growth_rate = flowed.growth(elasticity, &modulus);
             for (row, change) in modulus.iter_mut().zip(by_kappa) {
-                row.iter_mut().zip(of_strain).for_each(|(entry, growth)| *entry += change * growth);
+                row.iter_mut().zip(growth_rate).for_each(|(entry, growth)| *entry += change * growth);
             }
         }
         Ok(PrincipalResponse { tau: *tau, elastic_strain: *elastic_strain, modulus })
@@ -182,7 +182,7 @@ impl<L: WedgeLaw> Wedge<'_, L> {
             return Ok(flowed);
         }
         let (mut kappa, mut bounds) = (kappa_n, [kappa_n, f64::INFINITY]);
-        for _ in 0..MOST_ITERATIONS {
+        for _ in 0..MAX_ITERATIONS {
             let error = flowed.kappa - kappa;
             if error.abs() <= 1e-15 + 1e-14 * flowed.kappa {
                 let is_stable = flowed.slope < 1.0;
@@ -214,8 +214,8 @@ impl<L: WedgeLaw> Wedge<'_, L> {
         let length = (flow[0] * flow[0] + flow[1] * flow[1] + flow[2] * flow[2]).sqrt();
         let direction = if length > 0.0 { flow.map(|x| x * (EQUIVALENT / length)) } else { [0.0; 3] };
         let slope = if self.settings.softens {
-            let of_kappa = elasticity.principal_strain(returned.by_parameter[0]);
-            -(0..3).map(|i| direction[i] * of_kappa[i]).sum::<f64>()
+            let strain_rate = elasticity.principal_strain(returned.by_parameter[0]);
+            -(0..3).map(|i| direction[i] * strain_rate[i]).sum::<f64>()
         } else {
             0.0
         };

@@ -19,7 +19,7 @@ impl HistoryVariable {
     }
 
     /// The value of the variable at a point in the converged state; zero if the law does not have it.
-    pub fn of<const D: usize>(&self, points: &Points<D>, p: usize) -> f64 {
+    pub fn value<const D: usize>(&self, points: &Points<D>, p: usize) -> f64 {
         match self.place[points.body[p] as usize] {
             Some(k) => points.converged.history[p * points.history_len + k],
             None => 0.0,
@@ -63,7 +63,7 @@ impl<const D: usize> Model<D> {
         }
         if self.history_names().contains(&name) {
             let history = HistoryVariable::new(self, name);
-            return Some(PointValues::new(&order, |p| history.of(points, p)));
+            return Some(PointValues::new(&order, |p| history.value(points, p)));
         }
         points.field(name)
     }

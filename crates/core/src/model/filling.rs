@@ -141,11 +141,11 @@ impl<const D: usize> Filling<'_, D> {
         let (seeds, is_by_cells) = match placement {
             Placement::Lattice(spacing) => (self.lattice(region, spacing)?, false),
             Placement::PerCell { boxes, simplices, brick } => {
-                let of_box = match (brick, self.grid.lines(), boxes) {
+                let in_box = match (brick, self.grid.lines(), boxes) {
                     (Some(brick), Some(lines), Some(counts)) => self.box_on_lines(lines, brick, counts),
                     _ => None,
                 };
-                match of_box {
+                match in_box {
                     Some(seeds) => (seeds, false),
                     None => (self.cell_by_cell(region, *boxes, *simplices)?, true),
                 }
@@ -345,8 +345,8 @@ impl<const D: usize> Filling<'_, D> {
         }
         sides.sort_unstable();
         // A side that belongs to only one full cell is part of the boundary.
-        let of_one = sides.chunk_by(|a, b| a == b).filter(|same| same.len() == 1);
-        let border: HashSet<u32> = of_one.flat_map(|side| side[0]).collect();
+        let alone = sides.chunk_by(|a, b| a == b).filter(|same| same.len() == 1);
+        let border: HashSet<u32> = alone.flat_map(|side| side[0]).collect();
         for FilledCell { cell, parts, full } in filled {
             let corners = self.grid.corners(*cell as usize);
             let is_outer = !full || corners.nodes().iter().any(|node| border.contains(node));

@@ -164,9 +164,9 @@ impl<const D: usize, const C: usize> VectorFormula<D, C> {
     /// components.
     pub fn not_finite(&self, x: &[f64; D], original: &[f64; D], factor: f64) -> Option<(&str, f64)> {
         let values = self.values(x, original, factor);
-        let of_intermediate = self.intermediate.iter().zip(&values[2 * D + 1..]).map(|(f, v)| (f, *v));
-        let of_components = self.components.iter().zip(self.evaluate(x, original, factor));
-        let mut all = of_intermediate.chain(of_components);
+        let intermediate = self.intermediate.iter().zip(&values[2 * D + 1..]).map(|(f, v)| (f, *v));
+        let components = self.components.iter().zip(self.evaluate(x, original, factor));
+        let mut all = intermediate.chain(components);
         all.find(|(_, value)| !value.is_finite()).map(|(formula, value)| (formula.text(), value))
     }
 }

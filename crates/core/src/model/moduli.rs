@@ -25,7 +25,7 @@ impl<'a, const D: usize> ModuliAtRest<'a, D> {
     }
 
     /// The modulus of a point, [stress].
-    pub fn of(&self, points: &Points<D>, p: usize) -> f64 {
+    pub fn at(&self, points: &Points<D>, p: usize) -> f64 {
         let material = self.model.bodies[points.body[p] as usize].material;
         let law = self.model.materials[material].law.as_ref();
         let history = law.initial_history_at(&padded(&points.original_position[p]));

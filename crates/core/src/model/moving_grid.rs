@@ -296,11 +296,11 @@ impl<const D: usize> Model<D> {
     pub fn check_grid_motion(&self) -> Result<(), GridMotionError> {
         let Some(moving) = &self.moving_grid else { return Ok(()) };
         let mut curves: Vec<_> = self.boundary_conditions.iter().map(|c| c.curve.clone()).collect();
-        let of_stages: Vec<&Stepping> = match self.stages.as_slice() {
+        let steppings: Vec<&Stepping> = match self.stages.as_slice() {
             [] => vec![&self.stepping],
             stages => stages.iter().map(|stage| &stage.stepping).collect(),
         };
-        for (number, stepping) in of_stages.into_iter().enumerate() {
+        for (number, stepping) in steppings.into_iter().enumerate() {
             if stepping.control.has_unknown_factor() {
                 return Err(GridMotionError::UnknownFactor);
             }

@@ -117,8 +117,8 @@ impl<const D: usize> Model<D> {
 
     /// True if a stage reduces the strength of the materials.
     pub fn reduces_strength(&self) -> bool {
-        let of_stages = self.stages.iter().map(|stage| &stage.stepping);
-        of_stages.chain([&self.stepping]).any(|stepping| stepping.strength_factor(0.0).is_some())
+        let in_stages = self.stages.iter().map(|stage| &stage.stepping);
+        in_stages.chain([&self.stepping]).any(|stepping| stepping.strength_factor(0.0).is_some())
     }
 
     /// True if a stage after the current one reduces the strength of the materials.

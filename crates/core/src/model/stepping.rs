@@ -35,7 +35,7 @@ pub enum Control {
     /// follows from equilibrium.
     Displacement {
         /// The object whose displacement is prescribed.
-        of: Controlled,
+        controlled: Controlled,
         /// Axis of the displacement, from 0.
         axis: usize,
         /// Displacement over the analysis or, if it has stages, over the stage, [length].

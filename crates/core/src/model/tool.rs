@@ -294,10 +294,10 @@ mod tests {
         let mut tool = Tool::new("bar", Brick::new([-1.0, -0.25], [1.0, 0.25]).unwrap(), pose);
         let lower = Some([[0.0, 4.0], [2.0, 4.5]]);
         tool.parts = vec![part(None, lower), part(Some(vec![3]), None), part(Some(vec![0]), lower)];
-        let of = |side: usize, x: [f64; 2]| tool.parts_at(side, &x).collect::<Vec<_>>();
-        assert_eq!(of(3, [-1.0, 0.0]), [0, 1]);
-        assert_eq!(of(0, [-0.5, -0.25]), [0, 2]);
-        assert_eq!(of(0, [-0.49, -0.25]), [0usize; 0]);
+        let parts = |side: usize, x: [f64; 2]| tool.parts_at(side, &x).collect::<Vec<_>>();
+        assert_eq!(parts(3, [-1.0, 0.0]), [0, 1]);
+        assert_eq!(parts(0, [-0.5, -0.25]), [0, 2]);
+        assert_eq!(parts(0, [-0.49, -0.25]), [0usize; 0]);
         let grid = Structured::new([0.0; 2], [0.25; 2], [8, 40]);
         assert!(tool.parts.iter().all(|part| tool.reaches_into(part, &grid)));
         assert!(!tool.reaches_into(&part(Some(vec![4]), None), &grid));

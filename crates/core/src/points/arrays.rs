@@ -152,7 +152,7 @@ impl<const D: usize> Points<D> {
         self.stored(name, &order).or_else(|| {
             let handle = self.further.handle(name)?;
             let components = self.further.field(handle).components;
-            Some(PointValues::of_field(self.further.converged(handle), components, &order))
+            Some(PointValues::stored(self.further.converged(handle), components, &order))
         })
     }
 }

@@ -132,7 +132,7 @@ impl<T: Restored + 'static> Column for Vec<T> {
     }
 
     fn values(&self, n: usize, order: &[usize]) -> PointValues {
-        PointValues::of_field(self, n, order)
+        PointValues::stored(self, n, order)
     }
 }
 

@@ -136,11 +136,11 @@ impl<const D: usize> Points<D> {
         self.cell = gather(&self.cell, order, 1);
         let mut per_point = self.per_point();
         let n_answers = self.converged.answers_mut().len();
-        let of_answers = per_point.split_off(per_point.len() - n_answers);
+        let answer_lengths = per_point.split_off(per_point.len() - n_answers);
         self.columns_mut().into_iter().zip(per_point).for_each(|(column, n)| column.reorder(order, n));
         // Reuse the trial state: the current step has not written it yet.
         let answers = self.converged.columns().split_off(State::<D>::N_MOTION);
-        for ((old, new), n) in answers.into_iter().zip(self.trial.answers_mut()).zip(of_answers) {
+        for ((old, new), n) in answers.into_iter().zip(self.trial.answers_mut()).zip(answer_lengths) {
             old.reorder_into(order, n, new);
         }
         self.converged.swap_answers(&mut self.trial);

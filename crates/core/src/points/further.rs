@@ -9,7 +9,7 @@ use super::declare::FieldKind;
 use crate::counted::counted;
 
 /// Largest number of components per point of a further field.
-const MOST_COMPONENTS: usize = 1 << 10;
+const MAX_COMPONENTS: usize = 1 << 10;
 
 /// A further field with its initial values.
 #[derive(Debug, Clone, PartialEq)]
@@ -65,7 +65,7 @@ pub enum FieldError {
     #[error("there is already a point field `{0}`")]
     Taken(String),
     /// There are no components, or too many.
-    #[error("the field `{name}` has {components} components; 1 to {MOST_COMPONENTS} are possible")]
+    #[error("the field `{name}` has {components} components; 1 to {MAX_COMPONENTS} are possible")]
     Components {
         /// Name of the field.
         name: String,
@@ -137,7 +137,7 @@ impl Further {
         if taken(&name) || self.handle(&name).is_some() {
             return Err(FieldError::Taken(name));
         }
-        if !(1..=MOST_COMPONENTS).contains(&components) {
+        if !(1..=MAX_COMPONENTS).contains(&components) {
             return Err(FieldError::Components { name, components });
         }
         let (found, wanted) = (start.len(), id.len() * components);

@@ -45,16 +45,16 @@ impl<const D: usize> Points<D> {
         let distance = |p: usize| -> f64 {
             (0..D).map(|d| (self.original_position[p][d] - place[d]).powi(2)).sum::<f64>().sqrt()
         };
-        let of_body = || (0..self.len()).filter(|&p| self.body[p] == body);
+        let in_body = || (0..self.len()).filter(|&p| self.body[p] == body);
         let most = count.max(1) - 1;
         // A rank that holds fewer than `count` points sets no limit.
-        let mut least: Vec<f64> = of_body().map(distance).collect();
+        let mut least: Vec<f64> = in_body().map(distance).collect();
         let limit = match least.len() {
             n if n > most => *least.select_nth_unstable_by(most, f64::total_cmp).1,
             _ => f64::INFINITY,
         };
         let limit = self.reduction().smallest(limit);
-        let near = of_body().filter(|&p| distance(p) <= limit + slack);
+        let near = in_body().filter(|&p| distance(p) <= limit + slack);
         let near = near.map(|p| Near {
             id: self.id[p],
             distance: distance(p),

@@ -16,7 +16,7 @@ use crate::grid::Grid;
 use crate::ranks::Ranks;
 
 /// New parts are chosen when one part holds more points than this multiple of the mean, [-].
-pub const MOST_IMBALANCE: f64 = 1.1;
+pub const MAX_IMBALANCE: f64 = 1.1;
 /// If a choice leaves a larger imbalance, new parts are chosen only once the imbalance has grown by this factor, [-].
 const WORSE: f64 = 1.05;
 /// Number of bits of a cell coordinate.
@@ -28,7 +28,7 @@ pub struct Partition {
     /// For each rank but the first, the cut between its part and the parts of the ranks before it.
     cuts: Vec<Cut>,
     /// For each patch of cells, one of its cells; empty without patches.
-    of_patch: Arc<Vec<u32>>,
+    first_in_patch: Arc<Vec<u32>>,
     /// The imbalance that remained after the latest choice, [-].
     least: f64,
 }
@@ -92,11 +92,11 @@ impl Partition {
 
     /// The coordinates of a cell or, if it belongs to a patch, of the same cell of the patch for all of them.
     fn at<const D: usize>(&self, grid: &dyn Grid<D>, cell: u32) -> [u32; D] {
-        let of_patch = grid.patches().and_then(|patches| {
+        let first_in_patch = grid.patches().and_then(|patches| {
             let patch = *patches.patch_of.get(cell as usize)?;
-            self.of_patch.get(patch as usize)
+            self.first_in_patch.get(patch as usize)
         });
-        let cell = of_patch.copied().unwrap_or(cell) as usize;
+        let cell = first_in_patch.copied().unwrap_or(cell) as usize;
         grid.cell_lattice(cell, BITS)
     }
 
@@ -105,17 +105,17 @@ impl Partition {
     fn choose<const D: usize>(&mut self, ranks: &Ranks, mut occupied: Vec<Occupied<D>>) {
         let n = ranks.count();
         self.cuts = vec![Cut::default(); n - 1];
-        occupied.iter_mut().for_each(|of_cell| of_cell.part = 0);
+        occupied.iter_mut().for_each(|cell| cell.part = 0);
         // The ranks of each part.
         let mut parts: Vec<Range<usize>> = std::iter::once(0..n).collect();
         while parts.iter().any(|part| part.len() > 1) {
             let axes = longest_sides(ranks, &occupied, parts.len());
-            occupied.sort_unstable_by_key(|of_cell| (of_cell.part, along(of_cell.at, axes[of_cell.part])));
+            occupied.sort_unstable_by_key(|cell| (cell.part, along(cell.at, axes[cell.part])));
             let places = places_of_cuts(ranks, &occupied, &parts, &axes);
-            for of_cell in &mut occupied {
-                let is_above = parts[of_cell.part].len() > 1
-                    && along(of_cell.at, axes[of_cell.part]) >= places[of_cell.part];
-                of_cell.part = 2 * of_cell.part + usize::from(is_above);
+            for cell in &mut occupied {
+                let is_above =
+                    parts[cell.part].len() > 1 && along(cell.at, axes[cell.part]) >= places[cell.part];
+                cell.part = 2 * cell.part + usize::from(is_above);
             }
             let mut halves = Vec::with_capacity(2 * parts.len());
             for ((part, axis), place) in parts.into_iter().zip(axes).zip(places) {
@@ -134,9 +134,9 @@ impl Partition {
 /// along the first axes first, so most points are then created on the rank where they stay.
 fn longest_sides<const D: usize>(ranks: &Ranks, occupied: &[Occupied<D>], parts: usize) -> Vec<usize> {
     let mut ends = vec![f64::NEG_INFINITY; 2 * D * parts];
-    for of_cell in occupied {
-        for (d, ends) in ends[2 * D * of_cell.part..].chunks_exact_mut(2).take(D).enumerate() {
-            let x = f64::from(of_cell.at[d]);
+    for cell in occupied {
+        for (d, ends) in ends[2 * D * cell.part..].chunks_exact_mut(2).take(D).enumerate() {
+            let x = f64::from(cell.at[d]);
             (ends[0], ends[1]) = (ends[0].max(x), ends[1].max(-x));
         }
     }
@@ -157,19 +157,19 @@ fn places_of_cuts<const D: usize>(
     axes: &[usize],
 ) -> Vec<u64> {
     let mut below = vec![0.0];
-    below.extend(occupied.iter().scan(0.0, |sum, of_cell| {
-        *sum += of_cell.count;
+    below.extend(occupied.iter().scan(0.0, |sum, cell| {
+        *sum += cell.count;
         Some(*sum)
     }));
-    let start = |part: usize| occupied.partition_point(|of_cell| of_cell.part < part);
-    let of_part: Vec<Range<usize>> = (0..parts.len()).map(|part| start(part)..start(part + 1)).collect();
+    let start = |part: usize| occupied.partition_point(|cell| cell.part < part);
+    let ranges: Vec<Range<usize>> = (0..parts.len()).map(|part| start(part)..start(part + 1)).collect();
     let counts = |places: &[u64]| -> Vec<f64> {
-        let of_cut = |((range, axis), place): ((&Range<usize>, &usize), &u64)| {
+        let below_cut = |((range, axis), place): ((&Range<usize>, &usize), &u64)| {
             let within = &occupied[range.clone()];
-            let end = range.start + within.partition_point(|of_cell| along(of_cell.at, *axis) < *place);
+            let end = range.start + within.partition_point(|cell| along(cell.at, *axis) < *place);
             below[end] - below[range.start]
         };
-        let mut counts: Vec<f64> = of_part.iter().zip(axes).zip(places).map(of_cut).collect();
+        let mut counts: Vec<f64> = ranges.iter().zip(axes).zip(places).map(below_cut).collect();
         ranks.sum(&mut counts);
         counts
     };
@@ -206,15 +206,15 @@ impl<const D: usize> Points<D> {
         if self.ranks.is_alone() {
             return;
         }
-        let mut of_patch = Vec::new();
+        let mut first_in_patch = Vec::new();
         if let Some(patches) = grid.patches() {
             let count = patches.patch_of.iter().max().map_or(0, |last| *last as usize + 1);
-            of_patch = vec![0; count];
+            first_in_patch = vec![0; count];
             for (cell, patch) in patches.patch_of.iter().enumerate().rev() {
-                of_patch[*patch as usize] = cell as u32;
+                first_in_patch[*patch as usize] = cell as u32;
             }
         }
-        self.partition = Partition { of_patch: Arc::new(of_patch), ..Partition::default() };
+        self.partition = Partition { first_in_patch: Arc::new(first_in_patch), ..Partition::default() };
         for p in 0..self.len() {
             self.cell[p] = cell_of(grid, &self.converged.position[p], self.cell[p]);
         }
@@ -233,7 +233,7 @@ impl<const D: usize> Points<D> {
         }
         let ranks = self.ranks.clone();
         let n = ranks.count();
-        let owners = |points: &Self| points.of_cells(|cell| points.partition.rank_of(grid, cell));
+        let owners = |points: &Self| points.by_cell(|cell| points.partition.rank_of(grid, cell));
         let mut to = owners(self);
         let imbalance = |to: &[usize]| {
             let mut counts = vec![0.0; n];
@@ -242,7 +242,7 @@ impl<const D: usize> Points<D> {
             let all: f64 = counts.iter().sum();
             n as f64 * counts.iter().copied().fold(0.0, f64::max) / all.max(1.0)
         };
-        if imbalance(&to) > MOST_IMBALANCE.max(WORSE * self.partition.least) {
+        if imbalance(&to) > MAX_IMBALANCE.max(WORSE * self.partition.least) {
             let occupied = self.occupied(grid);
             self.partition.choose(&ranks, occupied);
             to = owners(self);
@@ -284,26 +284,26 @@ impl<const D: usize> Points<D> {
 
     /// The points of this rank, counted by cell; points of a cell mostly follow one another.
     fn occupied(&self, grid: &dyn Grid<D>) -> Vec<Occupied<D>> {
-        let of_cells = self.cell.chunk_by(|a, b| a == b);
-        let of_cell = |cells: &[u32]| {
+        let by_cell = self.cell.chunk_by(|a, b| a == b);
+        let count = |cells: &[u32]| {
             let at = self.partition.at(grid, cells[0]);
             Occupied { at, count: cells.len() as f64, part: 0 }
         };
-        of_cells.map(of_cell).collect()
+        by_cell.map(count).collect()
     }
 
-    /// The value that `of` returns for the cell of each point; points of a cell mostly follow one another.
-    fn of_cells<T: Copy>(&self, of: impl Fn(u32) -> T) -> Vec<T> {
+    /// The value that `value` returns for the cell of each point; points of a cell mostly follow one another.
+    fn by_cell<T: Copy>(&self, value: impl Fn(u32) -> T) -> Vec<T> {
         let mut last: Option<(u32, T)> = None;
-        let mut of_point = |cell: u32| match last {
+        let mut at = |cell: u32| match last {
             Some((same, known)) if same == cell => known,
             _ => {
-                let found = of(cell);
+                let found = value(cell);
                 last = Some((cell, found));
                 found
             }
         };
-        self.cell.iter().map(|cell| of_point(*cell)).collect()
+        self.cell.iter().map(|cell| at(*cell)).collect()
     }
 
     /// The points with these indices as bytes.
@@ -440,7 +440,7 @@ mod tests {
                     all.sort_unstable();
                     assert!(all.into_iter().eq(0..(n * n) as u32));
                     let most = ranks.largest(points.len() as f64) * count as f64 / (n * n) as f64;
-                    assert!(most <= MOST_IMBALANCE, "{most}");
+                    assert!(most <= MAX_IMBALANCE, "{most}");
                 }
                 let gathered = points.gather();
                 assert_eq!(gathered.as_ref().map(Points::len), ranks.is_root().then_some(n * n));

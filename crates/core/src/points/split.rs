@@ -19,7 +19,7 @@ use crate::grid::{MAX_CORNERS, vtk_corner};
 use crate::region::vector::{minus, norm};
 
 /// Largest number of cuts of one point in one step.
-const MOST_CUTS: usize = 6;
+const MAX_CUTS: usize = 6;
 
 /// A cut of a domain through the mid-point of an edge.
 ///
@@ -54,12 +54,12 @@ pub(crate) trait Splitting<const D: usize> {
 type Domain<const D: usize> = ([[f64; D]; MAX_CORNERS], usize);
 
 impl<const D: usize> Points<D> {
-    /// Cuts domains until no edge is longer than allowed, at most [`MOST_CUTS`] times in succession; `next` is the
+    /// Cuts domains until no edge is longer than allowed, at most [`MAX_CUTS`] times in succession; `next` is the
     /// number of the next new point. A domain stays whole if one of its halves would be invalid. All ranks must call
     /// this together; each returns the cuts of all ranks in the order of the new numbers.
     pub(crate) fn split_long(&mut self, rules: &impl Splitting<D>, mut next: u32) -> Vec<Split> {
         let mut splits = Vec::new();
-        for _ in 0..MOST_CUTS {
+        for _ in 0..MAX_CUTS {
             let mut long: Vec<(u32, [u8; 2])> = Vec::new();
             let mut places = Vec::new();
             for p in 0..self.len() {
@@ -75,19 +75,19 @@ impl<const D: usize> Points<D> {
             }
             // New numbers follow the order of the permanent numbers of the cut points, regardless of the ranks that
             // hold them.
-            let mut of_all = self.reduction().join(long);
-            if of_all.is_empty() {
+            let mut everywhere = self.reduction().join(long);
+            if everywhere.is_empty() {
                 break;
             }
-            of_all.sort_unstable();
-            let all: Vec<Split> = of_all
+            everywhere.sort_unstable();
+            let all: Vec<Split> = everywhere
                 .into_iter()
                 .zip(next..)
                 .map(|((point, edge), half)| Split { point, half, edge })
                 .collect();
             next += all.len() as u32;
-            let of_place = |p: &usize| all.binary_search_by_key(&self.id[*p], |cut| cut.point).ok();
-            let cuts: Vec<Split> = places.iter().filter_map(of_place).map(|k| all[k]).collect();
+            let number = |p: &usize| all.binary_search_by_key(&self.id[*p], |cut| cut.point).ok();
+            let cuts: Vec<Split> = places.iter().filter_map(number).map(|k| all[k]).collect();
             self.cut(&places, &cuts, rules);
             splits.extend(all);
         }
@@ -96,8 +96,8 @@ impl<const D: usize> Points<D> {
 
     /// Moves the corners of the points with these permanent numbers, ascending, to the nearest positions that they may
     /// take. A domain that would become invalid stays unchanged.
-    pub(crate) fn move_corners(&mut self, of: &[u32], rules: &impl Splitting<D>) {
-        for p in (0..self.len()).filter(|&p| of.binary_search(&self.id[p]).is_ok()) {
+    pub(crate) fn move_corners(&mut self, ids: &[u32], rules: &impl Splitting<D>) {
+        for p in (0..self.len()).filter(|&p| ids.binary_search(&self.id[p]).is_ok()) {
             let body = usize::from(self.body[p]);
             let corners: Vec<_> = self.corners(p).iter().map(|x| rules.nearest_allowed(body, *x)).collect();
             if rules.is_valid(self, p, &corners) {
@@ -121,7 +121,7 @@ impl<const D: usize> Points<D> {
     #[inline(never)]
     pub(crate) fn split_again(&mut self, splits: &[Split], rules: &impl Splitting<D>) -> Result<(), String> {
         for split in splits {
-            let place = |id: u32| self.id.iter().position(|of| *of == id);
+            let place = |id: u32| self.id.iter().position(|other| *other == id);
             let Some(p) = place(split.point) else { continue };
             let corners = self.corner_range(p).len();
             let [a, b] = split.edge.map(usize::from);
@@ -239,13 +239,13 @@ mod tests {
     /// Domains longer than `longest` are cut; bodies of revolution have the depth 2 π r.
     struct Rules {
         longest: f64,
-        of_revolution: bool,
+        is_revolved: bool,
         accepts: bool,
     }
 
     impl Rules {
-        fn new(longest: f64, of_revolution: bool) -> Rules {
-            Rules { longest, of_revolution, accepts: true }
+        fn new(longest: f64, is_revolved: bool) -> Rules {
+            Rules { longest, is_revolved, accepts: true }
         }
     }
 
@@ -255,7 +255,7 @@ mod tests {
         }
 
         fn depth(&self, position: &[f64; D]) -> f64 {
-            if self.of_revolution { 2.0 * std::f64::consts::PI * position[0] } else { 1.0 }
+            if self.is_revolved { 2.0 * std::f64::consts::PI * position[0] } else { 1.0 }
         }
 
         fn nearest_allowed(&self, _: usize, place: [f64; D]) -> [f64; D] {
@@ -297,14 +297,14 @@ mod tests {
         points
     }
 
-    fn splits_keep_the_whole<const D: usize>(corners: Vec<[f64; D]>, of_revolution: bool) {
-        let rules = Rules::new(1.3, of_revolution);
+    fn splits_keep_the_whole<const D: usize>(corners: Vec<[f64; D]>, is_revolved: bool) {
+        let rules = Rules::new(1.3, is_revolved);
         let whole = stretched(corners, &rules);
         let mut points = whole.clone();
         let splits = points.split_long(&rules, 1);
         assert!(splits.len() >= 2 && points.len() == splits.len() + 1, "{splits:?}");
-        let kept = |of: &dyn Fn(&Points<D>, usize) -> f64| {
-            let sum = |points: &Points<D>| -> f64 { (0..points.len()).map(|p| of(points, p)).sum() };
+        let kept = |quantity: &dyn Fn(&Points<D>, usize) -> f64| {
+            let sum = |points: &Points<D>| -> f64 { (0..points.len()).map(|p| quantity(points, p)).sum() };
             let (found, expected) = (sum(&points), sum(&whole));
             let error = (found - expected).abs();
             assert!(error <= 1e-13 * expected.abs().max(1.0), "{found} instead of {expected}");
@@ -338,9 +338,9 @@ mod tests {
 
     #[test]
     fn splits_keep_volume_mass_and_places() {
-        for of_revolution in [false, true] {
-            splits_keep_the_whole(SQUARE.to_vec(), of_revolution);
-            splits_keep_the_whole(TRIANGLE.to_vec(), of_revolution);
+        for is_revolved in [false, true] {
+            splits_keep_the_whole(SQUARE.to_vec(), is_revolved);
+            splits_keep_the_whole(TRIANGLE.to_vec(), is_revolved);
         }
         let brick = |k: usize| std::array::from_fn(|d| (k >> d & 1) as f64);
         splits_keep_the_whole((0..8).map(brick).collect::<Vec<[f64; 3]>>(), false);

@@ -154,13 +154,13 @@ impl PointValues {
     }
 
     /// `per_point` values of a stored field for each point, in this order; zero for values that have no entry.
-    pub(super) fn of_field<T: Value>(values: &[T], per_point: usize, order: &[usize]) -> PointValues {
-        let of_point = |p: &usize| p * per_point..(p + 1) * per_point;
+    pub(super) fn stored<T: Value>(values: &[T], per_point: usize, order: &[usize]) -> PointValues {
+        let range = |p: &usize| p * per_point..(p + 1) * per_point;
         let value = |k| values.get(k).copied().unwrap_or(T::ZERO);
         let components = |k| (0..T::COMPONENTS).map(move |c| value(k).component(c));
         PointValues {
             components: per_point * T::COMPONENTS,
-            values: order.iter().flat_map(of_point).flat_map(components).collect(),
+            values: order.iter().flat_map(range).flat_map(components).collect(),
         }
     }
 }

@@ -44,9 +44,9 @@ pub fn sharing(ranks: &Ranks, nodes: &[(u32, bool)], n_nodes: usize) -> Sharing 
     let per_home = n_nodes.div_ceil(count).max(1);
     let home_of = |node: u32| node as usize / per_home;
     let mut messages: Vec<(usize, Vec<u8>)> = Vec::new();
-    for of_home in nodes.chunk_by(|a, b| home_of(a.0) == home_of(b.0)) {
-        let numbers = of_home.iter().flat_map(|&(node, touches)| [node, u32::from(touches)]);
-        messages.push((home_of(of_home[0].0), words(numbers)));
+    for same_home in nodes.chunk_by(|a, b| home_of(a.0) == home_of(b.0)) {
+        let numbers = same_home.iter().flat_map(|&(node, touches)| [node, u32::from(touches)]);
+        messages.push((home_of(same_home[0].0), words(numbers)));
     }
     let mut having: Vec<(u32, Sharer)> = Vec::new();
     for (rank, message) in communicator.exchange(messages) {
@@ -57,11 +57,11 @@ pub fn sharing(ranks: &Ranks, nodes: &[(u32, bool)], n_nodes: usize) -> Sharing 
     }
     having.sort_unstable();
     let mut answers = vec![Vec::new(); count];
-    for of_node in having.chunk_by(|a, b| a.0 == b.0).filter(|of_node| of_node.len() > 1) {
-        for (_, to) in of_node {
+    for sharers in having.chunk_by(|a, b| a.0 == b.0).filter(|sharers| sharers.len() > 1) {
+        for (_, to) in sharers {
             let answer: &mut Vec<u32> = &mut answers[to.rank as usize];
-            answer.extend([of_node[0].0, of_node.len() as u32]);
-            answer.extend(of_node.iter().map(|(_, sharer)| sharer.rank << 1 | u32::from(sharer.touches)));
+            answer.extend([sharers[0].0, sharers.len() as u32]);
+            answer.extend(sharers.iter().map(|(_, sharer)| sharer.rank << 1 | u32::from(sharer.touches)));
         }
     }
     let answers = answers.into_iter().enumerate().filter(|(_, answer)| !answer.is_empty());
@@ -102,22 +102,28 @@ impl Halo {
             return Halo::default();
         }
         let own = ranks.own() as u32;
-        let mut neighbours: Vec<usize> =
-            sharing.iter().flat_map(|(_, of)| of.iter().map(|sharer| sharer.rank as usize)).collect();
+        let mut neighbours: Vec<usize> = sharing
+            .iter()
+            .flat_map(|(_, sharers)| sharers.iter().map(|sharer| sharer.rank as usize))
+            .collect();
         neighbours.sort_unstable();
         neighbours.dedup();
         neighbours.retain(|rank| *rank != own as usize);
         let mut shared = vec![Vec::new(); neighbours.len()];
         let (mut border, mut foreign, mut is_own) = (Vec::new(), Vec::new(), vec![true; nodes.len()]);
-        for (node, of) in sharing {
+        for (node, sharers) in sharing {
             let Ok(active) = nodes.binary_search(node) else { continue };
             border.push(active as u32);
-            for sharer in of.iter().filter(|sharer| sharer.rank != own) {
+            for sharer in sharers.iter().filter(|sharer| sharer.rank != own) {
                 if let Ok(k) = neighbours.binary_search(&(sharer.rank as usize)) {
                     shared[k].push(active as u32);
                 }
             }
-            let owner = of.iter().find(|sharer| sharer.touches).or(of.first()).map_or(own, |of| of.rank);
+            let owner = sharers
+                .iter()
+                .find(|sharer| sharer.touches)
+                .or(sharers.first())
+                .map_or(own, |sharer| sharer.rank);
             if owner != own {
                 foreign.push((active as u32, owner));
                 is_own[active] = false;
@@ -216,9 +222,9 @@ impl Halo {
         // The values of this rank take their turn in rank order.
         let own = collect(&self.border);
         let below = self.neighbours.partition_point(|rank| *rank < self.ranks.own());
-        let of_rank = |k: usize| (&self.shared[k], &receive[k]);
-        let in_order = (0..below).map(of_rank).chain([(&self.border, &own)]);
-        let in_order = in_order.chain((below..self.neighbours.len()).map(of_rank));
+        let received = |k: usize| (&self.shared[k], &receive[k]);
+        let in_order = (0..below).map(received).chain([(&self.border, &own)]);
+        let in_order = in_order.chain((below..self.neighbours.len()).map(received));
         let mut is_begun = vec![false; values.len()];
         for (nodes, numbers) in in_order {
             for (node, new) in nodes.iter().zip(numbers.chunks_exact(N)) {
@@ -246,8 +252,8 @@ impl Halo {
     }
 
     /// The sum of a value over all nodes of all ranks, each counted once.
-    pub fn sum_over_nodes(&self, n: usize, of_node: impl Fn(usize) -> f64) -> f64 {
-        let own = (0..n).filter(|node| self.is_own(*node)).map(of_node).sum();
+    pub fn sum_over_nodes(&self, n: usize, value: impl Fn(usize) -> f64) -> f64 {
+        let own = (0..n).filter(|node| self.is_own(*node)).map(value).sum();
         self.ranks.total(own)
     }
 }
@@ -272,8 +278,8 @@ mod tests {
                 nodes[own].iter().map(|node| (*node, own > 0 || *node < 3)).collect();
             let found = sharing(&ranks, &touched, 9);
             let sharer = |rank| Sharer { rank, touches: rank > 0 };
-            let of_3 = (3, vec![sharer(0), sharer(1), sharer(2)]);
-            let with = [vec![of_3.clone()], vec![of_3, (5, vec![sharer(1), sharer(2)])]];
+            let at_3 = (3, vec![sharer(0), sharer(1), sharer(2)]);
+            let with = [vec![at_3.clone()], vec![at_3, (5, vec![sharer(1), sharer(2)])]];
             assert_eq!(found, with[own.min(1)]);
             let halo = Halo::new(&ranks, &nodes[own], &found);
             let owners: Vec<usize> = (0..nodes[own].len()).map(|node| halo.owner(node)).collect();

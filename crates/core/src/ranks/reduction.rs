@@ -54,8 +54,8 @@ impl Reduction {
     }
 
     /// The sum of a value over all of `n` nodes, each counted once.
-    pub fn sum_over_nodes(&self, n: usize, of_node: impl Fn(usize) -> f64) -> f64 {
-        self.0.sum_over_nodes(n, of_node)
+    pub fn sum_over_nodes(&self, n: usize, value: impl Fn(usize) -> f64) -> f64 {
+        self.0.sum_over_nodes(n, value)
     }
 
     /// The scalar product of two complete fields.

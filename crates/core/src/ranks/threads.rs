@@ -67,9 +67,9 @@ impl Communicator for Thread {
     }
 
     fn exchange(&self, messages: Vec<(usize, Bytes)>) -> Vec<(usize, Bytes)> {
-        let mut of_rank = vec![None; self.count()];
-        messages.into_iter().for_each(|(rank, message)| of_rank[rank] = Some(message));
-        for (rank, message) in of_rank.into_iter().enumerate() {
+        let mut by_rank = vec![None; self.count()];
+        messages.into_iter().for_each(|(rank, message)| by_rank[rank] = Some(message));
+        for (rank, message) in by_rank.into_iter().enumerate() {
             // The first byte tells whether there is a message.
             let message = message.map_or_else(|| vec![0], |message| [vec![1], message].concat());
             self.send(Call::Exchange, rank, message);
@@ -143,7 +143,7 @@ mod tests {
             values.map(f64::to_bits)
         });
         let expected = [0.0 + 0.1 + 0.2 + 0.1 * 3.0, -6.0, 4e16].map(f64::to_bits);
-        assert!(found.iter().all(|of_rank| *of_rank == expected), "{found:?}");
+        assert!(found.iter().all(|numbers| *numbers == expected), "{found:?}");
     }
 
     #[test]

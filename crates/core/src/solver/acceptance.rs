@@ -26,7 +26,7 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
     ) -> Result<(), SolveError> {
         self.judge(&report);
         self.commit(&report);
-        self.part_from_obstacles(&report.replaced_domains);
+        self.push_out_of_tools(&report.replaced_domains);
         self.split_long_domains();
         let (model, points) = (self.model, &*self.points);
         self.cause = None;
@@ -60,9 +60,9 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
     }
 
     /// Moves the corners of replaced domains out of obstacles.
-    fn part_from_obstacles(&mut self, replaced: &[u32]) {
+    fn push_out_of_tools(&mut self, replaced: &[u32]) {
         let Stepper { model, points, terms, .. } = self;
-        splitting::part_from_obstacles(model, points, terms, replaced);
+        splitting::push_out_of_tools(model, points, terms, replaced);
     }
 
     /// Splits the points whose domains have become too long. The next step then begins as it would in a run resumed
@@ -79,7 +79,7 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         if model.stepping.strength_factor(step.end).is_none() {
             return false;
         }
-        let movement = Movement::of(model, points, step);
+        let movement = Movement::measured(model, points, step);
         let progress = &mut self.reached.progress;
         progress.strength_of(model.present.stage).begins_to_slide(movement)
             && progress.pace.halve(&model.stepping, step.start, step.end)
@@ -113,7 +113,7 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         });
         warnings.extend(raised);
         if let Some(factor) = report.strength_factor {
-            let movement = Movement::of(model, points, report.step);
+            let movement = Movement::measured(model, points, report.step);
             let from = model.stepping.strength_factor(model.stepping.start_time).unwrap_or(factor);
             // Damped iterations never act while the strength is reduced, so damped steps precede the reduction.
             let Reached { progress, summary } = &mut self.reached;
@@ -124,7 +124,7 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
             summary.warnings.extend(begun.into_iter().chain(slides));
         }
         let Summary { quality, warnings, .. } = &mut self.reached.summary;
-        if let Some(error) = self.equations.unreported_turn()
+        if let Some(error) = self.equations.unreported_fallback()
             && quality.is_first(Code::Factorised)
         {
             let step = report.step.index;

@@ -76,7 +76,7 @@ pub(super) enum Outcome<const D: usize> {
     /// The step is in equilibrium.
     Equilibrium(Box<StepReport<D>>, Path),
     /// Damped iterations have moved the points so far that a fresh grid is needed on the way to equilibrium.
-    OnTheWay(OnTheWay),
+    InProgress(InProgress),
 }
 
 /// The role of slumping in an attempt.
@@ -113,7 +113,7 @@ pub(super) enum Effort {
 }
 
 /// The account of a slump before it reaches equilibrium.
-pub(super) struct OnTheWay {
+pub(super) struct InProgress {
     /// Work so far, and the energy of the last state.
     pub(super) energy: Energy,
     /// Permanent numbers of the points whose torn domains were replaced.
@@ -122,11 +122,11 @@ pub(super) struct OnTheWay {
     pub(super) is_at_rest: bool,
 }
 
-impl OnTheWay {
+impl InProgress {
     /// Prepends the account of the slump so far to this account.
-    pub(super) fn after(mut self, before: OnTheWay) -> OnTheWay {
+    pub(super) fn after(mut self, before: InProgress) -> InProgress {
         self.replaced_domains.extend(before.replaced_domains);
-        OnTheWay { energy: self.energy.after(before.energy), ..self }
+        InProgress { energy: self.energy.after(before.energy), ..self }
     }
 
     /// Adds this account to the report of the equilibrium that the slump has reached.
@@ -216,14 +216,14 @@ impl<const D: usize> FailedAttempt<D> {
 
     /// True if the attempt met the tolerance, but points or their domains could not follow the grid.
     pub(super) fn has_lost_points(&self, tolerance: f64) -> bool {
-        let of_points = match &self.error {
+        let has_lost_points = match &self.error {
             SolveError::OnRank(error) => error.has_lost_points,
             error => matches!(
                 error,
                 SolveError::OffGrid { .. } | SolveError::Domain { .. } | SolveError::Collapsed { .. }
             ),
         };
-        of_points && self.is_balanced(tolerance)
+        has_lost_points && self.is_balanced(tolerance)
     }
 }
 

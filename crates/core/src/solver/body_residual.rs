@@ -16,7 +16,7 @@ use super::round_off::{ACCUMULATED, IN_MOTION, IN_STRAIN, forces_of_unit_strain}
 ///
 /// The residual of a part with several bodies is relative to all forces on the part. A body that carries little
 /// compared with the others may then be out of balance unnoticed.
-pub(super) fn of_bodies<const D: usize, const N: usize>(
+pub(super) fn body_residuals<const D: usize, const N: usize>(
     forces: &Forces<'_, N>,
     model: &Model<D>,
     points: &Points<D>,
@@ -77,12 +77,12 @@ fn complete<const D: usize>(
 ) -> BTreeMap<(u16, u32), [f64; D]> {
     let mut all = BTreeMap::new();
     for body in 0..bodies as u16 {
-        let mut of_body = vec![[0.0; D]; n_nodes];
+        let mut body_force = vec![[0.0; D]; n_nodes];
         for ((_, node), force) in forces.range((body, 0)..=(body, u32::MAX)) {
-            of_body[*node as usize] = *force;
+            body_force[*node as usize] = *force;
         }
-        reduction.complete(&mut of_body);
-        let acting = (0u32..).zip(of_body).filter(|(_, force)| *force != [0.0; D]);
+        reduction.complete(&mut body_force);
+        let acting = (0u32..).zip(body_force).filter(|(_, force)| *force != [0.0; D]);
         all.extend(acting.map(|(node, force)| ((body, node), force)));
     }
     all

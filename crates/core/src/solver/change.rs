@@ -44,12 +44,12 @@ pub fn change_model<const D: usize>(
     let strains = changed_strains([model, &next], points, differs)?;
     continue_from([model, &next], &mut reached.progress.terms, time)?;
     reached.progress.offsets_of_lines = offsets;
-    let before = Amount::of(model, points);
+    let before = Amount::measured(model, points);
     *model = next;
     for (p, strain) in strains {
         set_strain(model, points, p, strain);
     }
-    let now = Amount::of(model, points);
+    let now = Amount::measured(model, points);
     reached.summary.exchanged_energy += now.energy() - before.energy();
     reached.summary.strain_energy += now.stored - before.stored;
     reached.summary.plastic_work += now.plastic - before.plastic;

@@ -10,15 +10,15 @@ use crate::step::{Step, StepContext};
 use crate::terms::{Term, Terms};
 
 use super::error::SolveError;
-use super::of_rank::OfRank;
+use super::remote_error::RemoteError;
 
 /// An error as its rank reports it to the other ranks.
-fn as_reported_by(rank: usize, error: &SolveError) -> OfRank {
+fn as_reported_by(rank: usize, error: &SolveError) -> RemoteError {
     let has_lost_points = matches!(
         error,
         SolveError::OffGrid { .. } | SolveError::Domain { .. } | SolveError::Collapsed { .. }
     );
-    OfRank {
+    RemoteError {
         rank: Some(rank),
         code: error.code().unwrap_or_default().to_owned(),
         text: error.to_string(),

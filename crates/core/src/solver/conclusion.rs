@@ -10,7 +10,7 @@ use crate::points::Points;
 use crate::step::{Nodal, StepContext, displacement};
 use crate::terms::{Ledger, TermReport, Terms};
 
-use super::attempt::{Attempt, Ended, FailedAttempt, Iterate, OnTheWay, Outcome};
+use super::attempt::{Attempt, Ended, FailedAttempt, InProgress, Iterate, Outcome};
 use super::body_residual;
 use super::collective::agree;
 use super::control::Path;
@@ -52,7 +52,7 @@ impl<const D: usize, const N: usize> LastIterate<'_, D, N> {
             }
             Ended::Strayed { is_at_rest } => {
                 let energy = self.energy_on_the_way(points)?;
-                Outcome::OnTheWay(OnTheWay { energy, replaced_domains, is_at_rest })
+                Outcome::InProgress(InProgress { energy, replaced_domains, is_at_rest })
             }
         })
     }
@@ -83,19 +83,25 @@ impl<const D: usize, const N: usize> LastIterate<'_, D, N> {
         let reduction = links.reduction();
         let (mut reactions, further_reactions) = named_reactions(model, reduction, &reaction, dofs);
         let mut moments = reaction_moments(model, points, links, &delta_d, (&reaction, dofs));
-        let TermReport { mut loads, forces: mut named, reactions: of_surfaces, stabilised_faces, records } =
-            sum.report(model);
+        let TermReport {
+            mut loads,
+            forces: mut named,
+            reactions: surface_reactions,
+            stabilised_faces,
+            records,
+        } = sum.report(model);
         reduction.sum(loads.as_flattened_mut());
         named.iter_mut().for_each(|named| reduction.sum(&mut named.force));
-        for of in of_surfaces {
-            reactions[of.condition] = of.force;
+        for surface in surface_reactions {
+            reactions[surface.condition] = surface.force;
             if let Some(moments) = &mut moments {
-                moments[of.condition] = ReactionMoment { about: Some(of.about), moment: of.moment };
+                moments[surface.condition] =
+                    ReactionMoment { about: Some(surface.about), moment: surface.moment };
             }
         }
         let report = StepReport {
             step,
-            body_residuals: body_residual::of_bodies(&forces, model, points, links),
+            body_residuals: body_residual::body_residuals(&forces, model, points, links),
             carried: forces.carried(parts, &reached.progress.carried, model.bodies.len()),
             reactions,
             further_reactions,
@@ -205,8 +211,8 @@ impl<const D: usize, const N: usize> LastIterate<'_, D, N> {
         let reaction_start = reactions_of(&f_ext_start, &course.f_int_start, dofs);
         let reduction = context.links.reduction();
         let ledger = sum.ledger(context, points, unknowns.at());
-        let of_laws = ledger.energy(Ledger::ELASTIC) + ledger.energy(Ledger::PLASTIC);
-        agree(reduction, with_energy(of_laws, context.model, points, &points.trial, context.step))?;
+        let law_energy = ledger.energy(Ledger::ELASTIC) + ledger.energy(Ledger::PLASTIC);
+        agree(reduction, with_energy(law_energy, context.model, points, &points.trial, context.step))?;
         let energy = Energy::new(
             reduction,
             &displacement::<D, N>(&unknowns.delta_d),
@@ -214,6 +220,6 @@ impl<const D: usize, const N: usize> LastIterate<'_, D, N> {
             &course.f_int_start,
             &ledger,
         );
-        Ok((if slump.has_begun() { energy.of_slump() } else { energy }, reaction))
+        Ok((if slump.has_begun() { energy.in_slump() } else { energy }, reaction))
     }
 }

@@ -29,9 +29,9 @@ pub struct Path {
 
 impl Path {
     /// The path over all ranks, joined from the paths of the ranks.
-    pub fn joined(of_ranks: &[Path]) -> Path {
-        let motions: Vec<Motion> = of_ranks.iter().map(|path| path.motion.clone()).collect();
-        Path { motion: Motion::joined(&motions), ..of_ranks.first().cloned().unwrap_or_default() }
+    pub fn joined(pieces: &[Path]) -> Path {
+        let motions: Vec<Motion> = pieces.iter().map(|path| path.motion.clone()).collect();
+        Path { motion: Motion::joined(&motions), ..pieces.first().cloned().unwrap_or_default() }
     }
 
     /// True if a run in `D` dimensions can have this path.
@@ -139,13 +139,13 @@ impl<const D: usize, const N: usize> Condition<D, N> {
         let share = (step.end - step.start) / model.stepping.duration();
         match model.stepping.control {
             Control::Load | Control::StrengthReduction { .. } => None,
-            Control::Displacement { of: Controlled::Tool(tool), axis, to } => {
+            Control::Displacement { controlled: Controlled::Tool(tool), axis, to } => {
                 let name = model.tools.get(tool).map(|tool| &tool.name);
-                let is_it = |motion: &GlobalMotion| Some(&motion.of) == name && motion.component == axis;
+                let is_it = |motion: &GlobalMotion| Some(&motion.name) == name && motion.component == axis;
                 let number = motions(terms, model).into_iter().find(is_it).map(|motion| motion.number);
                 Some(Condition::Global { number, by: to * share })
             }
-            Control::Displacement { of: Controlled::Probe(probe), axis, to } => {
+            Control::Displacement { controlled: Controlled::Probe(probe), axis, to } => {
                 let axis = axis.min(D - 1); // decks with any other axis are refused
                 let mut weight = vec![[0.0; N]; links.n_active()];
                 let chosen = model.probes.get(probe).map_or(&[][..], |probe| &probe.points);
@@ -194,17 +194,17 @@ impl<const D: usize, const N: usize> Condition<D, N> {
     /// # Errors
     /// [`NoPath`].
     pub(super) fn change(&mut self, responses: Responses<N>) -> Result<f64, NoPath> {
-        let Responses { so_far, to_residual: of_residual, to_load: of_load } = responses;
+        let Responses { so_far, to_residual: by_residual, to_load: by_load } = responses;
         let finite = |x: f64| if x.is_finite() { Ok(x) } else { Err(NoPath::NoIntersection) };
         if let Condition::Global { number, by } = self {
             let along = |field: &Field<N>| number.and_then(|n| field.globals.get(n)).copied().unwrap_or(0.0);
-            let influence = along(&of_load);
+            let influence = along(&by_load);
             if influence == 0.0 {
                 return Err(NoPath::NoInfluence);
             }
-            return finite((*by - along(&so_far) - along(&of_residual)) / influence);
+            return finite((*by - along(&so_far) - along(&by_residual)) / influence);
         }
-        let (delta_d, of_residual, of_load) = (so_far.nodes, of_residual.nodes, of_load.nodes);
+        let (delta_d, by_residual, by_load) = (so_far.nodes, by_residual.nodes, by_load.nodes);
         match self {
             Condition::Global { .. } => Err(NoPath::NoInfluence),
             Condition::Displacement { weight, by, reduction } => {
@@ -215,32 +215,32 @@ impl<const D: usize, const N: usize> Condition<D, N> {
                     reduction
                         .sum_over_nodes(field.len(), |n| (0..D).map(|d| weight[n][d] * field[n][d]).sum())
                 };
-                let influence = along(of_load);
+                let influence = along(by_load);
                 let far = |field: &[[f64; N]]| reduction.norm(field);
-                if influence.abs() <= NO_INFLUENCE * far(weight) * far(of_load) {
+                if influence.abs() <= NO_INFLUENCE * far(weight) * far(by_load) {
                     return Err(NoPath::NoInfluence);
                 }
-                finite((*by - along(delta_d) - along(of_residual)) / influence)
+                finite((*by - along(delta_d) - along(by_residual)) / influence)
             }
             Condition::ArcLength { volume, reduction, length, ahead, share, centre, met } => {
                 let product = |a: &[[f64; N]], b: &[[f64; N]]| weighted::<D, N>(reduction, volume, a, b);
-                let a = product(of_load, of_load);
+                let a = product(by_load, by_load);
                 if a == 0.0 {
                     return Err(NoPath::NoInfluence);
                 }
                 let is_first = centre.is_none();
                 let centre = centre.get_or_insert_with(|| {
-                    let along = product(of_residual, of_load) / a;
+                    let along = product(by_residual, by_load) / a;
                     let aside = |(r, f): (&[f64; N], &[f64; N])| std::array::from_fn(|d| r[d] - along * f[d]);
-                    of_residual.iter().zip(of_load).map(aside).collect()
+                    by_residual.iter().zip(by_load).map(aside).collect()
                 });
                 let so_far = difference(delta_d, centre);
                 let base: Vec<[f64; N]> = so_far
                     .iter()
-                    .zip(of_residual)
+                    .zip(by_residual)
                     .map(|(u, r)| std::array::from_fn(|d| u[d] + r[d]))
                     .collect();
-                let (b, c) = (product(&base, of_load), product(&base, &base));
+                let (b, c) = (product(&base, by_load), product(&base, &base));
                 let Some(length) = *length else {
                     // The first step of the stage takes its share of the load; the linear response sets the length.
                     let change = *share;
@@ -258,9 +258,9 @@ impl<const D: usize, const N: usize> Condition<D, N> {
                 let roots = [far / a, (c - length * length) / far];
                 if is_first {
                     let change = length / a.sqrt();
-                    return finite(change.copysign(product(ahead, of_load)) - b / a);
+                    return finite(change.copysign(product(ahead, by_load)) - b / a);
                 }
-                let onwards = |change: f64| product(&so_far, &base) + change * product(&so_far, of_load);
+                let onwards = |change: f64| product(&so_far, &base) + change * product(&so_far, by_load);
                 let [first, second] = roots.map(onwards);
                 finite(if first >= second { roots[0] } else { roots[1] })
             }

@@ -38,7 +38,7 @@ pub(super) struct Course<const N: usize> {
     pub(super) most_solves: usize,
     /// True if no increment has followed the last multiplier update.
     pub(super) is_augmented: bool,
-    /// Whether multipliers were updated along the last increment, and along any increment of the step.
+    /// True if multipliers were updated along the last increment, and along any increment of the step.
     pub(super) is_augmented_along: bool,
     pub(super) was_augmented_along: bool,
 }
@@ -84,7 +84,7 @@ impl<const N: usize> Course<N> {
         let [.., before, now] = self.residuals[..] else { return false };
         match self.round_off {
             RoundOff::NoMatter => now <= tolerance,
-            RoundOff::OfNothing => true,
+            RoundOff::Nothing => true,
             RoundOff::Limits => now > STALLS * before,
             RoundOff::Forbids => false,
         }
@@ -107,9 +107,9 @@ impl<const N: usize> Course<N> {
     /// residual as its tolerance allows. Infinite if no forecast is possible: in the first step, before two iterations,
     /// and for iterations with a lower number than the last one of the previous step, because in a step that rotates a
     /// body, the first increments are large and predict nothing.
-    pub(super) fn forecast(&self, of_last_step: usize) -> f64 {
+    pub(super) fn forecast(&self, last_count: usize) -> f64 {
         match self.residuals[..] {
-            [_, .., before, now] if of_last_step > 0 && self.residuals.len() >= of_last_step => {
+            [_, .., before, now] if last_count > 0 && self.residuals.len() >= last_count => {
                 let reduction = now / before;
                 now * (reduction * reduction).max(self.forcing.last())
             }

@@ -18,9 +18,9 @@ use super::evidence::points_that_flow;
 
 /// Largest number of evaluations in the line search of a damped iteration, and of halvings of an increment that a point
 /// cannot follow.
-pub(super) const MOST_TRIALS: usize = 10;
+pub(super) const MAX_TRIALS: usize = 10;
 /// Largest number of factorisations in the search for a positive definite stiffness.
-pub(super) const MOST_FACTORISATIONS: usize = 30;
+pub(super) const MAX_FACTORISATIONS: usize = 30;
 
 /// Largest undamped displacement of bodies at rest, relative to the cell size; a larger one means that nothing resists
 /// the motion, [-].
@@ -29,18 +29,18 @@ pub(super) const AT_REST: f64 = 1e-3;
 /// The points are given a fresh grid once a node has moved by more than this fraction of the smallest cell, [-].
 pub(super) const STRIDE: f64 = 0.5;
 /// Largest number of fresh grids in a step.
-pub(super) const MOST_GRIDS: usize = 300;
+pub(super) const MAX_GRIDS: usize = 300;
 
 /// Bodies count as collapsing if more than this share of their points has yielded, [-].
 const COLLAPSES: f64 = 0.2;
 
 /// Largest number of successive fresh grids that may fail to leave an unstable equilibrium before the step is given up.
-pub(super) const MOST_RESTS: usize = 3;
+pub(super) const MAX_RESTS: usize = 3;
 
 /// μ of the first iteration, [-].
 const FIRST: f64 = 1e-4;
 /// Smallest μ after an increase, [-].
-const LEAST: f64 = 1e-6;
+const MIN_FACTOR: f64 = 1e-6;
 /// Factor by which μ changes from iteration to iteration.
 const CHANGE: f64 = 4.0;
 
@@ -92,7 +92,7 @@ impl<const N: usize> Damping<N> {
     /// Adapts μ for the next iteration: smaller if the last increment was applied in full, larger if it had to be
     /// shortened.
     pub(super) fn adapt(&mut self, shortened: bool) {
-        self.factor = if shortened { (CHANGE * self.factor).max(LEAST) } else { self.factor / CHANGE };
+        self.factor = if shortened { (CHANGE * self.factor).max(MIN_FACTOR) } else { self.factor / CHANGE };
     }
 
     /// Adds μ D to K.
@@ -100,9 +100,9 @@ impl<const N: usize> Damping<N> {
         system.add_to_diagonal(self.factor, &self.stiffness);
     }
 
-    /// Increases μ by the factor [`CHANGE`], but at least by [`LEAST`], in K + μ D, which is not positive definite.
+    /// Increases μ by the factor [`CHANGE`], but at least by [`MIN_FACTOR`], in K + μ D, which is not positive definite.
     pub(super) fn increase(&mut self, system: &mut System<N>) {
-        let more = ((CHANGE - 1.0) * self.factor).max(LEAST);
+        let more = ((CHANGE - 1.0) * self.factor).max(MIN_FACTOR);
         system.add_to_diagonal(more, &self.stiffness);
         self.factor += more;
     }

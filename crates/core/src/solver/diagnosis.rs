@@ -23,7 +23,7 @@ const FLOWS: f64 = 0.02;
 /// Share of yielded points above which a point that inverts or leaves the grid is part of a mechanism, [-].
 const MUCH: f64 = 0.2;
 /// Share of yielded points above which collapse also makes pressures alternate, [-].
-const MOST: f64 = 0.5;
+const COLLAPSE: f64 = 0.5;
 /// Oscillation of pressures, relative to the deviatoric stress, above which cells count as locking although most points
 /// have yielded, [-].
 const OSCILLATES_IN_COLLAPSE: f64 = 5.0;
@@ -273,7 +273,7 @@ impl Diagnosis {
             is_unloaded: model.is_unloaded(),
             has_one_material: model.materials.len() == 1,
             has_few_points: evidence::mean_points_per_cell(points) < FEW,
-            is_in_collapse: flowing > MOST,
+            is_in_collapse: flowing > COLLAPSE,
             has_standard_dilatation: has_standard_dilatation(model, points),
             cut_to: cut_to(&model.stepping, failed.step),
             precedes_reduction: model.reduces_strength_later(),
@@ -390,7 +390,7 @@ impl Found {
             is_locked: evidence::is_isochoric(points)
                 && iterate
                     .map_or(0.0, |iterate| oscillation(&points.converged.kirchhoff_stress, &iterate.links))
-                    > if flowing > MOST { OSCILLATES_IN_COLLAPSE } else { OSCILLATES },
+                    > if flowing > COLLAPSE { OSCILLATES_IN_COLLAPSE } else { OSCILLATES },
         }
     }
 }

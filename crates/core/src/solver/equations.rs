@@ -18,7 +18,7 @@ pub(super) struct Equations<const D: usize, const N: usize = D> {
     direct: Divided<D, N>,
     iterative: Krylov<D, N>,
     /// The backends of the library that solves equations distributed over several ranks.
-    of_engine: Backends<D, N>,
+    engine: Backends<D, N>,
     /// A user's backend, which replaces the built-in ones.
     own: Option<Box<dyn Backend<D, N>>>,
     method: Method,
@@ -29,7 +29,7 @@ pub(super) struct Equations<const D: usize, const N: usize = D> {
     /// Increments of the unknowns, stored by node and component.
     solution: Nodal<N>,
     /// The first failure that caused equations to be factorised instead of solved iteratively.
-    turned: Option<LinearError>,
+    fallback: Option<LinearError>,
     is_reported: bool,
     /// True if unknowns are multipliers of constraints.
     has_multipliers: bool,
@@ -95,7 +95,7 @@ impl<const D: usize, const N: usize> EquationContext<'_, D, N> {
         let blocks = reduction.total(system.matrix().blocks.len() as f64);
         let pairs = if system.matrix().symmetric { blocks } else { 0.5 * (blocks + nodes) };
         if !self.model.grid.coarsens() {
-            return Extent::of_mesh::<D>(nodes, pairs);
+            return Extent::mesh::<D>(nodes, pairs);
         }
         let reach = system.matrix().reach(|active| self.lattice(active));
         let reach = reduction.largest(f64::from(reach.into_iter().max().unwrap_or(0)));
@@ -109,13 +109,13 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         Equations {
             direct: Divided::default(),
             iterative: Krylov::default(),
-            of_engine: Backends::default(),
+            engine: Backends::default(),
             own,
             method: Method::Direct,
             is_prepared: false,
             has_factor: false,
             solution: Vec::new(),
-            turned: None,
+            fallback: None,
             is_reported: false,
             has_multipliers: false,
         }
@@ -123,7 +123,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
 
     /// The same equations, solved by the backends that an engine provides.
     pub(super) fn with_engine(self, engine: Backends<D, N>) -> Self {
-        Equations { of_engine: engine, ..self }
+        Equations { engine: engine, ..self }
     }
 
     /// The same equations if unknowns are multipliers of constraints, which coarser grids do not represent: unless the
@@ -133,7 +133,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
     }
 
     fn backend(&mut self) -> &mut dyn Backend<D, N> {
-        let Backends { direct, iterative, algebraic } = &mut self.of_engine;
+        let Backends { direct, iterative, algebraic } = &mut self.engine;
         let given = match self.method {
             Method::Own => &mut self.own,
             Method::Direct => direct,
@@ -165,7 +165,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         // Coarser grids support neither nodes held along directions other than the axes nor tied nodes.
         let is_plain = context.links.reduction().all(context.dofs.is_plain());
         let is_regular = context.model.grid.coarsens() && is_plain;
-        let method = match self.of_engine.algebraic {
+        let method = match self.engine.algebraic {
             _ if is_regular => Method::Iterative,
             Some(_) => Method::Algebraic,
             None => Method::Direct,
@@ -181,7 +181,11 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         };
         if choice == Choice::Iterative && !can_iterate {
             let coarsens = context.model.grid.coarsens();
-            self.turned.get_or_insert(if coarsens { LinearError::Turned } else { LinearError::Unstructured });
+            self.fallback.get_or_insert(if coarsens {
+                LinearError::Turned
+            } else {
+                LinearError::Unstructured
+            });
         }
         if iterative {
             return self.prepare_with(method, context, system);
@@ -206,11 +210,11 @@ impl<const D: usize, const N: usize> Equations<D, N> {
             Method::Direct => self.iterative = Krylov::default(),
             Method::Iterative | Method::Algebraic | Method::Own => self.direct = Divided::default(),
         }
-        let Backends { direct, iterative, algebraic } = &mut self.of_engine;
-        for (of, backend) in
+        let Backends { direct, iterative, algebraic } = &mut self.engine;
+        for (other, backend) in
             [(Method::Direct, direct), (Method::Iterative, iterative), (Method::Algebraic, algebraic)]
         {
-            backend.iter_mut().filter(|_| of != method).for_each(|backend| backend.release());
+            backend.iter_mut().filter(|_| other != method).for_each(|backend| backend.release());
         }
         context.with_layout(|layout| self.backend().prepare(layout, &system.matrix()))
     }
@@ -241,8 +245,8 @@ impl<const D: usize, const N: usize> Equations<D, N> {
     }
 
     /// The failure that caused equations to be factorised instead of solved iteratively; returned once.
-    pub(super) fn unreported_turn(&mut self) -> Option<LinearError> {
-        let error = self.turned.clone().filter(|_| !self.is_reported);
+    pub(super) fn unreported_fallback(&mut self) -> Option<LinearError> {
+        let error = self.fallback.clone().filter(|_| !self.is_reported);
         self.is_reported |= error.is_some();
         error
     }
@@ -274,7 +278,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
                     let turn = timings
                         .measure(Phase::Analyse, || self.prepare_with(Method::Direct, context, system));
                     turn.map_err(|_| error.clone())?;
-                    self.turned.get_or_insert(error);
+                    self.fallback.get_or_insert(error);
                 }
                 outcome => return outcome,
             }

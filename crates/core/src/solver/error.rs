@@ -17,8 +17,8 @@ use crate::stress::PointError;
 use crate::terms::{BeginError, ContactError, LoadNotFinite, SurfaceLost, TermFailure};
 
 use super::control::NoPath;
-use super::of_rank::OfRank;
-use super::residual::MOST_OF_ROUND_OFF;
+use super::remote_error::RemoteError;
+use super::residual::MAX_ROUND_OFF;
 use crate::step::Step;
 
 /// A material point, as named in an error.
@@ -59,7 +59,7 @@ pub enum SolveError {
     },
     /// Round-off of the stiffness prevents equilibrium.
     #[error(
-        "step {step} cannot be brought into equilibrium: round-off leaves a residual of {:.3e}, more than {MOST_OF_ROUND_OFF:e}; \
+        "step {step} cannot be brought into equilibrium: round-off leaves a residual of {:.3e}, more than {MAX_ROUND_OFF:e}; \
          the largest out-of-balance force is at {}, and {materials}",
         residuals.last().copied().unwrap_or(f64::NAN), worst_node(worst)
     )]
@@ -184,7 +184,7 @@ pub enum SolveError {
         axis: usize,
     },
     /// The factorised stiffness matrix does not fit in memory.
-    #[error("step {step}: the factorised stiffness matrix does not fit in memory{}", of_size(needed))]
+    #[error("step {step}: the factorised stiffness matrix does not fit in memory{}", size_in_words(needed))]
     OutOfMemory {
         /// Step number.
         step: usize,
@@ -252,7 +252,7 @@ pub enum SolveError {
     },
     /// Another rank has an error.
     #[error("{0}")]
-    OnRank(Box<OfRank>),
+    OnRank(Box<RemoteError>),
     /// The user has stopped the run.
     #[error("interrupted before step {step}")]
     Interrupted {
@@ -327,7 +327,7 @@ fn exponents(force: &[f64]) -> String {
     format!("({})", numbers.join(", "))
 }
 
-fn of_size(needed: &Option<u64>) -> String {
+fn size_in_words(needed: &Option<u64>) -> String {
     needed.map_or(String::new(), |bytes| format!(": it takes {}", in_words(bytes as f64)))
 }
 

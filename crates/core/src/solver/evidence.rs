@@ -25,7 +25,7 @@ const FALLS: f64 = 0.98;
 /// Largest ratio of successive residuals that, met twice in a row, counts as quadratic convergence, [-].
 const QUICKLY: f64 = 0.1;
 /// Largest number of further iterations that are worth allowing, relative to the number that was allowed, [-].
-const MOST_MORE: f64 = 10.0;
+const MAX_EXTENSION: f64 = 10.0;
 /// Largest size of a small step relative to the duration of the stage, [-].
 const SMALL_STEP: f64 = 0.02;
 /// Largest size of a small step relative to the time from the start of the stage to the end of the step, [-].
@@ -110,7 +110,7 @@ pub(super) fn iterations_missing(residuals: &[f64], tolerance: f64, allowed: usi
         return None;
     }
     let missing = ((tolerance / residual).ln() / slowest.ln()).ceil();
-    (missing <= MOST_MORE * allowed.max(1) as f64).then_some(missing as usize)
+    (missing <= MAX_EXTENSION * allowed.max(1) as f64).then_some(missing as usize)
 }
 
 /// Largest displacement of the nodes of the cells at a position, relative to the largest displacement of any point,
@@ -118,7 +118,7 @@ pub(super) fn iterations_missing(residuals: &[f64], tolerance: f64, allowed: usi
 pub(super) fn runaway<const D: usize>(model: &Model<D>, iterate: &Iterate<D>, place: &[f64]) -> f64 {
     let Iterate { links, delta_d, .. } = iterate;
     let length = |u: &[f64; D]| u.iter().map(|u| u * u).sum::<f64>().sqrt();
-    let mut of_points: f64 = 0.0;
+    let mut farthest_point: f64 = 0.0;
     for group in 0..links.n_groups() {
         let nodes = links.nodes_of(group);
         for p in links.points_of(group) {
@@ -127,17 +127,17 @@ pub(super) fn runaway<const D: usize>(model: &Model<D>, iterate: &Iterate<D>, pl
                 let node = &delta_d[nodes[local] as usize];
                 (0..D).for_each(|d| moved[d] += value * node[d]);
             });
-            of_points = of_points.max(length(&moved));
+            farthest_point = farthest_point.max(length(&moved));
         }
     }
     let cells = cells_at(model, links, place);
     let corners = cells.iter().map(|cell| model.grid.corners(*cell as usize));
-    let of_nodes = corners.flat_map(|corners| {
+    let corner_nodes = corners.flat_map(|corners| {
         let active: Vec<usize> = corners.nodes().iter().flat_map(|n| links.copies(*n as usize)).collect();
         active
     });
-    let farthest = of_nodes.map(|node| length(&delta_d[node])).fold(0.0, f64::max);
-    if of_points > 0.0 { farthest / of_points } else { 0.0 }
+    let farthest = corner_nodes.map(|node| length(&delta_d[node])).fold(0.0, f64::max);
+    if farthest_point > 0.0 { farthest / farthest_point } else { 0.0 }
 }
 
 /// Deviation of the displacement gradient at the corners of full cells from its mean over the points, relative to the
@@ -147,16 +147,16 @@ pub(super) fn hourglass<const D: usize>(model: &Model<D>, points: &Points<D>, it
     let grid = model.grid.as_ref();
     let held = HeldMaterial::new(model, points, links);
     let (mut unseen, mut seen) = (0.0, 0.0);
-    let of_group = |group| links.points_of(group).map(move |p| (group, points.cell[p], p));
-    let all: Vec<_> = (0..links.n_groups()).flat_map(of_group).collect();
-    for of_cell in all.chunk_by(|a, b| a.1 == b.1) {
-        let (group, cell, first) = of_cell[0];
-        let (nodes, n) = (links.nodes_of(group), of_cell.len() as f64);
+    let in_group = |group| links.points_of(group).map(move |p| (group, points.cell[p], p));
+    let all: Vec<_> = (0..links.n_groups()).flat_map(in_group).collect();
+    for in_cell in all.chunk_by(|a, b| a.1 == b.1) {
+        let (group, cell, first) = in_cell[0];
+        let (nodes, n) = (links.nodes_of(group), in_cell.len() as f64);
         if held.filling(model, links, cell) < FULL {
             continue;
         }
         let (mut mean, mut strain) = (SMatrix::<f64, D, D>::zeros(), 0.0);
-        for &(_, _, p) in of_cell {
+        for &(_, _, p) in in_cell {
             let mut gradient = SMatrix::<f64, D, D>::zeros();
             links.for_each_link(p, |local, _, slope| {
                 add(&mut gradient, &delta_d[nodes[local] as usize], slope)
@@ -200,8 +200,8 @@ pub(super) fn most_points<const D: usize>(
     place: &[f64],
 ) -> usize {
     let cells = cells_at(model, links, place);
-    let of_cell = |cell: &u32| points.cell.iter().filter(|of| *of == cell).count();
-    cells.iter().map(of_cell).max().unwrap_or(0)
+    let count = |cell: &u32| points.cell.iter().filter(|other| *other == cell).count();
+    cells.iter().map(count).max().unwrap_or(0)
 }
 
 /// Mean number of points in the cells that hold points.

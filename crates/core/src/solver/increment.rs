@@ -6,7 +6,7 @@ use crate::timing::Phase;
 
 use super::attempt::{Attempt, NoIncrement};
 use super::control::{Field, NoPath, Responses};
-use super::damping::{AT_REST, Damping, MOST_FACTORISATIONS, farthest};
+use super::damping::{AT_REST, Damping, MAX_FACTORISATIONS, farthest};
 use super::equations::RightHandSide;
 use super::error::SolveError;
 use super::load_step::smallest_cell;
@@ -15,9 +15,9 @@ use super::step_system::StepSystem;
 use super::unknowns::Unknowns;
 
 /// Largest number of increments with support in an attempt: a body that still slides after these does not come to rest.
-const MOST_SUPPORTED: usize = 8;
+const MAX_SUPPORTED: usize = 8;
 /// Largest number of multiplier updates along an increment.
-const MOST_UPDATES: usize = 4;
+const MAX_UPDATES: usize = 4;
 
 impl<const D: usize, const N: usize> LoadStep<'_, '_, D, N> {
     /// Adds an increment δd to Δd, either from Newton's method or from a damped iteration.
@@ -43,7 +43,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, '_, D, N> {
     /// An increment of Newton's method. If the equations are singular and contact points slide, these points are
     /// supported during the solve, because their friction may be all that holds a body.
     fn supported_step(&mut self) -> Result<Option<Solved>, NoIncrement> {
-        let may_support = self.course.supported < MOST_SUPPORTED;
+        let may_support = self.course.supported < MAX_SUPPORTED;
         match self.newton_step() {
             Err(NoIncrement::Linear(error @ (LinearError::Singular { .. } | LinearError::Undetermined)))
                 if may_support && self.system.sum.support() =>
@@ -141,19 +141,19 @@ impl<const D: usize, const N: usize> LoadStep<'_, '_, D, N> {
         let (Some(mut unit), Some(condition)) = (system.per_factor().cloned(), condition) else {
             return Ok(0);
         };
-        let mut of_load = vec![[0.0; N]; unknowns.rhs.len()];
+        let mut by_load = vec![[0.0; N]; unknowns.rhs.len()];
         dofs.on_unknowns(&mut unit);
         // The load factor changes the global equations, too.
-        let of_globals = system.border.per_factor.clone();
-        let rhs = RightHandSide { forces: &unit, globals: Some(&of_globals) };
+        let for_globals = system.border.per_factor.clone();
+        let rhs = RightHandSide { forces: &unit, globals: Some(&for_globals) };
         let timings = &mut summary.timings;
         let (solved, globals) =
-            equations.solve_with_last_factor(context, system, rhs, &mut of_load, eta, timings)?;
+            equations.solve_with_last_factor(context, system, rhs, &mut by_load, eta, timings)?;
         let change = condition
             .change(Responses {
                 so_far: Field { nodes: &unknowns.delta_d, globals: &unknowns.globals },
                 to_residual: Field { nodes: &unknowns.iterative, globals: &unknowns.iterative_globals },
-                to_load: Field { nodes: &of_load, globals: &globals },
+                to_load: Field { nodes: &by_load, globals: &globals },
             })
             .map_err(|reason| match reason {
                 // The loads had an influence at the start of the step; in a smaller step they retain it.
@@ -161,7 +161,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, '_, D, N> {
                 reason => reason,
             })
             .map_err(NoIncrement::Path)?;
-        unknowns.add_response(change, &of_load, &globals);
+        unknowns.add_response(change, &by_load, &globals);
         Ok(solved.iterations)
     }
 
@@ -171,7 +171,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, '_, D, N> {
         let LoadStep { attempt, system: StepSystem { dofs, sum, .. }, unknowns, course, .. } = self;
         let LoadStep { equations, summary, .. } = self;
         let context = attempt.context.equations(dofs);
-        for update in 0..MOST_UPDATES {
+        for update in 0..MAX_UPDATES {
             let Unknowns { iterative, iterative_globals: globals, .. } = &mut *unknowns;
             let increment = At { delta_d: iterative, globals, factor: 0.0 };
             let Some(mut added) = sum.augment_along(increment, update) else { break };
@@ -181,9 +181,9 @@ impl<const D: usize, const N: usize> LoadStep<'_, '_, D, N> {
             let rhs = RightHandSide { forces: &added.force, globals: Some(&added.globals) };
             let (system, timings) = (sum.system_mut(), &mut summary.timings);
             let mut more = vec![[0.0; N]; iterative.len()];
-            let (_, of_globals) =
+            let (_, for_globals) =
                 equations.solve_with_last_factor(context, system, rhs, &mut more, eta, timings)?;
-            unknowns.add_to_increment(1.0, &more, &of_globals);
+            unknowns.add_to_increment(1.0, &more, &for_globals);
         }
         Ok(())
     }
@@ -218,7 +218,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, '_, D, N> {
             let solved = equations.solve(equation_context, system, rhs, iterative, tolerance, timings);
             match solved {
                 Ok((solved, globals)) if solved.factorisation.is_definite() => break (solved, globals),
-                outcome if tries == MOST_FACTORISATIONS => break outcome?,
+                outcome if tries == MAX_FACTORISATIONS => break outcome?,
                 _ => damping.increase(system),
             }
         };

@@ -76,8 +76,8 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
                 let ledger = system.sum.ledger(&context, points, unknowns.at());
                 let reduction = links.reduction();
                 let stored = ledger.energy(Ledger::ELASTIC);
-                let of_laws = stored + ledger.energy(Ledger::PLASTIC);
-                agree(reduction, with_energy(of_laws, model, points, &points.trial, step))?;
+                let law_energy = stored + ledger.energy(Ledger::PLASTIC);
+                agree(reduction, with_energy(law_energy, model, points, &points.trial, step))?;
                 Ok(InitialState {
                     residual: measured.residual,
                     is_balanced: measured.residual <= tolerance,

@@ -1,14 +1,14 @@
 //! The decision on an evaluated iterate: either it is accepted, or evaluated again. δd is halved if a point cannot
 //! follow it, and shortened by a line search if it overshoots; a prediction that is of no use is withdrawn.
 
-use super::damping::MOST_TRIALS;
+use super::damping::MAX_TRIALS;
 
 /// Largest number of halvings of δd when a point cannot follow it.
-const MOST_HALVINGS: usize = 5;
+const MAX_HALVINGS: usize = 5;
 /// Largest number of evaluations of a line search.
-const MOST_SEARCHES: usize = 3;
+const MAX_SEARCHES: usize = 3;
 /// Largest number of evaluations of a line search if the equations have kinks.
-const MOST_SEARCHES_WITH_KINKS: usize = 6;
+const MAX_SEARCHES_WITH_KINKS: usize = 6;
 /// If the equations have kinks, a line search may follow an increment that does not reduce the residual to this
 /// fraction.
 const FAST: f64 = 0.1;
@@ -16,7 +16,7 @@ const FAST: f64 = 0.1;
 /// until the residual no longer increases: friction has no potential whose slope would end a cycle between two states.
 const FIRST_BACKTRACK: usize = 8;
 /// Largest number of halvings of an increment that increases the residual.
-const MOST_BACKTRACKS: usize = 5;
+const MAX_BACKTRACKS: usize = 5;
 /// First iteration with a line search after a failed attempt.
 const FIRST_SEARCH: usize = 3;
 /// Without a failed attempt, damping or kinks, the line search begins after this fraction of the iterations allowed:
@@ -115,9 +115,9 @@ impl Search {
         secant: impl FnOnce(&mut Bracket) -> Option<f64>,
     ) -> Option<f64> {
         let [most_halvings, most_searches] = match (situation.is_damped, situation.has_kinks) {
-            (true, _) => [MOST_TRIALS; 2],
-            (false, false) => [MOST_HALVINGS, MOST_SEARCHES],
-            (false, true) => [MOST_HALVINGS, MOST_SEARCHES_WITH_KINKS],
+            (true, _) => [MAX_TRIALS; 2],
+            (false, false) => [MAX_HALVINGS, MAX_SEARCHES],
+            (false, true) => [MAX_HALVINGS, MAX_SEARCHES_WITH_KINKS],
         };
         let may_shorten = situation.iteration > 0 && !situation.prescribes && !situation.is_augmented;
         let Some(residual) = residual else {
@@ -138,7 +138,7 @@ impl Search {
                 return Some(shorter);
             }
         }
-        let backtracks = self.backtracks < MOST_BACKTRACKS && may_shorten && situation.cycles(residual);
+        let backtracks = self.backtracks < MAX_BACKTRACKS && may_shorten && situation.cycles(residual);
         self.backtracks += usize::from(backtracks);
         backtracks.then_some(0.5)
     }
@@ -233,9 +233,9 @@ mod tests {
     fn an_increment_that_a_point_cannot_follow_is_halved_a_few_times() {
         let mut search = Search::default();
         let decisions: Vec<_> =
-            (0..=MOST_HALVINGS).map(|_| search.decide(&LATE_ITERATION, None, |_| None)).collect();
-        assert!(decisions[..MOST_HALVINGS].iter().all(|decision| *decision == Decision::Shorten(0.5)));
-        assert_eq!(decisions[MOST_HALVINGS], Decision::Accept);
+            (0..=MAX_HALVINGS).map(|_| search.decide(&LATE_ITERATION, None, |_| None)).collect();
+        assert!(decisions[..MAX_HALVINGS].iter().all(|decision| *decision == Decision::Shorten(0.5)));
+        assert_eq!(decisions[MAX_HALVINGS], Decision::Accept);
         assert!(search.needs_stiffness && search.has_shortened());
         let first = Situation { iteration: 0, ..LATE_ITERATION };
         assert_eq!(
@@ -271,7 +271,7 @@ mod tests {
     fn a_prediction_that_is_no_better_is_withdrawn() {
         let first = Situation { iteration: 1, since_update: 1, residuals: &[0.1], ..LATE_ITERATION };
         let decide = |residual: Option<f64>| {
-            let mut search = Search { is_predicted: true, halvings: MOST_HALVINGS, ..Search::default() };
+            let mut search = Search { is_predicted: true, halvings: MAX_HALVINGS, ..Search::default() };
             search.decide(&first, residual, |_| None)
         };
         assert_eq!(decide(Some(0.05)), Decision::Accept);

@@ -70,8 +70,8 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
 
     /// The links of the last step, whose memory is reused: those of the last report, if there is one.
     fn old_links(&mut self) -> Connectivity<D> {
-        let of_report = self.report.take().map(|report| report.grid.links);
-        of_report.unwrap_or_else(|| std::mem::take(&mut self.links))
+        let reported = self.report.take().map(|report| report.grid.links);
+        reported.unwrap_or_else(|| std::mem::take(&mut self.links))
     }
 
     /// Begins an attempt, which owns the terms until it ends: sets up the equations, and predicts the first increment.
@@ -126,9 +126,9 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
                 report.grid.links = links;
                 Ok(Outcome::Equilibrium(report, path))
             }
-            Ok(Outcome::OnTheWay(way)) => {
+            Ok(Outcome::InProgress(way)) => {
                 self.links = links;
-                Ok(Outcome::OnTheWay(way))
+                Ok(Outcome::InProgress(way))
             }
             Err(mut failed) => {
                 failed.iterate = failed.iterate.map(|iterate| Iterate { links, ..iterate });

@@ -105,7 +105,7 @@ impl SolveError {
             }
             LinearError::Undetermined => {
                 let motions = system.sum.motions(model).into_iter().filter(|motion| motion.is_free);
-                let mut free: Vec<String> = motions.map(|motion| motion.of).collect();
+                let mut free: Vec<String> = motions.map(|motion| motion.name).collect();
                 free.dedup();
                 SolveError::Singular { step, free, node: None }
             }
@@ -144,13 +144,13 @@ fn place<const D: usize>(model: &Model<D>, points: &Points<D>, p: usize, positio
 /// # Errors
 /// [`SolveError::Law`] with the first point at fault, if one is found.
 pub(super) fn with_energy<const D: usize>(
-    of_laws: f64,
+    law_energy: f64,
     model: &Model<D>,
     points: &Points<D>,
     state: &State<D>,
     step: Step,
 ) -> Result<(), SolveError> {
-    if of_laws.is_finite() {
+    if law_energy.is_finite() {
         return Ok(());
     }
     let is_at_fault = |p: &usize| {

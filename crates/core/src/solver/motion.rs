@@ -35,16 +35,16 @@ impl Motion {
 
     /// The motion over all ranks, assembled from the motions of the active nodes of each rank; a shared node has the
     /// same motion on all ranks.
-    pub(super) fn joined(of_ranks: &[Motion]) -> Motion {
+    pub(super) fn joined(pieces: &[Motion]) -> Motion {
         let mut nodes: BTreeMap<u32, &[f64]> = BTreeMap::new();
-        for motion in of_ranks.iter().filter(|motion| !motion.nodes.is_empty()) {
+        for motion in pieces.iter().filter(|motion| !motion.nodes.is_empty()) {
             let per_node = motion.increment.len() / motion.nodes.len();
             nodes.extend(motion.nodes.iter().copied().zip(motion.increment.chunks_exact(per_node.max(1))));
         }
         Motion {
             increment: nodes.values().copied().flatten().copied().collect(),
             nodes: nodes.into_keys().collect(),
-            duration: of_ranks.iter().map(|motion| motion.duration).fold(0.0, f64::max),
+            duration: pieces.iter().map(|motion| motion.duration).fold(0.0, f64::max),
         }
     }
 
@@ -100,12 +100,12 @@ impl Motion {
         }
         links.reduction().complete(&mut sum);
         links.reduction().complete_numbers(&mut count);
-        let of_node = |n: usize| match known[n] {
+        let nodal = |n: usize| match known[n] {
             Some(increment) => increment,
             None if count[n] > 0.0 => sum[n].map(|sum| sum / count[n]),
             None => [0.0; N],
         };
-        Some((0..known.len()).map(|n| of_node(n).map(|u| factor * u)).collect())
+        Some((0..known.len()).map(|n| nodal(n).map(|u| factor * u)).collect())
     }
 }
 

@@ -132,16 +132,16 @@ impl<'a, const D: usize, const N: usize> LoadStep<'_, 'a, D, N> {
         let tolerance = model.newton.tolerance;
         let forces = unknowns.forces(&self.course.out_of_balance, system);
         if wanted == Wanted::Force {
-            let of_globals = system.border.relative_residual();
-            let of_parts = forces.balanced(parts, tolerance, system, &unknowns.delta_d)?;
-            let measured = of_parts.and(Measured::beyond_round_off(of_globals), tolerance);
-            return (of_globals <= tolerance).then_some(measured);
+            let for_globals = system.border.relative_residual();
+            let in_parts = forces.balanced(parts, tolerance, system, &unknowns.delta_d)?;
+            let measured = in_parts.and(Measured::beyond_round_off(for_globals), tolerance);
+            return (for_globals <= tolerance).then_some(measured);
         }
         let at = EvaluatedAt { model, points: self.points, links, system, delta_d: &unknowns.delta_d };
         let measured = forces.measure(parts, tolerance, &at); // (40)
-        let of_globals = system.border.relative_residuals();
-        Some(of_globals.fold(measured, |measured, (residual, is_round_off)| {
-            measured.and(Measured::of_global(residual, is_round_off, tolerance), tolerance)
+        let for_globals = system.border.relative_residuals();
+        Some(for_globals.fold(measured, |measured, (residual, is_round_off)| {
+            measured.and(Measured::global(residual, is_round_off, tolerance), tolerance)
         }))
     }
 

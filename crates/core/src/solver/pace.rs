@@ -40,12 +40,12 @@ impl Default for Pace {
 }
 
 /// Smallest size of a step relative to a requested one, [-]; smaller steps would be lost in the round-off of time.
-const LEAST: f64 = 1e-9;
+const MIN_SIZE: f64 = 1e-9;
 
 impl Pace {
     /// True if a run can have steps of this size.
     pub fn is_valid(&self) -> bool {
-        (LEAST..=f64::MAX).contains(&self.size)
+        (MIN_SIZE..=f64::MAX).contains(&self.size)
     }
 
     /// End of the step that starts at a time, [time]; `None` at the end of the analysis or stage.

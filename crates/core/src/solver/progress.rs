@@ -13,7 +13,7 @@ use crate::terms::Saved;
 use super::control::Path;
 use super::pace::Pace;
 use super::strength::{StageStrength, StrengthBracket};
-use super::summary::{MOST_COUNTED, Summary};
+use super::summary::{MAX_COUNT, Summary};
 
 /// The last converged step of a run: together with the points, all that a restart needs.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -86,7 +86,7 @@ impl Reached {
 impl Progress {
     /// True if a run of this model could have come this far.
     fn fits<const D: usize>(&self, model: &Model<D>) -> bool {
-        self.step.index < MOST_COUNTED
+        self.step.index < MAX_COUNT
             && 0.0 <= self.step.start
             && self.step.start < self.step.end
             && self.step.end <= model.end_time()
@@ -101,12 +101,12 @@ impl Progress {
 
     /// The factors of the latest stage so far in which the strength is reduced; `None` before the first such stage.
     pub fn last_strength(&self) -> Option<StrengthBracket> {
-        self.strength.last().map(|of_stage| of_stage.bracket)
+        self.strength.last().map(|found| found.bracket)
     }
 
     /// The factors of a stage in which the strength is reduced.
     pub(super) fn strength_of(&mut self, stage: usize) -> &mut StrengthBracket {
-        let place = self.strength.iter().position(|of_stage| of_stage.stage == stage).unwrap_or_else(|| {
+        let place = self.strength.iter().position(|found| found.stage == stage).unwrap_or_else(|| {
             self.strength.push(StageStrength { stage, bracket: StrengthBracket::default() });
             self.strength.len() - 1
         });

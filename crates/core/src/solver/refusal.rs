@@ -1,4 +1,4 @@
-//! What follows a failed attempt at a step.
+//! Recovery from a failed attempt at a step.
 
 use crate::ranks::Reduction;
 use crate::step::Step;

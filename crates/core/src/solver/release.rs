@@ -9,7 +9,7 @@ use crate::model::Model;
 use crate::points::Points;
 use crate::step::{At, Step, StepContext};
 use crate::stress::Mechanics;
-use crate::terms::{Saved, Sum, Terms, of_model, restore, save};
+use crate::terms::{Saved, Sum, Terms, model_terms, restore, save};
 
 use super::collective::{agree, begin, forces_on_all_nodes, reach_out};
 use super::error::SolveError;
@@ -43,7 +43,7 @@ pub(super) fn balancing_forces<const D: usize, const N: usize, M: Mechanics<D>>(
     further: Terms<D, N>,
     saved: &mut BTreeMap<String, Saved>,
 ) -> Result<ByNode<D>, SolveError> {
-    let mut terms = of_model::<D, N, M>(model);
+    let mut terms = model_terms::<D, N, M>(model);
     terms.extend(further);
     let methods = model.methods();
     let reduction = points.reduction();

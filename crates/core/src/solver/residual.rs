@@ -23,7 +23,7 @@ use super::round_off::{ACCUMULATED, EvaluatedAt};
 
 /// Largest accepted residual of a part, and largest accepted resultant of its out-of-balance force relative to the sum
 /// of the magnitudes of its forces, if round-off prevents smaller ones, [-].
-pub(super) const MOST_OF_ROUND_OFF: f64 = 1e-6;
+pub(super) const MAX_ROUND_OFF: f64 = 1e-6;
 
 /// A part without loads counts as unloaded if its reactions are less than this fraction of the largest force that its
 /// bodies have carried: fresh grids leave residual stresses of this order, [-].
@@ -33,7 +33,7 @@ const UNLOADED: f64 = 1e-4;
 #[derive(Debug, Clone)]
 pub(super) struct Parts {
     /// Part number of each node.
-    of_node: Vec<u32>,
+    at_node: Vec<u32>,
     /// Number of parts.
     n: usize,
     /// Components of each field; the displacement comes first.
@@ -50,12 +50,12 @@ impl Parts {
     /// Parts of the nodes, and the components of each field.
     pub(super) fn new(joined: &JoinedParts, reduction: &Reduction, fields: Vec<Range<usize>>) -> Parts {
         let n = joined.lowest.len();
-        let (of_node, reduction) = (joined.at_node.clone(), reduction.clone());
-        Parts { of_node, n, fields, reduction, bodies: vec![vec![0]; n], carried: vec![0.0; n] }
+        let (at_node, reduction) = (joined.at_node.clone(), reduction.clone());
+        Parts { at_node, n, fields, reduction, bodies: vec![vec![0]; n], carried: vec![0.0; n] }
     }
 
     /// Adds the bodies of each part, and the largest force that each body has carried in earlier steps.
-    pub(super) fn of_bodies<const D: usize>(
+    pub(super) fn with_bodies<const D: usize>(
         mut self,
         points: &Points<D>,
         links: &Connectivity<D>,
@@ -63,24 +63,24 @@ impl Parts {
         carried: &[f64],
     ) -> Parts {
         if bodies > 1 {
-            let mut of_part = vec![BTreeSet::new(); self.n];
+            let mut by_part = vec![BTreeSet::new(); self.n];
             for group in 0..links.n_groups() {
                 let nodes = links.nodes_of(group);
                 for p in links.points_of(group) {
                     if let Some(place) = links.local_nodes(p).first() {
-                        let part = self.of_node[nodes[*place as usize] as usize];
-                        of_part[part as usize].insert(points.body[p] as usize);
+                        let part = self.at_node[nodes[*place as usize] as usize];
+                        by_part[part as usize].insert(points.body[p] as usize);
                     }
                 }
             }
-            for of_rank in self.reduction.gather_all(of_part.clone()) {
-                of_part.iter_mut().zip(of_rank).for_each(|(all, more)| all.extend(more));
+            for other in self.reduction.gather_all(by_part.clone()) {
+                by_part.iter_mut().zip(other).for_each(|(all, more)| all.extend(more));
             }
-            self.bodies = of_part.into_iter().map(|bodies| bodies.into_iter().collect()).collect();
+            self.bodies = by_part.into_iter().map(|bodies| bodies.into_iter().collect()).collect();
         }
-        for (of_part, bodies) in self.carried.iter_mut().zip(&self.bodies) {
-            let of_body = |body: &usize| carried.get(*body).copied().unwrap_or(0.0);
-            *of_part = bodies.iter().map(of_body).fold(0.0, f64::max);
+        for (by_part, bodies) in self.carried.iter_mut().zip(&self.bodies) {
+            let carried_by = |body: &usize| carried.get(*body).copied().unwrap_or(0.0);
+            *by_part = bodies.iter().map(carried_by).fold(0.0, f64::max);
         }
         self
     }
@@ -109,7 +109,7 @@ impl Parts {
         field: impl Iterator<Item = [f64; N]>,
     ) -> Vec<f64> {
         let mut sums = vec![0.0; self.n];
-        for ((node, value), part) in field.enumerate().zip(&self.of_node) {
+        for ((node, value), part) in field.enumerate().zip(&self.at_node) {
             if self.reduction.counts(node) {
                 for x in &value[components.clone()] {
                     sums[*part as usize] += x * x;
@@ -143,16 +143,16 @@ impl Measured {
         if further.is_empty() {
             return self;
         }
-        let of_further = further.iter().copied().fold(0.0, largest);
+        let further_residual = further.iter().copied().fold(0.0, largest);
         let by_field = std::iter::once(self.residual).chain(further).collect();
-        Measured { by_field, ..self.and(Measured::beyond_round_off(of_further), tolerance) }
+        Measured { by_field, ..self.and(Measured::beyond_round_off(further_residual), tolerance) }
     }
 
     /// The measure of one global equation, whose residual may be round-off.
-    pub(super) fn of_global(residual: f64, is_round_off: bool, tolerance: f64) -> Measured {
+    pub(super) fn global(residual: f64, is_round_off: bool, tolerance: f64) -> Measured {
         let round_off = match residual {
             _ if !is_round_off || residual <= tolerance => RoundOff::NoMatter,
-            _ if residual > MOST_OF_ROUND_OFF => RoundOff::Forbids,
+            _ if residual > MAX_ROUND_OFF => RoundOff::Forbids,
             _ => RoundOff::Limits,
         };
         Measured { round_off, ..Measured::beyond_round_off(residual) }
@@ -167,7 +167,7 @@ impl Measured {
             (true, true) => match [self.round_off, other.round_off] {
                 [RoundOff::NoMatter, _] | [_, RoundOff::NoMatter] => RoundOff::NoMatter,
                 [RoundOff::Forbids, _] | [_, RoundOff::Forbids] => RoundOff::Forbids,
-                [RoundOff::OfNothing, last] | [last, _] => last,
+                [RoundOff::Nothing, last] | [last, _] => last,
             },
         };
         Measured { residual: largest(self.residual, other.residual), round_off, by_field: self.by_field }
@@ -181,10 +181,10 @@ pub(super) enum RoundOff {
     NoMatter,
     /// Only parts that carry nothing exceed the tolerance: their forces are round-off, or small compared with
     /// the forces that their bodies have carried.
-    OfNothing,
-    /// Round-off prevents parts from meeting the tolerance, but not [`MOST_OF_ROUND_OFF`].
+    Nothing,
+    /// Round-off prevents parts from meeting the tolerance, but not [`MAX_ROUND_OFF`].
     Limits,
-    /// Round-off prevents parts from meeting even [`MOST_OF_ROUND_OFF`].
+    /// Round-off prevents parts from meeting even [`MAX_ROUND_OFF`].
     Forbids,
 }
 
@@ -221,7 +221,7 @@ impl<const N: usize> Forces<'_, N> {
     /// The norms in eq. (40) for some components of each part: of the out-of-balance force, and of the sum of external
     /// forces and reactions. Forces that hold bodies may cancel the loads at the same nodes and leave nothing but
     /// round-off; they count alone if they are larger than the sum. So do forces that terms declare as a scale.
-    fn of_parts(&self, parts: &Parts, components: Range<usize>) -> Vec<[f64; 2]> {
+    fn part_norms(&self, parts: &Parts, components: Range<usize>) -> Vec<[f64; 2]> {
         let out = parts.norms(components.clone(), self.out_of_balance.iter().copied());
         let mut force = parts.norms(components.clone(), (0..self.f_ext.len()).map(|node| self.total(node)));
         for larger in [self.holding, self.scale].into_iter().flatten() {
@@ -234,29 +234,30 @@ impl<const N: usize> Forces<'_, N> {
     /// The largest residual of each field other than the displacement, [-]: relative to its external forces and
     /// reactions, to its internal forces, or to the products of its rows of K with the increments, whichever is
     /// largest. In a storage equation or a constraint, only these products are larger than what is out of balance.
-    fn of_further_fields(&self, parts: &Parts, system: &System<N>, delta_d: &[[f64; N]]) -> Vec<f64> {
+    fn further_residuals(&self, parts: &Parts, system: &System<N>, delta_d: &[[f64; N]]) -> Vec<f64> {
         if parts.fields.len() == 1 {
             return Vec::new();
         }
         let products = system.magnitudes(delta_d);
-        let of_field = |components: &Range<usize>| {
-            let of_parts = self.of_parts(parts, components.clone());
+        let field_residual = |components: &Range<usize>| {
+            let part_norms = self.part_norms(parts, components.clone());
             let norms = |field: &[[f64; N]]| parts.norms(components.clone(), field.iter().copied());
             let scales = norms(system.internal_force()).into_iter().zip(norms(&products));
-            let ratios = of_parts
+            let ratios = part_norms
                 .iter()
                 .zip(scales)
                 .map(|(&[out, force], (own, product))| ratio(out, force.max(own).max(product)));
             ratios.fold(0.0, largest)
         };
-        parts.fields.iter().skip(1).map(of_field).collect()
+        parts.fields.iter().skip(1).map(field_residual).collect()
     }
 
     /// The largest force that each body carries or has carried, [force].
     pub(super) fn carried(&self, parts: &Parts, before: &[f64], bodies: usize) -> Vec<f64> {
         let mut carried = before.to_vec();
         carried.resize(bodies, 0.0);
-        for ([_, force], bodies) in self.of_parts(parts, parts.displacement()).into_iter().zip(&parts.bodies)
+        for ([_, force], bodies) in
+            self.part_norms(parts, parts.displacement()).into_iter().zip(&parts.bodies)
         {
             for &body in bodies {
                 carried[body] = carried[body].max(force);
@@ -273,16 +274,16 @@ impl<const N: usize> Forces<'_, N> {
         system: &System<N>,
         delta_d: &[[f64; N]],
     ) -> Option<Measured> {
-        let of_displacement = self.of_displacement(parts);
-        let measured = Measured::beyond_round_off(of_displacement)
-            .and_fields(self.of_further_fields(parts, system, delta_d), tolerance);
+        let residual = self.displacement_residual(parts);
+        let measured = Measured::beyond_round_off(residual)
+            .and_fields(self.further_residuals(parts, system, delta_d), tolerance);
         (measured.residual <= tolerance).then_some(measured)
     }
 
     /// The largest residual of the displacement over the parts, eq. (40), [-].
-    fn of_displacement(&self, parts: &Parts) -> f64 {
-        let of_parts = self.of_parts(parts, parts.displacement());
-        of_parts.iter().map(|&[out, force]| ratio(out, force)).fold(0.0, largest)
+    fn displacement_residual(&self, parts: &Parts) -> f64 {
+        let part_norms = self.part_norms(parts, parts.displacement());
+        part_norms.iter().map(|&[out, force]| ratio(out, force)).fold(0.0, largest)
     }
 
     /// The residual of eq. (40), and the role of round-off if it exceeds the tolerance.
@@ -294,17 +295,17 @@ impl<const N: usize> Forces<'_, N> {
         tolerance: f64,
         at: &EvaluatedAt<'_, D, N>,
     ) -> Measured {
-        let further = self.of_further_fields(parts, at.system, at.delta_d);
-        let of_parts = self.of_parts(parts, parts.displacement());
-        let residuals = of_parts.iter().map(|&[out, force]| ratio(out, force)).collect(); // (40)
-        self.with_round_off(residuals, &of_parts, parts, tolerance, at).and_fields(further, tolerance)
+        let further = self.further_residuals(parts, at.system, at.delta_d);
+        let part_norms = self.part_norms(parts, parts.displacement());
+        let residuals = part_norms.iter().map(|&[out, force]| ratio(out, force)).collect(); // (40)
+        self.with_round_off(residuals, &part_norms, parts, tolerance, at).and_fields(further, tolerance)
     }
 
     /// The role of round-off in the residuals of parts that exceed the tolerance, given the norms of eq. (40).
     fn with_round_off<const D: usize>(
         &self,
         mut residuals: Vec<f64>,
-        of_parts: &[[f64; 2]],
+        part_norms: &[[f64; 2]],
         parts: &Parts,
         tolerance: f64,
         at: &EvaluatedAt<'_, D, N>,
@@ -319,11 +320,11 @@ impl<const N: usize> Forces<'_, N> {
         }
         let (mut carries_nothing, mut is_round_off) = (open.clone(), open.clone());
         // An equilibrium within the tolerance may have left an out-of-balance force of this size.
-        let left: Vec<f64> = parts.carried.iter().map(|f| tolerance.min(MOST_OF_ROUND_OFF) * f).collect();
+        let left: Vec<f64> = parts.carried.iter().map(|f| tolerance.min(MAX_ROUND_OFF) * f).collect();
         self.exclude_beyond(at.round_off_at_most(), &left, parts, &mut is_round_off);
         if is_round_off.contains(&true) {
             for (node, noise) in at.round_off().iter().enumerate() {
-                let part = parts.of_node[node] as usize;
+                let part = parts.at_node[node] as usize;
                 let out = &self.out_of_balance[node][parts.displacement()];
                 let is_within = |bound: f64| out.iter().all(|f| f.abs() <= bound);
                 is_round_off[part] &= is_within(*noise);
@@ -346,13 +347,13 @@ impl<const N: usize> Forces<'_, N> {
             true => self.resultants(parts, at.model.revolved),
             false => Vec::new(),
         };
-        let mut round_off = RoundOff::OfNothing;
+        let mut round_off = RoundOff::Nothing;
         for part in (0..parts.n).filter(|&part| open[part]) {
             if carries_nothing[part] {
                 residuals[part] = 0.0;
             } else if !is_round_off[part] || round_off == RoundOff::NoMatter {
                 round_off = RoundOff::NoMatter; // one part that exceeds the tolerance for another reason decides
-            } else if residuals[part].max(resultants[part]) > MOST_OF_ROUND_OFF {
+            } else if residuals[part].max(resultants[part]) > MAX_ROUND_OFF {
                 round_off = RoundOff::Forbids;
             } else if round_off != RoundOff::Forbids {
                 round_off = RoundOff::Limits;
@@ -361,7 +362,7 @@ impl<const N: usize> Forces<'_, N> {
         if round_off == RoundOff::NoMatter {
             // A part without external forces and reactions is measured relative to its internal force.
             let internal = parts.norms(parts.displacement(), at.system.internal_force().iter().copied());
-            for (part, &[out, force]) in of_parts.iter().enumerate() {
+            for (part, &[out, force]) in part_norms.iter().enumerate() {
                 if force == 0.0 && out > 0.0 && !carries_nothing[part] {
                     residuals[part] = out / internal[part];
                 }
@@ -371,11 +372,11 @@ impl<const N: usize> Forces<'_, N> {
     }
 
     /// Excludes parts with a node whose out-of-balance force exceeds both `bound` and the bound of the part.
-    fn exclude_beyond(&self, bound: f64, of_part: &[f64], parts: &Parts, is_round_off: &mut [bool]) {
-        for (force, part) in self.out_of_balance.iter().zip(&parts.of_node) {
+    fn exclude_beyond(&self, bound: f64, by_part: &[f64], parts: &Parts, is_round_off: &mut [bool]) {
+        for (force, part) in self.out_of_balance.iter().zip(&parts.at_node) {
             let part = *part as usize;
             is_round_off[part] &=
-                force[parts.displacement()].iter().all(|f| f.abs() <= bound.max(of_part[part]));
+                force[parts.displacement()].iter().all(|f| f.abs() <= bound.max(by_part[part]));
         }
         parts.agree(is_round_off);
     }
@@ -384,7 +385,7 @@ impl<const N: usize> Forces<'_, N> {
     /// part must balance, relative to the sum of the magnitudes of all forces on the part, [-].
     fn resultants(&self, parts: &Parts, revolved: bool) -> Vec<f64> {
         let mut sums = vec![([0.0; N], 0.0); parts.n];
-        for (node, part) in parts.of_node.iter().enumerate().filter(|(node, _)| parts.reduction.counts(*node))
+        for (node, part) in parts.at_node.iter().enumerate().filter(|(node, _)| parts.reduction.counts(*node))
         {
             let (sum, scale) = &mut sums[*part as usize];
             let total = self.total(node);
@@ -439,7 +440,7 @@ mod tests {
             holding: None,
             scale: None,
         };
-        let residual = forces.of_displacement(&parts(&[0, 0, 2, 2]));
+        let residual = forces.displacement_residual(&parts(&[0, 0, 2, 2]));
         (residual <= tolerance).then_some(residual)
     }
 
@@ -456,7 +457,7 @@ mod tests {
     #[test]
     fn parts_are_numbered_by_their_lowest_nodes() {
         let parts = parts(&[0, 1, 0, 1, 4, 0]);
-        assert_eq!((parts.of_node, parts.n), (vec![0, 1, 0, 1, 2, 0], 3));
+        assert_eq!((parts.at_node, parts.n), (vec![0, 1, 0, 1, 2, 0], 3));
     }
 
     #[test]

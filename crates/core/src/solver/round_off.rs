@@ -43,9 +43,9 @@ impl<const D: usize, const N: usize> EvaluatedAt<'_, D, N> {
         // Shared nodes count once on each rank, which raises the bound only slightly.
         let entries_of_row = reduction.total((N * delta_d.len()) as f64);
         let strain = IN_STRAIN * NO_SUCH_FORCE * size;
-        let of_terms = system.round_off().map_or(0.0, |all| all.iter().copied().fold(0.0, f64::max));
-        let of_terms = reduction.largest(of_terms);
-        f64::EPSILON * system.largest_entry() * (IN_MOTION * entries_of_row * motion + strain) + of_terms
+        let term_noise = system.round_off().map_or(0.0, |all| all.iter().copied().fold(0.0, f64::max));
+        let term_noise = reduction.largest(term_noise);
+        f64::EPSILON * system.largest_entry() * (IN_MOTION * entries_of_row * motion + strain) + term_noise
     }
 
     /// Round-off of the force at each node, [force]: from the products of its row of K with the displacement increment,
@@ -55,13 +55,13 @@ impl<const D: usize, const N: usize> EvaluatedAt<'_, D, N> {
     pub(super) fn round_off(&self) -> Vec<f64> {
         let largest_of = |x: &[f64]| x.iter().fold(0.0f64, |a, b| a.max(b.abs()));
         let motion = self.system.magnitudes(self.delta_d);
-        let of_node = |(motion, strain): (&[f64; N], f64)| {
+        let nodal = |(motion, strain): (&[f64; N], f64)| {
             f64::EPSILON * (IN_MOTION * largest_of(&motion[..D]) + IN_STRAIN * strain)
         };
         let strained = forces_of_unit_strain(self.model, self.points, self.links);
-        let mut noise: Vec<f64> = motion.iter().zip(strained).map(of_node).collect();
-        if let Some(of_terms) = self.system.round_off() {
-            noise.iter_mut().zip(of_terms).for_each(|(noise, of_terms)| *noise += of_terms);
+        let mut noise: Vec<f64> = motion.iter().zip(strained).map(nodal).collect();
+        if let Some(term_noise) = self.system.round_off() {
+            noise.iter_mut().zip(term_noise).for_each(|(noise, term_noise)| *noise += term_noise);
         }
         noise
     }
@@ -78,7 +78,7 @@ pub(super) fn forces_of_unit_strain<const D: usize>(
     for group in 0..links.n_groups() {
         let nodes = links.nodes_of(group);
         for p in links.points_of(group) {
-            let stiffness = model.volume(points, p) * moduli.of(points, p);
+            let stiffness = model.volume(points, p) * moduli.at(points, p);
             links.for_each_link(p, |local, _, gradient| {
                 forces[nodes[local] as usize] += stiffness * norm(gradient);
             });

@@ -12,13 +12,13 @@ use crate::terms::Terms;
 const ROUND_OFF: f64 = 1e-9;
 
 /// The splitting rules of a model, without the state of a run.
-struct OfModel<'a, const D: usize> {
+struct ModelRules<'a, const D: usize> {
     model: &'a Model<D>,
 }
 
 /// The splitting rules of a model in the state of a run.
 struct Present<'a, const D: usize, const N: usize> {
-    of_model: OfModel<'a, D>,
+    rules: ModelRules<'a, D>,
     terms: &'a Terms<D, N>,
     /// Points of probes, which stay whole: a half does not move like the whole point.
     probed: BTreeSet<u32>,
@@ -35,18 +35,18 @@ pub(super) fn split_long<const D: usize, const N: usize>(
     if model.bodies.iter().all(|body| body.split_above.is_none()) {
         return;
     }
-    let of_stages = model.stages.iter().flat_map(|stage| &stage.added.id);
-    let numbers = points.id.iter().chain(of_stages).copied().chain(splits.iter().map(|split| split.half));
+    let later = model.stages.iter().flat_map(|stage| &stage.added.id);
+    let numbers = points.id.iter().chain(later).copied().chain(splits.iter().map(|split| split.half));
     let last = points.reduction().largest(numbers.max().map_or(-1.0, f64::from));
     let next = (last + 1.0) as u32;
     let probed = model.probes.iter().flat_map(|probe| &probe.points).copied().collect();
-    splits.extend(points.split_long(&Present { of_model: OfModel { model }, terms, probed }, next));
+    splits.extend(points.split_long(&Present { rules: ModelRules { model }, terms, probed }, next));
 }
 
 /// Moves the corners of the domains of the points with these permanent numbers out of the obstacles of the terms,
 /// because these domains have been replaced without regard to obstacles. A domain that would become invalid stays as it
 /// is.
-pub(super) fn part_from_obstacles<const D: usize, const N: usize>(
+pub(super) fn push_out_of_tools<const D: usize, const N: usize>(
     model: &Model<D>,
     points: &mut Points<D>,
     terms: &Terms<D, N>,
@@ -55,7 +55,7 @@ pub(super) fn part_from_obstacles<const D: usize, const N: usize>(
     if replaced.is_empty() {
         return;
     }
-    let rules = Present { of_model: OfModel { model }, terms, probed: BTreeSet::new() };
+    let rules = Present { rules: ModelRules { model }, terms, probed: BTreeSet::new() };
     points.move_corners(replaced, &rules);
 }
 
@@ -68,10 +68,10 @@ pub(super) fn split_again<const D: usize>(
     points: &mut Points<D>,
     splits: &[Split],
 ) -> Result<(), String> {
-    points.split_again(splits, &OfModel { model })
+    points.split_again(splits, &ModelRules { model })
 }
 
-impl<const D: usize> Splitting<D> for OfModel<'_, D> {
+impl<const D: usize> Splitting<D> for ModelRules<'_, D> {
     fn longest(&self, points: &Points<D>, p: usize) -> f64 {
         let Some(above) = self.model.bodies[points.body[p] as usize].split_above else {
             return f64::INFINITY;
@@ -99,21 +99,21 @@ impl<const D: usize, const N: usize> Splitting<D> for Present<'_, D, N> {
         if self.probed.contains(&points.id[p]) {
             return f64::INFINITY;
         }
-        self.of_model.longest(points, p)
+        self.rules.longest(points, p)
     }
 
     fn depth(&self, position: &[f64; D]) -> f64 {
-        self.of_model.depth(position)
+        self.rules.depth(position)
     }
 
     fn nearest_allowed(&self, body: usize, place: [f64; D]) -> [f64; D] {
-        let model = self.of_model.model;
+        let model = self.rules.model;
         let obstacles = self.terms.iter().filter_map(|term| term.obstacle());
         obstacles.fold(place, |place, obstacle| obstacle.nearest_allowed(model, body, place))
     }
 
     fn is_valid(&self, points: &Points<D>, p: usize, corners: &[[f64; D]]) -> bool {
-        self.of_model.is_valid(points, p, corners)
+        self.rules.is_valid(points, p, corners)
     }
 }
 
@@ -136,7 +136,7 @@ mod tests {
             let whole = points.len();
             let mut split = |above: f64| {
                 model.bodies[0].split_above = Some(above);
-                points.split_long(&OfModel { model: &model }, whole as u32);
+                points.split_long(&ModelRules { model: &model }, whole as u32);
                 points.len()
             };
             // There are two points along a side of a cell.

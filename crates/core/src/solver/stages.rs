@@ -20,7 +20,7 @@ use super::located::with_energy;
 use super::observer::Observer;
 use super::pace::Pace;
 use super::progress::{Progress, Reached, StageReached};
-use super::residual::MOST_OF_ROUND_OFF;
+use super::residual::MAX_ROUND_OFF;
 use super::splitting::split_again;
 use super::stepper::{Kernels, Stepper, finish, start};
 
@@ -144,12 +144,12 @@ fn enter<const D: usize, const N: usize>(
     if !points.reduction().any(changes) {
         model.begin_stage(number, &began);
     } else {
-        let before = Amount::of(model, points);
+        let before = Amount::measured(model, points);
         change_points(model, points, number);
         model.begin_stage(number, &began);
         let reduction = points.reduction();
         agree(&reduction, keep_stress(model, points, number))?;
-        let now = Amount::of(model, points);
+        let now = Amount::measured(model, points);
         let exchanged = now.energy() - before.energy();
         agree(&reduction, with_energy(exchanged, model, points, &points.converged, step))?;
         reached.summary.exchanged_energy += exchanged;
@@ -163,7 +163,7 @@ fn enter<const D: usize, const N: usize>(
         // A remainder that the tolerance or round-off has left out of balance is not a force to release.
         let squares = model.present.released_forces.iter().flat_map(|(_, force)| force).map(|f| f * f);
         let carried = reached.progress.carried.iter().copied().fold(0.0, f64::max);
-        let left = model.newton.tolerance.clamp(LEFT, MOST_OF_ROUND_OFF) * carried;
+        let left = model.newton.tolerance.clamp(LEFT, MAX_ROUND_OFF) * carried;
         if squares.sum::<f64>().sqrt() <= left {
             model.present.released_forces.clear();
         }
@@ -195,7 +195,7 @@ pub(super) struct Amount {
 }
 
 impl Amount {
-    pub fn of<const D: usize>(model: &Model<D>, points: &Points<D>) -> Amount {
+    pub fn measured<const D: usize>(model: &Model<D>, points: &Points<D>) -> Amount {
         let n = points.history_len;
         let [mut stored, mut plastic] = [0.0; 2];
         for p in 0..points.len() {
@@ -236,8 +236,8 @@ pub fn resume_stage<const D: usize>(
     let Some(StageReached { number, began, released_forces, splits_before }) = stage else {
         return split_again(model, points, splits);
     };
-    let of_model = [model.loads.len(), model.boundary_conditions.len()];
-    if *number >= model.stages.len() || [began.loads.len(), began.boundary_conditions.len()] != of_model {
+    let counts = [model.loads.len(), model.boundary_conditions.len()];
+    if *number >= model.stages.len() || [began.loads.len(), began.boundary_conditions.len()] != counts {
         return Err("it belongs to other stages".to_owned());
     }
     // A body that has been removed and added again has split anew each time it was present.

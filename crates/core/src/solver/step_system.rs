@@ -53,7 +53,7 @@ impl<const D: usize, const N: usize> StepSystem<D, N> {
         let condition = Condition::new(model, points, links, step, &progress.path, terms);
         let sum = Sum::new(std::mem::take(terms), context, &dofs);
         let parts = Parts::new(&joined, links.reduction(), fields.components());
-        let parts = parts.of_bodies(points, links, model.bodies.len(), &progress.carried);
+        let parts = parts.with_bodies(points, links, model.bodies.len(), &progress.carried);
         Ok(StepSystem { dofs, sum, condition, parts, fields: fields.clone() })
     }
 
@@ -83,10 +83,10 @@ fn constraints<const D: usize, const N: usize>(
     terms: &Terms<D, N>,
 ) -> Result<DofMap<N>, ConstraintError> {
     let StepContext { model, links, step, .. } = *context;
-    let constraints = Constraints::of_model(model, points, links, [step.start, step.end])?;
-    let mut constraints = constraints.of_fields(fields);
+    let constraints = Constraints::from_model(model, points, links, [step.start, step.end])?;
+    let mut constraints = constraints.with_fields(fields);
     for term in terms {
-        term.constrain(context, points, &mut constraints).map_err(|error| error.of_term(term.name()))?;
+        term.constrain(context, points, &mut constraints).map_err(|error| error.in_term(term.name()))?;
     }
     constraints.into_map()
 }

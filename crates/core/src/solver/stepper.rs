@@ -10,11 +10,11 @@ use crate::model::{GridMotionError, Model};
 use crate::points::Points;
 use crate::step::Step;
 use crate::stress::Mechanics;
-use crate::terms::{Terms, of_model, restore};
+use crate::terms::{Terms, model_terms, restore};
 use crate::timing::Phase;
 
 use super::Solvable;
-use super::attempt::{Effort, FailedAttempt, OnTheWay, Outcome, Slump};
+use super::attempt::{Effort, FailedAttempt, InProgress, Outcome, Slump};
 use super::collective::agree;
 use super::damping;
 use super::diagnosis::Diagnosis;
@@ -79,9 +79,9 @@ type StepFunction<const D: usize, const N: usize> =
 
 impl<const D: usize, const N: usize> Kernels<D, N> {
     /// The kernels for a kind of mechanics.
-    pub fn of<M: Mechanics<D>>() -> Self {
+    pub fn new<M: Mechanics<D>>() -> Self {
         Kernels {
-            terms: of_model::<D, N, M>,
+            terms: model_terms::<D, N, M>,
             step: |stepper, observer| stepper.solve_step(observer),
             balance: balancing_forces::<D, N, M>,
             revolved: M::REVOLVED,
@@ -96,7 +96,7 @@ impl<'a, const D: usize> Stepper<'a, D> {
         Model<D>: Solvable<D>,
     {
         let backends = model.engines.0.as_ref().map(|engine| engine.backends()).unwrap_or_default();
-        Stepper::of_fields(model, points, model.kernels(), Fields::displacement(D), backends)
+        Stepper::assembled(model, points, model.kernels(), Fields::displacement(D), backends)
     }
 }
 
@@ -139,10 +139,10 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
             let reason = format!("the solvers of this run cannot solve for {N} unknowns at each node");
             return Err(refused("fields", &reason));
         };
-        Ok(Stepper::of_fields(model, points, kernels, fields, backends))
+        Ok(Stepper::assembled(model, points, kernels, fields, backends))
     }
 
-    fn of_fields(
+    fn assembled(
         model: &'a Model<D>,
         points: &'a mut Points<D>,
         kernels: Kernels<D, N>,
@@ -225,7 +225,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
                     self.bisect(*report, observer)?;
                 }
                 Ok(Outcome::Equilibrium(report, path)) => self.accept(*report, path, observer)?,
-                Ok(Outcome::OnTheWay(way)) => self.slump(step, way, observer)?,
+                Ok(Outcome::InProgress(way)) => self.slump(step, way, observer)?,
                 Err(failed) if was == Effort::Usual && self.is_repeated(&failed) => {
                     self.announce_repetition(*failed, observer)?;
                     effort = Effort::Thorough;
@@ -300,7 +300,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
     fn next_step(&self, effort: Effort, observer: &mut dyn Observer<D>) -> Result<Option<Step>, SolveError> {
         let Progress { step: Step { index, end: start, .. }, strength, pace, .. } = &self.reached.progress;
         let stage = self.model.present.stage;
-        if strength.iter().any(|of| of.stage == stage && of.bracket.fails.is_some()) {
+        if strength.iter().any(|found| found.stage == stage && found.bracket.fails.is_some()) {
             return Ok(None);
         }
         let Some(end) = pace.end_of_step(&self.model.stepping, *start) else { return Ok(None) };
@@ -327,7 +327,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
     fn slump(
         &mut self,
         step: Step,
-        first: OnTheWay,
+        first: InProgress,
         observer: &mut dyn Observer<D>,
     ) -> Result<(), SolveError> {
         let before = self.points.clone();
@@ -341,14 +341,14 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
             }
             grids += 1;
             rests = if way.is_at_rest { rests + 1 } else { 0 };
-            let goes_on = grids < damping::MOST_GRIDS && rests < damping::MOST_RESTS;
+            let goes_on = grids < damping::MAX_GRIDS && rests < damping::MAX_RESTS;
             let slump = if goes_on { Slump::GoesOn } else { Slump::Ends };
             match self.attempt(step, slump, Effort::Usual, observer) {
                 Ok(Outcome::Equilibrium(mut report, path)) => {
                     way.lead_to(&mut report);
                     return self.accept(*report, path, observer);
                 }
-                Ok(Outcome::OnTheWay(more)) => way = more.after(way),
+                Ok(Outcome::InProgress(more)) => way = more.after(way),
                 Err(mut failed) => {
                     *self.points = before;
                     // The iterate belongs to a state of the points that no longer exists.

@@ -66,7 +66,7 @@ pub(super) struct Movement {
 impl Movement {
     /// The movement in a step that is in equilibrium but not committed. Height is measured along gravity or, without
     /// gravity, along the axis along which it is least.
-    pub(super) fn of<const D: usize>(model: &Model<D>, points: &Points<D>, step: Step) -> Movement {
+    pub(super) fn measured<const D: usize>(model: &Model<D>, points: &Points<D>, step: Step) -> Movement {
         let (before, after) = (&points.converged.position, &points.trial.position);
         let square = |v: [f64; D]| v.iter().map(|x| x * x).sum::<f64>();
         let moves = before.iter().zip(after).map(|(x, y)| square(std::array::from_fn(|d| y[d] - x[d])));

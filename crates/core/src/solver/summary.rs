@@ -82,11 +82,11 @@ pub struct Summary {
 }
 
 /// Upper bound on each count of a run.
-pub(super) const MOST_COUNTED: usize = 1 << 48;
+pub(super) const MAX_COUNT: usize = 1 << 48;
 /// Relative round-off of a stored energy, [-].
 const ROUND_OFF: f64 = 1e-13;
 /// Work, relative to the energy of an initial stress, below which it is hardly more than round-off, [-].
-const LEAST_WORK: f64 = 1e-10;
+const MIN_WORK: f64 = 1e-10;
 
 impl Summary {
     /// True if this can be the summary of a run of this model.
@@ -100,7 +100,7 @@ impl Summary {
             self.linear_iterations,
             self.indefinite_solves,
         ];
-        counts.iter().all(|count| *count < MOST_COUNTED) && self.quality.fits(model.bodies.len())
+        counts.iter().all(|count| *count < MAX_COUNT) && self.quality.fits(model.bodies.len())
     }
 
     /// The balances of the run.
@@ -145,7 +145,7 @@ impl Summary {
     pub fn energy_error(&self) -> f64 {
         let missing = self.unexplained_energy();
         if let Some(InitialState { energy, .. }) = self.initial_state {
-            let counts = missing.abs() > ROUND_OFF * energy && self.gross_work > LEAST_WORK * energy;
+            let counts = missing.abs() > ROUND_OFF * energy && self.gross_work > MIN_WORK * energy;
             return if counts { missing / self.gross_work } else { 0.0 };
         }
         if self.gross_work > 0.0 { missing / self.gross_work } else { 0.0 }
@@ -192,7 +192,7 @@ impl Summary {
     fn add_further(&mut self, step: &[NamedEnergy]) {
         let before = self.further_energies.clone();
         self.further_energies = continued(std::mem::take(&mut self.further_energies), step);
-        let of_name = |energy: &NamedEnergy| {
+        let gross = |energy: &NamedEnergy| {
             let earlier = before.iter().find(|earlier| earlier.is_same(energy));
             let start = match energy.amount {
                 Amount::Accrued(_) => 0.0,
@@ -200,7 +200,7 @@ impl Summary {
             };
             (energy.role != Role::Dissipated).then(|| (energy.amount.value() - start).abs())
         };
-        step.iter().filter_map(of_name).for_each(|work| self.gross_work += work);
+        step.iter().filter_map(gross).for_each(|work| self.gross_work += work);
     }
 
     /// Counts a linear solve.

@@ -149,8 +149,8 @@ impl<const N: usize> Unknowns<N> {
     }
 
     /// Adds the response to a change of the load factor, given the responses to a unit change.
-    pub(super) fn add_response(&mut self, change: f64, of_load: &[[f64; N]], globals: &[f64]) {
-        self.add_to_increment(change, of_load, globals);
+    pub(super) fn add_response(&mut self, change: f64, response: &[[f64; N]], globals: &[f64]) {
+        self.add_to_increment(change, response, globals);
         self.iterative_factor = change;
     }
 

@@ -40,7 +40,7 @@ impl<const D: usize> Moved<D> {
 
 /// Largest number of times that the size of a replacement domain, or its deviation from a parallelogram
 /// (parallelepiped), is halved to make the domain valid.
-const MOST_HALVINGS: usize = 10;
+const MAX_HALVINGS: usize = 10;
 
 /// A task of at most this many groups is not divided between threads.
 const GRAIN: usize = 16;
@@ -219,9 +219,9 @@ impl<const D: usize> PointUpdate<'_, D> {
         moved: &mut Moved<D>,
     ) -> Result<(), SolveError> {
         let PointUpdate { model, points, step, delta_d, .. } = *self;
-        let of_point = self.links.links(p, products);
+        let touched = self.links.links(p, products);
         let mut position = points.converged.position[p];
-        for (&local, value) in of_point.local.iter().zip(of_point.value) {
+        for (&local, value) in touched.local.iter().zip(touched.value) {
             let du = &delta_d[nodes[local as usize] as usize];
             for d in 0..D {
                 position[d] += value * du[d]; // (31)
@@ -231,7 +231,7 @@ impl<const D: usize> PointUpdate<'_, D> {
             return Err(SolveError::off_grid(model, points, p, position, step));
         }
         let start = &points.converged.position[p];
-        let dF = Increment::new(model.revolved, nodes, &of_point, delta_d, start).in_space();
+        let dF = Increment::new(model.revolved, nodes, &touched, delta_d, start).in_space();
         let F = dF * points.converged.deformation_gradient[p]; // (16)
         let body = &model.bodies[points.body[p] as usize];
         let displacement = |place: &[f64; D]| self.displacement(points.body[p], place);
@@ -286,7 +286,7 @@ impl<const D: usize> PointUpdate<'_, D> {
         if checked.is_err() && is_split && n == 1 << D {
             moved.is_replaced = true;
             let carried = moved.corners;
-            let mut sizes = (1..=MOST_HALVINGS).map(|k| 0.5f64.powi(k as i32)).chain([0.0]);
+            let mut sizes = (1..=MAX_HALVINGS).map(|k| 0.5f64.powi(k as i32)).chain([0.0]);
             while checked.is_err()
                 && let Some(size) = sizes.next()
             {
@@ -296,7 +296,7 @@ impl<const D: usize> PointUpdate<'_, D> {
         }
         if (self.replaces || is_split) && checked.is_err() {
             moved.is_replaced = true;
-            let mut sizes = (0..=MOST_HALVINGS).map(|k| 0.5f64.powi(k as i32));
+            let mut sizes = (0..=MAX_HALVINGS).map(|k| 0.5f64.powi(k as i32));
             while checked.is_err()
                 && let Some(size) = sizes.next()
             {

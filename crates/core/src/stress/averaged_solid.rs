@@ -200,7 +200,7 @@ impl WeakForm<3> for AveragedIsotropic {
 
     #[inline(always)]
     fn column(&self, gradient: &[f64; 6], force: &mut [f64; 3]) -> AveragedVectors {
-        let [x, y, z, of_deviator @ ..] = *gradient;
+        let [x, y, z, deviator @ ..] = *gradient;
         let gradient = [x, y, z];
         let traction = times(&self.stress, &gradient);
         for (f, t) in force.iter_mut().zip(traction) {
@@ -209,7 +209,7 @@ impl WeakForm<3> for AveragedIsotropic {
         let mu = gradient.map(|g| self.mu * g);
         AveragedVectors {
             gradient,
-            lambda: std::array::from_fn(|i| self.lambda * gradient[i] + of_deviator[i]),
+            lambda: std::array::from_fn(|i| self.lambda * gradient[i] + deviator[i]),
             mu,
             diagonal: std::array::from_fn(|i| traction[i] + mu[i]),
         }
@@ -218,11 +218,11 @@ impl WeakForm<3> for AveragedIsotropic {
     #[inline(always)]
     fn add_block<T: Lane>(column: &AveragedVectors, row: &[T; 6], block: &mut [[T; 3]; 3]) {
         let AveragedVectors { gradient, lambda, mu, diagonal } = column;
-        let of_diagonal = row[0] * diagonal[0] + row[1] * diagonal[1] + row[2] * diagonal[2];
+        let on_diagonal = row[0] * diagonal[0] + row[1] * diagonal[1] + row[2] * diagonal[2];
         for i in 0..3 {
             for k in 0..3 {
                 let off_diagonal = row[i] * lambda[k] + row[3 + i] * gradient[k] + row[k] * mu[i];
-                block[i][k] += if i == k { off_diagonal + of_diagonal } else { off_diagonal };
+                block[i][k] += if i == k { off_diagonal + on_diagonal } else { off_diagonal };
             }
         }
     }

@@ -61,8 +61,8 @@ impl WeakForm<2> for Revolved {
         let alpha: [f64; 2] = std::array::from_fn(|i| b[i][0] * r + b[i][1] * z);
         let stretch = b[AROUND][AROUND] * hoop;
         let change = |component: usize, k: usize| {
-            let of = |q: usize| moduli[MANDEL_INDEX[k][q]][component];
-            let in_plane = of(0) * alpha[0] + of(1) * alpha[1];
+            let entry = |q: usize| moduli[MANDEL_INDEX[k][q]][component];
+            let in_plane = entry(0) * alpha[0] + entry(1) * alpha[1];
             if k == 0 { in_plane + moduli[AROUND][component] * stretch } else { in_plane }
         };
         let mut column = [[[0.0; 2]; 2]; 3];

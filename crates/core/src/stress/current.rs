@@ -123,8 +123,8 @@ impl<const D: usize, const E: usize> WeakForm<D> for Current<D, E> {
     #[inline(always)]
     fn add_block<T: Lane>(column: &[[[f64; D]; D]; E], gradient: &[T; E], block: &mut [[T; D]; D]) {
         for j in 0..E {
-            for (entry, of_column) in block.as_flattened_mut().iter_mut().zip(column[j].as_flattened()) {
-                *entry += gradient[j] * *of_column;
+            for (entry, share) in block.as_flattened_mut().iter_mut().zip(column[j].as_flattened()) {
+                *entry += gradient[j] * *share;
             }
         }
     }

@@ -101,16 +101,16 @@ fn divergence<const D: usize, const E: usize>(gradient: &[f64; E]) -> [f64; D] {
 #[inline(always)]
 fn volumetric<const D: usize, const E: usize, T: Lane>(point: &Current<D, E, T>) -> [Rows<D, E, T>; 2] {
     let Current { stress, tangent, .. } = point;
-    let [mut of_trace, mut with_volume] = [*stress; 2];
+    let [mut trace_rate, mut with_volume] = [*stress; 2];
     for m in 0..E {
         for j in 0..E {
             for i in 0..D {
-                of_trace[j][i] += tangent[j][m][along::<D>(m)][i];
+                trace_rate[j][i] += tangent[j][m][along::<D>(m)][i];
                 with_volume[j][i] += tangent[m][j][i][along::<D>(m)];
             }
         }
     }
-    [of_trace, with_volume]
+    [trace_rate, with_volume]
 }
 
 #[inline(always)]
@@ -127,11 +127,11 @@ impl<const D: usize, const E: usize, T: Lane> MeanDilatation<D, E, T> {
     #[inline(always)]
     pub(super) fn new(mut point: Current<D, E, T>) -> Self {
         let per_n = 1.0 / E as f64;
-        let [mut of_trace, mut with_volume] = volumetric(&point);
+        let [mut trace_rate, mut with_volume] = volumetric(&point);
         let pi = trace(&point.stress) * per_n;
-        let modulus = trace(&of_trace) * (per_n * per_n);
+        let modulus = trace(&trace_rate) * (per_n * per_n);
         let minus = modulus * -1.0;
-        for part in [&mut of_trace, &mut with_volume] {
+        for part in [&mut trace_rate, &mut with_volume] {
             for j in 0..E {
                 for i in 0..D {
                     part[j][i] = part[j][i] * per_n;
@@ -147,14 +147,14 @@ impl<const D: usize, const E: usize, T: Lane> MeanDilatation<D, E, T> {
             point.stress[m][a] += pi * -1.0;
             for j in 0..E {
                 for i in 0..D {
-                    point.tangent[j][m][a][i] += of_trace[j][i] * -1.0;
+                    point.tangent[j][m][a][i] += trace_rate[j][i] * -1.0;
                     point.tangent[m][j][i][a] += with_volume[j][i] * -1.0;
                 }
                 point.tangent[j][m][a][along::<D>(j)] += minus;
             }
         }
         add_transport(&mut point, pi);
-        MeanDilatation { point, modulus, coupling: [with_volume, of_trace] }
+        MeanDilatation { point, modulus, coupling: [with_volume, trace_rate] }
     }
 }
 

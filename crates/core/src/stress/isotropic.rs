@@ -77,11 +77,11 @@ impl WeakForm<3> for Isotropic {
     #[inline(always)]
     fn add_block<T: Lane>(column: &Vectors, gradient: &[T; 3], block: &mut [[T; 3]; 3]) {
         let Vectors { lambda, mu, diagonal } = column;
-        let of_diagonal = gradient[0] * diagonal[0] + gradient[1] * diagonal[1] + gradient[2] * diagonal[2];
+        let on_diagonal = gradient[0] * diagonal[0] + gradient[1] * diagonal[1] + gradient[2] * diagonal[2];
         for i in 0..3 {
             for k in 0..3 {
                 let off_diagonal = gradient[i] * lambda[k] + gradient[k] * mu[i];
-                block[i][k] += if i == k { off_diagonal + of_diagonal } else { off_diagonal };
+                block[i][k] += if i == k { off_diagonal + on_diagonal } else { off_diagonal };
             }
         }
     }

@@ -35,7 +35,7 @@ pub use dilated::{Averaged, Averaging, Centred, Centring, FBar, MeanDilatation};
 pub use in_plane::InPlane;
 pub use isotropic::Isotropic;
 pub use plane_strain::PlaneStrain;
-pub(crate) use principal::MOST_HISTORY;
+pub(crate) use principal::MAX_HISTORY;
 pub use solid::{Solid, Spatial};
 pub use volumetric::Volumetric;
 
@@ -125,7 +125,7 @@ pub enum PointError {
 /// True if a law allows the evaluation of several points at a time, provided that the idealisation supports it.
 pub(crate) fn suits_lanes(law: &dyn Material) -> bool {
     let has_form = law.vectorised().is_some() || law.principal().is_some();
-    has_form && law.state_fields().len() <= MOST_HISTORY
+    has_form && law.state_fields().len() <= MAX_HISTORY
 }
 
 /// An idealisation: maps a `D`-dimensional displacement increment to the deformation of a three-dimensional material.

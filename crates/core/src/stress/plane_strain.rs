@@ -283,10 +283,10 @@ fn tangent<T: Lane>(answer: &CompactResponse<T, 4>) -> [[T; 3]; 3] {
     let CompactResponse { lambda, mu, along, n, .. } = answer;
     let (lambda, twice_mu) = (*lambda, *mu * 2.0);
     let [x, y, s] = [n[0], n[1], n[3]];
-    let [of_x, of_y, of_s] = [*along * x, *along * y, *along * s];
-    let (xx, yy) = (lambda + twice_mu - of_x * x, lambda + twice_mu - of_y * y);
-    let (xy, xs, ys) = (lambda - of_x * y, of_x * s * -1.0, of_y * s * -1.0);
-    [[xx, xy, xs], [xy, yy, ys], [xs, ys, twice_mu - of_s * s]]
+    let [along_x, along_y, along_s] = [*along * x, *along * y, *along * s];
+    let (xx, yy) = (lambda + twice_mu - along_x * x, lambda + twice_mu - along_y * y);
+    let (xy, xs, ys) = (lambda - along_x * y, along_x * s * -1.0, along_y * s * -1.0);
+    [[xx, xy, xs], [xy, yy, ys], [xs, ys, twice_mu - along_s * s]]
 }
 
 /// The in-plane components of C = ½ D^alg L, the derivative of τ with respect to b, in the order `xx, yy, √2 xy`.

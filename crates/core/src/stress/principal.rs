@@ -10,7 +10,7 @@ use crate::material::{MaterialError, PrincipalLaw, PrincipalResponse, divided_di
 use crate::tensor::{PrincipalDerivative, Sym3, ln, log_divided_difference, plane};
 
 /// Largest number of history variables of a law that is evaluated for several points at once.
-pub(crate) const MOST_HISTORY: usize = 16;
+pub(crate) const MAX_HISTORY: usize = 16;
 
 /// τ and the elastic strain as `xx, yy, zz, √2 xy`, and the derivative of the in-plane components `xx, yy, √2 xy`
 /// of τ with respect to those of b.
@@ -59,7 +59,7 @@ fn respond(
     };
     let [a, b, c, d] =
         [modulus[first][first], modulus[first][second], modulus[second][first], modulus[second][second]];
-    let pair = |of: [f64; 3]| [of[first], of[second]];
+    let pair = |all: [f64; 3]| [all[first], all[second]];
     Ok(OnAxes {
         tau: [tau[first], tau[second], tau[z]],
         elastic_strain: [elastic_strain[first], elastic_strain[second], elastic_strain[z]],
@@ -112,20 +112,20 @@ fn side_by_side(
     history: &mut [Lanes],
 ) -> Option<OnAxes<Lanes>> {
     let strain @ [first, second, z] = [logarithm[0] * 0.5, logarithm[1] * 0.5, logarithm[2] * 0.5];
-    let mut new = [Lanes::ZERO; MOST_HISTORY];
+    let mut new = [Lanes::ZERO; MAX_HISTORY];
     let new = new.get_mut(..history.len())?;
     let response = law.respond_in_lanes(&descending(&strain), history, new)?;
     history.copy_from_slice(new);
     // The strain along z is the largest, the least, or between those of the axes in the plane.
-    let of = |above: Lanes, below: Lanes, between: Lanes| {
+    let pick = |above: Lanes, below: Lanes, between: Lanes| {
         first.where_below(z, above, z.where_below(second, below, between))
     };
-    let on_axes = |x: &[Lanes; 3]| [of(x[1], x[0], x[0]), of(x[2], x[1], x[2]), of(x[0], x[2], x[1])];
+    let on_axes = |x: &[Lanes; 3]| [pick(x[1], x[0], x[0]), pick(x[2], x[1], x[2]), pick(x[0], x[2], x[1])];
     let [tau, elastic_strain] = [on_axes(&response.tau), on_axes(&response.elastic_strain)];
     let m = &response.modulus;
     let modulus = [
-        [of(m[1][1], m[0][0], m[0][0]), of(m[1][2], m[0][1], m[0][2])],
-        [of(m[2][1], m[1][0], m[2][0]), of(m[2][2], m[1][1], m[2][2])],
+        [pick(m[1][1], m[0][0], m[0][0]), pick(m[1][2], m[0][1], m[0][2])],
+        [pick(m[2][1], m[1][0], m[2][0]), pick(m[2][2], m[1][1], m[2][2])],
     ];
     let [[a, b], [c, d]] = modulus;
     let on_shear = divided_difference([tau[0], tau[1]], [first, second], (a - b - c + d) * 0.5);
@@ -142,7 +142,7 @@ fn in_components<T: Lane>(axes: &plane::Axes<T>, response: &OnAxes<T>) -> InPlan
     let opposite = shear * -1.0;
     let units = [[more, less, shear], [less, more, opposite]];
     let across = [opposite, shear, cosine];
-    let of_shear = response.on_shear * on_shear * 0.5;
+    let per_shear = response.on_shear * on_shear * 0.5;
     let half = T::splat(0.5);
     let per_b = [half / values[0], half / values[1]];
     let [[m11, m12], [m21, m22]] = response.modulus;
@@ -150,7 +150,7 @@ fn in_components<T: Lane>(axes: &plane::Axes<T>, response: &OnAxes<T>) -> InPlan
     for c in 0..3 {
         let (along, aside) = (units[0][c] * per_b[0], units[1][c] * per_b[1]);
         let (first, second) = (m11 * along + m12 * aside, m21 * along + m22 * aside);
-        let sheared = of_shear * across[c];
+        let sheared = per_shear * across[c];
         for r in 0..3 {
             C[r][c] = units[0][r] * first + units[1][r] * second + across[r] * sheared;
         }
@@ -204,7 +204,7 @@ pub(super) fn in_lanes(
     let (zero, kept) = (Lanes::ZERO, history.len());
     let mut all =
         OnAxes { tau: [zero; 3], elastic_strain: [zero; 3], modulus: [[zero; 2]; 2], on_shear: zero };
-    let (mut old, mut new) = ([0.0; MOST_HISTORY], [0.0; MOST_HISTORY]);
+    let (mut old, mut new) = ([0.0; MAX_HISTORY], [0.0; MAX_HISTORY]);
     for l in 0..Lanes::WIDTH {
         for (old, lanes) in old.iter_mut().zip(&*history) {
             *old = lanes.0[l];

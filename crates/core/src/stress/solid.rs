@@ -61,8 +61,8 @@ impl WeakForm<3> for Spatial {
         }
         let alpha = times(&self.b, gradient);
         let change: [[f64; 6]; 3] = std::array::from_fn(|k| {
-            let of = |q: usize| &self.moduli[MANDEL_INDEX[k][q]];
-            std::array::from_fn(|r| of(0)[r] * alpha[0] + of(1)[r] * alpha[1] + of(2)[r] * alpha[2])
+            let entry = |q: usize| &self.moduli[MANDEL_INDEX[k][q]];
+            std::array::from_fn(|r| entry(0)[r] * alpha[0] + entry(1)[r] * alpha[1] + entry(2)[r] * alpha[2])
         });
         let mut column = [[[0.0; 3]; 3]; 3];
         for m in 0..3 {
@@ -91,8 +91,8 @@ impl From<&Spatial> for Current<3, 3> {
     fn from(point: &Spatial) -> Self {
         let Spatial { inverse, b, stress, moduli } = point;
         let entry = |i: usize, j: usize, k: usize, l: usize| {
-            let of = |q: usize| moduli[MANDEL_INDEX[k][q]][MANDEL_INDEX[i][j]];
-            let change = of(0) * b[0][l] + of(1) * b[1][l] + of(2) * b[2][l];
+            let entry = |q: usize| moduli[MANDEL_INDEX[k][q]][MANDEL_INDEX[i][j]];
+            let change = entry(0) * b[0][l] + entry(1) * b[1][l] + entry(2) * b[2][l];
             if j == k { change - stress[i][l] } else { change }
         };
         Current::with_tangent(*stress, *inverse, 0.0, entry)
@@ -153,8 +153,8 @@ fn answer(
             let (D, L) = (&law.tangent.data.0, &L.data.0);
             let mut product = [[0.0; 6]; 6]; // D^alg : L, (A.4)
             for (column, factors) in product.iter_mut().zip(L) {
-                for (of_D, factor) in D.iter().zip(factors) {
-                    for (sum, entry) in column.iter_mut().zip(of_D) {
+                for (row, factor) in D.iter().zip(factors) {
+                    for (sum, entry) in column.iter_mut().zip(row) {
                         *sum += entry * factor;
                     }
                 }

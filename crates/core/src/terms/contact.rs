@@ -100,7 +100,7 @@ use evaluation::{Trial, Trials};
 use interface::Multiplier;
 use motion::Moving;
 use multipliers::{Change, Kept, Worst, forces_of};
-use plain::of_all_ranks;
+use plain::gathered;
 use search::Found;
 
 pub use interface::Mode;
@@ -274,21 +274,21 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
     fn force_at_start(&self, force: &mut Nodal<N>) {
         for (candidate, multiplier) in self.candidates.iter().zip(&self.start) {
             let shear = self.tools[candidate.key.tool as usize].start.vector_to_space(&multiplier.shear);
-            let of_place = along(&shear, multiplier.normal, &candidate.near.normal);
+            let turned = along(&shear, multiplier.normal, &candidate.near.normal);
             for (node, value) in candidate.basis.iter() {
-                (0..D).for_each(|d| force[node][d] += value * of_place[d]);
+                (0..D).for_each(|d| force[node][d] += value * turned[d]);
             }
         }
     }
 
     /// The work of friction by the trapezoidal rule.
     fn ledger(&self, _: &StepContext<D>, _: &Points<D>, _: At<N>) -> Ledger {
-        let of_place = |(k, candidate, _, touch): (usize, &Candidate<D>, _, &interface::Touch<D>)| {
+        let friction = |(k, candidate, _, touch): (usize, &Candidate<D>, _, &interface::Touch<D>)| {
             let moving = &self.tools[candidate.key.tool as usize];
             let before = moving.end.vector_to_space(&self.start[k].shear);
             -0.5 * dot(&along(&before, 1.0, &touch.shear), &touch.slip())
         };
-        [NamedEnergy::dissipated(Ledger::FRICTION, self.touching().map(of_place).sum())].into()
+        [NamedEnergy::dissipated(Ledger::FRICTION, self.touching().map(friction).sum())].into()
     }
 
     fn report(&self, model: &Model<D>, report: &mut TermReport<D>) {
@@ -305,7 +305,7 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
             (candidate.key, Kept { multiplier, motion, excess: (-touch.gap()).max(0.0) })
         });
         // Material points may move to other ranks.
-        self.converged = of_all_ranks(&self.reduction, touching.collect()).into_iter().collect();
+        self.converged = gathered(&self.reduction, touching.collect()).into_iter().collect();
         self.tools.iter_mut().for_each(Moving::commit);
         self.has_begun.iter_mut().zip(&self.is_there).for_each(|(begun, there)| *begun = *there);
     }
@@ -352,12 +352,12 @@ impl<const D: usize> GlobalUnknowns<D> for Contact<D> {
     }
 
     fn motions(&self, model: &Model<D>) -> Vec<GlobalMotion> {
-        let of_tool = |(tool, moving): (&Tool<D>, &Moving<D>)| -> Vec<(String, usize, bool)> {
+        let components = |(tool, moving): (&Tool<D>, &Moving<D>)| -> Vec<(String, usize, bool)> {
             let named = |&k: &usize| (tool.name.clone(), k, tool.freedom(k).is_free());
             moving.free.iter().map(named).collect()
         };
-        let all = model.tools.iter().zip(&self.tools).flat_map(of_tool).enumerate();
-        all.map(|(number, (of, component, is_free))| GlobalMotion { number, of, component, is_free })
+        let all = model.tools.iter().zip(&self.tools).flat_map(components).enumerate();
+        all.map(|(number, (name, component, is_free))| GlobalMotion { number, name, component, is_free })
             .collect()
     }
 }

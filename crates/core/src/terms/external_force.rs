@@ -222,15 +222,16 @@ impl<const D: usize> ExternalForces<D> {
         points: &Points<D>,
     ) -> Result<(), Box<LoadNotFinite>> {
         let StepContext { model, links, factor, step } = *context;
-        let of = |factor: &dyn Fn(&Load<D>) -> f64| external_force_of_factors(model, points, links, factor);
+        let force =
+            |factor: &dyn Fn(&Load<D>) -> f64| external_force_of_factors(model, points, links, factor);
         let stands = |load: &Load<D>| load.factors_of_stage(&model.stepping).0;
-        let unit = of(&|load| {
+        let unit = force(&|load| {
             let (stands, reaches) = load.factors_of_stage(&model.stepping);
             reaches - stands
         })?;
         let mut fixed = None;
         if model.loads.iter().any(|load| stands(load) != 0.0) {
-            fixed = Some(of(&stands)?);
+            fixed = Some(force(&stands)?);
         }
         if let Some(forces) = not_yet_released(model, links, step.end) {
             let none =

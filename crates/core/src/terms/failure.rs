@@ -129,11 +129,11 @@ pub(super) fn agree<T>(reduction: &Reduction, outcome: Result<T, EvaluateError>)
     let mut numbers = [fails, is_final].map(|is| f64::from(u8::from(is)));
     reduction.maximum(&mut numbers);
     let [fails, is_final] = numbers.map(|number| number > 0.0);
-    let of_other = EvaluateError::OnRank { is_final };
+    let remote = EvaluateError::OnRank { is_final };
     match outcome {
         Err(error) if error.is_final() == is_final => Err(error),
         Ok(found) if !fails => Ok(found),
-        _ => Err(of_other),
+        _ => Err(remote),
     }
 }
 

@@ -284,8 +284,8 @@ fn cells_of_few_points<const D: usize>(
     points: &Points<D>,
     links: &Connectivity<D>,
 ) -> HashSet<u32> {
-    let of_group = (0..links.n_groups()).map(|group| links.points_of(group));
-    let few = of_group.filter(|range| range.len() < 1 << (D - 1)).map(|range| points.cell[range.start]);
+    let groups = (0..links.n_groups()).map(|group| links.points_of(group));
+    let few = groups.filter(|range| range.len() < 1 << (D - 1)).map(|range| points.cell[range.start]);
     few.filter(|cell| model.grid.corners(*cell as usize).nodes().len() == 1 << D).collect()
 }
 

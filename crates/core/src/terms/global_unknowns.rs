@@ -20,7 +20,7 @@ pub struct GlobalMotion {
     /// Number of the unknown among the global unknowns of its term.
     pub number: usize,
     /// Name of what moves: of a rigid tool of the model, or another name that no tool has.
-    pub of: String,
+    pub name: String,
     /// Number of the component of the motion: the translations along the axes, then the rotations about x, y and z.
     pub component: usize,
     /// True if equilibrium alone determines the motion; false if the motion follows from the load factor.

@@ -26,7 +26,7 @@ impl HeldMaterial {
             let nodes = links.nodes_of(group);
             for p in links.points_of(group) {
                 let volume = model.volume(points, p);
-                let modulus = moduli.of(points, p);
+                let modulus = moduli.at(points, p);
                 links.for_each_value(p, |local, value| {
                     let node = nodes[local] as usize;
                     held.volume[node] += value * volume;
@@ -48,18 +48,18 @@ impl HeldMaterial {
         let grid = model.grid.as_ref();
         let corners = grid.corners(cell as usize);
         let n = corners.nodes().len() as f64;
-        let of_node = |node: &u32| {
+        let held = |node: &u32| {
             let full = grid.volume(cell as usize) * model.depth(&middle(grid, corners.nodes())) / n;
             links.copies(*node as usize).fold(0.0, |sum, active| sum + self.volume[active] / full)
         };
-        corners.nodes().iter().map(of_node).fold(f64::INFINITY, f64::min)
+        corners.nodes().iter().map(held).fold(f64::INFINITY, f64::min)
     }
 
     /// Harmonic mean of the shear modulus of the material that these nodes carry, [stress]: where soft material lies
     /// beside stiff material, the soft one decides. Material without shear stiffness, such as a fluid, is left out. Zero
     /// if no material there has shear stiffness.
     pub fn shear_modulus(&self, nodes: &[u32]) -> f64 {
-        let sum = |of: &[f64]| nodes.iter().map(|n| of[*n as usize]).sum::<f64>();
+        let sum = |values: &[f64]| nodes.iter().map(|n| values[*n as usize]).sum::<f64>();
         let flexibility = sum(&self.flexibility);
         if flexibility > 0.0 { sum(&self.stiff) / flexibility } else { 0.0 }
     }

@@ -26,7 +26,7 @@ use super::term::{Coupled, Term};
 pub type Terms<const D: usize, const N: usize = D> = Vec<Box<dyn Term<D, N>>>;
 
 /// The terms of a model: the terms that every analysis has, the surfaces and the tools.
-pub fn of_model<const D: usize, const N: usize, M: Mechanics<D>>(model: &Model<D>) -> Terms<D, N> {
+pub fn model_terms<const D: usize, const N: usize, M: Mechanics<D>>(model: &Model<D>) -> Terms<D, N> {
     let mut terms: Terms<D, N> = vec![
         Box::new(MaterialPoints::<D, M>::default()),
         Box::new(Ghost::default()),
@@ -101,15 +101,16 @@ impl<const D: usize, const N: usize> Sum<D, N> {
 
     fn laid_out(terms: &Terms<D, N>, step: &StepContext<D>, dofs: &DofMap<N>) -> System<N> {
         let symmetric = step.links.reduction().all(are_symmetric(terms, step.model));
-        let of_terms = |couple: &mut dyn FnMut(Coupled)| terms.iter().for_each(|term| term.couples(couple));
+        let each_coupled =
+            |couple: &mut dyn FnMut(Coupled)| terms.iter().for_each(|term| term.couples(couple));
         let mut is_dense = vec![false; step.links.n_groups()];
-        of_terms(&mut |coupled| {
+        each_coupled(&mut |coupled| {
             if let Coupled::Group(group) = coupled {
                 is_dense[group] = true;
             }
         });
         let lists = |couple: &mut dyn FnMut(&[u32])| {
-            of_terms(&mut |coupled| {
+            each_coupled(&mut |coupled| {
                 if let Coupled::Nodes(nodes) = coupled {
                     couple(nodes);
                 }
@@ -138,8 +139,11 @@ impl<const D: usize, const N: usize> Sum<D, N> {
     ///
     /// # Errors
     /// [`BeginError`].
-    pub fn of_bodies<M: Mechanics<D>>(step: &StepContext<D>, points: &Points<D>) -> Result<Self, BeginError> {
-        Sum::begun(of_model::<D, N, M>(step.model), step, points)
+    pub fn from_model<M: Mechanics<D>>(
+        step: &StepContext<D>,
+        points: &Points<D>,
+    ) -> Result<Self, BeginError> {
+        Sum::begun(model_terms::<D, N, M>(step.model), step, points)
     }
 
     /// Begins a step with these terms; returns their sum, without constraints.
@@ -181,7 +185,7 @@ impl<const D: usize, const N: usize> Sum<D, N> {
         self.system.clear(wanted);
         let Sum { terms, system } = self;
         for term in terms {
-            let (own, rest) = of_term(term.as_ref(), at, system.border.first);
+            let (own, rest) = term_unknowns(term.as_ref(), at, system.border.first);
             let evaluated = term.evaluate(step, points, own, wanted, system);
             agree(step.links.reduction(), evaluated)?;
             system.border.first = rest;
@@ -202,7 +206,7 @@ impl<const D: usize, const N: usize> Sum<D, N> {
     ) -> Result<Augmentation, EvaluateError> {
         let (mut first, mut outcome) = (0, Augmentation::Satisfied);
         for term in &mut self.terms {
-            let (own, next) = of_term(term.as_ref(), at, first);
+            let (own, next) = term_unknowns(term.as_ref(), at, first);
             first = next;
             let Some(multipliers) = term.multipliers() else { continue };
             let augmented = multipliers.augment(step, points, own);
@@ -221,8 +225,9 @@ impl<const D: usize, const N: usize> Sum<D, N> {
         let mut added = Response::new(n_nodes, n_globals);
         let mut outcome = Augmentation::Satisfied;
         for term in &mut self.terms {
-            let (own, next) = of_term(term.as_ref(), increment, added.first);
-            let along = |of: &mut dyn Multipliers<D, N>| of.augment_along(own, update, &mut added);
+            let (own, next) = term_unknowns(term.as_ref(), increment, added.first);
+            let along =
+                |multipliers: &mut dyn Multipliers<D, N>| multipliers.augment_along(own, update, &mut added);
             if term.multipliers().map(along) == Some(Augmentation::Updated) {
                 outcome = Augmentation::Updated;
             }
@@ -281,7 +286,7 @@ impl<const D: usize, const N: usize> Sum<D, N> {
     pub fn ledger(&self, step: &StepContext<D>, points: &Points<D>, at: At<N>) -> Ledger {
         let (mut first, mut sum) = (0, Ledger::default());
         for term in &self.terms {
-            let (at, next) = of_term(term.as_ref(), at, first);
+            let (at, next) = term_unknowns(term.as_ref(), at, first);
             first = next;
             term.ledger(step, points, at).iter().for_each(|energy| sum.add(energy.clone()));
         }
@@ -324,7 +329,7 @@ impl<const D: usize, const N: usize> Sum<D, N> {
 
 /// The unknowns at which a term is evaluated, and the index of the first global unknown of the next term; `first` is
 /// the index of the first global unknown of this term.
-fn of_term<'a, const D: usize, const N: usize>(
+fn term_unknowns<'a, const D: usize, const N: usize>(
     term: &dyn Term<D, N>,
     at: At<'a, N>,
     first: usize,

@@ -56,14 +56,14 @@ impl<const D: usize> Surfaces<D> {
             load.action.surface().map(|surface| SurfaceLoad::new(model, number, surface))
         };
         let conditions = model.boundary_conditions.iter().enumerate();
-        let of_surface = |(number, condition): (usize, &crate::model::BoundaryCondition<D>)| {
+        let weak = |(number, condition): (usize, &crate::model::BoundaryCondition<D>)| {
             matches!(condition.nodes, NodeSet::Surface(_)).then(|| Condition::new(model, number)).flatten()
         };
         Surfaces {
             is_there: vec![true; model.surfaces.len()],
             carried: model.surfaces.iter().map(Carried::new).collect(),
             loads: loads.filter_map(on_surface).collect(),
-            conditions: conditions.filter_map(of_surface).collect(),
+            conditions: conditions.filter_map(weak).collect(),
             reduction: Reduction::default(),
             start: Vec::new(),
             fields: Vec::new(),
@@ -230,10 +230,10 @@ impl<const D: usize, const N: usize> Term<D, N> for Surfaces<D> {
         self.loads.iter().for_each(|load| load.add_resultant(&mut report.loads));
         let acting = self.conditions.iter().filter(|condition| condition.len() > 0);
         report.reactions.extend(acting.map(|condition| condition.reaction(&self.reduction, &self.carried)));
-        let of_all = |(fields, carried): (&SurfaceFields<D>, &Carried<D>)| {
+        let completed = |(fields, carried): (&SurfaceFields<D>, &Carried<D>)| {
             fields.completed(&self.reduction, |sample| carried.is_own(sample))
         };
-        report.add_list(self.fields.iter().zip(&self.carried).map(of_all).collect());
+        report.add_list(self.fields.iter().zip(&self.carried).map(completed).collect());
     }
 
     fn commit(&mut self, _: &StepContext<D>, _: &mut Points<D>) {
@@ -259,8 +259,8 @@ impl<const D: usize, const N: usize> Term<D, N> for Surfaces<D> {
         };
         let surfaces = entries("surfaces", self.carried.len())?;
         let conditions = entries("conditions", self.conditions.len())?;
-        self.carried.iter_mut().zip(&surfaces).try_for_each(|(of, saved)| of.restore(saved))?;
-        self.conditions.iter_mut().zip(&conditions).try_for_each(|(of, saved)| of.restore(saved))
+        self.carried.iter_mut().zip(&surfaces).try_for_each(|(part, saved)| part.restore(saved))?;
+        self.conditions.iter_mut().zip(&conditions).try_for_each(|(part, saved)| part.restore(saved))
     }
 
     fn multipliers(&mut self) -> Option<&mut dyn Multipliers<D, N>> {

@@ -36,32 +36,32 @@ fn may_lack_cohesion(diagnosis: &Diagnosis) -> bool {
 
 /// Advice that depends on the kind of the failure and its circumstances.
 fn by_kind(diagnosis: &Diagnosis, means: &Means) -> String {
-    let of = &diagnosis.circumstances;
-    let advice = advice(diagnosis.kind, of, means);
+    let at = &diagnosis.circumstances;
+    let advice = advice(diagnosis.kind, at, means);
     match diagnosis.kind {
-        Kind::Creeping => match of.enough_iterations {
+        Kind::Creeping => match at.enough_iterations {
             Some(enough) => {
                 format!("allow more iterations, `solver: {{max_iterations: {enough}}}`, or use smaller steps")
             }
             None => advice.to_owned(),
         },
-        Kind::PlasticCollapse if of.has_few_points => format!(
+        Kind::PlasticCollapse if at.has_few_points => format!(
             "use more points per cell (4 in the plane, 8 in space): a body with one per cell may collapse early; \
              {advice}"
         ),
-        Kind::PlasticCollapse | Kind::LargeSteps if of.precedes_reduction => format!(
+        Kind::PlasticCollapse | Kind::LargeSteps if at.precedes_reduction => format!(
             "{advice}. If the bodies fail under this load before their strength is reduced, their factor of safety is below 1: \
              multiply `cohesion`, the tangent of `friction_angle` and every other strength by a number, and divide the \
              factor that the reduction finds by this number"
         ),
-        Kind::Hourglass | Kind::Locking if of.is_in_collapse => format!(
+        Kind::Hourglass | Kind::Locking if at.is_in_collapse => format!(
             "{advice}; since most points have yielded, the load may also exceed what the bodies can carry"
         ),
         _ => advice.to_owned(),
     }
 }
 
-fn advice(kind: Kind, of: &Circumstances, means: &Means) -> &'static str {
+fn advice(kind: Kind, at: &Circumstances, means: &Means) -> &'static str {
     let has_no_path = means.is_known && !means.can_follow_path;
     match kind {
         Kind::RigidBodyMode => "hold every part of the bodies along every axis and against rotation",
@@ -69,13 +69,13 @@ fn advice(kind: Kind, of: &Circumstances, means: &Means) -> &'static str {
             "place and load the tool so that the bodies resist its motion in every free component (by friction where it turns or \
              slides); or prescribe some of these components"
         }
-        Kind::SmallCutCell if of.is_stabilised => {
+        Kind::SmallCutCell if at.is_stabilised => {
             "use a larger `stabilisation: {parameter}`, more points per cell, or another grid"
         }
         Kind::SmallCutCell => {
             "stabilise such cells, `analysis: {stabilisation: {mode: auto}}`; or use more points per cell, or another grid"
         }
-        Kind::PlasticCollapse | Kind::Instability if of.is_driven => {
+        Kind::PlasticCollapse | Kind::Instability if at.is_driven => {
             "use smaller steps (`steps: {count, smallest}`) or a coarser grid, because the region that flows plastically \
              changes with the prescribed motion"
         }
@@ -94,7 +94,7 @@ fn advice(kind: Kind, of: &Circumstances, means: &Means) -> &'static str {
         Kind::Instability => {
             "follow the path with `steps: {control: {type: arc-length}}`, or prescribe displacements"
         }
-        Kind::Locking if of.has_standard_dilatation => {
+        Kind::Locking if at.has_standard_dilatation => {
             "use `volumetric: mean-dilatation` for the bodies that hardly change their volume"
         }
         Kind::Locking => "use a finer grid with fewer points per cell, or a more compressible material",
@@ -102,7 +102,7 @@ fn advice(kind: Kind, of: &Circumstances, means: &Means) -> &'static str {
             "use more points per cell (4 in the plane, 8 in space), or `analysis: {stabilisation: {mode: on}}`"
         }
         Kind::Creeping => "allow more iterations, `solver: {max_iterations}`, or use smaller steps",
-        Kind::LargeSteps if of.cut_to.is_some() => {
+        Kind::LargeSteps if at.cut_to.is_some() => {
             "check that the bodies can carry the first part of the load: soil without cohesion yields under any load; \
              otherwise use still smaller steps (`steps: {count, smallest}`)"
         }
@@ -114,7 +114,7 @@ fn advice(kind: Kind, of: &Circumstances, means: &Means) -> &'static str {
              strains that its law accepts"
         }
         Kind::ElementInversion => "use smaller steps (`steps: {count, smallest}`) or a coarser grid",
-        Kind::LostDomain => match of.loss {
+        Kind::LostDomain => match at.loss {
             Some(Loss::Torn { is_replaceable: true }) => {
                 "leave `steps: {damping}` out, so that torn domains are replaced; or use more points per cell, or `method: gimp`"
             }
@@ -131,14 +131,14 @@ fn advice(kind: Kind, of: &Circumstances, means: &Means) -> &'static str {
         Kind::LostPath => {
             "use a different number of steps, or another control (`type: displacement` with another probe, or `arc-length`)"
         }
-        Kind::BadScaling if of.has_one_material => {
+        Kind::BadScaling if at.has_one_material => {
             "check that units, loads and cell size fit together, and that Poisson's ratio is not close to 0.5 or -1"
         }
         Kind::BadScaling => {
             "give the stiffest material a modulus that is at most about 1e6 times that of the softest, or, to model a rigid \
              part, prescribe its motion with a boundary condition"
         }
-        Kind::Setting => of.obstacle.map_or("see the message", against),
+        Kind::Setting => at.obstacle.map_or("see the message", against),
         Kind::Unknown => {
             "use smaller steps (`steps: {count, smallest}`), and check that loads and boundary conditions do not contradict \
              each other"

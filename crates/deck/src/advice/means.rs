@@ -23,7 +23,7 @@ pub struct Means {
 
 impl Means {
     /// The properties of a deck without errors.
-    pub fn of(deck: &Deck) -> Means {
+    pub fn new(deck: &Deck) -> Means {
         Means {
             is_known: true,
             methods: deck.bodies.iter().map(|body| body.method).collect(),

@@ -204,7 +204,7 @@ steps: {count: 1}
         text = text.replace(from, to);
     }
     let loaded = crate::load::load_text("pushed.yaml", text.as_bytes(), &[]);
-    Means::of(&loaded.unwrap_or_else(|failure| panic!("{failure}")).deck)
+    Means::new(&loaded.unwrap_or_else(|failure| panic!("{failure}")).deck)
 }
 
 #[test]

@@ -51,7 +51,7 @@ struct Ground<'a, const D: usize> {
 #[derive(Default, Serialize, Deserialize)]
 struct Returned {
     points: usize,
-    of: usize,
+    among: usize,
     /// Norms of the largest change of a stress, and of the stress before this change, [stress].
     largest: (f64, f64),
 }
@@ -166,9 +166,9 @@ where
 
     /// Warns of stresses that the law has returned to the yield surface.
     fn brought_back(&mut self, body: usize, returned: &Returned) {
-        let Returned { points, of, largest: (change, before) } = returned;
+        let Returned { points, among, largest: (change, before) } = returned;
         let place =
-            if *of == 1 { "the only point".to_owned() } else { format!("{points} of the {of} points") };
+            if *among == 1 { "the only point".to_owned() } else { format!("{points} of the {among} points") };
         let message = format!(
             "at {place} of the body {}, the initial stress lies outside the yield surface; it is returned to the yield \
              surface, and changes by at most {change:.3e}, {:.1} % of the stress",
@@ -283,12 +283,12 @@ impl Returned {
     /// Combines the results of two ranks.
     fn and(self, other: Returned) -> Returned {
         let largest = if other.largest.0 > self.largest.0 { other.largest } else { self.largest };
-        Returned { points: self.points + other.points, of: self.of + other.of, largest }
+        Returned { points: self.points + other.points, among: self.among + other.among, largest }
     }
 
     /// Counts a point, given the requested stress and the stress that its law admits.
     fn count(&mut self, asked: &Sym3, taken: &Sym3) {
-        self.of += 1;
+        self.among += 1;
         let change = (*taken - *asked).norm();
         if change > ON_SURFACE * asked.norm() {
             self.points += 1;

@@ -69,7 +69,7 @@ impl Plan {
     ///
     /// # Errors
     /// The faults that make its size unknown.
-    pub fn of(loaded: &LoadedDeck, ranks: usize) -> Result<Plan, Vec<Diagnostic>> {
+    pub fn new(loaded: &LoadedDeck, ranks: usize) -> Result<Plan, Vec<Diagnostic>> {
         let dimensions = loaded.deck.dimensions();
         let size = if dimensions == 3 { size_of::<3>(loaded)? } else { size_of::<2>(loaded)? };
         let size = if ranks > 1 { size.on_several_ranks() } else { size };

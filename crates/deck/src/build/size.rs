@@ -93,7 +93,7 @@ pub(crate) struct Size {
 impl Size {
     /// Estimates the size of a deck from its grid and regions, before any body is filled. An unsymmetric stiffness and
     /// its factors have twice the entries of a symmetric one.
-    pub(crate) fn of<const D: usize>(
+    pub(crate) fn new<const D: usize>(
         deck: &Deck,
         grid: &dyn Grid<D>,
         regions: &[Region<D>],
@@ -327,7 +327,7 @@ steps: {count: 1}
         let grid = Structured::<2>::new([0.0; 2], [0.5; 2], [40, 20]);
         let mut given = WithoutFiles { grid: Some(grid.bounds()) };
         let region = region(&deck.bodies[0].shape, "", &mut given).ok().unwrap();
-        Size::of(deck, &grid, &[region], true)
+        Size::new(deck, &grid, &[region], true)
     }
 
     #[test]
@@ -354,7 +354,7 @@ steps: {count: 1}
             let (model, points) = crate::build::build::<2>(&loaded).unwrap();
             let mut given = WithoutFiles { grid: Some(model.grid.bounds()) };
             let region = region(&loaded.deck.bodies[0].shape, "", &mut given).ok().unwrap();
-            let size = Size::of(&loaded.deck, model.grid.as_ref(), &[region], true);
+            let size = Size::new(&loaded.deck, model.grid.as_ref(), &[region], true);
             assert_eq!(points.len() as f64, 9.0 * cells);
             assert!((size.points / (9.0 * cells) - 1.0).abs() < 1e-12, "{size:?}");
         }

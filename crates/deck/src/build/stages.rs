@@ -35,7 +35,7 @@ where
                 ControlDeck::Load {} => Control::Load,
                 ControlDeck::ArcLength { length } => Control::ArcLength { length: *length },
                 ControlDeck::Displacement { probe, tool, axis, to } => Control::Displacement {
-                    of: match tool {
+                    controlled: match tool {
                         Some(name) => {
                             let tool = self.deck.tools.iter().position(|tool| tool.name == *name);
                             Controlled::Tool(tool.unwrap_or(0))

@@ -60,7 +60,7 @@ where
                 (Some((group, motion)), _) => {
                     let cells = regions.groups.cells(group.key, grid.n_cells());
                     let facets = boundary_of_cells(grid, &cells, motion, nodes.as_deref(), spacing)?;
-                    Ok(Surface::of_facets(deck.name.clone(), body, facets, &part, cell))
+                    Ok(Surface::from_facets(deck.name.clone(), body, facets, &part, cell))
                 }
             };
             let mut cell = least_of(largest);

@@ -60,21 +60,21 @@ pub(crate) fn dangling(deck: &Value, source: &Source) -> Vec<Diagnostic> {
     };
     let each = |section: &Value| section.as_array().cloned().unwrap_or_default().into_iter().enumerate();
     let (material, body) = (("material", "materials"), ("body", "bodies"));
-    for (k, of) in each(&deck["bodies"]) {
-        check(format!("/bodies/{k}/material"), material, &materials, &of["material"]);
+    for (k, entry) in each(&deck["bodies"]) {
+        check(format!("/bodies/{k}/material"), material, &materials, &entry["material"]);
     }
-    for (k, of) in each(&deck["boundary_conditions"]) {
+    for (k, entry) in each(&deck["boundary_conditions"]) {
         let at = format!("/boundary_conditions/{k}/nodes/outer_layer");
-        check(at, body, &bodies, &of["nodes"]["outer_layer"]);
+        check(at, body, &bodies, &entry["nodes"]["outer_layer"]);
     }
-    for (k, of) in each(&deck["loads"]) {
-        check(format!("/loads/{k}/body"), body, &bodies, &of["body"]);
-        for (j, name) in each(&of["bodies"]) {
+    for (k, entry) in each(&deck["loads"]) {
+        check(format!("/loads/{k}/body"), body, &bodies, &entry["body"]);
+        for (j, name) in each(&entry["bodies"]) {
             check(format!("/loads/{k}/bodies/{j}"), body, &bodies, &name);
         }
     }
-    for (k, of) in each(&deck["output"]["probes"]) {
-        check(format!("/output/probes/{k}/body"), body, &bodies, &of["body"]);
+    for (k, entry) in each(&deck["output"]["probes"]) {
+        check(format!("/output/probes/{k}/body"), body, &bodies, &entry["body"]);
     }
     found
 }

@@ -31,9 +31,9 @@ fn on_nodes<'a, const D: usize>(
     further: impl Iterator<Item = &'a NodalField>,
 ) -> Vec<OnNodes<'a, D>> {
     let vectors = [("displacement_increment", delta_d), ("reaction", reaction)];
-    let of_displacement =
+    let displacement =
         vectors.map(|(name, values)| OnNodes { name: name.into(), values: NodeValues::Vectors(values) });
-    let of_field = |field: &'a NodalField| {
+    let columns = |field: &'a NodalField| {
         let Field { name, components, .. } = &field.field;
         let of = |name: Cow<'a, str>, values: &'a [f64]| OnNodes {
             name,
@@ -41,7 +41,7 @@ fn on_nodes<'a, const D: usize>(
         };
         [of(name.into(), &field.values), of(format!("{name}_reaction").into(), &field.reaction)]
     };
-    of_displacement.into_iter().chain(further.flat_map(of_field)).collect()
+    displacement.into_iter().chain(further.flat_map(columns)).collect()
 }
 
 /// Writing of tables, frames and checkpoints.

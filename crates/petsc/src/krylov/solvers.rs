@@ -12,7 +12,7 @@ use crate::objects::{Matrix, Solver, Vector};
 use super::shell::Context;
 
 /// Largest number of iterations of either method, unless an option sets another limit.
-const MOST: PetscInt = 300;
+const MAX_ITERATIONS: PetscInt = 300;
 
 /// Number of directions after which GMRES restarts, which bounds the memory.
 const RESTART: PetscInt = 40;
@@ -74,7 +74,7 @@ impl Solvers {
             // SAFETY: The solver exists.
             unsafe {
                 check(ffi::KSPSetNormType(ksp, ffi::KSP_NORM_UNPRECONDITIONED))?;
-                check(ffi::KSPSetTolerances(ksp, keep, 0.0, DIVERGED, MOST))?;
+                check(ffi::KSPSetTolerances(ksp, keep, 0.0, DIVERGED, MAX_ITERATIONS))?;
                 check(ffi::KSPSetFromOptions(ksp))?;
             }
         }

@@ -4,7 +4,7 @@ use crate::linear::LinearError;
 use crate::linear::reduction::{Reduction, add};
 
 /// Largest number of iterations of conjugate gradients or GMRES.
-pub(super) const MOST: usize = 300;
+pub(super) const MAX_ITERATIONS: usize = 300;
 
 /// Reasons why the conjugate gradient iterations end without a solution.
 pub(super) enum Failure {
@@ -59,7 +59,7 @@ impl<const N: usize> ConjugateGradients<N> {
             if norm <= tolerance * size {
                 return Ok(iteration);
             }
-            if iteration == MOST || !norm.is_finite() {
+            if iteration == MAX_ITERATIONS || !norm.is_finite() {
                 return Err(LinearError::NotConverged { iterations: iteration, residual: norm / size }.into());
             }
             precondition(r, z)?;

@@ -3,7 +3,7 @@
 use crate::linear::LinearError;
 use crate::linear::reduction::{Reduction, add};
 
-use super::conjugate::MOST;
+use super::conjugate::MAX_ITERATIONS;
 
 /// Number of directions after which the iterations restart, so that the memory is bounded.
 const RESTART: usize = 40;
@@ -47,13 +47,13 @@ impl<const N: usize> Gmres<N> {
             if norm <= tolerance * size {
                 return Ok(iterations);
             }
-            if iterations >= MOST || !norm.is_finite() {
+            if iterations >= MAX_ITERATIONS || !norm.is_finite() {
                 return Err(LinearError::NotConverged { iterations, residual: norm / size });
             }
             let mut projection = Projection::new(norm);
             put(basis, 0, work, norm);
             while projection.columns() < RESTART
-                && iterations < MOST
+                && iterations < MAX_ITERATIONS
                 && projection.residual() > tolerance * size
             {
                 let j = projection.columns();

@@ -95,12 +95,12 @@ fn a_rank_without_nodes_takes_part() {
 fn the_same_ranks_find_the_same_bits() {
     for skew in [0.0, 0.005] {
         let body = Body { fill: ragged3, skew, ..Body::bar([40, 9, 8]) };
-        let of = || {
+        let bits = || {
             whole(solve(&body, 3, pieces).iter().map(|found| &found.x))
                 .into_values()
                 .map(|x| x.map(f64::to_bits))
         };
-        assert!(of().eq(of()));
+        assert!(bits().eq(bits()));
     }
 }
 
@@ -108,9 +108,9 @@ fn the_same_ranks_find_the_same_bits() {
 fn a_cycle_is_that_of_one_rank() {
     let body = Body { fill: ragged3, is_wide: true, ..Body::bar([20, 9, 8]) };
     let alone = body.part(&Ranks::default(), |_| 0).precondition();
-    let of_ranks =
+    let shared =
         threads::run(3, |ranks| body.part(&ranks, |cell| pieces(cell, body.cells, 3)).precondition());
-    for (node, z) in of_ranks.iter().flatten() {
+    for (node, z) in shared.iter().flatten() {
         let size = alone[node].iter().fold(0.0f64, |size, z| size.max(z.abs()));
         for (a, b) in z.iter().zip(alone[node]) {
             assert!((a - b).abs() <= 1e-6 * size, "{a:e} {b:e}");
@@ -132,7 +132,7 @@ fn ranks_repeat_an_analysis_together() {
             multigrid.analyse(&part.matrix(), places, lines, held_by(&part.numbering), &part.halo)
         })
     });
-    assert!(outcomes.iter().all(|of_rank| *of_rank == [true, false, true, false, true].map(Ok)));
+    assert!(outcomes.iter().all(|outcome| *outcome == [true, false, true, false, true].map(Ok)));
 }
 
 #[test]

@@ -34,7 +34,7 @@ const BLOCK: usize = 96;
 /// A front with more pivots than this is processed by kernels for large matrices.
 const MANY: usize = 128;
 /// A front with more values in its columns than this is processed by kernels for large matrices.
-const MOST: usize = 1 << 15;
+const MAX_ENTRIES: usize = 1 << 15;
 
 /// Number of columns of the border that are updated together in a large front.
 const TILE: usize = 512;
@@ -56,7 +56,7 @@ pub(super) fn room(rows: usize, columns: usize) -> usize {
 }
 
 fn is_large(rows: usize, pivots: usize) -> bool {
-    pivots > MANY || rows * pivots > MOST
+    pivots > MANY || rows * pivots > MAX_ENTRIES
 }
 
 /// Replaces the matrix columns of the pivots of a front by the columns of its one or two factors, with the diagonal

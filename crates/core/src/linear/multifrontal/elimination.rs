@@ -171,7 +171,7 @@ struct Passed<'a> {
 
 impl Passed<'_> {
     /// The update of a child for one factor.
-    fn of(&self, child: &Front, factor: usize) -> &[f64] {
+    fn update(&self, child: &Front, factor: usize) -> &[f64] {
         let len = child.update_len();
         let update = if child.passed < self.front.update {
             &self.before[child.passed..child.passed + len]
@@ -192,7 +192,7 @@ impl Passed<'_> {
             let border = child.border_len();
             let height = dense::stride(border);
             let rows = &self.fronts.relative[child.border..child.border + border];
-            let update = self.of(child, factor);
+            let update = self.update(child, factor);
             let begin = rows.partition_point(|&row| (row as usize) < first);
             for (c, &column) in rows.iter().enumerate().skip(begin) {
                 if column as usize >= end {

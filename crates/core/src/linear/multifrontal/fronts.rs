@@ -92,7 +92,7 @@ impl Fronts {
         let tree = Tree::new(&nodes);
         let factors = if mirror.is_some() { 2 } else { 1 };
         let mut fronts = Fronts::lay_out(&nodes, &tree, pattern, factors, kept);
-        let borders = Borders::of(&nodes, &tree);
+        let borders = Borders::new(&nodes, &tree);
         fronts.fill(pattern, &nodes, &tree, &borders, mirror);
         fronts
     }
@@ -222,7 +222,7 @@ impl Fronts {
                 row_of[node as usize] = row;
                 row += nodes.width[node as usize];
             }
-            for &number in borders.of_front(f) {
+            for &number in borders.border(f) {
                 let node = tree.node[number as usize] as usize;
                 row_of[node] = row;
                 row += nodes.width[node];
@@ -234,7 +234,7 @@ impl Fronts {
             }
             for &child in &self.children[front.children.clone()] {
                 let mut relative = self.relative[self.front[child as usize].border..].iter_mut();
-                for &number in borders.of_front(child as usize) {
+                for &number in borders.border(child as usize) {
                     let node = tree.node[number as usize] as usize;
                     for (k, relative) in (0..nodes.width[node]).zip(&mut relative) {
                         *relative = row_of[node] + k;
@@ -291,9 +291,9 @@ impl Fronts {
             return;
         };
         let (below, above) = (below[source as usize], above[source as usize]);
-        let (of_l, of_u) = if is_transposed { (above, below) } else { (below, above) };
-        self.entry[0].push(Entry { row, source: of_l });
-        self.entry[1].push(Entry { row, source: of_u });
+        let (lower, upper) = if is_transposed { (above, below) } else { (below, above) };
+        self.entry[0].push(Entry { row, source: lower });
+        self.entry[1].push(Entry { row, source: upper });
     }
 }
 
@@ -304,7 +304,7 @@ struct Borders {
 }
 
 impl Borders {
-    fn of(nodes: &Nodes, tree: &Tree) -> Borders {
+    fn new(nodes: &Nodes, tree: &Tree) -> Borders {
         let mut number_of = vec![0u32; nodes.len()];
         for (number, &node) in tree.node.iter().enumerate() {
             number_of[node as usize] = number as u32;
@@ -347,7 +347,7 @@ impl Borders {
         borders
     }
 
-    fn of_front(&self, front: usize) -> &[u32] {
+    fn border(&self, front: usize) -> &[u32] {
         &self.number[self.start[front]..self.start[front + 1]]
     }
 }

@@ -12,7 +12,7 @@ pub(super) struct Mirror {
 
 impl Mirror {
     /// The two triangles of a pattern; `None` if an entry has no mirror image, or if a diagonal entry is missing.
-    pub fn of(pattern: &Pattern) -> Option<Mirror> {
+    pub fn new(pattern: &Pattern) -> Option<Mirror> {
         let mut lower = Pattern { n: pattern.n, column_start: vec![0], row: Vec::new(), symmetric: true };
         let mut below = Vec::new();
         for j in 0..pattern.n {

@@ -92,7 +92,7 @@ impl Groups {
     }
 
     /// The group of a node.
-    fn of(&mut self, node: u32) -> u32 {
+    fn group(&mut self, node: u32) -> u32 {
         let mut group = node;
         while self.into[group as usize] != group {
             group = self.into[group as usize];
@@ -115,7 +115,7 @@ impl Groups {
                 self.join_children(last, child[last], &sibling);
             }
             if parent[last] != NONE {
-                let above = self.of(parent[last]) as usize;
+                let above = self.group(parent[last]) as usize;
                 sibling[last] = std::mem::replace(&mut child[above], last as u32);
             }
         }
@@ -139,7 +139,7 @@ impl Groups {
 
     fn into_tree(mut self, nodes: &Nodes, parent: &[u32]) -> Tree {
         let n = nodes.len();
-        let group: Vec<u32> = (0..n as u32).map(|node| self.of(node)).collect();
+        let group: Vec<u32> = (0..n as u32).map(|node| self.group(node)).collect();
         let above = |last: usize| match parent[last] {
             NONE => NONE,
             node => group[node as usize],

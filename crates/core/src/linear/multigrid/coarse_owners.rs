@@ -23,8 +23,8 @@ pub(super) fn coarse_owners(ranks: &Ranks, claims: &[(u64, Claim)], places: u64)
     let home = |key: u64| (key / per_home) as usize;
     // Each number has its claim appended as the last digit in base 3.
     let named = |&(key, claim): &(u64, Claim)| 3 * key + claim as u64;
-    let of_homes = claims.chunk_by(|a, b| home(a.0) == home(b.0));
-    let messages = of_homes.map(|of_home| (home(of_home[0].0), of_home.iter().map(named).collect()));
+    let by_home = claims.chunk_by(|a, b| home(a.0) == home(b.0));
+    let messages = by_home.map(|claims| (home(claims[0].0), claims.iter().map(named).collect()));
     let asked: Vec<(usize, Vec<u64>)> = ranks.exchange(messages.collect());
     // The strongest claim on each node, and its rank.
     let mut owner: FxHashMap<u64, (u64, u32)> = FxHashMap::default();

@@ -12,7 +12,7 @@ pub(super) struct Coarsest {
     /// The index, among all nodes, of each node of this rank and of each of its ghosts.
     number: Vec<u32>,
     /// The indices of the own nodes of each rank, if there are several ranks.
-    of_ranks: Vec<Vec<u32>>,
+    nodes_by_rank: Vec<Vec<u32>>,
     /// The start of the entries of each node among the entries of the matrix.
     start: Vec<usize>,
 }
@@ -35,7 +35,7 @@ impl Coarsest {
             all.sort_unstable();
             let number = |key: &u64| all.partition_point(|other| other < key) as u32;
             self.number = shared.known.key.iter().map(number).collect();
-            self.of_ranks = keys.iter().map(|keys| keys.iter().map(number).collect()).collect();
+            self.nodes_by_rank = keys.iter().map(|keys| keys.iter().map(number).collect()).collect();
             gathered = Some(all.iter().map(|key| level.lattice.place_of(*key)).collect::<Vec<_>>());
         }
         let places = gathered.as_ref().unwrap_or(&level.lattice.place);
@@ -43,9 +43,9 @@ impl Coarsest {
             .map(|node| self.entries(level, node).into_iter().map(|(other, _)| other).collect())
             .collect();
         if let Some(shared) = &level.shared {
-            let of_ranks = shared.ghosts.ranks.gather_all(rows);
+            let gathered = shared.ghosts.ranks.gather_all(rows);
             rows = vec![Vec::new(); places.len()];
-            for (nodes, columns) in self.of_ranks.iter().zip(of_ranks) {
+            for (nodes, columns) in self.nodes_by_rank.iter().zip(gathered) {
                 for (node, columns) in nodes.iter().zip(columns) {
                     rows[*node as usize] = columns;
                 }
@@ -95,14 +95,14 @@ impl Coarsest {
             }
         }
         if let Some(shared) = &level.shared {
-            let of_ranks = shared.ghosts.ranks.gather_all(values);
+            let gathered = shared.ghosts.ranks.gather_all(values);
             values = vec![0.0; self.start.last().copied().unwrap_or(0)];
-            for (nodes, of_rank) in self.of_ranks.iter().zip(&of_ranks) {
+            for (nodes, entries) in self.nodes_by_rank.iter().zip(&gathered) {
                 let mut from = 0;
                 for node in nodes {
                     let to = self.start[*node as usize]..self.start[*node as usize + 1];
                     let n = to.len();
-                    values[to].copy_from_slice(&of_rank[from..from + n]);
+                    values[to].copy_from_slice(&entries[from..from + n]);
                     from += n;
                 }
             }
@@ -131,7 +131,7 @@ impl Coarsest {
         let parts = ranks.gather_all(level.b[..level.rows.len()].as_flattened().to_vec());
         let mut x = vec![0.0; N * self.start.len().saturating_sub(1)];
         let (x, _) = x.as_chunks_mut::<N>();
-        for (nodes, part) in self.of_ranks.iter().zip(&parts) {
+        for (nodes, part) in self.nodes_by_rank.iter().zip(&parts) {
             for (node, b) in nodes.iter().zip(part.as_chunks::<N>().0) {
                 x[*node as usize] = *b;
             }

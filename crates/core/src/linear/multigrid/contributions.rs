@@ -78,8 +78,8 @@ impl Contributions {
         }
         let rows = Messages::new(send, receive);
         let rank_at = |rank: usize| rows.with.partition_point(|other| *other < rank);
-        let mut of_rank = vec![Vec::new(); rows.with.len()];
-        columns.into_iter().for_each(|(rank, columns)| of_rank[rank_at(rank)] = columns);
+        let mut by_rank = vec![Vec::new(); rows.with.len()];
+        columns.into_iter().for_each(|(rank, columns)| by_rank[rank_at(rank)] = columns);
         let mut blocks = vec![0; rows.with.len()];
         for part in &mut parts {
             part.from = rank_at(part.from);
@@ -106,7 +106,7 @@ impl Contributions {
             whole.column.extend(&row_columns);
             whole.start.push(whole.column.len());
         }
-        (Contributions { rows, columns: of_rank, parts, part_start, blocks }, whole)
+        (Contributions { rows, columns: by_rank, parts, part_start, blocks }, whole)
     }
 
     /// Sends this rank's contributions to rows of other ranks; `part(row, columns, blocks)` writes them into blocks
@@ -117,15 +117,15 @@ impl Contributions {
         part: &(impl Fn(usize, &[u32], &mut [Block<N>]) + Sync),
     ) -> Vec<Vec<f64>> {
         let Some(communicator) = ranks.communicator() else { return Vec::new() };
-        let of_row = |(row, columns): (&u32, &Vec<u32>)| {
+        let product = |(row, columns): (&u32, &Vec<u32>)| {
             let mut blocks = vec![[[0.0; N]; N]; columns.len()];
             part(*row as usize, columns, &mut blocks);
             blocks
         };
         let send: Vec<Vec<f64>> = (self.rows.send.iter().zip(&self.columns))
             .map(|(rows, columns)| {
-                let of_rows: Vec<Vec<Block<N>>> = rows.par_iter().zip(columns).map(of_row).collect();
-                of_rows.into_iter().flatten().flatten().flatten().collect()
+                let products: Vec<Vec<Block<N>>> = rows.par_iter().zip(columns).map(product).collect();
+                products.into_iter().flatten().flatten().flatten().collect()
             })
             .collect();
         let mut receive: Vec<Vec<f64>> = self.blocks.iter().map(|n| vec![0.0; n * N * N]).collect();

@@ -64,8 +64,8 @@ impl Known {
     pub(super) fn by_owner(&self, has: impl Fn(usize) -> bool) -> Vec<(usize, Vec<u32>)> {
         let mut ghosts: Vec<usize> = (self.own..self.len()).filter(|node| has(*node)).collect();
         ghosts.sort_unstable_by_key(|&node| (self.owner[node], self.key[node]));
-        let of_rank = ghosts.chunk_by(|a, b| self.owner[*a] == self.owner[*b]);
-        of_rank
+        let by_owner = ghosts.chunk_by(|a, b| self.owner[*a] == self.owner[*b]);
+        by_owner
             .map(|nodes| (self.owner[nodes[0]] as usize, nodes.iter().map(|node| *node as u32).collect()))
             .collect()
     }
@@ -89,7 +89,7 @@ impl Messages {
         let mut with: Vec<usize> = send.iter().chain(&receive).map(|(rank, _)| *rank).collect();
         with.sort_unstable();
         with.dedup();
-        let of_ranks = |lists: Vec<(usize, Vec<u32>)>| {
+        let in_order = |lists: Vec<(usize, Vec<u32>)>| {
             let mut all = vec![Vec::new(); with.len()];
             for (rank, nodes) in lists {
                 if let Ok(k) = with.binary_search(&rank) {
@@ -98,7 +98,7 @@ impl Messages {
             }
             all
         };
-        Messages { send: of_ranks(send), receive: of_ranks(receive), with }
+        Messages { send: in_order(send), receive: in_order(receive), with }
     }
 
     /// Sends the values of nodes, and calls `take(value, received)` for the values received, in rank order.
@@ -157,9 +157,9 @@ impl Ghosts {
         let mut colours = vec![[Vec::new(), Vec::new()]; n_colours];
         for (side, lists) in [&all.send, &all.receive].into_iter().enumerate() {
             for (rank, nodes) in all.with.iter().zip(lists) {
-                let mut of_colour = vec![Vec::new(); n_colours];
-                nodes.iter().for_each(|node| of_colour[colour(*node as usize)].push(*node));
-                let some = of_colour.into_iter().enumerate().filter(|(_, nodes)| !nodes.is_empty());
+                let mut by_colour = vec![Vec::new(); n_colours];
+                nodes.iter().for_each(|node| by_colour[colour(*node as usize)].push(*node));
+                let some = by_colour.into_iter().enumerate().filter(|(_, nodes)| !nodes.is_empty());
                 some.for_each(|(colour, nodes)| colours[colour][side].push((*rank, nodes)));
             }
         }

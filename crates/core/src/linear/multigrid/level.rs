@@ -6,8 +6,8 @@ use super::super::LinearError;
 use super::super::blocks::{Block, BlockMatrix};
 use super::super::lattice::{Lattice, Transfer};
 use super::contributions::RowColumns;
-use super::of_ranks::Shared;
 use super::rows::{Rows, in_parts};
+use super::shared_level::Shared;
 use super::stencil::{Stencil, inverse_of};
 
 /// A level: Â = S A S with the matrix A of the level and a diagonal S that makes the entries of order one, even if a

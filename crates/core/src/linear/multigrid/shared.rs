@@ -14,8 +14,8 @@ use super::coarse_owners::{Claim, coarse_owners};
 use super::contributions::{Contributions, RowColumns};
 use super::ghosts::{Ghosts, Register};
 use super::level::{Level, block_of, diagonal_of, own_entries, whole_rows};
-use super::of_ranks::Shared;
 use super::rows::Rows;
+use super::shared_level::Shared;
 use super::stencil::Stencil;
 
 /// The input of an analysis; the analysis need not be repeated for the same input.
@@ -152,11 +152,11 @@ impl<const D: usize, const N: usize> Level<D, N> {
             columns.iter().for_each(|parent| is_seen[stencil.place(row, *parent as usize)] = false);
             columns
         };
-        let of_rows: Vec<Vec<u32>> =
+        let by_row: Vec<Vec<u32>> =
             (0..lattice.len()).into_par_iter().map_init(|| vec![false; stencil.len], columns).collect();
         let mut start = vec![0];
-        of_rows.iter().for_each(|columns| start.push(start[start.len() - 1] + columns.len()));
-        RowColumns { start, column: of_rows.into_iter().flatten().collect() }
+        by_row.iter().for_each(|columns| start.push(start[start.len() - 1] + columns.len()));
+        RowColumns { start, column: by_row.into_iter().flatten().collect() }
     }
 
     /// Copies the values of the matrix, which is distributed over the ranks.

@@ -11,13 +11,13 @@ use super::{CamClay, EQUIVALENT_STRAIN, PRECONSOLIDATION, VOLUMETRIC_STRAIN, WOR
 use crate::tensor::{Lane, exp, ln};
 
 /// Largest number of Newton iterations.
-const MOST_ITERATIONS: usize = 50;
+const MAX_ITERATIONS: usize = 50;
 /// Tolerance of the equations, [-].
 const TOLERANCE: f64 = 1e-13;
 /// Norm of the residual below which one more iteration reaches round-off, [-].
 const NEARLY: f64 = 1e-9;
 /// Largest number of halvings of a step in the line search.
-const MOST_TRIALS: usize = 30;
+const MAX_TRIALS: usize = 30;
 
 /// The elastic stress at given invariants of the strain.
 #[derive(Debug, Clone, Copy)]
@@ -154,11 +154,15 @@ impl CamClay {
             shear - start.shear + gamma * slope * q,
             self.yields(&elastic, size) * area,
         ];
-        let (of_p, of_q) = (pressure * 2.0 - size, q * (2.0 * per_square));
+        let (by_pressure, by_shear_stress) = (pressure * 2.0 - size, q * (2.0 * per_square));
         let jacobian = [
             [one - flow * (p_v * 2.0 - size_rate), flow * p_s * -2.0, normal * -1.0],
             [gamma * slope * q_v, one + gamma * slope * q_s, slope * q],
-            [(of_q * q_v + of_p * p_v - pressure * size_rate) * area, (of_q * q_s + of_p * p_s) * area, zero],
+            [
+                (by_shear_stress * q_v + by_pressure * p_v - pressure * size_rate) * area,
+                (by_shear_stress * q_s + by_pressure * p_s) * area,
+                zero,
+            ],
         ];
         Equations { residual, jacobian, elastic, size }
     }
@@ -173,7 +177,7 @@ impl CamClay {
         let mut norm = now.norm();
         // 1 for each point that needs a further iteration.
         let mut open = start.tolerance.where_below(T::splat(f64::INFINITY), one, zero);
-        for _ in 0..MOST_ITERATIONS {
+        for _ in 0..MAX_ITERATIONS {
             if open.is_below(0.5) {
                 break;
             }
@@ -192,7 +196,7 @@ impl CamClay {
                 if worse.is_below(0.5) {
                     break (next, equations, reached);
                 }
-                if trials == MOST_TRIALS {
+                if trials == MAX_TRIALS {
                     return None;
                 }
                 trials += 1;
@@ -229,16 +233,16 @@ impl CamClay {
         let size_rate = size * self.hardening();
         let by_surface = elastic.pressure * size_rate * start.per_size * start.per_size * -1.0;
         let by_volumetric = times(&solved, &[one + gamma * per * size_rate, zero, by_surface]);
-        let of_volumetric = elastic.rates(by_volumetric[0], by_volumetric[1]);
-        let of_shear = elastic.rates(solved[0][1], solved[1][1]);
+        let volumetric_rates = elastic.rates(by_volumetric[0], by_volumetric[1]);
+        let deviatoric_rates = elastic.rates(solved[0][1], solved[1][1]);
         let per_square = 1.0 / (self.critical_state_ratio * self.critical_state_ratio);
         Some(Returned {
             elastic,
             size,
             strain: [volumetric, shear],
             kept: one / (one + gamma * per * elastic.modulus * (6.0 * per_square)),
-            pressure_rates: [of_volumetric[0], of_shear[0]],
-            shear_rates: [of_volumetric[1], of_shear[1]],
+            pressure_rates: [volumetric_rates[0], deviatoric_rates[0]],
+            shear_rates: [volumetric_rates[1], deviatoric_rates[1]],
         })
     }
 

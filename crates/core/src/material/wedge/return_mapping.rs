@@ -222,20 +222,18 @@ impl<const M: usize> Face<M> {
         for (change, rate) in by_parameter.iter_mut().zip(rates.into_iter().flatten()) {
             let mut turned = [0.0; 3]; // G'Λ
             for (plane, flow) in planes.iter().zip(flow) {
-                let of_plane = plane.normal_rate(rate.flow_ratio);
-                (0..3).for_each(|i| turned[i] += of_plane[i] * flow);
+                let normal_rate = plane.normal_rate(rate.flow_ratio);
+                (0..3).for_each(|i| turned[i] += normal_rate[i] * flow);
             }
             let right: [f64; M] = std::array::from_fn(|k| {
-                let of_plane = planes[k];
-                dot(&of_plane.normal_rate(rate.ratio), tau)
-                    - of_plane.limit(rate)
-                    - dot(&normal_stress[k], &turned)
+                let plane = planes[k];
+                dot(&plane.normal_rate(rate.ratio), tau) - plane.limit(rate) - dot(&normal_stress[k], &turned)
             });
-            let of_flow: [f64; M] =
+            let flow_change: [f64; M] =
                 std::array::from_fn(|a| (0..M).fold(0.0, |sum, b| sum + inverse[a][b] * right[b]));
             let turned_stress = elasticity.principal_stress(turned);
             *change = std::array::from_fn(|i| {
-                (0..M).fold(-turned_stress[i], |sum, k| sum - flow_stress[k][i] * of_flow[k])
+                (0..M).fold(-turned_stress[i], |sum, k| sum - flow_stress[k][i] * flow_change[k])
             });
         }
         Returned { tau: *tau, modulus, by_parameter }

@@ -68,8 +68,8 @@ impl<const D: usize> Search<'_, D> {
                 messages.push((rank, near));
             }
         }
-        let of_others = exchange(halo.ranks(), messages).into_iter().flat_map(|(_, corners)| corners);
-        places.extend(of_others.map(|corner| (corner.order, of_other(corner))));
+        let received = exchange(halo.ranks(), messages).into_iter().flat_map(|(_, corners)| corners);
+        places.extend(received.map(|corner| (corner.order, remote(corner))));
         // All points of a cell are on one rank, and the stable sort keeps their order.
         places.sort_by_key(|(order, _)| *order);
         if pieces.is_empty() {
@@ -97,7 +97,7 @@ fn to_send<const D: usize>((order, place): &(u32, Near<D>)) -> Corner<D> {
 }
 
 /// A corner received from another rank.
-fn of_other<const D: usize>(corner: Corner<D>) -> Near<D> {
+fn remote<const D: usize>(corner: Corner<D>) -> Near<D> {
     let Corner { order: _, key, body, start, size, closest, is_flat, area, area_of_corner } = corner;
     Near { p: None, body, key, start, size, closest, is_flat, area, area_of_corner, shared_by: Vec::new() }
 }
@@ -110,13 +110,13 @@ type AtNode<const D: usize> = ((u32, usize), ([f64; D], f64));
 pub(super) fn add_others<const D: usize>(
     reduction: &Reduction,
     sums: &mut [([f64; D], f64)],
-    of: &[(u32, usize)],
+    pairs: &[(u32, usize)],
     place: impl Fn(u32, usize) -> Option<usize>,
 ) {
     let halo = reduction.halo();
     let mut messages = Vec::new();
     for (rank, shared) in halo.neighbours() {
-        let shares: Vec<AtNode<D>> = (of.iter().zip(&*sums))
+        let shares: Vec<AtNode<D>> = (pairs.iter().zip(&*sums))
             .filter_map(|((tool, node), sum)| Some(((*tool, place_of(shared, *node)?), *sum)))
             .collect();
         if !shares.is_empty() {

@@ -23,14 +23,14 @@ impl<const D: usize> Contact<D> {
             return None;
         }
         let first = first_unknowns(&self.tools);
-        let of_place = |k: usize| {
+        let followed_at = |k: usize| {
             let (candidate, trial) = (&self.candidates[k], &self.trials[k]);
             let number = candidate.key.tool as usize;
             let motions = increment.globals.get(first[number]..).unwrap_or_default();
             let increments = (increment.delta_d, motions);
             followed(candidate, &self.multipliers[k], trial, &self.tools[number], increments)
         };
-        let followed: Option<Vec<Followed<D>>> = (0..self.trials.len()).map(of_place).collect();
+        let followed: Option<Vec<Followed<D>>> = (0..self.trials.len()).map(followed_at).collect();
         if self.reduction.all(followed.is_some()) { followed } else { None }
     }
 }
@@ -55,7 +55,7 @@ impl<const D: usize, const N: usize> Multipliers<D, N> for Contact<D> {
             reduction,
             ..
         } = self;
-        let now = Change::of_update(candidates, multipliers, trials, tools);
+        let now = Change::by_update(candidates, multipliers, trials, tools);
         let Some(worst) = worst(candidates, &now, tolerances, reduction) else {
             return Ok(Augmentation::Satisfied);
         };
@@ -110,9 +110,9 @@ impl<const D: usize, const N: usize> Multipliers<D, N> for Contact<D> {
             if *force == [0.0; D] {
                 continue;
             }
-            let of_nodes = added.force_mut();
+            let nodal = added.force_mut();
             for (node, value) in candidate.basis.iter() {
-                (0..D).for_each(|d| of_nodes[node][d] += value * force[d]);
+                (0..D).for_each(|d| nodal[node][d] += value * force[d]);
             }
             let number = candidate.key.tool as usize;
             let moving = &self.tools[number];

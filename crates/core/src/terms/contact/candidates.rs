@@ -36,7 +36,7 @@ pub(super) const OTHER_SIDE: f64 = -0.5;
 pub(super) const TOUCHING: f64 = 1e-6;
 /// Smallest area that the penalty of a contact point assumes if updates close its gap slowly, relative to the area of a
 /// side of its cell, [-].
-const LEAST_AREA: f64 = 0.1;
+const MIN_AREA: f64 = 0.1;
 /// Fractions of the distance from a corner to its material point at which a cell for the corner is sought.
 const INWARDS: [f64; 5] = [1e-6, 0.25, 0.5, 0.75, 1.0];
 
@@ -242,11 +242,11 @@ impl<const D: usize> Search<'_, D> {
         // Near the axis of a body of revolution, a contact point stands for hardly any area, but moves a whole cell.
         let mut in_cell = start;
         in_cell[0] = in_cell[0].max(0.5 * size);
-        let of_cell = size.powi(D as i32 - 1) * model.depth(&in_cell);
+        let side_area = size.powi(D as i32 - 1) * model.depth(&in_cell);
         // The stiffness of a half-space under a strip is between four times the shear modulus and half of that, even
         // for nearly incompressible bodies.
-        let of_cell_below = 4.0 * moduli.of(points, p) / size;
-        let of_area = model.tools[key.tool as usize].control.penalty * of_cell_below;
+        let stiffness_below = 4.0 * moduli.at(points, p) / size;
+        let penalty_per_area = model.tools[key.tool as usize].control.penalty * stiffness_below;
         Some(Candidate {
             key,
             body: number,
@@ -256,9 +256,9 @@ impl<const D: usize> Search<'_, D> {
             basis,
             area,
             size,
-            stiffness: of_cell_below * area,
-            penalty: of_area * area,
-            penalty_if_slow: of_area * area.max(LEAST_AREA * of_cell),
+            stiffness: stiffness_below * area,
+            penalty: penalty_per_area * area,
+            penalty_if_slow: penalty_per_area * area.max(MIN_AREA * side_area),
             near,
             allowance: 0.0,
             shared_by,
@@ -286,12 +286,12 @@ impl<const D: usize> Search<'_, D> {
         let (body, cell) = (points.body[p], points.cell[p]);
         let towards = minus(&points.converged.position[p], corner);
         let inwards = if method == Method::Mpm { &INWARDS[4..] } else { &INWARDS[..] };
-        let of_cell = |part: &f64| {
+        let carriers = |part: &f64| {
             let at =
                 if *part == 1.0 { cell } else { grid.locate(&along(corner, *part, &towards), Some(cell))? };
             self.active(body, &grid.basis_at(at, corner), false)
         };
-        let found = inwards.iter().find_map(of_cell);
+        let found = inwards.iter().find_map(carriers);
         // The nodes of the cell of a material point are active, or move with active nodes.
         found.or_else(|| self.active(body, &grid.basis_at(cell, corner), true)).unwrap_or_default()
     }
@@ -360,7 +360,7 @@ pub(super) fn missed<const D: usize, const N: usize>(
     let farthest = farthest::<D, N>(delta_d);
     let is_slow = |(tool, moving): (&Tool<D>, &Moving<D>)| {
         let most = tool.control.largest_slide * smallest;
-        moving.translation().is_some_and(|of_tool| farthest + of_tool <= most)
+        moving.translation().is_some_and(|moved| farthest + moved <= most)
     };
     // No point moves farther than the nodes.
     if model.tools.iter().zip(tools).all(is_slow) {

@@ -57,18 +57,18 @@ impl<const D: usize, const N: usize> Trials<'_, D, N> {
         has_touched: &[bool],
         trials: &mut Vec<Trial<D>>,
     ) -> Result<(), ContactError> {
-        let of_tools: Vec<f64> =
+        let tool_motions: Vec<f64> =
             self.tools.iter().map(|moving| moving.translation().unwrap_or(f64::INFINITY)).collect();
-        let of_candidate = |k: usize| {
+        let trial = |k: usize| {
             let candidate = &candidates[k];
-            let motion = candidate.reach * self.farthest + of_tools[candidate.key.tool as usize];
+            let motion = candidate.reach * self.farthest + tool_motions[candidate.key.tool as usize];
             if multipliers[k].normal == 0.0 && candidate.is_beyond(motion) {
                 return Trial::open(candidate.start, [0.0; D]);
             }
             self.one(candidate, &multipliers[k], has_touched[k])
         };
         let all = (0..candidates.len()).into_par_iter().with_min_len(PIECE);
-        all.map(of_candidate).collect_into_vec(trials);
+        all.map(trial).collect_into_vec(trials);
         match trials.iter().position(|trial| trial.passes_through) {
             Some(k) => Err(ContactError::Through { place: candidates[k].place(self.model) }),
             None => Ok(()),
@@ -226,7 +226,7 @@ fn add_stiffness<const D: usize, const N: usize>(
     sum: &mut System<N>,
 ) {
     let values = || candidate.basis.iter().map(|(_, value)| value);
-    let pairs = values().flat_map(|of_row| values().map(move |of_column| of_row * of_column));
+    let pairs = values().flat_map(|row| values().map(move |column| row * column));
     for (product, place) in pairs.zip(places) {
         if let Some(place) = *place {
             let block: [[f64; D]; D] =
@@ -271,11 +271,11 @@ impl<const D: usize> Balance<'_, D> {
             for (node, value) in nodes() {
                 (0..D).for_each(|d| sum.border.add_to_column(first + j, node, d, -value * change[d]));
             }
-            for (i, &of_row) in moving.free.iter().enumerate().filter(|(i, _)| !moving.follows[*i]) {
-                let mut corner = self.component(of_row, &change);
-                if of_row >= D && k < D {
+            for (i, &row) in moving.free.iter().enumerate().filter(|(i, _)| !moving.follows[*i]) {
+                let mut corner = self.component(row, &change);
+                if row >= D && k < D {
                     // The reference point moves.
-                    corner -= cross(&in_space(&unit::<D>(k)), &in_space(force))[of_row - D];
+                    corner -= cross(&in_space(&unit::<D>(k)), &in_space(force))[row - D];
                 }
                 sum.border.add_to_corner(first + i, first + j, corner);
             }

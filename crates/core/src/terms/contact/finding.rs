@@ -9,7 +9,7 @@ use super::candidates::{self, Candidate, Key, Search};
 use super::interface::{Law, Multiplier};
 use super::motion::Moving;
 use super::multipliers::Kept;
-use super::plain::of_all_ranks;
+use super::plain::gathered;
 use crate::basis::Method;
 use crate::model::Model;
 use crate::points::Points;
@@ -96,19 +96,19 @@ impl<const D: usize> Contact<D> {
         // factor.
         let most = (1 << D) as f64 * farthest;
         let sleeps_on = |(moving, awake): (&Moving<D>, &f64)| {
-            *awake == f64::INFINITY || moving.translation().is_some_and(|of_tool| most + of_tool <= *awake)
+            *awake == f64::INFINITY || moving.translation().is_some_and(|moved| most + moved <= *awake)
         };
         if self.tools.iter().zip(&self.awake).all(sleeps_on) {
             return Ok(());
         }
         self.awake.fill(f64::INFINITY);
         let awake = |(k, candidate): (usize, &Candidate<D>)| {
-            let of = |all: &[Multiplier<D>]| all.get(k).copied().unwrap_or_default();
-            (candidate.key, [of(&self.multipliers), of(&self.before_increment)], candidate.penalty)
+            let kept = |all: &[Multiplier<D>]| all.get(k).copied().unwrap_or_default();
+            (candidate.key, [kept(&self.multipliers), kept(&self.before_increment)], candidate.penalty)
         };
         let awake = self.candidates.iter().enumerate().map(awake).collect();
         // A contact point joined by the corner of a sleeping domain may pass to another rank.
-        let known: FxHashMap<Key, Awake<D>> = (of_all_ranks(&self.reduction, awake).into_iter())
+        let known: FxHashMap<Key, Awake<D>> = (gathered(&self.reduction, awake).into_iter())
             .map(|(key, multipliers, penalty)| (key, (multipliers, penalty)))
             .collect();
         self.find_places(step, points)?;
@@ -128,7 +128,7 @@ impl<const D: usize> Contact<D> {
     /// True if, at the start of a step, every contact point with friction sticks to a flat surface or transfers no
     /// force.
     fn begins_symmetric(&self, model: &Model<D>) -> bool {
-        let of_place = |k: usize| {
+        let is_known = |k: usize| {
             let candidate = &self.candidates[k];
             let Some(interface) = model.tools[candidate.key.tool as usize].interface_with(candidate.body)
             else {
@@ -139,6 +139,6 @@ impl<const D: usize> Contact<D> {
             let is_free = self.start[k] == Multiplier::default();
             law.is_smooth() || is_free || is_flat && law.has_stuck(&self.start[k])
         };
-        (0..self.candidates.len()).all(of_place)
+        (0..self.candidates.len()).all(is_known)
     }
 }

@@ -246,8 +246,8 @@ impl<const D: usize> Touch<D> {
     pub(super) fn change(&self, relative: &[f64; D], slipping: &[f64; D], rate: &[f64; 3]) -> [f64; D] {
         let Touch { approach, law, .. } = self;
         let n = &approach.normal;
-        let of_place: [f64; D] = std::array::from_fn(|i| dot(&approach.normal_derivative[i], relative));
-        let dn = along(&of_place, 1.0, &turn(rate, n));
+        let curved: [f64; D] = std::array::from_fn(|i| dot(&approach.normal_derivative[i], relative));
+        let dn = along(&curved, 1.0, &turn(rate, n));
         let dp = if self.mode == Mode::Parting { 0.0 } else { -law.penalty * dot(n, relative) };
         let mut df = along(&n.map(|n| n * dp), self.pressure, &dn);
         if law.is_smooth() {

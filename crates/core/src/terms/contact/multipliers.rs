@@ -7,23 +7,23 @@ use super::candidates::Candidate;
 use super::evaluation::Trial;
 use super::interface::Multiplier;
 use super::motion::Moving;
-use super::plain::{Plain, of_all_ranks, of_parts};
+use super::plain::{Plain, gathered, plain_parts};
 use crate::ranks::Reduction;
 use crate::region::vector::{along, norm};
 
-of_parts!([] Worst, { tool, named, rank, size, place, mean, overlap, slip });
-of_parts!([const D: usize] Kept<D>, { multiplier, motion, excess });
+plain_parts!([] Worst, { tool, named, rank, size, place, mean, overlap, slip });
+plain_parts!([const D: usize] Kept<D>, { multiplier, motion, excess });
 
 /// Largest error of a single contact point, relative to the size of a cell, [-]. Contact points that touch may hinder
 /// each other: along an edge, a cell has degrees of freedom for only two of them, and the domains of GIMP points leave
 /// gaps of this order at the start of a step. In this case, only the mean error that the nodes see meets the tolerance.
-pub(super) const MOST_OF_PLACE: f64 = 1e-3;
+pub(super) const MAX_CONTACT_ERROR: f64 = 1e-3;
 /// Contact points hinder each other if an update leaves more than this fraction of the error, [-]: normally it leaves
 /// about 1/p_f.
 const SLOW: f64 = 0.25;
 /// Largest error seen by the nodes that is accepted where contact points hinder each other, relative to the size of a
-/// cell, [-]; after `MANY` updates, [`MOST_OF_PLACE`] is accepted.
-const MOST_WHERE_SLOW: f64 = 1e-4;
+/// cell, [-]; after `MANY` updates, [`MAX_CONTACT_ERROR`] is accepted.
+const MAX_SLOW_ERROR: f64 = 1e-4;
 /// Number of updates after which further ones hardly help where contact points hinder each other.
 pub(super) const MANY: usize = 6;
 
@@ -81,13 +81,13 @@ impl<const D: usize> Change<D> {
     }
 
     /// The changes made by an update of all multipliers; `None` for contact points that are open and stay so.
-    pub(super) fn of_update(
+    pub(super) fn by_update(
         candidates: &[Candidate<D>],
         multipliers: &[Multiplier<D>],
         trials: &[Trial<D>],
         tools: &[Moving<D>],
     ) -> Vec<Option<Self>> {
-        let of_place = |((candidate, multiplier), trial): ((&Candidate<D>, &Multiplier<D>), &Trial<D>)| {
+        let change = |((candidate, multiplier), trial): ((&Candidate<D>, &Multiplier<D>), &Trial<D>)| {
             let moving = &tools[candidate.key.tool as usize];
             if trial.touch.is_none() && *multiplier == Multiplier::default() || candidate.penalty == 0.0 {
                 return None;
@@ -100,7 +100,7 @@ impl<const D: usize> Change<D> {
             let normal = trial.touch.as_ref().map_or(candidate.near.normal, |touch| touch.normal());
             Some(Change::new(overlap, &moving.end.vector_to_space(&shear), &normal))
         };
-        candidates.iter().zip(multipliers).zip(trials).map(of_place).collect()
+        candidates.iter().zip(multipliers).zip(trials).map(change).collect()
     }
 
     fn size(&self) -> f64 {
@@ -155,7 +155,7 @@ impl NodeNumbers {
 
     /// The numbers of the nodes of a contact point, in the order of these nodes, followed by the numbers of later
     /// contact points.
-    fn of_place(&self, place: usize) -> &[usize] {
+    fn numbers_at(&self, place: usize) -> &[usize] {
         &self.numbers[self.first[place]..]
     }
 }
@@ -175,27 +175,27 @@ pub(super) fn worst<const D: usize>(
         all.filter_map(|(k, (candidate, change))| Some((k, candidate, change.as_ref()?)))
     };
     let numbers = NodeNumbers::new(changing().map(|(_, candidate, _)| candidate));
-    let mut of_nodes = vec![([0.0; D], 0.0); numbers.known.len()];
+    let mut nodal = vec![([0.0; D], 0.0); numbers.known.len()];
     for (i, (_, candidate, change)) in changing().enumerate() {
-        for ((_, value), &node) in candidate.basis.iter().zip(numbers.of_place(i)) {
+        for ((_, value), &node) in candidate.basis.iter().zip(numbers.numbers_at(i)) {
             let weight = value.abs() * candidate.penalty;
-            let (sum, total) = &mut of_nodes[node];
+            let (sum, total) = &mut nodal[node];
             *sum = along(sum, weight, &change.vector);
             *total += weight;
         }
     }
     if !reduction.is_alone() {
         let number = |tool, node| numbers.known.get(&(tool, node)).copied();
-        add_others(reduction, &mut of_nodes, &numbers.pairs(), number);
+        add_others(reduction, &mut nodal, &numbers.pairs(), number);
     }
     let seen_by_nodes = |i: usize, candidate: &Candidate<D>| {
-        let nodes = candidate.basis.iter().zip(numbers.of_place(i));
-        nodes.fold([0.0; D], |seen, ((_, value), &node)| match &of_nodes[node] {
+        let nodes = candidate.basis.iter().zip(numbers.numbers_at(i));
+        nodes.fold([0.0; D], |seen, ((_, value), &node)| match &nodal[node] {
             (sum, total) if *total > 0.0 => along(&seen, value.abs() / total, sum),
             _ => seen,
         })
     };
-    let mut largest = Largest { tolerances, of_means: None, of_places: None };
+    let mut largest = Largest { tolerances, means: None, places: None };
     for (i, (k, candidate, change)) in changing().enumerate() {
         largest.include(
             [Worst {
@@ -211,35 +211,35 @@ pub(super) fn worst<const D: usize>(
         );
     }
     let own: Vec<[Worst; 2]> = largest.both().into_iter().collect();
-    let mut largest = Largest { tolerances, of_means: None, of_places: None };
-    of_all_ranks(reduction, own).into_iter().for_each(|of_rank| largest.include(of_rank));
-    let [of_means, of_places] = largest.both()?;
-    let named = if of_places.place > MOST_OF_PLACE { of_places } else { of_means };
-    Some(Worst { tool: of_means.tool, place: of_places.place, mean: of_means.mean, ..named })
+    let mut largest = Largest { tolerances, means: None, places: None };
+    gathered(reduction, own).into_iter().for_each(|pair| largest.include(pair));
+    let [means, places] = largest.both()?;
+    let named = if places.place > MAX_CONTACT_ERROR { places } else { means };
+    Some(Worst { tool: means.tool, place: places.place, mean: means.mean, ..named })
 }
 
 /// The contact point with the largest mean error relative to its tolerance, and the contact point with the largest
 /// individual error.
 struct Largest<'a> {
     tolerances: &'a [f64],
-    of_means: Option<Worst>,
-    of_places: Option<Worst>,
+    means: Option<Worst>,
+    places: Option<Worst>,
 }
 
 impl Largest<'_> {
     /// Includes two further contact points: one for the mean error and one for the individual error.
-    fn include(&mut self, [of_means, of_places]: [Worst; 2]) {
+    fn include(&mut self, [means, places]: [Worst; 2]) {
         let relative = |worst: &Worst| worst.mean / self.tolerances[worst.tool];
-        if self.of_means.is_none_or(|other| relative(&of_means) > relative(&other)) {
-            self.of_means = Some(of_means);
+        if self.means.is_none_or(|other| relative(&means) > relative(&other)) {
+            self.means = Some(means);
         }
-        if self.of_places.is_none_or(|other| of_places.place > other.place) {
-            self.of_places = Some(of_places);
+        if self.places.is_none_or(|other| places.place > other.place) {
+            self.places = Some(places);
         }
     }
 
     fn both(&self) -> Option<[Worst; 2]> {
-        Some([self.of_means?, self.of_places?])
+        Some([self.means?, self.places?])
     }
 }
 
@@ -252,7 +252,7 @@ impl Worst {
 
     /// Error relative to the tolerated error, [-].
     fn error(&self, tolerance: f64) -> f64 {
-        (self.place / MOST_OF_PLACE).max(self.mean / tolerance)
+        (self.place / MAX_CONTACT_ERROR).max(self.mean / tolerance)
     }
 
     /// True if no further update is needed after a number of `updates`. `before` is the error before the last update;
@@ -266,7 +266,7 @@ impl Worst {
     ) -> bool {
         let helps_little = |before: &Worst| self.error(tolerance) > SLOW * before.error(tolerance);
         let is_slow = is_last || before.is_some_and(helps_little);
-        let most = if updates < MANY { MOST_WHERE_SLOW } else { MOST_OF_PLACE };
+        let most = if updates < MANY { MAX_SLOW_ERROR } else { MAX_CONTACT_ERROR };
         let accepted = if is_slow { tolerance.max(most) } else { tolerance };
         self.error(accepted) <= 1.0
     }

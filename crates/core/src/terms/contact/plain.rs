@@ -15,7 +15,7 @@ pub(super) trait Plain: Sized {
 }
 
 /// The values of all ranks, in the order of the ranks.
-pub(super) fn of_all_ranks<T: Plain>(reduction: &Reduction, own: Vec<T>) -> Vec<T> {
+pub(super) fn gathered<T: Plain>(reduction: &Reduction, own: Vec<T>) -> Vec<T> {
     if reduction.is_alone() {
         return own;
     }
@@ -52,7 +52,7 @@ impl Plain for f64 {
 }
 
 /// A type represented by one number.
-macro_rules! of_number {
+macro_rules! plain_number {
     ($type:ty, $encode:expr, $decode:expr) => {
         impl Plain for $type {
             fn encode(&self, numbers: &mut Vec<f64>) {
@@ -66,10 +66,10 @@ macro_rules! of_number {
     };
 }
 
-of_number!(u32, f64::from, |x| x as u32);
-of_number!(usize, |x| x as f64, |x| x as usize);
-of_number!(bool, |x| f64::from(u8::from(x)), |x| x != 0.0);
-of_number!(Mode, |mode| f64::from(mode as u8), |x| match x as u8 {
+plain_number!(u32, f64::from, |x| x as u32);
+plain_number!(usize, |x| x as f64, |x| x as usize);
+plain_number!(bool, |x| f64::from(u8::from(x)), |x| x != 0.0);
+plain_number!(Mode, |mode| f64::from(mode as u8), |x| match x as u8 {
     0 => Mode::Stick,
     1 => Mode::Slip,
     _ => Mode::Parting,
@@ -102,7 +102,7 @@ impl<T: Plain> Plain for Vec<T> {
 }
 
 /// A type represented by its parts, one after the other.
-macro_rules! of_parts {
+macro_rules! plain_parts {
     ([$($generics:tt)*] $type:ty, { $($field:ident),* }) => {
         impl<$($generics)*> Plain for $type {
             fn encode(&self, numbers: &mut Vec<f64>) {
@@ -116,11 +116,11 @@ macro_rules! of_parts {
     };
 }
 
-pub(super) use of_parts;
+pub(super) use plain_parts;
 
-of_parts!([] Key, { tool, point, corner });
-of_parts!([const D: usize] Multiplier<D>, { normal, shear });
-of_parts!([const D: usize] Closest<D>, { gap, normal, point, part, normal_derivative });
+plain_parts!([] Key, { tool, point, corner });
+plain_parts!([const D: usize] Multiplier<D>, { normal, shear });
+plain_parts!([const D: usize] Closest<D>, { gap, normal, point, part, normal_derivative });
 
 impl<A: Plain, B: Plain> Plain for (A, B) {
     fn encode(&self, numbers: &mut Vec<f64>) {

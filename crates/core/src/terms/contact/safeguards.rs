@@ -7,7 +7,7 @@ use super::Contact;
 use super::agreement::{Failure, agreed};
 use super::candidates::{self, Candidate, missed, named};
 use super::evaluation::Trial;
-use super::plain::of_all_ranks;
+use super::plain::gathered;
 use crate::model::{Model, Tool};
 use crate::points::Points;
 use crate::region::vector::{along, dot, minus, norm};
@@ -107,14 +107,14 @@ impl<const D: usize> Contact<D> {
                 let points = candidate.shared_by.iter().chain([&candidate.key.point]);
                 points.map(|point| (candidate.key.tool, *point))
             })
-            .filter(|of| !centres.contains_key(of))
+            .filter(|key| !centres.contains_key(key))
             .collect();
         wanted.sort_unstable();
         wanted.dedup();
         let known =
-            of_all_ranks(reduction, wanted).into_iter().filter_map(|of| Some((of, *centres.get(&of)?)));
+            gathered(reduction, wanted).into_iter().filter_map(|key| Some((key, *centres.get(&key)?)));
         let known: Vec<((u32, u32), [f64; D])> = known.collect();
-        centres.extend(of_all_ranks(reduction, known));
+        centres.extend(gathered(reduction, known));
         centres
     }
 

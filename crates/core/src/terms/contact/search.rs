@@ -25,7 +25,7 @@ const FLAT: f64 = 0.99;
 const AHEAD: f64 = 4.0;
 
 /// A material point near a tool.
-struct OfPoint<'a, const D: usize> {
+struct NearPoint<'a, const D: usize> {
     p: usize,
     tool: usize,
     corners: &'a [[f64; D]],
@@ -110,15 +110,15 @@ impl<const D: usize> Search<'_, D> {
             }
             // A material point deep inside a tool is also far from the surface of the tool.
             let limit = if self.has_begun[number] { reach + radius + AHEAD * size } else { f64::INFINITY };
-            let of_point = moving.start.closest(tool.shape.as_ref(), *x, limit);
-            let distance = of_point.as_ref().map_or(limit, |found| found.gap);
+            let closest = moving.start.closest(tool.shape.as_ref(), *x, limit);
+            let distance = closest.as_ref().map_or(limit, |found| found.gap);
             far[k] = Some(Far { from: *x, distance });
             let begins = !self.has_begun[number];
             let is_near =
                 |near: &Closest<D>| near.gap <= reach + radius && (begins || near.gap >= -reach - radius);
-            if let Some(near) = of_point.filter(is_near) {
+            if let Some(near) = closest.filter(is_near) {
                 let corners = corners_of(points, p, &mut buffer);
-                self.near_tool(&OfPoint { p, tool: k, corners, size, reach }, near, found)?;
+                self.near_tool(&NearPoint { p, tool: k, corners, size, reach }, near, found)?;
             }
         }
         Ok(())
@@ -128,29 +128,29 @@ impl<const D: usize> Search<'_, D> {
     /// to the centre of the material point.
     fn near_tool(
         &self,
-        of: &OfPoint<D>,
+        point: &NearPoint<D>,
         near: Closest<D>,
         found: &mut Vec<Near<D>>,
     ) -> Result<(), ContactError> {
         let Search { model, points, .. } = *self;
-        let (tool, moving) = (&model.tools[of.tool], &self.tools[of.tool]);
+        let (tool, moving) = (&model.tools[point.tool], &self.tools[point.tool]);
         let at_start = |x: &[f64; D]| moving.start.closest(tool.shape.as_ref(), *x, f64::INFINITY);
-        let mut of_corners = [None; MAX_CORNERS];
-        of_corners.iter_mut().zip(of.corners).for_each(|(found, corner)| *found = at_start(corner));
-        let of_corners = &of_corners[..of.corners.len()];
+        let mut at_corners = [None; MAX_CORNERS];
+        at_corners.iter_mut().zip(point.corners).for_each(|(found, corner)| *found = at_start(corner));
+        let at_corners = &at_corners[..point.corners.len()];
         let is_parallel = |found: &Closest<D>| dot(&found.normal, &near.normal) > FLAT;
         let is_flat =
-            !tool.shape.has_edges() && of_corners.iter().all(|found| found.as_ref().is_some_and(is_parallel));
-        let asleep = if is_flat { self.awake[of.tool] } else { f64::INFINITY };
-        for (corner, (start, of_corner)) in of.corners.iter().zip(of_corners).enumerate() {
-            if let Some(of_corner) = of_corner.as_ref().filter(|found| found.gap <= asleep) {
-                self.add_place(of, (corner, is_flat), *start, *of_corner, found)?;
+            !tool.shape.has_edges() && at_corners.iter().all(|found| found.as_ref().is_some_and(is_parallel));
+        let asleep = if is_flat { self.awake[point.tool] } else { f64::INFINITY };
+        for (corner, (start, at_corner)) in point.corners.iter().zip(at_corners).enumerate() {
+            if let Some(at_corner) = at_corner.as_ref().filter(|found| found.gap <= asleep) {
+                self.add_place(point, (corner, is_flat), *start, *at_corner, found)?;
             }
         }
         // A surface that is flat over the domain meets the corners first; otherwise the centre may touch it, too.
-        if of.corners.len() > 1 && !is_flat {
-            let centre = points.converged.position[of.p];
-            self.add_place(of, (CENTRE as usize, false), centre, near, found)?;
+        if point.corners.len() > 1 && !is_flat {
+            let centre = points.converged.position[point.p];
+            self.add_place(point, (CENTRE as usize, false), centre, near, found)?;
         }
         Ok(())
     }
@@ -158,7 +158,7 @@ impl<const D: usize> Search<'_, D> {
     /// Adds a contact point if the tool may reach it.
     fn add_place(
         &self,
-        &OfPoint { p, tool, corners: _, size, reach }: &OfPoint<D>,
+        &NearPoint { p, tool, corners: _, size, reach }: &NearPoint<D>,
         (corner, is_flat): (usize, bool),
         start: [f64; D],
         near: Closest<D>,
@@ -173,7 +173,7 @@ impl<const D: usize> Search<'_, D> {
             let place = named(model, &model.tools[tool], number, points.id[p], &start);
             return Err(ContactError::Overlap { place, overlap: -near.gap });
         }
-        let [area, area_of_corner] = match Vertex::of(points.corners(p), corner) {
+        let [area, area_of_corner] = match Vertex::new(points.corners(p), corner) {
             None => {
                 let share = model.volume(points, p) / model.depth(x);
                 [share.powf((D - 1) as f64 / D as f64) / (1usize << (D - 1)) as f64; 2]
@@ -258,17 +258,17 @@ struct Vertex<const D: usize> {
     /// From the corner to the other ends of its edges, [length].
     edges: [[f64; D]; D],
     /// Number of corners of each side of the domain.
-    of_side: usize,
+    corners_per_side: usize,
 }
 
 impl<const D: usize> Vertex<D> {
     /// The corner with this index; `None` for a centre, or for a point whose domain is not given by corners.
-    fn of(corners: &[[f64; D]], corner: usize) -> Option<Self> {
+    fn new(corners: &[[f64; D]], corner: usize) -> Option<Self> {
         let start = corners.get(corner)?;
         let is_box = corners.len() == 1 << D;
         let other = |k: usize| if is_box { corner ^ 1 << k } else { k + usize::from(k >= corner) };
         let edges = std::array::from_fn(|k| minus(&corners[other(k)], start));
-        Some(Vertex { edges, of_side: if is_box { 1 << (D - 1) } else { D } })
+        Some(Vertex { edges, corners_per_side: if is_box { 1 << (D - 1) } else { D } })
     }
 
     /// The share of the corner in the side most parallel to the surface with this normal, projected along the normal,
@@ -280,12 +280,12 @@ impl<const D: usize> Vertex<D> {
         let steepness = side.iter().map(|e| slope(e)).fold(0.0, f64::max);
         let whole = match side[..] {
             [a, b] => {
-                let of_parallelogram = dot(&in_space(normal), &cross(&in_space(a), &in_space(b))).abs();
-                if self.of_side == D { 0.5 * of_parallelogram } else { of_parallelogram }
+                let parallelogram = dot(&in_space(normal), &cross(&in_space(a), &in_space(b))).abs();
+                if self.corners_per_side == D { 0.5 * parallelogram } else { parallelogram }
             }
             [e] => norm(&along(e, -dot(e, normal), normal)),
             _ => 0.0,
         };
-        (whole / self.of_side as f64, steepness)
+        (whole / self.corners_per_side as f64, steepness)
     }
 }

@@ -47,16 +47,16 @@ pub fn overlaps_at_start<const D: usize>(model: &Model<D>, points: &Points<D>) -
         let inside = placed.inside();
         let way = if points.reduction().any(!inside.is_empty()) { placed.shortest_way() } else { None };
         for body in 0..model.bodies.len() {
-            let of_body: Vec<&Inside<D>> =
+            let in_body: Vec<&Inside<D>> =
                 inside.iter().filter(|inside| points.body[inside.p] as usize == body).collect();
-            let deepest = of_body.iter().copied().reduce(|a, b| if b.overlap > a.overlap { b } else { a });
+            let deepest = in_body.iter().copied().reduce(|a, b| if b.overlap > a.overlap { b } else { a });
             let larger = |a: Option<f64>, b: Option<f64>| a.zip(b).map(|(a, b)| a.max(b));
-            let reach = of_body.iter().map(|inside| inside.reach).fold(Some(0.0), larger);
+            let reach = in_body.iter().map(|inside| inside.reach).fold(Some(0.0), larger);
             let own = deepest.map(|Inside { p, corner, overlap, .. }| -> Deepest {
-                (points.id[*p], corner.to_vec(), *overlap, of_body.len(), reach)
+                (points.id[*p], corner.to_vec(), *overlap, in_body.len(), reach)
             });
-            let of_ranks = points.reduction().gather_all(own).into_iter().flatten();
-            let deepest = of_ranks.reduce(|a, b| {
+            let by_rank = points.reduction().gather_all(own).into_iter().flatten();
+            let deepest = by_rank.reduce(|a, b| {
                 let (n, reach) = (a.3 + b.3, larger(a.4, b.4));
                 let deeper = if b.2 > a.2 { b } else { a };
                 (deeper.0, deeper.1, deeper.2, n, reach)
@@ -95,7 +95,7 @@ impl<const D: usize> Placed<'_, D> {
             let found = tool.pose.closest(tool.shape.as_ref(), *x, f64::INFINITY);
             found.map_or(f64::INFINITY, |found| found.gap)
         };
-        let of_point = |p: usize| {
+        let found = |p: usize| {
             let x = &points.converged.position[p];
             let corners = domain(points, p);
             let radius = corners.iter().map(|corner| norm(&minus(corner, x))).fold(0.0, f64::max);
@@ -109,7 +109,7 @@ impl<const D: usize> Placed<'_, D> {
                 corners.into_iter().map(|corner| Inside { p, corner, overlap: -gap_at(&corner), reach });
             overlaps.filter(|inside| inside.overlap > least).max_by(|a, b| a.overlap.total_cmp(&b.overlap))
         };
-        self.touchable().filter_map(of_point).collect()
+        self.touchable().filter_map(found).collect()
     }
 
     /// The material points of the bodies that the tool may touch.
@@ -134,18 +134,18 @@ impl<const D: usize> Placed<'_, D> {
         let Placed { model, points, tool } = self;
         let reach = self.reach(model.grid.bounds());
         let shape = tool.shape.as_ref();
-        let of_corner = |corner: [f64; D]| {
+        let way = |corner: [f64; D]| {
             let (at, far) = (tool.pose.to_tool(&corner), along(&corner, -reach, direction));
             let far = tool.pose.to_tool(&far);
             let leaves = shape.closest(far).is_none_or(|found| found.gap > 0.0);
             let last = shape.first_contact(far, at).map_or(0.0, |fraction| reach * (1.0 - fraction));
             leaves.then_some(last)
         };
-        let of_point = |p: usize| {
-            let lengths = domain(points, p).into_iter().map(of_corner);
+        let found = |p: usize| {
+            let lengths = domain(points, p).into_iter().map(way);
             lengths.reduce(|a, b| Some(a?.max(b?))).unwrap_or(Some(0.0))
         };
-        let length = self.touchable().map(of_point).reduce(|| Some(0.0), |a, b| Some(a?.max(b?)));
+        let length = self.touchable().map(found).reduce(|| Some(0.0), |a, b| Some(a?.max(b?)));
         Some(points.reduction().largest(length.unwrap_or(f64::INFINITY))).filter(|length| length.is_finite())
     }
 

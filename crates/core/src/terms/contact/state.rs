@@ -1,13 +1,13 @@
 //! The state of tools and of the contact points that touch them, for results.
 
 use super::interface::Mode;
-use super::plain::{Plain, of_parts};
+use super::plain::{Plain, plain_parts};
 use crate::tool::Pose;
 
-of_parts!([const D: usize] ContactPoint<D>, {
+plain_parts!([const D: usize] ContactPoint<D>, {
     body, point, part, position, normal, area, force, pressure, shear, mode
 });
-of_parts!([const D: usize] Touching<D>, { tool, contact, moment, parts, overlap, allowed_overlap, slip });
+plain_parts!([const D: usize] Touching<D>, { tool, contact, moment, parts, overlap, allowed_overlap, slip });
 
 /// A tool at the end of a step.
 #[derive(Debug, Clone, PartialEq)]
@@ -76,7 +76,7 @@ pub struct ContactPoint<const D: usize> {
     pub pressure: f64,
     /// Shear stress on the body, [stress].
     pub shear: [f64; D],
-    /// Whether the contact point sticks, slides or parts.
+    /// The mode of the contact point: it sticks, slides or parts.
     pub mode: Mode,
 }
 
@@ -115,8 +115,8 @@ impl<const D: usize> ToolState<D> {
 
     /// Force of one part of the tool surface on the bodies, [force].
     pub fn force_of_part(&self, part: usize) -> [f64; D] {
-        let of_part = self.contacts.iter().filter(|contact| contact.part == part);
-        of_part.fold([0.0; D], |sum, contact| std::array::from_fn(|d| sum[d] + contact.force[d]))
+        let on_part = self.contacts.iter().filter(|contact| contact.part == part);
+        on_part.fold([0.0; D], |sum, contact| std::array::from_fn(|d| sum[d] + contact.force[d]))
     }
 }
 

@@ -4,7 +4,7 @@ use super::Contact;
 use super::candidates::Candidate;
 use super::evaluation::Trial;
 use super::interface::{Mode, Touch};
-use super::plain::of_all_ranks;
+use super::plain::gathered;
 use super::state::{ContactPoint, PartState, ToolState, Touching};
 use crate::model::{LoadCurve, Model};
 use crate::region::vector::norm;
@@ -36,7 +36,7 @@ impl<const D: usize> Contact<D> {
                 }
             })
             .collect();
-        let of_place = |(_, candidate, trial, touch): (_, &Candidate<D>, &Trial<D>, &Touch<D>)| {
+        let touching_at = |(_, candidate, trial, touch): (_, &Candidate<D>, &Trial<D>, &Touch<D>)| {
             let number = candidate.key.tool as usize;
             let moving = &self.tools[number];
             let (position, force) = (trial.position, touch.force());
@@ -66,9 +66,9 @@ impl<const D: usize> Contact<D> {
                 contact,
             }
         };
-        let touching = self.touching().map(of_place).collect();
-        for of_place in of_all_ranks(&self.reduction, touching) {
-            states[of_place.tool].add(of_place);
+        let touching = self.touching().map(touching_at).collect();
+        for found in gathered(&self.reduction, touching) {
+            states[found.tool].add(found);
         }
         states
     }

@@ -17,14 +17,14 @@ impl<const D: usize> Contact<D> {
     /// For each tool, true if contact points touch it, and true if one of them does not slide with friction.
     pub(super) fn touched(&self) -> [Vec<bool>; 2] {
         let n = self.tools.len();
-        let mut of_tools = vec![false; 2 * n];
+        let mut flags = vec![false; 2 * n];
         for (_, candidate, _, touch) in self.touching() {
             let tool = candidate.key.tool as usize;
-            of_tools[tool] = true;
-            of_tools[n + tool] |= !touch.slides_with_friction();
+            flags[tool] = true;
+            flags[n + tool] |= !touch.slides_with_friction();
         }
-        any_of_each(&self.reduction, &mut of_tools);
-        let holds = of_tools.split_off(n);
-        [of_tools, holds]
+        any_of_each(&self.reduction, &mut flags);
+        let holds = flags.split_off(n);
+        [flags, holds]
     }
 }

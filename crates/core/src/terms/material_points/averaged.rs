@@ -9,7 +9,7 @@ use std::ops::Range;
 use pulp::{Arch, Simd, WithSimd};
 
 use crate::basis::LinkBuffer;
-use crate::stress::{MOST_HISTORY, Mechanics, PointResponse, Volumetric, suits_lanes};
+use crate::stress::{MAX_HISTORY, Mechanics, PointResponse, Volumetric, suits_lanes};
 use crate::tensor::Lanes;
 use crate::terms::failure::PointFailure;
 
@@ -158,17 +158,17 @@ impl<const D: usize, M: Mechanics<D>> Averaged<'_, '_, '_, '_, D, M> {
         let kept = law.state_fields().len();
         // Unused lanes repeat the last point.
         let last = moved.len() - 1;
-        let of_lane: [usize; Lanes::WIDTH] = std::array::from_fn(|l| moved[l.min(last)].0);
-        let starts = of_lane.map(|p| &task.start[p]);
+        let lanes_of: [usize; Lanes::WIDTH] = std::array::from_fn(|l| moved[l.min(last)].0);
+        let starts = lanes_of.map(|p| &task.start[p]);
         let mut factors = [1.0; Lanes::WIDTH];
         let mut increments = [moved[last].1.increment; Lanes::WIDTH];
         for l in 0..Lanes::WIDTH {
             (increments[l], factors[l]) = barred::<D, M>(&moved[l.min(last)].1, theta);
         }
         let n = task.history_len;
-        let mut history = [Lanes::ZERO; MOST_HISTORY];
+        let mut history = [Lanes::ZERO; MAX_HISTORY];
         for (h, lanes) in history[..kept].iter_mut().enumerate() {
-            *lanes = Lanes::gather(|l| task.old_history[of_lane[l] * n + h]);
+            *lanes = Lanes::gather(|l| task.old_history[lanes_of[l] * n + h]);
         }
         let Some(found) = M::respond_averaging_vectorised(starts, &increments, law, &mut history[..kept])
         else {

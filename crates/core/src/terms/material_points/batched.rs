@@ -32,12 +32,12 @@ pub(super) fn batches<const D: usize>(model: &Model<D>, points: &Points<D>) -> V
     let has_batch = |number: &usize| model.materials[*number].law.batch().is_some();
     let batch = |material: usize| {
         let is_of = |p: &usize| model.bodies[points.body[*p] as usize].material == material;
-        let of_material: Vec<usize> = (0..points.len()).filter(is_of).collect();
+        let chosen: Vec<usize> = (0..points.len()).filter(is_of).collect();
         let kept = model.materials[material].law.state_fields().len();
         let history = |p: &usize| &points.converged.history[p * points.history_len..][..kept];
-        let old = of_material.iter().flat_map(history).copied().collect();
+        let old = chosen.iter().flat_map(history).copied().collect();
         let (trial, new, responses) = Default::default();
-        Batch { material, points: of_material, trial, old, new, responses }
+        Batch { material, points: chosen, trial, old, new, responses }
     };
     let batches = (0..model.materials.len()).filter(has_batch).map(batch);
     batches.filter(|batch| !batch.points.is_empty()).collect()

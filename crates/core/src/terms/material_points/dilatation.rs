@@ -117,14 +117,14 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
             for ((&local, g), value) in links.local.iter().zip(mapped).zip(links.value) {
                 let (node, g) = (local as usize, weak.gradient(g, *value));
                 let divergence = R::Averaged::divergence(&g);
-                let of_column = weak.column_of_coupling(&g);
+                let column_share = weak.column_of_coupling(&g);
                 for d in 0..D {
                     gradient[node][d] += part * divergence[d];
-                    column[node][d] += of_column[d];
+                    column[node][d] += column_share[d];
                 }
                 if !symmetric {
-                    let of_row = weak.row_of_coupling(&g);
-                    (0..D).for_each(|d| row[node][d] += of_row[d]);
+                    let row_share = weak.row_of_coupling(&g);
+                    (0..D).for_each(|d| row[node][d] += row_share[d]);
                 }
             }
         }

@@ -12,9 +12,7 @@ use crate::kinematics::Increment;
 use crate::linear::Block;
 use crate::material::Material;
 use crate::model::Model;
-use crate::stress::{
-    Formulation, MOST_HISTORY, Mechanics, PointResponse, StartOfStep, WeakForm, suits_lanes,
-};
+use crate::stress::{Formulation, MAX_HISTORY, Mechanics, PointResponse, StartOfStep, WeakForm, suits_lanes};
 use crate::tensor::{Lanes, Sym3};
 use crate::terms::failure::PointFailure;
 
@@ -296,8 +294,8 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         let count = alike.take(Lanes::WIDTH).count();
         // Unused lanes repeat the last point.
         let last = p + count - 1;
-        let of_lane = [p, last.min(p + 1), last.min(p + 2), last.min(p + 3)];
-        let [a, b, c, d] = of_lane;
+        let lanes_of = [p, last.min(p + 1), last.min(p + 2), last.min(p + 3)];
+        let [a, b, c, d] = lanes_of;
         let starts = [&task.start[a], &task.start[b], &task.start[c], &task.start[d]];
         let (group, room) = (self.group, &mut *self.room);
         // A closure might not be inlined, and would then be compiled without vector instructions.
@@ -308,9 +306,9 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
             task.increment(group, d, room),
         ];
         let n = task.history_len;
-        let mut history = [Lanes::ZERO; MOST_HISTORY];
+        let mut history = [Lanes::ZERO; MAX_HISTORY];
         for (h, lanes) in history[..kept].iter_mut().enumerate() {
-            *lanes = Lanes::gather(|l| task.old_history[of_lane[l] * n + h]);
+            *lanes = Lanes::gather(|l| task.old_history[lanes_of[l] * n + h]);
         }
         let Some(responses) = M::respond_vectorised(starts, &increments, law, &mut history[..kept]) else {
             return Ok(None);

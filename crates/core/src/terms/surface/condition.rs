@@ -108,10 +108,10 @@ impl<const D: usize> Condition<D> {
         let law = model.materials[model.bodies[surface.body].material].law.as_ref();
         let penalty = on.penalty * axial_modulus_at_rest(law) / surface.cell;
         let components: Vec<usize> = (0..D).filter(|&d| condition.displacement[d].is_some()).collect();
-        let of_component = |&component: &usize| {
+        let direction = |&component: &usize| {
             (0..surface.len()).map(|s| condition.direction(component, surface.normal(s))).collect()
         };
-        let directions = components.iter().map(of_component).collect();
+        let directions = components.iter().map(direction).collect();
         let patches = patches(model, surface);
         let n = components.len() * patches.iter().map(|patch| patch.functions.len()).sum::<usize>();
         Some(Condition {
@@ -453,11 +453,11 @@ impl<const D: usize> Condition<D> {
 impl<const D: usize> Equation<D> {
     /// Adds β B ⊗ B.
     fn add_stiffness<const N: usize>(&self, penalty: f64, sum: &mut System<N>) {
-        for (v, of_row) in &self.row {
-            for (w, of_column) in &self.row {
+        for (v, row_block) in &self.row {
+            for (w, column_block) in &self.row {
                 // A symmetric system stores the lower triangle only.
                 if let Some(place) = sum.place(*v as usize, *w as usize) {
-                    let block = of_row.map(|a| of_column.map(|b| penalty * a * b));
+                    let block = row_block.map(|a| column_block.map(|b| penalty * a * b));
                     sum.add_displacement_block(place, &block);
                 }
             }
@@ -496,14 +496,14 @@ fn patches<const D: usize>(model: &Model<D>, surface: &Surface<D>) -> Vec<Patch>
         });
         by_place.entry((*side, key)).or_default().push(sample as u32);
     }
-    let of_samples = |samples: Vec<u32>| {
+    let patch = |samples: Vec<u32>| {
         let areas: Vec<f64> =
             samples.iter().map(|&sample| model.original_area(surface, sample as usize)).collect();
         let functions = orthonormal(surface, &samples, &areas);
         let area = areas.iter().sum();
         Patch { samples, functions, area }
     };
-    by_place.into_values().map(of_samples).collect()
+    by_place.into_values().map(patch).collect()
 }
 
 /// The functions 1, x, y(, z) on a patch, orthonormalised in this order with respect to area and then multiplied by the

@@ -271,10 +271,10 @@ fn add_stiffness<const D: usize, const N: usize>(
             }
             derivative[i][D - 1] += on.slope / D as f64 * depth * area[i];
         }
-        carried.for_each_value(sample, |v, of_row| {
-            for (&w, of_column) in column.nodes().iter().zip(column.value()) {
+        carried.for_each_value(sample, |v, row_value| {
+            for (&w, column_value) in column.nodes().iter().zip(column.value()) {
                 if let Some(place) = sum.place(v, w as usize) {
-                    let block = derivative.map(|row| row.map(|x| of_row * of_column * x));
+                    let block = derivative.map(|row| row.map(|x| row_value * column_value * x));
                     sum.add_displacement_block(place, &block);
                 }
             }

@@ -207,7 +207,7 @@ fn iterations_converge_quadratically_in_stick_and_in_slip() {
         }
         assert!(seen > 2, "{seen}");
         let last = run.reports.last().unwrap();
-        let of_mode = tools(last)[1].contacts.iter().filter(|contact| contact.mode == mode).count();
-        assert!(of_mode > 8, "{of_mode}");
+        let alike = tools(last)[1].contacts.iter().filter(|contact| contact.mode == mode).count();
+        assert!(alike > 8, "{alike}");
     }
 }

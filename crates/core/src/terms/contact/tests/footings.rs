@@ -55,7 +55,7 @@ fn a_footing_sinks_under_a_dead_load_as_far_as_the_load_pushes_it() {
 fn the_displacement_of_a_footing_determines_its_load_and_its_motion() {
     let pushed = footing(Freedom::Prescribed(Formula::constant(-0.02)), 0.0);
     let force = tools(&pushed.reports[0])[0].force[1];
-    let control = Control::Displacement { of: Controlled::Tool(0), axis: 1, to: -0.02 };
+    let control = Control::Displacement { controlled: Controlled::Tool(0), axis: 1, to: -0.02 };
     let motion = Formula::parse("-0.05 * factor - 0.03 * factor^2", &["factor", "t"]).unwrap();
     let ways = [(Freedom::Free, -1e5), (Freedom::Prescribed(motion), 0.0)];
     for (freedom, load) in ways {

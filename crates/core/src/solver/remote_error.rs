@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 /// The error of another rank, as this rank knows it.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct OfRank {
+pub struct RemoteError {
     /// Number of the rank; `None` while nothing is known about the error.
     pub rank: Option<usize>,
     /// Code of the error.
@@ -21,7 +21,7 @@ pub struct OfRank {
     pub is_torn: bool,
 }
 
-impl std::fmt::Display for OfRank {
+impl std::fmt::Display for RemoteError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self.rank {
             Some(rank) => write!(f, "rank {rank}: {}", self.text),
