@@ -35,6 +35,8 @@ pub struct Varying<L> {
     typical: L,
     /// Factor by which the strength is divided.
     divided_by: f64,
+    /// Duration of the step, [time], for laws that depend on it.
+    duration: Option<f64>,
     /// True if the tangent is symmetric whatever the properties are.
     is_symmetric: bool,
 }
@@ -72,6 +74,7 @@ impl<L: Material> Varying<L> {
             law: Arc::new(law),
             typical,
             divided_by: 1.0,
+            duration: None,
             is_symmetric,
         }
     }
@@ -84,12 +87,14 @@ impl<L: Material> Varying<L> {
     /// Evaluates the law of a point.
     fn with<T>(&self, properties: &[f64], evaluate: impl FnOnce(&dyn Material) -> T) -> T {
         let law = (self.law)(properties);
-        if self.divided_by == 1.0 {
+        if self.divided_by == 1.0 && self.duration.is_none() {
             return evaluate(&law);
         }
-        match law.with_strength_divided(self.divided_by) {
-            Some(divided) => evaluate(divided.as_ref()),
-            None => evaluate(&law),
+        let divided = if self.divided_by == 1.0 { None } else { law.with_strength_divided(self.divided_by) };
+        let law = divided.as_deref().unwrap_or(&law);
+        match self.duration.and_then(|duration| law.for_duration(duration)) {
+            Some(timed) => evaluate(timed.as_ref()),
+            None => evaluate(law),
         }
     }
 }
@@ -185,7 +190,22 @@ impl<L: Material + Clone + 'static> Material for Varying<L> {
             law: self.law.clone(),
             typical: self.typical.clone(),
             divided_by,
+            duration: self.duration,
             is_symmetric: self.is_symmetric && is_symmetric,
+        }))
+    }
+
+    fn for_duration(&self, duration: f64) -> Option<Box<dyn Material>> {
+        self.typical.for_duration(duration)?;
+        Some(Box::new(Varying {
+            fields: self.fields.clone(),
+            n_properties: self.n_properties,
+            at: self.at.clone(),
+            law: self.law.clone(),
+            typical: self.typical.clone(),
+            divided_by: self.divided_by,
+            duration: Some(duration),
+            is_symmetric: self.is_symmetric,
         }))
     }
 
