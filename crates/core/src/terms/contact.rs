@@ -27,7 +27,7 @@
 //! equations.
 //!
 //! Contact points that the last domain update has moved into a tool may at first stay at their depth: g is then
-//! measured from this depth (see [`allowance`]).
+//! measured from this depth (see [`candidates`]).
 //!
 //! # Augmentation
 //!
@@ -41,7 +41,7 @@
 //! method is that of the final forces, and [`ToolState::overlap`] reports the overlap that is left.
 //!
 //! Near the solution, the multipliers are updated along one increment of Newton's method per step, without a change of
-//! state (see [`along`]): most steps then need no further update, and no more solves than a step without contact.
+//! state (see [`multipliers`]): most steps then need no further update, and no more solves than a step without contact.
 //!
 //! # Safeguards
 //!
@@ -51,27 +51,19 @@
 //! of the tool is extrapolated as a plane. Contact points that touch without force, such as those of a block on a slope
 //! before its first step, then contribute their stiffness, which holds the body.
 
-mod agreement;
-mod all_ranks;
-mod allowance;
-mod along;
 mod augmentation;
 mod candidates;
 mod evaluation;
-mod finding;
 mod interface;
 mod motion;
 mod multipliers;
-mod plain;
+mod ranks;
 mod safeguards;
-mod saved;
 mod search;
 mod start;
 mod state;
-mod states;
 #[cfg(test)]
 mod tests;
-mod together;
 
 use std::collections::BTreeSet;
 
@@ -94,13 +86,12 @@ use super::multipliers::Multipliers;
 use super::report::TermReport;
 use super::saved::Saved;
 use super::term::{Character, Coupled, Term};
-use agreement::{Failure, agreed};
 use candidates::{Candidate, Key};
 use evaluation::{Trial, Trials};
 use interface::Multiplier;
 use motion::Moving;
 use multipliers::{Change, Kept, Worst, forces_of};
-use plain::gathered;
+use ranks::{Failure, agreed, gathered};
 use search::Found;
 
 pub use interface::Mode;
@@ -313,11 +304,12 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
     fn save(&self) -> Option<Saved> {
         let poses: Vec<_> = self.tools.iter().map(|moving| moving.start).collect();
         let (converged, has_begun) = (self.converged.clone(), self.has_begun.clone());
-        Some(Saved::new(move || saved::save(&poses, &converged, &has_begun)))
+        Some(Saved::new(move || multipliers::save(&poses, &converged, &has_begun)))
     }
 
     fn restore(&mut self, saved: &Value) -> Result<(), String> {
-        let (poses, converged, has_begun) = saved::restore(saved, self.tools.len(), self.has_begun.len())?;
+        let (poses, converged, has_begun) =
+            multipliers::restore(saved, self.tools.len(), self.has_begun.len())?;
         for (moving, pose) in self.tools.iter_mut().zip(poses) {
             (moving.start, moving.end) = (pose, pose);
         }

@@ -1,16 +1,16 @@
 //! The updates of the multipliers of contact, in equilibrium and along an increment.
 
-use super::Contact;
-use super::agreement::Failure;
-use super::along::{Followed, followed};
-use super::evaluation::{self, first_unknowns};
-use super::multipliers::{self, Change, Worst, forces_of, worst};
 use crate::assembly::System;
 use crate::points::Points;
 use crate::step::{At, StepContext};
-use crate::terms::failure::ContactError;
-use crate::terms::failure::EvaluateError;
+use crate::terms::failure::{ContactError, EvaluateError};
 use crate::terms::multipliers::{Augmentation, Multipliers, Response};
+
+use super::Contact;
+use super::evaluation::{self, first_unknowns};
+use super::motion::farthest;
+use super::multipliers::{self, Change, Followed, Worst, followed, forces_of, worst};
+use super::ranks::{Failure, any_of_each};
 
 /// Factor applied to the penalty of contact points whose gaps close slowly over many updates.
 const MORE_PENALTY: f64 = 10.0;
@@ -137,5 +137,29 @@ impl<const D: usize, const N: usize> Multipliers<D, N> for Contact<D> {
 
     fn withdraw(&mut self) {
         self.multipliers.clone_from(&self.before_increment);
+    }
+}
+
+impl<const D: usize> Contact<D> {
+    /// The largest displacement of a node, [length], and whether this is the start of the iterations.
+    pub(super) fn motion<const N: usize>(&self, at: At<N>) -> (f64, bool) {
+        let moves = at.delta_d.iter().flatten().chain(at.globals).any(|u| *u != 0.0);
+        let mut numbers = [farthest::<D, N>(at.delta_d), f64::from(u8::from(moves))];
+        self.reduction.maximum(&mut numbers);
+        (numbers[0], numbers[1] == 0.0)
+    }
+
+    /// For each tool, true if contact points touch it, and true if one of them does not slide with friction.
+    pub(super) fn touched(&self) -> [Vec<bool>; 2] {
+        let n = self.tools.len();
+        let mut flags = vec![false; 2 * n];
+        for (_, candidate, _, touch) in self.touching() {
+            let tool = candidate.key.tool as usize;
+            flags[tool] = true;
+            flags[n + tool] |= !touch.slides_with_friction();
+        }
+        any_of_each(&self.reduction, &mut flags);
+        let holds = flags.split_off(n);
+        [flags, holds]
     }
 }

@@ -1,15 +1,18 @@
 //! The multipliers of the augmented Lagrangian: the contact forces at which gaps and slips vanish.
 
 use rustc_hash::FxHashMap;
+use serde_json::{Value, json};
 
-use super::all_ranks::add_others;
-use super::candidates::Candidate;
-use super::evaluation::Trial;
-use super::interface::Multiplier;
-use super::motion::Moving;
-use super::plain::{Plain, gathered, plain_parts};
 use crate::ranks::Reduction;
-use crate::region::vector::{along, norm};
+use crate::region::vector::{along, minus, norm};
+use crate::tool::Pose;
+
+use super::candidates::{Candidate, Key};
+use super::evaluation::Trial;
+use super::interface::{Added, Multiplier};
+use super::motion::Moving;
+use super::ranks::{Plain, gathered, plain_parts};
+use super::search::add_others;
 
 plain_parts!([] Worst, { tool, named, rank, size, place, mean, overlap, slip });
 plain_parts!([const D: usize] Kept<D>, { multiplier, motion, excess });
@@ -270,4 +273,101 @@ impl Worst {
         let accepted = if is_slow { tolerance.max(most) } else { tolerance };
         self.error(accepted) <= 1.0
     }
+}
+
+/// A contact point at the linearised end of an increment.
+pub(super) struct Followed<const D: usize> {
+    /// Its multipliers after an update.
+    pub(super) multiplier: Multiplier<D>,
+    /// The force on the body that the update adds, [force].
+    pub(super) force: [f64; D],
+    /// What the update changes.
+    pub(super) change: Option<Change<D>>,
+}
+
+/// A contact point at the linearised end of an increment of the nodes and of the unknown motions of its tool; `None` if
+/// the contact point changes its state on the way.
+pub(super) fn followed<const D: usize, const N: usize>(
+    candidate: &Candidate<D>,
+    multiplier: &Multiplier<D>,
+    trial: &Trial<D>,
+    moving: &Moving<D>,
+    (delta, motions): (&[[f64; N]], &[f64]),
+) -> Option<Followed<D>> {
+    let u = candidate.displacement(delta);
+    let (mut relative, mut slipping) = (u, u);
+    let carried = minus(&trial.position, &trial.slip);
+    for (&k, motion) in moving.free.iter().zip(motions) {
+        relative = along(&relative, -motion, &moving.velocity(k, &trial.position).0);
+        slipping = along(&slipping, -motion, &moving.velocity(k, &carried).0);
+    }
+    let Some(touch) = &trial.touch else {
+        // The contact point stays open: its multipliers vanish and add no force.
+        return (*multiplier == Multiplier::default()).then_some(Followed {
+            multiplier: *multiplier,
+            force: [0.0; D],
+            change: None,
+        });
+    };
+    let now = Multiplier { shear: moving.end.vector_to_space(&multiplier.shear), ..*multiplier };
+    let Added { multiplier: next, force, overlap, slip } = touch.update_along(&now, &relative, &slipping)?;
+    let next = Multiplier { shear: moving.end.vector_to_tool(&next.shear), ..next };
+    let change = Change::new(overlap, &slip, &touch.normal());
+    Some(Followed { multiplier: next, force, change: Some(change) })
+}
+
+/// The poses of the tools, the state kept for the contact points, and whether each body has begun.
+type State<const D: usize> = (Vec<Pose<D>>, FxHashMap<Key, Kept<D>>, Vec<bool>);
+
+/// The state at the end of the last converged step.
+pub(super) fn save<const D: usize>(
+    poses: &[Pose<D>],
+    converged: &FxHashMap<Key, Kept<D>>,
+    has_begun: &[bool],
+) -> Value {
+    let poses: Vec<Vec<f64>> = poses.iter().map(Pose::to_numbers).collect();
+    let mut places: Vec<(&Key, &Kept<D>)> = converged.iter().collect();
+    places.sort_by_key(|(key, _)| **key);
+    let keys: Vec<u32> = places.iter().flat_map(|(key, _)| [key.tool, key.point, key.corner]).collect();
+    let kept = || places.iter().map(|(_, kept)| *kept);
+    let forces: Vec<f64> =
+        kept().flat_map(|kept| [kept.multiplier.normal].into_iter().chain(kept.multiplier.shear)).collect();
+    let motions: Vec<f64> = kept().flat_map(|kept| [kept.motion, kept.excess]).collect();
+    json!({"poses": poses, "places": keys, "forces": forces, "motions": motions, "bodies": has_begun})
+}
+
+/// Restores the state that [`save`] returned, for these numbers of tools and bodies.
+pub(super) fn restore<const D: usize>(
+    saved: &Value,
+    tools: usize,
+    bodies: usize,
+) -> Result<State<D>, String> {
+    fn part<T: serde::de::DeserializeOwned>(saved: &Value, key: &str) -> Result<T, String> {
+        serde_json::from_value(saved[key].clone()).map_err(|error| error.to_string())
+    }
+    let poses: Vec<Vec<f64>> = part(saved, "poses")?;
+    let keys: Vec<u32> = part(saved, "places")?;
+    let forces: Vec<f64> = part(saved, "forces")?;
+    let motions: Vec<f64> = part(saved, "motions")?;
+    let has_begun: Vec<bool> = part(saved, "bodies")?;
+    let poses: Option<Vec<Pose<D>>> = poses.iter().map(|numbers| Pose::from_numbers(numbers)).collect();
+    let poses = poses.filter(|poses| poses.len() == tools).ok_or("its poses are not those of the tools")?;
+    let (motions, rest) = motions.as_chunks::<2>();
+    let n = motions.len();
+    let fits = rest.is_empty() && keys.len() == 3 * n && forces.len() == (1 + D) * n;
+    if !fits || has_begun.len() != bodies {
+        return Err("its contact points are not those of the bodies".to_owned());
+    }
+    let mut converged = FxHashMap::default();
+    for ((key, force), motion) in keys.chunks_exact(3).zip(forces.chunks_exact(1 + D)).zip(motions) {
+        let [motion, excess] = *motion;
+        let key = Key { tool: key[0], point: key[1], corner: key[2] };
+        let multiplier = Multiplier { normal: force[0], shear: std::array::from_fn(|d| force[1 + d]) };
+        let is_known = (key.tool as usize) < tools && motion >= 0.0 && excess >= 0.0;
+        if !is_known || !force.iter().all(|f| f.is_finite()) {
+            return Err("a force on its contact points is invalid".to_owned());
+        }
+        converged.insert(key, Kept { multiplier, motion, excess });
+    }
+    Ok((poses, converged, has_begun))
 }
