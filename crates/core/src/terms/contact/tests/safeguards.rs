@@ -102,7 +102,7 @@ fn a_run_goes_on_from_its_saved_state_with_the_same_bits() {
         Stepper::new(&model, &mut again).resume(reached).unwrap().run(&mut rest).unwrap();
         assert_eq!(points.converged.position, again.converged.position, "{method:?}");
         assert_eq!(
-            whole.0[3..].iter().map(|r| tools(r)).collect::<Vec<_>>(),
+            whole.0[3..].iter().map(tools).collect::<Vec<_>>(),
             rest.0.iter().map(tools).collect::<Vec<_>>()
         );
     }
