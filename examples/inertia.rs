@@ -221,8 +221,11 @@ fn run(
     Ok(stepper.reached().summary.clone())
 }
 
-/// The flight of the vibrating bar along x: kinetic and elastic energy after each step, [J], and the summary.
-fn vibrate(steps: usize) -> Result<(Vec<[f64; 2]>, Summary), Box<dyn std::error::Error>> {
+/// Kinetic and elastic energy after each step, [J], and the summary.
+type Flight = (Vec<[f64; 2]>, Summary);
+
+/// The flight of the vibrating bar along x.
+fn vibrate(steps: usize) -> Result<Flight, Box<dyn std::error::Error>> {
     let (model, mut points) = bar(steps, 1.6, [false, true])?;
     let phase = |x: f64| (x - 1.0) * std::f64::consts::PI / LENGTH;
     let mut energies = Vec::new();

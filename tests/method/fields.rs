@@ -55,14 +55,12 @@ impl Term<2, 3> for KeptVolume {
                 step.links.for_each_link(p, |local, value, gradient| {
                     links.push((nodes[local] as usize, value, *gradient));
                 });
-                let sum_of = |part: &dyn Fn(&[f64; 3], f64, &[f64; 2]) -> f64| -> f64 {
-                    links
-                        .iter()
-                        .map(|(node, value, gradient)| part(&at.delta_d[*node], *value, gradient))
-                        .sum()
-                };
-                let pressure = sum_of(&|u, value, _| value * u[2]);
-                let growth = sum_of(&|u, _, gradient| gradient[0] * u[0] + gradient[1] * u[1]);
+                let (mut pressure, mut growth) = (0.0, 0.0);
+                for (node, value, gradient) in &links {
+                    let u = at.delta_d[*node];
+                    pressure += value * u[2];
+                    growth += gradient[0] * u[0] + gradient[1] * u[1];
+                }
                 for &(row, value, row_slope) in &links {
                     let force = &mut sum.internal_force_mut()[row];
                     (0..2).for_each(|d| force[d] += volume * pressure * row_slope[d]);
