@@ -2,68 +2,58 @@
 //!
 //! | File | Content |
 //! |---|---|
-//! | `stepper`, `pace` | the sequence of steps, and their size |
-//! | `acceptance`, `refusal` | the commit of a converged step, and the recovery from a failed attempt |
+//! | `stepper` | the sequence of steps |
+//! | `stepping`: `pace`, `control` | the size of steps; beyond the paper: unknown load factor, prediction |
+//! | `stepping`: `strength` | factors of a strength reduction, and displacements during it |
+//! | `stepping`: `splitting` | domains that have become too long are split between steps |
+//! | `refusal` | the recovery from a failed attempt |
 //! | `stages`, `release` | the transition between stages: what is added and removed, and the forces that are released |
 //! | `change` | the change of a model between two steps |
 //! | `load_step`, `step_system` | one attempt at a step, and the equations that it sets up once |
 //! | `newton` | the iterations: forces and K of an iterate, eqs. (19)-(23), (28), residual, what follows from it |
 //! | `increment`, `unknowns` | δd, eqs. (26), (30); Δd, reactions and global unknowns, eq. (28) |
 //! | `line_search` | the decision to accept an iterate, or to evaluate it again, in most cases after a shorter δd |
-//! | `residual`, `body_residual`, `round_off` | eq. (40) for connected parts and for bodies; its round-off |
+//! | `residual`: `body_residual`, `round_off` | eq. (40) for connected parts and for bodies; its round-off |
 //! | `update` | motion of points and domains, section 6.4 |
 //! | `equations` | choice of the linear solver, border of global unknowns |
 //! | `initial_state` | equilibrium of bodies that are stressed at time 0 |
-//! | `strength` | factors of a strength reduction, and displacements during it |
-//! | `splitting` | domains that have become too long are split between steps |
 //! | `progress` | what the next step builds on and a restart restores |
-//! | `conclusion`, `summary`, `observer` | reports on a step and on the run |
-//! | `course` | the record of the iterations, with f^R of eq. (28) |
-//! | `forcing`, `damping` | beyond the paper: inexact solves, damping |
-//! | `control`, `motion` | beyond the paper: unknown load factor, prediction |
-//! | `collective`, `remote_error` | collective decisions of the ranks of a run |
-//! | `attempt`, `error`, `located` | how attempts end, and the point or node at fault |
-//! | `diagnosis`, `evidence`, `stiffness` | why attempts fail; stiffness contrasts between materials |
+//! | `conclusion` | the report on an attempt, and the commit of a converged step |
+//! | `summary`, `observer` | reports on the run, and their receiver |
+//! | `course` | the record of the iterations, with f^R of eq. (28); beyond the paper: inexact solves |
+//! | `damping` | beyond the paper: damping |
+//! | `collective` | collective decisions of the ranks of a run |
+//! | `attempt`, `error`, `located` | how attempts end, also on another rank, and the point or node at fault |
+//! | `diagnosis`: `evidence`, `stiffness` | why attempts fail; stiffness contrasts between materials |
 //!
 //! A step that fails leaves no trace in the converged state. It is retried in two halves, down to the smallest step
 //! that the deck allows; only equilibrium is accepted and reported. While bodies slump, the points move on over several
 //! fresh grids; if no equilibrium follows, the points are restored.
 
-mod acceptance;
 mod attempt;
-mod body_residual;
 mod change;
 mod collective;
 mod conclusion;
-mod control;
 mod course;
 mod damping;
 mod diagnosis;
 mod equations;
 mod error;
-mod evidence;
-mod forcing;
 mod increment;
 mod initial_state;
 mod line_search;
 mod load_step;
 mod located;
-mod motion;
 mod newton;
 mod observer;
-mod pace;
 mod progress;
 mod refusal;
 mod release;
-mod remote_error;
 mod residual;
-mod round_off;
-mod splitting;
 mod stages;
 mod step_system;
 mod stepper;
-mod stiffness;
-mod strength;
+mod stepping;
 mod summary;
 mod unknowns;
 mod update;
@@ -78,20 +68,18 @@ pub use crate::equilibrium::{
 pub use crate::step::Step;
 pub use attempt::{FailedAttempt, Iterate};
 pub use change::change_model;
-pub use control::{NoPath, Path, path_length};
 pub use diagnosis::{Circumstances, Diagnosis, Kind, Loss};
-pub use error::{CODES, Obstacle, SolveError};
-pub use motion::Motion;
+pub use error::{CODES, Obstacle, RemoteError, SolveError};
 pub use observer::{Observer, Silent};
-pub use pace::Pace;
 pub use progress::{Progress, Reached, StageReached};
-pub use remote_error::RemoteError;
 pub use stages::{
     Change, Extension, FurtherTerms, resume_stage, run_extended, run_stages, run_stages_with_terms,
     run_with_changes,
 };
 pub use stepper::{Kernels, Stepper};
-pub use strength::{StageStrength, StrengthBracket};
+pub use stepping::control::{Motion, NoPath, Path, path_length};
+pub use stepping::pace::Pace;
+pub use stepping::strength::{StageStrength, StrengthBracket};
 pub use summary::Summary;
 
 /// A model in a number of dimensions that the solver supports.

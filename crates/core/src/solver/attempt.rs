@@ -7,9 +7,9 @@ use crate::model::StiffnessUpdate;
 use crate::ranks::Reduction;
 use crate::step::{Nodal, Step, StepContext};
 
-use super::control::{NoPath, Path};
 use super::error::SolveError;
-use super::pace::Pace;
+use super::stepping::control::{NoPath, Path};
+use super::stepping::pace::Pace;
 
 /// Largest number of linear solves in a thorough attempt, unless the settings allow more.
 const MANY_ITERATIONS: usize = 50;

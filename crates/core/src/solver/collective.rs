@@ -9,8 +9,8 @@ use crate::ranks::Ranks;
 use crate::step::{Step, StepContext};
 use crate::terms::{Term, Terms};
 
+use super::error::RemoteError;
 use super::error::SolveError;
-use super::remote_error::RemoteError;
 
 /// An error as its rank reports it to the other ranks.
 fn as_reported_by(rank: usize, error: &SolveError) -> RemoteError {

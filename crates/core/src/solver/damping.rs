@@ -14,7 +14,7 @@ use crate::ranks::Reduction;
 use crate::step::Nodal;
 use crate::terms::Terms;
 
-use super::evidence::points_that_flow;
+use super::diagnosis::evidence::points_that_flow;
 
 /// Largest number of evaluations in the line search of a damped iteration, and of halvings of an increment that a point
 /// cannot follow.

@@ -2,19 +2,20 @@
 //!
 //! Advice refers to the keys of the input and is therefore written in the crate that knows them.
 
+pub(super) mod evidence;
+pub(super) mod stiffness;
+
 use serde::{Deserialize, Serialize};
 
 use crate::material::MaterialError;
-use crate::model::{Model, Newton, SAME_TIME, StabilisationMode, Stepping};
+use crate::model::{Model, Newton, StabilisationMode, Stepping};
 use crate::points::{Points, coordinates};
 use crate::quality::oscillation;
-use crate::step::Step;
 use crate::stress::{PointError, Volumetric};
 
 use super::attempt::FailedAttempt;
 use super::error::{Obstacle, PointPlace, SolveError};
-use super::evidence::{self, emptiest_cell, points_that_flow};
-use super::stiffness;
+use evidence::{cut_to, emptiest_cell, points_that_flow};
 
 /// Filling ratio below which a cell is a small cut cell, [-].
 const SMALL: f64 = 0.1;
@@ -304,12 +305,6 @@ impl Diagnosis {
             circumstances,
         }
     }
-}
-
-/// Size of a step relative to a requested one, if the step is smaller, [-].
-fn cut_to(stepping: &Stepping, step: Step) -> Option<f64> {
-    let size = (step.end - step.start) / stepping.size();
-    (size < 1.0 - SAME_TIME).then_some(size)
 }
 
 /// True if a point uses its own volume ratio.

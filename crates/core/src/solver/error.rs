@@ -13,13 +13,12 @@ use crate::linear::LinearError;
 use crate::memory::in_words;
 use crate::model::GridMotionError;
 use crate::points::coordinates;
+use crate::step::Step;
 use crate::stress::PointError;
 use crate::terms::{BeginError, ContactError, LoadNotFinite, SurfaceLost, TermFailure};
 
-use super::control::NoPath;
-use super::remote_error::RemoteError;
 use super::residual::MAX_ROUND_OFF;
-use crate::step::Step;
+use super::stepping::control::NoPath;
 
 /// A material point, as named in an error.
 #[derive(Debug, Clone, PartialEq)]
@@ -455,6 +454,34 @@ impl SolveError {
             | SolveError::Point { residuals, .. } => residuals,
             SolveError::OnRank(error) => &error.residuals,
             _ => &[],
+        }
+    }
+}
+
+/// The error of another rank, as this rank knows it.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct RemoteError {
+    /// Number of the rank; `None` while nothing is known about the error.
+    pub rank: Option<usize>,
+    /// Code of the error.
+    pub code: String,
+    /// The error in words.
+    pub text: String,
+    /// Residuals of the failed step, [-].
+    pub residuals: Vec<f64>,
+    /// True if a smaller step may succeed.
+    pub is_retryable: bool,
+    /// True if points or domains could not follow the grid.
+    pub has_lost_points: bool,
+    /// True if a domain is torn.
+    pub is_torn: bool,
+}
+
+impl std::fmt::Display for RemoteError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self.rank {
+            Some(rank) => write!(f, "rank {rank}: {}", self.text),
+            None => f.write_str(&self.text),
         }
     }
 }

@@ -5,13 +5,13 @@ use crate::step::{At, Nodal, displacement};
 use crate::timing::Phase;
 
 use super::attempt::{Attempt, NoIncrement};
-use super::control::{Field, NoPath, Responses};
 use super::damping::{AT_REST, Damping, MAX_FACTORISATIONS, farthest};
 use super::equations::RightHandSide;
 use super::error::SolveError;
 use super::load_step::smallest_cell;
 use super::newton::LoadStep;
 use super::step_system::StepSystem;
+use super::stepping::control::{Field, NoPath, Responses};
 use super::unknowns::Unknowns;
 
 /// Largest number of increments with support in an attempt: a body that still slides after these does not come to rest.

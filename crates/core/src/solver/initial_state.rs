@@ -13,7 +13,7 @@ use super::located::{locate_failure, with_energy, worst};
 use super::observer::Observer;
 use super::progress::Reached;
 use super::residual::Forces;
-use super::round_off::EvaluatedAt;
+use super::residual::round_off::EvaluatedAt;
 use super::step_system::StepSystem;
 use super::stepper::Stepper;
 use super::unknowns::Unknowns;

@@ -8,9 +8,9 @@ use crate::points::{Points, State};
 use crate::step::{Step, StepContext};
 use crate::terms::{EvaluateError, LawFailure, PointFailure};
 
+use super::diagnosis::stiffness::stiffnesses;
 use super::error::{PointPlace, SolveError};
 use super::step_system::StepSystem;
-use super::stiffness::stiffnesses;
 
 impl SolveError {
     pub(super) fn unsupported<const D: usize>(

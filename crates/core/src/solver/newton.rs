@@ -8,7 +8,6 @@ use crate::timing::Phase;
 
 use super::attempt::{Attempt, Ended};
 use super::conclusion::LastIterate;
-use super::control::{Condition, NoPath};
 use super::course::Course;
 use super::damping::{self, Damping};
 use super::equations::Equations;
@@ -16,9 +15,10 @@ use super::error::SolveError;
 use super::line_search::{Decision, Search, Situation};
 use super::located::locate_failure;
 use super::observer::Observer;
+use super::residual::round_off::EvaluatedAt;
 use super::residual::{Measured, RoundOff};
-use super::round_off::EvaluatedAt;
 use super::step_system::StepSystem;
+use super::stepping::control::{Condition, NoPath};
 use super::summary::Summary;
 use super::unknowns::Unknowns;
 

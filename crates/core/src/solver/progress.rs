@@ -10,9 +10,9 @@ use crate::quality::Quality;
 use crate::step::Step;
 use crate::terms::Saved;
 
-use super::control::Path;
-use super::pace::Pace;
-use super::strength::{StageStrength, StrengthBracket};
+use super::stepping::control::Path;
+use super::stepping::pace::Pace;
+use super::stepping::strength::{StageStrength, StrengthBracket};
 use super::summary::{MAX_COUNT, Summary};
 
 /// The last converged step of a run: together with the points, all that a restart needs.

@@ -9,6 +9,9 @@
 //! Each field beside the displacement is measured by its own forces, so units do not mix; a step is in equilibrium when
 //! every field meets the tolerance.
 
+pub(super) mod body_residual;
+pub(super) mod round_off;
+
 use std::collections::BTreeSet;
 use std::ops::Range;
 
@@ -19,7 +22,7 @@ use crate::ranks::Reduction;
 use crate::region::vector::norm;
 use crate::step::Nodal;
 
-use super::round_off::{ACCUMULATED, EvaluatedAt};
+use round_off::{ACCUMULATED, EvaluatedAt};
 
 /// Largest accepted residual of a part, and largest accepted resultant of its out-of-balance force relative to the sum
 /// of the magnitudes of its forces, if round-off prevents smaller ones, [-].

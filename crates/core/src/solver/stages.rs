@@ -14,15 +14,15 @@ use crate::timing::Phase;
 
 use super::Solvable;
 use super::collective::agree;
-use super::control::Path;
 use super::error::SolveError;
 use super::located::with_energy;
 use super::observer::Observer;
-use super::pace::Pace;
 use super::progress::{Progress, Reached, StageReached};
 use super::residual::MAX_ROUND_OFF;
-use super::splitting::split_again;
 use super::stepper::{Kernels, Stepper, finish, start};
+use super::stepping::control::Path;
+use super::stepping::pace::Pace;
+use super::stepping::splitting::split_again;
 
 /// Fraction of the largest force that bodies have carried below which an out-of-balance force may be round-off, [-].
 const LEFT: f64 = 1e-9;

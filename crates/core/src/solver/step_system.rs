@@ -9,10 +9,10 @@ use crate::step::StepContext;
 use crate::terms::{Sum, Terms};
 
 use super::collective::{agree, begin};
-use super::control::Condition;
 use super::error::SolveError;
 use super::progress::Progress;
 use super::residual::Parts;
+use super::stepping::control::Condition;
 
 /// The equations of one attempt, set up once.
 pub(super) struct StepSystem<const D: usize, const N: usize = D> {

@@ -7,8 +7,8 @@ use crate::model::Model;
 use crate::points::Points;
 use crate::ranks::Reduction;
 
-use super::residual::{Forces, ratio};
 use super::round_off::{ACCUMULATED, IN_MOTION, IN_STRAIN, forces_of_unit_strain};
+use super::{Forces, ratio};
 
 /// For each body, the out-of-balance force beyond round-off at the nodes that no other body touches, relative to the
 /// larger of two forces: that on these nodes, and that which the points of the body exert on shared nodes, [-]. Empty
@@ -16,7 +16,7 @@ use super::round_off::{ACCUMULATED, IN_MOTION, IN_STRAIN, forces_of_unit_strain}
 ///
 /// The residual of a part with several bodies is relative to all forces on the part. A body that carries little
 /// compared with the others may then be out of balance unnoticed.
-pub(super) fn body_residuals<const D: usize, const N: usize>(
+pub(crate) fn body_residuals<const D: usize, const N: usize>(
     forces: &Forces<'_, N>,
     model: &Model<D>,
     points: &Points<D>,

@@ -26,7 +26,7 @@ struct Present<'a, const D: usize, const N: usize> {
 
 /// Splits the points whose domains have become longer than their bodies allow, and adds the splits of all ranks to the
 /// earlier ones.
-pub(super) fn split_long<const D: usize, const N: usize>(
+pub(crate) fn split_long<const D: usize, const N: usize>(
     model: &Model<D>,
     points: &mut Points<D>,
     terms: &Terms<D, N>,
@@ -46,7 +46,7 @@ pub(super) fn split_long<const D: usize, const N: usize>(
 /// Moves the corners of the domains of the points with these permanent numbers out of the obstacles of the terms,
 /// because these domains have been replaced without regard to obstacles. A domain that would become invalid stays as it
 /// is.
-pub(super) fn push_out_of_tools<const D: usize, const N: usize>(
+pub(crate) fn push_out_of_tools<const D: usize, const N: usize>(
     model: &Model<D>,
     points: &mut Points<D>,
     terms: &Terms<D, N>,
@@ -63,7 +63,7 @@ pub(super) fn push_out_of_tools<const D: usize, const N: usize>(
 ///
 /// # Errors
 /// The reason, if no run of this model can have split them.
-pub(super) fn split_again<const D: usize>(
+pub(crate) fn split_again<const D: usize>(
     model: &Model<D>,
     points: &mut Points<D>,
     splits: &[Split],

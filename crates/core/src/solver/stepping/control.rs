@@ -3,6 +3,10 @@
 //!
 //! All loads grow in proportion, f_ext = λ f̂. An iteration solves K δd_r = r and K δd_f = f̂ with one factorisation
 //! and takes δd = δd_r + δλ δd_f, where δλ is such that δd meets the condition.
+//!
+//! The motion of the grid in the last step may serve the next step as the direction of the path or as a prediction.
+
+use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
@@ -10,10 +14,8 @@ use crate::basis::Connectivity;
 use crate::model::{Control, Controlled, Model};
 use crate::points::Points;
 use crate::ranks::Reduction;
-use crate::terms::{GlobalMotion, Terms, motions};
-
-use super::motion::Motion;
 use crate::step::Step;
+use crate::terms::{GlobalMotion, Terms, motions};
 
 /// Data on the path so far that the next step needs.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -24,7 +26,7 @@ pub struct Path {
     /// if the arc length does not determine the load factor.
     pub rate: Option<f64>,
     /// Motion in the last step, if the next step uses it.
-    pub(super) motion: Motion,
+    pub(crate) motion: Motion,
 }
 
 impl Path {
@@ -35,31 +37,31 @@ impl Path {
     }
 
     /// True if a run in `D` dimensions can have this path.
-    pub(super) fn fits<const D: usize>(&self) -> bool {
+    pub(crate) fn fits<const D: usize>(&self) -> bool {
         self.motion.fits::<D>()
     }
 }
 
 /// A motion of the nodes, together with the change of the global unknowns.
 #[derive(Clone, Copy)]
-pub(super) struct Field<'a, const N: usize> {
-    pub(super) nodes: &'a [[f64; N]],
-    pub(super) globals: &'a [f64],
+pub(crate) struct Field<'a, const N: usize> {
+    pub(crate) nodes: &'a [[f64; N]],
+    pub(crate) globals: &'a [f64],
 }
 
 /// The motions from which an iteration determines the change of the load factor.
 #[derive(Clone, Copy)]
-pub(super) struct Responses<'a, const N: usize> {
+pub(crate) struct Responses<'a, const N: usize> {
     /// Δd, the motion in the step so far.
-    pub(super) so_far: Field<'a, N>,
+    pub(crate) so_far: Field<'a, N>,
     /// δd_r, the response to the out-of-balance force.
-    pub(super) to_residual: Field<'a, N>,
+    pub(crate) to_residual: Field<'a, N>,
     /// δd_f, the response to a unit of the load factor.
-    pub(super) to_load: Field<'a, N>,
+    pub(crate) to_load: Field<'a, N>,
 }
 
 /// The condition that determines the load factor of a step.
-pub(super) enum Condition<const D: usize, const N: usize> {
+pub(crate) enum Condition<const D: usize, const N: usize> {
     /// Σ w·Δd over the nodes, with the `weight` w of each node, equals the increment `by`.
     Displacement { weight: Vec<[f64; N]>, by: f64, reduction: Reduction },
     /// The increment of the global unknown `number` equals `by`; `number` is `None` if there is no such unknown.
@@ -128,7 +130,7 @@ fn difference<const N: usize>(a: &[[f64; N]], b: &[[f64; N]]) -> Vec<[f64; N]> {
 
 impl<const D: usize, const N: usize> Condition<D, N> {
     /// The condition of a step; `None` if the loads are prescribed.
-    pub(super) fn new(
+    pub(crate) fn new(
         model: &Model<D>,
         points: &Points<D>,
         links: &Connectivity<D>,
@@ -193,7 +195,7 @@ impl<const D: usize, const N: usize> Condition<D, N> {
     ///
     /// # Errors
     /// [`NoPath`].
-    pub(super) fn change(&mut self, responses: Responses<N>) -> Result<f64, NoPath> {
+    pub(crate) fn change(&mut self, responses: Responses<N>) -> Result<f64, NoPath> {
         let Responses { so_far, to_residual: by_residual, to_load: by_load } = responses;
         let finite = |x: f64| if x.is_finite() { Ok(x) } else { Err(NoPath::NoIntersection) };
         if let Condition::Global { number, by } = self {
@@ -268,13 +270,13 @@ impl<const D: usize, const N: usize> Condition<D, N> {
     }
 
     /// True if the condition is met; otherwise another iteration is needed, whatever the residual.
-    pub(super) fn is_met(&self) -> bool {
+    pub(crate) fn is_met(&self) -> bool {
         !matches!(self, Condition::ArcLength { met: false, .. })
     }
 
     /// True if a step with this displacement increment continues along the path instead of turning back towards the
     /// previous step.
-    pub(super) fn goes_on(&self, delta_d: &[[f64; N]]) -> bool {
+    pub(crate) fn goes_on(&self, delta_d: &[[f64; N]]) -> bool {
         match self {
             Condition::ArcLength { volume, reduction, ahead, centre: Some(centre), .. } => {
                 let step = difference(delta_d, centre);
@@ -286,7 +288,7 @@ impl<const D: usize, const N: usize> Condition<D, N> {
     }
 
     /// The path after a step that has reached this load factor.
-    pub(super) fn advance(
+    pub(crate) fn advance(
         &self,
         links: &Connectivity<D>,
         step: Step,
@@ -304,5 +306,123 @@ impl<const D: usize, const N: usize> Condition<D, N> {
                 },
             },
         }
+    }
+}
+
+/// The displacement increment of a step on the nodes of the grid.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Motion {
+    /// Grid nodes that were active, ascending.
+    nodes: Vec<u32>,
+    /// Their displacement increments, one number per node and component, [length].
+    increment: Vec<f64>,
+    /// Duration of the step, [time].
+    duration: f64,
+}
+
+impl Motion {
+    /// The motion of a step.
+    pub(crate) fn new<const D: usize, const N: usize>(
+        links: &Connectivity<D>,
+        step: Step,
+        delta_d: &[[f64; N]],
+    ) -> Self {
+        Motion {
+            nodes: links.active_nodes().to_vec(),
+            increment: delta_d.as_flattened().to_vec(),
+            duration: step.end - step.start,
+        }
+    }
+
+    /// The motion over all ranks, assembled from the motions of the active nodes of each rank; a shared node has the
+    /// same motion on all ranks.
+    pub(crate) fn joined(pieces: &[Motion]) -> Motion {
+        let mut nodes: BTreeMap<u32, &[f64]> = BTreeMap::new();
+        for motion in pieces.iter().filter(|motion| !motion.nodes.is_empty()) {
+            let per_node = motion.increment.len() / motion.nodes.len();
+            nodes.extend(motion.nodes.iter().copied().zip(motion.increment.chunks_exact(per_node.max(1))));
+        }
+        Motion {
+            increment: nodes.values().copied().flatten().copied().collect(),
+            nodes: nodes.into_keys().collect(),
+            duration: pieces.iter().map(|motion| motion.duration).fold(0.0, f64::max),
+        }
+    }
+
+    /// True if a run in `D` dimensions can have this motion.
+    pub(crate) fn fits<const D: usize>(&self) -> bool {
+        self.increment.len() >= D * self.nodes.len()
+            && self.increment.len().is_multiple_of(self.nodes.len().max(1))
+            && self.nodes.is_sorted()
+    }
+
+    /// The increment at each node of another step; `None` if the node was not active.
+    fn known<const D: usize, const N: usize>(&self, links: &Connectivity<D>) -> Vec<Option<[f64; N]>> {
+        let (increments, _) = self.increment.as_chunks::<N>();
+        let at = |node: &u32| {
+            let place = self.nodes.binary_search(node).ok();
+            place.and_then(|place| increments.get(place)).copied()
+        };
+        let mut known: Vec<Option<[f64; N]>> = links.active_nodes().iter().map(at).collect();
+        links.reduction().fill(&mut known);
+        known
+    }
+
+    /// The increment on the nodes of another step; zero where they were not active.
+    pub(crate) fn direction<const D: usize, const N: usize>(&self, links: &Connectivity<D>) -> Vec<[f64; N]> {
+        self.known(links).into_iter().map(|known| known.unwrap_or([0.0; N])).collect()
+    }
+
+    /// The increment on the nodes of the next step, as if the motion continued; nodes that were not active move as the
+    /// nodes around them do on average. `None` before the first step.
+    pub(crate) fn extrapolate<const D: usize, const N: usize>(
+        &self,
+        links: &Connectivity<D>,
+        step: Step,
+    ) -> Option<Vec<[f64; N]>> {
+        let factor = (step.end - step.start) / self.duration;
+        if self.nodes.is_empty() || !factor.is_finite() {
+            return None;
+        }
+        let known = self.known(links);
+        let mut sum = vec![[0.0; N]; known.len()];
+        let mut count = vec![0.0; known.len()];
+        for group in 0..links.n_groups() {
+            let nodes = links.nodes_of(group);
+            let around = || nodes.iter().filter_map(|&node| known[node as usize]);
+            for &node in nodes.iter().filter(|&&node| known[node as usize].is_none()) {
+                for increment in around() {
+                    count[node as usize] += 1.0;
+                    for d in 0..N {
+                        sum[node as usize][d] += increment[d];
+                    }
+                }
+            }
+        }
+        links.reduction().complete(&mut sum);
+        links.reduction().complete_numbers(&mut count);
+        let nodal = |n: usize| match known[n] {
+            Some(increment) => increment,
+            None if count[n] > 0.0 => sum[n].map(|sum| sum / count[n]),
+            None => [0.0; N],
+        };
+        Some((0..known.len()).map(|n| nodal(n).map(|u| factor * u)).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranks_join_their_motions_at_shared_nodes() {
+        let motion = |nodes: &[u32]| Motion {
+            nodes: nodes.to_vec(),
+            increment: nodes.iter().flat_map(|node| [f64::from(*node), 0.5]).collect(),
+            duration: 0.25,
+        };
+        let joined = Motion::joined(&[motion(&[1, 4, 7]), Motion::default(), motion(&[0, 4, 9])]);
+        assert_eq!(joined, motion(&[0, 1, 4, 7, 9]));
+        assert_eq!(Motion::joined(&[Motion::default(), Motion::default()]), Motion::default());
     }
 }

@@ -21,7 +21,7 @@ pub(super) fn spread<const D: usize>(model: &Model<D>) -> f64 {
 }
 
 /// The stiffest and the softest material in use, as text.
-pub(super) fn stiffnesses<const D: usize>(model: &Model<D>) -> String {
+pub(crate) fn stiffnesses<const D: usize>(model: &Model<D>) -> String {
     let name = |number: usize| &model.materials[number].name;
     match moduli(model)[..] {
         [(soft, a), .., (stiff, b)] => format!(

@@ -56,7 +56,7 @@ pub struct StrengthBracket {
 
 /// The displacement in a step, and the height of the bodies with which it is compared.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Movement {
+pub(crate) struct Movement {
     /// Largest displacement of a point in the step, [length].
     largest: f64,
     /// Height of the bodies, [length].
@@ -66,7 +66,7 @@ pub(super) struct Movement {
 impl Movement {
     /// The movement in a step that is in equilibrium but not committed. Height is measured along gravity or, without
     /// gravity, along the axis along which it is least.
-    pub(super) fn measured<const D: usize>(model: &Model<D>, points: &Points<D>, step: Step) -> Movement {
+    pub(crate) fn measured<const D: usize>(model: &Model<D>, points: &Points<D>, step: Step) -> Movement {
         let (before, after) = (&points.converged.position, &points.trial.position);
         let square = |v: [f64; D]| v.iter().map(|x| x * x).sum::<f64>();
         let moves = before.iter().zip(after).map(|(x, y)| square(std::array::from_fn(|d| y[d] - x[d])));
@@ -100,13 +100,13 @@ impl Movement {
 
 impl StrengthBracket {
     /// True if bodies begin to slide in a step with this movement.
-    pub(super) fn begins_to_slide(&self, movement: Movement) -> bool {
+    pub(crate) fn begins_to_slide(&self, movement: Movement) -> bool {
         self.slides.is_none() && (self.moved + movement.largest) / movement.height > SLIDES
     }
 
     /// Records equilibrium at a factor after a step; `from` is the factor at the start of the stage. Returns a warning
     /// if bodies begin to slide in this step.
-    pub(super) fn stood(
+    pub(crate) fn stood(
         &mut self,
         factor: f64,
         from: f64,
@@ -147,7 +147,7 @@ impl StrengthBracket {
 
 impl StrengthBracket {
     /// Records at the start of a stage in how many earlier steps bodies slumped; returns a warning if there are any.
-    pub(super) fn begins(&mut self, slumped: usize, step: usize) -> Option<Warning> {
+    pub(crate) fn begins(&mut self, slumped: usize, step: usize) -> Option<Warning> {
         if self.stands.is_some() || slumped == 0 {
             return None;
         }
@@ -168,7 +168,7 @@ impl StrengthBracket {
     }
 
     /// A warning if equilibrium ceased before bodies began to run away. `step` is the last one in equilibrium.
-    pub(super) fn stopped_short(&self, step: usize) -> Option<Warning> {
+    pub(crate) fn stopped_short(&self, step: usize) -> Option<Warning> {
         let (growth, stands, fails) = (self.growth?, self.stands?, self.fails?);
         let is_short = self.slides.is_none() && growth < RUNS_AWAY;
         let decimals = decimals(stands, fails);

@@ -5,13 +5,12 @@ use nalgebra::SMatrix;
 
 use crate::basis::Connectivity;
 use crate::dofs::{DofMap, rigid::free_parts};
-use crate::model::Model;
+use crate::model::{Model, SAME_TIME, Stepping};
 use crate::points::Points;
+use crate::solver::attempt::{FailedAttempt, Iterate};
+use crate::step::Step;
 use crate::tensor::padded;
 use crate::terms::held_material::HeldMaterial;
-
-use super::attempt::{FailedAttempt, Iterate};
-use crate::step::Step;
 
 /// Filling ratio below which cells are not examined for hourglass modes, since their nodes move far for another reason,
 /// [-].
@@ -63,7 +62,7 @@ fn cells_at<const D: usize>(model: &Model<D>, links: &Connectivity<D>, place: &[
 }
 
 /// Number of points that have yielded since the start of the analysis, including the failed step.
-pub(super) fn points_that_flow<const D: usize>(model: &Model<D>, points: &Points<D>) -> usize {
+pub(crate) fn points_that_flow<const D: usize>(model: &Model<D>, points: &Points<D>) -> usize {
     let flows = |p: &usize| {
         let law = model.law(points, *p);
         let initial = law.initial_history_at(&padded(&points.original_position[*p]));
@@ -83,6 +82,12 @@ pub(super) fn is_isochoric<const D: usize>(points: &Points<D>) -> bool {
         shape += 0.5 * (gradient.norm_squared() / det.powf(2.0 / 3.0) - 3.0).max(0.0);
     }
     shape > 0.0 && volume <= ISOCHORIC.powi(2) * shape
+}
+
+/// Size of a step relative to a requested one, if the step is smaller, [-].
+pub(super) fn cut_to(stepping: &Stepping, step: Step) -> Option<f64> {
+    let size = (step.end - step.start) / stepping.size();
+    (size < 1.0 - SAME_TIME).then_some(size)
 }
 
 /// True if the failed step is short relative to the stage and to the time from the start of the stage to the end of the

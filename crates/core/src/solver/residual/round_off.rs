@@ -21,17 +21,17 @@ const NO_SUCH_FORCE: f64 = 1e3;
 pub(super) const ACCUMULATED: f64 = 100.0;
 
 /// The state in which an evaluation was made.
-pub(super) struct EvaluatedAt<'a, const D: usize, const N: usize> {
-    pub(super) model: &'a Model<D>,
-    pub(super) points: &'a Points<D>,
-    pub(super) links: &'a Connectivity<D>,
-    pub(super) system: &'a System<N>,
-    pub(super) delta_d: &'a Nodal<N>,
+pub(crate) struct EvaluatedAt<'a, const D: usize, const N: usize> {
+    pub(crate) model: &'a Model<D>,
+    pub(crate) points: &'a Points<D>,
+    pub(crate) links: &'a Connectivity<D>,
+    pub(crate) system: &'a System<N>,
+    pub(crate) delta_d: &'a Nodal<N>,
 }
 
 impl<const D: usize, const N: usize> EvaluatedAt<'_, D, N> {
     /// An inexpensive upper bound on [`EvaluatedAt::round_off`] over all nodes, [force].
-    pub(super) fn round_off_at_most(&self) -> f64 {
+    pub(crate) fn round_off_at_most(&self) -> f64 {
         let EvaluatedAt { model, links, system, delta_d, .. } = self;
         let motion = delta_d.iter().flatten().fold(0.0, |largest, x| f64::max(largest, x.abs()));
         let size = links
@@ -52,7 +52,7 @@ impl<const D: usize, const N: usize> EvaluatedAt<'_, D, N> {
     /// and from the strains of its points. A node that carries little material has little stiffness, K_vv ~ |∇S|², but
     /// its force contains the stresses of points that other nodes hold, and the round-off of these stresses enters in
     /// proportion to |∇S|.
-    pub(super) fn round_off(&self) -> Vec<f64> {
+    pub(crate) fn round_off(&self) -> Vec<f64> {
         let largest_of = |x: &[f64]| x.iter().fold(0.0f64, |a, b| a.max(b.abs()));
         let motion = self.system.magnitudes(self.delta_d);
         let nodal = |(motion, strain): (&[f64; N], f64)| {

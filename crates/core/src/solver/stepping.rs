@@ -1,0 +1,7 @@
+//! What leads from one step to the next: its size, an unknown load factor, factors of a strength reduction, and the
+//! split of long domains.
+
+pub(super) mod control;
+pub(super) mod pace;
+pub(super) mod splitting;
+pub(super) mod strength;
