@@ -292,8 +292,8 @@ mod tests {
         assert!(residuals.last().unwrap() <= &1e-9 && residuals.iter().any(|r| *r > 1e-3));
         let grid = MeshFile::read(&directory.join("grid_0001.vtu")).unwrap();
         let nodes = grid.positions().unwrap();
-        let rises = grid.values(Section::Points, "temperature").unwrap();
-        let flows = grid.values(Section::Points, "temperature_reaction").unwrap();
+        let rises = grid.values(Section::PointData, "temperature").unwrap();
+        let flows = grid.values(Section::PointData, "temperature_reaction").unwrap();
         for ((x, rise), flow) in nodes.iter().zip(rises).zip(flows) {
             let is_held = x[1] == 0.0 || x[1] == HEIGHT;
             assert!(if x[1] == HEIGHT { rise == HOT } else { (0.0..HOT).contains(&rise) }, "{x:?}: {rise}");
