@@ -1,5 +1,8 @@
 //! `summary.json`: the results of a run, their quality, and the cost.
 
+mod findings;
+mod quality;
+
 use std::collections::BTreeMap;
 use std::fmt;
 use std::io;
@@ -13,7 +16,7 @@ use serde_json::{Map, Value, json};
 
 use mpm_core::model::{Model, Stepping};
 use mpm_core::points::Points;
-use mpm_core::quality::{Balance, Quality, Warning, Worst};
+use mpm_core::quality::Warning;
 use mpm_core::solver::{
     Diagnosis, InitialState, Reached, SolveError, StageStrength, StrengthBracket, Summary,
 };
@@ -24,8 +27,10 @@ use mpm_core::timing::{Phase, Spent, Timings};
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 use super::fields::{corner_of, number_of_corners};
-use super::findings::{Extreme, Extremes, Findings, ForceBalance};
+use super::findings::Findings;
 use super::invalid;
+use findings::{forces, largest};
+use quality::{at_step, quality};
 
 /// How a run ended.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -468,11 +473,6 @@ fn warning(of: &Warning, help: String) -> Value {
     })
 }
 
-/// A value and its step.
-fn at_step((value, step): (f64, usize)) -> Value {
-    json!({"value": value, "step": step})
-}
-
 /// The stages with their times, the stage that the run has reached, and the energy that stages have exchanged.
 fn stages<const D: usize>(model: &Model<D>, reached: &Reached) -> Value {
     let of = model.stages.iter().map(|stage| {
@@ -484,101 +484,6 @@ fn stages<const D: usize>(model: &Model<D>, reached: &Reached) -> Value {
         "reached": reached.progress.stage_number() + 1,
         "exchanged_energy": reached.summary.exchanged_energy,
     })
-}
-
-/// Loads and reactions at the end.
-fn forces(balance: &ForceBalance) -> Value {
-    let by_name = |forces: &[(String, Vec<f64>)]| -> Map<String, Value> {
-        forces.iter().map(|(name, force)| (name.clone(), json!(force))).collect()
-    };
-    let moments: Map<String, Value> = (balance.reactions.iter().zip(&balance.moments))
-        .map(|((name, _), of)| (name.clone(), json!({"about": of.about, "moment": of.moment})))
-        .collect();
-    let mut forces = json!({
-        "applied": balance.applied,
-        "loads": by_name(&balance.loads),
-        "reactions": by_name(&balance.reactions),
-        "moments": moments,
-        "difference": balance.difference(),
-        "relative_difference": balance.relative_difference(),
-    });
-    if !balance.further.is_empty() {
-        forces["further"] = by_name(&balance.further).into();
-    }
-    forces
-}
-
-/// The extreme values of the fields at the end.
-fn largest(extremes: &Extremes) -> Value {
-    let Extremes { displacement, von_mises_stress, lowest_pressure, highest_pressure } = extremes;
-    let place = |extreme: &Extreme| {
-        let Extreme { value, body, point, position } = extreme;
-        json!({"value": value, "body": body, "point": point, "position": position})
-    };
-    json!({
-        "displacement": place(displacement),
-        "von_mises_stress": place(von_mises_stress),
-        "lowest_pressure": place(lowest_pressure),
-        "highest_pressure": place(highest_pressure),
-    })
-}
-
-/// Measures of quality; a measure is null if no step has it.
-fn quality<const D: usize>(model: &Model<D>, quality: &Quality) -> Value {
-    let worst = |worst: Option<Worst>| {
-        worst.map(|Worst { value, step, body, point }| {
-            let mut entry = json!({"value": value, "step": step, "body": model.bodies[body].name});
-            if let Some(point) = point {
-                entry["point"] = json!(point);
-            }
-            entry
-        })
-    };
-    let balance = |of: &Balance| json!({"total": of.now, "relative_change": of.relative_change()});
-    let slowest = quality.smallest_newton_order();
-    json!({
-        "partition_of_unity_loss": worst(quality.partition_of_unity_loss),
-        "domain_outside_grid": worst(quality.domain_outside_grid),
-        "smallest_cell_filling": quality.smallest_cell_filling.map(|filling| {
-            json!({"value": filling.value, "step": filling.step, "cell": filling.cell})
-        }),
-        "det_f": quality.det_f.map(|[min, max]| json!({"min": min, "max": max})),
-        "mass": balance(&quality.mass),
-        "volume": balance(&quality.volume),
-        "domain_overlap": quality.domain_overlap,
-        "domain_volume_excess": worst(quality.domain_volume_excess),
-        "newton_order": quality.median_newton_order().map(|median| json!({
-            "median": median,
-            "smallest": slowest.map(|(_, order)| order),
-            "step": slowest.map(|(step, _)| step),
-            "steps": quality.newton_orders.len(),
-        })),
-        "rotation": worst(quality.rotation),
-        "shear": worst(quality.shear),
-        "box_rotation": worst(quality.box_rotation),
-        "crossings": by_body(model, |body| quality.mean_crossings(body)),
-        "pressure_oscillation": quality.pressure_oscillation.map(at_step),
-        "held_by_nodes": held_by_nodes(model, quality),
-    })
-}
-
-/// A measure, keyed by the names of the bodies that have it; null if none has.
-fn by_body<const D: usize>(model: &Model<D>, of: impl Fn(usize) -> Option<f64>) -> Value {
-    let entries =
-        model.bodies.iter().enumerate().filter_map(|(k, body)| Some((body.name.clone(), json!(of(k)?))));
-    let map: Map<String, Value> = entries.collect();
-    if map.is_empty() { Value::Null } else { Value::Object(map) }
-}
-
-/// Share of the material that the nodes of each moving boundary condition still hold; null if there is none.
-fn held_by_nodes<const D: usize>(model: &Model<D>, quality: &Quality) -> Value {
-    let entries = model
-        .boundary_conditions
-        .iter()
-        .enumerate()
-        .filter_map(|(k, condition)| Some((condition.name.clone(), json!(quality.held_by_nodes(k)?))));
-    let map: Map<String, Value> = entries.collect();
-    if map.is_empty() { Value::Null } else { Value::Object(map) }
 }
 
 #[cfg(test)]
