@@ -123,7 +123,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
 
     /// The same equations, solved by the backends that an engine provides.
     pub(super) fn with_engine(self, engine: Backends<D, N>) -> Self {
-        Equations { engine: engine, ..self }
+        Equations { engine, ..self }
     }
 
     /// The same equations if unknowns are multipliers of constraints, which coarser grids do not represent: unless the
