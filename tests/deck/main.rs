@@ -9,7 +9,7 @@ mod explanations;
 mod graded;
 mod keys;
 mod loading;
-#[path = "../long.rs"]
+#[path = "../long/mod.rs"]
 mod long;
 mod meaning;
 mod mutations;

@@ -9,7 +9,7 @@ mod files;
 mod formulas;
 mod harness;
 mod large;
-#[path = "../long.rs"]
+#[path = "../long/mod.rs"]
 mod long;
 mod random;
 mod stress;

@@ -1,5 +1,6 @@
-//! The method and its parts, tested against independent implementations, closed forms and each other; and the result
-//! files.
+//! The method and its parts, tested against independent implementations, closed forms and each other; the problems of the
+//! paper; the result files; and the examples. They share one binary, because each binary compiles the generic code of the
+//! core that it calls once more.
 
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 #![allow(clippy::print_stdout, reason = "the measured numbers are part of the verification")]
@@ -8,6 +9,7 @@ mod assembly;
 mod batched;
 mod constraints;
 mod duration;
+mod examples;
 mod failure;
 mod fields;
 mod further_fields;
@@ -15,7 +17,7 @@ mod gmsh;
 mod inline_vtu;
 mod iterative;
 mod linear;
-#[path = "../long.rs"]
+#[path = "../long/mod.rs"]
 mod long;
 #[path = "../verification/meshes.rs"]
 mod meshes;
@@ -30,4 +32,6 @@ mod stepping;
 mod strength_reduction;
 mod surfaces;
 mod threads;
+#[path = "../verification/mod.rs"]
+mod verification;
 mod vtu;

@@ -1,6 +1,6 @@
 //! Section 7.4: annulus under torsion on grids of triangles, a manufactured solution.
 
-use crate::analysis::{Analysis, run};
+use crate::verification::analysis::{Analysis, run};
 
 const INNER: f64 = 0.75;
 const OUTER: f64 = 1.25;
@@ -47,7 +47,7 @@ fn slope(results: &[(usize, f64)]) -> f64 {
 /// compared with finite differences, on the deformed body, of the stress computed from b = F Fᵀ.
 #[test]
 fn the_body_force_balances_the_stress_of_the_motion() {
-    let (model, _) = crate::analysis::build_deck("annulus.yaml", &[]);
+    let (model, _) = crate::verification::analysis::build_deck("annulus.yaml", &[]);
     let mpm::model::Action::BodyForce(formula) = &model.loads[0].action else { panic!("a body force") };
     let alpha = 0.1;
     // Cauchy stress at the material point X; E = 1, ν = 0, J = 1: σ = ½ ln(F Fᵀ).

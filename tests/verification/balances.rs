@@ -4,7 +4,7 @@ use mpm::model::{Stabilisation, StabilisationMode};
 use mpm::output::findings::ForceBalance;
 use mpm::solver::Summary;
 
-use crate::analysis::{Analysis, build_deck, run, watch};
+use crate::verification::analysis::{Analysis, build_deck, run, watch};
 
 /// The observed orders of convergence over runs, each with twice as many steps as the one before.
 fn orders(errors: &[f64]) -> Vec<f64> {
@@ -168,7 +168,7 @@ steps: {{count: 2}}"
         )
     };
     let reactions = |sides: &str| {
-        let analysis = crate::analysis::run_text(&deck(sides), &[]).completed();
+        let analysis = crate::verification::analysis::run_text(&deck(sides), &[]).completed();
         analysis.steps.last().unwrap().reactions.clone()
     };
     let (base, left, right) = (

@@ -2,8 +2,8 @@
 
 use mpm::solver::SolveError;
 
-use crate::analysis::{Analysis, run, run_with_domain_volume};
 use crate::long::first;
+use crate::verification::analysis::{Analysis, run, run_with_domain_volume};
 
 /// Load step, evaluations and displacement of the loaded points from a reference file.
 fn reference(name: &str) -> Vec<(usize, usize, [f64; 2])> {

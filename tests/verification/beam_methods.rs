@@ -1,8 +1,8 @@
 //! Section 7.3, the methods compared on the cantilever: evaluation counts (Table 4) and the response with CPDI2
 //! compared with that with GIMP (Fig. 17).
 
-use crate::analysis::{Analysis, run};
 use crate::long::{first, is_long};
+use crate::verification::analysis::{Analysis, run};
 
 const SIZES: [&str; 3] = ["0.5", "0.25", "0.125"];
 

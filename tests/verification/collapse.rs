@@ -3,8 +3,8 @@
 use mpm::basis::DomainKind;
 use mpm::solver::SolveError;
 
-use crate::analysis::{Analysis, run, run_text, run_with_domain_volume};
 use crate::long::{first, is_long};
+use crate::verification::analysis::{Analysis, run, run_text, run_with_domain_volume};
 
 fn collapse(h: &str, n: &str, method: &str, update: &str) -> Analysis {
     let set = [("h", h), ("n", n), ("method", method), ("update", update)];

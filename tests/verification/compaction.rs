@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::analysis::{Analysis, run, run_with_domain_volume};
+use crate::verification::analysis::{Analysis, run, run_with_domain_volume};
 
 const HEIGHT: f64 = 50.0;
 const WEIGHT: f64 = 800.0; // ρ₀ g, per original volume

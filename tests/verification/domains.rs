@@ -3,7 +3,7 @@
 
 use mpm::tensor::Mat3;
 
-use crate::analysis::{Analysis, run};
+use crate::verification::analysis::{Analysis, run};
 
 const UPDATES: [&str; 7] =
     ["none", "determinant", "diagonal", "stretch", "corners", "diagonal-corrected", "diagonal-incremental"];

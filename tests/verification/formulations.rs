@@ -4,7 +4,7 @@
 use mpm::linear::Factorisation;
 use mpm::stress::Formulation;
 
-use crate::analysis::{build_deck, watch};
+use crate::verification::analysis::{build_deck, watch};
 
 /// Compared quantities of a step.
 struct Step {

@@ -2,7 +2,7 @@
 
 use mpm::points::Points;
 
-use crate::analysis::{Analysis, run, run_text};
+use crate::verification::analysis::{Analysis, run, run_text};
 
 fn beam(grid: &str, method: &str) -> Analysis {
     let deck = std::fs::read_to_string(format!("{}/inputs/beam.yaml", env!("CARGO_MANIFEST_DIR"))).unwrap();

@@ -6,8 +6,8 @@ use std::fmt::Write;
 use mpm::material::{Hencky, Material, NeoHookean, VonMises};
 use mpm::tensor::Sym3;
 
-use crate::analysis::{Analysis, run_text};
-use crate::radial::{Inner, Radial, Shell};
+use crate::verification::analysis::{Analysis, run_text};
+use crate::verification::radial::{Inner, Radial, Shell};
 
 const HENCKY: &str = "{model: hencky, young: 1, poisson: 0.3}";
 const NEO_HOOKEAN: &str = "{model: neo-hookean, young: 1, poisson: 0.3}";

@@ -9,7 +9,7 @@ use mpm::material::{Material, VonMises};
 use mpm::stress::{Mechanics, PlaneStrain, StartOfStep};
 use mpm::tensor::{Mat3, Sym3};
 
-use crate::analysis::{build_deck, watch};
+use crate::verification::analysis::{build_deck, watch};
 
 const YOUNG: f64 = 10e3;
 const POISSON: f64 = 0.3;
@@ -233,7 +233,7 @@ fn update_by_the_stretch_tensor_loses_uniform_stress_and_the_others_do_not() {
 fn cpdi_points_carry_the_homogeneous_motion() {
     for method in ["cpdi1", "cpdi2"] {
         let set = [("method", method), ("n", "3"), ("gamma", "3"), ("steps", "15")];
-        let analysis = crate::analysis::run("shear.yaml", &set).completed();
+        let analysis = crate::verification::analysis::run("shear.yaml", &set).completed();
         let g: f64 = 10e3 / (2.0 * 1.3);
         let exact = 2.0 * g * 1.5f64.asinh() / (1.0f64 + 2.25).sqrt();
         let worst = analysis

@@ -9,8 +9,8 @@ use mpm::points::Points;
 use mpm::solver::StepReport;
 use mpm::surface::SurfaceFields;
 
-use crate::analysis::watch;
-use crate::radial::{Inner, Radial, Shell};
+use crate::verification::analysis::watch;
+use crate::verification::radial::{Inner, Radial, Shell};
 
 const INNER: f64 = 1.0;
 const OUTER: f64 = 2.0;

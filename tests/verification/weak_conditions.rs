@@ -10,8 +10,8 @@ use mpm::points::{Points, Seed};
 use mpm::region::{Brick, Motion, Region};
 use mpm::surface::{Part, Surface};
 
-use crate::analysis::watch;
-use crate::surfaces::{built, loaded, run};
+use crate::verification::analysis::watch;
+use crate::verification::surfaces::{built, loaded, run};
 
 /// Inclination of the block, [rad].
 const ANGLE: f64 = std::f64::consts::FRAC_PI_6;

@@ -9,10 +9,10 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use mpm::stress::PlaneStrain;
 
 use super::{in_powers, integral, orders};
-use crate::analysis::run_text;
 use crate::meshes::{Cells, plane, written};
-use crate::surfaces::built;
-use crate::total_lagrangian::equilibrium;
+use crate::verification::analysis::run_text;
+use crate::verification::surfaces::built;
+use crate::verification::total_lagrangian::equilibrium;
 
 /// Shear modulus, shear strength, and original outer radius; the original inner radius is 1.
 const SHEAR: f64 = 100.0;

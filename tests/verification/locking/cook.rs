@@ -3,8 +3,8 @@
 use mpm::stress::PlaneStrain;
 
 use crate::meshes::{Cells, plane, written};
-use crate::surfaces::built;
-use crate::total_lagrangian::equilibrium;
+use crate::verification::surfaces::built;
+use crate::verification::total_lagrangian::equilibrium;
 
 /// Vertical displacement of the upper corner of the free end.
 fn tip(n: usize, cells: Cells, method: &str, volumetric: &str, [young, poisson, traction]: [f64; 3]) -> f64 {

@@ -8,8 +8,8 @@ use mpm::stress::{PlaneStrain, Solid};
 
 use super::{in_powers, integral, orders};
 use crate::meshes::{Cells, brick, plane, written};
-use crate::surfaces::{built, loaded};
-use crate::total_lagrangian::{Equilibrium, equilibrium};
+use crate::verification::surfaces::{built, loaded};
+use crate::verification::total_lagrangian::{Equilibrium, equilibrium};
 
 const SHEAR: f64 = 1.0;
 const POISSON: f64 = 0.4999;

@@ -5,8 +5,8 @@ use mpm::stress::{Axisymmetric, Mechanics, PlaneStrain};
 use mpm::tensor::{Mat3, Sym3};
 
 use crate::meshes::{Cells, plane, written};
-use crate::surfaces::built;
-use crate::total_lagrangian::equilibrium;
+use crate::verification::surfaces::built;
+use crate::verification::total_lagrangian::equilibrium;
 
 const YOUNG: f64 = 1.0;
 const POISSON: f64 = 0.4999;

@@ -9,8 +9,8 @@ use std::f64::consts::PI;
 use mpm::stress::Solid;
 
 use super::{in_powers, orders};
-use crate::surfaces::loaded;
-use crate::total_lagrangian::equilibrium;
+use crate::verification::surfaces::loaded;
+use crate::verification::total_lagrangian::equilibrium;
 
 const SHEAR: f64 = 1.0;
 const POISSON: f64 = 0.4999;

@@ -232,8 +232,10 @@ fn every_field_of_the_state_is_committed() {
     assert_eq!(points.trial.lengths()[..State::<2>::N_MOTION], [0; State::<2>::N_MOTION]);
     // Without a motion, only the answers are new.
     points.trial.history.fill(7.0);
+    let State { elastic_strain, kirchhoff_stress, history, .. } = points.trial.clone();
+    assert_ne!(kirchhoff_stress, moved.kirchhoff_stress);
     points.commit();
-    assert_eq!(points.converged, State { history: vec![7.0; 9], ..moved });
+    assert_eq!(points.converged, State { elastic_strain, kirchhoff_stress, history, ..moved });
 }
 
 /// A declaration with one more field of each kind and shape: the entry is all that a field needs.

@@ -161,7 +161,7 @@ fn damaged_files_are_refused_by_name_and_the_one_before_is_used() {
     assert!(refused(b"PNG").contains("not a checkpoint") || refused(b"PNG").contains("checksum"));
     let mut other = good.clone();
     other[NAME_LENGTH] = b'7';
-    assert_eq!(refused(&other), "it has version 7 of the format, but this program reads 5");
+    assert_eq!(refused(&other), "it has version 7 of the format, but this program reads 6");
     fs::write(&path, &good).unwrap();
     assert_eq!(latest(directory.path(), &Ranks::default()).unwrap().0.unwrap().step().index, 2);
 }
