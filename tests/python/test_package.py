@@ -16,7 +16,7 @@ DECKS = [
     ("beam", {}),
     ("collapse", {"h": 1, "n": 3}),
     ("footing", {}),
-    ("excavation", {}),  # in stages: bodies come and go, displacements are reset
+    ("excavation", {"h": 0.5}),  # in stages: bodies come and go, displacements are reset
 ]
 
 INPUTS = sorted(ROOT.glob("inputs/**/*.yaml"))
