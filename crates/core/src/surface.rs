@@ -3,15 +3,19 @@
 //! A surface is sampled once, at the start, by dividing the boundary of the body's region into flat facets (segments in
 //! the plane, triangles in space). The corners of the facets are massless points, which the grid carries with the
 //! linear basis N_v of its cells. Each facet is one sample: its position is the mean of its corners, and its N_v is the
-//! mean of their N_v. The area vector n a follows from the carried corners, so a closed surface stays closed: Σ n a = 0
-//! at all times, except for the radial component in bodies of revolution. In a uniform deformation, n a agrees with
-//! Nanson's formula, n a = cof(F) N A.
+//! mean of their N_v or, on GIMP domains, over a side ([`SideRule`]). The area vector n a follows from the carried
+//! corners, so a closed surface stays closed: Σ n a = 0 at all times, except for the radial component in bodies of
+//! revolution. In a uniform deformation, n a agrees with Nanson's formula, n a = cof(F) N A.
+//!
+//! Where the sides of the domains of the body form the surface, they are its facets (`domains`); elsewhere, facets are
+//! a quarter of a cell long.
 //!
 //! Because a sample takes the mean over its corners, a pressure p does exactly the work −p dV on the volume V inside a
 //! closed surface, and the forces of a uniform stress are those of CPDI2 domains whose sides are the facets.
 
 mod carried;
 mod cells;
+mod domains;
 mod support;
 
 use std::collections::BTreeMap;
@@ -63,6 +67,16 @@ impl<const D: usize> Part<D> {
     }
 }
 
+/// How a sample sees the basis of the grid on its facet.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum SideRule {
+    /// N_v is the mean over the corners, as on the sides of CPDI domains.
+    #[default]
+    Corners,
+    /// N_v is the mean over the side of a domain to which the sample belongs, as in GIMP.
+    Integral,
+}
+
 /// A surface of a body, as sampled at the start; constant during a run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Surface<const D: usize> {
@@ -76,6 +90,11 @@ pub struct Surface<const D: usize> {
     pub corners: Vec<[f64; D]>,
     /// Corners of the facet of each sample, as indices into `corners`.
     pub facets: Vec<[u32; D]>,
+    /// The share of its facet for which each sample stands, [-]: 1, or 1/2 on quadrilaterals in space, where the
+    /// triangles of both divisions are samples.
+    pub shares: Vec<f64>,
+    /// The rule of the samples.
+    pub rule: SideRule,
     /// Number of the side of the body's shape on which each sample lies.
     pub sides: Vec<usize>,
     /// Size of the smallest grid cell at the surface, [length].
@@ -124,6 +143,8 @@ impl<const D: usize> Surface<D> {
             samples: facets.iter().map(Facet::centre).collect(),
             corners: Vec::new(),
             facets: Vec::new(),
+            shares: vec![1.0; facets.len()],
+            rule: SideRule::Corners,
             sides: facets.iter().map(|facet| facet.side).collect(),
             cell,
             in_cells: Vec::new(),
@@ -164,7 +185,7 @@ impl<const D: usize> Surface<D> {
 
     /// Original normal of a sample times its original area, [length^(D−1)]; per unit thickness in the plane.
     pub fn original_area(&self, sample: usize) -> [f64; D] {
-        area_vector(&self.facet(sample))
+        area_vector(&self.facet(sample)).map(|a| self.shares[sample] * a)
     }
 
     /// Original unit normal of a sample, pointing out of the body.

@@ -224,7 +224,7 @@ where
         }
         let bodies = self.bodies();
         let mut points = self.points(grid.as_ref(), &regions, &bodies, &mut laws);
-        let surfaces = self.surfaces(grid.as_ref(), &regions);
+        let surfaces = self.surfaces(grid.as_ref(), &regions, &points);
         let tools = self.tools(grid.as_ref());
         let boundary_conditions = self.boundary_conditions(grid.as_ref(), &points);
         let loads = self.loads(grid.as_ref(), &points);

@@ -1,4 +1,4 @@
-//! Initial moduli of a law, at zero strain.
+//! Moduli of a law, at zero strain and at other elastic strains.
 
 use crate::tensor::Sym3;
 
@@ -9,17 +9,22 @@ use super::Material;
 pub enum Modulus {
     /// Shear modulus, [stress].
     Shear,
-    /// Norm of the stress change under a uniaxial strain, lateral stresses included, relative to that strain, [stress].
+    /// Norm of the stress change under a uniaxial strain, lateral stresses included, relative to that strain, [stress]:
+    /// in extension or, if a law resists none, in compression.
     Axial,
 }
 
 impl Modulus {
     /// The modulus at a point with these initial history variables.
     pub fn at_rest(self, law: &dyn Material, history: &[f64]) -> f64 {
-        let stiffness = |strain| stiffness_at_rest(law, history, Sym3(strain));
+        let stiffness = |strain| stiffness(law, history, &Sym3::ZERO, Sym3(strain));
         match self {
             Modulus::Shear => 0.5 * stiffness([0.0, 0.0, 0.0, SMALL_STRAIN, 0.0, 0.0]),
-            Modulus::Axial => stiffness([SMALL_STRAIN, 0.0, 0.0, 0.0, 0.0, 0.0]),
+            Modulus::Axial => {
+                let extended = stiffness([SMALL_STRAIN, 0.0, 0.0, 0.0, 0.0, 0.0]);
+                let compressed = || stiffness([-SMALL_STRAIN, 0.0, 0.0, 0.0, 0.0, 0.0]);
+                if extended > 0.0 { extended } else { compressed() }
+            }
         }
     }
 }
@@ -37,12 +42,21 @@ pub fn axial_modulus_at_rest(law: &dyn Material) -> f64 {
 /// Strain at which the initial moduli are evaluated, [-].
 const SMALL_STRAIN: f64 = 1e-9;
 
-/// Magnitude of the stress change due to a small strain, relative to that strain, [stress]. The change is used because
-/// some laws have a non-zero stress at zero strain.
-fn stiffness_at_rest(law: &dyn Material, old: &[f64], strain: Sym3) -> f64 {
+/// The larger of the axial moduli of a law in extension and in compression from an elastic strain, [stress]; see
+/// [`Modulus::Axial`]. One of them is elastic even where the law yields.
+pub fn axial_modulus_from(law: &dyn Material, strain: &Sym3, history: &[f64]) -> f64 {
+    let along =
+        |strain_change| stiffness(law, history, strain, Sym3([strain_change, 0.0, 0.0, 0.0, 0.0, 0.0]));
+    along(SMALL_STRAIN).max(along(-SMALL_STRAIN))
+}
+
+/// Magnitude of the stress change due to a small strain beside an elastic strain, relative to the small one, [stress];
+/// zero if the law has no finite answer.
+fn stiffness(law: &dyn Material, old: &[f64], from: &Sym3, change: Sym3) -> f64 {
     let stress = |strain: &Sym3| law.update(strain, old, &mut old.to_vec()).map(|response| response.tau);
-    match (stress(&strain), stress(&Sym3::ZERO)) {
-        (Ok(strained), Ok(at_rest)) => (strained - at_rest).norm() / strain.norm(),
+    let modulus = match (stress(&(*from + change)), stress(from)) {
+        (Ok(changed), Ok(before)) => (changed - before).norm() / change.norm(),
         _ => 0.0,
-    }
+    };
+    if modulus.is_finite() { modulus } else { 0.0 }
 }

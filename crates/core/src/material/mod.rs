@@ -30,7 +30,7 @@ use std::borrow::Cow;
 
 use crate::tensor::{Lane, Lanes, Sym3, Tangent, dyad};
 
-pub use at_rest::{Modulus, axial_modulus_at_rest, shear_modulus_at_rest};
+pub use at_rest::{Modulus, axial_modulus_at_rest, axial_modulus_from, shear_modulus_at_rest};
 pub(crate) use batch::respond_to_batch;
 pub use batch::{BatchError, BatchLaw, respond_alone};
 pub use drucker_prager::{DruckerPrager, Match};

@@ -36,7 +36,7 @@ impl<const D: usize> Facet<D> {
     }
 
     /// Length of the longest edge, [length].
-    fn size(&self) -> f64 {
+    pub(crate) fn size(&self) -> f64 {
         let from = |k: usize| norm(&minus(&self.corners[(k + 1) % D], &self.corners[k]));
         (0..D).map(from).fold(0.0, f64::max)
     }

@@ -1,14 +1,15 @@
 //! The converged and trial state of a surface, and its motion with the grid.
 
+use std::collections::BTreeMap;
+
 use serde_json::{Value, json};
 
-use super::Surface;
-use super::support::{Support, active, carrying_cell, support};
-use super::unit;
+use super::support::{Support, active, carrying_cell};
+use super::{SideRule, Surface, unit};
 use crate::basis::Connectivity;
 use crate::grid::Grid;
 use crate::ranks::Reduction;
-use crate::region::area_vector;
+use crate::region::{Bounds, area_vector, around, squared_distance};
 
 /// A surface carried by the grid.
 #[derive(Debug, Clone, Default)]
@@ -21,8 +22,13 @@ pub struct Carried<const D: usize> {
     pub trial: Vec<[f64; D]>,
     /// Corners of the facet of each sample.
     facets: Vec<[u32; D]>,
+    /// The share of its facet for which each sample stands, [-].
+    shares: Vec<f64>,
+    rule: SideRule,
     /// Basis at each corner in the current step; empty for a corner if this rank lacks one of its nodes.
     at_corners: Vec<Support<D>>,
+    /// With the rule of integrals, the nodes of each sample with their N_v.
+    at_samples: Vec<Vec<(u32, f64)>>,
     /// With several ranks, the cell that carries each corner, and the rank that has found this cell.
     found: Vec<(u32, u32)>,
     /// With several ranks, the index of this rank.
@@ -37,7 +43,10 @@ impl<const D: usize> Carried<D> {
             converged: surface.corners.clone(),
             trial: surface.corners.clone(),
             facets: surface.facets.clone(),
+            shares: surface.shares.clone(),
+            rule: surface.rule,
             at_corners: Vec::new(),
+            at_samples: Vec::new(),
             found: Vec::new(),
             own: None,
         }
@@ -59,17 +68,95 @@ impl<const D: usize> Carried<D> {
     /// The position of the first corner without a nearby cell whose nodes are all active, [length].
     pub fn locate(&mut self, grid: &dyn Grid<D>, links: &Connectivity<D>) -> Result<(), [f64; D]> {
         self.trial.clone_from(&self.converged);
-        if self.own.is_some() {
-            let place = |(x, (cell, _)): (&[f64; D], &(u32, u32))| {
-                active(grid.basis_at(*cell, x), links, self.body).unwrap_or_default()
-            };
-            self.at_corners = self.converged.iter().zip(&self.found).map(place).collect();
-            return Ok(());
-        }
-        let normals = self.normals();
-        let place = |(x, normal)| support(grid, links, self.body, x, &unit(normal)).ok_or(*x);
-        self.at_corners = self.converged.iter().zip(&normals).map(place).collect::<Result<_, _>>()?;
+        let cells: Vec<u32> = if self.own.is_some() {
+            self.found.iter().map(|(cell, _)| *cell).collect()
+        } else {
+            let normals = self.normals();
+            let place = |(x, normal)| carrying_cell(grid, links, self.body, x, &unit(normal)).ok_or(*x);
+            let found = self.converged.iter().zip(&normals).map(place);
+            found.map(|found| found.map(|(_, cell)| cell)).collect::<Result<_, _>>()?
+        };
+        let at = |(x, cell): (&[f64; D], &u32)| {
+            active(grid.basis_at(*cell, x), links, self.body).unwrap_or_default()
+        };
+        self.at_corners = self.converged.iter().zip(&cells).map(at).collect();
+        self.at_samples = match self.rule {
+            SideRule::Corners => Vec::new(),
+            SideRule::Integral => self.means(grid, links, &cells),
+        };
         Ok(())
+    }
+
+    /// The nodes of each sample with the mean of N_v over the side of a domain to which it belongs, in groups of samples
+    /// that share a side.
+    fn means(&self, grid: &dyn Grid<D>, links: &Connectivity<D>, cells: &[u32]) -> Vec<Vec<(u32, f64)>> {
+        let mut means = Vec::with_capacity(self.len());
+        while means.len() < self.len() {
+            let mean = self.mean(grid, links, &self.corners_of_side(means.len()), cells);
+            means.resize(means.len() + self.samples_of_side(), mean);
+        }
+        means
+    }
+
+    /// Number of samples on the side of a domain.
+    fn samples_of_side(&self) -> usize {
+        // In space, the triangles of a side with the corners 0 to 3 are 012, 023, 013 and 123.
+        if self.rule == SideRule::Integral && D == 3 { 4 } else { 1 }
+    }
+
+    /// The corners on which the N_v of a sample depends, in cyclic order: those of its facet or, for means over a side,
+    /// those of the side.
+    fn corners_of_side(&self, sample: usize) -> Vec<u32> {
+        let samples = self.samples_of_side();
+        let first = sample - sample % samples;
+        let mut corners = self.facets[first].to_vec();
+        if samples > 1 {
+            corners.push(self.facets[first + 1][D - 1]);
+        }
+        corners
+    }
+
+    /// The nodes of a side with the mean of N_v over it, by Simpson's rule between the grid lines that it crosses; empty
+    /// if this rank lacks a node. Sides are no longer than cells, so that the cells of their corners carry all of them.
+    fn mean(
+        &self,
+        grid: &dyn Grid<D>,
+        links: &Connectivity<D>,
+        side: &[u32],
+        cells: &[u32],
+    ) -> Vec<(u32, f64)> {
+        if side.iter().any(|&corner| self.at_corners[corner as usize].nodes().is_empty()) {
+            return Vec::new();
+        }
+        let corners: Vec<[f64; D]> = side.iter().map(|&corner| self.converged[corner as usize]).collect();
+        let cells: Vec<u32> = side.iter().map(|&corner| cells[corner as usize]).collect();
+        let bounds: Vec<_> = cells.iter().map(|&cell| bounds_of_cell(grid, cell)).collect();
+        let at = |s: f64, t: f64| -> [f64; D] {
+            std::array::from_fn(|d| {
+                let along =
+                    |from: usize, to: usize| corners[from][d] + s * (corners[to][d] - corners[from][d]);
+                if D == 2 { along(0, 1) } else { (1.0 - t) * along(0, 1) + t * along(3, 2) }
+            })
+        };
+        let across = if D == 2 { vec![0.0, 1.0] } else { crossings(grid, &corners[0], &corners[3]) };
+        let mut mean: BTreeMap<u32, f64> = BTreeMap::new();
+        for s in crossings(grid, &corners[0], &corners[1]).windows(2).map(simpson) {
+            for t in across.windows(2).map(simpson) {
+                let middle = at(s[1].0, t[1].0);
+                let away = |k: usize| squared_distance(&bounds[k], &middle);
+                let nearest = (0..cells.len()).min_by(|&a, &b| away(a).total_cmp(&away(b))).unwrap_or(0);
+                for (s, weight_s) in s {
+                    for (t, weight_t) in t {
+                        let basis = grid.basis_at(cells[nearest], &at(s, t));
+                        let Some(basis) = active(basis, links, self.body) else { return Vec::new() };
+                        for (&node, value) in basis.nodes().iter().zip(basis.value()) {
+                            *mean.entry(node).or_insert(0.0) += weight_s * weight_t * value;
+                        }
+                    }
+                }
+            }
+        }
+        mean.into_iter().filter(|(_, value)| *value != 0.0).collect()
     }
 
     /// The sum of the area vectors of the facets around each corner.
@@ -115,7 +202,8 @@ impl<const D: usize> Carried<D> {
 
     /// The grid nodes that carry a sample; none if there is only one rank.
     pub fn nodes_of(&self, grid: &dyn Grid<D>, sample: usize) -> Vec<u32> {
-        let cells = self.facets[sample].iter().filter_map(|corner| self.found.get(*corner as usize));
+        let corners = self.corners_of_side(sample);
+        let cells = corners.iter().filter_map(|corner| self.found.get(*corner as usize));
         cells.flat_map(|(cell, _)| grid.corners(*cell as usize).nodes().to_vec()).collect()
     }
 
@@ -149,6 +237,7 @@ impl<const D: usize> Carried<D> {
     pub fn clear(&mut self) {
         self.trial.clone_from(&self.converged);
         self.at_corners.clear();
+        self.at_samples.clear();
         (self.found, self.own) = (Vec::new(), None);
     }
 
@@ -157,14 +246,28 @@ impl<const D: usize> Carried<D> {
         self.facets[sample].map(|corner| self.trial[corner as usize])
     }
 
+    /// The share of its facet for which a sample stands, [-].
+    pub fn share(&self, sample: usize) -> f64 {
+        self.shares[sample]
+    }
+
+    /// The normal of a sample times its area at the trial positions, [length^(D−1)]; per unit thickness in the plane.
+    pub fn area(&self, sample: usize) -> [f64; D] {
+        area_vector(&self.facet(sample)).map(|a| self.shares[sample] * a)
+    }
+
     /// The bases at the corners of a facet.
     pub fn supports(&self, sample: usize) -> [&Support<D>; D] {
         self.facets[sample].map(|corner| &self.at_corners[corner as usize])
     }
 
-    /// Calls `visit` with the nodes of a sample and their N_v, averaged over the corners of the facet. A node of
-    /// several corners is visited once for each corner, with the share of that corner in the mean.
+    /// Calls `visit` with the nodes of a sample and their N_v. If this is the mean over the corners of the facet, a node
+    /// of several corners is visited once for each corner, with the share of that corner in the mean.
     pub fn for_each_value(&self, sample: usize, mut visit: impl FnMut(usize, f64)) {
+        if let Some(mean) = self.at_samples.get(sample).filter(|mean| !mean.is_empty()) {
+            mean.iter().for_each(|(node, value)| visit(*node as usize, *value));
+            return;
+        }
         for support in self.supports(sample) {
             for (&node, value) in support.nodes().iter().zip(support.value()) {
                 visit(node as usize, value / D as f64);
@@ -184,7 +287,10 @@ impl<const D: usize> Carried<D> {
         let mut nodes = Vec::new();
         for sample in self.own_samples() {
             nodes.clear();
-            self.supports(sample).iter().for_each(|support| nodes.extend_from_slice(support.nodes()));
+            let corners = self.corners_of_side(sample);
+            corners
+                .iter()
+                .for_each(|corner| nodes.extend_from_slice(self.at_corners[*corner as usize].nodes()));
             nodes.sort_unstable();
             nodes.dedup();
             visit(&nodes);
@@ -227,4 +333,35 @@ impl<const D: usize> Carried<D> {
         self.trial.clone_from(&self.converged);
         Ok(())
     }
+}
+
+/// The ends of a segment and its crossings with grid lines, as fractions of its length, ascending.
+fn crossings<const D: usize>(grid: &dyn Grid<D>, a: &[f64; D], b: &[f64; D]) -> Vec<f64> {
+    let mut at = vec![0.0];
+    for (d, axis) in grid.lines().into_iter().flat_map(|lines| lines.axes().iter().enumerate()) {
+        let [from, to] = [axis.coordinate(a[d]), axis.coordinate(b[d])];
+        let mut line = from.min(to).floor() + 1.0;
+        while line < from.max(to) {
+            at.push((axis.position(line) - a[d]) / (b[d] - a[d]));
+            line += 1.0;
+        }
+    }
+    at.retain(|t| (0.0..1.0).contains(t));
+    at.push(1.0);
+    at.sort_by(f64::total_cmp);
+    at
+}
+
+/// The places and weights of Simpson's rule between two ends.
+fn simpson(ends: &[f64]) -> [(f64, f64); 3] {
+    let (from, to) = (ends[0], ends[1]);
+    let sixth = (to - from) / 6.0;
+    [(from, sixth), (0.5 * (from + to), 4.0 * sixth), (to, sixth)]
+}
+
+/// The box around a cell, [length].
+fn bounds_of_cell<const D: usize>(grid: &dyn Grid<D>, cell: u32) -> Bounds<D> {
+    let nodes = grid.corners(cell as usize);
+    let place = |&node: &u32| grid.node_position(node as usize);
+    around(&nodes.nodes().iter().map(place).collect::<Vec<_>>())
 }

@@ -15,7 +15,6 @@ use crate::basis::Connectivity;
 use crate::model::{Model, NodeSet};
 use crate::points::Points;
 use crate::ranks::Reduction;
-use crate::region::area_vector;
 use crate::step::{At, Nodal, StepContext};
 use crate::surface::{Carried, Surface, SurfaceFields, centre, unit};
 
@@ -135,7 +134,7 @@ impl<const D: usize> Surfaces<D> {
             for sample in 0..surface.len() {
                 let corners = carried.facet(sample);
                 fields.position.push(centre(&corners));
-                let area = area_vector(&corners);
+                let area = carried.area(sample);
                 let size = area.iter().map(|a| a * a).sum::<f64>().sqrt();
                 fields.normal.push(unit(&area));
                 fields.area.push(size * model.mean_depth(&corners));
@@ -186,7 +185,7 @@ impl<const D: usize, const N: usize> Term<D, N> for Surfaces<D> {
         }
         for condition in &mut self.conditions {
             let acts = self.is_there[condition.surface()] && model.is_set(condition.number());
-            condition.begin(step, &self.carried, acts, &mut self.start)?;
+            condition.begin(step, points, &self.carried, acts, &mut self.start)?;
         }
         Ok(())
     }

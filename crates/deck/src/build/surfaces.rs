@@ -1,6 +1,7 @@
 //! Samples the surfaces of a deck.
 
 use mpm_core::grid::Grid;
+use mpm_core::points::Points;
 use mpm_core::region::{NoBoundary, Region};
 use mpm_core::surface::{Part, Surface, boundary_of_cells};
 
@@ -23,11 +24,17 @@ where
     Region<D>: DeckRegion<D>,
 {
     /// Samples all surfaces, given the regions of the bodies.
-    pub(super) fn surfaces(&mut self, grid: &dyn Grid<D>, regions: &Regions<D>) -> Vec<Surface<D>> {
+    pub(super) fn surfaces(
+        &mut self,
+        grid: &dyn Grid<D>,
+        regions: &Regions<D>,
+        points: &Points<D>,
+    ) -> Vec<Surface<D>> {
         let mut surfaces = Vec::new();
         for (index, deck) in self.loaded.deck.surfaces.iter().enumerate() {
             let body = self.body_number(&deck.body);
             let Some(region) = regions.bodies.get(body) else { continue };
+            let domain = self.deck.bodies[body].method.domain();
             let part = match &deck.part {
                 None => Part::Whole,
                 Some(PartDeck { within: Some(BoxDeck { min, max }), .. }) => {
@@ -78,8 +85,11 @@ where
                 sampled = sample(spacing, cell);
             }
             let sampled = sampled.map(|surface| {
+                let at_sides =
+                    if deck.spacing.is_none() { surface.at_sides(points, domain, self.ranks) } else { None };
+                let surface = Surface { cell, ..at_sides.unwrap_or(surface) };
                 let in_cells = in_cells(grid, &surface);
-                Surface { cell, in_cells, ..surface }
+                Surface { in_cells, ..surface }
             });
             match sampled {
                 Ok(surface) if surface.is_empty() => {

@@ -20,8 +20,9 @@ use crate::assembly::{System, Wanted};
 use crate::dofs::ConstraintError;
 use crate::formula::Formula;
 use crate::grid::Grid;
-use crate::material::axial_modulus_at_rest;
+use crate::material::{axial_modulus_at_rest, axial_modulus_from};
 use crate::model::{Model, NodeSet, OnSurface};
+use crate::points::Points;
 use crate::ranks::Reduction;
 use crate::step::{At, Nodal, StepContext};
 use crate::surface::{Carried, Surface, SurfaceFields, centre};
@@ -77,8 +78,10 @@ pub(super) struct Condition<const D: usize> {
     /// Number of the condition in the model.
     number: usize,
     on: OnSurface,
-    /// β, [stress/length].
+    /// β, [stress/length]: the axial modulus of the body over the size of a cell, times the factor of the condition.
     penalty: f64,
+    /// Axial modulus of the body's law at zero strain, [stress]; zero for a law that has none there.
+    modulus_at_rest: f64,
     /// Axes, or directions of the condition, along which the displacement is prescribed.
     components: Vec<usize>,
     patches: Vec<Patch>,
@@ -106,7 +109,8 @@ impl<const D: usize> Condition<D> {
         let NodeSet::Surface(on) = condition.nodes else { return None };
         let surface = &model.surfaces[on.surface];
         let law = model.materials[model.bodies[surface.body].material].law.as_ref();
-        let penalty = on.penalty * axial_modulus_at_rest(law) / surface.cell;
+        let modulus_at_rest = axial_modulus_at_rest(law);
+        let penalty = on.penalty * modulus_at_rest / surface.cell;
         let components: Vec<usize> = (0..D).filter(|&d| condition.displacement[d].is_some()).collect();
         let direction = |&component: &usize| {
             (0..surface.len()).map(|s| condition.direction(component, surface.normal(s))).collect()
@@ -118,6 +122,7 @@ impl<const D: usize> Condition<D> {
             number,
             on,
             penalty,
+            modulus_at_rest,
             components,
             patches,
             equations: Vec::new(),
@@ -154,15 +159,42 @@ impl<const D: usize> Condition<D> {
             .collect()
     }
 
+    /// Gives β a stiffness that exists where the law has none at zero strain: the largest of the body's points in their
+    /// converged state, otherwise that of the other bodies at rest.
+    fn scale_penalty(&mut self, model: &Model<D>, points: &Points<D>) {
+        if self.modulus_at_rest > 0.0 {
+            return;
+        }
+        let surface = &model.surfaces[self.on.surface];
+        let law = model.materials[model.bodies[surface.body].material].law.as_ref();
+        let state = &points.converged;
+        let of_body = (0..points.len()).filter(|&p| points.body[p] as usize == surface.body);
+        let own = of_body
+            .map(|p| {
+                let history = &state.history[p * points.history_len..][..points.history_len];
+                axial_modulus_from(law, &state.elastic_strain[p], history)
+            })
+            .fold(0.0, f64::max);
+        let others = || model.materials.iter().map(|material| axial_modulus_at_rest(material.law.as_ref()));
+        let modulus = match points.reduction().largest(own) {
+            modulus if modulus > 0.0 => modulus,
+            _ => others().fold(0.0, f64::max),
+        };
+        // Results do not depend on β, so any stiffness will do where no law has one yet.
+        self.penalty = self.on.penalty * if modulus > 0.0 { modulus } else { 1.0 } / surface.cell;
+    }
+
     /// Begins a step, in which the condition acts if `acts`, and adds the reactions at the start of the step to
     /// `start`.
     pub(super) fn begin(
         &mut self,
         step: &StepContext<D>,
+        points: &Points<D>,
         carried: &[Carried<D>],
         acts: bool,
         start: &mut Nodal<D>,
     ) -> Result<(), BeginError> {
+        self.scale_penalty(step.model, points);
         self.equations.clear();
         self.trial.fill(0.0);
         self.reaction.fill([0.0; D]);

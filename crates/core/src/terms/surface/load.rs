@@ -14,7 +14,7 @@
 
 use crate::assembly::{System, Wanted};
 use crate::model::{Action, Load, Model, Pressure};
-use crate::region::{area_derivative, area_vector};
+use crate::region::area_derivative;
 use crate::step::{At, Nodal, StepContext};
 use crate::surface::{Carried, Surface, SurfaceFields, centre};
 
@@ -120,8 +120,9 @@ impl<const D: usize> Values<D> {
         }
     }
 
-    /// The force on a sample whose facet has these corners.
-    fn on_sample(&self, model: &Model<D>, sample: usize, corners: &[[f64; D]; D]) -> OnSample<D> {
+    /// The force on a sample at its trial position.
+    fn on_sample(&self, model: &Model<D>, carried: &Carried<D>, sample: usize) -> OnSample<D> {
+        let corners = &carried.facet(sample);
         let height = centre(corners)[D - 1];
         let (pressure, slope) = match self {
             Values::Dead(forces) => return OnSample { force: forces[sample], pressure: 0.0, slope: 0.0 },
@@ -130,7 +131,7 @@ impl<const D: usize> Values<D> {
             Values::Hydrostatic(_) => (0.0, 0.0),
         };
         let depth = model.mean_depth(corners);
-        let force = area_vector(corners).map(|a| -pressure * depth * a);
+        let force = carried.area(sample).map(|a| -pressure * depth * a);
         OnSample { force, pressure, slope }
     }
 }
@@ -173,7 +174,7 @@ impl<const D: usize> SurfaceLoad<D> {
         let at = |factor: f64| Values::new(model, load, carried, factor);
         let mut add = |values: &Values<D>, share: f64| {
             for sample in carried.own_samples() {
-                let on = values.on_sample(model, sample, &carried.facet(sample));
+                let on = values.on_sample(model, carried, sample);
                 carried.spread(sample, &on.force.map(|f| share * f), start);
             }
         };
@@ -220,10 +221,9 @@ impl<const D: usize> SurfaceLoad<D> {
         let mut per_factor = vec![[0.0; D]; if self.per_factor.is_some() { at.delta_d.len() } else { 0 }];
         self.resultant = [0.0; D];
         for sample in carried.own_samples() {
-            let corners = carried.facet(sample);
-            let mut on = self.values.on_sample(model, sample, &corners);
+            let mut on = self.values.on_sample(model, carried, sample);
             if let Some(values) = &self.per_factor {
-                let unit = values.on_sample(model, sample, &corners);
+                let unit = values.on_sample(model, carried, sample);
                 carried.spread(sample, &unit.force, &mut per_factor);
                 on = on.plus(at.factor, &unit);
             }
@@ -234,7 +234,7 @@ impl<const D: usize> SurfaceLoad<D> {
                 fields.load[sample][d] += on.force[d];
             }
             if wanted == Wanted::Stiffness && !self.is_dead() {
-                add_stiffness(model, (carried, sample), &corners, &on, sum);
+                add_stiffness(model, carried, sample, &on, sum);
             }
         }
         if self.per_factor.is_some() {
@@ -256,14 +256,16 @@ fn follows<const D: usize>(action: &Action<D>) -> bool {
 /// Adds −∂f_v/∂Δd_w, for a pressure on a sample, to the stiffness.
 fn add_stiffness<const D: usize, const N: usize>(
     model: &Model<D>,
-    (carried, sample): (&Carried<D>, usize),
-    corners: &[[f64; D]; D],
+    carried: &Carried<D>,
+    sample: usize,
     on: &OnSample<D>,
     sum: &mut System<N>,
 ) {
-    let (area, depth) = (area_vector(corners), model.mean_depth(corners));
+    let (corners, area) = (&carried.facet(sample), carried.area(sample));
+    let (depth, share) = (model.mean_depth(corners), carried.share(sample));
     for (k, column) in carried.supports(sample).into_iter().enumerate() {
-        let mut derivative = area_derivative(corners, k).map(|row| row.map(|x| on.pressure * depth * x));
+        let mut derivative =
+            area_derivative(corners, k).map(|row| row.map(|x| on.pressure * depth * share * x));
         for i in 0..D {
             if model.revolved {
                 // The depth of the model is the mean of 2πr over the corners.

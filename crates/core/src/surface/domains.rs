@@ -1,0 +1,189 @@
+//! The sides of domains that form a surface.
+//!
+//! By the divergence theorem, the internal force of a uniform stress σ in domains is the sum of N_v σ n a over their outer
+//! sides, where N_v is the mean of the basis over the side: in CPDI, over the corners of the side (of triangles and
+//! parallelograms), in GIMP, over all of it. A load or condition that samples the surface at exactly these sides, by the
+//! same rule, is therefore in equilibrium with a uniform stress, on any grid; one that samples it elsewhere is not, as
+//! soon as sides cross the boundaries of cells.
+
+use serde::{Deserialize, Serialize};
+
+use super::{Part, SideRule, Surface, unit};
+use crate::basis::DomainKind;
+use crate::grid::element::{ElementShape, corner_side};
+use crate::grid::vtk_corner;
+use crate::points::Points;
+use crate::ranks::Ranks;
+use crate::region::{BoxTree, Facet, area_vector, around, boxes_overlap};
+
+/// Distance from a facet within which the centre of a side lies on it, relative to the size of a cell, [-].
+const ON_FACET: f64 = 1e-6;
+/// Smallest cosine of the angle between the normals of a side and of a facet on which it lies, [-].
+const PARALLEL: f64 = 1.0 - 1e-9;
+/// Largest difference, relative to the area, between the areas of the sides and of the surface, and between their first
+/// moments in cells, [-].
+const SAME: f64 = 1e-6;
+
+/// An outer side of a domain.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Side {
+    /// Number of the side of the body's shape.
+    number: usize,
+    /// Corners in cyclic order, `D` numbers each, [length].
+    corners: Vec<f64>,
+}
+
+impl<const D: usize> Surface<D> {
+    /// The same surface, sampled at the sides of the domains of its body; `None` if the points have no domains, or if
+    /// their sides do not form exactly this surface: it is curved, or oblique to them, or ends within a side. All ranks
+    /// must call this together.
+    pub fn at_sides(&self, points: &Points<D>, domain: DomainKind, ranks: &Ranks) -> Option<Self> {
+        let rule = match domain {
+            DomainKind::Corners => SideRule::Corners,
+            DomainKind::Box => SideRule::Integral,
+            DomainKind::None => return None,
+        };
+        let own = self.sides_of(points, domain);
+        let mut sides: Vec<Side> = ranks.gather_all(own).into_iter().flatten().collect();
+        // The order does not depend on the number of ranks.
+        sides.sort_by(|a, b| {
+            let pairs = a.corners.iter().zip(&b.corners);
+            pairs.fold(a.number.cmp(&b.number), |order, (a, b)| order.then(a.total_cmp(b)))
+        });
+        let (mut facets, mut shares) = (Vec::new(), Vec::new());
+        for side in &sides {
+            let (corners, _) = side.corners.as_chunks::<D>();
+            let triangles: &[&[usize]] = match corners.len() {
+                // The mean over both divisions of a quadrilateral weights its corners equally.
+                4 => &[&[0, 1, 2], &[0, 2, 3], &[0, 1, 3], &[1, 2, 3]],
+                _ => &[&[0, 1, 2]],
+            };
+            for triangle in triangles {
+                facets.push(Facet {
+                    corners: std::array::from_fn(|k| corners[triangle[k]]),
+                    side: side.number,
+                });
+                shares.push(if corners.len() == 4 { 0.5 } else { 1.0 });
+            }
+        }
+        let found = Surface {
+            shares,
+            rule,
+            ..Surface::from_facets(self.name.clone(), self.body, facets, &Part::Whole, self.cell)
+        };
+        (!found.is_empty() && self.coincides_with(&found)).then_some(found)
+    }
+
+    /// The sides of this rank's domains whose centres lie on this surface.
+    fn sides_of(&self, points: &Points<D>, domain: DomainKind) -> Vec<Side> {
+        if self.is_empty() {
+            return Vec::new();
+        }
+        let facets = Facets::new(self);
+        let mut sides = Vec::new();
+        for p in (0..points.len()).filter(|&p| points.body[p] as usize == self.body) {
+            let of_box: Vec<[f64; D]>;
+            let corners = if domain == DomainKind::Box {
+                let (x, half) = (&points.converged.position[p], &points.converged.half_lengths[p]);
+                let corner = |c| std::array::from_fn(|d| x[d] + corner_side::<D>(c)[d] * half[d]);
+                of_box = (0..1usize << D).map(corner).collect();
+                &of_box
+            } else {
+                points.corners(p)
+            };
+            let Some(shape) = ElementShape::from_nodes::<D>(corners.len()) else { continue };
+            if !facets.are_near(corners) {
+                continue;
+            }
+            for side in shape.sides::<D>() {
+                let number = |k: usize| if shape == ElementShape::Box { vtk_corner(k) } else { k };
+                let side: Vec<[f64; D]> = side.iter().map(|&k| corners[number(k)]).collect();
+                let area = area_vector(&std::array::from_fn(|k| side[k]));
+                let n = side.len() as f64;
+                let centre = std::array::from_fn(|d| side.iter().map(|x| x[d]).sum::<f64>() / n);
+                if let Some(number) = facets.side_at(&centre, &area) {
+                    sides.push(Side { number, corners: side.as_flattened().to_vec() });
+                }
+            }
+        }
+        sides
+    }
+
+    /// True if another surface has the same area, area vector and first moment of the area.
+    fn coincides_with(&self, other: &Self) -> bool {
+        let [a, b] = [self, other].map(Surface::moments);
+        let area = a.0;
+        let close = |a: f64, b: f64, unit: f64| (a - b).abs() <= SAME * area * unit;
+        close(a.0, b.0, 1.0) && (0..D).all(|d| close(a.1[d], b.1[d], 1.0) && close(a.2[d], b.2[d], self.cell))
+    }
+
+    /// The area, the area vector, and the first moment of the area.
+    fn moments(&self) -> (f64, [f64; D], [f64; D]) {
+        let (mut area, mut vector, mut moment) = (0.0, [0.0; D], [0.0; D]);
+        for sample in 0..self.len() {
+            let a = self.original_area(sample);
+            let size = a.iter().map(|a| a * a).sum::<f64>().sqrt();
+            area += size;
+            for d in 0..D {
+                vector[d] += a[d];
+                moment[d] += size * self.samples[sample][d];
+            }
+        }
+        (area, vector, moment)
+    }
+}
+
+/// The facets of a surface, for finding those at a position.
+struct Facets<const D: usize> {
+    facets: Vec<Facet<D>>,
+    tree: BoxTree<D>,
+    /// Distance within which a position lies on a facet, [length].
+    slack: f64,
+}
+
+impl<const D: usize> Facets<D> {
+    /// The facets of a surface that is not empty.
+    fn new(surface: &Surface<D>) -> Self {
+        let facet = |s: usize| Facet { corners: surface.facet(s), side: surface.sides[s] };
+        let facets: Vec<Facet<D>> = (0..surface.len()).map(facet).collect();
+        let boxes: Vec<_> = facets.iter().map(|facet| around(&facet.corners)).collect();
+        let tree = BoxTree::new(&boxes);
+        Facets { facets: tree.ordered(&facets), tree, slack: ON_FACET * surface.cell }
+    }
+
+    /// False if no facet comes near a domain with these corners.
+    fn are_near(&self, corners: &[[f64; D]]) -> bool {
+        let [low, high] = around(corners);
+        let wide = [low.map(|x| x - self.slack), high.map(|x| x + self.slack)];
+        let mut is_near = false;
+        self.tree.visit(|bounds| boxes_overlap(bounds, &wide), |_| is_near = true);
+        is_near
+    }
+
+    /// The number of the side to which the facet at a position belongs, if it has the direction of an area vector.
+    fn side_at(&self, x: &[f64; D], area: &[f64; D]) -> Option<usize> {
+        let near = [x.map(|x| x - self.slack), x.map(|x| x + self.slack)];
+        let normal = unit(area);
+        let mut side = None;
+        self.tree.visit(
+            |bounds| boxes_overlap(bounds, &near),
+            |index| {
+                let facet = &self.facets[index];
+                let n = unit(&area_vector(&facet.corners));
+                let along = |v: &[f64; D]| (0..D).map(|d| v[d] * n[d]).sum::<f64>();
+                let height = along(&std::array::from_fn(|d| x[d] - facet.corners[0][d]));
+                // The area of the facet with one of its corners at x is positive for all corners if x lies inside.
+                let edge = facet.size().max(self.slack).powi(D as i32 - 2);
+                let is_inside = (0..D).all(|k| {
+                    let mut corners = facet.corners;
+                    corners[k] = *x;
+                    along(&area_vector(&corners)) >= -self.slack * edge
+                });
+                if height.abs() <= self.slack && is_inside && along(&normal) >= PARALLEL {
+                    side = Some(side.map_or(facet.side, |side: usize| side.min(facet.side)));
+                }
+            },
+        );
+        side
+    }
+}

@@ -1,0 +1,201 @@
+"""Patch tests of what acts on a surface: a uniform stress, and the traction that belongs to it, are in equilibrium.
+
+Each rule of `RULES` loads the right side of a block, which is held on symmetry planes, so that the stress of the points is
+uniform if the rule agrees with the basis. A rule that samples the surface elsewhere than the sides of the domains is off
+by 5 to 50 % as soon as sides cross the boundaries of cells.
+"""
+
+import numpy as np
+import pytest
+
+from results import Results
+
+# A neo-Hookean block between smooth planes; stretched by a quarter or compressed by a fifth, its domains cross the lines of
+# the grid.
+PLANE = """
+version: 1
+grid: GRID
+materials: {m: {model: neo-hookean, young: 1000, poisson: 0.3}}
+bodies: [{name: b, material: m, shape: SHAPE, method: METHOD, POINTS}]
+surfaces: [{name: side, body: b, part: PART}]
+boundary_conditions:
+  - {name: left, nodes: {x: 0}, fix: [x]}
+  - {name: base, nodes: {y: 0}, fix: [y]}
+RULE
+steps: {count: STEPS}
+"""
+
+RULES = {
+    "pull": "loads: [{name: p, type: pressure, surface: side, pressure: -300}]",
+    "push": "loads: [{name: p, type: pressure, surface: side, pressure: 200}]",
+    "dead": "loads: [{name: p, type: pressure, surface: side, pressure: 150, follows: false}]",
+    "traction": "loads: [{name: p, type: traction, surface: side, traction: [250, 0]}]",
+    "motion": "  - {name: p, surface: side, ux: 0.23}",
+    "normal": "  - {name: p, surface: side, fix: {normal: [1, 0]}}\nloads: [{name: lid, type: traction, surface: top, traction: [0, -150]}]",
+}
+
+EVEN = "{type: structured, origin: [0, 0], size: [1.75, 1.75], spacing: 0.25}"
+SHIFTED = "{type: structured, origin: [0, 0], size: [1.8, 2.1], spacing: [0.2, 0.3]}"
+GRADED = (
+    "{type: structured, origin: [0, 0], size: [1.75, 1.75], "
+    "spacing: [[{to: 1, cells: 5, ratio: 0.8}, {to: 1.75, cells: 4}], 0.25]}"
+)
+
+
+def deck(rule, method="cpdi2", points="points_per_cell: 2", grid=EVEN, steps=4, size=(1, 1)):
+    text = PLANE.replace("GRID", grid).replace("METHOD", method).replace("POINTS", points)
+    text = text.replace("SHAPE", f"{{type: box, min: [0, 0], max: [{size[0]}, {size[1]}]}}").replace("PART", "{edge: 1}")
+    if rule == "normal":
+        text = text.replace("}}]\nboundary", "}}, {name: top, body: b, part: {edge: 2}}]\nboundary")
+        text = text.replace("part: {edge: 1}}]", "part: {edge: 1}}, {name: top, body: b, part: {edge: 2}}]")
+    return text.replace("RULE", RULES[rule]).replace("STEPS", str(steps))
+
+
+@pytest.fixture
+def scatter(mpm, tmp_path):
+    """The largest deviation of the stress of a point from the mean, relative to the largest stress."""
+
+    def run(text):
+        path, out = tmp_path / "deck.yaml", tmp_path / "out"
+        path.write_text(text)
+        process = mpm("run", path, "--out", out)
+        assert process.returncode == 0, process.stderr
+        results = Results(out)
+        assert results.summary["outcome"] == "completed"
+        stress = np.asarray(results.mesh("points", -1)["cauchy_stress"])
+        assert np.abs(stress).max() > 10
+        return np.abs(stress - stress.mean(axis=0)).max() / np.abs(stress).max()
+
+    return run
+
+
+@pytest.mark.parametrize("method", ["gimp", "cpdi1", "cpdi2"])
+@pytest.mark.parametrize("rule", RULES)
+def test_every_rule_balances_a_uniform_stress(scatter, rule, method):
+    assert scatter(deck(rule, method)) < 1e-9
+
+
+@pytest.mark.parametrize("method", ["gimp", "cpdi2"])
+@pytest.mark.parametrize("n", [1, 3, 4])
+@pytest.mark.parametrize("rule", ["push", "motion"])
+def test_for_any_number_of_points(scatter, rule, n, method):
+    assert scatter(deck(rule, method, points=f"points_per_cell: {n}")) < 1e-9
+
+
+@pytest.mark.parametrize("method", ["gimp", "cpdi2"])
+@pytest.mark.parametrize("steps", [1, 32])
+@pytest.mark.parametrize("rule", ["pull", "traction"])
+def test_for_any_number_of_steps(scatter, rule, steps, method):
+    assert scatter(deck(rule, method, steps=steps)) < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("grid", "points", "size"),
+    [
+        (SHIFTED, "points_per_cell: 2", (1, 1.2)),
+        (EVEN, "point_spacing: [0.1, 0.125]", (1, 1)),
+        (GRADED, "points_per_cell: 2", (1, 1)),
+    ],
+    ids=["other cells", "a lattice of its own", "graded"],
+)
+@pytest.mark.parametrize("method", ["gimp", "cpdi2"])
+@pytest.mark.parametrize("rule", ["push", "traction", "motion"])
+def test_on_other_grids(scatter, rule, method, grid, points, size):
+    assert scatter(deck(rule, method, grid=grid, points=points, size=size)) < 1e-9
+
+
+SOLID = """
+version: 1
+analysis: {idealisation: solid}
+grid: {type: structured, origin: [0, 0, 0], size: [1.5, 1.5, 1.5], spacing: 0.5}
+materials: {m: {model: neo-hookean, young: 1000, poisson: 0.3}}
+bodies: [{name: b, material: m, shape: {type: box, min: [0, 0, 0], max: [1, 1, 1]}, method: METHOD, points_per_cell: 2}]
+surfaces: [{name: side, body: b, part: {box: {min: [1, 0, 0], max: [1, 1, 1]}}}]
+boundary_conditions:
+  - {name: left, nodes: {x: 0}, fix: [x]}
+  - {name: front, nodes: {y: 0}, fix: [y]}
+  - {name: base, nodes: {z: 0}, fix: [z]}
+RULE
+steps: {count: 4}
+"""
+
+
+@pytest.mark.parametrize("method", ["gimp", "cpdi1", "cpdi2"])
+@pytest.mark.parametrize("rule", ["pull", "push", "dead", "motion"])
+def test_in_space(scatter, rule, method):
+    assert scatter(SOLID.replace("METHOD", method).replace("RULE", RULES[rule])) < 1e-9
+
+
+REVOLVED = """
+version: 1
+analysis: {idealisation: axisymmetric, initial_imbalance: refuse}
+grid: {type: structured, origin: [0, 0], size: [3, 3], spacing: 0.5}
+materials: {soil: {model: hencky, young: 1e7, poisson: 0.3, density: 2000}}
+bodies:
+  - {name: soil, material: soil, method: METHOD, points_per_cell: 2, shape: {type: box, min: [0, 0], max: [3, 2]},
+     initial_stress: {type: geostatic, surface: 2, k0: 0.5, surcharge: 5e4}}
+surfaces: [{name: top, body: soil, part: {edge: 2}}]
+boundary_conditions:
+  - {name: far, nodes: {x: 3}, fix: [x]}
+  - {name: axis, nodes: {x: 0}, fix: [x]}
+  - {name: base, nodes: {y: 0}, fix: [y]}
+loads:
+  - {name: weight, type: gravity, acceleration: [0, -10]}
+  - {name: surcharge, type: pressure, surface: top, pressure: 5e4, curve: [[0, 1], [1, 1]]}
+steps: {count: 1}
+"""
+
+
+@pytest.mark.parametrize("method", ["gimp", "cpdi2"])
+def test_a_surcharge_balances_the_initial_stress_of_a_body_of_revolution(mpm, tmp_path, method):
+    path, out = tmp_path / "deck.yaml", tmp_path / "out"
+    path.write_text(REVOLVED.replace("METHOD", method))
+    process = mpm("run", path, "--out", out)
+    assert process.returncode == 0, process.stderr
+    assert Results(out).summary["initial_state"]["residual"] < 1e-12
+
+
+def test_a_part_that_ends_within_a_side_is_sampled_more_finely(scatter, mpm, tmp_path):
+    """The force is that of the part, however its ends lie."""
+    text = deck("traction").replace("{edge: 1}", "{box: {min: [1, 0], max: [1, 0.6875]}}")
+    path, out = tmp_path / "deck.yaml", tmp_path / "out"
+    path.write_text(text)
+    process = mpm("run", path, "--out", out)
+    assert process.returncode == 0, process.stderr
+    assert Results(out).history["p_fx"][-1] == pytest.approx(250 * 0.6875, rel=1e-12)
+
+
+WALL = """
+version: 1
+grid: {type: structured, origin: [-1, 0], size: [7, 3], spacing: 0.5}
+materials: {soil: LAW}
+bodies:
+  - {name: soil, material: soil, shape: {type: box, min: [0, 0], max: [6, 2]}, points_per_cell: 2,
+     initial_stress: {type: geostatic, surface: 2, k0: 0.5}}
+surfaces: [{name: wall, body: soil, part: {edge: 3}}]
+boundary_conditions:
+  - {name: far, nodes: {x: 6}, fix: [x]}
+  - {name: base, nodes: {y: 0}, fix: [x, y]}
+  - {name: push, surface: wall, ux: 0.002}
+loads: [{name: weight, type: gravity, acceleration: [0, -9.81]}]
+analysis: {initial_imbalance: equilibrate}
+steps: {count: 2}
+"""
+
+LAWS = {
+    "no tension": "{model: mohr-coulomb, young: 2e7, poisson: 0.3, cohesion: 10e3, friction_angle: 30, tensile_strength: 0, "
+    "density: 1800}",
+    "no cohesion": "{model: mohr-coulomb, young: 2e7, poisson: 0.3, cohesion: 0, friction_angle: 30, density: 1800}",
+}
+
+
+@pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
+def test_a_condition_needs_no_stiffness_in_tension(mpm, tmp_path, law):
+    path, out = tmp_path / "deck.yaml", tmp_path / "out"
+    path.write_text(WALL.replace("LAW", law))
+    process = mpm("run", path, "--out", out)
+    assert process.returncode == 0, process.stderr
+    results = Results(out)
+    assert results.summary["outcome"] == "completed"
+    # The wall pushes the soil to the right.
+    assert results.history["push_rx"][-1] > 0
