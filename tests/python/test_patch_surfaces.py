@@ -199,3 +199,70 @@ def test_a_condition_needs_no_stiffness_in_tension(mpm, tmp_path, law):
     assert results.summary["outcome"] == "completed"
     # The wall pushes the soil to the right.
     assert results.history["push_rx"][-1] > 0
+
+
+# GIMP sides may be longer than cells, after a coarse filling or a stretch.
+LONG = """
+version: 1
+analysis: {initial_imbalance: refuse}
+grid: {type: structured, origin: [0, 0], size: [2, 2], spacing: 0.2}
+materials: {m: {model: hencky, young: 1e7, poisson: 0.3}}
+bodies:
+  - {name: b, material: m, method: METHOD, point_spacing: 0.25, shape: {type: box, min: [0, 0], max: [1, 1]},
+     initial_stress: {type: components, stress: {xx: -100, yy: -100, zz: -100}}}
+surfaces: [{name: whole, body: b}]
+boundary_conditions:
+  - {name: left, nodes: {x: 0}, fix: [x]}
+  - {name: base, nodes: {y: 0}, fix: [y]}
+loads: [{name: p, type: pressure, surface: whole, pressure: 100}]
+steps: {count: 1}
+"""
+
+
+@pytest.mark.parametrize("method", ["gimp", "cpdi1", "cpdi2"])
+def test_sides_longer_than_cells(scatter, method):
+    assert scatter(LONG.replace("METHOD", method)) < 1e-9
+
+
+# The end of a part on a line of a graded grid, on a side of a domain, and within one.
+PARTLY = PLANE.replace("PART", "{box: {min: [1, 0], max: [1, END]}}").replace("SHAPE", "{type: box, min: [0, 0], max: [1, 1]}")
+
+
+@pytest.mark.parametrize("method", ["gimp", "cpdi2"])
+@pytest.mark.parametrize(
+    ("grid", "n", "end"),
+    [
+        ("{type: structured, origin: [0, 0], size: [1.5, 1.5], spacing: [0.25, [{to: 1, cells: 4, ratio: 0.8}, {to: 1.5, cells: 2}]]}", 2, 0.6097560975609756),
+        (EVEN, 3, 5 / 12),
+        (EVEN, 2, 0.3),
+    ],
+    ids=["line of a graded grid", "end of a side", "within a side"],
+)
+def test_the_force_is_that_of_the_part(mpm, tmp_path, grid, n, end, method):
+    text = PARTLY.replace("END", repr(end)).replace("GRID", grid).replace("METHOD", method)
+    text = text.replace("POINTS", f"points_per_cell: {n}").replace("RULE", RULES["traction"]).replace("STEPS", "1")
+    (tmp_path / "deck.yaml").write_text(text)
+    process = mpm("run", tmp_path / "deck.yaml", "--out", tmp_path / "out")
+    assert process.returncode == 0, process.stderr
+    force = np.asarray(Results(tmp_path / "out").history["p_fx"])[-1]
+    assert abs(force - 250 * end) < 1e-9 * force
+
+
+# Loads that are not linear along a side are integrated, not sampled at its centre.
+@pytest.mark.parametrize(
+    ("load", "force", "tolerance"),
+    [
+        ("{name: p, type: pressure, surface: side, hydrostatic: {level: 0.9, unit_weight: 10}}", -4.05, 1e-6),
+        ('{name: p, type: traction, surface: side, traction: ["300*Y^2", 0]}', 100, 3e-3),
+        ('{name: p, type: traction, surface: side, traction: ["if(Y<0.4,1,0)", 0]}', 0.4, 0.07),
+    ],
+    ids=["water", "parabola", "jump"],
+)
+def test_loads_that_vary_along_a_side(mpm, tmp_path, load, force, tolerance):
+    text = deck("traction", points="points_per_cell: 1", steps=1).replace("young: 1000", "young: 1e8")
+    text = text.replace(RULES["traction"], f"loads: [{load}]")
+    (tmp_path / "deck.yaml").write_text(text)
+    process = mpm("run", tmp_path / "deck.yaml", "--out", tmp_path / "out")
+    assert process.returncode == 0, process.stderr
+    found = np.asarray(Results(tmp_path / "out").history["p_fx"])[-1]
+    assert abs(found - force) < tolerance * abs(force)

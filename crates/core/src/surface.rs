@@ -16,6 +16,8 @@
 mod carried;
 mod cells;
 mod domains;
+mod integral;
+mod outer;
 mod support;
 
 use std::collections::BTreeMap;
@@ -25,10 +27,16 @@ use crate::region::{Facet, NoBoundary, Region, area_vector};
 
 pub use carried::Carried;
 pub use cells::boundary_of_cells;
-pub use support::{Support, support};
+pub use integral::{lies_in_one_cell, mean_over_side};
+pub use outer::{DomainSide, OuterSides, deformed_corners, sides_of_domain};
+pub use support::{Support, active, support};
 
 /// Tolerance of the boxes and half-spaces that select samples, relative to the size of a cell, [-].
 const SLACK: f64 = 1e-6;
+/// Length of the pieces over which loads are averaged, relative to the size of a cell, [-], and largest number of pieces
+/// along a side.
+const PIECE: f64 = 0.25;
+const MOST_PIECES: f64 = 16.0;
 /// Distance within which corners of facets coincide, relative to the size of a cell, [-].
 const SAME: f64 = 1e-9;
 
@@ -38,9 +46,9 @@ pub enum Part<const D: usize> {
     /// The whole boundary.
     #[default]
     Whole,
-    /// The samples inside a closed box with these lowest and highest corners, [length].
+    /// What lies inside a closed box with these lowest and highest corners, [length].
     Box([f64; D], [f64; D]),
-    /// The samples x with (x − `point`) · `normal` ≥ 0.
+    /// What lies at positions x with (x − `point`) · `normal` ≥ 0.
     HalfSpace {
         /// A position on the plane, [length].
         point: [f64; D],
@@ -52,18 +60,31 @@ pub enum Part<const D: usize> {
 }
 
 impl<const D: usize> Part<D> {
-    fn contains(&self, facet: &Facet<D>, slack: f64) -> bool {
-        let x = facet.centre();
+    /// The half-spaces x · a ≥ b that contain the part, as pairs (a, b) with unit vectors a.
+    fn half_spaces(&self) -> Vec<([f64; D], f64)> {
         match self {
-            Part::Whole => true,
-            Part::Box(min, max) => (0..D).all(|d| min[d] - slack <= x[d] && x[d] <= max[d] + slack),
-            Part::HalfSpace { point, normal } => {
-                let along = |d: usize| (x[d] - point[d]) * normal[d];
-                let length = normal.iter().map(|n| n * n).sum::<f64>().sqrt();
-                (0..D).map(along).sum::<f64>() >= -slack * length
+            Part::Whole | Part::Side(_) => Vec::new(),
+            Part::Box(min, max) => {
+                let along = |d: usize, sign: f64| std::array::from_fn(|k| if k == d { sign } else { 0.0 });
+                (0..D).flat_map(|d| [(along(d, 1.0), min[d]), (along(d, -1.0), -max[d])]).collect()
             }
-            Part::Side(side) => facet.side == *side,
+            Part::HalfSpace { point, normal } => {
+                let a = unit(normal);
+                vec![(a, (0..D).map(|d| a[d] * point[d]).sum())]
+            }
         }
+    }
+
+    /// The facets, cut at the ends of the part. Facets that lie within `slack`, [length], of the part stay whole.
+    fn cut(&self, mut facets: Vec<Facet<D>>, slack: f64) -> Vec<Facet<D>> {
+        if let Part::Side(side) = self {
+            facets.retain(|facet| facet.side == *side);
+        }
+        for (a, b) in self.half_spaces() {
+            let above = |x: &[f64; D]| (0..D).map(|d| a[d] * x[d]).sum::<f64>() - b;
+            facets = facets.iter().flat_map(|facet| facet.above(above, slack)).collect();
+        }
+        facets
     }
 }
 
@@ -93,6 +114,9 @@ pub struct Surface<const D: usize> {
     /// The share of its facet for which each sample stands, [-]: 1, or 1/2 on quadrilaterals in space, where the
     /// triangles of both divisions are samples.
     pub shares: Vec<f64>,
+    /// True for each sample on the side of a triangle in the plane: in a body of revolution, the basis of a triangle takes
+    /// the mean over its side with the radius as a weight.
+    pub of_triangles: Vec<bool>,
     /// The rule of the samples.
     pub rule: SideRule,
     /// Number of the side of the body's shape on which each sample lies.
@@ -127,16 +151,16 @@ impl<const D: usize> Surface<D> {
         Ok(Surface::from_facets(name, body, facets, part, cell))
     }
 
-    /// The surface formed by the facets that lie in a part of the boundary; `cell` is the size of a grid cell,
-    /// [length].
+    /// The surface formed by the facets that lie in a part of the boundary, cut at its ends; `cell` is the size of a grid
+    /// cell, [length].
     pub fn from_facets(
         name: impl Into<String>,
         body: usize,
-        mut facets: Vec<Facet<D>>,
+        facets: Vec<Facet<D>>,
         part: &Part<D>,
         cell: f64,
     ) -> Self {
-        facets.retain(|facet| part.contains(facet, SLACK * cell));
+        let facets = part.cut(facets, SLACK * cell);
         let mut surface = Surface {
             name: name.into(),
             body,
@@ -144,6 +168,7 @@ impl<const D: usize> Surface<D> {
             corners: Vec::new(),
             facets: Vec::new(),
             shares: vec![1.0; facets.len()],
+            of_triangles: vec![false; facets.len()],
             rule: SideRule::Corners,
             sides: facets.iter().map(|facet| facet.side).collect(),
             cell,
@@ -183,6 +208,29 @@ impl<const D: usize> Surface<D> {
         self.facets[sample].map(|corner| self.corners[corner as usize])
     }
 
+    /// The centres of pieces of the facet of a sample that are at most about a quarter of a cell long: a load that is not
+    /// linear over a long side is averaged over them.
+    pub fn pieces(&self, sample: usize) -> Vec<Piece<D>> {
+        let facet = Facet { corners: self.facet(sample), side: 0 };
+        let n = (facet.size() / (PIECE * self.cell) - SLACK).ceil().clamp(1.0, MOST_PIECES) as usize;
+        let share = |weight: f64| weight / (D * n) as f64;
+        let mut pieces = Vec::new();
+        for i in 0..n {
+            if D == 2 {
+                pieces.push(Piece(std::array::from_fn(|k| {
+                    share([(2 * (n - i) - 1) as f64, (2 * i + 1) as f64][k])
+                })));
+                continue;
+            }
+            // The triangles of row i that stand on their bases, and those between them on their tips.
+            for (j, tip) in (0..n - i).map(|j| (j, 1)).chain((1..n - i).map(|j| (j - 1, 2))) {
+                let [a, b] = [i, j].map(|k| (3 * k + tip) as f64);
+                pieces.push(Piece(std::array::from_fn(|k| share([3.0 * n as f64 - a - b, a, b][k]))));
+            }
+        }
+        pieces
+    }
+
     /// Original normal of a sample times its original area, [length^(D−1)]; per unit thickness in the plane.
     pub fn original_area(&self, sample: usize) -> [f64; D] {
         area_vector(&self.facet(sample)).map(|a| self.shares[sample] * a)
@@ -191,6 +239,20 @@ impl<const D: usize> Surface<D> {
     /// Original unit normal of a sample, pointing out of the body.
     pub fn normal(&self, sample: usize) -> [f64; D] {
         unit(&self.original_area(sample))
+    }
+}
+
+/// The centre of a piece of a facet, as shares of the corners of the facet, [-].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Piece<const D: usize>([f64; D]);
+
+impl<const D: usize> Piece<D> {
+    /// The centre of the piece on a facet with these corners, [length].
+    pub fn on(&self, corners: &[[f64; D]; D]) -> [f64; D] {
+        if self.0 == [1.0 / D as f64; D] {
+            return centre(corners);
+        }
+        std::array::from_fn(|d| self.0.iter().zip(corners).map(|(share, corner)| share * corner[d]).sum())
     }
 }
 

@@ -35,6 +35,35 @@ impl<const D: usize> Facet<D> {
         Facet { corners: self.corners.map(|corner| motion.apply(&corner)), ..self }
     }
 
+    /// The part of the facet where a function, linear in the position, is not negative, as facets in the same orientation.
+    /// The facet stays whole, or is left out, if this changes the function by at most `slack`.
+    pub(crate) fn above(&self, height: impl Fn(&[f64; D]) -> f64, slack: f64) -> Vec<Self> {
+        let heights = self.corners.each_ref().map(height);
+        if heights.iter().all(|h| *h >= -slack) {
+            return vec![*self];
+        }
+        if heights.iter().all(|h| *h <= slack) {
+            return Vec::new();
+        }
+        let mut kept: Vec<[f64; D]> = Vec::with_capacity(D + 1);
+        for k in 0..D {
+            let next = (k + 1) % D;
+            let [h, h_next] = [heights[k], heights[next]];
+            if h >= 0.0 {
+                kept.push(self.corners[k]);
+            }
+            if (h < 0.0) != (h_next < 0.0) && (D > 2 || k == 0) {
+                let way = minus(&self.corners[next], &self.corners[k]);
+                kept.push(along(&self.corners[k], h / (h - h_next), &way));
+            }
+        }
+        let facet = |second: usize| {
+            let corners = std::array::from_fn(|k| kept[if k == 0 { 0 } else { second + k - 1 }]);
+            Facet { corners, side: self.side }
+        };
+        (1..=kept.len() + 1 - D).map(facet).collect()
+    }
+
     /// Length of the longest edge, [length].
     pub(crate) fn size(&self) -> f64 {
         let from = |k: usize| norm(&minus(&self.corners[(k + 1) % D], &self.corners[k]));

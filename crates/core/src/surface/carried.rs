@@ -1,15 +1,14 @@
 //! The converged and trial state of a surface, and its motion with the grid.
 
-use std::collections::BTreeMap;
-
 use serde_json::{Value, json};
 
+use super::integral::{mean_over_side, pieces_of_side};
 use super::support::{Support, active, carrying_cell};
 use super::{SideRule, Surface, unit};
 use crate::basis::Connectivity;
 use crate::grid::Grid;
 use crate::ranks::Reduction;
-use crate::region::{Bounds, area_vector, around, squared_distance};
+use crate::region::area_vector;
 
 /// A surface carried by the grid.
 #[derive(Debug, Clone, Default)]
@@ -25,6 +24,8 @@ pub struct Carried<const D: usize> {
     /// The share of its facet for which each sample stands, [-].
     shares: Vec<f64>,
     rule: SideRule,
+    /// True for each sample on the side of a triangle of a body of revolution.
+    by_radius: Vec<bool>,
     /// Basis at each corner in the current step; empty for a corner if this rank lacks one of its nodes.
     at_corners: Vec<Support<D>>,
     /// With the rule of integrals, the nodes of each sample with their N_v.
@@ -36,8 +37,8 @@ pub struct Carried<const D: usize> {
 }
 
 impl<const D: usize> Carried<D> {
-    /// This surface at the start of the analysis.
-    pub fn new(surface: &Surface<D>) -> Self {
+    /// This surface at the start of the analysis, of a body of revolution if `revolved`.
+    pub fn new(surface: &Surface<D>, revolved: bool) -> Self {
         Carried {
             body: surface.body as u16,
             converged: surface.corners.clone(),
@@ -45,6 +46,7 @@ impl<const D: usize> Carried<D> {
             facets: surface.facets.clone(),
             shares: surface.shares.clone(),
             rule: surface.rule,
+            by_radius: surface.of_triangles.iter().map(|of_triangle| *of_triangle && revolved).collect(),
             at_corners: Vec::new(),
             at_samples: Vec::new(),
             found: Vec::new(),
@@ -116,8 +118,7 @@ impl<const D: usize> Carried<D> {
         corners
     }
 
-    /// The nodes of a side with the mean of N_v over it, by Simpson's rule between the grid lines that it crosses; empty
-    /// if this rank lacks a node. Sides are no longer than cells, so that the cells of their corners carry all of them.
+    /// The nodes of a side with the mean of N_v over it; empty if this rank lacks a node.
     fn mean(
         &self,
         grid: &dyn Grid<D>,
@@ -130,33 +131,8 @@ impl<const D: usize> Carried<D> {
         }
         let corners: Vec<[f64; D]> = side.iter().map(|&corner| self.converged[corner as usize]).collect();
         let cells: Vec<u32> = side.iter().map(|&corner| cells[corner as usize]).collect();
-        let bounds: Vec<_> = cells.iter().map(|&cell| bounds_of_cell(grid, cell)).collect();
-        let at = |s: f64, t: f64| -> [f64; D] {
-            std::array::from_fn(|d| {
-                let along =
-                    |from: usize, to: usize| corners[from][d] + s * (corners[to][d] - corners[from][d]);
-                if D == 2 { along(0, 1) } else { (1.0 - t) * along(0, 1) + t * along(3, 2) }
-            })
-        };
-        let across = if D == 2 { vec![0.0, 1.0] } else { crossings(grid, &corners[0], &corners[3]) };
-        let mut mean: BTreeMap<u32, f64> = BTreeMap::new();
-        for s in crossings(grid, &corners[0], &corners[1]).windows(2).map(simpson) {
-            for t in across.windows(2).map(simpson) {
-                let middle = at(s[1].0, t[1].0);
-                let away = |k: usize| squared_distance(&bounds[k], &middle);
-                let nearest = (0..cells.len()).min_by(|&a, &b| away(a).total_cmp(&away(b))).unwrap_or(0);
-                for (s, weight_s) in s {
-                    for (t, weight_t) in t {
-                        let basis = grid.basis_at(cells[nearest], &at(s, t));
-                        let Some(basis) = active(basis, links, self.body) else { return Vec::new() };
-                        for (&node, value) in basis.nodes().iter().zip(basis.value()) {
-                            *mean.entry(node).or_insert(0.0) += weight_s * weight_t * value;
-                        }
-                    }
-                }
-            }
-        }
-        mean.into_iter().filter(|(_, value)| *value != 0.0).collect()
+        let values = mean_over_side(grid, &corners, &cells, |basis| active(basis, links, self.body));
+        values.unwrap_or_default()
     }
 
     /// The sum of the area vectors of the facets around each corner.
@@ -202,9 +178,16 @@ impl<const D: usize> Carried<D> {
 
     /// The grid nodes that carry a sample; none if there is only one rank.
     pub fn nodes_of(&self, grid: &dyn Grid<D>, sample: usize) -> Vec<u32> {
-        let corners = self.corners_of_side(sample);
-        let cells = corners.iter().filter_map(|corner| self.found.get(*corner as usize));
-        cells.flat_map(|(cell, _)| grid.corners(*cell as usize).nodes().to_vec()).collect()
+        let numbers = self.corners_of_side(sample);
+        let found = numbers.iter().filter_map(|corner| self.found.get(*corner as usize));
+        let mut cells: Vec<u32> = found.map(|(cell, _)| *cell).collect();
+        if self.rule == SideRule::Integral && cells.len() == numbers.len() {
+            let corners: Vec<[f64; D]> =
+                numbers.iter().map(|&corner| self.converged[corner as usize]).collect();
+            let pieces = pieces_of_side(grid, &corners, &cells);
+            cells.extend(pieces.into_iter().flatten().map(|piece| piece.cell));
+        }
+        cells.into_iter().flat_map(|cell| grid.corners(cell as usize).nodes().to_vec()).collect()
     }
 
     /// True if this rank is responsible for a sample.
@@ -261,11 +244,27 @@ impl<const D: usize> Carried<D> {
         self.facets[sample].map(|corner| &self.at_corners[corner as usize])
     }
 
+    /// The weights of the corners in the N_v of the side of a triangle in a body of revolution, [-]: the means of r λ_k over
+    /// the side, with the linear functions λ_k of the corners, relative to the mean of r.
+    fn weights_by_radius(&self, sample: usize) -> [f64; D] {
+        let radii = self.facet(sample).map(|corner| corner[0]);
+        let sum: f64 = radii.iter().sum();
+        if sum > 0.0 { radii.map(|r| (r + sum) / (3.0 * sum)) } else { [1.0 / D as f64; D] }
+    }
+
     /// Calls `visit` with the nodes of a sample and their N_v. If this is the mean over the corners of the facet, a node
     /// of several corners is visited once for each corner, with the share of that corner in the mean.
     pub fn for_each_value(&self, sample: usize, mut visit: impl FnMut(usize, f64)) {
         if let Some(mean) = self.at_samples.get(sample).filter(|mean| !mean.is_empty()) {
             mean.iter().for_each(|(node, value)| visit(*node as usize, *value));
+            return;
+        }
+        if self.by_radius.get(sample).copied().unwrap_or(false) {
+            for (support, weight) in self.supports(sample).into_iter().zip(self.weights_by_radius(sample)) {
+                for (&node, value) in support.nodes().iter().zip(support.value()) {
+                    visit(node as usize, value * weight);
+                }
+            }
             return;
         }
         for support in self.supports(sample) {
@@ -291,6 +290,7 @@ impl<const D: usize> Carried<D> {
             corners
                 .iter()
                 .for_each(|corner| nodes.extend_from_slice(self.at_corners[*corner as usize].nodes()));
+            nodes.extend(self.at_samples.get(sample).into_iter().flatten().map(|(node, _)| *node));
             nodes.sort_unstable();
             nodes.dedup();
             visit(&nodes);
@@ -333,35 +333,4 @@ impl<const D: usize> Carried<D> {
         self.trial.clone_from(&self.converged);
         Ok(())
     }
-}
-
-/// The ends of a segment and its crossings with grid lines, as fractions of its length, ascending.
-fn crossings<const D: usize>(grid: &dyn Grid<D>, a: &[f64; D], b: &[f64; D]) -> Vec<f64> {
-    let mut at = vec![0.0];
-    for (d, axis) in grid.lines().into_iter().flat_map(|lines| lines.axes().iter().enumerate()) {
-        let [from, to] = [axis.coordinate(a[d]), axis.coordinate(b[d])];
-        let mut line = from.min(to).floor() + 1.0;
-        while line < from.max(to) {
-            at.push((axis.position(line) - a[d]) / (b[d] - a[d]));
-            line += 1.0;
-        }
-    }
-    at.retain(|t| (0.0..1.0).contains(t));
-    at.push(1.0);
-    at.sort_by(f64::total_cmp);
-    at
-}
-
-/// The places and weights of Simpson's rule between two ends.
-fn simpson(ends: &[f64]) -> [(f64, f64); 3] {
-    let (from, to) = (ends[0], ends[1]);
-    let sixth = (to - from) / 6.0;
-    [(from, sixth), (0.5 * (from + to), 4.0 * sixth), (to, sixth)]
-}
-
-/// The box around a cell, [length].
-fn bounds_of_cell<const D: usize>(grid: &dyn Grid<D>, cell: u32) -> Bounds<D> {
-    let nodes = grid.corners(cell as usize);
-    let place = |&node: &u32| grid.node_position(node as usize);
-    around(&nodes.nodes().iter().map(place).collect::<Vec<_>>())
 }

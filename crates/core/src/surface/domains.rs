@@ -31,6 +31,8 @@ struct Side {
     number: usize,
     /// Corners in cyclic order, `D` numbers each, [length].
     corners: Vec<f64>,
+    /// True for a side of a triangle in the plane.
+    of_triangle: bool,
 }
 
 impl<const D: usize> Surface<D> {
@@ -50,7 +52,7 @@ impl<const D: usize> Surface<D> {
             let pairs = a.corners.iter().zip(&b.corners);
             pairs.fold(a.number.cmp(&b.number), |order, (a, b)| order.then(a.total_cmp(b)))
         });
-        let (mut facets, mut shares) = (Vec::new(), Vec::new());
+        let (mut facets, mut shares, mut of_triangles) = (Vec::new(), Vec::new(), Vec::new());
         for side in &sides {
             let (corners, _) = side.corners.as_chunks::<D>();
             let triangles: &[&[usize]] = match corners.len() {
@@ -64,10 +66,12 @@ impl<const D: usize> Surface<D> {
                     side: side.number,
                 });
                 shares.push(if corners.len() == 4 { 0.5 } else { 1.0 });
+                of_triangles.push(side.of_triangle);
             }
         }
         let found = Surface {
             shares,
+            of_triangles,
             rule,
             ..Surface::from_facets(self.name.clone(), self.body, facets, &Part::Whole, self.cell)
         };
@@ -95,6 +99,7 @@ impl<const D: usize> Surface<D> {
             if !facets.are_near(corners) {
                 continue;
             }
+            let of_triangle = D == 2 && shape == ElementShape::Simplex;
             for side in shape.sides::<D>() {
                 let number = |k: usize| if shape == ElementShape::Box { vtk_corner(k) } else { k };
                 let side: Vec<[f64; D]> = side.iter().map(|&k| corners[number(k)]).collect();
@@ -102,23 +107,31 @@ impl<const D: usize> Surface<D> {
                 let n = side.len() as f64;
                 let centre = std::array::from_fn(|d| side.iter().map(|x| x[d]).sum::<f64>() / n);
                 if let Some(number) = facets.side_at(&centre, &area) {
-                    sides.push(Side { number, corners: side.as_flattened().to_vec() });
+                    sides.push(Side { number, corners: side.as_flattened().to_vec(), of_triangle });
                 }
             }
         }
         sides
     }
 
-    /// True if another surface has the same area, area vector and first moment of the area.
+    /// True if another surface has the same area, area vector and first moment of the area, and contains the centres of
+    /// the facets of this one.
     fn coincides_with(&self, other: &Self) -> bool {
-        let [a, b] = [self, other].map(Surface::moments);
+        let origin = self.samples[0];
+        let [a, b] = [self, other].map(|surface| surface.moments(&origin));
+        let sides = Facets::new(other);
+        let is_on_side =
+            |sample: usize| sides.side_at(&self.samples[sample], &area_vector(&self.facet(sample))).is_some();
+        if !(0..self.len()).all(is_on_side) {
+            return false;
+        }
         let area = a.0;
         let close = |a: f64, b: f64, unit: f64| (a - b).abs() <= SAME * area * unit;
         close(a.0, b.0, 1.0) && (0..D).all(|d| close(a.1[d], b.1[d], 1.0) && close(a.2[d], b.2[d], self.cell))
     }
 
-    /// The area, the area vector, and the first moment of the area.
-    fn moments(&self) -> (f64, [f64; D], [f64; D]) {
+    /// The area, the area vector, and the first moment of the area about a position, near which round-off is small.
+    fn moments(&self, origin: &[f64; D]) -> (f64, [f64; D], [f64; D]) {
         let (mut area, mut vector, mut moment) = (0.0, [0.0; D], [0.0; D]);
         for sample in 0..self.len() {
             let a = self.original_area(sample);
@@ -126,7 +139,7 @@ impl<const D: usize> Surface<D> {
             area += size;
             for d in 0..D {
                 vector[d] += a[d];
-                moment[d] += size * self.samples[sample][d];
+                moment[d] += size * (self.samples[sample][d] - origin[d]);
             }
         }
         (area, vector, moment)

@@ -65,11 +65,7 @@ fn aside<const D: usize>(place: [f64; D], by: f64) -> impl Iterator<Item = [f64;
 }
 
 /// The basis in terms of the active nodes that a body sees; `None` if a node is inactive.
-pub(super) fn active<const D: usize>(
-    basis: CellBasis<D>,
-    links: &Connectivity<D>,
-    body: u16,
-) -> Option<Support<D>> {
+pub fn active<const D: usize>(basis: CellBasis<D>, links: &Connectivity<D>, body: u16) -> Option<Support<D>> {
     let mut support = Support::default();
     for ((&node, &value), gradient) in basis.nodes().iter().zip(basis.value()).zip(basis.gradient()) {
         support.push(links.seen_by(body, node as usize)? as u32, value, *gradient);

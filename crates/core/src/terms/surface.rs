@@ -60,7 +60,7 @@ impl<const D: usize> Surfaces<D> {
         };
         Surfaces {
             is_there: vec![true; model.surfaces.len()],
-            carried: model.surfaces.iter().map(Carried::new).collect(),
+            carried: model.surfaces.iter().map(|surface| Carried::new(surface, model.revolved)).collect(),
             loads: loads.filter_map(on_surface).collect(),
             conditions: conditions.filter_map(weak).collect(),
             reduction: Reduction::default(),
@@ -322,7 +322,7 @@ impl<const D: usize> Attached<D> for Surfaces<D> {
     fn forget_bodies(&mut self, model: &Model<D>, removed: &[usize]) {
         for (surface, carried) in model.surfaces.iter().zip(&mut self.carried) {
             if removed.contains(&surface.body) {
-                *carried = Carried::new(surface);
+                *carried = Carried::new(surface, model.revolved);
             }
         }
         for condition in &mut self.conditions {

@@ -13,10 +13,10 @@
 //! which is not symmetric in general.
 
 use crate::assembly::{System, Wanted};
-use crate::model::{Action, Load, Model, Pressure};
+use crate::model::{Action, Load, Model, Pressure, VectorFormula};
 use crate::region::area_derivative;
 use crate::step::{At, Nodal, StepContext};
-use crate::surface::{Carried, Surface, SurfaceFields, centre};
+use crate::surface::{Carried, Surface, SurfaceFields};
 
 use super::super::failure::{BeginError, LoadNotFinite};
 
@@ -67,26 +67,14 @@ impl<const D: usize> OnSample<D> {
 impl<const D: usize> Values<D> {
     /// The values at a load factor, at the start of a step.
     fn new(model: &Model<D>, load: &Load<D>, carried: &Carried<D>, factor: f64) -> Result<Self, BeginError> {
-        let places: Vec<[f64; D]> = (0..carried.len()).map(|sample| centre(&carried.facet(sample))).collect();
         match &load.action {
             Action::Pressure { pressure: Pressure::Hydrostatic { level, unit_weight }, .. } => {
                 Ok(Values::Hydrostatic([*level, factor * unit_weight]))
             }
             Action::Pressure { pressure: Pressure::Given(formula) | Pressure::Dead(formula), surface } => {
                 let surface = &model.surfaces[*surface];
-                let mut values = Vec::with_capacity(places.len());
-                for (x, original) in places.iter().zip(&surface.samples) {
-                    let [value] = formula.evaluate(x, original, factor);
-                    check(
-                        &load.name,
-                        surface,
-                        x,
-                        &[value],
-                        || formula.not_finite(x, original, factor),
-                        factor,
-                    )?;
-                    values.push(value);
-                }
+                let values = mean_values(load, surface, carried, formula, factor)?;
+                let values: Vec<f64> = values.into_iter().map(|[value]| value).collect();
                 if !follows(&load.action) {
                     let force = |(sample, pressure): (usize, &f64)| {
                         let depth = model.mean_depth(&surface.facet(sample));
@@ -98,24 +86,15 @@ impl<const D: usize> Values<D> {
             }
             Action::Traction { traction: formula, surface } => {
                 let surface = &model.surfaces[*surface];
-                let mut values = Vec::with_capacity(places.len());
-                for (sample, (x, original)) in places.iter().zip(&surface.samples).enumerate() {
-                    let value = formula.evaluate(x, original, factor);
-                    check(
-                        &load.name,
-                        surface,
-                        x,
-                        &value,
-                        || formula.not_finite(x, original, factor),
-                        factor,
-                    )?;
+                let values = mean_values(load, surface, carried, formula, factor)?;
+                let force = |(sample, t): (usize, &[f64; D])| {
                     let area = model.original_area(surface, sample);
-                    values.push(value.map(|t| t * area));
-                }
-                Ok(Values::Dead(values))
+                    t.map(|t| t * area)
+                };
+                Ok(Values::Dead(values.iter().enumerate().map(force).collect()))
             }
             Action::Gravity(_) | Action::BodyForce(_) | Action::MassForce(_) | Action::PointForce { .. } => {
-                Ok(Values::Dead(vec![[0.0; D]; places.len()]))
+                Ok(Values::Dead(vec![[0.0; D]; carried.len()]))
             }
         }
     }
@@ -123,16 +102,67 @@ impl<const D: usize> Values<D> {
     /// The force on a sample at its trial position.
     fn on_sample(&self, model: &Model<D>, carried: &Carried<D>, sample: usize) -> OnSample<D> {
         let corners = &carried.facet(sample);
-        let height = centre(corners)[D - 1];
         let (pressure, slope) = match self {
             Values::Dead(forces) => return OnSample { force: forces[sample], pressure: 0.0, slope: 0.0 },
             Values::Pressure(values) => (values[sample], 0.0),
-            Values::Hydrostatic([level, weight]) if height < *level => (weight * (level - height), -weight),
-            Values::Hydrostatic(_) => (0.0, 0.0),
+            Values::Hydrostatic([level, weight]) => {
+                let [depth, wet] = mean_depth_of_water(&corners.map(|corner| level - corner[D - 1]));
+                (weight * depth, -weight * wet)
+            }
         };
         let depth = model.mean_depth(corners);
         let force = carried.area(sample).map(|a| -pressure * depth * a);
         OnSample { force, pressure, slope }
+    }
+}
+
+/// The mean of a formula over the facet of each sample, from its values at the centres of pieces of at most a quarter of
+/// a cell.
+fn mean_values<const D: usize, const N: usize>(
+    load: &Load<D>,
+    surface: &Surface<D>,
+    carried: &Carried<D>,
+    formula: &VectorFormula<D, N>,
+    factor: f64,
+) -> Result<Vec<[f64; N]>, BeginError> {
+    let mut values = Vec::with_capacity(carried.len());
+    for sample in 0..carried.len() {
+        let [now, original] = [carried.facet(sample), surface.facet(sample)];
+        let mut mean = [0.0; N];
+        for (number, place) in surface.pieces(sample).iter().enumerate() {
+            let [x, original] = [&now, &original].map(|corners| place.on(corners));
+            let value = formula.evaluate(&x, &original, factor);
+            check(&load.name, surface, &x, &value, || formula.not_finite(&x, &original, factor), factor)?;
+            // The mean of equal values is exact.
+            (0..N).for_each(|d| mean[d] += (value[d] - mean[d]) / (number + 1) as f64);
+        }
+        values.push(mean);
+    }
+    Ok(values)
+}
+
+/// The mean depth of water, [length], and the share under water, over a facet whose corners lie at these depths, [length],
+/// negative above the level.
+fn mean_depth_of_water<const D: usize>(depths: &[f64; D]) -> [f64; 2] {
+    let mean = depths.iter().sum::<f64>() / D as f64;
+    let wet = depths.iter().filter(|depth| **depth > 0.0).count();
+    if wet == D {
+        return [mean, 1.0];
+    }
+    // The triangle (in the plane, the segment) around the only corner on one side of the level.
+    let around = |k: usize| {
+        let others = || (0..D).filter(|other| *other != k);
+        let share: f64 = others().map(|other| depths[k] / (depths[k] - depths[other])).product();
+        [depths[k] / D as f64 * share, share]
+    };
+    let only = |is_wet: bool| (0..D).find(|&k| (depths[k] > 0.0) == is_wet).map_or([0.0; 2], around);
+    match wet {
+        0 => [0.0; 2],
+        1 => only(true),
+        _ => {
+            let [depth, dry] = only(false);
+            [mean - depth, 1.0 - dry]
+        }
     }
 }
 
@@ -306,4 +336,50 @@ fn check<'a, const D: usize>(
         formula: text.to_owned(),
         value,
     }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::mean_depth_of_water;
+
+    /// The mean over many places of a facet, as a slow second way.
+    fn sampled<const D: usize>(depths: [f64; D]) -> [f64; 2] {
+        let n = 400;
+        let (mut depth, mut wet, mut count) = (0.0, 0.0, 0.0);
+        for i in 0..n {
+            for j in 0..if D == 3 { n - i } else { 1 } {
+                let s = [(i as f64 + 1.0 / D as f64) / n as f64, (j as f64 + 1.0 / D as f64) / n as f64];
+                let weights: [f64; D] =
+                    std::array::from_fn(
+                        |k| {
+                            if k == 0 { 1.0 - s[..D - 1].iter().sum::<f64>() } else { s[k - 1] }
+                        },
+                    );
+                let here: f64 = weights.iter().zip(&depths).map(|(a, b)| a * b).sum();
+                depth += here.max(0.0);
+                wet += if here > 0.0 { 1.0 } else { 0.0 };
+                count += 1.0;
+            }
+        }
+        [depth / count, wet / count]
+    }
+
+    #[test]
+    fn water_on_a_part_of_a_facet() {
+        let close = |found: [f64; 2], expected: [f64; 2]| {
+            assert!(
+                (found[0] - expected[0]).abs() < 2e-3 && (found[1] - expected[1]).abs() < 1e-2,
+                "{found:?} {expected:?}"
+            );
+        };
+        for depths in [[1.0, 2.0], [1.0, -3.0], [-0.5, 0.25], [-1.0, -2.0], [0.0, 1.0]] {
+            close(mean_depth_of_water(&depths), sampled(depths));
+        }
+        for depths in
+            [[1.0, 2.0, 3.0], [1.0, -3.0, -1.0], [-0.5, 0.25, 1.0], [2.0, -1.0, 0.5], [-1.0, -2.0, -3.0]]
+        {
+            close(mean_depth_of_water(&depths), sampled(depths));
+        }
+        assert_eq!(mean_depth_of_water(&[1.0, -1.0]), [0.25, 0.5]);
+    }
 }
