@@ -1,6 +1,6 @@
 //! The boundary of a polygon, which may also be the meridional section (r, h) of a body of revolution.
 
-use super::closest::{Closest, TOUCHING};
+use super::closest::{Closest, EQUAL, Face, TOUCHING, between_faces};
 use super::error::ShapeError;
 use super::features::FeatureKind;
 use super::segments::{Segments, right_normal};
@@ -11,13 +11,6 @@ use crate::region::{Bounds, Polygon, Primitive};
 /// Sine of the angle between an offset and the plane normal to a pseudonormal, below which the exact test decides on
 /// which side a position lies, because round-off could reverse the sign.
 pub(super) const UNSURE: f64 = 1e-6;
-/// Distance from a corner, relative to the length of an edge, within which the normal between two equally near faces is
-/// along their bisector, [-].
-const NEAR_CORNER: f64 = 1e-2;
-/// Difference between the distances from two faces, relative to the distance from their corner, within which the faces
-/// are equally near, [-].
-const EQUAL: f64 = 1e-9;
-
 /// The edges of a polygon; for a meridional section, without the edges on the axis.
 #[derive(Debug, Clone)]
 pub(super) struct Border {
@@ -40,35 +33,6 @@ pub(super) fn polygon(corners: Vec<[f64; 2]>) -> Result<Polygon, ShapeError> {
         return Err(ShapeError::ZeroEdge { edge });
     }
     Ok(Polygon::new(corners)?)
-}
-
-/// The direction of the bisector of two unit normals with this sum; `None` if they are opposite.
-fn middle(sum: &[f64; 2]) -> Option<[f64; 2]> {
-    let size = norm(sum);
-    (size > UNSURE).then(|| sum.map(|n| n / size))
-}
-
-/// The corner between two equally near faces of a polygon, for a position at or inside the corner: by symmetry, the
-/// normal is along the bisector. `ends` are the ends of the edge on which the closest point was `found`.
-fn between_faces(
-    x: &[f64; 2],
-    found: &Closest<2>,
-    ends: &[[f64; 2]; 2],
-    pseudonormals: &[[f64; 2]; 2],
-    touching: f64,
-) -> Option<Closest<2>> {
-    if found.gap > 0.0 {
-        return None;
-    }
-    let near = NEAR_CORNER * norm(&minus(&ends[1], &ends[0]));
-    ends.iter().zip(pseudonormals).find_map(|(corner, sum)| {
-        let from_corner = minus(x, corner);
-        let (distance, other) = (norm(&from_corner), minus(sum, &found.normal));
-        let is_tie = (dot(&from_corner, &other) - found.gap).abs() <= EQUAL * distance + touching;
-        let normal = middle(sum).filter(|_| is_tie && distance <= near.max(touching))?;
-        // The gap along the bisector; where both faces lie on one line, the gap stays as it is.
-        Some(Closest::on_plane(x, found.gap / dot(&normal, &found.normal), normal, found.part))
-    })
 }
 
 impl Border {
@@ -101,6 +65,12 @@ impl Border {
 
     /// The closest point, which may be missing if |gap| exceeds `limit`, [length]. Parts are edge numbers.
     pub(super) fn search(&self, x: &[f64; 2], limit: f64) -> Option<Closest<2>> {
+        let (found, other) = self.on_face(x, limit)?;
+        Some(other.map_or(found, |other| between_faces(x, &found, &[other])))
+    }
+
+    /// The closest point, and the normal of a neighbouring face that is equally near to a position inside.
+    pub(super) fn on_face(&self, x: &[f64; 2], limit: f64) -> Option<(Closest<2>, Option<[f64; 2]>)> {
         let (feature, item, edge) = self.edges.nearest(x, limit).found?;
         let part = self.numbers[edge as usize];
         let normal = self.edges.normal(item).map(|x| self.orientation * x);
@@ -108,16 +78,42 @@ impl Border {
         let touching = TOUCHING * largest(&self.edges.bounds());
         let FeatureKind::Corner(end) = feature.kind else {
             let found = Closest::on_plane(x, dot(&feature.offset, &normal), normal, part);
-            return between_faces(x, &found, self.edges.ends(item), pseudonormals, touching).or(Some(found));
+            let is_equally_near = |(corner, sum): &(&[f64; 2], &[f64; 2])| {
+                let (from_corner, other) = (minus(x, corner), minus(*sum, &normal));
+                let difference = dot(&from_corner, &other) - found.gap;
+                found.gap <= touching && difference.abs() <= EQUAL * norm(&from_corner) + touching
+            };
+            let mut corners = self.edges.ends(item).iter().zip(pseudonormals);
+            return Some((found, corners.find(is_equally_near).map(|(_, sum)| minus(sum, &normal))));
         };
         let distance = norm(&feature.offset);
         if distance <= touching {
-            return Some(Closest::at_corner(x, middle(&pseudonormals[end]).unwrap_or(normal), part));
+            let other = minus(&pseudonormals[end], &normal);
+            return Some((Closest::at_corner(x, normal, part), Some(other)));
         }
         let height = dot(&feature.offset, &pseudonormals[end]);
         let is_sure = height.abs() > UNSURE * distance;
         let outside = if is_sure { height > 0.0 } else { !self.polygon.contains(x) };
-        Some(Closest::on_corner(x, &feature.offset, outside, None, part))
+        Some((Closest::on_corner(x, &feature.offset, outside, None, part), None))
+    }
+
+    /// The faces near a position, as [`Shape::faces_near`](super::Shape::faces_near).
+    pub(super) fn faces_near(&self, x: &[f64; 2], limit: f64) -> Vec<Face<2>> {
+        let mut faces = Vec::new();
+        self.edges.each_near(&[*x, *x], 2.0 * limit, |item| {
+            let [a, b] = self.edges.ends(item);
+            let normal = self.edges.normal(item).map(|x| self.orientation * x);
+            let (edge, from) = (minus(b, a), minus(x, a));
+            let (gap, length) = (dot(&from, &normal), norm(&edge));
+            let along_edge = dot(&from, &edge) / length;
+            let beside = (-along_edge).max(along_edge - length).max(0.0);
+            if gap.abs() <= limit && beside <= limit {
+                let part = self.numbers[self.edges.number(item)];
+                let closest = Closest::on_plane(x, gap, normal, part);
+                faces.push(Face { closest, beside, middle: along(a, 0.5, &edge) });
+            }
+        });
+        faces
     }
 
     /// The smallest fraction that `meeting` finds among the edges whose bounding boxes meet a given box.
@@ -127,8 +123,8 @@ impl Border {
         meeting: impl Fn(&[[f64; 2]; 2]) -> Option<f64>,
     ) -> Option<f64> {
         let mut first: Option<f64> = None;
-        self.edges.each_near(bounds, 0.0, |edge| {
-            if let Some(fraction) = meeting(edge) {
+        self.edges.each_near(bounds, 0.0, |item| {
+            if let Some(fraction) = meeting(self.edges.ends(item)) {
                 first = Some(first.map_or(fraction, |first| first.min(fraction)));
             }
         });

@@ -1,10 +1,19 @@
 //! The closest point on a surface.
 
-use crate::region::vector::{along, dot, norm, unit};
+use std::cmp::Ordering;
+
+use crate::region::vector::{along, dot, minus, norm, unit};
 
 /// Distance from a point, relative to the largest coordinate of the bounding box, below which the direction away from
 /// that point is only round-off, [-].
 pub(super) const TOUCHING: f64 = 1e-14;
+
+/// Difference between the distances from two faces, relative to the distance from their common corner, within which the
+/// faces are equally near, [-].
+pub(super) const EQUAL: f64 = 1e-9;
+/// Length of a sum of unit normals below which the sum has no direction, and distance between unit normals below which
+/// they are the same, [-].
+const NO_DIRECTION: f64 = 1e-6;
 
 /// The point on a surface that is closest to a position x.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -96,6 +105,93 @@ pub(super) fn on_axis(
     // If this is not a tip, the closest part of the surface does not reach the axis.
     let is_tip = search(&along_axis.point).is_some_and(|tip| tip.gap.abs() <= 1e3 * touching);
     Some(if is_tip { along_axis } else { found })
+}
+
+/// The closest point between faces that are equally near to a position in or on a body: by symmetry, the normal is along
+/// the middle of their normals, and the gap is measured in this direction. `found` lies on one of these faces, and
+/// `others` are the outward unit normals of further ones. Neither the order of the faces nor their division matters.
+pub(super) fn between_faces<const D: usize>(
+    x: &[f64; D],
+    found: &Closest<D>,
+    others: &[[f64; D]],
+) -> Closest<D> {
+    let mut normals = vec![found.normal];
+    for other in others {
+        if normals.iter().all(|normal| norm(&along(other, -1.0, normal)) > NO_DIRECTION) {
+            normals.push(*other);
+        }
+    }
+    if normals.len() == 1 {
+        return *found;
+    }
+    normals.sort_by(order);
+    let sum = normals.iter().fold([0.0; D], |sum, normal| along(&sum, 1.0, normal));
+    let size = norm(&sum);
+    if size <= NO_DIRECTION {
+        // Between opposite faces there is no middle: one of them is chosen, whatever their order.
+        let last = normals.last().copied().unwrap_or(found.normal);
+        return Closest::on_plane(x, found.gap, last, found.part);
+    }
+    let normal = sum.map(|n| n / size);
+    Closest::on_plane(x, found.gap / dot(&normal, &found.normal).max(NO_DIRECTION), normal, found.part)
+}
+
+/// A flat face near a position.
+#[derive(Debug, Clone, Copy)]
+pub struct Face<const D: usize> {
+    /// The closest point on the plane of the face.
+    pub closest: Closest<D>,
+    /// Distance of this point from the face, [length]: 0 if it lies on it.
+    pub beside: f64,
+    /// A position on the face away from its edges, [length].
+    pub middle: [f64; D],
+}
+
+impl<const D: usize> Face<D> {
+    /// True if each of two faces lies in front of the other.
+    fn faces(&self, other: &Self) -> bool {
+        let is_before =
+            |a: &Self, b: &Self| dot(&minus(&b.middle, &a.closest.point), &a.closest.normal) > 0.0;
+        is_before(self, other) && is_before(other, self)
+    }
+}
+
+/// Cosine of the angle between normals above which two faces are too much alike for a body to touch both, [-].
+const ALIKE: f64 = 0.87;
+
+/// Of the faces near a position, those nearest ones that all face each other, as in a re-entrant corner, at most one for
+/// each axis, in an order that does not depend on theirs; empty if there are fewer than two. `depth` is the depth of the
+/// position below the surface, [length]: a position beside a face by no more than twice this counts as in front of it.
+pub fn facing_each_other<const D: usize>(faces: &[Face<D>], depth: f64) -> Vec<Closest<D>> {
+    let by_normal = |a: &Closest<D>, b: &Closest<D>| order(&a.normal, &b.normal);
+    let is_before = |face: &&Face<D>| {
+        face.beside <= 2.0 * depth + EQUAL * norm(&minus(&face.middle, &face.closest.point))
+    };
+    let mut fronts: Vec<&Face<D>> = faces.iter().filter(is_before).collect();
+    fronts.sort_by(|a, b| {
+        let [near, far] = [a, b].map(|front| front.closest.gap.abs());
+        near.total_cmp(&far).then(by_normal(&a.closest, &b.closest))
+    });
+    let mut chosen: Vec<&Face<D>> = Vec::new();
+    for front in fronts {
+        let suits = |other: &&Face<D>| {
+            dot(&front.closest.normal, &other.closest.normal) < ALIKE && front.faces(other)
+        };
+        if chosen.len() < D && chosen.iter().all(suits) {
+            chosen.push(front);
+        }
+    }
+    if chosen.len() < 2 {
+        return Vec::new();
+    }
+    let mut found: Vec<Closest<D>> = chosen.into_iter().map(|front| front.closest).collect();
+    found.sort_by(by_normal);
+    found
+}
+
+/// The order of vectors by their components.
+fn order<const D: usize>(a: &[f64; D], b: &[f64; D]) -> Ordering {
+    a.iter().zip(b).map(|(a, b)| a.total_cmp(b)).find(|order| order.is_ne()).unwrap_or(Ordering::Equal)
 }
 
 /// The pairs of indices of a matrix, row by row.

@@ -61,7 +61,7 @@ mod tests;
 mod triangulated;
 mod wall;
 
-pub use closest::Closest;
+pub use closest::{Closest, Face, facing_each_other};
 pub use error::{NoOutline, ShapeError};
 pub use extrusion::Extrusion;
 pub use half_space::HalfSpace;

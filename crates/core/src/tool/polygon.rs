@@ -1,7 +1,7 @@
 //! Polygons as tools.
 
 use super::border::{self, Border};
-use super::closest::Closest;
+use super::closest::{Closest, Face};
 use super::error::ShapeError;
 use super::segments::right_normal;
 use super::shape::Shape;
@@ -48,6 +48,11 @@ impl ClosedPolygon {
         ClosedPolygon { border: Border::new(polygon, is_axis), on_axis }
     }
 
+    /// The closest point, and the normal of a neighbouring face that is equally near to a position inside.
+    pub(super) fn on_face(&self, x: &[f64; 2]) -> Option<(Closest<2>, Option<[f64; 2]>)> {
+        self.border.on_face(x, f64::INFINITY)
+    }
+
     /// The polygon.
     pub fn polygon(&self) -> &Polygon {
         self.border.polygon()
@@ -61,6 +66,10 @@ impl Shape<2> for ClosedPolygon {
 
     fn search(&self, x: &[f64; 2], limit: f64) -> Option<Closest<2>> {
         self.border.search(x, limit)
+    }
+
+    fn faces_near(&self, x: &[f64; 2], limit: f64) -> Vec<Face<2>> {
+        self.border.faces_near(x, limit)
     }
 
     fn crossing(&self, path: &[[f64; 2]; 2]) -> Option<f64> {

@@ -2,7 +2,7 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use super::closest::{Closest, TOUCHING};
+use super::closest::{Closest, EQUAL, Face, TOUCHING, between_faces};
 use super::features::{Feature, FeatureKind, Nearest, on_segment};
 use super::revolution::Axis;
 use super::shape::{Shape, first_end, largest};
@@ -59,18 +59,42 @@ impl<const D: usize> Shape<D> for Brick<D> {
             2 * most + usize::from(upper(most))
         };
         let outwards = |d: usize| if upper(d) { 1.0 } else { -1.0 };
-        let beyond_one = (0..D).filter(|&d| beyond[d] > 0.0).count() <= 1;
-        if beyond_one || beyond[most] <= TOUCHING * largest(&Brick::bounds(self)) {
-            return Some(Closest::on_plane(
-                x,
-                beyond[most],
-                unit::<D>(most).map(|e| e * outwards(most)),
-                part,
-            ));
+        let normal = |d: usize| unit::<D>(d).map(|e| e * outwards(d));
+        let on_face = Closest::on_plane(x, beyond[most], normal(most), part);
+        let touching = TOUCHING * largest(&Brick::bounds(self));
+        if beyond[most] <= touching {
+            let level = beyond[most] - EQUAL * beyond[most].abs() - touching;
+            let others: Vec<[f64; D]> =
+                (0..D).filter(|&d| d != most && beyond[d] >= level).map(normal).collect();
+            return Some(if others.is_empty() { on_face } else { between_faces(x, &on_face, &others) });
+        }
+        if (0..D).filter(|&d| beyond[d] > 0.0).count() <= 1 {
+            return Some(on_face);
         }
         let offset: [f64; D] = std::array::from_fn(|d| beyond[d].max(0.0) * outwards(d));
         let level = (0..D).find(|&d| beyond[d] <= 0.0).map(unit);
         Some(Closest::on_corner(x, &offset, true, level.as_ref(), part))
+    }
+
+    fn faces_near(&self, x: &[f64; D], limit: f64) -> Vec<Face<D>> {
+        let [low, high] = Brick::bounds(self);
+        let outside = |d: usize| (low[d] - x[d]).max(x[d] - high[d]).max(0.0);
+        let face = |number: usize| {
+            let (axis, upper) = (number / 2, number % 2 == 1);
+            let gap = if upper { x[axis] - high[axis] } else { low[axis] - x[axis] };
+            let normal = unit::<D>(axis).map(|e| if upper { e } else { -e });
+            let others = (0..D).filter(|d| *d != axis).map(|d| outside(d) * outside(d));
+            let mut middle: [f64; D] = std::array::from_fn(|d| 0.5 * (low[d] + high[d]));
+            middle[axis] = if upper { high[axis] } else { low[axis] };
+            let part = if D == 2 { [[3, 1], [0, 2]][axis % 2][usize::from(upper)] } else { number };
+            Face {
+                closest: Closest::on_plane(x, gap, normal, part),
+                beside: others.sum::<f64>().sqrt(),
+                middle,
+            }
+        };
+        let is_near = |face: &Face<D>| face.closest.gap.abs() <= limit && face.beside <= limit;
+        (0..2 * D).map(face).filter(is_near).collect()
     }
 
     fn crossing(&self, path: &[[f64; D]; 2]) -> Option<f64> {
@@ -124,12 +148,19 @@ impl Frustum {
         }
         let (Feature { kind, offset, squared }, part, _) = nearest.found?;
         let normal = sides[part].2;
-        Some(match kind {
+        let found = match kind {
             FeatureKind::Face => Closest::on_plane(&x, dot(&offset, &normal), normal, part),
             _ if squared.sqrt() <= touching => Closest::at_corner(&x, normal, part),
             // The section is convex: a corner can be the closest point only from outside.
-            _ => Closest::on_corner(&x, &offset, true, None, part),
-        })
+            _ => return Some(Closest::on_corner(&x, &offset, true, None, part)),
+        };
+        let is_equally_near = |(other, ends, normal): &&(usize, [[f64; 2]; 2], [f64; 2])| {
+            let difference = dot(&minus(&x, &ends[0]), normal) - found.gap;
+            let is_near = difference.abs() <= EQUAL * found.gap.abs() + touching;
+            *other != part && ends[0] != ends[1] && found.gap <= touching && is_near
+        };
+        let others: Vec<[f64; 2]> = sides.iter().filter(is_equally_near).map(|side| side.2).collect();
+        Some(if others.is_empty() { found } else { between_faces(&x, &found, &others) })
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::closest::{Closest, TOUCHING, on_axis};
+use super::closest::{Closest, Face, TOUCHING, on_axis};
 use super::error::NoOutline;
 use super::outline::Outline;
 use super::shape::{Shape, largest};
@@ -50,6 +50,11 @@ impl Shape<2> for Section {
             found.normal_derivative[1][0] = -found.normal_derivative[1][0];
         }
         Some(found)
+    }
+
+    fn faces_near(&self, x: &[f64; 2], limit: f64) -> Vec<Face<2>> {
+        // On the axis, a face and its mirror image meet: the search treats them.
+        if x[0] > self.axis { self.half.faces_near(x, limit) } else { Vec::new() }
     }
 
     fn crossing(&self, path: &[[f64; 2]; 2]) -> Option<f64> {

@@ -49,19 +49,20 @@ impl Segments {
         self.normals[item]
     }
 
-    /// Visits the segments whose bounding boxes are at most `distance`, [length], from a box.
-    pub(super) fn each_near(
-        &self,
-        [low, high]: &Bounds<2>,
-        distance: f64,
-        mut visit: impl FnMut(&[[f64; 2]; 2]),
-    ) {
+    /// Number of a segment, by its index in the order of the tree.
+    pub(super) fn number(&self, item: usize) -> usize {
+        self.tree.order[item] as usize
+    }
+
+    /// Visits the segments, by index in the order of the tree, whose bounding boxes are at most `distance`, [length], from
+    /// a box.
+    pub(super) fn each_near(&self, [low, high]: &Bounds<2>, distance: f64, mut visit: impl FnMut(usize)) {
         let wider = [low.map(|x| x - distance), high.map(|x| x + distance)];
         self.tree.visit(
             |bounds| boxes_overlap(bounds, &wider),
             |item| {
                 if boxes_overlap(&around(&self.ends[item]), &wider) {
-                    visit(&self.ends[item]);
+                    visit(item);
                 }
             },
         );

@@ -2,7 +2,7 @@
 
 use std::fmt::Debug;
 
-use super::closest::{Closest, TOUCHING};
+use super::closest::{Closest, Face, TOUCHING};
 use super::error::NoOutline;
 use super::outline::Outline;
 use crate::region::vector::dot;
@@ -32,6 +32,12 @@ pub trait Shape<const D: usize>: Debug + Send + Sync {
     /// True if the surface has edges, corners or ends, which may enter a domain between its corners.
     fn has_edges(&self) -> bool {
         true
+    }
+
+    /// The flat faces whose planes, and whose edges within these planes, are no farther than `limit`, [length], from a
+    /// position; none of a curved surface.
+    fn faces_near(&self, _x: &[f64; D], _limit: f64) -> Vec<Face<D>> {
+        Vec::new()
     }
 
     /// The closest point on the surface. `None` only if a coordinate is not finite, or so large that round-off hides

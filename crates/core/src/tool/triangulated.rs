@@ -3,13 +3,16 @@
 use std::sync::Arc;
 
 use super::border::UNSURE;
-use super::closest::{Closest, TOUCHING};
+use super::closest::{Closest, EQUAL, Face, TOUCHING, between_faces};
 use super::error::ShapeError;
 use super::features::{FeatureKind, Nearest, on_triangle};
 use super::shape::{Shape, largest};
 use crate::region::surface::{Neighbours, Triangle};
 use crate::region::vector::{along, cross, dot, minus, norm};
 use crate::region::{Bounds, Facet, Primitive, Surface, area_vector, divided};
+
+/// Distance between the normals of facets up to which they belong to one face, [-].
+const SAME_NORMAL: f64 = 1e-9;
 
 /// A closed triangulated surface, for example from an STL file. Part k is triangle k in the given order.
 ///
@@ -57,6 +60,28 @@ impl TriangulatedSurface {
         TriangulatedSurface { surface, normals, corners, beyond, pseudonormals }
     }
 
+    /// The closest point between all facets that are as near to a position inside as the facet on which one was `found`.
+    fn between(&self, x: &[f64; 3], found: Closest<3>) -> Closest<3> {
+        let touching = TOUCHING * largest(&self.bounds());
+        if found.gap > touching {
+            return found;
+        }
+        let most = found.gap.abs() * (1.0 + EQUAL) + touching;
+        let (tree, triangles, mut others) = (self.surface.tree(), self.surface.triangles(), Vec::new());
+        tree.approach(x, most * most, |item| {
+            let normal = &self.normals[item];
+            let feature = on_triangle(x, &triangles[item], normal, most * most);
+            if let Some(feature) = feature.filter(|feature| feature.squared <= most * most)
+                && dot(&feature.offset, normal) <= touching
+                && norm(&minus(normal, &found.normal)) > SAME_NORMAL
+            {
+                others.push(*normal);
+            }
+            most * most
+        });
+        if others.is_empty() { found } else { between_faces(x, &found, &others) }
+    }
+
     /// The surface.
     pub fn surface(&self) -> &Arc<Surface> {
         &self.surface
@@ -81,7 +106,10 @@ impl Shape<3> for TriangulatedSurface {
         let (feature, item, part) = nearest.found?;
         let (part, normal, offset) = (part as usize, self.normals[item], feature.offset);
         let (pseudonormal, edge) = match feature.kind {
-            FeatureKind::Face => return Some(Closest::on_plane(x, dot(&offset, &normal), normal, part)),
+            FeatureKind::Face => {
+                let found = Closest::on_plane(x, dot(&offset, &normal), normal, part);
+                return Some(self.between(x, found));
+            }
             FeatureKind::Edge(k) => {
                 let edge = minus(&triangles[item][(k + 1) % 3], &triangles[item][k]);
                 let length = norm(&edge);
@@ -92,12 +120,41 @@ impl Shape<3> for TriangulatedSurface {
         };
         let distance = norm(&offset);
         if distance <= TOUCHING * largest(&self.bounds()) {
-            return Some(Closest::at_corner(x, normal, part));
+            return Some(self.between(x, Closest::at_corner(x, normal, part)));
         }
         let height = dot(&offset, &pseudonormal);
         let is_sure = height.abs() > UNSURE * distance;
         let outside = if is_sure { height > 0.0 } else { !self.surface.contains(x) };
         Some(Closest::on_corner(x, &offset, outside, edge.as_ref(), part))
+    }
+
+    fn faces_near(&self, x: &[f64; 3], limit: f64) -> Vec<Face<3>> {
+        let (tree, triangles, mut faces) =
+            (self.surface.tree(), self.surface.triangles(), Vec::<Face<3>>::new());
+        let most = 2.0 * limit * limit;
+        tree.approach(x, most, |item| {
+            let (triangle, normal) = (&triangles[item], &self.normals[item]);
+            let gap = dot(&minus(x, &triangle[0]), normal);
+            let Some(feature) = on_triangle(x, triangle, normal, limit * limit) else { return most };
+            let beside = norm(&along(&feature.offset, -gap, normal));
+            if beside > limit {
+                return most;
+            }
+            let closest = Closest::on_plane(x, gap, *normal, tree.order[item] as usize);
+            let middle = std::array::from_fn(|d| triangle.iter().map(|x| x[d]).sum::<f64>() / 3.0);
+            // The triangles of one plane are one face.
+            let is_same = |face: &&mut Face<3>| {
+                norm(&minus(&face.closest.normal, normal)) <= SAME_NORMAL
+                    && (face.closest.gap - gap).abs() <= SAME_NORMAL * limit
+            };
+            match faces.iter_mut().find(is_same) {
+                Some(face) if face.beside <= beside => {}
+                Some(face) => *face = Face { closest, beside, middle },
+                None => faces.push(Face { closest, beside, middle }),
+            }
+            most
+        });
+        faces
     }
 
     fn crossing(&self, path: &[[f64; 3]; 2]) -> Option<f64> {

@@ -137,7 +137,8 @@ impl Shape<2> for Wall {
     fn crossing(&self, path: &[[f64; 2]; 2]) -> Option<f64> {
         let line = Line { origin: path[0], direction: minus(&path[1], &path[0]) };
         let mut inside = Intervals::default();
-        self.segments.each_near(&around(path), self.radius, |segment| {
+        self.segments.each_near(&around(path), self.radius, |item| {
+            let segment = self.segments.ends(item);
             inside = inside.union(&self.intervals(segment, &line));
         });
         first_end(&inside)
