@@ -60,6 +60,7 @@ mod multipliers;
 mod ranks;
 mod safeguards;
 mod search;
+mod sides;
 mod start;
 mod state;
 #[cfg(test)]
@@ -76,6 +77,7 @@ use crate::points::Points;
 use crate::ranks::Reduction;
 use crate::region::vector::{along, dot, minus, norm};
 use crate::step::{At, Nodal, StepContext};
+use crate::surface::OuterSides;
 
 use super::attached::{Attached, Obstacle};
 use super::failure::{BeginError, EvaluateError};
@@ -108,6 +110,8 @@ pub struct Contact<const D: usize> {
     converged: FxHashMap<Key, Kept<D>>,
     /// For each body, true if it took part in the last converged step.
     has_begun: Vec<bool>,
+    /// The outer sides of domains, which share their areas among the contact points.
+    outer: OuterSides,
     /// For each body, true if it has points in the current step.
     is_there: Vec<bool>,
     /// The contact points on this rank that may touch a tool in the current step; their multipliers at its start, and
@@ -152,6 +156,7 @@ impl<const D: usize> Contact<D> {
             reduction: Reduction::default(),
             converged: FxHashMap::default(),
             has_begun: vec![false; model.bodies.len()],
+            outer: OuterSides::default(),
             is_there: vec![false; model.bodies.len()],
             candidates: Vec::new(),
             awake: Vec::new(),

@@ -2,15 +2,23 @@
 //!
 //! | Method | Contact points | Motion in the step |
 //! |---|---|---|
-//! | GIMP | corners of the box x_p ± l_p | N_v of the cell that holds the corner |
-//! | CPDI1 | corners of the domain | the same |
-//! | CPDI2 | corners of the domain, counted once if domains share them | the same |
+//! | GIMP | corners of the box x_p ± l_p | N_v of the cell that holds the corner; on outer sides, see below |
+//! | CPDI1, CPDI2 | corners of the domain | N_v of the cell that holds the corner |
 //! | MPM | corners of the box x_p ± l_p, or x_p if the point has no box | N_v of the cell of x_p, extrapolated |
 //! | all | x_p, to detect thin tools between the corners; not below a flat surface without edges | S_vp |
 //!
-//! Corners inside the body are contact points, too: surfaces of the body that have come together may open again. The
-//! area of a contact point is its share of the side of the domain that lies along the tool; for boxes and for centres,
-//! its share of the side of a cube with the volume of the domain.
+//! Corners of several domains at the same place are one contact point: in CPDI2 always, otherwise as long as the domains
+//! have not drifted apart.
+//!
+//! Corners inside the body are contact points, too: surfaces of the body that have come together may open again.
+//!
+//! The area of a contact point is its part of the outer sides of domains that face the tool (see [`super::sides`]). The
+//! area that its penalty assumes is its share of the side of the domain that lies along the tool; for boxes and for
+//! centres, its share of the side of a cube with the volume of the domain. A contact point far from all outer sides,
+//! as in a cut, has this area altogether.
+//!
+//! In GIMP, the forces of a uniform stress on an outer side are those of the mean N̄_v over the side. A corner c of a side
+//! with the corners k, that crosses lines of the grid, therefore has N_v(x_c) + N̄_v − Σ_k N_v(x_k)/n.
 //!
 //! A corner on the boundary between cells belongs to the cell towards its material point. If a node of that cell is
 //! inactive, the next cell towards the material point is taken, and its basis is extrapolated to the corner.
@@ -23,10 +31,12 @@ use crate::material::Modulus;
 use crate::model::{Model, ModuliAtRest, Tool};
 use crate::points::Points;
 use crate::region::vector::{along, dot, minus, norm};
+use crate::surface::{OuterSides, active, lies_in_one_cell, mean_over_side, sides_of_domain};
 use crate::terms::failure::ContactPlace;
 use crate::tool::{Closest, Shape};
 
 use super::motion::{Moving, farthest};
+use super::sides::Outer;
 
 /// Two positions count as being on different sides of the tool if the cosine of the angle between their normals is below
 /// this value, [-]. In one step, a contact point may thus slide around a corner with an interior angle of more than 60
@@ -43,6 +53,8 @@ const INWARDS: [f64; 5] = [1e-6, 0.25, 0.5, 0.75, 1.0];
 
 /// Corner number of the contact point at the position of a material point whose domain also has corners.
 pub(super) const CENTRE: u32 = MAX_CORNERS as u32;
+/// What the corner number of a contact point grows by from one face of a re-entrant corner of a tool to the next.
+pub(super) const FACE: u32 = 2 * MAX_CORNERS as u32;
 
 /// Identifies a contact point that keeps its multipliers from step to step: a tool, and a corner of the domain of a
 /// material point or [`CENTRE`].
@@ -65,11 +77,18 @@ pub(super) struct Candidate<const D: usize> {
     pub(super) basis: Carriers,
     /// True if the surface of the tool is flat over all domains that share the contact point.
     pub(super) is_flat: bool,
+    /// True if the contact point is one of several, one for each face that meets in a re-entrant corner of the tool: in the
+    /// step, it sees the plane of its face alone.
+    pub(super) keeps_face: bool,
     /// Largest motion of the contact point if no node moves farther than 1, [-].
     pub(super) reach: f64,
     /// Area that the contact point stands for, [length²]: for unit thickness in the plane, over the full circle for
-    /// bodies of revolution.
+    /// bodies of revolution. 0 for a contact point whose sides other contact points bear.
     pub(super) area: f64,
+    /// The outer sides of its domain that meet there.
+    pub(super) outer: Outer<D>,
+    /// Area that the penalty assumes, [length²].
+    pub(super) bearing: f64,
     /// Size of its cell, [length].
     pub(super) size: f64,
     /// Stiffness of the cell below the contact point, ε/p_f, [force/length].
@@ -102,6 +121,14 @@ impl Carriers {
         self.0.push((node, value));
     }
 
+    /// Adds to the value of a node.
+    fn add(&mut self, node: u32, value: f64) {
+        match self.0.iter_mut().find(|(known, _)| *known == node) {
+            Some((_, sum)) => *sum += value,
+            None => self.0.push((node, value)),
+        }
+    }
+
     /// True if both have the same nodes in the same order.
     pub(super) fn has_same_nodes(&self, other: &Self) -> bool {
         self.0.len() == other.0.len() && self.0.iter().zip(&other.0).all(|(a, b)| a.0 == b.0)
@@ -129,9 +156,14 @@ impl<const D: usize> Candidate<D> {
         self.is_flat && self.near.gap > motion.max(TOUCHING * self.size)
     }
 
-    /// True if the surface of the tool is a plane: flat over the domains, and without curvature.
+    /// The area to which stresses at the contact point refer, [length²].
+    pub(super) fn area_for_stress(&self) -> f64 {
+        if self.area > 0.0 { self.area } else { self.bearing }
+    }
+
+    /// True if the surface of the tool is a plane: flat over the domains, and without curvature, or one face of several.
     pub(super) fn is_at_plane(&self) -> bool {
-        self.is_flat && self.near.normal_derivative == [[0.0; D]; D]
+        self.keeps_face || self.is_flat && self.near.normal_derivative == [[0.0; D]; D]
     }
 
     /// True if the contact point is on another side of the tool than at the start of the step.
@@ -168,6 +200,8 @@ pub(super) struct Search<'a, const D: usize> {
     /// For each body, true if it took part in the last converged step. Such a body may overlap tools, because domain
     /// updates may have left overlaps.
     pub(super) has_begun: &'a [bool],
+    /// The outer sides of domains.
+    pub(super) outer: &'a OuterSides,
     /// For each tool, the distance from its surface beyond which contact points under a flat part sleep in the step,
     /// [length].
     pub(super) awake: &'a [f64],
@@ -188,8 +222,11 @@ pub(super) struct Near<const D: usize> {
     pub(super) closest: Closest<D>,
     /// True if the surface of the tool is flat over all domains to which the contact point belongs.
     pub(super) is_flat: bool,
+    pub(super) keeps_face: bool,
+    /// Area that the penalty assumes, [length²], counting only sides that lie along the tool; and all sides.
     pub(super) area: f64,
     pub(super) area_of_corner: f64,
+    pub(super) outer: Outer<D>,
     pub(super) shared_by: Vec<u32>,
 }
 
@@ -197,7 +234,7 @@ impl<const D: usize> Near<D> {
     /// Takes the contact point, leaving one without area in its place.
     pub(super) fn take(&mut self) -> Near<D> {
         let place = self.clone();
-        (self.area, self.area_of_corner) = (0.0, 0.0);
+        (self.area, self.area_of_corner, self.outer) = (0.0, 0.0, Outer::default());
         place
     }
 
@@ -208,6 +245,7 @@ impl<const D: usize> Near<D> {
         self.is_flat &= other.is_flat;
         self.area += other.area;
         self.area_of_corner += other.area_of_corner;
+        self.outer.join(&other.outer);
     }
 }
 
@@ -231,15 +269,19 @@ impl<const D: usize> Search<'_, D> {
             size,
             closest: near,
             is_flat,
+            keeps_face,
             area,
             area_of_corner,
+            outer,
             shared_by,
         } = place;
         let p = p.filter(|_| bears)?;
         let area = if area == 0.0 { area_of_corner } else { area };
-        let body = &model.bodies[number];
-        let basis =
-            if key.corner == CENTRE { self.basis_of_point(p) } else { self.basis(p, &start, body.method) };
+        let basis = if key.corner % FACE == CENTRE {
+            self.basis_of_point(p)
+        } else {
+            self.basis_of_corner(p, (key.corner % FACE) as usize, &start, &outer)
+        };
         // Near the axis of a body of revolution, a contact point stands for hardly any area, but moves a whole cell.
         let mut in_cell = start;
         in_cell[0] = in_cell[0].max(0.5 * size);
@@ -253,9 +295,12 @@ impl<const D: usize> Search<'_, D> {
             body: number,
             start,
             is_flat,
+            keeps_face,
             reach: basis.reach(),
             basis,
             area,
+            outer,
+            bearing: area,
             size,
             stiffness: stiffness_below * area,
             penalty: penalty_per_area * area,
@@ -280,9 +325,52 @@ impl<const D: usize> Search<'_, D> {
         carriers
     }
 
-    /// The active nodes that move a corner of a material point, and N_v there. The domain touches all cells that are
-    /// tried, so each rank has the nodes for its own material points.
-    fn basis(&self, p: usize, corner: &[f64; D], method: Method) -> Carriers {
+    /// The active nodes that move a corner of a material point, and N_v there. On a GIMP domain, what the mean over each
+    /// outer side that faces the tool differs from the mean over its corners is added, so that the forces of all corners
+    /// together are those of the sides; a corner of a body that deforms uniformly moves as before.
+    fn basis_of_corner(&self, p: usize, number: usize, corner: &[f64; D], outer: &Outer<D>) -> Carriers {
+        let Search { model, points, .. } = *self;
+        let method = model.bodies[points.body[p] as usize].method;
+        let mut carriers = self.basis(p, corner, method).1;
+        if method != Method::Gimp || !outer.has_any() {
+            return carriers;
+        }
+        let mut buffer = [[0.0; D]; MAX_CORNERS];
+        let corners = corners_of(points, p, &mut buffer);
+        for side in sides_of_domain::<D>(corners.len()).enumerate().filter(|(k, _)| outer.faces(*k)) {
+            let side = side.1;
+            if side.corners().contains(&number) {
+                let places: Vec<[f64; D]> = side.corners().iter().map(|&k| corners[k]).collect();
+                self.add_difference(p, &places, &mut carriers);
+            }
+        }
+        carriers
+    }
+
+    /// Adds the mean of N_v over a side of a box less its mean over the corners of this side.
+    fn add_difference(&self, p: usize, side: &[[f64; D]], carriers: &mut Carriers) {
+        let (grid, body) = (self.model.grid.as_ref(), self.points.body[p]);
+        if lies_in_one_cell(grid, side) {
+            return;
+        }
+        let at_corners: Vec<(Option<u32>, Carriers)> =
+            side.iter().map(|corner| self.basis(p, corner, Method::Gimp)).collect();
+        let Some(cells) = at_corners.iter().map(|(cell, _)| *cell).collect::<Option<Vec<u32>>>() else {
+            return;
+        };
+        let Some(mean) = mean_over_side(grid, side, &cells, |basis| active(basis, self.links, body)) else {
+            return;
+        };
+        mean.into_iter().for_each(|(node, value)| carriers.add(node, value));
+        for (node, value) in at_corners.iter().flat_map(|(_, carriers)| carriers.iter()) {
+            carriers.add(node as u32, -value / side.len() as f64);
+        }
+    }
+
+    /// The active nodes that move a corner of a material point, and N_v there, with the cell whose nodes these are if all
+    /// of them are active. The domain touches all cells that are tried, so each rank has the nodes for its own material
+    /// points.
+    fn basis(&self, p: usize, corner: &[f64; D], method: Method) -> (Option<u32>, Carriers) {
         let (grid, points) = (self.model.grid.as_ref(), self.points);
         let (body, cell) = (points.body[p], points.cell[p]);
         let towards = minus(&points.converged.position[p], corner);
@@ -290,11 +378,11 @@ impl<const D: usize> Search<'_, D> {
         let carriers = |part: &f64| {
             let at =
                 if *part == 1.0 { cell } else { grid.locate(&along(corner, *part, &towards), Some(cell))? };
-            self.active(body, &grid.basis_at(at, corner), false)
+            Some((Some(at), self.active(body, &grid.basis_at(at, corner), false)?))
         };
-        let found = inwards.iter().find_map(carriers);
         // The nodes of the cell of a material point are active, or move with active nodes.
-        found.or_else(|| self.active(body, &grid.basis_at(cell, corner), true)).unwrap_or_default()
+        let last = || (None, self.active(body, &grid.basis_at(cell, corner), true).unwrap_or_default());
+        inwards.iter().find_map(carriers).unwrap_or_else(last)
     }
 
     /// A basis in terms of the active nodes that a body sees; `None` if a node is inactive. If `is_last`, nodes that move with active

@@ -18,6 +18,7 @@ use super::interface::{Law, Multiplier};
 use super::motion::Moving;
 use super::multipliers::Kept;
 use super::ranks::{Failure, agreed, any_of_each, gathered};
+use super::sides;
 
 /// Gap at the start of a step, relative to the size of a cell, above which the straight path of a contact point tells
 /// whether it has passed through a tool, [-]: the paths of closer contact points may cut a rounded surface of the tool.
@@ -31,7 +32,7 @@ const GRAZING: f64 = 5e-3;
 type Centres<const D: usize> = FxHashMap<(u32, u32), [f64; D]>;
 
 fn is_centre<const D: usize>(candidate: &Candidate<D>) -> bool {
-    candidate.key.corner == candidates::CENTRE
+    candidate.key.corner % candidates::FACE == candidates::CENTRE
 }
 
 impl<const D: usize> Contact<D> {
@@ -183,8 +184,8 @@ impl<const D: usize> Contact<D> {
     /// The search for the contact points of a step.
     pub(super) fn search<'a>(&'a self, step: &StepContext<'a, D>, points: &'a Points<D>) -> Search<'a, D> {
         let StepContext { model, links, .. } = *step;
-        let Contact { tools, has_begun, awake, smallest, .. } = self;
-        Search { model, points, links, tools, has_begun, awake, smallest: *smallest }
+        let Contact { tools, has_begun, outer, awake, smallest, .. } = self;
+        Search { model, points, links, tools, has_begun, outer, awake, smallest: *smallest }
     }
 
     /// Finds the contact points of a step and their multipliers.
@@ -202,6 +203,7 @@ impl<const D: usize> Contact<D> {
         let awake = |moving: &Moving<D>| moving.translation().map(|u| nearest.max(AWAKE_AFTER * u));
         self.awake = self.tools.iter().map(|moving| awake(moving).unwrap_or(f64::INFINITY)).collect();
         self.has_woken = false;
+        self.outer.renew(points, &self.reduction);
         self.find_places(step, points)?;
         self.is_symmetric = self.begins_symmetric(step.model);
         self.multipliers.clone_from(&self.start);
@@ -236,6 +238,8 @@ impl<const D: usize> Contact<D> {
                 candidate.allowance = allowance(candidate.near.gap, candidate.size, motion, excess);
             }
         }
+        let sides = self.pieces.iter_mut().flat_map(|found| found.sides.drain(..)).collect();
+        sides::share_out(&self.reduction, sides, &mut self.candidates, &self.start);
         Ok(())
     }
 

@@ -9,11 +9,12 @@ use crate::points::PIECE;
 use crate::ranks::Reduction;
 use crate::region::vector::{along, cross, dot, minus, norm};
 use crate::terms::failure::ContactError;
-use crate::tool::Closest;
+use crate::tool::{Closest, Face, facing_each_other};
 
-use super::candidates::{CENTRE, Candidate, Key, Near, Search, TOUCHING, corners_of, named, radius_of};
+use super::candidates::{CENTRE, Candidate, FACE, Key, Near, Search, TOUCHING, corners_of, named, radius_of};
 use super::motion::in_space;
 use super::ranks::{Failure, Plain, agreed, exchange};
+use super::sides::{Outer, SidePiece};
 
 /// Distance within which domains share a corner, relative to the size of a cell, [-].
 const SHARED: f64 = 1e-8;
@@ -25,6 +26,28 @@ const ALONG: f64 = 0.5;
 const FLAT: f64 = 0.99;
 /// Additional search distance, in cells, which lets the search skip the next material points.
 const AHEAD: f64 = 4.0;
+
+/// Distance from the faces of a re-entrant corner of a tool within which a contact point may touch all of them, relative to
+/// the size of a cell, [-].
+const BETWEEN_FACES: f64 = 0.25;
+
+/// Distance from the edge of a tool within which outer sides of the body tell which of its faces they touch, relative to
+/// the size of a cell, [-].
+const NEAR_EDGE: f64 = 0.5;
+/// Difference between the cosines of the angles at which two faces of a tool face a side, above which the side touches only
+/// one of them, [-].
+const BETTER: f64 = 0.2;
+
+/// A corner or the centre of a domain where it may touch a tool.
+struct ContactCorner<const D: usize> {
+    /// Its number in the domain, or [`CENTRE`].
+    corner: usize,
+    /// Its position, [length].
+    start: [f64; D],
+    outer: Outer<D>,
+    /// True if the surface of the tool is flat over the domain.
+    is_flat: bool,
+}
 
 /// A material point near a tool.
 struct NearPoint<'a, const D: usize> {
@@ -49,6 +72,8 @@ pub(super) struct Far<const D: usize> {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Found<const D: usize> {
     pub(super) places: Vec<Near<D>>,
+    /// The pieces of outer sides that face a tool.
+    pub(super) sides: Vec<SidePiece<D>>,
     candidates: Vec<Candidate<D>>,
     error: Option<ContactError>,
     /// For each tool, the last position whose distance from the tool was computed.
@@ -68,11 +93,14 @@ impl<const D: usize> Search<'_, D> {
         pieces.resize_with(self.points.len().div_ceil(PIECE), Found::default);
         let in_piece = |(piece, found): (usize, &mut Found<D>)| {
             let points = piece * PIECE..((piece + 1) * PIECE).min(self.points.len());
-            found.far.clear();
-            found.far.resize(self.tools.len(), None);
+            let mut far = std::mem::take(&mut found.far);
+            far.clear();
+            far.resize(self.tools.len(), None);
             found.places.clear();
-            let mut near = points.map(|p| self.near_point(p, &mut found.far, &mut found.places));
-            found.error = near.find_map(Result::err);
+            found.sides.clear();
+            let mut near = points.map(|p| self.near_point(p, &mut far, found));
+            let error = near.find_map(Result::err);
+            (found.far, found.error) = (far, error);
         };
         pieces.par_iter_mut().enumerate().for_each(in_piece);
         let error = pieces.iter_mut().find_map(|found| found.error.take());
@@ -95,7 +123,7 @@ impl<const D: usize> Search<'_, D> {
         &self,
         p: usize,
         far: &mut [Option<Far<D>>],
-        found: &mut Vec<Near<D>>,
+        found: &mut Found<D>,
     ) -> Result<(), ContactError> {
         let Search { model, points, .. } = *self;
         let number = points.body[p] as usize;
@@ -132,7 +160,7 @@ impl<const D: usize> Search<'_, D> {
         &self,
         point: &NearPoint<D>,
         near: Closest<D>,
-        found: &mut Vec<Near<D>>,
+        found: &mut Found<D>,
     ) -> Result<(), ContactError> {
         let Search { model, points, .. } = *self;
         let (tool, moving) = (&model.tools[point.tool], &self.tools[point.tool]);
@@ -144,27 +172,74 @@ impl<const D: usize> Search<'_, D> {
         let is_flat =
             !tool.shape.has_edges() && at_corners.iter().all(|found| found.as_ref().is_some_and(is_parallel));
         let asleep = if is_flat { self.awake[point.tool] } else { f64::INFINITY };
+        let outer = self.outer_sides(point.p, point.tool, point.corners, &mut found.sides);
         for (corner, (start, at_corner)) in point.corners.iter().zip(at_corners).enumerate() {
             if let Some(at_corner) = at_corner.as_ref().filter(|found| found.gap <= asleep) {
-                self.add_place(point, (corner, is_flat), *start, *at_corner, found)?;
+                let place = ContactCorner { corner, start: *start, outer: outer[corner], is_flat };
+                self.add_places(point, &place, *at_corner, found)?;
             }
         }
         // A surface that is flat over the domain meets the corners first; otherwise the centre may touch it, too.
         if point.corners.len() > 1 && !is_flat {
-            let centre = points.converged.position[point.p];
-            self.add_place(point, (CENTRE as usize, false), centre, near, found)?;
+            let start = points.converged.position[point.p];
+            let place =
+                ContactCorner { corner: CENTRE as usize, start, outer: Outer::default(), is_flat: false };
+            self.add_places(point, &place, near, found)?;
         }
         Ok(())
+    }
+
+    /// Adds the contact points at a corner or centre: one or, in a re-entrant corner of the tool, one for each face that
+    /// the body may touch there. Beside an edge of the tool, an outer side of the body touches the face that it faces: a
+    /// blunt corner that slides over flat ground does not plough.
+    fn add_places(
+        &self,
+        point: &NearPoint<D>,
+        place: &ContactCorner<D>,
+        near: Closest<D>,
+        found: &mut Found<D>,
+    ) -> Result<(), ContactError> {
+        let (tool, moving) = (&self.model.tools[point.tool], &self.tools[point.tool]);
+        let x = moving.start.to_tool(&place.start);
+        let faces = tool.shape.faces_near(&x, NEAR_EDGE * point.size);
+        if faces.len() < 2 {
+            return self.add_place(point, place, (near, None), found);
+        }
+        let depth = (-near.gap).max(0.0);
+        let within = |face: &&Face<D>| face.closest.gap.abs() <= BETWEEN_FACES * point.size;
+        let close: Vec<Face<D>> = faces.iter().filter(within).copied().collect();
+        let several = facing_each_other(&close, depth);
+        for (number, face) in several.iter().enumerate() {
+            self.add_place(point, place, (moving.start.in_space(face), Some(number)), found)?;
+        }
+        if !several.is_empty() {
+            return Ok(());
+        }
+        let towards = |normal: &[f64; D]| {
+            place
+                .outer
+                .normals()
+                .iter()
+                .map(|outward| -dot(outward, normal))
+                .fold(f64::NEG_INFINITY, f64::max)
+        };
+        let faces = faces.iter().map(|face| (moving.start.in_space(&face.closest), face.beside));
+        let best = faces.max_by(|a, b| towards(&a.0.normal).total_cmp(&towards(&b.0.normal)));
+        match best.filter(|(face, _)| towards(&face.normal) > towards(&near.normal) + BETTER) {
+            // The side does not face the closest face, and lies beside the one that it faces.
+            Some((_, beside)) if beside > TOUCHING * point.size => Ok(()),
+            Some((face, _)) => self.add_place(point, place, (face, Some(0)), found),
+            None => self.add_place(point, place, (near, None), found),
+        }
     }
 
     /// Adds a contact point if the tool may reach it.
     fn add_place(
         &self,
         &NearPoint { p, tool, corners: _, size, reach }: &NearPoint<D>,
-        (corner, is_flat): (usize, bool),
-        start: [f64; D],
-        near: Closest<D>,
-        found: &mut Vec<Near<D>>,
+        &ContactCorner { corner, start, outer, is_flat }: &ContactCorner<D>,
+        (near, face): (Closest<D>, Option<usize>),
+        found: &mut Found<D>,
     ) -> Result<(), ContactError> {
         let Search { model, points, .. } = *self;
         let (number, x) = (points.body[p] as usize, &points.converged.position[p]);
@@ -186,16 +261,22 @@ impl<const D: usize> Search<'_, D> {
             }
         };
         let depth = model.depth(x);
-        found.push(Near {
+        found.places.push(Near {
             p: Some(p),
             body: number,
-            key: Key { tool: tool as u32, point: points.id[p], corner: corner as u32 },
+            key: Key {
+                tool: tool as u32,
+                point: points.id[p],
+                corner: corner as u32 + FACE * face.unwrap_or(0) as u32,
+            },
             start,
             size,
             closest: near,
             is_flat,
+            keeps_face: face.is_some(),
             area: depth * area,
             area_of_corner: depth * area_of_corner,
+            outer,
             shared_by: Vec::new(),
         });
         Ok(())
@@ -203,8 +284,9 @@ impl<const D: usize> Search<'_, D> {
 
     /// Joins the corners that domains share; the first of them takes over the area of the others.
     fn join_shared(&self, pieces: &mut Vec<Found<D>>) {
-        let is_shared = |body: usize| self.model.bodies[body].method == Method::Cpdi2;
-        if !self.model.bodies.iter().any(|body| body.method == Method::Cpdi2) {
+        // Boxes and parallelograms share corners as long as they have not drifted apart.
+        let is_shared = |body: usize| self.model.bodies[body].method != Method::Mpm;
+        if self.model.bodies.iter().all(|body| body.method == Method::Mpm) {
             return;
         }
         // Domains in cells of different sizes may share a corner: the smallest size on any rank decides.
@@ -218,16 +300,17 @@ impl<const D: usize> Search<'_, D> {
         let lattice = |x: &[f64; D]| x.map(|x| (x / width).floor() as i64);
         // The last entry in each cell of a lattice; and for each entry, its contact point and the previous entry in the
         // same cell.
-        let mut last: FxHashMap<(u32, usize, [i64; D]), usize> = FxHashMap::default();
+        let mut last: FxHashMap<(u32, u32, usize, [i64; D]), usize> = FxHashMap::default();
         let mut entries: Vec<([usize; 2], Option<usize>)> = Vec::new();
         for piece in 0..pieces.len() {
             for k in 0..pieces[piece].places.len() {
                 let place = &pieces[piece].places[k];
                 let (start, number, tool) = (place.start, place.body, place.key.tool);
-                if !is_shared(number) || place.key.corner == CENTRE {
+                let face = place.key.corner / FACE;
+                if !is_shared(number) || place.key.corner % FACE == CENTRE {
                     continue;
                 }
-                let mut entry = last.get(&(tool, number, lattice(&start))).copied();
+                let mut entry = last.get(&(tool, face, number, lattice(&start))).copied();
                 let same = loop {
                     let Some(([i, j], before)) = entry.map(|entry| entries[entry]) else { break None };
                     if norm(&minus(&pieces[i].places[j].start, &start)) <= SHARED * size {
@@ -246,7 +329,7 @@ impl<const D: usize> Search<'_, D> {
                     let sign = |d: usize| if corner >> d & 1 == 1 { 1.0 } else { -1.0 };
                     let cell = lattice(&std::array::from_fn(|d| start[d] + sign(d) * SHARED * size));
                     if cell_before.replace(cell) != Some(cell) {
-                        let before = last.insert((tool, number, cell), entries.len());
+                        let before = last.insert((tool, face, number, cell), entries.len());
                         entries.push(([piece, k], before));
                     }
                 }
@@ -308,20 +391,36 @@ struct Corner<const D: usize> {
     size: f64,
     closest: Closest<D>,
     is_flat: bool,
+    keeps_face: bool,
     area: f64,
     area_of_corner: f64,
+    outer: Outer<D>,
 }
 
 impl<const D: usize> Plain for Corner<D> {
     fn encode(&self, numbers: &mut Vec<f64>) {
         ((self.order, self.key, self.body), (self.start, self.size, self.closest)).encode(numbers);
         (self.is_flat, self.area, self.area_of_corner).encode(numbers);
+        (self.keeps_face, self.outer).encode(numbers);
     }
 
     fn decode(numbers: &mut impl Iterator<Item = f64>) -> Option<Self> {
         let ((order, key, body), (start, size, closest)) = Plain::decode(numbers)?;
         let (is_flat, area, area_of_corner) = Plain::decode(numbers)?;
-        Some(Corner { order, key, body, start, size, closest, is_flat, area, area_of_corner })
+        let (keeps_face, outer) = Plain::decode(numbers)?;
+        Some(Corner {
+            order,
+            key,
+            body,
+            start,
+            size,
+            closest,
+            is_flat,
+            keeps_face,
+            area,
+            area_of_corner,
+            outer,
+        })
     }
 }
 
@@ -341,7 +440,8 @@ impl<const D: usize> Search<'_, D> {
         }
         let halo = self.links.halo();
         let mut messages: Vec<(usize, Vec<Corner<D>>)> = Vec::new();
-        let corners = places.iter().filter(|(_, place)| is_shared(place.body) && place.key.corner != CENTRE);
+        let corners =
+            places.iter().filter(|(_, place)| is_shared(place.body) && place.key.corner % FACE != CENTRE);
         for (rank, shared) in halo.neighbours() {
             let is_near = |(_, place): &&(u32, Near<D>)| self.touches_one_of(place, shared);
             let near: Vec<Corner<D>> = corners.clone().filter(is_near).map(to_send).collect();
@@ -373,14 +473,53 @@ impl<const D: usize> Search<'_, D> {
 
 /// A corner as it is sent to other ranks.
 fn to_send<const D: usize>((order, place): &(u32, Near<D>)) -> Corner<D> {
-    let Near { body, key, start, size, closest, is_flat, area, area_of_corner, .. } = *place;
-    Corner { order: *order, key, body, start, size, closest, is_flat, area, area_of_corner }
+    let Near { body, key, start, size, closest, is_flat, keeps_face, area, area_of_corner, outer, .. } =
+        *place;
+    Corner {
+        order: *order,
+        key,
+        body,
+        start,
+        size,
+        closest,
+        is_flat,
+        keeps_face,
+        area,
+        area_of_corner,
+        outer,
+    }
 }
 
 /// A corner received from another rank.
 fn remote<const D: usize>(corner: Corner<D>) -> Near<D> {
-    let Corner { order: _, key, body, start, size, closest, is_flat, area, area_of_corner } = corner;
-    Near { p: None, body, key, start, size, closest, is_flat, area, area_of_corner, shared_by: Vec::new() }
+    let Corner {
+        order: _,
+        key,
+        body,
+        start,
+        size,
+        closest,
+        is_flat,
+        keeps_face,
+        area,
+        area_of_corner,
+        outer,
+    } = corner;
+    let shared_by = Vec::new();
+    Near {
+        p: None,
+        body,
+        key,
+        start,
+        size,
+        closest,
+        is_flat,
+        keeps_face,
+        area,
+        area_of_corner,
+        outer,
+        shared_by,
+    }
 }
 
 /// A tool and a node, with a sum of vectors and a sum of weights there.

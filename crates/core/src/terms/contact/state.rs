@@ -167,7 +167,8 @@ impl<const D: usize> Contact<D> {
             let moving = &self.tools[number];
             let (position, force) = (trial.position, touch.force());
             let tool = &model.tools[number];
-            let found = moving.end.closest(tool.shape.as_ref(), position, f64::INFINITY);
+            let closest = || moving.end.closest(tool.shape.as_ref(), position, f64::INFINITY);
+            let found = if candidate.keeps_face { None } else { closest() };
             let (part, on_surface) =
                 found.map_or((candidate.near.part, position), |found| (found.part, found.point));
             let contact = ContactPoint {
@@ -178,8 +179,8 @@ impl<const D: usize> Contact<D> {
                 normal: touch.normal(),
                 area: candidate.area,
                 force,
-                pressure: touch.pressure / candidate.area,
-                shear: touch.shear.map(|t| t / candidate.area),
+                pressure: touch.pressure / candidate.area_for_stress(),
+                shear: touch.shear.map(|t| t / candidate.area_for_stress()),
                 mode: touch.mode,
             };
             Touching {
