@@ -214,7 +214,7 @@ surfaces: [{name: whole, body: b}]
 boundary_conditions:
   - {name: left, nodes: {x: 0}, fix: [x]}
   - {name: base, nodes: {y: 0}, fix: [y]}
-loads: [{name: p, type: pressure, surface: whole, pressure: 100}]
+loads: [{name: p, type: pressure, surface: whole, pressure: 100, curve: [[0, 1], [1, 1]]}]
 steps: {count: 1}
 """
 

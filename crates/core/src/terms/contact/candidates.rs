@@ -7,7 +7,7 @@
 //! | MPM | corners of the box x_p ± l_p, or x_p if the point has no box | N_v of the cell of x_p, extrapolated |
 //! | all | x_p, to detect thin tools between the corners; not below a flat surface without edges | S_vp |
 //!
-//! Corners of several domains at the same place are one contact point: in CPDI2 always, otherwise as long as the domains
+//! Corners of several domains at the same place are one contact point: in CPDI2 always, in CPDI1 as long as the domains
 //! have not drifted apart.
 //!
 //! Corners inside the body are contact points, too: surfaces of the body that have come together may open again.

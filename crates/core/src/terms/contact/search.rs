@@ -38,6 +38,9 @@ const NEAR_EDGE: f64 = 0.5;
 /// one of them, [-].
 const BETTER: f64 = 0.2;
 
+/// Depth below the faces at an edge, relative to the size of a cell, down to which a side chooses among them, [-].
+const SHALLOW: f64 = 0.1;
+
 /// A corner or the centre of a domain where it may touch a tool.
 struct ContactCorner<const D: usize> {
     /// Its number in the domain, or [`CENTRE`].
@@ -225,7 +228,11 @@ impl<const D: usize> Search<'_, D> {
         };
         let faces = faces.iter().map(|face| (moving.start.in_space(&face.closest), face.beside));
         let best = faces.max_by(|a, b| towards(&a.0.normal).total_cmp(&towards(&b.0.normal)));
-        match best.filter(|(face, _)| towards(&face.normal) > towards(&near.normal) + BETTER) {
+        let is_shallow = |found: &Closest<D>| found.gap >= -SHALLOW * point.size;
+        let is_better = |(face, _): &(Closest<D>, f64)| {
+            towards(&face.normal) > towards(&near.normal) + BETTER && is_shallow(face) && is_shallow(&near)
+        };
+        match best.filter(is_better) {
             // The side does not face the closest face, and lies beside the one that it faces.
             Some((_, beside)) if beside > TOUCHING * point.size => Ok(()),
             Some((face, _)) => self.add_place(point, place, (face, Some(0)), found),
@@ -284,9 +291,9 @@ impl<const D: usize> Search<'_, D> {
 
     /// Joins the corners that domains share; the first of them takes over the area of the others.
     fn join_shared(&self, pieces: &mut Vec<Found<D>>) {
-        // Boxes and parallelograms share corners as long as they have not drifted apart.
-        let is_shared = |body: usize| self.model.bodies[body].method != Method::Mpm;
-        if self.model.bodies.iter().all(|body| body.method == Method::Mpm) {
+        // CPDI1 domains share corners as long as they have not drifted apart; boxes differ in the means over their sides.
+        let is_shared = |body: usize| matches!(self.model.bodies[body].method, Method::Cpdi1 | Method::Cpdi2);
+        if !(0..self.model.bodies.len()).any(is_shared) {
             return;
         }
         // Domains in cells of different sizes may share a corner: the smallest size on any rank decides.
