@@ -498,3 +498,28 @@ fn facets_of_rectangles_integrate_bilinear_functions_exactly() {
     let integral: f64 = top.map(|facet| area_vector(&facet.corners)[2] * mean(facet)).sum();
     assert!(near(integral, 9.0, 1e-14), "{integral}");
 }
+
+#[test]
+fn facets_are_cut_where_a_function_changes_its_sign() {
+    let segment = Facet { corners: [[0.0, 0.0], [4.0, 0.0]], side: 2 };
+    let kept = segment.above(|x| x[0] - 1.0, 1e-9);
+    assert_eq!(kept, [Facet { corners: [[1.0, 0.0], [4.0, 0.0]], side: 2 }]);
+    let kept = segment.above(|x| 3.0 - x[0], 1e-9);
+    assert_eq!(kept, [Facet { corners: [[0.0, 0.0], [3.0, 0.0]], side: 2 }]);
+    assert_eq!(segment.above(|x| x[0] + 1e-12, 1e-9), [segment]);
+    assert_eq!(segment.above(|x| x[0] - 4.0, 1e-9), []);
+    let triangle = Facet { corners: [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]], side: 0 };
+    for (height, area) in [
+        (Box::new(|x: &[f64; 3]| x[0] - 1.0) as Box<dyn Fn(&[f64; 3]) -> f64>, 0.5),
+        (Box::new(|x: &[f64; 3]| 1.0 - x[0]), 1.5),
+        (Box::new(|x: &[f64; 3]| x[0] - x[1]), 1.0),
+        (Box::new(|x: &[f64; 3]| x[2] + 1.0), 2.0),
+    ] {
+        let kept = triangle.above(height, 1e-9);
+        let areas: Vec<[f64; 3]> = kept.iter().map(|facet| area_vector(&facet.corners)).collect();
+        assert!(
+            near(areas.iter().map(|a| a[2]).sum(), area, 1e-14) && areas.iter().all(|a| a[2] > 0.0),
+            "{kept:?}"
+        );
+    }
+}

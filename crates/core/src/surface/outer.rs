@@ -266,7 +266,7 @@ mod tests {
     /// The outer sides of a block of 2 by 1 cells with a hole of one domain, as a count, and the sum of their area vectors.
     fn outer(method: Method, is_hole: bool) -> (u32, [f64; 2]) {
         let fill = Fill { method, ..Fill::default() };
-        let solid = move |x: [f64; 2]| {
+        let solid = move |x: &[f64; 2]| {
             let is_in_hole = is_hole && (x[0] - 1.25).abs() < 0.2 && (x[1] - 0.75).abs() < 0.2;
             x[0] < 2.0 && x[1] < 1.0 && !is_in_hole
         };

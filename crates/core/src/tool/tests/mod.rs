@@ -2,6 +2,7 @@
 
 mod check;
 mod corners;
+mod edges;
 mod outlines;
 mod poses;
 mod triangles;
