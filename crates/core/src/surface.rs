@@ -14,7 +14,6 @@
 //! closed surface, and the forces of a uniform stress are those of CPDI2 domains whose sides are the facets.
 
 mod carried;
-mod cells;
 mod domains;
 mod support;
 
@@ -24,7 +23,6 @@ use crate::ranks::Reduction;
 use crate::region::{Facet, NoBoundary, Region, area_vector};
 
 pub use carried::Carried;
-pub use cells::boundary_of_cells;
 pub use support::{Support, support};
 
 /// Tolerance of the boxes and half-spaces that select samples, relative to the size of a cell, [-].
