@@ -238,17 +238,18 @@ impl<const D: usize> Filling<'_, D> {
         if self.domain != DomainKind::Corners || D != 2 || region.as_group().is_some() {
             return Ok(Err(Fit::Parts));
         }
-        let (lattice, within) = match (placement, self.grid.lines()) {
-            (Placement::Lattice(spacing), _) => (self.lattice_around(region, spacing)?, None),
+        let lattice = match (placement, self.grid.lines()) {
+            (Placement::Lattice(spacing), _) => self.lattice_around(region, spacing)?,
             (Placement::PerCell { boxes: Some(counts), .. }, Some(lines)) => {
                 let along = |d: usize| lines.axes()[d].subdivided(counts[d]);
-                (Some(Structured::with_axes(std::array::from_fn(along))), Some(lines))
+                Some(Structured::with_axes(std::array::from_fn(along)))
             }
             _ => return Ok(Err(Fit::OnMesh)),
         };
         let Some(lattice) = lattice else { return Ok(Err(Fit::Parts)) };
         let lattice = Lines::new([0, 1].map(|d| lattice.axes()[d % D].clone()));
-        let Some(outline) = self.outline(region, &lattice, within.is_some()) else {
+        let is_by_cells = matches!(placement, Placement::PerCell { .. });
+        let Some(outline) = self.outline(region, &lattice, is_by_cells) else {
             return Ok(Err(Fit::Unfitted));
         };
         if is_on_lattice(&outline, &lattice) {
@@ -268,8 +269,9 @@ impl<const D: usize> Filling<'_, D> {
         Ok(Ok(domains[self.ranks.share(domains.len())].par_iter().map(point).collect()))
     }
 
-    /// The outline of a region of the plane; if it is filled cell by cell, of its part in the grid. `None` if it has
-    /// none or is larger than what can be filled.
+    /// The outline of a region of the plane. If the region is filled cell by cell, only its part in the grid counts; if
+    /// only the polygon of a circle leaves the grid, it is cut off there, too. `None` if there is no outline, or if it is
+    /// larger than what can be filled.
     fn outline(&self, region: &Region<D>, lattice: &Lines<2>, is_by_cells: bool) -> Option<Outline> {
         let [low, high] = region.bounds().map(|x| [x[0], x[1 % D]]);
         if !(0..2).all(|d| low[d] < high[d]) {
@@ -288,9 +290,11 @@ impl<const D: usize> Filling<'_, D> {
         let chord = |x: &[f64; 2]| CHORD * (size(x)[0] * size(x)[1]).sqrt();
         let outline = |within| region.outline(within, &chord, same);
         let whole = outline(None)?;
-        let [from, to] = [lattice.origin(), lattice.upper()];
+        let Some(lines) = self.grid.lines() else { return Some(whole) };
+        let [from, to] = [lines.origin(), lines.upper()].map(|x| [x[0], x[1 % D]]);
         let leaves = |x: &[f64; 2]| (0..2).any(|d| x[d] < from[d] - same || x[d] > to[d] + same);
-        if is_by_cells && whole.loops.iter().flatten().any(leaves) {
+        let is_cut = is_by_cells || !(leaves(&low) || leaves(&high));
+        if is_cut && whole.loops.iter().flatten().any(leaves) {
             return outline(Some([from, to]));
         }
         Some(whole)
