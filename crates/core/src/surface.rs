@@ -14,7 +14,6 @@
 //! closed surface, and the forces of a uniform stress are those of CPDI2 domains whose sides are the facets.
 
 mod carried;
-mod cells;
 mod domains;
 mod integral;
 mod outer;
@@ -26,7 +25,6 @@ use crate::ranks::Reduction;
 use crate::region::{Facet, NoBoundary, Region, area_vector};
 
 pub use carried::Carried;
-pub use cells::boundary_of_cells;
 pub use integral::{lies_in_one_cell, mean_over_side};
 pub use outer::{DomainSide, OuterSides, deformed_corners, sides_of_domain};
 pub use support::{Support, active, support};

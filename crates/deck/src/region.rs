@@ -8,10 +8,10 @@ use super::{Axis, Pair, Vector};
 use mpm_core::grid::{Grid, Mesh, Structured};
 use mpm_core::model::Fillable;
 use mpm_core::region::{
-    Ball, Brick, Frustum, Group, HollowBall, Motion, Polygon, Prism, Region, ShapeError, Surface,
+    Ball, Brick, Frustum, Group, HollowBall, Meshed, Motion, Polygon, Prism, Region, ShapeError, Surface,
 };
 
-mod files;
+pub(super) mod files;
 mod groups;
 
 pub(super) use files::FromFiles;
@@ -114,6 +114,16 @@ pub enum Shape {
         #[schemars(length(min = 1), extend("examples" = ["rock.stl"]))]
         file: String,
     },
+    /// Cells of a mesh of its own, which become the domains of the points of the body on any grid; the mesh cannot be
+    /// part of a union, intersection or difference.
+    Mesh {
+        /// Path of a mesh file of gmsh, format 2.2 or 4.1, relative to the deck, with linear cells.
+        #[schemars(length(min = 1), extend("examples" = ["part.msh"]))]
+        file: String,
+        /// Name of a physical group of the mesh; all cells by default.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        group: Option<String>,
+    },
     /// Whole cells of the grid.
     Cells {
         /// Name of a physical group of a gmsh grid; all cells by default.
@@ -188,6 +198,7 @@ impl Shape {
             Shape::Sphere { .. } => "sphere",
             Shape::Extrusion { .. } => "extrusion",
             Shape::Stl { .. } => "stl",
+            Shape::Mesh { .. } => "mesh",
             Shape::Cells { .. } => "cells",
             Shape::Union { .. } => "union",
             Shape::Intersection { .. } => "intersection",
@@ -233,10 +244,19 @@ impl Shape {
         is_such(self) || self.parts().into_iter().any(|(_, part)| part.any(is_such))
     }
 
-    /// Paths of all surface files that the shape uses.
+    /// True for cells of a mesh of its own, moved or not.
+    pub(super) fn is_mesh(&self) -> bool {
+        match self {
+            Shape::Mesh { .. } => true,
+            Shape::Translate { shape, .. } | Shape::Rotate { shape, .. } => shape.is_mesh(),
+            _ => false,
+        }
+    }
+
+    /// Paths of all files that the shape uses.
     pub(super) fn files(&self) -> Vec<&str> {
         match self {
-            Shape::Stl { file } => vec![file],
+            Shape::Stl { file } | Shape::Mesh { file, .. } => vec![file],
             _ => self.parts().into_iter().flat_map(|(_, part)| part.files()).collect(),
         }
     }
@@ -256,6 +276,8 @@ pub(super) trait Given<const D: usize> {
     fn cells(&mut self, place: &str, group: Option<&str>) -> Option<Group<D>>;
     /// The surface in a file.
     fn surface(&mut self, place: &str, file: &str) -> Option<Surface>;
+    /// A group of cells, or all cells, of the mesh in a file.
+    fn mesh(&mut self, place: &str, file: &str, group: Option<&str>) -> Option<Meshed<D>>;
 }
 
 /// The regions of all bodies, and the groups of cells of which they consist.
@@ -301,6 +323,9 @@ where
         Shape::Cells { group } => {
             let cells = given.cells(place, group.as_deref());
             cells.map(Region::group).ok_or(Refusal::Unknown)
+        }
+        Shape::Mesh { file, group } => {
+            given.mesh(place, file, group.as_deref()).map(Region::new).ok_or(Refusal::Unknown)
         }
         Shape::Union { .. } => Region::union(parts).map_err(refuse),
         Shape::Intersection { .. } => Region::intersection(parts).map_err(refuse),
@@ -410,6 +435,10 @@ impl<const D: usize> Given<D> for WithoutFiles<D> {
     }
 
     fn surface(&mut self, _: &str, _: &str) -> Option<Surface> {
+        None
+    }
+
+    fn mesh(&mut self, _: &str, _: &str, _: Option<&str>) -> Option<Meshed<D>> {
         None
     }
 }

@@ -5,13 +5,15 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
-use crate::basis::DomainKind;
+use super::fitting::{FittedDomain, centroid, fitted, is_on_lattice};
+use crate::basis::{DomainKind, domain_volume};
 use crate::grid::element::ElementShape;
+use crate::grid::sides::sides_of;
 use crate::grid::subdivide::{ElementPart, subdivide_box, subdivide_simplex};
 use crate::grid::{Axis, Grid, Lines, Structured};
 use crate::points::Seed;
 use crate::ranks::Ranks;
-use crate::region::{Bounds, FilledCell, Region, Volume, brick_parts, contains_in_cell, fill};
+use crate::region::{Bounds, FilledCell, Outline, Region, Volume, brick_parts, contains_in_cell, fill};
 
 /// Distance to a grid line within which a side of a box counts as on the line, in cells, [-].
 const ON_LINE: f64 = 1e-6;
@@ -22,6 +24,12 @@ const FINE: usize = 32;
 const FINE_IN_SPACE: usize = 10;
 /// Number of divisions of a cell along each axis, to find out whether the cell is cut.
 const PROBED: usize = 8;
+
+/// Length of the chords of a circle whose domains follow it, in cells of the lattice, [-]; below 1, so that no lattice
+/// line needs a corner between their ends.
+const CHORD: f64 = 0.95;
+/// Distance within which corners of outlines coincide, in cells of the lattice, [-].
+const SAME_PLACE: f64 = 1e-9;
 
 /// Largest number of points of a body that a rank creates.
 pub const MAX_POINTS: f64 = 1e8;
@@ -70,6 +78,20 @@ pub enum FillError {
     Uneven(usize),
 }
 
+/// How the domains of the points follow the boundary of their region.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Fit {
+    /// The domains are parts of cells: their centres lie in the region, and the boundary is a staircase unless it
+    /// coincides with their sides.
+    Parts,
+    /// The same, because the domains of the method follow boundaries only among the lines of a grid or lattice.
+    OnMesh,
+    /// The same, because no domains of this size fill the region exactly.
+    Unfitted,
+    /// The domains follow the boundary.
+    Fitted,
+}
+
 /// The points of a region.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FilledRegion<const D: usize> {
@@ -77,6 +99,8 @@ pub struct FilledRegion<const D: usize> {
     pub seeds: Vec<Seed<D>>,
     /// True if the region was filled cell by cell.
     pub is_by_cells: bool,
+    /// How the domains follow the boundary.
+    pub fit: Fit,
 }
 
 /// A region in `D` dimensions that can be filled with points. The core implements this for all regions.
@@ -138,20 +162,142 @@ pub struct Filling<'a, const D: usize> {
 
 impl<const D: usize> Filling<'_, D> {
     fn fill(&self, region: &Region<D>, placement: &Placement<D>) -> Result<FilledRegion<D>, FillError> {
+        if let (Placement::PerCell { boxes, simplices, .. }, Some(_)) = (placement, region.as_mesh()) {
+            let seeds = self.meshed(region, boxes.unwrap_or([1; D]), simplices.unwrap_or(1))?;
+            return Ok(FilledRegion { seeds, is_by_cells: false, fit: Fit::Fitted });
+        }
+        if let Placement::PerCell { brick: Some(brick), boxes: Some(counts), .. } = placement
+            && let Some(seeds) = self.grid.lines().and_then(|lines| self.box_on_lines(lines, brick, counts))
+        {
+            return Ok(FilledRegion { seeds, is_by_cells: false, fit: Fit::Parts });
+        }
+        let fit = match self.fitted(region, placement)? {
+            Ok(seeds) => return Ok(FilledRegion { seeds, is_by_cells: false, fit: Fit::Fitted }),
+            Err(fit) => fit,
+        };
         let (seeds, is_by_cells) = match placement {
             Placement::Lattice(spacing) => (self.lattice(region, spacing)?, false),
-            Placement::PerCell { boxes, simplices, brick } => {
-                let in_box = match (brick, self.grid.lines(), boxes) {
-                    (Some(brick), Some(lines), Some(counts)) => self.box_on_lines(lines, brick, counts),
-                    _ => None,
-                };
-                match in_box {
-                    Some(seeds) => (seeds, false),
-                    None => (self.cell_by_cell(region, *boxes, *simplices)?, true),
-                }
+            Placement::PerCell { boxes, simplices, .. } => {
+                (self.cell_by_cell(region, *boxes, *simplices)?, true)
             }
         };
-        Ok(FilledRegion { seeds, is_by_cells })
+        Ok(FilledRegion { seeds, is_by_cells, fit })
+    }
+
+    /// The points of the cells of a mesh of which a region consists, each divided into parts.
+    ///
+    /// # Errors
+    /// [`FillError::Uneven`], [`FillError::TooManyParts`].
+    fn meshed(
+        &self,
+        region: &Region<D>,
+        boxes: [usize; D],
+        simplices: usize,
+    ) -> Result<Vec<Seed<D>>, FillError> {
+        let Some((mesh, cells, motion)) = region.as_mesh() else { return Ok(Vec::new()) };
+        let most = boxes.iter().product::<usize>().max(simplices);
+        if (cells.len() * most) as f64 > MAX_POINTS * self.ranks.count() as f64 {
+            return Err(FillError::TooManyParts);
+        }
+        let sides = sides_of(mesh, cells);
+        let alone = sides.chunk_by(|a, b| a.key == b.key).filter(|same| same.len() == 1);
+        let border: HashSet<u32> = alone.flat_map(|side| side[0].nodes.clone()).collect();
+        let mut seeds = Vec::new();
+        for &cell in &cells[self.ranks.share(cells.len())] {
+            let corners = mesh.corners(cell as usize);
+            let nodes = corners.nodes();
+            let x: Vec<[f64; D]> = nodes.iter().map(|&n| mesh.node_position(n as usize)).collect();
+            let parts = match ElementShape::from_nodes::<D>(x.len()) {
+                Some(ElementShape::Simplex) => {
+                    subdivide_simplex(&x, simplices).ok_or(FillError::Uneven(simplices))?
+                }
+                _ => subdivide_box(&x, boxes).unwrap_or_default(),
+            };
+            let is_outer = nodes.iter().any(|node| border.contains(node));
+            seeds.extend(parts.into_iter().map(|part| {
+                let moved = ElementPart {
+                    position: motion.apply(&part.position),
+                    volume: part.volume * motion.volume_ratio(),
+                    corners: part.corners.iter().map(|x| motion.apply(x)).collect(),
+                };
+                Seed { outer_layer: is_outer, ..self.point(moved) }
+            }));
+        }
+        Ok(seeds)
+    }
+
+    /// The points of domains that follow the boundary of a region of the plane; why there are none, otherwise.
+    ///
+    /// # Errors
+    /// As [`Filling::lattice_around`].
+    fn fitted(
+        &self,
+        region: &Region<D>,
+        placement: &Placement<D>,
+    ) -> Result<Result<Vec<Seed<D>>, Fit>, FillError> {
+        if self.domain != DomainKind::Corners || D != 2 || region.as_group().is_some() {
+            return Ok(Err(Fit::Parts));
+        }
+        let lattice = match (placement, self.grid.lines()) {
+            (Placement::Lattice(spacing), _) => self.lattice_around(region, spacing)?,
+            (Placement::PerCell { boxes: Some(counts), .. }, Some(lines)) => {
+                let along = |d: usize| lines.axes()[d].subdivided(counts[d]);
+                Some(Structured::with_axes(std::array::from_fn(along)))
+            }
+            _ => return Ok(Err(Fit::OnMesh)),
+        };
+        let Some(lattice) = lattice else { return Ok(Err(Fit::Parts)) };
+        let lattice = Lines::new([0, 1].map(|d| lattice.axes()[d % D].clone()));
+        let is_by_cells = matches!(placement, Placement::PerCell { .. });
+        let Some(outline) = self.outline(region, &lattice, is_by_cells) else {
+            return Ok(Err(Fit::Unfitted));
+        };
+        if is_on_lattice(&outline, &lattice) {
+            return Ok(Err(Fit::Parts));
+        }
+        let Some(domains) = fitted(&outline, &lattice) else { return Ok(Err(Fit::Unfitted)) };
+        let place = |x: &[f64; 2]| -> [f64; D] { std::array::from_fn(|d| x[d % 2]) };
+        let point = |domain: &FittedDomain| {
+            let mut corners: Vec<[f64; D]> = domain.corners.iter().map(place).collect();
+            if corners.len() == 4 {
+                corners.swap(2, 3);
+            }
+            let mut seed = self.seed(place(&centroid(&domain.corners)), domain_volume(&corners));
+            (seed.corners, seed.outer_layer) = (corners, domain.is_outer);
+            seed
+        };
+        Ok(Ok(domains[self.ranks.share(domains.len())].par_iter().map(point).collect()))
+    }
+
+    /// The outline of a region of the plane. If the region is filled cell by cell, only its part in the grid counts; if
+    /// only the polygon of a circle leaves the grid, it is cut off there, too. `None` if there is no outline, or if it is
+    /// larger than what can be filled.
+    fn outline(&self, region: &Region<D>, lattice: &Lines<2>, is_by_cells: bool) -> Option<Outline> {
+        let [low, high] = region.bounds().map(|x| [x[0], x[1 % D]]);
+        if !(0..2).all(|d| low[d] < high[d]) {
+            return None;
+        }
+        let axes = lattice.axes();
+        let ends = |d: usize| [low[d], high[d]].map(|x| axes[d].coordinate(x));
+        let cells = |d: usize| ends(d)[1].min(axes[d].n_cells() as f64) - ends(d)[0].max(0.0);
+        if cells(0) * cells(1) > MAX_POINTS {
+            return None;
+        }
+        let size = |x: &[f64; 2]| [0, 1].map(|d| axes[d].size_at(x[d]));
+        let least = (0..2).map(|d| axes[d].smallest_within(low[d], high[d])).fold(f64::INFINITY, f64::min);
+        let farthest = low.iter().chain(&high).fold(0.0f64, |most, x| most.max(x.abs()));
+        let same = (SAME_PLACE * least).max(16.0 * f64::EPSILON * farthest);
+        let chord = |x: &[f64; 2]| CHORD * (size(x)[0] * size(x)[1]).sqrt();
+        let outline = |within| region.outline(within, &chord, same);
+        let whole = outline(None)?;
+        let Some(lines) = self.grid.lines() else { return Some(whole) };
+        let [from, to] = [lines.origin(), lines.upper()].map(|x| [x[0], x[1 % D]]);
+        let leaves = |x: &[f64; 2]| (0..2).any(|d| x[d] < from[d] - same || x[d] > to[d] + same);
+        let is_cut = is_by_cells || !(leaves(&low) || leaves(&high));
+        if is_cut && whole.loops.iter().flatten().any(leaves) {
+            return outline(Some([from, to]));
+        }
+        Some(whole)
     }
 
     fn volume_in_grid(&self, region: &Region<D>) -> Volume {
@@ -275,6 +421,19 @@ impl<const D: usize> Filling<'_, D> {
 
     /// Points at a stated spacing, independent of the grid.
     fn lattice(&self, region: &Region<D>, spacing: &[f64; D]) -> Result<Vec<Seed<D>>, FillError> {
+        let lattice = self.lattice_around(region, spacing)?;
+        Ok(lattice.map_or_else(Vec::new, |lattice| self.rows(lattice, |x| region.contains(x))))
+    }
+
+    /// The lattice with a stated spacing from the lowest corner of a region; `None` if the region is empty.
+    ///
+    /// # Errors
+    /// [`FillError::TooFine`].
+    fn lattice_around(
+        &self,
+        region: &Region<D>,
+        spacing: &[f64; D],
+    ) -> Result<Option<Structured<D>>, FillError> {
         let [min, max] = region.bounds();
         let along = |d: usize| ((max[d] - min[d]) / spacing[d] - ON_LINE).max(0.0);
         let (count, most): (f64, _) = ((0..D).map(along).product(), MAX_POINTS * self.ranks.count() as f64);
@@ -282,14 +441,14 @@ impl<const D: usize> Filling<'_, D> {
             return Err(FillError::TooFine { count, most });
         }
         if !(0..D).all(|d| min[d] < max[d]) {
-            return Ok(Vec::new()); // an intersection of disjoint regions
+            return Ok(None); // an intersection of disjoint regions
         }
         let n: [usize; D] = std::array::from_fn(|d| (along(d).ceil() as usize).max(1));
         let axis = |d: usize| {
             let high = min[d] + n[d] as f64 * spacing[d];
             Axis::even(min[d], (high - min[d]) / n[d] as f64, n[d])
         };
-        Ok(self.rows(Structured::with_axes(std::array::from_fn(axis)), |x| region.contains(x)))
+        Ok(Some(Structured::with_axes(std::array::from_fn(axis))))
     }
 
     /// The points of those parts of every cell whose centres lie in the region.

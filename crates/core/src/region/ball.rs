@@ -5,7 +5,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use super::boundary::{circle, triangle};
 use super::line::not_positive;
 use super::vector::{along, dot, minus, norm, unit};
-use super::{Facet, Intervals, Line, Primitive, ShapeError, finite, positive};
+use super::{Curve, Facet, Intervals, Line, Primitive, ShapeError, finite, positive};
 
 /// A ball: a disc (D = 2) or a solid sphere (D = 3).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -82,6 +82,11 @@ impl<const D: usize> Primitive<D> for Ball<D> {
         if D == 2 { circle(&self.center, self.radius, spacing, 0) } else { self.octants(spacing) }
     }
 
+    fn curves(&self) -> Vec<Curve> {
+        let center = [0, 1].map(|d| self.center[d % D]);
+        if D == 2 { vec![Curve::Circle { center, radius: self.radius }] } else { Vec::new() }
+    }
+
     fn is_convex(&self) -> bool {
         true
     }
@@ -126,5 +131,9 @@ impl<const D: usize> Primitive<D> for HollowBall<D> {
     fn facets(&self, spacing: f64) -> Vec<Facet<D>> {
         let inner = self.inner.facets(spacing).into_iter().map(|facet| Facet { side: 1, ..facet });
         self.outer.facets(spacing).into_iter().chain(inner).collect()
+    }
+
+    fn curves(&self) -> Vec<Curve> {
+        [self.outer.curves(), self.inner.curves()].concat()
     }
 }

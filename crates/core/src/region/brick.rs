@@ -2,7 +2,7 @@
 
 use super::boundary::{divide, parallelogram};
 use super::vector::unit;
-use super::{Bounds, Facet, Intervals, Line, Primitive, ShapeError, corners, finite, positive};
+use super::{Bounds, Curve, Facet, Intervals, Line, Primitive, ShapeError, corners, finite, positive};
 
 /// An axis-aligned box (rectangle in the plane).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,6 +27,11 @@ impl<const D: usize> Brick<D> {
     /// The lowest and the highest corner, [length].
     pub fn bounds(&self) -> Bounds<D> {
         self.bounds
+    }
+
+    /// A corner of a rectangle, counterclockwise from the lowest one, as for a polygon.
+    fn turning(&self, k: usize) -> [f64; D] {
+        std::array::from_fn(|d| self.bounds[[[0, 1, 1, 0], [0, 0, 1, 1]][d % 2][k % 4]][d])
     }
 }
 
@@ -57,10 +62,7 @@ impl<const D: usize> Primitive<D> for Brick<D> {
     fn facets(&self, spacing: f64) -> Vec<Facet<D>> {
         let [low, high] = self.bounds;
         if D == 2 {
-            // Counterclockwise from the lowest corner, as for a polygon.
-            let corner = |k: usize| -> [f64; D] {
-                std::array::from_fn(|d| self.bounds[[[0, 1, 1, 0], [0, 0, 1, 1]][d % 2][k % 4]][d])
-            };
+            let corner = |k: usize| self.turning(k);
             return (0..4).flat_map(|k| divide(&corner(k), &corner(k + 1), spacing, k)).collect();
         }
         let edge = |d: usize| unit::<D>(d).map(|x| x * (high[d] - low[d]));
@@ -72,6 +74,11 @@ impl<const D: usize> Primitive<D> for Brick<D> {
             parallelogram(&corner, [&edge(i), &edge(j)], spacing, number)
         };
         (0..2 * D).flat_map(side).collect()
+    }
+
+    fn curves(&self) -> Vec<Curve> {
+        let corner = |k: usize| [0, 1].map(|d| self.turning(k)[d % D]);
+        if D == 2 { vec![Curve::Polygon((0..4).map(corner).collect())] } else { Vec::new() }
     }
 
     fn is_convex(&self) -> bool {

@@ -11,10 +11,13 @@ mod ball;
 mod boundary;
 mod box_tree;
 mod brick;
+mod cells;
 mod fill;
 mod frustum;
 mod line;
+mod meshed;
 mod motion;
+mod outline;
 mod polygon;
 mod prism;
 pub mod quadrature;
@@ -26,17 +29,23 @@ mod volume;
 use std::fmt::Debug;
 use std::sync::Arc;
 
+use crate::grid::Grid;
+
 pub use ball::{Ball, HollowBall};
 pub use boundary::{Facet, MAX_FACETS, NoBoundary, area_derivative, area_vector, divided};
 pub(crate) use boundary::{chords, indexed, parts, quadrilaterals};
 pub(crate) use box_tree::{BoxTree, around, overlap as boxes_overlap, squared_distance};
 pub use brick::Brick;
+pub use cells::boundary_of_cells;
 pub use fill::{CellPart, Filled, FilledCell, brick_parts, contains_in_cell, fill};
 pub use frustum::Frustum;
 pub(crate) use frustum::around_axis;
 pub(crate) use line::between;
 pub use line::{Intervals, Line};
+pub use meshed::Meshed;
 pub use motion::Motion;
+pub(crate) use outline::signed_area;
+pub use outline::{Curve, Outline};
 pub(crate) use polygon::segments_meet;
 pub use polygon::{Polygon, crossing_sides};
 pub use prism::Prism;
@@ -107,6 +116,17 @@ pub trait Primitive<const D: usize>: Debug + Send + Sync {
     /// The boundary as facets of either orientation, with edges no longer than about `spacing`, [length].
     fn facets(&self, spacing: f64) -> Vec<Facet<D>>;
 
+    /// The closed curves of the boundary in the plane; empty in space. A position is inside if a ray from it crosses
+    /// them an odd number of times.
+    fn curves(&self) -> Vec<Curve> {
+        Vec::new()
+    }
+
+    /// The mesh and those of its cells of which the shape consists; `None` for other shapes.
+    fn cells(&self) -> Option<(&dyn Grid<D>, &[u32])> {
+        None
+    }
+
     /// True if the shape is convex.
     fn is_convex(&self) -> bool {
         false
@@ -160,6 +180,16 @@ impl<const D: usize> Region<D> {
     pub fn as_group(&self) -> Option<(&Group<D>, &Motion<D>)> {
         match &self.node {
             Node::Group(group, motion) => Some((group, motion)),
+            _ => None,
+        }
+    }
+
+    /// The mesh of which the region consists, its cells in the region, and their motion; `None` for other regions.
+    pub fn as_mesh(&self) -> Option<(&dyn Grid<D>, &[u32], &Motion<D>)> {
+        match &self.node {
+            Node::Primitive(primitive, motion) => {
+                primitive.cells().map(|(mesh, cells)| (mesh, cells, motion))
+            }
             _ => None,
         }
     }

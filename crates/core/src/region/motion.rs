@@ -97,7 +97,7 @@ impl<const D: usize> Motion<D> {
     }
 
     /// Ratio of the volumes after and before the motion, [-].
-    pub(super) fn volume_ratio(&self) -> f64 {
+    pub(crate) fn volume_ratio(&self) -> f64 {
         self.scale.powi(D as i32)
     }
 }

@@ -3,8 +3,9 @@
 use robust::{Coord, orient2d};
 
 use super::boundary::divide;
+use super::outline::signed_area;
 use super::vector::{dot, minus};
-use super::{Facet, Intervals, Line, Primitive, ShapeError, finite, positive};
+use super::{Curve, Facet, Intervals, Line, Primitive, ShapeError, finite, positive};
 
 /// Largest number of corners for which the kinks that they cause in integrals are treated individually.
 const MAX_CORNERS: usize = 64;
@@ -47,12 +48,7 @@ impl Polygon {
     }
 
     fn signed_area(&self) -> f64 {
-        let about = self.corners[0];
-        let twice = |(a, b): ([f64; 2], [f64; 2])| {
-            let (a, b) = (minus(&a, &about), minus(&b, &about));
-            a[0] * b[1] - a[1] * b[0]
-        };
-        0.5 * self.sides().map(twice).sum::<f64>()
+        signed_area(&self.corners)
     }
 
     /// The polygon divided into triangles. A convex corner is cut off if the triangle that it forms with its two
@@ -129,6 +125,10 @@ impl Primitive<2> for Polygon {
     fn facets(&self, spacing: f64) -> Vec<Facet<2>> {
         let sides = self.sides().enumerate();
         sides.flat_map(|(side, (a, b))| divide(&a, &b, spacing, side)).collect()
+    }
+
+    fn curves(&self) -> Vec<Curve> {
+        vec![Curve::Polygon(self.corners.clone())]
     }
 
     fn corners(&self) -> Vec<[f64; 2]> {

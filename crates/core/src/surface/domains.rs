@@ -6,6 +6,8 @@
 //! same rule, is therefore in equilibrium with a uniform stress, on any grid; one that samples it elsewhere is not, as
 //! soon as sides cross the boundaries of cells.
 
+use std::collections::HashMap;
+
 use serde::{Deserialize, Serialize};
 
 use super::{Part, SideRule, Surface, unit};
@@ -23,12 +25,22 @@ const PARALLEL: f64 = 1.0 - 1e-9;
 /// Largest difference, relative to the area, between the areas of the sides and of the surface, and between their first
 /// moments in cells, [-].
 const SAME: f64 = 1e-6;
+/// The same for domains that follow a curved boundary, [-].
+const SAME_CURVED: f64 = 0.03;
+/// Distance from a facet within which the centre of an outer side that follows a curved boundary lies at it, relative to
+/// the size of the side, [-].
+const AT_FACET: f64 = 0.25;
+/// How far beside a facet a position may lie that is next to it, relative to its height above the facet, [-]: between
+/// neighbouring facets of a curve there are gaps outside it.
+const BESIDE: f64 = 0.5;
+/// Smallest cosine of the angle between the normals of such a side and of a facet at which it lies, [-].
+const ALIKE: f64 = 0.95;
 
-/// An outer side of a domain.
+/// A side of a domain.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Side {
-    /// Number of the side of the body's shape.
-    number: usize,
+    /// Number of the side of the body's shape on which it lies; `None` for a side that lies on none.
+    number: Option<usize>,
     /// Corners in cyclic order, `D` numbers each, [length].
     corners: Vec<f64>,
     /// True for a side of a triangle in the plane.
@@ -37,16 +49,36 @@ struct Side {
 
 impl<const D: usize> Surface<D> {
     /// The same surface, sampled at the sides of the domains of its body; `None` if the points have no domains, or if
-    /// their sides do not form exactly this surface: it is curved, or oblique to them, or ends within a side. All ranks
-    /// must call this together.
+    /// their sides do not form this surface: it is oblique to them, or ends within a side. Where domains given by their
+    /// corners follow a curved boundary, the outer sides near the surface take its place. All ranks must call this
+    /// together.
     pub fn at_sides(&self, points: &Points<D>, domain: DomainKind, ranks: &Ranks) -> Option<Self> {
         let rule = match domain {
             DomainKind::Corners => SideRule::Corners,
             DomainKind::Box => SideRule::Integral,
             DomainKind::None => return None,
         };
-        let own = self.sides_of(points, domain);
+        let exact = self.at(self.sides_of(points, domain, Match::Exact), rule, ranks);
+        if let Some(found) = exact.filter(|found| self.coincides_with(found, Match::Exact)) {
+            return Some(found);
+        }
+        // Boxes cannot follow a curve.
+        if domain == DomainKind::Box {
+            return None;
+        }
+        let near = self.at(self.sides_of(points, domain, Match::Curved), rule, ranks);
+        near.filter(|found| self.coincides_with(found, Match::Curved))
+    }
+
+    /// This surface, sampled at the sides of all ranks that lie on it and are shared by no other domain; `None` if there
+    /// are none.
+    fn at(&self, own: Vec<Side>, rule: SideRule, ranks: &Ranks) -> Option<Self> {
         let mut sides: Vec<Side> = ranks.gather_all(own).into_iter().flatten().collect();
+        let mut count: HashMap<Vec<u64>, usize> = HashMap::new();
+        for side in &sides {
+            *count.entry(side.key::<D>()).or_default() += 1;
+        }
+        sides.retain(|side| side.number.is_some() && count[&side.key::<D>()] == 1);
         // The order does not depend on the number of ranks.
         sides.sort_by(|a, b| {
             let pairs = a.corners.iter().zip(&b.corners);
@@ -63,7 +95,7 @@ impl<const D: usize> Surface<D> {
             for triangle in triangles {
                 facets.push(Facet {
                     corners: std::array::from_fn(|k| corners[triangle[k]]),
-                    side: side.number,
+                    side: side.number.unwrap_or(0),
                 });
                 shares.push(if corners.len() == 4 { 0.5 } else { 1.0 });
                 of_triangles.push(side.of_triangle);
@@ -75,11 +107,12 @@ impl<const D: usize> Surface<D> {
             rule,
             ..Surface::from_facets(self.name.clone(), self.body, facets, &Part::Whole, self.cell)
         };
-        (!found.is_empty() && self.coincides_with(&found)).then_some(found)
+        (!found.is_empty()).then_some(found)
     }
 
-    /// The sides of this rank's domains whose centres lie on this surface.
-    fn sides_of(&self, points: &Points<D>, domain: DomainKind) -> Vec<Side> {
+    /// The sides of this rank's domains whose centres lie on this surface; where it is curved, also sides that face
+    /// elsewhere, so that shared sides are recognised.
+    fn sides_of(&self, points: &Points<D>, domain: DomainKind, how: Match) -> Vec<Side> {
         if self.is_empty() {
             return Vec::new();
         }
@@ -96,7 +129,9 @@ impl<const D: usize> Surface<D> {
                 points.corners(p)
             };
             let Some(shape) = ElementShape::from_nodes::<D>(corners.len()) else { continue };
-            if !facets.are_near(corners) {
+            let [low, high] = around(corners);
+            let size = (0..D).map(|d| high[d] - low[d]).fold(0.0, f64::max);
+            if !facets.are_near(corners, how.slack(size, facets.slack)) {
                 continue;
             }
             let of_triangle = D == 2 && shape == ElementShape::Simplex;
@@ -106,7 +141,8 @@ impl<const D: usize> Surface<D> {
                 let area = area_vector(&std::array::from_fn(|k| side[k]));
                 let n = side.len() as f64;
                 let centre = std::array::from_fn(|d| side.iter().map(|x| x[d]).sum::<f64>() / n);
-                if let Some(number) = facets.side_at(&centre, &area) {
+                let number = facets.side_at(&centre, &area, how);
+                if number.is_some() || how == Match::Curved {
                     sides.push(Side { number, corners: side.as_flattened().to_vec(), of_triangle });
                 }
             }
@@ -114,19 +150,21 @@ impl<const D: usize> Surface<D> {
         sides
     }
 
-    /// True if another surface has the same area, area vector and first moment of the area, and contains the centres of
-    /// the facets of this one.
-    fn coincides_with(&self, other: &Self) -> bool {
+    /// True if another surface has the same area, area vector and first moment of the area, up to a difference relative
+    /// to the area, and contains the centres of the facets of this one.
+    fn coincides_with(&self, other: &Self, how: Match) -> bool {
         let origin = self.samples[0];
         let [a, b] = [self, other].map(|surface| surface.moments(&origin));
+        let same = how.difference();
         let sides = Facets::new(other);
-        let is_on_side =
-            |sample: usize| sides.side_at(&self.samples[sample], &area_vector(&self.facet(sample))).is_some();
+        let is_on_side = |sample: usize| {
+            sides.side_at(&self.samples[sample], &area_vector(&self.facet(sample)), how).is_some()
+        };
         if !(0..self.len()).all(is_on_side) {
             return false;
         }
         let area = a.0;
-        let close = |a: f64, b: f64, unit: f64| (a - b).abs() <= SAME * area * unit;
+        let close = |a: f64, b: f64, unit: f64| (a - b).abs() <= same * area * unit;
         close(a.0, b.0, 1.0) && (0..D).all(|d| close(a.1[d], b.1[d], 1.0) && close(a.2[d], b.2[d], self.cell))
     }
 
@@ -143,6 +181,52 @@ impl<const D: usize> Surface<D> {
             }
         }
         (area, vector, moment)
+    }
+}
+
+impl Side {
+    /// What two domains that share the side agree on: its corners, in ascending order.
+    fn key<const D: usize>(&self) -> Vec<u64> {
+        let (corners, _) = self.corners.as_chunks::<D>();
+        let mut bits: Vec<[u64; D]> = corners.iter().map(|x| x.map(|x| (x + 0.0).to_bits())).collect();
+        bits.sort_unstable();
+        bits.as_flattened().to_vec()
+    }
+}
+
+/// How closely a side must agree with a facet to lie on it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Match {
+    /// Up to round-off.
+    Exact,
+    /// Up to the curvature of the boundary over the side.
+    Curved,
+}
+
+impl Match {
+    /// Distance from a facet within which the centre of a side of this size lies on it; `slack` is that for round-off,
+    /// [length].
+    fn slack(self, size: f64, slack: f64) -> f64 {
+        match self {
+            Match::Exact => slack,
+            Match::Curved => AT_FACET * size + slack,
+        }
+    }
+
+    /// Largest difference between two surfaces that are the same, relative to their area, [-].
+    fn difference(self) -> f64 {
+        match self {
+            Match::Exact => SAME,
+            Match::Curved => SAME_CURVED,
+        }
+    }
+
+    /// Smallest cosine of the angle between normals, [-].
+    fn cosine(self) -> f64 {
+        match self {
+            Match::Exact => PARALLEL,
+            Match::Curved => ALIKE,
+        }
     }
 }
 
@@ -164,39 +248,47 @@ impl<const D: usize> Facets<D> {
         Facets { facets: tree.ordered(&facets), tree, slack: ON_FACET * surface.cell }
     }
 
-    /// False if no facet comes near a domain with these corners.
-    fn are_near(&self, corners: &[[f64; D]]) -> bool {
+    /// False if no facet comes within a distance of a domain with these corners.
+    fn are_near(&self, corners: &[[f64; D]], slack: f64) -> bool {
         let [low, high] = around(corners);
-        let wide = [low.map(|x| x - self.slack), high.map(|x| x + self.slack)];
+        let wide = [low.map(|x| x - slack), high.map(|x| x + slack)];
         let mut is_near = false;
         self.tree.visit(|bounds| boxes_overlap(bounds, &wide), |_| is_near = true);
         is_near
     }
 
-    /// The number of the side to which the facet at a position belongs, if it has the direction of an area vector.
-    fn side_at(&self, x: &[f64; D], area: &[f64; D]) -> Option<usize> {
-        let near = [x.map(|x| x - self.slack), x.map(|x| x + self.slack)];
+    /// The number of the side to which the facet at a position belongs, if it has the direction of an area vector; of
+    /// several facets, the nearest.
+    fn side_at(&self, x: &[f64; D], area: &[f64; D], how: Match) -> Option<usize> {
+        let size = area.iter().map(|a| a * a).sum::<f64>().sqrt().powf(1.0 / (D as f64 - 1.0));
+        let slack = how.slack(size, self.slack);
+        let near = [x.map(|x| x - slack), x.map(|x| x + slack)];
         let normal = unit(area);
-        let mut side = None;
+        let mut best: Option<(f64, usize)> = None;
         self.tree.visit(
             |bounds| boxes_overlap(bounds, &near),
             |index| {
                 let facet = &self.facets[index];
                 let n = unit(&area_vector(&facet.corners));
                 let along = |v: &[f64; D]| (0..D).map(|d| v[d] * n[d]).sum::<f64>();
-                let height = along(&std::array::from_fn(|d| x[d] - facet.corners[0][d]));
+                let height = along(&std::array::from_fn(|d| x[d] - facet.corners[0][d])).abs();
                 // The area of the facet with one of its corners at x is positive for all corners if x lies inside.
                 let edge = facet.size().max(self.slack).powi(D as i32 - 2);
                 let is_inside = (0..D).all(|k| {
                     let mut corners = facet.corners;
                     corners[k] = *x;
-                    along(&area_vector(&corners)) >= -self.slack * edge
+                    along(&area_vector(&corners)) >= -self.slack.max(BESIDE * height) * edge
                 });
-                if height.abs() <= self.slack && is_inside && along(&normal) >= PARALLEL {
-                    side = Some(side.map_or(facet.side, |side: usize| side.min(facet.side)));
+                let rank = (if how == Match::Exact { 0.0 } else { height }, facet.side);
+                if height <= slack
+                    && is_inside
+                    && along(&normal) >= how.cosine()
+                    && best.is_none_or(|best| rank.partial_cmp(&best).is_some_and(std::cmp::Ordering::is_lt))
+                {
+                    best = Some(rank);
                 }
             },
         );
-        side
+        best.map(|(_, side)| side)
     }
 }

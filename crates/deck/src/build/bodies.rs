@@ -9,7 +9,7 @@ use crate::quoting::quote;
 use crate::region::{DeckRegion, FromFiles, Groups, Refusal, Regions, region};
 use crate::seeding::{Filled, fill};
 use mpm_core::grid::Grid;
-use mpm_core::model::{Body, Filling};
+use mpm_core::model::{Body, Filling, Fit};
 use mpm_core::points::{Points, Seed};
 use mpm_core::region::Region;
 use mpm_core::stress::Volumetric;
@@ -162,8 +162,15 @@ where
         if part.abs() > 1e-9 + exact.error / exact.value {
             let what = if D > 2 { "a volume" } else { "an area" };
             let word = if part > 0.0 { "more" } else { "less" };
+            let edge = match filled.fit {
+                Fit::Parts | Fit::Fitted => "",
+                Fit::OnMesh => {
+                    "; its edge is a staircase, because domains follow an edge only between lines, not on meshes"
+                }
+                Fit::Unfitted => "; its edge is a staircase, because no domains of this size fill it exactly",
+            };
             let message = format!(
-                "the points of the body {} represent {what} of {volume:.6}, {:.3} % {word} than that of its region",
+                "the points of the body {} represent {what} of {volume:.6}, {:.3} % {word} than that of its region{edge}",
                 quote(&deck.name),
                 100.0 * part.abs()
             );

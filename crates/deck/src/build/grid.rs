@@ -2,11 +2,8 @@
 
 use super::Builder;
 use crate::GridDeck;
-use crate::diagnostic::{Diagnostic, Severity};
 use crate::per_axis::array;
-use crate::quoting::quote;
-use crate::region::DeckRegion;
-use mpm_core::grid::gmsh::{self, GmshError};
+use crate::region::{DeckRegion, files};
 use mpm_core::grid::{Axis, CoincidentLines, Grid, Mesh, Structured};
 use mpm_core::region::Region;
 use mpm_core::stress::Volumetric;
@@ -48,36 +45,12 @@ where
 
     /// The mesh of a gmsh file; reports an error if it cannot be used.
     fn mesh(&mut self, file: &str) -> Option<Mesh<D>> {
-        let path = self.loaded.directory.join(file);
-        let source = &self.loaded.source;
-        let read = gmsh::read_file(&path);
-        // Faults in the file can only be repaired in gmsh.
-        let help = match &read {
-            Err(GmshError::Io(_) | GmshError::NotAFile | GmshError::TooLarge { .. }) => {
-                format!("the path is relative to the deck; here it means `{}`", path.display())
-            }
-            Err(GmshError::NotGmsh | GmshError::Version { .. }) => {
-                "save the mesh from gmsh as `.msh`, format 4.1 or 2.2".to_owned()
-            }
-            _ => "repair the mesh in gmsh and save it again".to_owned(),
-        };
-        let mesh = read
-            .map_err(|error| format!("the mesh {} cannot be read: {error}", quote(file)))
-            .and_then(|read| {
-                Mesh::from_gmsh(&read)
-                    .map_err(|error| format!("the mesh {} cannot be used: {error}", quote(file)))
-            });
-        match mesh {
+        match files::mesh(&self.loaded.directory, file) {
             Ok(mesh) => {
-                for warning in mesh.warnings() {
-                    let message = format!("the mesh {}: {warning}", quote(file));
-                    let found = Diagnostic::at(source, "D032", "/grid/file", message);
-                    let help = "if this is not intended, repair the mesh in gmsh and save it again";
-                    self.found.push(found.severity(Severity::Warning).help(help));
-                }
+                self.found.extend(files::warnings(&mesh, file, "/grid/file", &self.loaded.source));
                 Some(mesh)
             }
-            Err(message) => {
+            Err([message, help]) => {
                 self.error("D032", "/grid/file", message, help);
                 None
             }

@@ -6,7 +6,7 @@ use crate::region::DeckRegion;
 use crate::{AXES, BodyDeck, Shape};
 use mpm_core::grid::Grid;
 use mpm_core::grid::element::ElementShape;
-use mpm_core::model::{FillError, Fillable, Filling, MAX_POINTS, Placement};
+use mpm_core::model::{FillError, Fillable, Filling, Fit, MAX_POINTS, Placement};
 use mpm_core::points::Seed;
 use mpm_core::region::{Accuracy, Region, Volume};
 
@@ -29,6 +29,8 @@ pub(crate) struct Filled<const D: usize> {
     pub(crate) all: usize,
     /// Volume (area) of the region, if it is known.
     pub(crate) exact: Option<Volume>,
+    /// How the domains follow the boundary.
+    pub(crate) fit: Fit,
 }
 
 /// Fills a body with points as its deck requests. Collective: every rank must call this.
@@ -64,7 +66,7 @@ where
     }
     let exact = region.volume(Accuracy::default());
     let exact = exact.or_else(|| found.is_by_cells.then(|| region.volume_in_grid(filling)));
-    Ok(Filled { seeds: found.seeds, before, all, exact })
+    Ok(Filled { seeds: found.seeds, before, all, exact, fit: found.fit })
 }
 
 /// How the deck places the points of a body.

@@ -109,7 +109,10 @@ impl Size {
             let volume = all.min(whole);
             // With `point_spacing`, points outside the grid exist until they are detected.
             let seeded = if body.point_spacing.is_some() { all } else { volume };
-            let n = seeded * density::<D>(body, deck, cell);
+            let n = match region.as_mesh() {
+                Some((_, cells, _)) => cells.len() as f64 * in_each_cell::<D>(body, true).max(1.0),
+                None => seeded * density::<D>(body, deck, cell),
+            };
             if n > largest.0 {
                 largest = (n, number);
             }
@@ -281,17 +284,18 @@ fn density<const D: usize>(body: &BodyDeck, deck: &Deck, cell: f64) -> f64 {
     if let Some(spacing) = &body.point_spacing {
         return 1.0 / per_axis::<f64, D>(spacing).iter().product::<f64>();
     }
+    // Which cells of a mixed mesh the body fills is not known yet.
+    in_each_cell::<D>(body, matches!(deck.grid, GridDeck::Gmsh { .. })) / cell
+}
+
+/// Largest number of points of a body in a cell; of a mesh, if `is_mesh` is true.
+fn in_each_cell<const D: usize>(body: &BodyDeck, is_mesh: bool) -> f64 {
     let in_box = body
         .points_per_cell
         .as_ref()
         .map_or(0.0, |counts| per_axis::<u32, D>(counts).iter().map(|n| f64::from(*n)).product());
-    // Which cells of a mixed mesh the body fills is not known yet.
-    let in_simplex = match deck.grid {
-        GridDeck::Gmsh { .. } if D > 2 => body.points_per_tetrahedron,
-        GridDeck::Gmsh { .. } => body.points_per_triangle,
-        GridDeck::Structured { .. } => None,
-    };
-    f64::max(in_box, f64::from(in_simplex.unwrap_or(0))) / cell
+    let in_simplex = if D > 2 { body.points_per_tetrahedron } else { body.points_per_triangle };
+    f64::max(in_box, f64::from(in_simplex.filter(|_| is_mesh).unwrap_or(0)))
 }
 
 /// Approximate volume (area) of a region; the volume of its bounds where groups of cells meet other regions.

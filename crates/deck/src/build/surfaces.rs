@@ -1,9 +1,11 @@
 //! Samples the surfaces of a deck.
 
+use std::borrow::Cow;
+
 use mpm_core::grid::Grid;
 use mpm_core::points::Points;
-use mpm_core::region::{NoBoundary, Region};
-use mpm_core::surface::{Part, Surface, boundary_of_cells};
+use mpm_core::region::{NoBoundary, Region, boundary_of_cells};
+use mpm_core::surface::{Part, Surface};
 
 use super::Builder;
 use crate::per_axis::array;
@@ -50,23 +52,30 @@ where
             let mut spacing = deck.spacing.unwrap_or(LENGTH * least_of(largest));
             let at = format!("/surfaces/{index}");
             let by_group = deck.part.as_ref().is_some_and(|part| part.group.is_some());
-            if by_group && region.as_group().is_none() {
+            if by_group && region.as_group().is_none() && region.as_mesh().is_none() {
                 let message = format!(
-                    "the surface {} is selected by a physical group, but the shape of its body {} is not `cells`",
+                    "the surface {} is selected by a physical group, but the shape of its body {} is neither `cells` nor `mesh`",
                     quote(&deck.name),
                     quote(&deck.body)
                 );
-                let help = "give the body the shape `cells`, or select the part by `box` or `half_space`";
+                let help =
+                    "give the body the shape `cells` or `mesh`, or select the part by `box` or `half_space`";
                 self.error("D050", &format!("{at}/part/group"), message, help.to_owned());
                 continue;
             }
-            let Ok(nodes) = self.nodes_of_part(grid, deck, &at) else { continue };
-            let sample = |spacing: f64, cell: f64| match (region.as_group(), &part) {
+            let given = region.as_group().map(|(group, motion)| {
+                (grid, Cow::Owned(regions.groups.cells(group.key, grid.n_cells())), motion)
+            });
+            let cells = given.or_else(|| {
+                region.as_mesh().map(|(mesh, cells, motion)| (mesh, Cow::Borrowed(cells), motion))
+            });
+            let of_cells = cells.as_ref().map_or(grid, |(mesh, ..)| *mesh);
+            let Ok(nodes) = self.nodes_of_part(of_cells, deck, &at) else { continue };
+            let sample = |spacing: f64, cell: f64| match (&cells, &part) {
                 (None, _) => Surface::new(deck.name.clone(), body, region, &part, [spacing, cell]),
                 (Some(_), Part::Side(side)) => Err(NoBoundary::NoSide(*side)),
-                (Some((group, motion)), _) => {
-                    let cells = regions.groups.cells(group.key, grid.n_cells());
-                    let facets = boundary_of_cells(grid, &cells, motion, nodes.as_deref(), spacing)?;
+                (Some((mesh, cells, motion)), _) => {
+                    let facets = boundary_of_cells(*mesh, cells, motion, nodes.as_deref(), spacing)?;
                     Ok(Surface::from_facets(deck.name.clone(), body, facets, &part, cell))
                 }
             };

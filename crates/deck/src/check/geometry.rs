@@ -120,7 +120,15 @@ impl Check<'_> {
         let in_cells = body.points_per_cell.is_some()
             || body.points_per_triangle.is_some()
             || body.points_per_tetrahedron.is_some();
-        if in_cells == body.point_spacing.is_none() {
+        let is_mesh = body.shape.is_mesh();
+        if is_mesh && body.point_spacing.is_some() {
+            let at = format!("{pointer}/point_spacing");
+            let message = "the points of a region of type `mesh` lie in its cells, not at a spacing";
+            let found = Diagnostic::at_key(self.source, "D023", &at, message);
+            self.found.push(found.help(format!("remove it, or give {}", placed_in_cells(self.dimensions()))));
+            return false;
+        }
+        if in_cells == body.point_spacing.is_none() || is_mesh {
             return true;
         }
         if in_cells {
@@ -151,7 +159,11 @@ impl Check<'_> {
             if given.is_some() && dimensions != self.dimensions() {
                 self.wrong_dimension(&at, &format!("`{key}`"), dimensions);
                 fits = false;
-            } else if given.is_some() && fits && matches!(self.deck.grid, GridDeck::Structured { .. }) {
+            } else if given.is_some()
+                && fits
+                && matches!(self.deck.grid, GridDeck::Structured { .. })
+                && !body.shape.is_mesh()
+            {
                 let message = format!("a structured grid has no {plural}");
                 self.error("D023", &at, message, "give `points_per_cell` instead");
                 fits = false;
@@ -160,10 +172,15 @@ impl Check<'_> {
         if !fits {
             return false;
         }
-        if matches!(self.deck.grid, GridDeck::Gmsh { .. }) && body.method == Method::Gimp {
-            let message = "method `gimp` needs a structured grid";
+        if body.method == Method::Gimp {
             let help = "use method `mpm`, `cpdi1` or `cpdi2`";
-            self.error("D034", &format!("{pointer}/method"), message, help);
+            if matches!(self.deck.grid, GridDeck::Gmsh { .. }) {
+                let message = "method `gimp` needs a structured grid";
+                self.error("D034", &format!("{pointer}/method"), message, help);
+            } else if body.shape.is_mesh() {
+                let message = "method `gimp` needs boxes, not the cells of a mesh";
+                self.error("D034", &format!("{pointer}/method"), message, help);
+            }
         }
         true
     }

@@ -128,11 +128,14 @@ impl Check<'_> {
                 self.vector(&at("center"), center);
                 self.axis(pointer, axis.as_ref());
             }
-            Shape::Box { .. }
-            | Shape::Stl { .. }
-            | Shape::Union { .. }
-            | Shape::Intersection { .. }
-            | Shape::Difference { .. } => {}
+            Shape::Box { .. } | Shape::Stl { .. } | Shape::Mesh { .. } => {}
+            Shape::Union { .. } | Shape::Intersection { .. } | Shape::Difference { .. } => {
+                for (key, _) in shape.parts().iter().filter(|(_, part)| part.is_mesh()) {
+                    let message = format!("a mesh cannot be part of a region of type `{}`", shape.word());
+                    let help = "give the mesh a body of its own: its cells are the domains of the points";
+                    self.error("D016", &at(key), message, help);
+                }
+            }
         }
     }
 

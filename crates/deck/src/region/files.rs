@@ -8,9 +8,10 @@ use crate::diagnostic::{Diagnostic, Severity};
 use crate::placing;
 use crate::quoting::quote;
 use crate::source::Source;
-use mpm_core::grid::Grid;
+use mpm_core::grid::gmsh::{self, GmshError};
+use mpm_core::grid::{Grid, Mesh};
 use mpm_core::region::stl::{self, StlError};
-use mpm_core::region::{Group, Surface};
+use mpm_core::region::{Group, Meshed, Surface};
 
 /// Reads the sources that regions name; collects messages about those that cannot be read.
 pub(crate) struct FromFiles<'a, const D: usize> {
@@ -38,6 +39,45 @@ impl<const D: usize> FromFiles<'_, D> {
     }
 }
 
+/// Reads the mesh in a file of gmsh; its path is relative to `directory`.
+///
+/// # Errors
+/// The message and the remedy.
+pub(crate) fn mesh<const D: usize>(directory: &Path, file: &str) -> Result<Mesh<D>, [String; 2]> {
+    let path = directory.join(file);
+    let read = gmsh::read_file(&path);
+    // Faults in the file can only be repaired in gmsh.
+    let help = match &read {
+        Err(GmshError::Io(_) | GmshError::NotAFile | GmshError::TooLarge { .. }) => {
+            format!("the path is relative to the deck; here it means `{}`", path.display())
+        }
+        Err(GmshError::NotGmsh | GmshError::Version { .. }) => {
+            "save the mesh from gmsh as `.msh`, format 4.1 or 2.2".to_owned()
+        }
+        _ => "repair the mesh in gmsh and save it again".to_owned(),
+    };
+    let read = read.map_err(|error| format!("the mesh {} cannot be read: {error}", quote(file)));
+    let used = read.and_then(|read| {
+        Mesh::from_gmsh(&read).map_err(|error| format!("the mesh {} cannot be used: {error}", quote(file)))
+    });
+    used.map_err(|message| [message, help])
+}
+
+/// The warnings about a mesh in a file that the key at `place` names.
+pub(crate) fn warnings<const D: usize>(
+    mesh: &Mesh<D>,
+    file: &str,
+    place: &str,
+    source: &Source,
+) -> Vec<Diagnostic> {
+    let warning = |warning| {
+        let message = format!("the mesh {}: {warning}", quote(file));
+        let found = Diagnostic::at(source, "D032", place, message).severity(Severity::Warning);
+        found.help("if this is not intended, repair the mesh in gmsh and save it again")
+    };
+    mesh.warnings().iter().map(warning).collect()
+}
+
 impl<const D: usize> Given<D> for FromFiles<'_, D> {
     fn cells(&mut self, place: &str, group: Option<&str>) -> Option<Group<D>> {
         let known = self.groups.names.iter().position(|name| name.as_deref() == group);
@@ -62,6 +102,28 @@ impl<const D: usize> Given<D> for FromFiles<'_, D> {
             self.groups.members.push(member);
         }
         Some(Group { key, bounds, volume })
+    }
+
+    fn mesh(&mut self, place: &str, file: &str, group: Option<&str>) -> Option<Meshed<D>> {
+        let at = format!("{place}/file");
+        let mesh = match mesh(self.directory, file) {
+            Ok(mesh) => mesh,
+            Err([message, help]) => {
+                self.found.push(Diagnostic::at(self.source, "D032", &at, message).help(help));
+                return None;
+            }
+        };
+        self.found.extend(warnings(&mesh, file, &at, self.source));
+        let cells = match group {
+            None => Some((0..mesh.n_cells() as u32).collect()),
+            Some(name) => mesh.cell_sets().get(name).cloned(),
+        };
+        if cells.is_none() {
+            let (message, help) = placing::unknown_group(&mesh, group.unwrap_or_default(), true);
+            let place = format!("{place}/group");
+            self.found.push(Diagnostic::at(self.source, "D031", &place, message).help(help));
+        }
+        cells.map(|cells| Meshed::new(mesh, cells))
     }
 
     fn surface(&mut self, place: &str, file: &str) -> Option<Surface> {

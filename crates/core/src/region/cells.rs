@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 
 use crate::grid::Grid;
 use crate::grid::sides::{Side, sides_of};
-use crate::region::{Facet, Motion, NoBoundary, area_vector, divided};
 
-use super::unit;
+use super::vector::norm;
+use super::{Facet, MAX_FACETS, Motion, NoBoundary, area_vector, divided};
 
 /// Neighbouring sides of cells belong to one smooth piece if the cosine of the angle between their normals exceeds this
 /// value.
@@ -42,7 +42,7 @@ pub fn boundary_of_cells<const D: usize>(
     let mut facets = Vec::new();
     for (side, number) in outer.iter().zip(numbers) {
         facets.extend(divided(&corners(side), spacing, number));
-        if facets.len() > crate::region::MAX_FACETS {
+        if facets.len() > MAX_FACETS {
             return Err(NoBoundary::TooMany);
         }
     }
@@ -51,7 +51,9 @@ pub fn boundary_of_cells<const D: usize>(
 
 /// The unit normal of a side, computed from its first corners.
 fn normal<const D: usize>(corners: &[[f64; D]]) -> [f64; D] {
-    unit(&area_vector(&std::array::from_fn(|k| corners[k])))
+    let area = area_vector(&std::array::from_fn(|k| corners[k]));
+    let size = norm(&area);
+    if size > 0.0 { area.map(|a| a / size) } else { area }
 }
 
 /// For each side, the number of the smooth piece to which it belongs.

@@ -1,0 +1,109 @@
+"""Domains of CPDI follow the boundary of a body: straight sides at any angle, circles, parts that meet."""
+
+import numpy as np
+import pytest
+
+from results import Results
+
+TURNED = """
+version: 1
+grid: {type: structured, origin: [0, 0], size: [4, 4], spacing: 0.25}
+materials: {m: {model: neo-hookean, young: 1000, poisson: 0.3}}
+bodies:
+  - {name: b, material: m, method: METHOD, POINTS,
+     shape: {type: rotate, angle: ANGLE, center: [2, 1.5], shape: {type: box, min: [1.43, 1.02], max: [2.46, 2.15]}}}
+surfaces:
+  - {name: base, body: b, part: {edge: 0}}
+  - {name: side, body: b, part: {edge: 1}}
+  - {name: top, body: b, part: {edge: 2}}
+  - {name: back, body: b, part: {edge: 3}}
+boundary_conditions:
+  - {name: base, surface: base, fix: normal}
+  - {name: back, surface: back, fix: normal}
+loads: [RULE]
+steps: {count: STEPS}
+"""
+
+RULES = {
+    "push": "{name: p, type: pressure, surface: side, pressure: 150}",
+    "pull": "{name: p, type: pressure, surface: top, pressure: -200}",
+    "both": "{name: p, type: pressure, surface: side, pressure: 150}, {name: q, type: pressure, surface: top, pressure: 80}",
+    "traction": "{name: p, type: traction, surface: side, traction: [TX, TY]}",
+}
+
+
+def turned(rule, angle=30, method="cpdi2", points="points_per_cell: 2", steps=3):
+    text = TURNED.replace("RULE", RULES[rule]).replace("ANGLE", str(angle)).replace("METHOD", method)
+    normal = {"TX": np.cos(np.radians(angle)), "TY": np.sin(np.radians(angle))}
+    for key, value in normal.items():
+        text = text.replace(key, repr(float(150 * value)))
+    return text.replace("POINTS", points).replace("STEPS", str(steps))
+
+
+@pytest.fixture
+def run(mpm, tmp_path):
+    def run(text):
+        path, out = tmp_path / "deck.yaml", tmp_path / "out"
+        path.write_text(text)
+        process = mpm("run", path, "--out", out)
+        assert process.returncode == 0, process.stderr
+        results = Results(out)
+        assert results.summary["outcome"] == "completed"
+        return results
+
+    return run
+
+
+def scatter(results):
+    """The largest deviation of the stress of a point from the mean, relative to the largest stress."""
+    stress = np.asarray(results.mesh("points", -1)["cauchy_stress"])
+    assert np.abs(stress).max() > 10
+    return np.abs(stress - stress.mean(axis=0)).max() / np.abs(stress).max()
+
+
+@pytest.mark.parametrize("method", ["cpdi1", "cpdi2"])
+@pytest.mark.parametrize("angle", [30, 45])
+@pytest.mark.parametrize("rule", RULES)
+def test_a_turned_block_has_a_uniform_stress(run, rule, angle, method):
+    assert scatter(run(turned(rule, angle, method))) < 1e-8
+
+
+@pytest.mark.parametrize("points", ["points_per_cell: 1", "points_per_cell: 3", "points_per_cell: 4", "point_spacing: 0.11"])
+def test_for_any_number_of_points(run, points):
+    assert scatter(run(turned("both", 30, points=points))) < 1e-8
+
+
+@pytest.mark.parametrize("steps", [1, 12])
+def test_for_any_number_of_steps(run, steps):
+    assert scatter(run(turned("both", 45, steps=steps))) < 1e-8
+
+
+DISC = """
+version: 1
+grid: {type: structured, origin: [0, 0], size: [1.5, 1.5], spacing: H}
+materials: {m: {model: hencky, young: 1000, poisson: 0.3}}
+bodies: [{name: b, material: m, shape: SHAPE, method: METHOD, points_per_cell: 2}]
+surfaces: [{name: s, body: b, part: {half_space: {point: [RIM, 0], normal: [1, 1]}}}, {name: hole, body: b, part: HOLE}]
+boundary_conditions:
+  - {name: left, nodes: {x: 0}, fix: [x]}
+  - {name: base, nodes: {y: 0}, fix: [y]}
+loads: [{name: p, type: pressure, surface: SURFACE, pressure: P}]
+steps: {count: 2}
+"""
+
+
+def quarter(h, method="cpdi2", inner=0.0):
+    disc = "{type: circle, center: [0, 0], radius: 1}"
+    shape = f"{{type: annulus, center: [0, 0], inner: {inner}, outer: 1}}" if inner else disc
+    shape = f"{{type: intersection, of: [{shape}, {{type: box, min: [0, 0], max: [1.5, 1.5]}}]}}"
+    text = DISC.replace("SHAPE", shape).replace("METHOD", method).replace("H}", f"{h}}}")
+    hole = f"{{box: {{min: [0.001, 0.001], max: [{0.8 * inner}, {0.8 * inner}]}}}}" if inner else "{half_space: {point: [RIM, 0], normal: [1, 1]}}"
+    hole = hole if not inner else f"{{box: {{min: [{1e-4}, {1e-4}], max: [{inner}, {inner}]}}}}"
+    text = text.replace("HOLE", hole).replace("SURFACE", "hole" if inner else "s").replace("P}]", f"{1 if inner else 150}}}]")
+    return text.replace("RIM", "1")
+
+
+def test_a_disc_under_pressure_has_a_uniform_stress(run):
+    results = run(quarter(0.125))
+    assert scatter(results) < 1e-8
+    assert results.history["p_fx"][-1] == pytest.approx(-150, rel=0.01)
