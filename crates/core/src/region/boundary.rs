@@ -52,7 +52,7 @@ impl<const D: usize> Facet<D> {
             if h >= 0.0 {
                 kept.push(self.corners[k]);
             }
-            if (h < 0.0) != (h_next < 0.0) && (D > 2 || k == 0) {
+            if h * h_next < 0.0 && (D > 2 || k == 0) {
                 let way = minus(&self.corners[next], &self.corners[k]);
                 kept.push(along(&self.corners[k], h / (h - h_next), &way));
             }

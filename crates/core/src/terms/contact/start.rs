@@ -226,7 +226,7 @@ mod tests {
     #[test]
     fn overlaps_are_found_with_the_way_out() {
         for method in [Method::Gimp, Method::Cpdi1, Method::Cpdi2] {
-            let brick = || Brick::new([-0.6, 0.0], [0.6, 1.0]).unwrap();
+            let brick = || Brick::new([-0.65, 0.0], [0.65, 1.0]).unwrap();
             let (model, points) = block(method, brick(), [2.0, 1.9]);
             let found = only(overlaps_at_start(&model, &points));
             assert!((found.overlap - 0.1).abs() < 1e-12, "{found:?}");
