@@ -16,6 +16,7 @@
 mod carried;
 mod cells;
 mod domains;
+mod sheet;
 mod support;
 
 use std::collections::BTreeMap;
@@ -25,6 +26,7 @@ use crate::region::{Facet, NoBoundary, Region, area_vector};
 
 pub use carried::Carried;
 pub use cells::boundary_of_cells;
+pub use sheet::Sheet;
 pub use support::{Support, support};
 
 /// Tolerance of the boxes and half-spaces that select samples, relative to the size of a cell, [-].

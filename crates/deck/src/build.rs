@@ -6,6 +6,7 @@ pub mod first_step;
 mod grid;
 pub mod holding;
 mod initial_stress;
+mod lifts;
 mod loading;
 mod magnitudes;
 mod materials;
@@ -263,7 +264,7 @@ where
             present: Present::default(),
         };
         self.initial_stresses(&model, &mut points, &regions);
-        self.divide(&mut model, &mut points);
+        self.divide(&mut model, &mut points, &regions);
         self.follow(&mut model);
         Some((model, points))
     }
