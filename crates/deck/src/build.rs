@@ -3,6 +3,7 @@
 mod axisymmetry;
 mod bodies;
 pub mod first_step;
+mod glued;
 mod grid;
 pub mod holding;
 mod initial_stress;
@@ -20,6 +21,7 @@ pub(crate) mod seeding;
 pub mod size;
 mod stages;
 mod surfaces;
+mod thin;
 pub(crate) mod tool_shapes;
 mod tools;
 mod tools_at_start;
@@ -228,6 +230,7 @@ where
         let surfaces = self.surfaces(grid.as_ref(), &regions, &points);
         let tools = self.tools(grid.as_ref());
         let boundary_conditions = self.boundary_conditions(grid.as_ref(), &points);
+        self.thin_bodies(grid.as_ref(), &regions, &points, (&boundary_conditions, &surfaces));
         let loads = self.loads(grid.as_ref(), &points);
         if self.is_revolved() {
             self.found.extend(axisymmetry::faults(self.loaded, grid.as_ref()));
