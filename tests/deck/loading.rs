@@ -302,7 +302,7 @@ fn the_mesh_is_part_of_the_hash() {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("mesh hash");
     std::fs::create_dir_all(&folder).unwrap();
     let deck =
-        std::fs::read_to_string("tests/decks/build/counts_of_the_cells_that_are_filled.good.yaml").unwrap();
+        std::fs::read_to_string("tests/decks/build/counts_of_the_cells_that_are_filled.note.yaml").unwrap();
     let deck = deck.replace("../../data/mesh/mixed_4.1_text.msh", "a.msh");
     let name = folder.join("deck.yaml").display().to_string();
     let hash = |mesh: &str| {

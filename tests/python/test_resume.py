@@ -197,7 +197,7 @@ stages:
 
 
 @pytest.mark.parametrize("checkpoint", ["", "checkpoint: {every: 1}"])
-@pytest.mark.parametrize("change", ["add: [k]", "remove: [k]", "material: {k: z}"])
+@pytest.mark.parametrize("change", ["add: [k]", "add: [{body: k, onto: f}]", "remove: [k]", "material: {k: z}"])
 def test_a_run_that_fails_at_the_start_of_a_stage_goes_on(mpm, tmp_path, change, checkpoint):
     """The stage has already changed the points when its first step fails."""
     deck, text = tmp_path / "deck.yaml", STAGES + checkpoint

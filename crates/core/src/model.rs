@@ -17,6 +17,7 @@ mod builder;
 mod filling;
 mod fitting;
 mod initial_state;
+mod lift;
 mod load;
 mod moduli;
 mod moving_grid;
@@ -32,6 +33,7 @@ pub use boundary_condition::{BoundaryCondition, NodeSet, OnSurface, displacement
 pub use builder::{BuildError, Builder, Fill};
 pub use filling::{FillError, Fillable, FilledRegion, Filling, Fit, MAX_POINTS, Placement};
 pub use initial_state::InitialImbalance;
+pub use lift::Lift;
 pub use load::{Action, Load, LoadCurve, Pressure, VectorFormula};
 pub use moduli::ModuliAtRest;
 pub use moving_grid::{FollowError, FollowingLines, GridMotionError, MovingGrid};

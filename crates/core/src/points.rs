@@ -6,6 +6,7 @@
 mod arrays;
 mod column;
 mod declare;
+mod displaced;
 mod fields;
 mod further;
 mod nearest;
@@ -17,6 +18,7 @@ mod value;
 
 pub use arrays::PointArray;
 pub use declare::{FieldKind, StoredField};
+pub(crate) use displaced::Displaced;
 pub use fields::{Points, State};
 pub use further::{FieldError, FieldHandle, Further, FurtherField, PointFieldSpec};
 pub use nearest::Near;

@@ -25,6 +25,7 @@ use std::collections::BTreeSet;
 use std::fmt;
 
 use cohesion::Cohesion;
+pub use gaps::{Gap, gaps};
 use holding::Held;
 pub use measure::{BodyMeasures, Measures, PointValue, newton_order};
 pub use motion::Objection;

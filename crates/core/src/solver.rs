@@ -46,6 +46,7 @@ mod load_step;
 mod located;
 mod newton;
 mod observer;
+mod placing;
 mod progress;
 mod refusal;
 mod release;
@@ -71,6 +72,7 @@ pub use change::change_model;
 pub use diagnosis::{Circumstances, Diagnosis, Kind, Loss};
 pub use error::{CODES, Obstacle, RemoteError, SolveError};
 pub use observer::{Observer, Silent};
+pub use placing::{Placed, added_points};
 pub use progress::{Progress, Reached, StageReached};
 pub use stages::{
     Change, Extension, FurtherTerms, resume_stage, run_extended, run_stages, run_stages_with_terms,

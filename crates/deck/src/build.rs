@@ -3,9 +3,11 @@
 mod axisymmetry;
 mod bodies;
 pub mod first_step;
+mod glued;
 mod grid;
 pub mod holding;
 mod initial_stress;
+mod lifts;
 mod loading;
 mod magnitudes;
 mod materials;
@@ -18,7 +20,9 @@ pub mod ready;
 pub(crate) mod seeding;
 pub mod size;
 mod stages;
+mod standard_points;
 mod surfaces;
+mod thin;
 pub(crate) mod tool_shapes;
 mod tools;
 mod tools_at_start;
@@ -225,8 +229,10 @@ where
         let bodies = self.bodies();
         let mut points = self.points(grid.as_ref(), &regions, &bodies, &mut laws);
         let surfaces = self.surfaces(grid.as_ref(), &regions, &points);
+        self.standard_points(grid.as_ref(), &regions, &points, (&bodies, &surfaces));
         let tools = self.tools(grid.as_ref());
         let boundary_conditions = self.boundary_conditions(grid.as_ref(), &points);
+        self.thin_bodies(grid.as_ref(), &regions, &points, (&boundary_conditions, &surfaces));
         let loads = self.loads(grid.as_ref(), &points);
         if self.is_revolved() {
             self.found.extend(axisymmetry::faults(self.loaded, grid.as_ref()));
@@ -263,7 +269,7 @@ where
             present: Present::default(),
         };
         self.initial_stresses(&model, &mut points, &regions);
-        self.divide(&mut model, &mut points);
+        self.divide(&mut model, &mut points, &regions);
         self.follow(&mut model);
         Some((model, points))
     }

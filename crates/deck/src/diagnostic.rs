@@ -161,6 +161,9 @@ pub const CODES: &[(&str, &str)] = &[
     ("D069", "a part of a tool that has no surface"),
     ("D070", "a tool that overlaps a body at the start"),
     ("D071", "a tool that leaves the grid"),
+    ("D072", "bodies that share grid nodes and stick together"),
+    ("D073", "a body or a gap thinner than two cells"),
+    ("D074", "a surface of standard points, which have no sides"),
 ];
 
 impl Diagnostic {

@@ -46,7 +46,7 @@ use mpm_files::vtu::Precision;
 pub use read::{changes, load, references, schema, source};
 pub(crate) use read::{hash, parameters, shape, span, yaml};
 pub use region::{Direction, Shape};
-pub use stages::{Reset, StageDeck, ThenDeck};
+pub use stages::{AddDeck, PlacedDeck, Reset, StageDeck, ThenDeck};
 pub use steps::{ControlDeck, StepsDeck};
 pub use surfaces::{HalfSpaceDeck, PartDeck, SurfaceDeck};
 pub use tools::{

@@ -53,6 +53,7 @@ const SECTIONS: &[(&str, &str)] = &[
     ("`steps`", "StepsDeck"),
     ("`control` of the steps", "ControlDeck"),
     ("`stages`, each", "StageDeck"),
+    ("`add` of a stage, each body that is placed onto another one", "PlacedDeck"),
     ("`then` of a stage", "ThenDeck"),
     ("`solver`", "SolverDeck"),
     ("`checkpoint`", "CheckpointDeck"),
@@ -227,6 +228,7 @@ fn plural(items: &Map<String, Value>) -> String {
         "list of numbers" => "pairs of numbers".into(),
         "number or list of mappings" => "numbers or lists of intervals".into(),
         "number or formula" => "numbers or formulas".into(),
+        "text or mapping" => "texts or mappings".into(),
         other => other.to_owned(),
     }
 }

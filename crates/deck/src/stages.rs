@@ -26,11 +26,12 @@ pub struct StageDeck {
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     #[schemars(extend("examples" = [{"weight": 1}]))]
     pub factors: BTreeMap<String, f64>,
-    /// Names of bodies that are added where their shape places them, free of strain or with their `initial_stress`. A
-    /// body that a stage adds before any stage removes it is absent at the start.
+    /// Bodies that are added, free of strain or with their `initial_stress`: a name for a body that begins where its
+    /// shape places it, or `{body: lift5, onto: clay}` for one whose lower side is moved onto the current surface of
+    /// another body. A body that a stage adds before any stage removes it is absent at the start.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    #[schemars(extend("examples" = [["wall"]]))]
-    pub add: Vec<String>,
+    #[schemars(extend("examples" = [["wall"], [{"body": "lift5", "onto": "clay"}]]))]
+    pub add: Vec<AddDeck>,
     /// Names of bodies that are removed.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(extend("examples" = [["pit"]]))]
@@ -61,6 +62,67 @@ pub struct StageDeck {
     /// Changes at the end of this stage.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub then: Option<ThenDeck>,
+}
+
+/// A body that a stage adds.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum AddDeck {
+    /// The name of a body that begins where its shape places it.
+    Name(String),
+    /// A body that is placed onto another one.
+    Placed(PlacedDeck),
+}
+
+/// A body that a stage places onto another one. Each column of its points is moved vertically, opposite to gravity or
+/// along the last axis if there is none, so that it begins on the current surface of that body; its drawn thickness
+/// stays.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PlacedDeck {
+    /// Name of the body that is added.
+    pub body: String,
+    /// Name of the body on whose current surface it is placed.
+    pub onto: String,
+}
+
+impl AddDeck {
+    /// Name of the body that is added.
+    pub fn name(&self) -> &str {
+        match self {
+            AddDeck::Name(name) | AddDeck::Placed(PlacedDeck { body: name, .. }) => name,
+        }
+    }
+
+    /// Name of the body on which it is placed; `None` if it begins where it was drawn.
+    pub fn onto(&self) -> Option<&str> {
+        match self {
+            AddDeck::Name(_) => None,
+            AddDeck::Placed(placed) => Some(&placed.onto),
+        }
+    }
+}
+
+impl StageDeck {
+    /// Names of the bodies that are added.
+    pub fn added(&self) -> Vec<&str> {
+        self.add.iter().map(AddDeck::name).collect()
+    }
+
+    /// Names of the bodies that are removed.
+    pub fn removed(&self) -> Vec<&str> {
+        self.remove.iter().map(String::as_str).collect()
+    }
+
+    /// Names of the boundary conditions that begin to act.
+    pub fn conditions_set(&self) -> Vec<&str> {
+        self.set.iter().map(String::as_str).collect()
+    }
+
+    /// Names of the boundary conditions that no longer act.
+    pub fn conditions_released(&self) -> Vec<&str> {
+        self.release.iter().map(String::as_str).collect()
+    }
 }
 
 /// Changes at the end of a stage.
@@ -137,22 +199,26 @@ impl Deck {
     pub(crate) fn is_there_at_start(
         &self,
         name: &str,
-        begins: impl Fn(&StageDeck) -> &Vec<String>,
-        ends: impl Fn(&StageDeck) -> &Vec<String>,
+        begins: impl Fn(&StageDeck) -> Vec<&str>,
+        ends: impl Fn(&StageDeck) -> Vec<&str>,
     ) -> bool {
-        let names = |list: &Vec<String>| list.iter().any(|other| other == name);
-        let first = self.stages.iter().find(|stage| names(begins(stage)) || names(ends(stage)));
-        first.is_none_or(|stage| !names(begins(stage)) || names(ends(stage)))
+        let first =
+            self.stages.iter().find(|stage| begins(stage).contains(&name) || ends(stage).contains(&name));
+        first.is_none_or(|stage| !begins(stage).contains(&name) || ends(stage).contains(&name))
+    }
+
+    /// True if a body exists before the first stage.
+    pub(crate) fn begins_present(&self, body: &str) -> bool {
+        self.is_there_at_start(body, StageDeck::added, StageDeck::removed)
     }
 
     /// True, for each of two bodies, if it exists before the first stage, and in each stage.
     fn presence(&self, bodies: [&str; 2]) -> Vec<[bool; 2]> {
-        let names = |list: &[String], body: &str| list.iter().any(|name| name == body);
-        let mut are_there = bodies.map(|body| self.is_there_at_start(body, |s| &s.add, |s| &s.remove));
+        let mut are_there = bodies.map(|body| self.begins_present(body));
         let mut presence = vec![are_there];
         for stage in &self.stages {
             for (body, is_there) in bodies.iter().zip(&mut are_there) {
-                *is_there = (*is_there && !names(&stage.remove, body)) || names(&stage.add, body);
+                *is_there = (*is_there && !stage.removed().contains(body)) || stage.added().contains(body);
             }
             presence.push(are_there);
         }

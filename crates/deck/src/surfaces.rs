@@ -17,8 +17,9 @@ pub struct SurfaceDeck {
     /// Part of the boundary of the body; the whole boundary by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub part: Option<PartDeck>,
-    /// Largest length of a sample, [length]; by default, the samples are the sides of the domains of the points or, where
-    /// these do not form the surface, a quarter of the smallest cell long. A full circle has at least 24 samples.
+    /// Largest length of a sample where the sides of domains do not form the surface, [length]; by default a quarter of
+    /// the smallest cell at the surface. Without effect where the samples are the sides of the domains of the points. A
+    /// full circle has at least 24 samples.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Option<Length>", extend("examples" = [0.05]))]
     pub spacing: Option<f64>,

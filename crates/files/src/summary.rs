@@ -479,11 +479,15 @@ fn stages<const D: usize>(model: &Model<D>, reached: &Reached) -> Value {
         let Stepping { start_time, end_time, count, .. } = stage.stepping;
         json!({"name": stage.name, "start": start_time, "end": end_time, "steps_requested": count})
     });
-    json!({
+    let mut stages = json!({
         "all": of.collect::<Vec<_>>(),
         "reached": reached.progress.stage_number() + 1,
         "exchanged_energy": reached.summary.exchanged_energy,
-    })
+    });
+    if !reached.summary.placed.is_empty() {
+        stages["placed"] = json!(reached.summary.placed);
+    }
+    stages
 }
 
 #[cfg(test)]

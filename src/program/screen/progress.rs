@@ -223,6 +223,26 @@ impl Watch {
 }
 
 impl Watch {
+    /// Prints which bodies the stage that has just begun has placed onto others.
+    fn say_placed(&mut self, summary: &Summary) {
+        let Some(last) = summary.placed.last() else { return };
+        let stage = last.stage.clone();
+        if !self.progress.status().stage.as_ref().is_some_and(|now| *now == stage) {
+            return;
+        }
+        let indent = if let View::Member(_) = self.view { "  " } else { "" };
+        for placed in summary.placed.iter().filter(|placed| placed.stage == stage) {
+            let [low, mean, high] = placed.moved.map(|by| significant(by, 4));
+            self.say(&format!(
+                "{indent}stage `{stage}`: body `{}`, of volume {}, is placed onto `{}`: moved upwards by {low} to {high}, \
+                 {mean} on average",
+                placed.body,
+                significant(placed.volume, 6),
+                placed.onto
+            ));
+        }
+    }
+
     /// Prints the warnings that have not been printed yet.
     fn say_warnings(&mut self, summary: &Summary) {
         let indent = if let View::Member(_) = self.view { "  " } else { "" };
@@ -332,6 +352,7 @@ where
     fn stage_began(&mut self, reached: Option<&Reached>) {
         if let Some(reached) = reached {
             self.progress.stage_began(reached);
+            self.say_placed(&reached.summary);
             self.update_status();
         }
         Observer::<D>::stage_began(&mut self.results, reached);

@@ -1,8 +1,13 @@
 //! The bodies that touch each active node.
 
+use std::collections::BTreeSet;
+
 use super::Connectivity;
 use crate::points::Points;
 use crate::ranks::Reduction;
+
+/// Values of basis functions below this are round-off from domains that end at the node, and do not join points, [-].
+pub(crate) const MIN_SHARE: f64 = 1e-6;
 
 /// The bodies whose points touch a node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -48,6 +53,38 @@ impl<const D: usize> Connectivity<D> {
         }
         join(self.reduction(), &mut touched);
         touched
+    }
+
+    /// The pairs of bodies, the lower number first, that share an active node and thus move with one displacement field
+    /// there. All ranks must call this together; all get the same pairs.
+    pub fn joined_bodies(&self, points: &Points<D>) -> BTreeSet<[u16; 2]> {
+        let is_shared: Vec<bool> =
+            self.bodies_at_nodes(points).into_iter().map(|bodies| bodies == TouchedBy::Several).collect();
+        let mut at_nodes: BTreeSet<(u32, u16)> = BTreeSet::new();
+        for group in 0..self.n_groups() {
+            let nodes = self.nodes_of(group);
+            if !nodes.iter().any(|&node| is_shared[node as usize]) {
+                continue;
+            }
+            for p in self.points_of(group) {
+                self.for_each_value(p, |place, value| {
+                    let node = nodes[place] as usize;
+                    if is_shared[node] && value > MIN_SHARE {
+                        at_nodes.insert((self.active_nodes()[node], points.body[p]));
+                    }
+                });
+            }
+        }
+        let mut at_nodes: Vec<(u32, u16)> = self.reduction().join(at_nodes.into_iter().collect());
+        at_nodes.sort_unstable();
+        at_nodes.dedup();
+        let mut pairs = BTreeSet::new();
+        for at_node in at_nodes.chunk_by(|(a, _), (b, _)| a == b) {
+            for (place, (_, a)) in at_node.iter().enumerate() {
+                pairs.extend(at_node[place + 1..].iter().map(|(_, b)| [*a, *b]));
+            }
+        }
+        pairs
     }
 }
 

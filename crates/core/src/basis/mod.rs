@@ -18,6 +18,7 @@ use crate::points::{Points, coordinates};
 
 use factors::Factors;
 
+pub(crate) use bodies::MIN_SHARE;
 pub use bodies::TouchedBy;
 pub use connectivity::{Connectivity, LinkBuffer, Links, SupportFailure};
 pub use cpdi::{CORNER_MARGIN, Cpdi, check_domain, domain_volume, nearest_with_distance};

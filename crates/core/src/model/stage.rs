@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::points::Points;
 
-use super::{Control, Load, LoadCurve, Model, Newton, Stepping};
+use super::{Control, Lift, Load, LoadCurve, Model, Newton, Stepping};
 
 /// A stage of an analysis: the changes at its beginning, and its load steps.
 #[derive(Debug, Clone)]
@@ -29,6 +29,8 @@ pub struct Stage<const D: usize> {
     /// first material of their body. If this stage or an earlier one has given the body another material, the points
     /// begin with the same stress in that material.
     pub added: Points<D>,
+    /// Which of the added bodies stand above which others; bodies are placed in this order.
+    pub lifts: Vec<Lift<D>>,
     /// Bodies whose points are removed. The forces that they carried are released over the stage.
     pub removed: Vec<usize>,
     /// Bodies that get a different material, each with the index of that material. Their stress changes only where it

@@ -122,6 +122,19 @@ impl<const D: usize> Points<D> {
         self.further.converged_mut(datum).copy_from_slice(&moved);
     }
 
+    /// Moves a point to be added, and the corners of its domain if it has some, by these vectors, [length]. If the points
+    /// have been prepared for resets, the motion does not count as displacement.
+    pub(crate) fn shift(&mut self, p: usize, by: &[f64; D], corners: &[[f64; D]]) {
+        let range = self.corner_range(p);
+        let moved =
+            self.converged.corners[range].iter_mut().zip(corners).flat_map(|(x, by)| x.iter_mut().zip(by));
+        moved.chain(self.converged.position[p].iter_mut().zip(by)).for_each(|(x, by)| *x += by);
+        if let Some(datum) = self.further.handle(DATUM) {
+            let datum = &mut self.further.converged_mut(datum)[p * D..][..D];
+            datum.iter_mut().zip(by).for_each(|(datum, by)| *datum += by);
+        }
+    }
+
     /// Cauchy stress σ = τ/J of a point in its converged state, [stress].
     pub fn cauchy_stress(&self, p: usize) -> Sym3 {
         self.converged.kirchhoff_stress[p] * (1.0 / self.converged.deformation_gradient[p].determinant())

@@ -5,14 +5,12 @@
 use std::collections::{BTreeMap, HashMap};
 
 use super::warning::{Code, Location, Warning};
-use crate::basis::{Connectivity, DomainKind, TouchedBy};
+use crate::basis::{Connectivity, DomainKind, MIN_SHARE, TouchedBy};
 use crate::model::Model;
 use crate::points::{Points, coordinates};
 
 /// Largest gap at which bodies count as touching, relative to the spacing of their points, [-].
 const TOUCHING: f64 = 0.5;
-/// Values of basis functions below this are round-off from domains that end at the node, and do not join points, [-].
-const MIN_SHARE: f64 = 1e-6;
 
 /// The box around the points of a body at a node, and the largest extent of these points.
 #[derive(Clone, Copy)]
@@ -60,25 +58,33 @@ fn joined<const D: usize>(at_node: &[((u32, u16), Reach<D>)]) -> Vec<usize> {
 
 /// The smallest gap between two bodies, its node, and the spacing of the points there.
 #[derive(Clone, Copy)]
-struct Gap {
+struct Narrowest {
     width: f64,
     node: u32,
     spacing: f64,
 }
 
-/// The pairs of bodies that share nodes in a step but touch at none of them, either directly or through other bodies:
-/// the number of each pair, and its warning.
-pub fn watch<const D: usize>(
-    model: &Model<D>,
-    points: &Points<D>,
-    links: &Connectivity<D>,
-    step: usize,
-) -> Vec<(usize, Warning)> {
+/// A gap across which two bodies share a grid node and therefore act on each other.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Gap<const D: usize> {
+    /// Indices of the bodies.
+    pub bodies: [u16; 2],
+    /// Width of the gap where it is narrowest, [length].
+    pub width: f64,
+    /// Width up to which bodies count as touching, [length].
+    pub touching: f64,
+    /// Position of the node, [length].
+    pub position: [f64; D],
+}
+
+/// The gaps between bodies that share nodes but touch at none of them, either directly or through other bodies. All
+/// ranks must call this together.
+pub fn gaps<const D: usize>(model: &Model<D>, points: &Points<D>, links: &Connectivity<D>) -> Vec<Gap<D>> {
     if model.bodies.len() < 2 {
         return Vec::new();
     }
     let is_shared = shared_nodes(points, links);
-    let mut gaps: BTreeMap<[u16; 2], Gap> = BTreeMap::new();
+    let mut gaps: BTreeMap<[u16; 2], Narrowest> = BTreeMap::new();
     let reaches = reaches_everywhere(links, reaches(model, points, links, &is_shared));
     for at_node in reaches.chunk_by(|((a, _), _), ((b, _), _)| a == b) {
         let joined = joined(at_node);
@@ -87,7 +93,7 @@ pub fn watch<const D: usize>(
                 // Bodies in between may fill the gap.
                 let is_filled = joined[place] == joined[other];
                 let width = if is_filled { f64::NEG_INFINITY } else { reach_a.distance(&reach_b) };
-                let gap = Gap { width, node, spacing: reach_a.spacing.max(reach_b.spacing) };
+                let gap = Narrowest { width, node, spacing: reach_a.spacing.max(reach_b.spacing) };
                 let kept = gaps.entry([a, b]).or_insert(gap);
                 if width < kept.width {
                     *kept = gap;
@@ -95,12 +101,27 @@ pub fn watch<const D: usize>(
             }
         }
     }
-    (gaps.into_iter().filter(|(_, gap)| gap.width > TOUCHING * gap.spacing))
-        .map(|([a, b], gap)| {
-            let pair = a as usize * model.bodies.len() + b as usize;
-            (pair, warn(model, [a, b], gap, step))
-        })
-        .collect()
+    let gap = |(bodies, Narrowest { width, node, spacing })| Gap {
+        bodies,
+        width,
+        touching: TOUCHING * spacing,
+        position: model.grid.node_position(node as usize),
+    };
+    gaps.into_iter().map(gap).filter(|gap| gap.width > gap.touching).collect()
+}
+
+/// The gaps of a step, each with the number of its pair of bodies, as warnings.
+pub fn watch<const D: usize>(
+    model: &Model<D>,
+    points: &Points<D>,
+    links: &Connectivity<D>,
+    step: usize,
+) -> Vec<(usize, Warning)> {
+    let numbered = |gap: Gap<D>| {
+        let [a, b] = gap.bodies.map(usize::from);
+        (a * model.bodies.len() + b, warn(model, &gap, step))
+    };
+    gaps(model, points, links).into_iter().map(numbered).collect()
 }
 
 /// The reaches at all nodes of the run, by grid node.
@@ -123,23 +144,25 @@ fn reaches_everywhere<const D: usize>(
     merged.into_iter().collect()
 }
 
-fn warn<const D: usize>(model: &Model<D>, bodies: [u16; 2], gap: Gap, step: usize) -> Warning {
+fn warn<const D: usize>(model: &Model<D>, gap: &Gap<D>, step: usize) -> Warning {
+    let Gap { bodies, width, touching, position } = gap;
     let names = bodies.map(|body| model.bodies[body as usize].name.clone());
     let [a, b] = &names;
-    let node = model.grid.node_position(gap.node as usize);
-    let Gap { width, spacing, .. } = gap;
-    let threshold = TOUCHING * spacing;
     Warning {
         code: Code::AcrossGap,
         step,
         message: format!(
             "bodies `{a}` and `{b}` act on each other through node {}, although a gap of {width:.4} separates them \
-             (bodies up to {threshold:.4} apart count as touching)",
-            coordinates(&node)
+             (bodies up to {touching:.4} apart count as touching)",
+            coordinates(position)
         ),
-        location: Location { bodies: names.to_vec(), position: Some(node.to_vec()), ..Location::default() },
-        value: Some(width),
-        threshold: Some(threshold),
+        location: Location {
+            bodies: names.to_vec(),
+            position: Some(position.to_vec()),
+            ..Location::default()
+        },
+        value: Some(*width),
+        threshold: Some(*touching),
         detail: None,
     }
 }

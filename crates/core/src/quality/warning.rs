@@ -73,6 +73,9 @@ pub enum Code {
     /// Nodes with prescribed motion pull material past themselves.
     #[serde(rename = "W021")]
     PassedNodes,
+    /// A stage adds a body above or below the current surface of the ground.
+    #[serde(rename = "W022")]
+    OffGround,
 }
 
 /// The codes of all warnings, each with its title.
@@ -98,6 +101,7 @@ pub const CODES: &[(&str, &str)] = &[
     ("W019", "a strength reduction that ends before displacements run away"),
     ("W020", "a strength reduction of bodies that have slumped"),
     ("W021", "material pulled beyond prescribed nodes"),
+    ("W022", "a body added above or below the ground"),
 ];
 
 impl Code {
@@ -210,6 +214,7 @@ mod tests {
             StoppedShort,
             Slumped,
             PassedNodes,
+            OffGround,
         ];
         assert_eq!(all.len(), CODES.len());
         for (code, (text, _)) in all.iter().zip(CODES) {

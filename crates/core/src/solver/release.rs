@@ -6,7 +6,7 @@ use crate::assembly::Wanted;
 use crate::basis::Connectivity;
 use crate::dofs::DofMap;
 use crate::model::Model;
-use crate::points::Points;
+use crate::points::{Displaced, Points};
 use crate::step::{At, Step, StepContext};
 use crate::stress::Mechanics;
 use crate::terms::{Saved, Sum, Terms, model_terms, restore, save};
@@ -27,6 +27,26 @@ pub(super) type BalancingForces<const D: usize, const N: usize> = fn(
 
 /// Grid nodes and the forces on them, [force].
 type ByNode<const D: usize> = Vec<(u32, [f64; D])>;
+
+/// Tells the terms which bodies the present stage has removed, and which it has placed onto others; true if there are
+/// any.
+fn adapt_to_stage<const D: usize, const N: usize>(
+    model: &Model<D>,
+    points: &Points<D>,
+    terms: &mut Terms<D, N>,
+) -> bool {
+    let Some(stage) = model.stages.get(model.present.stage) else { return false };
+    let mut attached: Vec<_> = terms.iter_mut().filter_map(|term| term.attached()).collect();
+    if !stage.removed.is_empty() {
+        attached.iter_mut().for_each(|attached| attached.forget_bodies(model, &stage.removed));
+    }
+    for lift in stage.lifts.iter().filter(|lift| lift.is_placed) {
+        let placed = Displaced::gathered(&[points], lift.body, lift.cell, |_| true);
+        let moved = |x: &[f64; D]| placed.position(x);
+        attached.iter_mut().for_each(|attached| attached.place_body(model, lift.body, &moved));
+    }
+    !stage.removed.is_empty() || stage.lifts.iter().any(|lift| lift.is_placed)
+}
 
 /// The forces on the free unknowns that balance the converged state at the time of `step`, by grid node, [force]. As
 /// these forces decrease, what was removed from the state gradually ceases to act, and what was added begins to act.
@@ -52,10 +72,7 @@ pub(super) fn balancing_forces<const D: usize, const N: usize, M: Mechanics<D>>(
         agree(&reduction, linked.map_err(|failure| SolveError::unsupported(model, points, failure, step)))?;
     restore(&mut terms, saved)
         .map_err(|(term, reason)| SolveError::Term { term: term.to_owned(), reason })?;
-    let removed = model.stages.get(model.present.stage).map_or(&[][..], |stage| &stage.removed);
-    if !removed.is_empty() {
-        let attached = terms.iter_mut().filter_map(|term| term.attached());
-        attached.for_each(|attached| attached.forget_bodies(model, removed));
+    if adapt_to_stage(model, points, &mut terms) {
         *saved = save(&terms);
     }
     let links = reach_out(model, points, links, &mut terms, step)?;

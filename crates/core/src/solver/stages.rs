@@ -17,21 +17,42 @@ use super::collective::agree;
 use super::error::SolveError;
 use super::located::with_energy;
 use super::observer::Observer;
+use super::placing::place_lifts;
 use super::progress::{Progress, Reached, StageReached};
 use super::residual::MAX_ROUND_OFF;
 use super::stepper::{Kernels, Stepper, finish, start};
 use super::stepping::control::Path;
 use super::stepping::pace::Pace;
 use super::stepping::splitting::split_again;
+use super::summary::Summary;
 
 /// Fraction of the largest force that bodies have carried below which an out-of-balance force may be round-off, [-].
 const LEFT: f64 = 1e-9;
 
-/// Removes and adds the points of the bodies that a stage removes and adds.
+/// Removes and adds the points of the bodies that a stage removes and adds, where they were drawn.
 fn change_points<const D: usize>(model: &Model<D>, points: &mut Points<D>, number: usize) {
     let Some(stage) = model.stages.get(number) else { return };
     points.retain_bodies(|body| !stage.removed.contains(&body));
     points.append(&stage.added);
+}
+
+/// Like [`change_points`], but places bodies onto others as the stage says, and reports this, see [`place_lifts`].
+fn exchange_points<const D: usize>(
+    model: &Model<D>,
+    points: &mut Points<D>,
+    number: usize,
+    summary: &mut Summary,
+    step: usize,
+) {
+    let Some(stage) = model.stages.get(number).filter(|stage| !stage.lifts.is_empty()) else {
+        return change_points(model, points, number);
+    };
+    points.retain_bodies(|body| !stage.removed.contains(&body));
+    let mut added = stage.added.clone();
+    let (placed, warnings) = place_lifts(model, points, &mut added, number, step);
+    points.append(&added);
+    summary.placed.extend(placed);
+    summary.warnings.extend(warnings);
 }
 
 /// The bodies whose points have a state that belongs to another law when a stage begins. These are the bodies that
@@ -145,7 +166,7 @@ fn enter<const D: usize, const N: usize>(
         model.begin_stage(number, &began);
     } else {
         let before = Amount::measured(model, points);
-        change_points(model, points, number);
+        exchange_points(model, points, number, &mut reached.summary, step.index);
         model.begin_stage(number, &began);
         let reduction = points.reduction();
         agree(&reduction, keep_stress(model, points, number))?;

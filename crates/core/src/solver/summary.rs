@@ -10,6 +10,7 @@ use crate::terms::{Amount, NamedEnergy, Role, continued};
 use crate::timing::Timings;
 
 use super::diagnosis::Diagnosis;
+use super::placing::Placed;
 
 /// What is reported on a run up to its last converged step; [`Progress`](super::Progress) holds what the next step needs.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -73,6 +74,9 @@ pub struct Summary {
     /// The energies that the terms report under names of their own.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub further_energies: Vec<NamedEnergy>,
+    /// The bodies that stages have placed onto others.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub placed: Vec<Placed>,
     /// The quality of the run.
     pub quality: Quality,
     /// The warnings in the order of the steps; new ones are appended.

@@ -216,6 +216,14 @@ impl<const D: usize> Carried<D> {
         }
     }
 
+    /// Moves the corners to where a body is added; `moved` gives the position of a place, if it is known.
+    pub fn place(&mut self, moved: &dyn Fn(&[f64; D]) -> Option<[f64; D]>) {
+        for x in &mut self.converged {
+            *x = moved(x).unwrap_or(*x);
+        }
+        self.trial.clone_from(&self.converged);
+    }
+
     /// Marks the surface as not carried in this step.
     pub fn clear(&mut self) {
         self.trial.clone_from(&self.converged);

@@ -25,6 +25,17 @@ pub trait Attached<const D: usize> {
     /// Discards what the term keeps from earlier steps about bodies that a stage removes: if they are added again, in
     /// this stage or later, they begin anew. Called between two stages, once the state has been restored.
     fn forget_bodies(&mut self, model: &Model<D>, removed: &[usize]);
+
+    /// Moves what the term keeps about the body with this index, which a stage adds at another place than where it was
+    /// drawn; `moved` gives the position at which a place is added. Called between two stages, once the state has been
+    /// restored.
+    fn place_body(
+        &mut self,
+        _model: &Model<D>,
+        _body: usize,
+        _moved: &dyn Fn(&[f64; D]) -> Option<[f64; D]>,
+    ) {
+    }
 }
 
 /// A term that keeps the bodies out of a part of space.

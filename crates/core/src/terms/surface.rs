@@ -319,6 +319,13 @@ impl<const D: usize> Attached<D> for Surfaces<D> {
         Ok(nodes)
     }
 
+    fn place_body(&mut self, model: &Model<D>, body: usize, moved: &dyn Fn(&[f64; D]) -> Option<[f64; D]>) {
+        let surfaces = model.surfaces.iter().zip(&mut self.carried);
+        for (_, carried) in surfaces.filter(|(surface, _)| surface.body == body) {
+            carried.place(moved);
+        }
+    }
+
     fn forget_bodies(&mut self, model: &Model<D>, removed: &[usize]) {
         for (surface, carried) in model.surfaces.iter().zip(&mut self.carried) {
             if removed.contains(&surface.body) {

@@ -80,6 +80,7 @@ pub fn on_warning(warning: &Warning, means: &Means) -> String {
              `cohesion` and the tangent of `friction_angle` by a number k for which the bodies stand, and divide the \
              resulting factor by k"
         }
+        (Code::OffGround, _) => return on_body_off_ground(warning),
         (Code::StoppedShort, _) => {
             "the factor of safety may be larger: compare with a coarser grid, and set `solver: {tolerance: 1e-4}`, \
              since iterations may stall close to equilibrium if cells are small and flow is non-associated; if the \
@@ -101,6 +102,15 @@ fn on_left_nodes(warning: &Warning, means: &Means) -> String {
         None if means.is_known => format!("move a body instead of grid nodes: {body}"),
         None => format!("let grid lines follow the nodes, `grid: {{follow: ...}}`; or {body}"),
     }
+}
+
+/// Advice on a body that a stage adds above or below the current surface of the ground.
+fn on_body_off_ground(warning: &Warning) -> String {
+    let [body, ground] = match warning.location.bodies.as_slice() {
+        [body, ground] => [body.as_str(), ground.as_str()],
+        _ => ["BODY", "GROUND"],
+    };
+    format!("move its lower side onto the current surface, `add: [{{body: {body}, onto: {ground}}}]`")
 }
 
 /// Advice on regridding work. Nodes that leave their material are a common cause.

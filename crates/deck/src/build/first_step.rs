@@ -89,6 +89,8 @@ impl Check<'_> {
                 self.touches_nothing(number, &condition.name);
             }
         }
+        self.glued(model, points, &links);
+        self.narrow_gaps(model, points, &links);
         self.tools_at_start(model, points);
         self.held_already(model);
         let reported = self.free_parts(model, points, (&links, &dofs), None);

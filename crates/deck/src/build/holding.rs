@@ -7,6 +7,7 @@ use mpm_core::dofs::DofMap;
 use mpm_core::dofs::rigid::{FreePart, free_parts};
 use mpm_core::model::{Action, Course, Model, Pressure};
 use mpm_core::points::{Points, coordinates};
+use mpm_core::solver::added_points;
 
 use crate::AXES;
 use crate::diagnostic::Severity;
@@ -74,7 +75,8 @@ impl Check<'_> {
         for number in 1..=n {
             let stage = &model.stages[number];
             points.retain_bodies(|body| !stage.removed.contains(&body));
-            points.append(&stage.added);
+            let added = added_points(model, &points, number);
+            points.append(&added);
             model.present.change_conditions(model.boundary_conditions.len(), &model.stages[number]);
             let Ok(links) = Connectivity::new(model.grid.as_ref(), &mut points, &methods) else { break };
             let start = model.stages[number].stepping.start_time;

@@ -2,7 +2,7 @@
 
 use super::Builder;
 use crate::initial_stress::initial_factor;
-use crate::region::DeckRegion;
+use crate::region::{DeckRegion, Regions};
 use crate::{ControlDeck, LoadDeck, Reset, StageDeck, StepsDeck};
 use mpm_core::model::{Control, Controlled, Course, Factors, LoadCurve, Model, Stage, Stepping};
 use mpm_core::points::Points;
@@ -73,18 +73,20 @@ where
 
     /// Adds the stages of the deck to a model, and removes from `points` the points of bodies that are absent at the
     /// start.
-    pub(super) fn divide(&mut self, model: &mut Model<D>, points: &mut Points<D>) {
+    pub(super) fn divide(&mut self, model: &mut Model<D>, points: &mut Points<D>, regions: &Regions<D>) {
         let deck = self.deck;
         let resets = |stage: &StageDeck| {
             stage.then.as_ref().is_some_and(|then| then.reset.contains(&Reset::Displacement))
         };
-        if deck.stages.iter().any(resets)
+        // The way of a body onto another one is no displacement of the body.
+        let places = |stage: &StageDeck| stage.add.iter().any(|added| added.onto().is_some());
+        if deck.stages.iter().any(|stage| resets(stage) || places(stage))
             && let Err(error) = points.prepare_resets()
         {
-            self.error("D053", "/stages", error.to_string(), "remove `reset`".to_owned());
+            self.error("D053", "/stages", error.to_string(), "remove `reset` and `onto`".to_owned());
         }
         let mut start_time = 0.0;
-        for stage in &deck.stages {
+        for (number, stage) in deck.stages.iter().enumerate() {
             let (loads, boundary_conditions) = self.courses_of(stage);
             let own = |courses: &[Course], k: usize| courses[k] == Course::Own;
             let curves: Vec<&LoadCurve> = (model.loads.iter().enumerate())
@@ -101,7 +103,7 @@ where
             let stepping = self.stepping(&stage.steps, start_time, every, &curves);
             start_time = stepping.end_time;
             let mut added = points.clone();
-            let to_add: Vec<usize> = stage.add.iter().map(|name| self.body_number(name)).collect();
+            let to_add: Vec<usize> = stage.added().iter().map(|name| self.body_number(name)).collect();
             added.retain_bodies(|body| to_add.contains(&body));
             let condition = |name: &String| {
                 deck.boundary_conditions.iter().position(|condition| condition.name == *name).unwrap_or(0)
@@ -117,6 +119,7 @@ where
                 released: stage.release.iter().map(condition).collect(),
                 set: stage.set.iter().map(condition).collect(),
                 added,
+                lifts: self.lifts(model.grid.as_ref(), regions, number),
                 removed: stage.remove.iter().map(|name| self.body_number(name)).collect(),
                 materials: (stage.material.iter())
                     .map(|(body, name)| (self.body_number(body), material(name)))
@@ -127,11 +130,10 @@ where
         if model.stages.is_empty() {
             return;
         }
-        let is_there = |body: usize| {
-            deck.is_there_at_start(&deck.bodies[body].name, |stage| &stage.add, |stage| &stage.remove)
+        points.retain_bodies(|body| deck.begins_present(&deck.bodies[body].name));
+        let acts = |name: &str| {
+            deck.is_there_at_start(name, StageDeck::conditions_set, StageDeck::conditions_released)
         };
-        points.retain_bodies(is_there);
-        let acts = |name: &str| deck.is_there_at_start(name, |stage| &stage.set, |stage| &stage.release);
         model.present.is_released = deck.boundary_conditions.iter().map(|c| !acts(&c.name)).collect();
         let stands = Factors {
             loads: deck.loads.iter().map(|load| initial_factor(deck, load)).collect(),

@@ -8,6 +8,7 @@ use mpm_core::region::{NoBoundary, Region, boundary_of_cells};
 use mpm_core::surface::{Part, Surface};
 
 use super::Builder;
+use crate::diagnostic::{Diagnostic, Severity};
 use crate::per_axis::array;
 use crate::placing;
 use crate::quoting::quote;
@@ -48,8 +49,6 @@ where
                 Some(PartDeck { edge: Some(edge), .. }) => Part::Side(*edge as usize),
                 Some(_) => Part::Whole,
             };
-            let [_, largest] = cells_between(grid, region.bounds(), &[]);
-            let mut spacing = deck.spacing.unwrap_or(LENGTH * least_of(largest));
             let at = format!("/surfaces/{index}");
             let by_group = deck.part.as_ref().is_some_and(|part| part.group.is_some());
             if by_group && region.as_group().is_none() && region.as_mesh().is_none() {
@@ -63,40 +62,20 @@ where
                 self.error("D050", &format!("{at}/part/group"), message, help.to_owned());
                 continue;
             }
-            let given = region.as_group().map(|(group, motion)| {
-                (grid, Cow::Owned(regions.groups.cells(group.key, grid.n_cells())), motion)
-            });
-            let cells = given.or_else(|| {
-                region.as_mesh().map(|(mesh, cells, motion)| (mesh, Cow::Borrowed(cells), motion))
-            });
-            let of_cells = cells.as_ref().map_or(grid, |(mesh, ..)| *mesh);
+            let of_cells = region.as_mesh().map_or(grid, |(mesh, ..)| mesh);
             let Ok(nodes) = self.nodes_of_part(of_cells, deck, &at) else { continue };
-            let sample = |spacing: f64, cell: f64| match (&cells, &part) {
-                (None, _) => Surface::new(deck.name.clone(), body, region, &part, [spacing, cell]),
-                (Some(_), Part::Side(side)) => Err(NoBoundary::NoSide(*side)),
-                (Some((mesh, cells, motion)), _) => {
-                    let facets = boundary_of_cells(*mesh, cells, motion, nodes.as_deref(), spacing)?;
-                    Ok(Surface::from_facets(deck.name.clone(), body, facets, &part, cell))
+            let of = Sampling { grid, regions, region, body, part: &part, nodes: nodes.as_deref(), deck };
+            let (mut sampled, mut spacing) = of.sampled(None);
+            let at_sides = sampled.as_ref().ok().and_then(|found| found.at_sides(points, domain, self.ranks));
+            if let Some(at_sides) = at_sides {
+                if deck.spacing.is_some() {
+                    self.spacing_without_effect(deck, &at);
                 }
-            };
-            let mut cell = least_of(largest);
-            let mut sampled = sample(spacing, cell);
-            // The cells at the surface are known once it has been sampled; smaller ones need further samples.
-            for _ in 0..ROUNDS {
-                let Ok(surface) = &sampled else { break };
-                let [smallest, _] = cells_between(grid, bounds_of(surface, &part, region), &surface.samples);
-                cell = least_of(smallest);
-                let wanted = deck.spacing.unwrap_or(LENGTH * cell);
-                if (wanted - spacing).abs() <= 1e-9 * spacing {
-                    break;
-                }
-                spacing = wanted;
-                sampled = sample(spacing, cell);
+                sampled = Ok(at_sides);
+            } else if deck.spacing.is_some() {
+                (sampled, spacing) = of.sampled(deck.spacing);
             }
             let sampled = sampled.map(|surface| {
-                let at_sides =
-                    if deck.spacing.is_none() { surface.at_sides(points, domain, self.ranks) } else { None };
-                let surface = Surface { cell, ..at_sides.unwrap_or(surface) };
                 let in_cells = in_cells(grid, &surface);
                 Surface { in_cells, ..surface }
             });
@@ -148,6 +127,19 @@ where
         surfaces
     }
 
+    /// Notes that the `spacing` of a surface has no effect.
+    fn spacing_without_effect(&mut self, surface: &SurfaceDeck, pointer: &str) {
+        let message = format!(
+            "the `spacing` of the surface {} has no effect: the sides of the domains of the body {} form the surface",
+            quote(&surface.name),
+            quote(&surface.body)
+        );
+        let found = Diagnostic::at(&self.loaded.source, "D037", &format!("{pointer}/spacing"), message);
+        let help = "remove it: it matters only on curved or oblique sides, for a part that ends within the side of a \
+                    domain, and for standard points";
+        self.found.push(found.severity(Severity::Note).help(help));
+    }
+
     /// The nodes, in ascending order, of the group that selects a part of a surface; `None` if no group does.
     ///
     /// # Errors
@@ -178,6 +170,60 @@ where
     /// Index of a surface.
     pub(super) fn surface_number(&self, name: &str) -> usize {
         self.loaded.deck.surfaces.iter().position(|surface| surface.name == name).unwrap_or(0)
+    }
+}
+
+/// What is needed to divide a surface into facets.
+pub(super) struct Sampling<'a, const D: usize> {
+    pub(super) grid: &'a dyn Grid<D>,
+    pub(super) regions: &'a Regions<D>,
+    pub(super) region: &'a Region<D>,
+    pub(super) body: usize,
+    pub(super) part: &'a Part<D>,
+    /// The nodes, ascending, of the physical group that selects the surface.
+    pub(super) nodes: Option<&'a [u32]>,
+    pub(super) deck: &'a SurfaceDeck,
+}
+
+impl<const D: usize> Sampling<'_, D> {
+    /// The surface in facets of this length or, without one, of a quarter of the smallest cell at the surface; also the
+    /// length, [length].
+    pub(super) fn sampled(&self, given: Option<f64>) -> (Result<Surface<D>, NoBoundary>, f64) {
+        let [_, largest] = cells_between(self.grid, self.region.bounds(), &[]);
+        let mut cell = least_of(largest);
+        let mut spacing = given.unwrap_or(LENGTH * cell);
+        let mut sampled = self.divided([spacing, cell]);
+        // The cells at the surface are known once it has been sampled; smaller ones need further samples.
+        for _ in 0..ROUNDS {
+            let Ok(surface) = &sampled else { break };
+            let bounds = bounds_of(surface, self.part, self.region);
+            let [smallest, _] = cells_between(self.grid, bounds, &surface.samples);
+            cell = least_of(smallest);
+            let wanted = given.unwrap_or(LENGTH * cell);
+            if (wanted - spacing).abs() <= 1e-9 * spacing {
+                break;
+            }
+            spacing = wanted;
+            sampled = self.divided([spacing, cell]);
+        }
+        (sampled.map(|surface| Surface { cell, ..surface }), spacing)
+    }
+
+    /// The surface in facets with edges no longer than `spacing`; `cell` is the size of a cell, both [length].
+    fn divided(&self, [spacing, cell]: [f64; 2]) -> Result<Surface<D>, NoBoundary> {
+        let Sampling { grid, regions, region, body, part, nodes, deck } = *self;
+        let given = region.as_group().map(|(group, motion)| {
+            (grid, Cow::Owned(regions.groups.cells(group.key, grid.n_cells())), motion)
+        });
+        let of_mesh = || region.as_mesh().map(|(mesh, cells, motion)| (mesh, Cow::Borrowed(cells), motion));
+        match (given.or_else(of_mesh), part) {
+            (None, _) => Surface::new(deck.name.clone(), body, region, part, [spacing, cell]),
+            (Some(_), Part::Side(side)) => Err(NoBoundary::NoSide(*side)),
+            (Some((mesh, cells, motion)), _) => {
+                let facets = boundary_of_cells(mesh, &cells, motion, nodes, spacing)?;
+                Ok(Surface::from_facets(deck.name.clone(), body, facets, part, cell))
+            }
+        }
     }
 }
 

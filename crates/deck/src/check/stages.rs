@@ -13,7 +13,7 @@ use crate::{ControlDeck, LoadDeck, MaterialDeck, Parameter, StageDeck};
 const SHORTEST: f64 = 1e-9;
 
 /// Selects a list of names in a stage.
-type Names = fn(&StageDeck) -> &Vec<String>;
+type Names = fn(&StageDeck) -> Vec<&str>;
 
 impl Check<'_> {
     /// Checks the names in the stages, and that each change is possible in its stage.
@@ -37,20 +37,21 @@ impl Check<'_> {
         self.unique_names("/stages", deck.stages.iter().map(|stage| stage.name.as_str()));
         let bodies: Vec<&str> = deck.bodies.iter().map(|body| body.name.as_str()).collect();
         let conditions: Vec<&str> = deck.boundary_conditions.iter().map(|c| c.name.as_str()).collect();
-        self.turns(("body", "bodies"), &bodies, [("add", |s| &s.add), ("remove", |s| &s.remove)]);
+        self.turns(("body", "bodies"), &bodies, [("add", StageDeck::added), ("remove", StageDeck::removed)]);
         let kind = ("boundary condition", "boundary conditions");
-        self.turns(kind, &conditions, [("set", |s| &s.set), ("release", |s| &s.release)]);
+        let lists: [(&str, Names); 2] =
+            [("set", StageDeck::conditions_set), ("release", StageDeck::conditions_released)];
+        self.turns(kind, &conditions, lists);
         self.durations();
-        let mut is_there: BTreeMap<&str, bool> = bodies
-            .iter()
-            .map(|&name| (name, deck.is_there_at_start(name, |s| &s.add, |s| &s.remove)))
-            .collect();
+        let mut is_there: BTreeMap<&str, bool> =
+            bodies.iter().map(|&name| (name, deck.begins_present(name))).collect();
         for (number, stage) in deck.stages.iter().enumerate() {
-            for (list, begins) in [(&stage.remove, false), (&stage.add, true)] {
-                list.iter().for_each(|name| {
+            for (list, begins) in [(stage.removed(), false), (stage.added(), true)] {
+                list.into_iter().for_each(|name| {
                     is_there.insert(name, begins);
                 });
             }
+            self.grounds(number, stage, &|name| is_there.get(name) == Some(&true));
             self.absent_bodies(number, stage, &|name| is_there.get(name) == Some(&false));
             self.factors(number, stage);
             for (body, material) in &stage.material {
@@ -77,6 +78,31 @@ impl Check<'_> {
                 let help =
                     "describe the initial state in the rest of the deck, or put a stage before this one";
                 self.error("D053", &format!("/stages/0/{key}"), message, help);
+            }
+        }
+    }
+
+    /// Checks the bodies onto which a stage places others.
+    fn grounds(&mut self, number: usize, stage: &StageDeck, is_present: &dyn Fn(&str) -> bool) {
+        let deck = self.deck;
+        for (index, added) in stage.add.iter().enumerate() {
+            let Some(ground) = added.onto() else { continue };
+            let at = format!("/stages/{number}/add/{index}/onto");
+            let names: Vec<&str> = deck.bodies.iter().map(|body| body.name.as_str()).collect();
+            let later: Vec<&str> = stage.added().split_off(index);
+            if !names.contains(&ground) {
+                self.unknown_reference(&at, "body", "bodies", ground, names);
+            } else if later.contains(&ground) || !is_present(ground) {
+                let body = quote(added.name());
+                let message = match ground == added.name() {
+                    true => format!("the body {body} is placed onto itself"),
+                    false => {
+                        format!("the body {body} is placed onto {}, which is not yet present", quote(ground))
+                    }
+                };
+                let help =
+                    "give a body that is present before this stage, or that stands before this one in `add`";
+                self.error("D053", &at, message, help);
             }
         }
     }
@@ -172,9 +198,9 @@ impl Check<'_> {
         for (number, stage) in deck.stages.iter().enumerate() {
             // Everything that ends in a stage does so before anything begins.
             for (key, list, begins) in [(end, ends(stage), false), (begin, begins(stage), true)] {
-                for (index, name) in list.iter().enumerate() {
+                for (index, name) in list.into_iter().enumerate() {
                     let at = format!("/stages/{number}/{key}/{index}");
-                    match is_there.get_mut(name.as_str()) {
+                    match is_there.get_mut(name) {
                         None => self.unknown_reference(&at, one, several, name, names.to_vec()),
                         Some(there) if *there == begins => {
                             let state = match (one, begins) {

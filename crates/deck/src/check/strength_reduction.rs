@@ -60,9 +60,14 @@ impl Check<'_> {
         }
         let changed = stage.and_then(|(stage, _)| {
             let StageDeck { add, remove, release, set, material, .. } = stage;
-            let lists = [("add", add), ("remove", remove), ("release", release), ("set", set)];
-            let key = lists.into_iter().find(|(_, list)| !list.is_empty()).map(|(key, _)| key);
-            key.or((!material.is_empty()).then_some("material"))
+            let lists = [
+                ("add", add.is_empty()),
+                ("remove", remove.is_empty()),
+                ("release", release.is_empty()),
+                ("set", set.is_empty()),
+                ("material", material.is_empty()),
+            ];
+            lists.into_iter().find(|(_, is_empty)| !is_empty).map(|(key, _)| key)
         });
         if let Some(key) = changed {
             let message = format!(

@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use mpm_deck::StageDeck;
+use mpm_deck::{AddDeck, StageDeck};
 
 use super::chart::Band;
 use super::number::{html, plain};
@@ -58,12 +58,19 @@ pub(super) fn table(page: &mut Page, run: &Run) {
 
 /// What begins, ends or changes with a stage, in HTML.
 fn changes(deck: &StageDeck) -> String {
-    let code = |name: &String| format!("<code>{}</code>", escape(name));
-    let lists =
-        [("add", &deck.add), ("remove", &deck.remove), ("set", &deck.set), ("release", &deck.release)];
-    let list = |(word, names): &(&str, &Vec<String>)| {
-        format!("{word} {}", names.iter().map(code).collect::<Vec<_>>().join(", "))
+    let code = |name: &str| format!("<code>{}</code>", escape(name));
+    let codes = |names: &[String]| names.iter().map(|name| code(name)).collect::<Vec<_>>();
+    let add = |added: &AddDeck| match added.onto() {
+        Some(ground) => format!("{} onto {}", code(added.name()), code(ground)),
+        None => code(added.name()),
     };
+    let lists = [
+        ("add", deck.add.iter().map(add).collect()),
+        ("remove", codes(&deck.remove)),
+        ("set", codes(&deck.set)),
+        ("release", codes(&deck.release)),
+    ];
+    let list = |(word, names): &(&str, Vec<String>)| format!("{word} {}", names.join(", "));
     let mut words: Vec<String> = lists.iter().filter(|(_, names)| !names.is_empty()).map(list).collect();
     let material =
         |(body, material): (&String, &String)| format!("{} becomes {}", code(body), code(material));
