@@ -6,8 +6,8 @@ use crate::quoting::quote;
 use crate::region::{DeckRegion, Regions};
 use mpm_core::grid::Grid;
 use mpm_core::model::Lift;
-use mpm_core::region::{Bounds, Facet, NoBoundary, Region};
-use mpm_core::surface::{Sheet, boundary_of_cells};
+use mpm_core::region::{Bounds, Facet, NoBoundary, Region, boundary_of_cells};
+use mpm_core::surface::Sheet;
 
 /// Length of the facets of a boundary, in cells, [-].
 const LENGTH: f64 = 0.5;

@@ -83,7 +83,7 @@ where
         links: &Connectivity<D>,
         surface: &Surface<D>,
     ) -> Option<Vec<[f64; D]>> {
-        let mut carried = Carried::new(surface);
+        let mut carried = Carried::new(surface, self.is_revolved());
         let found = match self.ranks.is_alone() {
             true => Ok(()),
             false => carried.find(grid, links),
