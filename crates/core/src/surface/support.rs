@@ -5,6 +5,8 @@ use crate::grid::{CellBasis, Grid};
 
 /// Distance by which a position is moved into the body to find its cell, relative to the size of a cell, [-].
 const NUDGE: f64 = 1e-6;
+/// Largest value of the basis at a position at nodes that do not see it, [-].
+const UNSEEN: f64 = 1e-12;
 /// Number of equal intervals into which the search for an active cell divides the size of a cell along the inward
 /// normal.
 const DEPTHS: usize = 8;
@@ -17,7 +19,8 @@ pub type Support<const D: usize> = CellBasis<D>;
 /// A position on the boundary between cells belongs to the cell along −n. If a node of that cell is inactive (because
 /// the material points lie inside the surface), the nearest cell along −n that has only active nodes is taken, and its
 /// basis is extrapolated to x: it still reproduces a linear displacement exactly, and forces at x keep their resultant
-/// and their moment. `None` if there is no such cell within one cell size.
+/// and their moment. Before that, the cell along −n suffices if its inactive nodes do not see x, which lies on the other
+/// side of the cell: a domain with a corner there has this basis. `None` if there is no such cell within one cell size.
 pub fn support<const D: usize>(
     grid: &dyn Grid<D>,
     links: &Connectivity<D>,
@@ -38,22 +41,28 @@ pub(super) fn carrying_cell<const D: usize>(
     n: &[f64; D],
 ) -> Option<(u32, u32)> {
     let is_active = |node: &u32| links.seen_by(body, *node as usize).is_some();
+    let all_active = |cell: u32| grid.corners(cell as usize).nodes().iter().all(is_active);
+    let sees_active = |cell: u32| active(grid.basis_at(cell, x), links, body).is_some();
     let size = grid.size(grid.nearest_cell(x) as usize);
     let mut tried = 0;
-    // At the rim of a surface, the body has other sides, about which the normal of the surface says nothing. As a last
-    // resort, the search also looks for cells along all diagonals.
-    [false, true].into_iter().find_map(|is_wide| {
-        (0..=DEPTHS).find_map(|depth| {
+    let mut search = |depths: std::ops::RangeInclusive<usize>, is_wide: bool, suits: &dyn Fn(u32) -> bool| {
+        depths.into_iter().find_map(|depth| {
             let inwards = size * (NUDGE + depth as f64 / DEPTHS as f64);
             let place: [f64; D] = std::array::from_fn(|d| x[d] - inwards * n[d]);
             let by = if is_wide { inwards } else { 2.0 * NUDGE * size };
             aside(place, by).find_map(|place| {
                 tried += 1;
                 let cell = grid.locate(&place, None).unwrap_or_else(|| grid.nearest_cell(&place));
-                grid.corners(cell as usize).nodes().iter().all(is_active).then_some((tried, cell))
+                suits(cell).then_some((tried, cell))
             })
         })
-    })
+    };
+    // At the rim of a surface, the body has other sides, about which the normal of the surface says nothing. As a last
+    // resort, the search also looks for cells along all diagonals.
+    search(0..=0, false, &all_active)
+        .or_else(|| search(0..=0, false, &sees_active))
+        .or_else(|| search(1..=DEPTHS, false, &all_active))
+        .or_else(|| search(0..=DEPTHS, true, &all_active))
 }
 
 /// A position, followed by the positions on all diagonals that differ from it by `by` along each axis, [length]:
@@ -64,11 +73,15 @@ fn aside<const D: usize>(place: [f64; D], by: f64) -> impl Iterator<Item = [f64;
     std::iter::once(place).chain((0..1usize << D).map(diagonal))
 }
 
-/// The basis in terms of the active nodes that a body sees; `None` if a node is inactive.
+/// The basis in terms of the active nodes that a body sees; `None` if a node with a value at the position is inactive.
 pub fn active<const D: usize>(basis: CellBasis<D>, links: &Connectivity<D>, body: u16) -> Option<Support<D>> {
     let mut support = Support::default();
     for ((&node, &value), gradient) in basis.nodes().iter().zip(basis.value()).zip(basis.gradient()) {
-        support.push(links.seen_by(body, node as usize)? as u32, value, *gradient);
+        match links.seen_by(body, node as usize) {
+            Some(node) => support.push(node as u32, value, *gradient),
+            None if value.abs() <= UNSEEN => {}
+            None => return None,
+        }
     }
     Some(support)
 }
