@@ -227,7 +227,7 @@ impl Watch {
     fn say_placed(&mut self, summary: &Summary) {
         let Some(last) = summary.placed.last() else { return };
         let stage = last.stage.clone();
-        if !self.progress.status().stage.as_ref().is_some_and(|now| *now == stage) {
+        if self.progress.status().stage.as_ref().is_none_or(|now| *now != stage) {
             return;
         }
         let indent = if let View::Member(_) = self.view { "  " } else { "" };

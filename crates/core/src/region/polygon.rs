@@ -3,9 +3,9 @@
 use robust::{Coord, orient2d};
 
 use super::boundary::divide;
-use super::outline::signed_area;
+use super::curve::Curve;
 use super::vector::{dot, minus};
-use super::{Curve, Facet, Intervals, Line, Primitive, ShapeError, finite, positive};
+use super::{Facet, Intervals, Line, Primitive, ShapeError, finite, positive};
 
 /// Largest number of corners for which the kinks that they cause in integrals are treated individually.
 const MAX_CORNERS: usize = 64;
@@ -204,4 +204,15 @@ pub(crate) fn segments_meet([a, b]: [&[f64; 2]; 2], [c, d]: [&[f64; 2]; 2]) -> b
 /// True if two numbers have opposite signs or one is zero. Avoids their product, which may underflow.
 pub(super) fn opposite(a: f64, b: f64) -> bool {
     !(a > 0.0 && b > 0.0 || a < 0.0 && b < 0.0)
+}
+
+/// The area inside a polygon, [length²]; negative if its corners are in clockwise order.
+pub(crate) fn signed_area(corners: &[[f64; 2]]) -> f64 {
+    let Some(about) = corners.first() else { return 0.0 };
+    let twice = |(a, b): ([f64; 2], [f64; 2])| {
+        let (a, b) = (minus(&a, about), minus(&b, about));
+        a[0] * b[1] - a[1] * b[0]
+    };
+    let next = corners.iter().cycle().skip(1);
+    0.5 * corners.iter().zip(next).map(|(a, b)| twice((*a, *b))).sum::<f64>()
 }

@@ -180,7 +180,7 @@ impl<'a, const D: usize> Columns<'a, D> {
         let all = added.ranks.join::<(Vec<i64>, f64)>(own).into_iter();
         let mut known: Known<D> =
             all.map(|(key, gap)| (std::array::from_fn(|d| key.get(d).copied().unwrap_or(0)), gap)).collect();
-        known.sort_by(|a, b| a.0.cmp(&b.0));
+        known.sort_by_key(|a| a.0);
         known.dedup_by_key(|(key, _)| *key);
         known
     }

@@ -38,7 +38,7 @@ impl<const D: usize> Sheet<D> {
 
     /// The centres of the facets, [length].
     pub fn centres(&self) -> impl Iterator<Item = [f64; D]> + '_ {
-        self.facets.iter().map(|corners| super::centre(corners))
+        self.facets.iter().map(super::centre)
     }
 
     /// The distances along `up` from a position to the sheet above it, negative below it, [length].

@@ -57,6 +57,7 @@ mod evaluation;
 mod interface;
 mod motion;
 mod multipliers;
+mod outer;
 mod ranks;
 mod safeguards;
 mod search;

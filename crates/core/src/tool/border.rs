@@ -79,7 +79,7 @@ impl Border {
         let FeatureKind::Corner(end) = feature.kind else {
             let found = Closest::on_plane(x, dot(&feature.offset, &normal), normal, part);
             let is_equally_near = |(corner, sum): &(&[f64; 2], &[f64; 2])| {
-                let (from_corner, other) = (minus(x, corner), minus(*sum, &normal));
+                let (from_corner, other) = (minus(x, corner), minus(sum, &normal));
                 let difference = dot(&from_corner, &other) - found.gap;
                 found.gap <= touching && difference.abs() <= EQUAL * norm(&from_corner) + touching
             };

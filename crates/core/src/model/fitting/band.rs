@@ -64,7 +64,7 @@ impl Band<'_> {
             next.push(self.mesh.get_edge_from_neighbors(from, to)?.fix());
         }
         while let Some(edge) = next.pop() {
-            let Some(face) = self.mesh.directed_edge(edge).face().as_inner() else { return None };
+            let face = self.mesh.directed_edge(edge).face().as_inner()?;
             if std::mem::replace(&mut is_inside[face.fix().index()], true) {
                 continue;
             }

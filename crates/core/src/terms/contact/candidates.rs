@@ -36,7 +36,7 @@ use crate::terms::failure::ContactPlace;
 use crate::tool::{Closest, Shape};
 
 use super::motion::{Moving, farthest};
-use super::sides::Outer;
+use super::outer::Outer;
 
 /// Two positions count as being on different sides of the tool if the cosine of the angle between their normals is below
 /// this value, [-]. In one step, a contact point may thus slide around a corner with an interior angle of more than 60
@@ -156,7 +156,7 @@ impl<const D: usize> Candidate<D> {
         self.is_flat && self.near.gap > motion.max(TOUCHING * self.size)
     }
 
-    /// The area to which stresses at the contact point refer, [length²].
+    /// The area to which stresses at the contact point refer, [length²]: one without sides has that of its penalty.
     pub(super) fn area_for_stress(&self) -> f64 {
         if self.area > 0.0 { self.area } else { self.bearing }
     }

@@ -7,6 +7,7 @@ use crate::tool::Closest;
 
 use super::candidates::Key;
 use super::interface::{Mode, Multiplier};
+use super::outer::Outer;
 
 /// A value that can be written as a few numbers. Whole numbers must be below 2⁵³.
 pub(super) trait Plain: Sized {
@@ -122,6 +123,7 @@ macro_rules! plain_parts {
 pub(super) use plain_parts;
 
 plain_parts!([] Key, { tool, point, corner });
+plain_parts!([const D: usize] Outer<D>, { sides, facing, count, normals });
 plain_parts!([const D: usize] Multiplier<D>, { normal, shear });
 plain_parts!([const D: usize] Closest<D>, { gap, normal, point, part, normal_derivative });
 

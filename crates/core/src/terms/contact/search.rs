@@ -13,8 +13,9 @@ use crate::tool::{Closest, Face, facing_each_other};
 
 use super::candidates::{CENTRE, Candidate, FACE, Key, Near, Search, TOUCHING, corners_of, named, radius_of};
 use super::motion::in_space;
+use super::outer::Outer;
 use super::ranks::{Failure, Plain, agreed, exchange};
-use super::sides::{Outer, SidePiece};
+use super::sides::SidePiece;
 
 /// Distance within which domains share a corner, relative to the size of a cell, [-].
 const SHARED: f64 = 1e-8;

@@ -23,9 +23,9 @@ use crate::surface::{DomainSide, deformed_corners, sides_of_domain};
 use super::candidates::{Candidate, FACE, Key, Search};
 use super::interface::Multiplier;
 use super::motion::in_space;
+use super::outer::Outer;
 use super::ranks::{Plain, gathered, plain_parts};
 
-plain_parts!([const D: usize] Outer<D>, { sides, facing, count, normals });
 plain_parts!([const D: usize] SidePiece<D>, { key, body, position, corner, normal, area, lift, size });
 plain_parts!([const D: usize] Place<D>, { key, body, start, normal, touches, is_outer });
 
@@ -46,57 +46,6 @@ const MOST_LIFT: f64 = 0.5;
 const OPEN: f64 = 0.6 * TAU;
 /// Distance within which a piece has the same place as a contact point, relative to the size of a cell, [-].
 const SAME: f64 = 1e-6;
-
-/// The outer sides of a domain that meet at a corner.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Outer<const D: usize> {
-    /// A bit for each of them.
-    sides: u32,
-    /// A bit for each of them that faces the tool.
-    facing: u32,
-    /// Their number, and their outward unit normals.
-    count: usize,
-    normals: [[f64; D]; D],
-}
-
-impl<const D: usize> Default for Outer<D> {
-    fn default() -> Self {
-        Outer { sides: 0, facing: 0, count: 0, normals: [[0.0; D]; D] }
-    }
-}
-
-impl<const D: usize> Outer<D> {
-    /// The outward unit normals of these sides.
-    pub(super) fn normals(&self) -> &[[f64; D]] {
-        &self.normals[..self.count.min(D)]
-    }
-
-    fn add(&mut self, side: usize, faces: bool, area: &[f64; D]) {
-        self.sides |= 1 << side;
-        self.facing |= u32::from(faces) << side;
-        let size = norm(area);
-        if self.count < D && size > 0.0 {
-            self.normals[self.count] = area.map(|a| a / size);
-            self.count += 1;
-        }
-    }
-
-    /// True if the corner belongs to an outer side.
-    pub(super) fn has_any(&self) -> bool {
-        self.sides != 0
-    }
-
-    /// Joins this corner with the same corner of another domain.
-    pub(super) fn join(&mut self, other: &Self) {
-        self.sides |= other.sides;
-        self.facing |= other.facing;
-    }
-
-    /// True if the outer side with this number has this corner and faces the tool.
-    pub(super) fn faces(&self, side: usize) -> bool {
-        self.facing >> side & 1 == 1
-    }
-}
 
 /// A piece of an outer side that faces a tool.
 #[derive(Debug, Clone)]

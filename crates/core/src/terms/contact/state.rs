@@ -177,7 +177,7 @@ impl<const D: usize> Contact<D> {
                 part,
                 position,
                 normal: touch.normal(),
-                area: candidate.area,
+                area: candidate.area_for_stress(),
                 force,
                 pressure: touch.pressure / candidate.area_for_stress(),
                 shear: touch.shear.map(|t| t / candidate.area_for_stress()),
