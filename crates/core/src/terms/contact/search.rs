@@ -39,6 +39,8 @@ const NEAR_EDGE: f64 = 0.5;
 /// one of them, [-].
 const BETTER: f64 = 0.2;
 
+/// Cosine of the angle at which a face of a tool faces a side, below which the side passes this face by, [-].
+const ASIDE: f64 = 0.2;
 /// Depth below the faces at an edge, relative to the size of a cell, down to which a side chooses among them, [-].
 const SHALLOW: f64 = 0.1;
 
@@ -235,7 +237,10 @@ impl<const D: usize> Search<'_, D> {
         };
         match best.filter(is_better) {
             // The side does not face the closest face, and lies beside the one that it faces.
-            Some((_, beside)) if beside > TOUCHING * point.size => Ok(()),
+            Some((_, beside)) if beside > TOUCHING * point.size => {
+                let is_aside = towards(&near.normal) < ASIDE;
+                if is_aside { Ok(()) } else { self.add_place(point, place, (near, None), found) }
+            }
             Some((face, _)) => self.add_place(point, place, (face, Some(0)), found),
             None => self.add_place(point, place, (near, None), found),
         }
