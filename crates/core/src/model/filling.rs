@@ -1,19 +1,19 @@
 //! Filling of regions with material points.
 
+mod shaped;
+
 use std::collections::HashSet;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
-use super::fitting::{FittedDomain, centroid, fitted, is_on_lattice};
-use crate::basis::{DomainKind, domain_volume};
+use crate::basis::DomainKind;
 use crate::grid::element::ElementShape;
-use crate::grid::sides::sides_of;
 use crate::grid::subdivide::{ElementPart, subdivide_box, subdivide_simplex};
 use crate::grid::{Axis, Grid, Lines, Structured};
 use crate::points::Seed;
 use crate::ranks::Ranks;
-use crate::region::{Bounds, FilledCell, Outline, Region, Volume, brick_parts, contains_in_cell, fill};
+use crate::region::{Bounds, FilledCell, Region, Volume, brick_parts, contains_in_cell, fill};
 
 /// Distance to a grid line within which a side of a box counts as on the line, in cells, [-].
 const ON_LINE: f64 = 1e-6;
@@ -24,12 +24,6 @@ const FINE: usize = 32;
 const FINE_IN_SPACE: usize = 10;
 /// Number of divisions of a cell along each axis, to find out whether the cell is cut.
 const PROBED: usize = 8;
-
-/// Length of the chords of a circle whose domains follow it, in cells of the lattice, [-]; below 1, so that no lattice
-/// line needs a corner between their ends.
-const CHORD: f64 = 0.95;
-/// Distance within which corners of outlines coincide, in cells of the lattice, [-].
-const SAME_PLACE: f64 = 1e-9;
 
 /// Largest number of points of a body that a rank creates.
 pub const MAX_POINTS: f64 = 1e8;
@@ -182,122 +176,6 @@ impl<const D: usize> Filling<'_, D> {
             }
         };
         Ok(FilledRegion { seeds, is_by_cells, fit })
-    }
-
-    /// The points of the cells of a mesh of which a region consists, each divided into parts.
-    ///
-    /// # Errors
-    /// [`FillError::Uneven`], [`FillError::TooManyParts`].
-    fn meshed(
-        &self,
-        region: &Region<D>,
-        boxes: [usize; D],
-        simplices: usize,
-    ) -> Result<Vec<Seed<D>>, FillError> {
-        let Some((mesh, cells, motion)) = region.as_mesh() else { return Ok(Vec::new()) };
-        let most = boxes.iter().product::<usize>().max(simplices);
-        if (cells.len() * most) as f64 > MAX_POINTS * self.ranks.count() as f64 {
-            return Err(FillError::TooManyParts);
-        }
-        let sides = sides_of(mesh, cells);
-        let alone = sides.chunk_by(|a, b| a.key == b.key).filter(|same| same.len() == 1);
-        let border: HashSet<u32> = alone.flat_map(|side| side[0].nodes.clone()).collect();
-        let mut seeds = Vec::new();
-        for &cell in &cells[self.ranks.share(cells.len())] {
-            let corners = mesh.corners(cell as usize);
-            let nodes = corners.nodes();
-            let x: Vec<[f64; D]> = nodes.iter().map(|&n| mesh.node_position(n as usize)).collect();
-            let parts = match ElementShape::from_nodes::<D>(x.len()) {
-                Some(ElementShape::Simplex) => {
-                    subdivide_simplex(&x, simplices).ok_or(FillError::Uneven(simplices))?
-                }
-                _ => subdivide_box(&x, boxes).unwrap_or_default(),
-            };
-            let is_outer = nodes.iter().any(|node| border.contains(node));
-            seeds.extend(parts.into_iter().map(|part| {
-                let moved = ElementPart {
-                    position: motion.apply(&part.position),
-                    volume: part.volume * motion.volume_ratio(),
-                    corners: part.corners.iter().map(|x| motion.apply(x)).collect(),
-                };
-                Seed { outer_layer: is_outer, ..self.point(moved) }
-            }));
-        }
-        Ok(seeds)
-    }
-
-    /// The points of domains that follow the boundary of a region of the plane; why there are none, otherwise.
-    ///
-    /// # Errors
-    /// As [`Filling::lattice_around`].
-    fn fitted(
-        &self,
-        region: &Region<D>,
-        placement: &Placement<D>,
-    ) -> Result<Result<Vec<Seed<D>>, Fit>, FillError> {
-        if self.domain != DomainKind::Corners || D != 2 || region.as_group().is_some() {
-            return Ok(Err(Fit::Parts));
-        }
-        let lattice = match (placement, self.grid.lines()) {
-            (Placement::Lattice(spacing), _) => self.lattice_around(region, spacing)?,
-            (Placement::PerCell { boxes: Some(counts), .. }, Some(lines)) => {
-                let along = |d: usize| lines.axes()[d].subdivided(counts[d]);
-                Some(Structured::with_axes(std::array::from_fn(along)))
-            }
-            _ => return Ok(Err(Fit::OnMesh)),
-        };
-        let Some(lattice) = lattice else { return Ok(Err(Fit::Parts)) };
-        let lattice = Lines::new([0, 1].map(|d| lattice.axes()[d % D].clone()));
-        let is_by_cells = matches!(placement, Placement::PerCell { .. });
-        let Some(outline) = self.outline(region, &lattice, is_by_cells) else {
-            return Ok(Err(Fit::Unfitted));
-        };
-        if is_on_lattice(&outline, &lattice) {
-            return Ok(Err(Fit::Parts));
-        }
-        let Some(domains) = fitted(&outline, &lattice) else { return Ok(Err(Fit::Unfitted)) };
-        let place = |x: &[f64; 2]| -> [f64; D] { std::array::from_fn(|d| x[d % 2]) };
-        let point = |domain: &FittedDomain| {
-            let mut corners: Vec<[f64; D]> = domain.corners.iter().map(place).collect();
-            if corners.len() == 4 {
-                corners.swap(2, 3);
-            }
-            let mut seed = self.seed(place(&centroid(&domain.corners)), domain_volume(&corners));
-            (seed.corners, seed.outer_layer) = (corners, domain.is_outer);
-            seed
-        };
-        Ok(Ok(domains[self.ranks.share(domains.len())].par_iter().map(point).collect()))
-    }
-
-    /// The outline of a region of the plane. If the region is filled cell by cell, only its part in the grid counts; if
-    /// only the polygon of a circle leaves the grid, it is cut off there, too. `None` if there is no outline, or if it is
-    /// larger than what can be filled.
-    fn outline(&self, region: &Region<D>, lattice: &Lines<2>, is_by_cells: bool) -> Option<Outline> {
-        let [low, high] = region.bounds().map(|x| [x[0], x[1 % D]]);
-        if !(0..2).all(|d| low[d] < high[d]) {
-            return None;
-        }
-        let axes = lattice.axes();
-        let ends = |d: usize| [low[d], high[d]].map(|x| axes[d].coordinate(x));
-        let cells = |d: usize| ends(d)[1].min(axes[d].n_cells() as f64) - ends(d)[0].max(0.0);
-        if cells(0) * cells(1) > MAX_POINTS {
-            return None;
-        }
-        let size = |x: &[f64; 2]| [0, 1].map(|d| axes[d].size_at(x[d]));
-        let least = (0..2).map(|d| axes[d].smallest_within(low[d], high[d])).fold(f64::INFINITY, f64::min);
-        let farthest = low.iter().chain(&high).fold(0.0f64, |most, x| most.max(x.abs()));
-        let same = (SAME_PLACE * least).max(16.0 * f64::EPSILON * farthest);
-        let chord = |x: &[f64; 2]| CHORD * (size(x)[0] * size(x)[1]).sqrt();
-        let outline = |within| region.outline(within, &chord, same);
-        let whole = outline(None)?;
-        let Some(lines) = self.grid.lines() else { return Some(whole) };
-        let [from, to] = [lines.origin(), lines.upper()].map(|x| [x[0], x[1 % D]]);
-        let leaves = |x: &[f64; 2]| (0..2).any(|d| x[d] < from[d] - same || x[d] > to[d] + same);
-        let is_cut = is_by_cells || !(leaves(&low) || leaves(&high));
-        if is_cut && whole.loops.iter().flatten().any(leaves) {
-            return outline(Some([from, to]));
-        }
-        Some(whole)
     }
 
     fn volume_in_grid(&self, region: &Region<D>) -> Volume {

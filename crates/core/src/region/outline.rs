@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::polygon::{passes_right_of, signed_area, turn};
+use super::polygon::{passes_right_of, sides, signed_area, turn};
 use super::vector::{along, dot, minus, norm};
 use super::{Bounds, Curve, Node, Region};
 
@@ -27,10 +27,6 @@ impl Outline {
     pub fn sides(&self) -> impl Iterator<Item = ([f64; 2], [f64; 2])> + '_ {
         self.loops.iter().flat_map(|corners| sides(corners))
     }
-}
-
-fn sides(corners: &[[f64; 2]]) -> impl Iterator<Item = ([f64; 2], [f64; 2])> + '_ {
-    corners.iter().zip(corners.iter().cycle().skip(1)).map(|(a, b)| (*a, *b))
 }
 
 /// A region whose primitives are polygons.

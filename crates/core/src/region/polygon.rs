@@ -3,9 +3,8 @@
 use robust::{Coord, orient2d};
 
 use super::boundary::divide;
-use super::curve::Curve;
 use super::vector::{dot, minus};
-use super::{Facet, Intervals, Line, Primitive, ShapeError, finite, positive};
+use super::{Curve, Facet, Intervals, Line, Primitive, ShapeError, finite, positive};
 
 /// Largest number of corners for which the kinks that they cause in integrals are treated individually.
 const MAX_CORNERS: usize = 64;
@@ -85,8 +84,7 @@ impl Polygon {
     }
 
     fn sides(&self) -> impl Iterator<Item = ([f64; 2], [f64; 2])> + '_ {
-        let next = self.corners.iter().cycle().skip(1);
-        self.corners.iter().zip(next).map(|(a, b)| (*a, *b))
+        sides(&self.corners)
     }
 }
 
@@ -134,6 +132,21 @@ impl Primitive<2> for Polygon {
     fn corners(&self) -> Vec<[f64; 2]> {
         if self.corners.len() <= MAX_CORNERS { self.corners.clone() } else { Vec::new() }
     }
+}
+
+/// The area inside a polygon, [length²]; negative if its corners are in clockwise order.
+pub(crate) fn signed_area(corners: &[[f64; 2]]) -> f64 {
+    let Some(about) = corners.first() else { return 0.0 };
+    let twice = |(a, b): ([f64; 2], [f64; 2])| {
+        let (a, b) = (minus(&a, about), minus(&b, about));
+        a[0] * b[1] - a[1] * b[0]
+    };
+    0.5 * sides(corners).map(twice).sum::<f64>()
+}
+
+/// The sides of a closed polygon, each from its start to its end.
+pub(super) fn sides(corners: &[[f64; 2]]) -> impl Iterator<Item = ([f64; 2], [f64; 2])> + '_ {
+    corners.iter().zip(corners.iter().cycle().skip(1)).map(|(a, b)| (*a, *b))
 }
 
 /// Minimum and maximum of x · `direction` over some positions.
@@ -204,15 +217,4 @@ pub(crate) fn segments_meet([a, b]: [&[f64; 2]; 2], [c, d]: [&[f64; 2]; 2]) -> b
 /// True if two numbers have opposite signs or one is zero. Avoids their product, which may underflow.
 pub(super) fn opposite(a: f64, b: f64) -> bool {
     !(a > 0.0 && b > 0.0 || a < 0.0 && b < 0.0)
-}
-
-/// The area inside a polygon, [length²]; negative if its corners are in clockwise order.
-pub(crate) fn signed_area(corners: &[[f64; 2]]) -> f64 {
-    let Some(about) = corners.first() else { return 0.0 };
-    let twice = |(a, b): ([f64; 2], [f64; 2])| {
-        let (a, b) = (minus(&a, about), minus(&b, about));
-        a[0] * b[1] - a[1] * b[0]
-    };
-    let next = corners.iter().cycle().skip(1);
-    0.5 * corners.iter().zip(next).map(|(a, b)| twice((*a, *b))).sum::<f64>()
 }
