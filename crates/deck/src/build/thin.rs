@@ -61,20 +61,17 @@ where
         (conditions, surfaces): (&[BoundaryCondition<D>], &[Surface<D>]),
     ) {
         let held = Held::new(conditions, surfaces);
-        for body in 0..self.deck.bodies.len() {
-            let own: Vec<usize> =
-                (0..points.len()).filter(|&p| usize::from(points.body[p]) == body).collect();
+        let mut of_body: Vec<Vec<usize>> = vec![Vec::new(); self.deck.bodies.len()];
+        (0..points.len()).for_each(|p| of_body[usize::from(points.body[p])].push(p));
+        for (body, own) in of_body.into_iter().enumerate() {
             let every = points.ranks.count_all(own.len()).div_ceil(PLACES).max(1);
-            let gauge = Gauge {
-                grid,
-                regions,
-                held: &held,
-                body,
-                alike: self.alike(body),
-                is_revolved: self.is_revolved(),
-            };
             let places = own.into_iter().filter(|&p| (points.id[p] as usize).is_multiple_of(every));
-            let measured = places.map(|p| gauge.thickness(&points.converged.position[p])).collect();
+            let places: Vec<[f64; D]> = places.map(|p| points.converged.position[p]).collect();
+            let near = bodies_near(grid, regions, body, &places);
+            let (alike, others) = near.into_iter().partition(|&other| self.are_alike(body, other));
+            let gauge =
+                Gauge { grid, regions, held: &held, body, alike, others, is_revolved: self.is_revolved() };
+            let measured = places.iter().map(|x| gauge.thickness(x)).collect();
             let mut all: Vec<Thickness> = points.ranks.join(measured);
             all.sort_by(|a, b| a.0.total_cmp(&b.0));
             let most = (SHARE * all.len() as f64) as usize;
@@ -86,15 +83,10 @@ where
         }
     }
 
-    /// The bodies of the material of a body that are present together with it, itself included.
-    fn alike(&self, body: usize) -> Vec<usize> {
-        let deck = self.deck;
-        let own = &deck.bodies[body];
-        let is_alike = |other: &usize| {
-            let other = &deck.bodies[*other];
-            other.material == own.material && deck.meet([&own.name, &other.name])
-        };
-        (0..deck.bodies.len()).filter(is_alike).collect()
+    /// True for bodies of one material that are present together, and for a body and itself.
+    fn are_alike(&self, body: usize, other: usize) -> bool {
+        let [own, other] = [body, other].map(|body| &self.deck.bodies[body]);
+        own.material == other.material && self.deck.meet([&own.name, &other.name])
     }
 
     fn thin(&mut self, body: usize, thickness: f64, is_between: bool) {
@@ -121,8 +113,9 @@ struct Gauge<'a, const D: usize> {
     regions: &'a Regions<D>,
     held: &'a Held<D>,
     body: usize,
-    /// The bodies that count as one with this body.
+    /// The bodies near this one that count as one with it, and the other ones near it.
     alike: Vec<usize>,
+    others: Vec<usize>,
     is_revolved: bool,
 }
 
@@ -184,10 +177,8 @@ where
     /// The length of a chord in cells, and true if other bodies lie on both sides.
     fn chord(&self, x: &[f64; D], along: &[f64; D], ends: [Option<f64>; 2]) -> Thickness {
         let [Some(low), Some(high)] = ends else { return (f64::INFINITY, false) };
-        let others: Vec<usize> =
-            (0..self.regions.bodies.len()).filter(|body| !self.alike.contains(body)).collect();
         let is_between =
-            [low - STEP, high + STEP].into_iter().all(|t| self.contains(&others, &at(x, along, t)));
+            [low - STEP, high + STEP].into_iter().all(|t| self.contains(&self.others, &at(x, along, t)));
         (high - low, is_between)
     }
 
@@ -265,6 +256,24 @@ impl<const D: usize> Held<D> {
         }
         held
     }
+}
+
+/// The bodies whose boxes come within reach of a measurement at these positions in a body, itself included.
+fn bodies_near<const D: usize>(
+    grid: &dyn Grid<D>,
+    regions: &Regions<D>,
+    body: usize,
+    places: &[[f64; D]],
+) -> Vec<usize> {
+    let sides = places.iter().map(|x| grid.spacing(grid.nearest_cell(x) as usize));
+    let side = sides.flatten().fold(0.0, f64::max);
+    let [low, high] = regions.bodies[body].bounds();
+    let reach = (CELLS + 2.0 * STEP) * side;
+    let is_near = |other: &usize| {
+        let [from, to] = regions.bodies[*other].bounds();
+        (0..D).all(|d| from[d] <= high[d] + reach && low[d] - reach <= to[d])
+    };
+    (0..regions.bodies.len()).filter(is_near).collect()
 }
 
 /// The position `t` cells along a direction.
