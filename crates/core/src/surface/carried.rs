@@ -253,9 +253,9 @@ impl<const D: usize> Carried<D> {
     }
 
     /// The weights of the corners in the N_v of the side of a triangle in a body of revolution, [-]: the means of r λ_k over
-    /// the side, with the linear functions λ_k of the corners, relative to the mean of r.
+    /// the side at the start of the step, with the linear functions λ_k of the corners, relative to the mean of r.
     fn weights_by_radius(&self, sample: usize) -> [f64; D] {
-        let radii = self.facet(sample).map(|corner| corner[0]);
+        let radii = self.facets[sample].map(|corner| self.converged[corner as usize][0]);
         let sum: f64 = radii.iter().sum();
         if sum > 0.0 { radii.map(|r| (r + sum) / (3.0 * sum)) } else { [1.0 / D as f64; D] }
     }
