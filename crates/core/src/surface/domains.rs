@@ -10,10 +10,10 @@ use std::collections::HashMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Part, SideRule, Surface, unit};
+use super::outer::box_corners;
+use super::{Part, SideRule, Surface, sides_of_domain, unit};
 use crate::basis::DomainKind;
-use crate::grid::element::{ElementShape, corner_side};
-use crate::grid::vtk_corner;
+use crate::grid::MAX_CORNERS;
 use crate::points::Points;
 use crate::ranks::Ranks;
 use crate::region::{BoxTree, Facet, area_vector, around, boxes_overlap};
@@ -117,30 +117,24 @@ impl<const D: usize> Surface<D> {
             return Vec::new();
         }
         let facets = Facets::new(self);
-        let mut sides = Vec::new();
+        let (mut sides, mut buffer) = (Vec::new(), [[0.0; D]; MAX_CORNERS]);
         for p in (0..points.len()).filter(|&p| points.body[p] as usize == self.body) {
-            let of_box: Vec<[f64; D]>;
             let corners = if domain == DomainKind::Box {
                 let (x, half) = (&points.converged.position[p], &points.converged.half_lengths[p]);
-                let corner = |c| std::array::from_fn(|d| x[d] + corner_side::<D>(c)[d] * half[d]);
-                of_box = (0..1usize << D).map(corner).collect();
-                &of_box
+                box_corners(&mut buffer, |side| std::array::from_fn(|d| x[d] + side[d] * half[d]))
             } else {
                 points.corners(p)
             };
-            let Some(shape) = ElementShape::from_nodes::<D>(corners.len()) else { continue };
             let [low, high] = around(corners);
             let size = (0..D).map(|d| high[d] - low[d]).fold(0.0, f64::max);
             if !facets.are_near(corners, how.slack(size, facets.slack)) {
                 continue;
             }
-            let of_triangle = D == 2 && shape == ElementShape::Simplex;
-            for side in shape.sides::<D>() {
-                let number = |k: usize| if shape == ElementShape::Box { vtk_corner(k) } else { k };
-                let side: Vec<[f64; D]> = side.iter().map(|&k| corners[number(k)]).collect();
+            let of_triangle = D == 2 && corners.len() == 3;
+            for side in sides_of_domain::<D>(corners.len()) {
+                let centre = side.centre(corners);
+                let side: Vec<[f64; D]> = side.corners().iter().map(|&k| corners[k]).collect();
                 let area = area_vector(&std::array::from_fn(|k| side[k]));
-                let n = side.len() as f64;
-                let centre = std::array::from_fn(|d| side.iter().map(|x| x[d]).sum::<f64>() / n);
                 let number = facets.side_at(&centre, &area, how);
                 if number.is_some() || how == Match::Curved {
                     sides.push(Side { number, corners: side.as_flattened().to_vec(), of_triangle });

@@ -102,7 +102,7 @@ pub fn deformed_corners<'a, const D: usize>(
 }
 
 /// The corners of a box in the order of their numbers; `place` gives the corner on these sides along the axes.
-fn box_corners<const D: usize>(
+pub(super) fn box_corners<const D: usize>(
     buffer: &mut [[f64; D]; MAX_CORNERS],
     place: impl Fn([f64; D]) -> [f64; D],
 ) -> &[[f64; D]] {

@@ -4,8 +4,8 @@
 //!
 //! A contact point (a candidate until it touches) is a corner or the centre x_c of the domain of a material point near
 //! a tool, carried by the grid with the basis N_v of its cell, or S_vp at a centre (see [`candidates`]). It stands for
-//! an area A. With the signed distance g from the tool, the outward normal n = ∇g and the motion s of the contact point
-//! relative to the tool in the step,
+//! an area A, its part of the outer sides of domains (see [`sides`]). With the signed distance g from the tool, the
+//! outward normal n = ∇g and the motion s of the contact point relative to the tool in the step,
 //!
 //! | Quantity | Equation |
 //! |---|---|
@@ -16,7 +16,7 @@
 //! | shear | t = w_t min(1, L/&#124;w_t&#124;), L = min(max(a A + μ p, 0), (1 + μ)(p + T)); rough: L = 10 (p + T) |
 //! | force on node v | N_v(x_c)(p n + t) |
 //! | force and moment on the tool | −Σ f, −Σ (x − c − u) × f |
-//! | penalty | ε = p_f 4G A/h, with the shear modulus G of the body at rest |
+//! | penalty | ε = p_f 4G A_ε/h, with the shear modulus G of the body at rest and the area A_ε (see [`candidates`]) |
 //! | update | λ ← p, λ_t ← t |
 //!
 //! Derivatives are exact: with δy = δx − v(x) and δs = δx − v(x − s), where v is the velocity of the tool and φ its

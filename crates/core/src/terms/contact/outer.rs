@@ -26,6 +26,7 @@ impl<const D: usize> Outer<D> {
         &self.normals[..self.count.min(D)]
     }
 
+    /// Adds the side with this number and this area vector, [length^(D−1)]; `faces` tells whether it faces the tool.
     pub(super) fn add(&mut self, side: usize, faces: bool, area: &[f64; D]) {
         self.sides |= 1 << side;
         self.facing |= u32::from(faces) << side;

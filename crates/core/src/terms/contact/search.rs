@@ -393,38 +393,20 @@ pub(super) fn place_of(shared: &[u32], node: usize) -> Option<usize> {
     shared.binary_search(&(node as u32)).ok()
 }
 
-/// The corner of a domain near a tool, as one rank sends it to others.
-#[derive(Debug, Clone, Copy)]
+/// The corner of a domain near a tool, as one rank sends it to others, with the position of the cell of its material point
+/// in the order of the grid.
 struct Corner<const D: usize> {
-    /// Position of the cell of its material point in the order of the grid.
     order: u32,
-    key: Key,
-    body: usize,
-    start: [f64; D],
-    size: f64,
-    closest: Closest<D>,
-    is_flat: bool,
-    keeps_face: bool,
-    area: f64,
-    area_of_corner: f64,
-    outer: Outer<D>,
+    near: Near<D>,
 }
 
 impl<const D: usize> Plain for Corner<D> {
+    /// The material point and those that share the corner mean nothing on another rank.
     fn encode(&self, numbers: &mut Vec<f64>) {
-        ((self.order, self.key, self.body), (self.start, self.size, self.closest)).encode(numbers);
-        (self.is_flat, self.area, self.area_of_corner).encode(numbers);
-        (self.keeps_face, self.outer).encode(numbers);
-    }
-
-    fn decode(numbers: &mut impl Iterator<Item = f64>) -> Option<Self> {
-        let ((order, key, body), (start, size, closest)) = Plain::decode(numbers)?;
-        let (is_flat, area, area_of_corner) = Plain::decode(numbers)?;
-        let (keeps_face, outer) = Plain::decode(numbers)?;
-        Some(Corner {
-            order,
-            key,
+        let Near {
+            p: _,
             body,
+            key,
             start,
             size,
             closest,
@@ -433,7 +415,35 @@ impl<const D: usize> Plain for Corner<D> {
             area,
             area_of_corner,
             outer,
-        })
+            ..
+        } = &self.near;
+        (self.order, *body, *key).encode(numbers);
+        (*start, *size, *closest).encode(numbers);
+        (*is_flat, *keeps_face, *outer).encode(numbers);
+        (*area, *area_of_corner).encode(numbers);
+    }
+
+    fn decode(numbers: &mut impl Iterator<Item = f64>) -> Option<Self> {
+        let (order, body, key) = Plain::decode(numbers)?;
+        let (start, size, closest) = Plain::decode(numbers)?;
+        let (is_flat, keeps_face, outer) = Plain::decode(numbers)?;
+        let (area, area_of_corner) = Plain::decode(numbers)?;
+        let shared_by = Vec::new();
+        let near = Near {
+            p: None,
+            body,
+            key,
+            start,
+            size,
+            closest,
+            is_flat,
+            keeps_face,
+            area,
+            area_of_corner,
+            outer,
+            shared_by,
+        };
+        Some(Corner { order, near })
     }
 }
 
@@ -457,13 +467,17 @@ impl<const D: usize> Search<'_, D> {
             places.iter().filter(|(_, place)| is_shared(place.body) && place.key.corner % FACE != CENTRE);
         for (rank, shared) in halo.neighbours() {
             let is_near = |(_, place): &&(u32, Near<D>)| self.touches_one_of(place, shared);
-            let near: Vec<Corner<D>> = corners.clone().filter(is_near).map(to_send).collect();
+            let near: Vec<Corner<D>> = corners
+                .clone()
+                .filter(is_near)
+                .map(|(order, near)| Corner { order: *order, near: near.clone() })
+                .collect();
             if !near.is_empty() {
                 messages.push((rank, near));
             }
         }
         let received = exchange(halo.ranks(), messages).into_iter().flat_map(|(_, corners)| corners);
-        places.extend(received.map(|corner| (corner.order, remote(corner))));
+        places.extend(received.map(|corner| (corner.order, corner.near)));
         // All points of a cell are on one rank, and the stable sort keeps their order.
         places.sort_by_key(|(order, _)| *order);
         if pieces.is_empty() {
@@ -481,57 +495,6 @@ impl<const D: usize> Search<'_, D> {
         let corners = grid.corners(cell as usize);
         let mut active = corners.nodes().iter().flat_map(|node| self.links.copies(*node as usize));
         active.any(|node| place_of(shared, node).is_some())
-    }
-}
-
-/// A corner as it is sent to other ranks.
-fn to_send<const D: usize>((order, place): &(u32, Near<D>)) -> Corner<D> {
-    let Near { body, key, start, size, closest, is_flat, keeps_face, area, area_of_corner, outer, .. } =
-        *place;
-    Corner {
-        order: *order,
-        key,
-        body,
-        start,
-        size,
-        closest,
-        is_flat,
-        keeps_face,
-        area,
-        area_of_corner,
-        outer,
-    }
-}
-
-/// A corner received from another rank.
-fn remote<const D: usize>(corner: Corner<D>) -> Near<D> {
-    let Corner {
-        order: _,
-        key,
-        body,
-        start,
-        size,
-        closest,
-        is_flat,
-        keeps_face,
-        area,
-        area_of_corner,
-        outer,
-    } = corner;
-    let shared_by = Vec::new();
-    Near {
-        p: None,
-        body,
-        key,
-        start,
-        size,
-        closest,
-        is_flat,
-        keeps_face,
-        area,
-        area_of_corner,
-        outer,
-        shared_by,
     }
 }
 

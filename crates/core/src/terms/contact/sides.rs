@@ -185,7 +185,8 @@ pub(super) fn share_out<const D: usize>(
         body: candidate.body,
         start: candidate.start,
         normal: candidate.near.normal,
-        touches: multiplier.normal > 0.0,
+        // Under tension, the multiplier is negative.
+        touches: multiplier.normal != 0.0,
         is_outer: candidate.outer.has_any(),
     };
     let places = gathered(reduction, candidates.iter().zip(start).map(place).collect());
