@@ -18,6 +18,7 @@ mod domains;
 mod integral;
 mod outer;
 mod sheet;
+mod side_basis;
 mod support;
 
 use std::collections::BTreeMap;
@@ -27,8 +28,11 @@ use crate::region::{Facet, NoBoundary, Region, area_vector};
 
 pub use carried::Carried;
 pub use integral::{lies_in_one_cell, mean_over_side};
-pub use outer::{DomainSide, OuterSides, deformed_corners, sides_of_domain};
+pub use outer::{
+    DomainSide, OuterSides, contains, corner_count, corners_of, deformed_corners, sides_of_domain,
+};
 pub use sheet::Sheet;
+pub use side_basis::side_basis;
 pub use support::{Support, active, support};
 
 /// Tolerance of the boxes and half-spaces that select samples, relative to the size of a cell, [-].

@@ -15,6 +15,8 @@ mod layout;
 mod ledger;
 pub mod material_points;
 mod multipliers;
+mod on_points;
+mod released;
 mod report;
 mod saved;
 mod sum;

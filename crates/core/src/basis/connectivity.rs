@@ -293,6 +293,12 @@ impl<const D: usize> Connectivity<D> {
         self.group_points[group]..self.group_points[group + 1]
     }
 
+    /// The group of a point.
+    pub fn group_of(&self, p: usize) -> usize {
+        // The last group that begins at or before the point.
+        self.group_points.partition_point(|first| *first <= p) - 1
+    }
+
     /// The active nodes that a group touches, ascending.
     pub fn nodes_of(&self, group: usize) -> &[u32] {
         &self.group_nodes[self.group_node_start[group]..self.group_node_start[group + 1]]

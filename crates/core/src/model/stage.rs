@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::points::Points;
 
-use super::{Control, Lift, Load, LoadCurve, Model, Newton, Stepping};
+use super::{Control, Lift, Load, LoadCurve, Model, Newton, Released, Stepping};
 
 /// A stage of an analysis: the changes at its beginning, and its load steps.
 #[derive(Debug, Clone)]
@@ -109,7 +109,7 @@ impl<const D: usize> Model<D> {
             self.bodies[body].material = material;
         }
         self.present.stage = number;
-        self.present.released_forces.clear();
+        self.present.released = Released::default();
     }
 
     /// Time at the end of the analysis, [time].
@@ -145,9 +145,8 @@ pub struct Present<const D: usize> {
     pub stage: usize,
     /// For each boundary condition, true if it does not act; empty if all conditions act.
     pub is_released: Vec<bool>,
-    /// Grid nodes and the forces on them that maintain equilibrium at the start of the stage, [force]. The forces
-    /// decrease to zero, linearly over the stage.
-    pub released_forces: Vec<(u32, [f64; D])>,
+    /// The forces that maintain equilibrium at the start of the stage.
+    pub released: Released<D>,
 }
 
 impl<const D: usize> Present<D> {

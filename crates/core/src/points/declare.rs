@@ -121,6 +121,8 @@ macro_rules! point_fields {
             $($(#[$count_doc])* pub $count: usize,)*
             /// Fields declared for this analysis only.
             pub further: $crate::points::Further,
+            /// The cuts of the points of all ranks so far, in their order.
+            pub cuts: Vec<$crate::points::Split>,
             /// The ranks that share the points of the analysis; this structure holds the points of this rank.
             pub ranks: $crate::ranks::Ranks,
             /// The parts of the grid that belong to the ranks.
@@ -154,6 +156,7 @@ macro_rules! point_fields {
                     converged,
                     $($count,)*
                     further: $crate::points::Further::default(),
+                    cuts: Vec::new(),
                     ranks: ranks.clone(),
                     partition: $crate::points::partition::Partition::default(),
                 }

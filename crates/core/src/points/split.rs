@@ -89,6 +89,7 @@ impl<const D: usize> Points<D> {
             let number = |p: &usize| all.binary_search_by_key(&self.id[*p], |cut| cut.point).ok();
             let cuts: Vec<Split> = places.iter().filter_map(number).map(|k| all[k]).collect();
             self.cut(&places, &cuts, rules);
+            self.cuts.extend_from_slice(&all);
             splits.extend(all);
         }
         splits
@@ -121,6 +122,7 @@ impl<const D: usize> Points<D> {
     #[inline(never)]
     pub(crate) fn split_again(&mut self, splits: &[Split], rules: &impl Splitting<D>) -> Result<(), String> {
         for split in splits {
+            self.cuts.push(*split);
             let place = |id: u32| self.id.iter().position(|other| *other == id);
             let Some(p) = place(split.point) else { continue };
             let corners = self.corner_range(p).len();

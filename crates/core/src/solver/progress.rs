@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use crate::model::{Factors, Model};
+use crate::model::{Factors, Model, SavedRelease};
 use crate::points::{Points, Split};
 use crate::quality::Quality;
 use crate::step::Step;
@@ -65,6 +65,9 @@ pub struct StageReached {
     pub began: Factors,
     /// Grid nodes, and the forces on them that are released over the stage, [force].
     pub(super) released_forces: Vec<(u32, Vec<f64>)>,
+    /// Forces on sides of domains and on points that are released over the stage.
+    #[serde(default)]
+    pub(super) released: SavedRelease,
     /// For each stage after the first, up to this one, the number of splits of points before it began.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(super) splits_before: Vec<usize>,

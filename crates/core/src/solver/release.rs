@@ -1,11 +1,13 @@
 //! The forces that a stage releases: those that keep its initial state in equilibrium.
 
+mod carriers;
+
 use std::collections::BTreeMap;
 
 use crate::assembly::Wanted;
 use crate::basis::Connectivity;
 use crate::dofs::DofMap;
-use crate::model::Model;
+use crate::model::{Model, Released};
 use crate::points::{Displaced, Points};
 use crate::step::{At, Step, StepContext};
 use crate::stress::Mechanics;
@@ -14,19 +16,28 @@ use crate::terms::{Saved, Sum, Terms, model_terms, restore, save};
 use super::collective::{agree, begin, forces_on_all_nodes, reach_out};
 use super::error::SolveError;
 use super::located::locate_failure;
+use carriers::carried_by_material;
 
 /// The function [`balancing_forces`] for one kind of mechanics; its arguments are the model, its points, the step, the
-/// terms beside those of the model, and the saved state of all terms.
+/// terms beside those of the model, the saved state of all terms, and what the stage has exchanged.
 pub(super) type BalancingForces<const D: usize, const N: usize> = fn(
     &Model<D>,
     &mut Points<D>,
     Step,
     Terms<D, N>,
     &mut BTreeMap<String, Saved>,
-) -> Result<ByNode<D>, SolveError>;
+    &Exchange<D>,
+) -> Result<Released<D>, SolveError>;
 
-/// Grid nodes and the forces on them, [force].
-type ByNode<const D: usize> = Vec<(u32, [f64; D])>;
+pub(super) use carriers::RemovedDomains;
+
+/// What a stage has exchanged.
+pub(super) struct Exchange<const D: usize> {
+    /// The domains of the bodies that it has removed.
+    pub removed: RemovedDomains<D>,
+    /// Out-of-balance force that may be round-off, and is not released, [force].
+    pub left: f64,
+}
 
 /// Tells the terms which bodies the present stage has removed, and which it has placed onto others; true if there are
 /// any.
@@ -48,8 +59,8 @@ fn adapt_to_stage<const D: usize, const N: usize>(
     !stage.removed.is_empty() || stage.lifts.iter().any(|lift| lift.is_placed)
 }
 
-/// The forces on the free unknowns that balance the converged state at the time of `step`, by grid node, [force]. As
-/// these forces decrease, what was removed from the state gradually ceases to act, and what was added begins to act.
+/// The forces on the free unknowns that balance the converged state at the time of `step`, and the material that carries
+/// them. As these forces decrease, what was removed from the state gradually ceases to act, and what was added begins to act.
 /// The terms of the model and `further` terms are in the state `saved`, from which they discard the bodies that the
 /// present stage has removed. Fields beside the displacement release nothing: they begin the stage from the state that
 /// their terms keep.
@@ -62,7 +73,8 @@ pub(super) fn balancing_forces<const D: usize, const N: usize, M: Mechanics<D>>(
     step: Step,
     further: Terms<D, N>,
     saved: &mut BTreeMap<String, Saved>,
-) -> Result<ByNode<D>, SolveError> {
+    exchange: &Exchange<D>,
+) -> Result<Released<D>, SolveError> {
     let mut terms = model_terms::<D, N, M>(model);
     terms.extend(further);
     let methods = model.methods();
@@ -97,5 +109,6 @@ pub(super) fn balancing_forces<const D: usize, const N: usize, M: Mechanics<D>>(
             forces.push((node, force));
         }
     }
-    Ok(forces_on_all_nodes(&reduction, forces))
+    let forces = forces_on_all_nodes(&reduction, forces);
+    Ok(carried_by_material(model, points, &links, forces, exchange))
 }

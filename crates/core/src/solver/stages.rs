@@ -5,7 +5,7 @@
 use std::collections::BTreeSet;
 
 use crate::dofs::Fields;
-use crate::model::{Control, Model, Present, Stage};
+use crate::model::{Control, Model, Released, Stage};
 use crate::points::Points;
 use crate::step::Step;
 use crate::tensor::padded;
@@ -19,6 +19,7 @@ use super::located::with_energy;
 use super::observer::Observer;
 use super::placing::place_lifts;
 use super::progress::{Progress, Reached, StageReached};
+use super::release::{Exchange, RemovedDomains};
 use super::residual::MAX_ROUND_OFF;
 use super::stepper::{Kernels, Stepper, finish, start};
 use super::stepping::control::Path;
@@ -166,6 +167,7 @@ fn enter<const D: usize, const N: usize>(
         model.begin_stage(number, &began);
     } else {
         let before = Amount::measured(model, points);
+        let removed = RemovedDomains::new(model, points, stage);
         exchange_points(model, points, number, &mut reached.summary, step.index);
         model.begin_stage(number, &began);
         let reduction = points.reduction();
@@ -178,16 +180,13 @@ fn enter<const D: usize, const N: usize>(
         // The loads are still those at the end of the previous stage.
         let control = std::mem::replace(&mut model.stepping.control, Control::Load);
         let (balance, further) = (extension.kernels.balance, (extension.terms)(model));
-        let forces = balance(model, points, step, further, &mut reached.progress.terms);
-        model.stepping.control = control;
-        model.present.released_forces = forces?;
         // A remainder that the tolerance or round-off has left out of balance is not a force to release.
-        let squares = model.present.released_forces.iter().flat_map(|(_, force)| force).map(|f| f * f);
         let carried = reached.progress.carried.iter().copied().fold(0.0, f64::max);
         let left = model.newton.tolerance.clamp(LEFT, MAX_ROUND_OFF) * carried;
-        if squares.sum::<f64>().sqrt() <= left {
-            model.present.released_forces.clear();
-        }
+        let exchange = Exchange { removed, left };
+        let released = balance(model, points, step, further, &mut reached.progress.terms, &exchange);
+        model.stepping.control = control;
+        model.present.released = released?;
     }
     let mut splits_before =
         reached.progress.stage.take().map(|stage| stage.splits_before).unwrap_or_default();
@@ -195,7 +194,8 @@ fn enter<const D: usize, const N: usize>(
     reached.progress.stage = Some(StageReached {
         number,
         began,
-        released_forces: model.present.released_forces.iter().map(|(node, f)| (*node, f.to_vec())).collect(),
+        released_forces: model.present.released.nodes.iter().map(|(node, f)| (*node, f.to_vec())).collect(),
+        released: model.present.released.save(),
         splits_before,
     });
     // A strength reduction ends its stage when equilibrium is lost, before the end time of the stage.
@@ -254,7 +254,7 @@ pub fn resume_stage<const D: usize>(
     if !offsets_of_lines.is_empty() {
         model.offset_lines(offsets_of_lines)?;
     }
-    let Some(StageReached { number, began, released_forces, splits_before }) = stage else {
+    let Some(StageReached { number, began, released_forces, released, splits_before }) = stage else {
         return split_again(model, points, splits);
     };
     let counts = [model.loads.len(), model.boundary_conditions.len()];
@@ -273,6 +273,7 @@ pub fn resume_stage<const D: usize>(
         change_points(model, points, stage);
         model.begin_stage(stage, began);
     }
+    let mut present = Released { cuts_before: points.cuts.len(), ..Released::default() };
     split_again(model, points, &splits[repeated..])?;
     let n_nodes = model.grid.n_nodes();
     let force = |(node, force): &(u32, Vec<f64>)| {
@@ -280,8 +281,10 @@ pub fn resume_stage<const D: usize>(
         ((*node as usize) < n_nodes && force.iter().all(|f| f.is_finite())).then_some((*node, force))
     };
     let forces: Option<Vec<_>> = released_forces.iter().map(force).collect();
-    let Some(released_forces) = forces else { return Err("its released forces are invalid".to_owned()) };
-    model.present = Present { released_forces, ..std::mem::take(&mut model.present) };
+    let (Some(nodes), Some(())) = (forces, present.restore(released)) else {
+        return Err("its released forces are invalid".to_owned());
+    };
+    model.present.released = Released { nodes, ..present };
     Ok(())
 }
 

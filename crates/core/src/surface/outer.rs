@@ -84,6 +84,14 @@ fn original_corners<'a, const D: usize>(
     box_corners(buffer, |side| std::array::from_fn(|d| x[d] + side[d] * half[d]))
 }
 
+/// Number of corners of the domain of a point that has one.
+pub fn corner_count<const D: usize>(points: &Points<D>, p: usize) -> usize {
+    match points.corner_range(p).len() {
+        0 => 1 << D,
+        n => n,
+    }
+}
+
 /// The corners of the domain of a point in the converged state, [length]: those of a box as the deformation gradient has
 /// moved them, which leaves neither gaps nor overlaps between neighbours in a uniform deformation, unlike the box itself.
 pub fn deformed_corners<'a, const D: usize>(
@@ -99,6 +107,24 @@ pub fn deformed_corners<'a, const D: usize>(
     box_corners(buffer, |side| {
         std::array::from_fn(|i| x[i] + (0..D).map(|j| f[(i, j)] * side[j] * half[j]).sum::<f64>())
     })
+}
+
+/// The corners of the domain of a point in the converged state, [length]; the point itself if it has no domain.
+pub fn corners_of<'a, const D: usize>(
+    points: &'a Points<D>,
+    p: usize,
+    buffer: &'a mut [[f64; D]; MAX_CORNERS],
+) -> &'a [[f64; D]] {
+    let corners = points.corners(p);
+    if !corners.is_empty() {
+        return corners;
+    }
+    let (x, l) = (&points.converged.position[p], points.half_lengths(p));
+    if l == [0.0; D] {
+        buffer[0] = *x;
+        return &buffer[..1];
+    }
+    box_corners(buffer, |side| std::array::from_fn(|d| x[d] + side[d] * l[d]))
 }
 
 /// The corners of a box in the order of their numbers; `place` gives the corner on these sides along the axes.
@@ -250,7 +276,7 @@ fn with_side_among<const D: usize>(
 }
 
 /// True if a convex domain with these corners contains a position.
-fn contains<const D: usize>(domain: &[[f64; D]], x: &[f64; D]) -> bool {
+pub fn contains<const D: usize>(domain: &[[f64; D]], x: &[f64; D]) -> bool {
     let is_below = |side: DomainSide| dot(&minus(x, &side.centre(domain)), &side.area(domain)) <= 0.0;
     sides_of_domain::<D>(domain.len()).all(is_below)
 }

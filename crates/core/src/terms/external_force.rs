@@ -7,6 +7,8 @@ use crate::points::Points;
 use crate::step::{At, Nodal, StepContext};
 
 use super::failure::{BeginError, EvaluateError, LoadNotFinite};
+use super::on_points::on_nodes;
+use super::released::released_forces;
 use super::report::TermReport;
 use super::term::{Character, Term};
 
@@ -36,8 +38,7 @@ pub fn external_force<const D: usize>(
     links: &Connectivity<D>,
     time: f64,
 ) -> Result<ExternalForce<D>, LoadNotFinite> {
-    forces_on_points(model, points, |load| load.curve.factor(time))
-        .map(|(forces, resultants)| on_nodes(links, (&forces, resultants)))
+    external_force_of_factors(model, points, links, |load| load.curve.factor(time))
 }
 
 /// The external force for given factors of the loads.
@@ -50,57 +51,12 @@ pub fn external_force_of_factors<const D: usize>(
     links: &Connectivity<D>,
     factor: impl Fn(&Load<D>) -> f64,
 ) -> Result<ExternalForce<D>, LoadNotFinite> {
-    forces_on_points(model, points, factor).map(|(forces, resultants)| on_nodes(links, (&forces, resultants)))
-}
-
-/// The forces that the current stage releases and that still act on the active nodes at a time, [force]; none if
-/// nothing is released.
-fn not_yet_released<const D: usize>(
-    model: &Model<D>,
-    links: &Connectivity<D>,
-    time: f64,
-) -> Option<Vec<[f64; D]>> {
-    let released = &model.present.released_forces;
-    if released.is_empty() {
-        return None;
-    }
-    let share = model.share_not_released(time);
-    let mut forces = vec![[0.0; D]; links.n_active()];
-    for (node, force) in released {
-        // A node without material carries no force.
-        let active = links.copies(*node as usize).next();
-        if let Some(active) = active.filter(|active| links.reduction().counts(*active)) {
-            forces[active] = force.map(|f| share * f);
-        }
-    }
-    Some(forces)
-}
-
-/// Nodal forces of eq. (29) for forces on the points, [force], that have these resultants.
-fn on_nodes<const D: usize>(
-    links: &Connectivity<D>,
-    (at_points, resultants): (&[[f64; D]], Vec<[f64; D]>),
-) -> ExternalForce<D> {
-    let mut force = vec![[0.0; D]; links.n_active()];
-    for group in 0..links.n_groups() {
-        let nodes = links.nodes_of(group);
-        for p in links.points_of(group) {
-            if at_points[p] == [0.0; D] {
-                continue; // true of most points if forces act on only a few
-            }
-            links.for_each_value(p, |local, value| {
-                let node = &mut force[nodes[local] as usize];
-                for d in 0..D {
-                    node[d] += value * at_points[p][d];
-                }
-            });
-        }
-    }
-    ExternalForce { nodal: force, resultants }
+    forces_on_points(model, points, factor)
+        .map(|(forces, resultants)| ExternalForce { nodal: on_nodes(links, &forces), resultants })
 }
 
 /// Forces on the points, or resultants of the loads.
-type Forces<const D: usize> = Vec<[f64; D]>;
+pub(crate) type Forces<const D: usize> = Vec<[f64; D]>;
 
 /// The error for a load without a finite value at a point.
 fn without_value<const D: usize>(
@@ -123,7 +79,10 @@ fn without_value<const D: usize>(
 }
 
 /// Sum of all loads on each point, and the resultant of each load over all points, [force].
-fn forces_on_points<const D: usize>(
+///
+/// # Errors
+/// [`LoadNotFinite`] when a formula is not finite at a point.
+pub(crate) fn forces_on_points<const D: usize>(
     model: &Model<D>,
     points: &Points<D>,
     factor_of: impl Fn(&Load<D>) -> f64,
@@ -216,12 +175,14 @@ impl<const D: usize> ExternalForces<D> {
     }
 
     /// Sets up the forces whose common factor follows from equilibrium: those of the loads that change in the stage.
+    /// `released_before` are the forces that the stage releases and that still act at the start of the step, [force].
     fn begin_unknown(
         &mut self,
         context: &StepContext<D>,
         points: &Points<D>,
+        released_before: Option<Nodal<D>>,
     ) -> Result<(), Box<LoadNotFinite>> {
-        let StepContext { model, links, factor, step } = *context;
+        let StepContext { model, links, factor, .. } = *context;
         let force =
             |factor: &dyn Fn(&Load<D>) -> f64| external_force_of_factors(model, points, links, factor);
         let stands = |load: &Load<D>| load.factors_of_stage(&model.stepping).0;
@@ -233,24 +194,19 @@ impl<const D: usize> ExternalForces<D> {
         if model.loads.iter().any(|load| stands(load) != 0.0) {
             fixed = Some(force(&stands)?);
         }
-        if let Some(forces) = not_yet_released(model, links, step.end) {
-            let none =
-                || ExternalForce { nodal: vec![[0.0; D]; forces.len()], resultants: unit.resultants.clone() };
-            let fixed = fixed.get_or_insert_with(|| {
-                let mut none = none();
-                none.resultants.fill([0.0; D]);
-                none
-            });
-            add(&mut fixed.nodal, &forces);
+        if let Some(forces) = &self.released {
+            let none = || ExternalForce {
+                nodal: vec![[0.0; D]; forces.len()],
+                resultants: vec![[0.0; D]; unit.resultants.len()],
+            };
+            add(&mut fixed.get_or_insert_with(none).nodal, forces);
         }
         self.end = vec![[0.0; D]; unit.nodal.len()];
         self.unknown = Some(Unknown { fixed, unit });
         self.set_factor(factor);
         self.start = self.end.clone();
-        if let (Some(before), Some(now)) =
-            (not_yet_released(model, links, step.start), not_yet_released(model, links, step.end))
-        {
-            for (start, (before, now)) in self.start.iter_mut().zip(before.iter().zip(&now)) {
+        if let (Some(before), Some(now)) = (released_before, &self.released) {
+            for (start, (before, now)) in self.start.iter_mut().zip(before.iter().zip(now)) {
                 (0..D).for_each(|d| start[d] += before[d] - now[d]);
             }
         }
@@ -271,9 +227,15 @@ impl<const D: usize, const N: usize> Term<D, N> for ExternalForces<D> {
 
     fn begin(&mut self, context: &StepContext<D>, points: &Points<D>) -> Result<(), BeginError> {
         let StepContext { model, links, step, .. } = *context;
-        self.released = not_yet_released(model, links, step.end);
+        let released = released_forces(model, points, links);
+        let acting = |time: f64| {
+            let share = model.share_not_released(time);
+            let at_node = |force: &[f64; D]| force.map(|f| share * f);
+            released.as_ref().map(|forces| forces.iter().map(at_node).collect::<Nodal<D>>())
+        };
+        self.released = acting(step.end);
         if model.stepping.control.has_unknown_factor() {
-            return Ok(self.begin_unknown(context, points)?);
+            return Ok(self.begin_unknown(context, points, acting(step.start))?);
         }
         let load = |time| external_force(model, points, links, time); // (24), (25), (29)
         let ExternalForce { nodal, resultants } = load(step.end)?;
@@ -281,8 +243,8 @@ impl<const D: usize, const N: usize> Term<D, N> for ExternalForces<D> {
         let is_loaded = step.start > 0.0 || model.initial_imbalance.is_some();
         self.start = if is_loaded { load(step.start)?.nodal } else { vec![[0.0; D]; nodal.len()] };
         (self.end, self.resultants, self.unknown) = (nodal, resultants, None);
-        for (forces, time) in [(&mut self.start, step.start), (&mut self.end, step.end)] {
-            if let Some(released) = not_yet_released(model, links, time) {
+        for (forces, released) in [(&mut self.start, acting(step.start)), (&mut self.end, acting(step.end))] {
+            if let Some(released) = released {
                 add(forces, &released);
             }
         }

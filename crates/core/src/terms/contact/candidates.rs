@@ -31,7 +31,7 @@ use crate::material::Modulus;
 use crate::model::{Model, ModuliAtRest, Tool};
 use crate::points::Points;
 use crate::region::vector::{along, dot, minus, norm};
-use crate::surface::{OuterSides, active, lies_in_one_cell, mean_over_side, sides_of_domain};
+use crate::surface::{OuterSides, active, corners_of, lies_in_one_cell, mean_over_side, sides_of_domain};
 use crate::terms::failure::ContactPlace;
 use crate::tool::{Closest, Shape};
 
@@ -314,13 +314,7 @@ impl<const D: usize> Search<'_, D> {
     /// The active nodes that move a material point, and S_vp.
     fn basis_of_point(&self, p: usize) -> Carriers {
         let links = self.links;
-        // The last group that begins at or before the point.
-        let (mut group, mut beyond) = (0, links.n_groups());
-        while beyond - group > 1 {
-            let middle = usize::midpoint(group, beyond);
-            *(if links.points_of(middle).start <= p { &mut group } else { &mut beyond }) = middle;
-        }
-        let (nodes, mut carriers) = (links.nodes_of(group), Carriers::default());
+        let (nodes, mut carriers) = (links.nodes_of(links.group_of(p)), Carriers::default());
         links.for_each_value(p, |local, value| carriers.push(nodes[local], value));
         carriers
     }
@@ -405,27 +399,6 @@ impl<const D: usize> Search<'_, D> {
         }
         Some(active)
     }
-}
-
-/// The corners of the domain of a material point in the converged state.
-pub(super) fn corners_of<'a, const D: usize>(
-    points: &'a Points<D>,
-    p: usize,
-    buffer: &'a mut [[f64; D]; MAX_CORNERS],
-) -> &'a [[f64; D]] {
-    let corners = points.corners(p);
-    if !corners.is_empty() {
-        return corners;
-    }
-    let (x, l) = (&points.converged.position[p], points.half_lengths(p));
-    if l == [0.0; D] {
-        buffer[0] = *x;
-        return &buffer[..1];
-    }
-    for (k, corner) in buffer.iter_mut().enumerate().take(1 << D) {
-        *corner = std::array::from_fn(|d| x[d] + if k >> d & 1 == 1 { l[d] } else { -l[d] });
-    }
-    &buffer[..1 << D]
 }
 
 /// Distance of the farthest corner of the domain of a material point from its position, in the converged state,

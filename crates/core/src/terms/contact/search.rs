@@ -8,10 +8,11 @@ use crate::grid::MAX_CORNERS;
 use crate::points::PIECE;
 use crate::ranks::Reduction;
 use crate::region::vector::{along, cross, dot, minus, norm};
+use crate::surface::corners_of;
 use crate::terms::failure::ContactError;
 use crate::tool::{Closest, Face, facing_each_other};
 
-use super::candidates::{CENTRE, Candidate, FACE, Key, Near, Search, TOUCHING, corners_of, named, radius_of};
+use super::candidates::{CENTRE, Candidate, FACE, Key, Near, Search, TOUCHING, named, radius_of};
 use super::motion::in_space;
 use super::outer::Outer;
 use super::ranks::{Failure, Plain, agreed, exchange};

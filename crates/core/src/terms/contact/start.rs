@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::candidates::{TOUCHING, corners_of, named};
+use super::candidates::{TOUCHING, named};
 use super::motion::Moving;
 use crate::grid::MAX_CORNERS;
 use crate::model::{Model, Tool};
@@ -10,6 +10,7 @@ use crate::points::{PIECE, Points};
 use crate::region::vector::{along, minus, norm, unit};
 use crate::region::{Bounds, corners, hull};
 use crate::step::Step;
+use crate::surface::corners_of;
 use crate::terms::failure::ContactPlace;
 use crate::tool::Pose;
 

@@ -1,0 +1,164 @@
+//! The forces that a stage releases, and the material that carries them.
+
+use rustc_hash::FxHashMap;
+use serde::{Deserialize, Serialize};
+
+use crate::grid::element::corner_side;
+use crate::points::Points;
+use crate::surface::sides_of_domain;
+
+/// Forces that keep the state at the start of a stage in equilibrium. They keep their direction, move with the material
+/// that carries them, and decrease to zero, linearly over the stage.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Released<const D: usize> {
+    /// Forces on the sides of domains that the stage has exposed, [force].
+    pub sides: Vec<SideForce<D>>,
+    /// Permanent numbers of points and the forces on them, [force].
+    pub points: Vec<(u32, [f64; D])>,
+    /// Grid nodes and the forces on them that no material can carry, [force].
+    pub nodes: Vec<(u32, [f64; D])>,
+    /// Number of cuts of points before the stage; those after it share out the forces of the cut points.
+    pub cuts_before: usize,
+}
+
+/// A force on the side of a domain.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SideForce<const D: usize> {
+    /// Permanent number of the point.
+    pub point: u32,
+    /// Number of the side, see [`sides_of_domain`].
+    pub side: u8,
+    /// The force, [force].
+    pub force: [f64; D],
+}
+
+/// Released forces as checkpoints store them.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct SavedRelease {
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    sides: Vec<(u32, u8, Vec<f64>)>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    points: Vec<(u32, Vec<f64>)>,
+}
+
+impl<const D: usize> Released<D> {
+    /// True if there are no forces.
+    pub fn is_empty(&self) -> bool {
+        self.sides.is_empty() && self.points.is_empty() && self.nodes.is_empty()
+    }
+
+    /// The forces on the material, for a checkpoint.
+    pub fn save(&self) -> SavedRelease {
+        let side = |side: &SideForce<D>| (side.point, side.side, side.force.to_vec());
+        SavedRelease {
+            sides: self.sides.iter().map(side).collect(),
+            points: self.points.iter().map(|(id, force)| (*id, force.to_vec())).collect(),
+        }
+    }
+
+    /// Restores the forces on the material that [`Released::save`] returned; `None` if they are not forces in `D`
+    /// dimensions.
+    pub fn restore(&mut self, saved: &SavedRelease) -> Option<()> {
+        let vector = |force: &[f64]| -> Option<[f64; D]> {
+            force.try_into().ok().filter(|force: &[f64; D]| force.iter().all(|f| f.is_finite()))
+        };
+        let side = |(point, side, force): &(u32, u8, Vec<f64>)| {
+            Some(SideForce { point: *point, side: *side, force: vector(force)? })
+        };
+        self.sides = saved.sides.iter().map(side).collect::<Option<_>>()?;
+        let point = |(id, force): &(u32, Vec<f64>)| Some((*id, vector(force)?));
+        self.points = saved.points.iter().map(point).collect::<Option<_>>()?;
+        Some(())
+    }
+
+    /// The forces as the present points carry them: halves of cut points share the forces of the whole equally.
+    pub fn shared_out(&self, points: &Points<D>) -> Released<D> {
+        let mut released = self.clone();
+        let cuts = points.cuts.get(self.cuts_before..).unwrap_or_default();
+        if cuts.is_empty() {
+            return released;
+        }
+        let corners: FxHashMap<u32, usize> =
+            (0..points.len()).map(|p| (points.id[p], points.corner_range(p).len())).collect();
+        for cut in cuts {
+            for k in 0..released.points.len() {
+                if released.points[k].0 == cut.point {
+                    let half = released.points[k].1.map(|f| 0.5 * f);
+                    released.points[k].1 = half;
+                    released.points.push((cut.half, half));
+                }
+            }
+            // A rank that holds neither half applies none of their forces.
+            let Some(&n) = corners.get(&cut.point).or_else(|| corners.get(&cut.half)) else { continue };
+            for k in 0..released.sides.len() {
+                if released.sides[k].point == cut.point {
+                    let SideForce { side, force, .. } = released.sides[k];
+                    let [first, second] = shares_of_halves::<D>(n, side, cut.edge);
+                    released.sides[k].force = force.map(|f| first * f);
+                    let force = force.map(|f| second * f);
+                    released.sides.push(SideForce { point: cut.half, side, force });
+                }
+            }
+        }
+        released
+    }
+}
+
+/// The shares of the first and the second half of a domain with `n` corners in the force on one of its sides, when the
+/// domain is cut across this edge, [-].
+fn shares_of_halves<const D: usize>(n: usize, side: u8, edge: [u8; 2]) -> [f64; 2] {
+    let Some(side) = sides_of_domain::<D>(n).nth(usize::from(side)) else { return [0.5; 2] };
+    let [a, b] = edge.map(usize::from);
+    // The corners that remain with the first half, and those that remain with the second.
+    let is_beside = |end: usize, corner: usize| {
+        if n == 1 << D {
+            let axis = (a ^ b).trailing_zeros() as usize;
+            corner_side::<D>(corner)[axis] == corner_side::<D>(end)[axis]
+        } else {
+            corner == end
+        }
+    };
+    let has = |end: usize| side.corners().iter().any(|&corner| is_beside(end, corner));
+    match [has(a), has(b)] {
+        [true, false] => [1.0, 0.0],
+        [false, true] => [0.0, 1.0],
+        _ => [0.5; 2],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn halves_share_the_sides_that_a_cut_divides() {
+        // The corners of a box are numbered with the first axis fastest, so the edge 01 is cut across the first axis.
+        let side_at = |x: [usize; 2]| {
+            let found = sides_of_domain::<2>(4).position(|side| x.iter().all(|k| side.corners().contains(k)));
+            found.unwrap() as u8
+        };
+        assert_eq!(shares_of_halves::<2>(4, side_at([0, 1]), [0, 1]), [0.5; 2]);
+        assert_eq!(shares_of_halves::<2>(4, side_at([0, 2]), [0, 1]), [1.0, 0.0]);
+        assert_eq!(shares_of_halves::<2>(4, side_at([1, 3]), [0, 1]), [0.0, 1.0]);
+        let triangle = |x: [usize; 2]| {
+            let found = sides_of_domain::<2>(3).position(|side| x.iter().all(|k| side.corners().contains(k)));
+            found.unwrap() as u8
+        };
+        assert_eq!(shares_of_halves::<2>(3, triangle([0, 1]), [0, 1]), [0.5; 2]);
+        assert_eq!(shares_of_halves::<2>(3, triangle([0, 2]), [0, 1]), [1.0, 0.0]);
+        assert_eq!(shares_of_halves::<2>(3, triangle([1, 2]), [0, 1]), [0.0, 1.0]);
+    }
+
+    #[test]
+    fn checkpoints_keep_forces_on_the_material() {
+        let released = Released::<2> {
+            sides: vec![SideForce { point: 3, side: 1, force: [0.25, -1.0] }],
+            points: vec![(7, [1e-3, 2.0])],
+            ..Released::default()
+        };
+        let mut restored = Released::default();
+        assert_eq!(restored.restore(&released.save()), Some(()));
+        assert_eq!(restored, released);
+        assert_eq!(Released::<3>::default().restore(&released.save()), None);
+    }
+}

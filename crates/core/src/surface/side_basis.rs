@@ -1,0 +1,57 @@
+//! The basis of the grid on the side of a domain.
+
+use super::{DomainSide, Support, corners_of, mean_over_side};
+use crate::basis::{Connectivity, Method};
+use crate::grid::{CellBasis, Grid, MAX_CORNERS};
+use crate::points::Points;
+use crate::region::vector::{along, minus};
+
+/// Distance towards its point by which a corner is moved to find its cell, relative to the distance from the point, [-].
+const INWARDS: f64 = 1e-6;
+
+/// The active nodes with the mean of N_v over a side of the domain of a point in the converged state, by the rule of its
+/// method: the mean over the corners for CPDI, the integral over the side for GIMP. Forces of the method's own uniform
+/// stress on the side have this distribution.
+pub fn side_basis<const D: usize>(
+    grid: &dyn Grid<D>,
+    links: &Connectivity<D>,
+    points: &Points<D>,
+    p: usize,
+    side: &DomainSide,
+    method: Method,
+) -> Vec<(u32, f64)> {
+    let (body, cell) = (points.body[p], points.cell[p]);
+    let mut buffer = [[0.0; D]; MAX_CORNERS];
+    let domain = corners_of(points, p, &mut buffer);
+    let corners: Vec<[f64; D]> = side.corners().iter().map(|&k| domain[k]).collect();
+    let active = |basis: CellBasis<D>| {
+        let mut support = Support::default();
+        for ((&node, &value), gradient) in basis.nodes().iter().zip(basis.value()).zip(basis.gradient()) {
+            if let Some(active) = links.moves_with(body, node as usize) {
+                support.push(active as u32, value, *gradient);
+            }
+        }
+        Some(support)
+    };
+    let inside = |x: &[f64; D]| {
+        let x = along(x, INWARDS, &minus(&points.converged.position[p], x));
+        grid.basis_near(&x, Some(cell)).0
+    };
+    let cells: Vec<u32> = corners.iter().map(inside).collect();
+    let integral = || mean_over_side(grid, &corners, &cells, active);
+    if let Some(mean) = (method == Method::Gimp).then(integral).flatten() {
+        return mean;
+    }
+    let mut mean: Vec<(u32, f64)> = Vec::new();
+    for (x, &cell) in corners.iter().zip(&cells) {
+        let support = active(grid.basis_at(cell, x)).unwrap_or_default();
+        for (&node, value) in support.nodes().iter().zip(support.value()) {
+            let value = value / corners.len() as f64;
+            match mean.iter_mut().find(|(other, _)| *other == node) {
+                Some((_, sum)) => *sum += value,
+                None => mean.push((node, value)),
+            }
+        }
+    }
+    mean
+}
