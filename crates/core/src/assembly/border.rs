@@ -28,7 +28,7 @@ pub struct Border<const N: usize> {
     pub(crate) round_off: Vec<f64>,
     /// Stiffness that the solver adds to the diagonal of C if the equations alone may leave a global unknown
     /// undetermined. It affects the iterations but not the solution.
-    pub(crate) support: Vec<f64>,
+    pub(crate) support: Vec<Vec<f64>>,
     /// The first global unknown of the term that is being evaluated.
     pub(crate) first: usize,
 }
@@ -46,7 +46,7 @@ impl<const N: usize> Border<N> {
             works: vec![false; n],
             scale: vec![0.0; n],
             round_off: vec![0.0; n],
-            support: vec![0.0; n],
+            support: vec![vec![0.0; n]; n],
             first: 0,
         }
     }
@@ -97,10 +97,10 @@ impl<const N: usize> Border<N> {
         self.corner[self.first + i][self.first + j] += value;
     }
 
-    /// Adds to the stiffness with which the solver supports the term's global unknown `i` in an iteration, because the
-    /// equations may leave this unknown undetermined.
-    pub fn add_support(&mut self, i: usize, stiffness: f64) {
-        self.support[self.first + i] += stiffness;
+    /// Adds to the stiffness between the term's global unknowns `i` and `j` with which the solver supports these unknowns
+    /// in an iteration, because the equations may leave them undetermined.
+    pub fn add_support(&mut self, i: usize, j: usize, stiffness: f64) {
+        self.support[self.first + i][self.first + j] += stiffness;
     }
 
     /// Marks the residual of the term's global equation `i` as the negative out-of-balance force or moment on unknown
@@ -119,7 +119,7 @@ impl<const N: usize> Border<N> {
     pub(crate) fn complete(&mut self, reduction: &Reduction) {
         let Border { columns, rows, corner, residual, per_factor, scale, round_off, support, .. } = self;
         columns.iter_mut().chain(rows).for_each(|field| reduction.complete(field));
-        for numbers in corner.iter_mut().chain([residual, per_factor, scale, round_off, support]) {
+        for numbers in corner.iter_mut().chain(support).chain([residual, per_factor, scale, round_off]) {
             if !numbers.is_empty() {
                 reduction.sum(numbers);
             }

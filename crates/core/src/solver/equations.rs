@@ -392,8 +392,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         let influences: Vec<f64> =
             (0..n * n).map(|entry| along(&border.rows[entry % n], &influence[entry / n])).collect();
         let matrix = nalgebra::DMatrix::from_fn(n, n, |i, j| {
-            let support = if i == j { border.support[i] } else { 0.0 };
-            border.corner[i][j] + support - influences[j * n + i]
+            border.corner[i][j] + border.support[i][j] - influences[j * n + i]
         });
         let residual = residuals.unwrap_or(&border.residual);
         let rhs = nalgebra::DVector::from_fn(n, |i, _| -residual[i] - along(&border.rows[i], delta));

@@ -29,15 +29,7 @@ pub(super) type BalancingForces<const D: usize, const N: usize> = fn(
     &Exchange<D>,
 ) -> Result<Released<D>, SolveError>;
 
-pub(super) use carriers::RemovedDomains;
-
-/// What a stage has exchanged.
-pub(super) struct Exchange<const D: usize> {
-    /// The domains of the bodies that it has removed.
-    pub removed: RemovedDomains<D>,
-    /// Out-of-balance force that may be round-off, and is not released, [force].
-    pub left: f64,
-}
+pub(super) use carriers::{Exchange, RemovedDomains};
 
 /// Tells the terms which bodies the present stage has removed, and which it has placed onto others; true if there are
 /// any.

@@ -53,10 +53,13 @@
 
 mod augmentation;
 mod candidates;
+mod edges;
 mod evaluation;
 mod interface;
+mod key;
 mod motion;
 mod multipliers;
+mod on_sides;
 mod outer;
 mod ranks;
 mod safeguards;
@@ -64,6 +67,7 @@ mod search;
 mod sides;
 mod start;
 mod state;
+mod support;
 #[cfg(test)]
 mod tests;
 
@@ -89,13 +93,16 @@ use super::multipliers::Multipliers;
 use super::report::TermReport;
 use super::saved::Saved;
 use super::term::{Character, Coupled, Term};
-use candidates::{Candidate, Key};
+use candidates::Candidate;
+use edges::Edges;
 use evaluation::{Trial, Trials};
 use interface::Multiplier;
+use key::{Kept, Key};
 use motion::Moving;
-use multipliers::{Change, Kept, Worst, forces_of};
+use multipliers::{Change, Worst, forces_of};
 use ranks::{Failure, agreed, gathered};
 use search::Found;
+use support::support_sliding;
 
 pub use interface::Mode;
 pub use start::{StartOverlap, boxes_on_the_way, overlaps_at_start};
@@ -113,6 +120,8 @@ pub struct Contact<const D: usize> {
     has_begun: Vec<bool>,
     /// The outer sides of domains, which share their areas among the contact points.
     outer: OuterSides,
+    /// Positions on the edges of each tool.
+    edges: Vec<Edges<D>>,
     /// For each body, true if it has points in the current step.
     is_there: Vec<bool>,
     /// The contact points on this rank that may touch a tool in the current step; their multipliers at its start, and
@@ -158,6 +167,7 @@ impl<const D: usize> Contact<D> {
             converged: FxHashMap::default(),
             has_begun: vec![false; model.bodies.len()],
             outer: OuterSides::default(),
+            edges: vec![Edges::default(); model.tools.len()],
             is_there: vec![false; model.bodies.len()],
             candidates: Vec::new(),
             awake: Vec::new(),
@@ -184,6 +194,21 @@ impl<const D: usize> Contact<D> {
     /// The tools of a model at the start, without forces.
     pub fn at_start(model: &Model<D>) -> Vec<ToolState<D>> {
         Contact::new(model).states(model)
+    }
+
+    /// Evaluates all contact points; `farthest` is the largest displacement of a node, [length], and `kept` tells for each
+    /// tool whether contact points that carried force hold it at the start of the iterations.
+    fn try_all<const N: usize>(
+        &mut self,
+        model: &Model<D>,
+        at: At<N>,
+        farthest: f64,
+        kept: &[bool],
+    ) -> Result<(), Failure> {
+        let at_rest = self.at_rest;
+        let trials = Trials { model, tools: &self.tools, delta_d: at.delta_d, farthest, at_rest, kept };
+        let found = trials.all(&self.candidates, &self.multipliers, &self.has_touched, &mut self.trials);
+        agreed(&self.reduction, found)
     }
 
     /// The contact points on this rank that touch a tool at the last evaluation.
@@ -250,18 +275,27 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
         let (farthest, at_rest) = self.motion(at);
         self.wake(step, points, farthest)?;
         let model = step.model;
-        let trials = Trials { model, tools: &self.tools, delta_d: at.delta_d, farthest, at_rest };
         self.at_rest = at_rest;
-        let found = trials.all(&self.candidates, &self.multipliers, &self.has_touched, &mut self.trials);
-        agreed(&self.reduction, found)?;
-        let is_symmetric = self.touching().all(|(.., touch)| touch.is_symmetric());
-        self.is_symmetric &= is_symmetric;
-        let [touches, holds] = self.touched();
+        let mut kept = vec![false; self.tools.len()];
+        self.try_all(model, at, farthest, &kept)?;
+        let [mut touches, mut holds] = self.touched();
         if at_rest {
+            for (kept, (moving, touches)) in kept.iter_mut().zip(self.tools.iter().zip(&touches)) {
+                *kept = moving.first_free().is_some() && !touches;
+            }
+            if kept.contains(&true) {
+                self.try_all(model, at, farthest, &kept)?;
+                [touches, holds] = self.touched();
+            }
             self.check_that_free_tools_touch(model, &touches)?;
         }
+        let is_symmetric = self.touching().all(|(.., touch)| touch.is_symmetric());
+        self.is_symmetric &= is_symmetric;
         let pairs: Vec<_> = self.candidates.iter().zip(&self.trials).collect();
-        evaluation::add(&self.tools, &pairs, &holds, wanted, sum);
+        if wanted == Wanted::Stiffness {
+            support_sliding(&self.tools, &pairs, &holds, &self.reduction, sum);
+        }
+        evaluation::add(&self.tools, &pairs, wanted, sum);
         self.factor = at.factor;
         let is_first = self.reduction.is_root();
         evaluation::add_loads(model, &self.tools, (step.step.end, at.factor), at.globals, is_first, sum);

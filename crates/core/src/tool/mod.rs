@@ -43,6 +43,7 @@
 
 mod border;
 mod closest;
+mod edges;
 mod error;
 mod extrusion;
 mod features;
@@ -62,6 +63,7 @@ mod triangulated;
 mod wall;
 
 pub use closest::{Closest, Face, facing_each_other};
+pub use edges::sharp_positions;
 pub use error::{NoOutline, ShapeError};
 pub use extrusion::Extrusion;
 pub use half_space::HalfSpace;

@@ -21,8 +21,6 @@ use crate::surface::{
 };
 use crate::terms::external_force::forces_on_points;
 
-use super::Exchange;
-
 /// Distance beyond a side at which a removed domain is looked for, relative to the size of the domain, [-].
 const BEYOND: f64 = 0.1;
 /// Force on a node, relative to the largest one, above which the node counts as out of balance, [-].
@@ -30,6 +28,14 @@ const OUT_OF_BALANCE: f64 = 1e-3;
 /// Reduction of the gradient of the squares at which the least squares end, [-], and largest number of iterations.
 const ACCURACY: f64 = 1e-13;
 const MOST_ITERATIONS: usize = 500;
+
+/// What a stage has exchanged.
+pub(in crate::solver) struct Exchange<const D: usize> {
+    /// The domains of the bodies that it has removed.
+    pub removed: RemovedDomains<D>,
+    /// Out-of-balance force that may be round-off, and is not released, [force].
+    pub left: f64,
+}
 
 /// The domains that a stage removes, in the state in which it begins.
 pub(in crate::solver) struct RemovedDomains<const D: usize> {

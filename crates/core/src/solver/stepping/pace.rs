@@ -1,4 +1,8 @@
 //! The size of load steps: failed steps are cut, and later steps grow again.
+//!
+//! Steps that need few iterations grow as soon as the steps after a failure have succeeded. Others, such as those with
+//! contact, grow after more successes, whatever their iterations: a step of twice the size costs less than two steps. Where
+//! steps of some size fail again and again, the number of successes before the next attempt at this size doubles each time.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,8 +10,14 @@ use crate::model::{SAME_TIME, Stepping};
 
 /// A step may be followed by one of twice its size if it took at most this number of iterations.
 const FEW: usize = 8;
-/// Number of steps that must succeed after a failure before steps may grow.
+/// Number of steps that must succeed after a failure before steps may grow; it doubles each time that steps of about the same
+/// size fail, at most this number of times.
 const PATIENCE: u32 = 2;
+const MOST_DOUBLINGS: u32 = 5;
+/// Number of steps of the same size that must succeed before a smaller step than requested grows, whatever its iterations.
+const SUCCESSES: u32 = 4;
+/// Sizes count as the same if their ratio is below this, [-].
+const ALIKE: f64 = 1.5;
 /// Time that must remain between the end of a step and the next stop, relative to the step, for the step to keep its
 /// size, [-]; if less remains, the last two steps before the stop are made equal.
 const REST: f64 = 0.5;
@@ -19,6 +29,15 @@ pub struct Pace {
     size: f64,
     /// Number of steps that must succeed before steps may grow.
     patience: u32,
+    /// Number of steps of this size that have succeeded.
+    #[serde(default)]
+    successes: u32,
+    /// Size of the last step that failed, relative to a requested step, [-], and how often steps of about this size have
+    /// failed before; 0 once such a step has succeeded.
+    #[serde(default)]
+    failed_size: f64,
+    #[serde(default)]
+    failures: u32,
     /// The last resort in use.
     #[serde(default)]
     resort: Option<LastResort>,
@@ -35,7 +54,7 @@ enum LastResort {
 
 impl Default for Pace {
     fn default() -> Self {
-        Pace { size: 1.0, patience: 0, resort: None }
+        Pace { size: 1.0, patience: 0, successes: 0, failed_size: 0.0, failures: 0, resort: None }
     }
 }
 
@@ -83,18 +102,29 @@ impl Pace {
     /// Records a step that has converged in this number of iterations, counted anew after each multiplier update.
     pub fn succeeded(&mut self, stepping: &Stepping, iterations: usize) {
         self.patience = self.patience.saturating_sub(1);
+        self.successes += 1;
         self.resort = None;
-        if self.patience == 0 && iterations <= FEW {
-            self.size = (2.0 * self.size).min(stepping.largest.max(1.0));
+        if self.size * ALIKE > self.failed_size {
+            (self.failed_size, self.failures) = (0.0, 0);
+        }
+        let recovers = self.size < 1.0 && self.successes >= SUCCESSES;
+        if self.patience == 0 && (iterations <= FEW || recovers) {
+            let largest = if iterations <= FEW { stepping.largest.max(1.0) } else { 1.0 };
+            self.size = (2.0 * self.size).min(largest);
+            self.successes = 0;
         }
     }
 
     /// Halves the step between these times for the next attempt; false if it would be smaller than allowed.
     pub fn halve(&mut self, stepping: &Stepping, start: f64, end: f64) -> bool {
-        let smaller = 0.5 * (end - start) / stepping.size();
+        let size = (end - start) / stepping.size();
+        let smaller = 0.5 * size;
         let may = smaller >= stepping.smallest * (1.0 - SAME_TIME);
         if may {
-            *self = Pace { size: smaller, patience: PATIENCE, resort: None };
+            let is_repeated = size < ALIKE * self.failed_size && self.failed_size < ALIKE * size;
+            let failures = if is_repeated { (self.failures + 1).min(MOST_DOUBLINGS) } else { 0 };
+            let patience = PATIENCE << failures;
+            *self = Pace { size: smaller, patience, successes: 0, failed_size: size, failures, resort: None };
         }
         may
     }
@@ -153,9 +183,27 @@ mod tests {
         let stepping = Stepping { smallest: 0.01, ..Stepping::fixed(4, 4.0) };
         // Steps of more than a quarter fail between 1 and 2.
         let found = ends(&stepping, 5, |start, end| start < 1.99 && end > 1.01 && end - start > 0.26);
-        assert_eq!(found, [1.0, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0, 4.0]);
+        // The attempt to double the step at 1.5 fails, so the next one waits for four steps.
+        assert_eq!(found, [1.0, 1.25, 1.5, 1.75, 2.0, 2.25, 2.5, 3.0, 4.0]);
         let slowly = ends(&stepping, 15, |start, end| start < 1.99 && end > 1.01 && end - start > 0.26);
-        assert_eq!(slowly.len(), 1 + 12, "steps that need many iterations do not grow");
+        // After four steps of a quarter, one of a half; again after four of these, if there were any.
+        assert_eq!(slowly, [1.0, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0, 3.5, 4.0], "{slowly:?}");
+    }
+
+    #[test]
+    fn steps_that_always_fail_at_some_size_are_tried_less_and_less_often() {
+        let stepping = Stepping { smallest: 1e-4, ..Stepping::fixed(1, 1.0) };
+        for iterations in [5, 15] {
+            let mut fails = 0;
+            let found = ends(&stepping, iterations, |start, end| {
+                let is_long = end - start > 0.0011;
+                fails += usize::from(is_long);
+                is_long
+            });
+            // Steps of 1/1024: doubled in vain after 2, 4, 8, 16, 32 and then every 64 steps.
+            assert!(found.len() > 1000 && found.len() < 1100, "{}", found.len());
+            assert!(fails < 10 + 5 + 1000 / 64 + 2, "{fails} of {}", found.len());
+        }
     }
 
     #[test]

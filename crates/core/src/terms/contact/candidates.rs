@@ -5,6 +5,7 @@
 //! | GIMP | corners of the box x_p ± l_p | N_v of the cell that holds the corner; on outer sides, see below |
 //! | CPDI1, CPDI2 | corners of the domain | N_v of the cell that holds the corner |
 //! | MPM | corners of the box x_p ± l_p, or x_p if the point has no box | N_v of the cell of x_p, extrapolated |
+//! | all | positions on outer sides that meet sharp corners and edges of tools (see [`super::on_sides`]) | the mean of N_v at the corners of the side |
 //! | all | x_p, to detect thin tools between the corners; not below a flat surface without edges | S_vp |
 //!
 //! Corners of several domains at the same place are one contact point: in CPDI2 always, in CPDI1 as long as the domains
@@ -24,6 +25,7 @@
 //! inactive, the next cell towards the material point is taken, and its basis is extrapolated to the corner.
 
 use rayon::prelude::*;
+use rustc_hash::FxHashMap;
 
 use crate::basis::{Connectivity, Method};
 use crate::grid::{CellBasis, MAX_CORNERS};
@@ -35,6 +37,8 @@ use crate::surface::{OuterSides, active, corners_of, lies_in_one_cell, mean_over
 use crate::terms::failure::ContactPlace;
 use crate::tool::{Closest, Shape};
 
+use super::edges::Edges;
+use super::key::{CENTRE, FACE, Kept, Key, is_on_side};
 use super::motion::{Moving, farthest};
 use super::outer::Outer;
 
@@ -50,21 +54,6 @@ pub(super) const TOUCHING: f64 = 1e-6;
 const MIN_AREA: f64 = 0.1;
 /// Fractions of the distance from a corner to its material point at which a cell for the corner is sought.
 const INWARDS: [f64; 5] = [1e-6, 0.25, 0.5, 0.75, 1.0];
-
-/// Corner number of the contact point at the position of a material point whose domain also has corners.
-pub(super) const CENTRE: u32 = MAX_CORNERS as u32;
-/// What the corner number of a contact point grows by from one face of a re-entrant corner of a tool to the next.
-pub(super) const FACE: u32 = 2 * MAX_CORNERS as u32;
-
-/// Identifies a contact point that keeps its multipliers from step to step: a tool, and a corner of the domain of a
-/// material point or [`CENTRE`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub(super) struct Key {
-    pub(super) tool: u32,
-    /// Permanent number of the material point.
-    pub(super) point: u32,
-    pub(super) corner: u32,
-}
 
 /// A contact point on a body that may touch a tool in the current step.
 #[derive(Debug, Clone)]
@@ -202,6 +191,10 @@ pub(super) struct Search<'a, const D: usize> {
     pub(super) has_begun: &'a [bool],
     /// The outer sides of domains.
     pub(super) outer: &'a OuterSides,
+    /// Positions on the edges of each tool.
+    pub(super) edges: &'a [Edges<D>],
+    /// The state of the contact points that touched at the end of the last converged step.
+    pub(super) kept: &'a FxHashMap<Key, Kept<D>>,
     /// For each tool, the distance from its surface beyond which contact points under a flat part sleep in the step,
     /// [length].
     pub(super) awake: &'a [f64],
@@ -279,6 +272,8 @@ impl<const D: usize> Search<'_, D> {
         let area = if area == 0.0 { area_of_corner } else { area };
         let basis = if key.corner % FACE == CENTRE {
             self.basis_of_point(p)
+        } else if is_on_side(key.corner) {
+            self.basis_on_side(p, key.corner, &start)
         } else {
             self.basis_of_corner(p, (key.corner % FACE) as usize, &start, &outer)
         };
@@ -336,6 +331,22 @@ impl<const D: usize> Search<'_, D> {
             if side.corners().contains(&number) {
                 let places: Vec<[f64; D]> = side.corners().iter().map(|&k| corners[k]).collect();
                 self.add_difference(p, &places, &mut carriers);
+            }
+        }
+        carriers
+    }
+
+    /// The active nodes that move a position on a side of a domain, and the mean of N_v over the corners of the side,
+    /// weighted by their shares in the position.
+    fn basis_on_side(&self, p: usize, corner: u32, x: &[f64; D]) -> Carriers {
+        let (model, points) = (self.model, self.points);
+        let method = model.bodies[points.body[p] as usize].method;
+        let mut buffer = [[0.0; D]; MAX_CORNERS];
+        let corners = corners_of(points, p, &mut buffer);
+        let mut carriers = Carriers::default();
+        for (k, share) in self.shares_on_side(p, corner, x) {
+            for (node, value) in self.basis(p, &corners[k], method).1.iter() {
+                carriers.add(node as u32, share * value);
             }
         }
         carriers

@@ -43,6 +43,8 @@ pub(super) struct Trials<'a, const D: usize, const N: usize> {
     pub(super) farthest: f64,
     /// True at the start of the iterations, when no node has moved yet.
     pub(super) at_rest: bool,
+    /// For each tool, true if contact points that carried force hold it at the start of the iterations.
+    pub(super) kept: &'a [bool],
 }
 
 impl<const D: usize, const N: usize> Trials<'_, D, N> {
@@ -100,6 +102,7 @@ impl<const D: usize, const N: usize> Trials<'_, D, N> {
             shear: moving.end.vector_to_space(&multiplier.shear),
             at_rest: self.at_rest,
             is_fresh: self.at_rest && !loaded && gap <= TOUCHING * size,
+            is_kept: self.at_rest && loaded && self.kept[candidate.key.tool as usize],
         };
         // At the start of the iterations the tool has moved and the bodies have not: the surface is extrapolated as a
         // plane, because the contact point may lie beyond the middle of a thin tool. For a plane, this is exact.
@@ -135,19 +138,14 @@ pub(super) fn first_unknowns<const D: usize>(tools: &[Moving<D>]) -> Vec<usize> 
     tools.iter().scan(0, first).collect()
 }
 
-/// Adds the forces at contact points to the nodes and to the tools, with their derivatives if wanted. `holds` tells
-/// which tools have a contact point that does not slide with friction.
+/// Adds the forces at contact points to the nodes and to the tools, with their derivatives if wanted.
 pub(super) fn add<const D: usize, const N: usize>(
     tools: &[Moving<D>],
     pairs: &[(&Candidate<D>, &Trial<D>)],
-    holds: &[bool],
     wanted: Wanted,
     sum: &mut System<N>,
 ) {
     let first = first_unknowns(tools);
-    if wanted == Wanted::Stiffness {
-        support_sliding(tools, pairs, (&first, holds), sum);
-    }
     // Neighbouring contact points often have the same nodes; their blocks are then sought only once.
     let mut last: Option<(&Candidate<D>, Vec<Option<usize>>)> = None;
     for (candidate, trial) in pairs {
@@ -172,26 +170,6 @@ pub(super) fn add<const D: usize, const N: usize>(
             last = Some((candidate, places));
         }
         Balance { moving, first: first[tool], candidate, trial, force, by_position }.add(touch, sum);
-    }
-}
-
-/// Adds the stiffness of the cells below to the unknown motions of tools whose contact points all slide with friction:
-/// as long as no contact point sticks, friction does not resist further motion along the surface.
-fn support_sliding<const D: usize, const N: usize>(
-    tools: &[Moving<D>],
-    pairs: &[(&Candidate<D>, &Trial<D>)],
-    (first, holds): (&[usize], &[bool]),
-    sum: &mut System<N>,
-) {
-    let touching = pairs.iter().filter_map(|pair| Some((pair.0, pair.1.touch.as_deref()?, &pair.1.position)));
-    let touching = touching.map(|(candidate, touch, x)| (candidate, touch, x, candidate.key.tool as usize));
-    for (candidate, touch, x, tool) in touching.filter(|(.., tool)| !holds[*tool]) {
-        let moving = &tools[tool];
-        for (j, &k) in moving.free.iter().enumerate().filter(|(j, _)| !moving.follows[*j]) {
-            let (v, _) = moving.velocity(k, x);
-            let across = along(&v, -dot(&touch.normal(), &v), &touch.normal());
-            sum.border.add_support(first[tool] + j, candidate.stiffness * dot(&across, &across));
-        }
     }
 }
 

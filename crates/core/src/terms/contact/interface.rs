@@ -136,6 +136,9 @@ pub(super) struct Approach<const D: usize> {
     /// True at the start of the iterations: contact points that did not slide in the previous step then stick, whatever
     /// the shear, so that they hold the body.
     pub(super) at_rest: bool,
+    /// True at the start of the iterations if the prescribed part of the motion would part a free tool from all bodies:
+    /// contact points that carried force then hold the tool, even by tension, until the free part of its motion is known.
+    pub(super) is_kept: bool,
 }
 
 impl<const D: usize> Approach<D> {
@@ -164,11 +167,11 @@ impl<const D: usize> Touch<D> {
     /// The force at a contact point; `None` if it is open.
     pub(super) fn new(approach: Approach<D>, law: Law) -> Option<Self> {
         let trial = approach.pressure - law.penalty * approach.gap;
-        let is_parting = trial <= -law.tension;
+        let is_parting = trial <= -law.tension && !approach.is_kept;
         if is_parting && law.tension == 0.0 && !approach.is_fresh {
             return None;
         }
-        let pressure = trial.max(-law.tension);
+        let pressure = if approach.is_kept { trial } else { trial.max(-law.tension) };
         let w = along(&approach.shear, -law.penalty, &approach.slip);
         let mut touch = Touch {
             approach,
@@ -188,7 +191,9 @@ impl<const D: usize> Touch<D> {
         let n = &approach.normal;
         let tangential = along(&w, -dot(n, &w), n);
         let (size, most) = (norm(&tangential), law.most_shear(pressure).0);
-        let sticks = approach.is_fresh || approach.at_rest && law.has_stuck(&approach.multiplier());
+        let sticks = approach.is_fresh
+            || approach.is_kept
+            || approach.at_rest && law.has_stuck(&approach.multiplier());
         if size > most && !sticks {
             let direction = tangential.map(|w| w / size);
             touch.shear = direction.map(|e| most * e);
@@ -320,6 +325,7 @@ mod tests {
             shear: [0.5, 0.0, 0.0],
             is_fresh: false,
             at_rest: false,
+            is_kept: false,
         }
     }
 

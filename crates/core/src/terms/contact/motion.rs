@@ -183,6 +183,11 @@ impl<const D: usize> Moving<D> {
         [now - self.before[k], change, now.abs() + self.before[k].abs()]
     }
 
+    /// The first component that is free and does not follow the load factor.
+    pub(super) fn first_free(&self) -> Option<usize> {
+        self.free.iter().zip(&self.follows).find(|(_, follows)| !**follows).map(|(k, _)| *k)
+    }
+
     pub(super) fn commit(&mut self) {
         self.start = self.end;
     }

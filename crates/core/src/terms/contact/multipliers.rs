@@ -7,9 +7,10 @@ use crate::ranks::Reduction;
 use crate::region::vector::{along, minus, norm};
 use crate::tool::Pose;
 
-use super::candidates::{Candidate, Key};
+use super::candidates::Candidate;
 use super::evaluation::Trial;
 use super::interface::{Added, Multiplier};
+use super::key::{Kept, Key};
 use super::motion::Moving;
 use super::ranks::{Plain, gathered, plain_parts};
 use super::search::add_others;
@@ -36,16 +37,6 @@ pub(super) fn forces_of<const D: usize>(trial: &Trial<D>, moving: &Moving<D>) ->
         normal: touch.pressure,
         shear: moving.end.vector_to_tool(&touch.shear),
     })
-}
-
-/// What a contact point that touches a tool keeps for the next step.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Kept<const D: usize> {
-    pub(super) multiplier: Multiplier<D>,
-    /// How far the contact point has moved in the step, in space or along the tool, whichever is larger, [length].
-    pub(super) motion: f64,
-    /// How far the overlap exceeded the allowed overlap at the end of the step, [length].
-    pub(super) excess: f64,
 }
 
 /// The largest differences between forces and multipliers, and where they occur.

@@ -5,8 +5,8 @@ use crate::terms::EvaluateError;
 use crate::terms::failure::ContactError;
 use crate::tool::Closest;
 
-use super::candidates::Key;
 use super::interface::{Mode, Multiplier};
+use super::key::Key;
 use super::outer::Outer;
 
 /// A value that can be written as a few numbers. Whole numbers must be below 2⁵³.

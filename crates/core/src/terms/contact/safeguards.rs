@@ -12,11 +12,11 @@ use crate::terms::failure::{ContactError, ContactPlace};
 use crate::tool::{Closest, Shape};
 
 use super::Contact;
-use super::candidates::{self, Candidate, Key, Search, allowance, missed, named};
+use super::candidates::{self, Candidate, Search, allowance, missed, named};
 use super::evaluation::Trial;
 use super::interface::{Law, Multiplier};
+use super::key::{CENTRE, FACE, Kept, Key};
 use super::motion::Moving;
-use super::multipliers::Kept;
 use super::ranks::{Failure, agreed, any_of_each, gathered};
 use super::sides;
 
@@ -32,7 +32,7 @@ const GRAZING: f64 = 5e-3;
 type Centres<const D: usize> = FxHashMap<(u32, u32), [f64; D]>;
 
 fn is_centre<const D: usize>(candidate: &Candidate<D>) -> bool {
-    candidate.key.corner % candidates::FACE == candidates::CENTRE
+    candidate.key.corner % FACE == CENTRE
 }
 
 impl<const D: usize> Contact<D> {
@@ -150,9 +150,7 @@ impl<const D: usize> Contact<D> {
         touches: &[bool],
     ) -> Result<(), ContactError> {
         for ((moving, touches), tool) in self.tools.iter().zip(touches).zip(&model.tools) {
-            let mut unknowns = moving.free.iter().zip(&moving.follows);
-            let free = unknowns.find(|(_, follows)| !**follows).map(|(k, _)| *k);
-            if let (Some(k), false) = (free, *touches) {
+            if let (Some(k), false) = (moving.first_free(), *touches) {
                 let component = Tool::<D>::component_name(k);
                 return Err(ContactError::Loose { tool: tool.name.clone(), component });
             }
@@ -184,8 +182,8 @@ impl<const D: usize> Contact<D> {
     /// The search for the contact points of a step.
     pub(super) fn search<'a>(&'a self, step: &StepContext<'a, D>, points: &'a Points<D>) -> Search<'a, D> {
         let StepContext { model, links, .. } = *step;
-        let Contact { tools, has_begun, outer, awake, smallest, .. } = self;
-        Search { model, points, links, tools, has_begun, outer, awake, smallest: *smallest }
+        let Contact { tools, has_begun, outer, edges, converged: kept, awake, smallest, .. } = self;
+        Search { model, points, links, tools, has_begun, outer, edges, kept, awake, smallest: *smallest }
     }
 
     /// Finds the contact points of a step and their multipliers.
@@ -204,6 +202,9 @@ impl<const D: usize> Contact<D> {
         self.awake = self.tools.iter().map(|moving| awake(moving).unwrap_or(f64::INFINITY)).collect();
         self.has_woken = false;
         self.outer.renew(points, &self.reduction);
+        for (tool, (edges, moving)) in self.edges.iter_mut().zip(&self.tools).enumerate() {
+            edges.follow(step.model, tool, moving, self.smallest);
+        }
         self.find_places(step, points)?;
         self.is_symmetric = self.begins_symmetric(step.model);
         self.multipliers.clone_from(&self.start);

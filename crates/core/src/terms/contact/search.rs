@@ -12,14 +12,16 @@ use crate::surface::corners_of;
 use crate::terms::failure::ContactError;
 use crate::tool::{Closest, Face, facing_each_other};
 
-use super::candidates::{CENTRE, Candidate, FACE, Key, Near, Search, TOUCHING, named, radius_of};
+use super::candidates::{Candidate, Near, Search, TOUCHING, named, radius_of};
+use super::key::{CENTRE, FACE, Key};
 use super::motion::in_space;
 use super::outer::Outer;
 use super::ranks::{Failure, Plain, agreed, exchange};
 use super::sides::SidePiece;
 
-/// Distance within which domains share a corner, relative to the size of a cell, [-].
+/// Distance within which domains share a corner, relative to the size of a cell, [-]; parallelograms drift apart.
 const SHARED: f64 = 1e-8;
+const SHARED_BY_PARALLELOGRAMS: f64 = 0.02;
 /// Sine of the angle between the surface of a tool and the edges of a side of a domain up to which this side counts as
 /// lying along the surface, [-]. A domain that touches the tool only with a corner adds nothing to the corner's area.
 const ALONG: f64 = 0.5;
@@ -42,6 +44,11 @@ const BETTER: f64 = 0.2;
 
 /// Cosine of the angle at which a face of a tool faces a side, below which the side passes this face by, [-].
 const ASIDE: f64 = 0.2;
+/// Distance beside a face, relative to the size of a cell, up to which a side that faces it still touches its plane, [-]; for
+/// contact points that have touched the tool already, and for others. At the edge of a rough punch, corners of domains stay
+/// within the tolerance of contact.
+const STILL_ON_FACE: f64 = 0.05;
+const ON_FACE: f64 = 1e-3;
 /// Depth below the faces at an edge, relative to the size of a cell, down to which a side chooses among them, [-].
 const SHALLOW: f64 = 0.1;
 
@@ -186,6 +193,7 @@ impl<const D: usize> Search<'_, D> {
                 self.add_places(point, &place, *at_corner, found)?;
             }
         }
+        self.edges_on_sides(point.p, point.tool, point.reach, at_corners, &mut found.places);
         // A surface that is flat over the domain meets the corners first; otherwise the centre may touch it, too.
         if point.corners.len() > 1 && !is_flat {
             let start = points.converged.position[point.p];
@@ -236,9 +244,11 @@ impl<const D: usize> Search<'_, D> {
         let is_better = |(face, _): &(Closest<D>, f64)| {
             towards(&face.normal) > towards(&near.normal) + BETTER && is_shallow(face) && is_shallow(&near)
         };
+        let key = self.key(point, place, None);
+        let on_face = point.size * if self.kept.contains_key(&key) { STILL_ON_FACE } else { ON_FACE };
         match best.filter(is_better) {
             // The side does not face the closest face, and lies beside the one that it faces.
-            Some((_, beside)) if beside > TOUCHING * point.size => {
+            Some((_, beside)) if beside > on_face => {
                 let is_aside = towards(&near.normal) < ASIDE;
                 if is_aside { Ok(()) } else { self.add_place(point, place, (near, None), found) }
             }
@@ -247,15 +257,24 @@ impl<const D: usize> Search<'_, D> {
         }
     }
 
+    /// Identifies a contact point at a corner or centre; `face` is the number of its face, if there are several.
+    fn key(&self, point: &NearPoint<D>, place: &ContactCorner<D>, face: Option<usize>) -> Key {
+        let corner = place.corner as u32 + FACE * face.unwrap_or(0) as u32;
+        Key { tool: point.tool as u32, point: self.points.id[point.p], corner }
+    }
+
     /// Adds a contact point if the tool may reach it.
     fn add_place(
         &self,
-        &NearPoint { p, tool, corners: _, size, reach }: &NearPoint<D>,
-        &ContactCorner { corner, start, outer, is_flat }: &ContactCorner<D>,
+        point: &NearPoint<D>,
+        place: &ContactCorner<D>,
         (near, face): (Closest<D>, Option<usize>),
         found: &mut Found<D>,
     ) -> Result<(), ContactError> {
         let Search { model, points, .. } = *self;
+        let key = self.key(point, place, face);
+        let NearPoint { p, tool, corners: _, size, reach } = *point;
+        let ContactCorner { corner, start, outer, is_flat } = *place;
         let (number, x) = (points.body[p] as usize, &points.converged.position[p]);
         if near.gap > reach {
             return Ok(());
@@ -278,11 +297,7 @@ impl<const D: usize> Search<'_, D> {
         found.places.push(Near {
             p: Some(p),
             body: number,
-            key: Key {
-                tool: tool as u32,
-                point: points.id[p],
-                corner: corner as u32 + FACE * face.unwrap_or(0) as u32,
-            },
+            key,
             start,
             size,
             closest: near,
@@ -310,7 +325,12 @@ impl<const D: usize> Search<'_, D> {
         if !self.links.reduction().is_alone() {
             self.add_others(pieces, is_shared);
         }
-        let width = 1e3 * SHARED * size;
+        let distance = |body: usize| {
+            let is_cpdi1 = self.model.bodies[body].method == Method::Cpdi1;
+            size * if is_cpdi1 { SHARED_BY_PARALLELOGRAMS } else { SHARED }
+        };
+        let most = (0..self.model.bodies.len()).filter(|body| is_shared(*body)).map(distance);
+        let width = most.fold(1e3 * SHARED * size, |most, distance| most.max(4.0 * distance));
         let lattice = |x: &[f64; D]| x.map(|x| (x / width).floor() as i64);
         // The last entry in each cell of a lattice; and for each entry, its contact point and the previous entry in the
         // same cell.
@@ -321,13 +341,13 @@ impl<const D: usize> Search<'_, D> {
                 let place = &pieces[piece].places[k];
                 let (start, number, tool) = (place.start, place.body, place.key.tool);
                 let face = place.key.corner / FACE;
-                if !is_shared(number) || place.key.corner % FACE == CENTRE {
+                if !is_shared(number) || place.key.corner % FACE >= CENTRE {
                     continue;
                 }
                 let mut entry = last.get(&(tool, face, number, lattice(&start))).copied();
                 let same = loop {
                     let Some(([i, j], before)) = entry.map(|entry| entries[entry]) else { break None };
-                    if norm(&minus(&pieces[i].places[j].start, &start)) <= SHARED * size {
+                    if norm(&minus(&pieces[i].places[j].start, &start)) <= distance(number) {
                         break Some([i, j]);
                     }
                     entry = before;
@@ -341,7 +361,7 @@ impl<const D: usize> Search<'_, D> {
                 let mut cell_before = None;
                 for corner in 0..1usize << D {
                     let sign = |d: usize| if corner >> d & 1 == 1 { 1.0 } else { -1.0 };
-                    let cell = lattice(&std::array::from_fn(|d| start[d] + sign(d) * SHARED * size));
+                    let cell = lattice(&std::array::from_fn(|d| start[d] + sign(d) * distance(number)));
                     if cell_before.replace(cell) != Some(cell) {
                         let before = last.insert((tool, face, number, cell), entries.len());
                         entries.push(([piece, k], before));
@@ -465,7 +485,7 @@ impl<const D: usize> Search<'_, D> {
         let halo = self.links.halo();
         let mut messages: Vec<(usize, Vec<Corner<D>>)> = Vec::new();
         let corners =
-            places.iter().filter(|(_, place)| is_shared(place.body) && place.key.corner % FACE != CENTRE);
+            places.iter().filter(|(_, place)| is_shared(place.body) && place.key.corner % FACE < CENTRE);
         for (rank, shared) in halo.neighbours() {
             let is_near = |(_, place): &&(u32, Near<D>)| self.touches_one_of(place, shared);
             let near: Vec<Corner<D>> = corners

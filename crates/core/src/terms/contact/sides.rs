@@ -20,8 +20,9 @@ use crate::ranks::Reduction;
 use crate::region::vector::{along, cross, dot, minus, norm, unit};
 use crate::surface::{DomainSide, deformed_corners, sides_of_domain};
 
-use super::candidates::{Candidate, FACE, Key, Search};
+use super::candidates::{Candidate, Search};
 use super::interface::Multiplier;
+use super::key::{FACE, Key};
 use super::motion::in_space;
 use super::outer::Outer;
 use super::ranks::{Plain, gathered, plain_parts};
