@@ -213,6 +213,27 @@ def test_between_tools(scatter, method, n, steps, low):
     assert scatter(text) < 1e-10
 
 
+PRESSED_IN_SPACE = """
+version: 1
+analysis: {idealisation: solid}
+grid: {type: structured, origin: [0, 0, 0], size: [1.5, 1.5, 2], spacing: 0.5}
+materials: {m: {model: neo-hookean, young: 1000, poisson: 0.3}}
+bodies: [{name: b, material: m, shape: {type: box, min: [0, 0, 0.5], max: [1, 1, 1.5]}, method: METHOD, points_per_cell: 2}]
+boundary_conditions:
+  - {name: left, nodes: {x: 0}, fix: [x]}
+  - {name: front, nodes: {y: 0}, fix: [y]}
+tools:
+  - {name: low, shape: {type: box, min: [-1, -1, 0], max: [3, 3, 0.5]}, uz: 0.11}
+  - {name: high, shape: {type: half-space, point: [0, 0, 1.5], normal: [0, 0, -1]}, uz: -0.2}
+steps: {count: 4}
+"""
+
+
+@pytest.mark.parametrize("method", ["gimp", "cpdi1", "cpdi2"])
+def test_between_tools_in_space(scatter, method):
+    assert scatter(PRESSED_IN_SPACE.replace("METHOD", method)) < 1e-10
+
+
 REVOLVED = """
 version: 1
 analysis: {idealisation: axisymmetric, initial_imbalance: refuse}
