@@ -52,7 +52,8 @@ def inclined(angle, shape, n=2):
     turn = np.radians(angle)
     along, up = np.array([np.cos(turn), np.sin(turn)]), np.array([-np.sin(turn), np.cos(turn)])
     start = np.array([1.03, 0.41])
-    text = INCLINED.replace("VERTICES", f"[{', '.join(map(vector, [start, start + 4 * along, start + 4 * along + up, start + up]))}]")
+    corners = [start, start + 4 * along, start + 4 * along + up, start + up]
+    text = INCLINED.replace("VERTICES", f"[{', '.join(map(vector, corners))}]")
     if shape == "half-space":
         shape = f"{{type: half-space, point: {vector(start)}, normal: {vector(up)}}}"
     else:
@@ -81,6 +82,23 @@ def test_for_any_number_of_points(run, n):
     results = run(text)
     force = last(results, "base_fx") * along[0] + last(results, "base_fy") * along[1]
     assert abs(force - 10) < 1e-6
+
+
+@pytest.mark.parametrize("method", ["cpdi1", "cpdi2"])
+@pytest.mark.parametrize("angle", [0, 20, 45])
+def test_a_base_that_is_withdrawn(run, angle, method):
+    """The tension cut-off acts on the same area, until the surfaces have parted."""
+    text, along = inclined(angle, "half-space")
+    up = np.array([-along[1], along[0]])
+    start = text.index("ux: \"")
+    way = ", ".join(f'u{axis}: "W{axis}*(min(factor,1)-5*max(factor-1,0))"' for axis in "xy")
+    text = text[:start] + way + "," + text[text.index(" curve", start) :]
+    text = text.replace("Wx", repr(float(2e-4 * up[0]))).replace("Wy", repr(float(2e-4 * up[1])))
+    text = text.replace("adhesion", "tension_cut_off").replace("young: 1e6", "young: 1e5").replace("cpdi2", method)
+    history = run(text).history
+    force = history["base_fx"] * up[0] + history["base_fy"] * up[1]
+    assert force[3] > 10 and force[-1] == 0
+    assert force.min() == pytest.approx(-10, rel=1e-7)
 
 
 # A ring that is pressed from outside onto a shaft that fills its hole, and then turns.
