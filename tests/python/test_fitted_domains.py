@@ -43,7 +43,8 @@ def turned(rule, angle=30, method="cpdi2", points="points_per_cell: 2", steps=3)
 @pytest.fixture
 def run(mpm, tmp_path):
     def run(text):
-        path, out = tmp_path / "deck.yaml", tmp_path / "out"
+        number = len(list(tmp_path.glob("*.yaml")))
+        path, out = tmp_path / f"deck{number}.yaml", tmp_path / f"out{number}"
         path.write_text(text)
         process = mpm("run", path, "--out", out)
         assert process.returncode == 0, process.stderr
@@ -156,3 +157,56 @@ def test_cells_of_a_mesh_are_domains_on_any_grid(run, tmp_path, points, method):
     results = run(text.replace("METHOD", method).replace("POINTS", points))
     assert scatter(results) < 1e-8
     assert np.asarray(results.mesh("points", 0)["volume"]).sum() == pytest.approx(1, rel=1e-12)
+
+
+# A quarter of a ring under a pressure in its hole that hardly strains it.
+RING = """
+version: 1
+grid: {type: structured, origin: [0, 0], size: [1.5, 1.5], spacing: H}
+materials: {m: {model: hencky, young: 1000, poisson: 0.3}}
+bodies:
+  - {name: b, material: m, method: METHOD, points_per_cell: 2,
+     shape: {type: intersection, of: [{type: annulus, center: [0, 0], inner: 0.5, outer: 1}, {type: box, min: [0, 0], max: [1.5, 1.5]}]}}
+surfaces: [{name: hole, body: b, part: {box: {min: [-0.1, -0.1], max: [0.5000001, 0.5000001]}}}]
+boundary_conditions:
+  - {name: left, nodes: {x: 0}, fix: [x]}
+  - {name: base, nodes: {y: 0}, fix: [y]}
+loads: [{name: p, type: pressure, surface: hole, pressure: 1e-3}]
+steps: {count: 1}
+solver: {tolerance: 1e-11}
+"""
+
+
+def ring_errors(results):
+    """Errors of the volume, of the force of the pressure, of the displacement in the mean square, of the mean stresses in
+    the inner quarter of the ring, and of the stress of the points in the mean square, relative to the exact values or the
+    largest of them."""
+    pressure, inner, outer, poisson, young = 1e-3, 0.5, 1.0, 0.3, 1000
+    a = pressure * inner**2 / (outer**2 - inner**2)
+    b = a * outer**2
+    points, volume = results.mesh("points", -1), np.asarray(results.mesh("points", 0)["volume"])
+    moved, stress = np.asarray(points["displacement"])[:, :2], np.asarray(points["cauchy_stress"])
+    place = np.asarray(points.points)[:, :2] - moved
+    radius = np.hypot(*place.T)
+    c, s = (place / radius[:, None]).T
+    radial = stress[:, 0] * c**2 + stress[:, 1] * s**2 + 2 * stress[:, 3] * c * s
+    hoop = stress[:, 0] + stress[:, 1] - radial
+    wrong = np.array([radial - (a - b / radius**2), hoop - (a + b / radius**2)]) / (a + b / inner**2)
+    exact = (1 + poisson) / young * (a * (1 - 2 * poisson) * radius + b / radius)
+    near = radius < inner + 0.125
+    return {
+        "volume": abs(volume.sum() / (np.pi / 4 * (outer**2 - inner**2)) - 1),
+        "force": abs(results.history["p_fx"][-1] / (pressure * inner) - 1),
+        "displacement": np.sqrt(volume @ (moved[:, 0] * c + moved[:, 1] * s - exact) ** 2 / volume.sum()) / exact.max(),
+        "mean stress": np.hypot(*(wrong[:, near] @ volume[near])) / volume[near].sum(),
+        "stress": np.sqrt((wrong**2 @ volume).sum() / volume.sum()),
+    }
+
+
+@pytest.mark.parametrize("method", ["cpdi1", "cpdi2"])
+def test_orders_of_a_ring(run, method):
+    coarse, fine = [ring_errors(run(RING.replace("METHOD", method).replace("H}", f"{1 / n}}}"))) for n in (16, 64)]
+    assert coarse.pop("volume") < 1e-14 and fine.pop("volume") < 1e-14
+    order = {name: np.log(coarse[name] / fine[name]) / np.log(4) for name in fine}
+    assert order["force"] > 1.9 and order["displacement"] > 1.9 and order["mean stress"] > 1.9 and order["stress"] > 0.9
+    assert fine["force"] < 3e-5 and fine["displacement"] < 2e-4 and fine["mean stress"] < 3e-4 and fine["stress"] < 0.01

@@ -5,6 +5,7 @@ uniform if the rule agrees with the basis. A rule that samples the surface elsew
 by 5 to 50 % as soon as sides cross the boundaries of cells.
 """
 
+import distorted
 import numpy as np
 import pytest
 
@@ -28,11 +29,16 @@ steps: {count: STEPS}
 RULES = {
     "pull": "loads: [{name: p, type: pressure, surface: side, pressure: -300}]",
     "push": "loads: [{name: p, type: pressure, surface: side, pressure: 200}]",
+    "water": "loads: [{name: p, type: pressure, surface: side, hydrostatic: {level: 1e12, unit_weight: 2e-10}}]",
+    "stretch": "  - {name: p, surface: side, ux: 0.5}",
     "dead": "loads: [{name: p, type: pressure, surface: side, pressure: 150, follows: false}]",
     "traction": "loads: [{name: p, type: traction, surface: side, traction: [250, 0]}]",
     "motion": "  - {name: p, surface: side, ux: 0.23}",
     "normal": "  - {name: p, surface: side, fix: {normal: [1, 0]}}\nloads: [{name: lid, type: traction, surface: top, traction: [0, -150]}]",
 }
+
+# The pressures of those loads that follow the side.
+FOLLOWING = {"pull": -300, "push": 200, "water": 200}
 
 EVEN = "{type: structured, origin: [0, 0], size: [1.75, 1.75], spacing: 0.25}"
 SHIFTED = "{type: structured, origin: [0, 0], size: [1.8, 2.1], spacing: [0.2, 0.3]}"
@@ -64,6 +70,8 @@ def scatter(mpm, tmp_path):
         assert results.summary["outcome"] == "completed"
         stress = np.asarray(results.mesh("points", -1)["cauchy_stress"])
         assert np.abs(stress).max() > 10
+        for rule, pressure in FOLLOWING.items():
+            assert RULES[rule] not in text or abs(stress[:, 0].mean() + pressure) < 1e-7 * abs(pressure)
         return np.abs(stress - stress.mean(axis=0)).max() / np.abs(stress).max()
 
     return run
@@ -72,21 +80,21 @@ def scatter(mpm, tmp_path):
 @pytest.mark.parametrize("method", ["gimp", "cpdi1", "cpdi2"])
 @pytest.mark.parametrize("rule", RULES)
 def test_every_rule_balances_a_uniform_stress(scatter, rule, method):
-    assert scatter(deck(rule, method)) < 1e-9
+    assert scatter(deck(rule, method)) < 1e-10
 
 
 @pytest.mark.parametrize("method", ["gimp", "cpdi2"])
 @pytest.mark.parametrize("n", [1, 3, 4])
 @pytest.mark.parametrize("rule", ["push", "motion"])
 def test_for_any_number_of_points(scatter, rule, n, method):
-    assert scatter(deck(rule, method, points=f"points_per_cell: {n}")) < 1e-9
+    assert scatter(deck(rule, method, points=f"points_per_cell: {n}")) < 1e-10
 
 
 @pytest.mark.parametrize("method", ["gimp", "cpdi2"])
 @pytest.mark.parametrize("steps", [1, 32])
 @pytest.mark.parametrize("rule", ["pull", "traction"])
 def test_for_any_number_of_steps(scatter, rule, steps, method):
-    assert scatter(deck(rule, method, steps=steps)) < 1e-9
+    assert scatter(deck(rule, method, steps=steps)) < 1e-10
 
 
 @pytest.mark.parametrize(
@@ -101,7 +109,7 @@ def test_for_any_number_of_steps(scatter, rule, steps, method):
 @pytest.mark.parametrize("method", ["gimp", "cpdi2"])
 @pytest.mark.parametrize("rule", ["push", "traction", "motion"])
 def test_on_other_grids(scatter, rule, method, grid, points, size):
-    assert scatter(deck(rule, method, grid=grid, points=points, size=size)) < 1e-9
+    assert scatter(deck(rule, method, grid=grid, points=points, size=size)) < 1e-10
 
 
 SOLID = """
@@ -121,9 +129,109 @@ steps: {count: 4}
 
 
 @pytest.mark.parametrize("method", ["gimp", "cpdi1", "cpdi2"])
-@pytest.mark.parametrize("rule", ["pull", "push", "dead", "motion"])
+@pytest.mark.parametrize("rule", ["pull", "push", "dead", "water", "traction", "motion", "stretch"])
 def test_in_space(scatter, rule, method):
-    assert scatter(SOLID.replace("METHOD", method).replace("RULE", RULES[rule])) < 1e-9
+    text = SOLID.replace("METHOD", method).replace("RULE", RULES[rule].replace("[250, 0]", "[250, 0, 0]"))
+    assert scatter(text) < 1e-10
+
+
+@pytest.mark.parametrize("n", [2, 3, 4])
+@pytest.mark.parametrize("method", ["cpdi1", "cpdi2"])
+@pytest.mark.parametrize("rule", ["pull", "push", "dead", "water", "traction", "motion", "stretch"])
+def test_in_bodies_of_revolution(scatter, rule, method, n):
+    """Without GIMP, whose boxes are in balance only as long as they cross no lines of the grid."""
+    text = deck(rule, method, points=f"points_per_cell: {n}").replace("version: 1", "version: 1\nanalysis: {idealisation: axisymmetric}")
+    assert scatter(text) < 1e-10
+
+
+# A square or cube of distorted cells: either the cells of the grid, with air around them, or domains on a grid whose lines
+# they cross.
+MESHED = """
+version: 1
+analysis: {idealisation: IDEALISATION}
+grid: GRID
+materials: {m: {model: neo-hookean, young: 1000, poisson: 0.3}}
+bodies: [{name: b, material: m, method: METHOD, POINTS, shape: SHAPE}]
+surfaces: [{name: side, body: b, part: {group: side}}]
+boundary_conditions:
+  - {name: left, nodes: {x: 0}, fix: [x]}
+  - {name: base, nodes: {y: 0}, fix: [y]}
+FRONT
+RULE
+steps: {count: 4}
+"""
+
+# With fewer points, the stress of some motions is not determined beyond the tolerance of equilibrium.
+POINTS = {
+    "triangles": "points_per_triangle: 4",
+    "quadrilaterals": "points_per_cell: 2",
+    "tetrahedra": "points_per_tetrahedron: 8",
+    "hexahedra": "points_per_cell: 2",
+}
+
+
+@pytest.mark.parametrize("is_grid", [True, False], ids=["mesh as grid", "mesh as shape"])
+@pytest.mark.parametrize("method", ["cpdi1", "cpdi2"])
+@pytest.mark.parametrize("rule", ["pull", "dead", "water", "traction", "stretch"])
+@pytest.mark.parametrize("kind", POINTS)
+def test_on_meshes(scatter, tmp_path, kind, rule, method, is_grid):
+    solid = distorted.SPACE[kind] == 3
+    distorted.write(tmp_path / "mesh.msh", kind, 2 if solid else 3, air=is_grid)
+    text = MESHED.replace("METHOD", method).replace("RULE", RULES[rule]).replace("POINTS", POINTS[kind])
+    if is_grid:
+        text = text.replace("GRID", "{type: gmsh, file: mesh.msh}").replace("SHAPE", "{type: cells, group: bar}")
+    else:
+        text = text.replace("GRID", "{type: structured, origin: [0, 0], size: [2, 2], spacing: 0.4}")
+        text = text.replace("SHAPE", "{type: mesh, file: mesh.msh, group: bar}")
+    if solid:
+        text = text.replace("[0, 0]", "[0, 0, 0]").replace("[2, 2]", "[2, 2, 2]").replace("[250, 0]", "[250, 0, 0]")
+    text = text.replace("IDEALISATION", "solid" if solid else "plane-strain")
+    assert scatter(text.replace("FRONT", "  - {name: front, nodes: {z: 0}, fix: [z]}" if solid else "")) < 1e-10
+
+
+# A block between two tools, away from all nodes that are held across it.
+PRESSED = """
+version: 1
+grid: {type: structured, origin: [0, 0], size: [1.8, 2.1], spacing: [0.2, 0.3]}
+materials: {m: {model: neo-hookean, young: 1000, poisson: 0.3}}
+bodies: [{name: b, material: m, shape: {type: box, min: [0, 0.3], max: [1, 1.5]}, method: METHOD, points_per_cell: POINTS}]
+boundary_conditions: [{name: left, nodes: {x: 0}, fix: [x]}]
+tools:
+  - {name: low, shape: LOW, uy: 0.11}
+  - {name: high, shape: {type: half-space, point: [0, 1.5], normal: [0, -1]}, uy: -0.2}
+steps: {count: STEPS}
+"""
+LOW = {"half-space": "{type: half-space, point: [0, 0.3], normal: [0, 1]}", "box": "{type: box, min: [-1, -1], max: [3, 0.3]}"}
+
+
+@pytest.mark.parametrize("low", LOW.values(), ids=LOW)
+@pytest.mark.parametrize("steps", [1, 4, 16])
+@pytest.mark.parametrize("n", [1, 2, 3])
+@pytest.mark.parametrize("method", ["gimp", "cpdi1", "cpdi2"])
+def test_between_tools(scatter, method, n, steps, low):
+    text = PRESSED.replace("METHOD", method).replace("POINTS", str(n)).replace("STEPS", str(steps)).replace("LOW", low)
+    assert scatter(text) < 1e-10
+
+
+PRESSED_IN_SPACE = """
+version: 1
+analysis: {idealisation: solid}
+grid: {type: structured, origin: [0, 0, 0], size: [1.5, 1.5, 2], spacing: 0.5}
+materials: {m: {model: neo-hookean, young: 1000, poisson: 0.3}}
+bodies: [{name: b, material: m, shape: {type: box, min: [0, 0, 0.5], max: [1, 1, 1.5]}, method: METHOD, points_per_cell: 2}]
+boundary_conditions:
+  - {name: left, nodes: {x: 0}, fix: [x]}
+  - {name: front, nodes: {y: 0}, fix: [y]}
+tools:
+  - {name: low, shape: {type: box, min: [-1, -1, 0], max: [3, 3, 0.5]}, uz: 0.11}
+  - {name: high, shape: {type: half-space, point: [0, 0, 1.5], normal: [0, 0, -1]}, uz: -0.2}
+steps: {count: 4}
+"""
+
+
+@pytest.mark.parametrize("method", ["gimp", "cpdi1", "cpdi2"])
+def test_between_tools_in_space(scatter, method):
+    assert scatter(PRESSED_IN_SPACE.replace("METHOD", method)) < 1e-10
 
 
 REVOLVED = """
@@ -221,7 +329,7 @@ steps: {count: 1}
 
 @pytest.mark.parametrize("method", ["gimp", "cpdi1", "cpdi2"])
 def test_sides_longer_than_cells(scatter, method):
-    assert scatter(LONG.replace("METHOD", method)) < 1e-9
+    assert scatter(LONG.replace("METHOD", method)) < 1e-10
 
 
 # The end of a part on a line of a graded grid, on a side of a domain, and within one.

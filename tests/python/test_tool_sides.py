@@ -200,3 +200,36 @@ def test_a_re_entrant_corner_is_two_tools(run, method):
     assert abs(last(one, "strain_energy") / last(two, "strain_energy") - 1) < 1e-5
     a, b = [np.asarray(results.mesh("points", -1)["cauchy_stress"]) for results in (one, two)]
     assert np.abs(a - b).max() < 1e-4 * np.abs(a).max()
+
+
+# A heavy block with sharp edges slides over flat, stiff ground.
+SLIDING = """
+version: 1
+grid: {type: structured, origin: [0, 0], size: [8, 4], spacing: H}
+materials: {rock: {model: hencky, young: 100e6, poisson: 0.2}}
+bodies: [{name: ground, material: rock, method: METHOD, points_per_cell: 3, shape: {type: box, min: [0, 0], max: [8, 2]}}]
+boundary_conditions:
+  - {name: base, nodes: {y: 0}, fix: [x, y]}
+  - {name: left, nodes: {x: 0}, fix: [x]}
+  - {name: right, nodes: {x: 8}, fix: [x]}
+tools:
+  - {name: block, shape: {type: box, min: [1.5, 2], max: [3.5, 3]}, free: FREE, ux: WAY, curve: [[0, 0], [0.1, 0], [1, 1]],
+     loads: [{force: [0, -20e3], curve: [[0, 0], [0.1, 1], [1, 1]]}], friction: 0.5}
+steps: {count: 40}
+output: {every: 0}
+"""
+
+
+@pytest.mark.parametrize(
+    ("method", "h", "free", "way"),
+    [("cpdi2", 0.25, "[y]", 0.3), ("gimp", 0.5, "[y, rotation]", 0.6)],
+    ids=["upright", "free to turn"],
+)
+def test_a_sharp_block_slides_over_flat_ground(run, method, h, free, way):
+    """It does not plough: the horizontal force is that of friction."""
+    text = SLIDING.replace("H}", f"{h}}}").replace("METHOD", method).replace("FREE", free).replace("WAY", str(way))
+    history = run(text).history
+    slides = history["block_ux"] > 0.01
+    ratio = -history["block_fx"][slides] / history["block_fy"][slides]
+    assert history["block_fy"] == pytest.approx(-20e3 * np.minimum(history["time"] / 0.1, 1), rel=1e-8)
+    assert ratio.max() <= 0.5 + 1e-9 and ratio.min() > (0.4995 if "rotation" in free else 0.5 - 1e-9)
