@@ -1,5 +1,6 @@
 //! Points whose domains have the shape of their body: cells of a mesh, and domains that follow an outline.
 
+use std::any::Any;
 use std::collections::HashSet;
 
 use rayon::prelude::*;
@@ -10,7 +11,9 @@ use crate::grid::element::ElementShape;
 use crate::grid::sides::sides_of;
 use crate::grid::subdivide::{ElementPart, subdivide_box, subdivide_simplex};
 use crate::grid::{Lines, Structured};
-use crate::model::fitting::{FittedDomain, centroid, fitted, is_on_lattice};
+use crate::model::fitting::{
+    FittedDomain, NotFitted, SolidDomain, centroid, fitted, fitted_in_space, is_on_lattice,
+};
 use crate::points::Seed;
 use crate::region::{Outline, Region};
 
@@ -72,7 +75,7 @@ impl<const D: usize> Filling<'_, D> {
         region: &Region<D>,
         placement: &Placement<D>,
     ) -> Result<Result<Vec<Seed<D>>, Fit>, FillError> {
-        if self.domain != DomainKind::Corners || D != 2 || region.as_group().is_some() {
+        if self.domain != DomainKind::Corners || D < 2 || region.as_group().is_some() {
             return Ok(Err(Fit::Parts));
         }
         let lattice = match (placement, self.grid.lines()) {
@@ -84,6 +87,9 @@ impl<const D: usize> Filling<'_, D> {
             _ => return Ok(Err(Fit::OnMesh)),
         };
         let Some(lattice) = lattice else { return Ok(Err(Fit::Parts)) };
+        if let Some(region) = (region as &dyn Any).downcast_ref::<Region<3>>() {
+            return Ok(self.fitted_in_space(region, &lattice));
+        }
         let lattice = Lines::new([0, 1].map(|d| lattice.axes()[d % D].clone()));
         let is_by_cells = matches!(placement, Placement::PerCell { .. });
         let Some(outline) = self.outline(region, &lattice, is_by_cells) else {
@@ -104,6 +110,30 @@ impl<const D: usize> Filling<'_, D> {
             seed
         };
         Ok(Ok(domains[self.ranks.share(domains.len())].par_iter().map(point).collect()))
+    }
+
+    /// The points of domains that follow the boundary of a region in space.
+    fn fitted_in_space(&self, region: &Region<3>, lattice: &Structured<D>) -> Result<Vec<Seed<D>>, Fit> {
+        let lattice = Lines::new([0, 1, 2].map(|d| lattice.axes()[d % D].clone()));
+        let cells = |d: usize| {
+            let [low, high] = region.bounds().map(|x| lattice.axes()[d].coordinate(x[d]));
+            (high.min(lattice.axes()[d].n_cells() as f64) - low.max(0.0)).max(0.0)
+        };
+        if cells(0) * cells(1) * cells(2) > MAX_POINTS {
+            return Err(Fit::Unfitted);
+        }
+        let domains = fitted_in_space(region, &lattice).map_err(|reason| match reason {
+            NotFitted::OnLattice => Fit::Parts,
+            NotFitted::Unknown | NotFitted::At(_) => Fit::Unfitted,
+        })?;
+        let place = |x: &[f64; 3]| -> [f64; D] { std::array::from_fn(|d| x[d % 3]) };
+        let point = |domain: &SolidDomain| {
+            let mut seed = self.seed(place(&domain.centroid()), domain_volume(&domain.corners));
+            seed.corners = domain.corners.iter().map(place).collect();
+            seed.outer_layer = domain.is_outer;
+            seed
+        };
+        Ok(domains[self.ranks.share(domains.len())].par_iter().map(point).collect())
     }
 
     /// The outline of a region of the plane. If the region is filled cell by cell, only its part in the grid counts; if

@@ -1,0 +1,366 @@
+//! Domains fitted to the boundary of a body in space.
+//!
+//! Corners of a lattice near the boundary move onto it: onto corners where three faces meet, then onto edges, then onto
+//! faces, as long as no cell of the lattice becomes too flat ([`warp`]). Cells that no face divides any more are domains,
+//! hexahedra, if they lie inside. Each of the others is divided into pyramids and tetrahedra around a position on the
+//! faces in it, or its centre ([`pieces`]), which are then cut along the faces ([`cut`]). All these share their corners with
+//! their neighbours, triangles lie next to triangles and quadrilaterals next to quadrilaterals, so that a uniform stress is
+//! in equilibrium with the tractions on the outer sides.
+
+mod cut;
+mod halves;
+mod pieces;
+mod warp;
+
+use rustc_hash::{FxHashMap, FxHashSet};
+
+use crate::basis::domain_volume;
+use crate::grid::Lines;
+use crate::grid::element::{Collapsed, ElementShape};
+use crate::grid::vtk_corner;
+use crate::region::vector::{dot, minus};
+use crate::region::{BoxTree, Face, Level, Region, around, facet_distance};
+
+/// Distance from a lattice line within which a plane is on the line, in cells, [-].
+const ON_LINE: f64 = 1e-6;
+/// Height above a face within which a position lies on it, in cells, [-].
+const ON_FACE: f64 = 1e-9;
+/// Size of the facets that show where a face is, in cells, [-].
+const SPACING: f64 = 0.34;
+/// Distance from such a facet within which a cell is at the face, in cells, [-].
+const AT_FACE: f64 = 0.05;
+/// Distance from its facets within which a position on the surface of a face belongs to the face, in cells, [-].
+const ASIDE: f64 = 0.1;
+/// Number of iterations that project a position onto curved faces.
+const PROJECTIONS: usize = 20;
+
+/// A domain: corners in the order of [`crate::points::Seed::corners`], [length].
+#[derive(Debug, Clone, PartialEq)]
+pub(in crate::model) struct SolidDomain {
+    pub corners: Vec<[f64; 3]>,
+    /// True if a corner lies on the boundary.
+    pub is_outer: bool,
+}
+
+impl SolidDomain {
+    /// The centroid, [length].
+    pub(in crate::model) fn centroid(&self) -> [f64; 3] {
+        let corners = &self.corners;
+        let boxed = |corners: &[[f64; 3]]| {
+            let in_order: Vec<[f64; 3]> = (0..8).map(|k| corners[vtk_corner(k)]).collect();
+            ElementShape::Box.centroid(&in_order)
+        };
+        match Collapsed::from_corners::<3>(corners.len()) {
+            Some(shape) => boxed(&shape.hexahedron(corners)),
+            None if corners.len() == 8 => boxed(corners),
+            None => ElementShape::Simplex.centroid(corners),
+        }
+    }
+}
+
+/// Why domains cannot follow the boundary.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in crate::model) enum NotFitted {
+    /// All faces lie on lattice lines, so that the cells of the lattice follow it as they are.
+    OnLattice,
+    /// The faces of the region are not known.
+    Unknown,
+    /// The domains at a position would be inverted.
+    At([f64; 3]),
+}
+
+/// The domains inside a region, in the order of the cells of a lattice.
+pub(in crate::model) fn fitted_in_space(
+    region: &Region<3>,
+    lines: &Lines<3>,
+) -> Result<Vec<SolidDomain>, NotFitted> {
+    let mut fitting = Fitting::new(region, lines)?;
+    fitting.warp();
+    let divided = fitting.divided()?;
+    fitting.domains(divided)
+}
+
+/// A face with a tree of its facets.
+struct FaceAt {
+    level: Level,
+    facets: Vec<[[f64; 3]; 3]>,
+    tree: BoxTree<3>,
+}
+
+impl FaceAt {
+    fn new(face: Face) -> Self {
+        let boxes: Vec<_> = face.facets.iter().map(|facet| around(facet)).collect();
+        let tree = BoxTree::new(&boxes);
+        FaceAt { level: face.level, facets: tree.ordered(&face.facets), tree }
+    }
+
+    /// True if a position is within a distance of the face.
+    fn is_near(&self, x: &[f64; 3], distance: f64) -> bool {
+        let mut least = distance * distance;
+        let mut found = false;
+        self.tree.approach(x, least, |item| {
+            if facet_distance(&self.facets[item], x) <= distance {
+                (found, least) = (true, -1.0);
+            }
+            least
+        });
+        found
+    }
+}
+
+/// The lattice around a region whose corners have moved to its faces. Corners are numbered: first those of the lattice,
+/// then others.
+struct Fitting<'a> {
+    region: &'a Region<3>,
+    lines: &'a Lines<3>,
+    /// The lowest line of the part of the lattice around the region, along each axis.
+    first: [usize; 3],
+    /// Number of cells in this part along each axis.
+    n: [usize; 3],
+    faces: Vec<FaceAt>,
+    /// The faces near each cell that has any.
+    near: FxHashMap<usize, Vec<u32>>,
+    /// The corners of the lattice that have moved, [length].
+    moved: FxHashMap<usize, [f64; 3]>,
+    /// The other corners, [length].
+    more: Vec<[f64; 3]>,
+    /// The faces on which corners lie that have been placed there.
+    on: FxHashMap<usize, Vec<u32>>,
+}
+
+impl<'a> Fitting<'a> {
+    fn new(region: &'a Region<3>, lines: &'a Lines<3>) -> Result<Self, NotFitted> {
+        let [low, high] = region.bounds();
+        let axes = lines.axes();
+        let smallest = (0..3).map(|d| axes[d].smallest_within(low[d], high[d])).fold(f64::INFINITY, f64::min);
+        let faces = region.faces(SPACING * smallest, smallest).ok_or(NotFitted::Unknown)?;
+        if faces.is_empty() {
+            return Err(NotFitted::Unknown);
+        }
+        if faces.iter().all(|face| is_on_line(&face.level, lines)) {
+            return Err(NotFitted::OnLattice);
+        }
+        let ends = |d: usize| {
+            let [low, high] = [low[d], high[d]].map(|x| axes[d].coordinate(x));
+            let n = axes[d].n_cells() as f64;
+            [(low.floor() - 1.0).clamp(0.0, n) as usize, (high.ceil() + 1.0).clamp(0.0, n) as usize]
+        };
+        let ends: [[usize; 2]; 3] = std::array::from_fn(ends);
+        let mut fitting = Fitting {
+            region,
+            lines,
+            first: ends.map(|[first, _]| first),
+            n: ends.map(|[first, last]| last - first),
+            faces: faces.into_iter().map(FaceAt::new).collect(),
+            near: FxHashMap::default(),
+            moved: FxHashMap::default(),
+            more: Vec::new(),
+            on: FxHashMap::default(),
+        };
+        fitting.find_cells_at_faces();
+        Ok(fitting)
+    }
+
+    /// Records for each cell the faces that come near it.
+    fn find_cells_at_faces(&mut self) {
+        let mut marked: FxHashSet<(usize, u32)> = FxHashSet::default();
+        for (number, face) in self.faces.iter().enumerate() {
+            for facet in &face.facets {
+                let [low, high] = around(facet);
+                let range = |d: usize| {
+                    let [low, high] = [low[d], high[d]].map(|x| self.local(d, x));
+                    let most = self.n[d] as f64;
+                    let from = (low - AT_FACE).floor().clamp(0.0, most) as usize;
+                    from..((high + AT_FACE).floor() + 1.0).clamp(0.0, most) as usize
+                };
+                for k in range(2) {
+                    for j in range(1) {
+                        for i in range(0) {
+                            marked.insert((self.cell([i, j, k]), number as u32));
+                        }
+                    }
+                }
+            }
+        }
+        let mut marked: Vec<_> = marked.into_iter().collect();
+        marked.sort_unstable();
+        for (cell, number) in marked {
+            self.near.entry(cell).or_default().push(number);
+        }
+    }
+
+    /// Cell coordinate along an axis in the part of the lattice around the region.
+    fn local(&self, d: usize, x: f64) -> f64 {
+        self.lines.axes()[d].coordinate(x) - self.first[d] as f64
+    }
+
+    fn cell(&self, [i, j, k]: [usize; 3]) -> usize {
+        i + self.n[0] * (j + self.n[1] * k)
+    }
+
+    fn cell_index(&self, cell: usize) -> [usize; 3] {
+        [cell % self.n[0], cell / self.n[0] % self.n[1], cell / self.n[0] / self.n[1]]
+    }
+
+    fn corner(&self, [i, j, k]: [usize; 3]) -> usize {
+        i + (self.n[0] + 1) * (j + (self.n[1] + 1) * k)
+    }
+
+    fn corner_index(&self, corner: usize) -> [usize; 3] {
+        let [n, m] = [self.n[0] + 1, self.n[1] + 1];
+        [corner % n, corner / n % m, corner / n / m]
+    }
+
+    fn lattice_corners(&self) -> usize {
+        self.n.iter().map(|n| n + 1).product()
+    }
+
+    /// The corners of a cell; bit d of the number of a corner is its side along axis d.
+    fn corners_of(&self, cell: usize) -> [usize; 8] {
+        let index = self.cell_index(cell);
+        std::array::from_fn(|k| self.corner(std::array::from_fn(|d| index[d] + (k >> d & 1))))
+    }
+
+    /// The cells around a corner of the lattice.
+    fn cells_around(&self, corner: usize) -> impl Iterator<Item = usize> {
+        let index = self.corner_index(corner);
+        (0..8usize).filter_map(move |k| {
+            let below = std::array::from_fn(|d| (index[d] + (k >> d & 1)).checked_sub(1));
+            let [Some(i), Some(j), Some(k)] = below else { return None };
+            (i < self.n[0] && j < self.n[1] && k < self.n[2]).then(|| self.cell([i, j, k]))
+        })
+    }
+
+    /// Position of a corner, [length].
+    fn place(&self, corner: usize) -> [f64; 3] {
+        if let Some(extra) = corner.checked_sub(self.lattice_corners()) {
+            return self.more[extra];
+        }
+        self.moved.get(&corner).copied().unwrap_or_else(|| {
+            let index = self.corner_index(corner);
+            std::array::from_fn(|d| self.lines.axes()[d].line(self.first[d] + index[d]))
+        })
+    }
+
+    /// Sides of the cell at a position, [length].
+    fn size(&self, x: &[f64; 3]) -> [f64; 3] {
+        std::array::from_fn(|d| self.lines.axes()[d].size_at(x[d]))
+    }
+
+    /// The side of a face on which a corner lies: its height, or exactly zero on the face, [length].
+    fn height(&self, corner: usize, face: u32) -> f64 {
+        if self.on.get(&corner).is_some_and(|faces| faces.contains(&face)) {
+            return 0.0;
+        }
+        let x = self.place(corner);
+        let (height, _) = self.faces[face as usize].level.height(&x);
+        let least = self.size(&x).into_iter().fold(f64::INFINITY, f64::min);
+        if height.abs() <= ON_FACE * least { 0.0 } else { height }
+    }
+
+    /// The position on all these faces nearest to another one, in cells of this size; coordinates along `fixed` axes stay.
+    /// `None` if there is none.
+    fn projected(&self, x: &[f64; 3], faces: &[u32], size: &[f64; 3], fixed: &[bool; 3]) -> Option<[f64; 3]> {
+        let least = size.iter().copied().fold(f64::INFINITY, f64::min);
+        let mut place = *x;
+        for _ in 0..PROJECTIONS {
+            let mut step = [0.0; 3];
+            // Directions along which the step may not change the heights that it has corrected.
+            let mut basis: Vec<[f64; 3]> = Vec::new();
+            let mut is_there = true;
+            for &face in faces {
+                let (height, gradient) = self.faces[face as usize].level.height(&place);
+                let scaled: [f64; 3] =
+                    std::array::from_fn(|d| if fixed[d] { 0.0 } else { gradient[d] * size[d] });
+                is_there &= height.abs() <= 1e-14 * least;
+                let remaining = height + dot(&scaled, &step);
+                let mut across = scaled;
+                for e in &basis {
+                    let share = dot(&across, e);
+                    across = std::array::from_fn(|d| across[d] - share * e[d]);
+                }
+                let squared = dot(&across, &across);
+                if squared <= 1e-4 * dot(&scaled, &scaled) || squared == 0.0 {
+                    if remaining.abs() > ON_FACE * least {
+                        return None;
+                    }
+                    continue;
+                }
+                let share = remaining / squared;
+                step = std::array::from_fn(|d| step[d] - share * across[d]);
+                basis.push(across.map(|a| a / squared.sqrt()));
+            }
+            if is_there {
+                break;
+            }
+            place = std::array::from_fn(|d| place[d] + size[d] * step[d]);
+        }
+        let is_on = |&face: &u32| self.faces[face as usize].level.height(&place).0.abs() <= ON_FACE * least;
+        faces.iter().all(is_on).then_some(place)
+    }
+
+    /// True if a position on the surfaces of faces belongs to all of them.
+    fn is_at(&self, x: &[f64; 3], faces: &[u32]) -> bool {
+        let least = self.size(x).into_iter().fold(f64::INFINITY, f64::min);
+        faces.iter().all(|&face| self.faces[face as usize].is_near(x, ASIDE * least))
+    }
+
+    /// The vectors from a corner to others, in cells of a size.
+    fn arms<const N: usize>(&self, from: usize, to: [usize; N], size: &[f64; 3]) -> [[f64; 3]; N] {
+        let x = self.place(from);
+        to.map(|k| {
+            let arm = minus(&self.place(k), &x);
+            std::array::from_fn(|d| arm[d] / size[d])
+        })
+    }
+
+    /// The domains inside the region, in the order of cells.
+    fn domains(&self, divided: pieces::Divided) -> Result<Vec<SolidDomain>, NotFitted> {
+        let mut inside: Vec<(usize, Vec<usize>)> = Vec::new();
+        let mut outer = divided.outside;
+        let mut sort = |cell: usize, corners: &[usize]| {
+            let places: Vec<[f64; 3]> = corners.iter().map(|&k| self.place(k)).collect();
+            let mean =
+                std::array::from_fn(|d| places.iter().map(|x| x[d]).sum::<f64>() / places.len() as f64);
+            if self.region.contains(&mean) {
+                inside.push((cell, corners.to_vec()));
+            } else {
+                outer.extend(corners);
+            }
+        };
+        for cell in (0..self.n.iter().product()).filter(|cell| !divided.cells.contains(cell)) {
+            sort(cell, &self.corners_of(cell));
+        }
+        divided.pieces.iter().for_each(|piece| sort(piece.cell, &piece.corners));
+        inside.sort_by_key(|(cell, _)| *cell);
+        let is_at_end = |corner: usize| {
+            corner < self.lattice_corners() && {
+                let index = self.corner_index(corner);
+                (0..3).any(|d| index[d] == 0 || index[d] == self.n[d])
+            }
+        };
+        let domain = |(_, corners): &(usize, Vec<usize>)| {
+            let is_outer = corners.iter().any(|&k| outer.contains(&k) || is_at_end(k));
+            let corners: Vec<[f64; 3]> = corners.iter().map(|&k| self.place(k)).collect();
+            if domain_volume(&corners) > 0.0 {
+                Ok(SolidDomain { corners, is_outer })
+            } else {
+                Err(NotFitted::At(corners[0]))
+            }
+        };
+        inside.iter().map(domain).collect()
+    }
+}
+
+/// True if a face is plane and lies on a lattice line.
+fn is_on_line(level: &Level, lines: &Lines<3>) -> bool {
+    let Level::Plane { point, normal } = level else { return false };
+    (0..3).any(|d| {
+        let axis = &lines.axes()[d];
+        let xi = axis.coordinate(point[d]);
+        normal[d].abs() > 1.0 - 1e-12 && (xi - xi.round()).abs() <= ON_LINE
+    })
+}
+
+#[cfg(test)]
+mod tests;
