@@ -7,10 +7,13 @@
 //! their neighbours, triangles lie next to triangles and quadrilaterals next to quadrilaterals, so that a uniform stress is
 //! in equilibrium with the tractions on the outer sides.
 
+mod collapse;
 mod cut;
 mod halves;
 mod pieces;
 mod warp;
+
+use std::cell::Cell;
 
 use rustc_hash::{FxHashMap, FxHashSet};
 
@@ -18,8 +21,10 @@ use crate::basis::domain_volume;
 use crate::grid::Lines;
 use crate::grid::element::{Collapsed, ElementShape};
 use crate::grid::vtk_corner;
-use crate::region::vector::{dot, minus};
-use crate::region::{BoxTree, Face, Level, Region, around, facet_distance};
+use crate::region::vector::{dot, minus, norm};
+use crate::region::{BoxTree, Face, Level, Region, around, boxes_overlap, facet_distance};
+use crate::surface::sides_of_domain;
+use pieces::Piece;
 
 /// Distance from a lattice line within which a plane is on the line, in cells, [-].
 const ON_LINE: f64 = 1e-6;
@@ -75,9 +80,16 @@ pub(in crate::model) fn fitted_in_space(
     lines: &Lines<3>,
 ) -> Result<Vec<SolidDomain>, NotFitted> {
     let mut fitting = Fitting::new(region, lines)?;
-    fitting.warp();
-    let divided = fitting.divided()?;
-    fitting.domains(divided)
+    let near = fitting.near.clone();
+    loop {
+        fitting.warp();
+        fitting.find_faces_in_cells();
+        match fitting.divided() {
+            Ok(divided) => return fitting.domains(divided),
+            Err(cells) => fitting.keep_corners(&cells)?,
+        }
+        fitting.near.clone_from(&near);
+    }
 }
 
 /// A face with a tree of its facets.
@@ -124,6 +136,8 @@ struct Fitting<'a> {
     moved: FxHashMap<usize, [f64; 3]>,
     /// The other corners, [length].
     more: Vec<[f64; 3]>,
+    /// The corners of the lattice that must not move.
+    kept: FxHashSet<usize>,
     /// The faces on which corners lie that have been placed there.
     on: FxHashMap<usize, Vec<u32>>,
 }
@@ -155,6 +169,7 @@ impl<'a> Fitting<'a> {
             near: FxHashMap::default(),
             moved: FxHashMap::default(),
             more: Vec::new(),
+            kept: FxHashSet::default(),
             on: FxHashMap::default(),
         };
         fitting.find_cells_at_faces();
@@ -187,6 +202,84 @@ impl<'a> Fitting<'a> {
         for (cell, number) in marked {
             self.near.entry(cell).or_default().push(number);
         }
+    }
+
+    /// Puts the corners of cells back that cannot be divided because of these.
+    ///
+    /// # Errors
+    /// [`NotFitted::At`] a cell without such corners.
+    fn keep_corners(&mut self, cells: &[usize]) -> Result<(), NotFitted> {
+        for &cell in cells {
+            let corners = self.corners_of(cell);
+            if !corners.iter().any(|corner| self.moved.contains_key(corner)) {
+                return Err(NotFitted::At(self.place(corners[0])));
+            }
+            self.kept.extend(corners);
+        }
+        self.moved.clear();
+        self.more.clear();
+        self.on.clear();
+        Ok(())
+    }
+
+    /// Finds the faces in each cell anew, now that its corners have moved: those of the cells around it of which a facet
+    /// lies on the inner side of all its sides.
+    fn find_faces_in_cells(&mut self) {
+        let mut cells: Vec<usize> = (self.near.keys().copied())
+            .flat_map(|cell| self.corners_of(cell))
+            .flat_map(|corner| self.cells_around(corner))
+            .collect();
+        cells.sort_unstable();
+        cells.dedup();
+        let found = |&cell: &usize| {
+            let around = self.corners_of(cell).into_iter().flat_map(|corner| self.cells_around(corner));
+            let mut faces: Vec<u32> =
+                around.filter_map(|cell| self.near.get(&cell)).flatten().copied().collect();
+            faces.sort_unstable();
+            faces.dedup();
+            faces.retain(|&face| self.is_in(face, &self.corners_of(cell)));
+            (cell, faces)
+        };
+        self.near = cells.iter().map(found).filter(|(_, faces)| !faces.is_empty()).collect();
+    }
+
+    /// True if a facet of a face may come into a piece between these corners.
+    fn is_in(&self, face: u32, corners: &[usize]) -> bool {
+        let places: Vec<[f64; 3]> = corners.iter().map(|&corner| self.place(corner)).collect();
+        let size = self.size(&places[0]).into_iter().fold(f64::INFINITY, f64::min);
+        let planes: Vec<([f64; 3], [f64; 3])> = (sides_of_domain::<3>(places.len()))
+            .map(|side| {
+                let area = side.area(&places);
+                let length = norm(&area);
+                (side.centre(&places), area.map(|a| a / length))
+            })
+            .collect();
+        let [low, high] = around(&places);
+        // Facets of curved faces are chords.
+        let is_plane = self.faces[face as usize].level.is_plane();
+        let slack = if is_plane { ON_FACE } else { AT_FACE } * size;
+        let wide = [low.map(|x| x - slack), high.map(|x| x + slack)];
+        let face = &self.faces[face as usize];
+        let found = Cell::new(false);
+        face.tree.visit(
+            |bounds| !found.get() && boxes_overlap(bounds, &wide),
+            |item| {
+                let facet = &face.facets[item];
+                let is_beyond = |(centre, normal): &([f64; 3], [f64; 3])| {
+                    facet.iter().all(|x| dot(&minus(x, centre), normal) >= slack)
+                };
+                if boxes_overlap(&around(facet), &wide) && !planes.iter().any(is_beyond) {
+                    found.set(true);
+                }
+            },
+        );
+        found.get()
+    }
+
+    /// Sides of a cell of the lattice, [length].
+    fn size_of_cell(&self, cell: usize) -> [f64; 3] {
+        let index = self.cell_index(cell);
+        self.lines.sides(std::array::from_fn(|d| self.first[d] + index[d]))
     }
 
     /// Cell coordinate along an axis in the part of the lattice around the region.
@@ -316,38 +409,43 @@ impl<'a> Fitting<'a> {
 
     /// The domains inside the region, in the order of cells.
     fn domains(&self, divided: pieces::Divided) -> Result<Vec<SolidDomain>, NotFitted> {
-        let mut inside: Vec<(usize, Vec<usize>)> = Vec::new();
-        let mut outer = divided.outside;
-        let mut sort = |cell: usize, corners: &[usize]| {
+        let is_inside = |corners: &[usize]| {
+            let n = corners.len() as f64;
             let places: Vec<[f64; 3]> = corners.iter().map(|&k| self.place(k)).collect();
-            let mean =
-                std::array::from_fn(|d| places.iter().map(|x| x[d]).sum::<f64>() / places.len() as f64);
-            if self.region.contains(&mean) {
-                inside.push((cell, corners.to_vec()));
-            } else {
-                outer.extend(corners);
-            }
+            self.region.contains(&std::array::from_fn(|d| places.iter().map(|x| x[d]).sum::<f64>() / n))
         };
-        for cell in (0..self.n.iter().product()).filter(|cell| !divided.cells.contains(cell)) {
-            sort(cell, &self.corners_of(cell));
+        let whole = (0..self.n.iter().product()).filter(|cell| !divided.cells.contains(cell));
+        let whole = whole.map(|cell| Piece { cell, corners: self.corners_of(cell).to_vec() });
+        let (whole, without): (Vec<Piece>, Vec<Piece>) = whole.partition(|piece| is_inside(&piece.corners));
+        let (pieces, cut_off): (Vec<Piece>, Vec<Piece>) =
+            divided.pieces.into_iter().partition(|piece| is_inside(&piece.corners));
+        let mut outer = divided.outside;
+        outer.extend(without.into_iter().chain(cut_off).flat_map(|piece| piece.corners));
+        let fixed: FxHashSet<usize> = whole.iter().flat_map(|piece| piece.corners.iter().copied()).collect();
+        let mut moved = Vec::new();
+        let pieces = self.without_flat_pieces(pieces, &fixed, &mut moved);
+        for [from, to] in moved {
+            if outer.contains(&from) {
+                outer.insert(to);
+            }
         }
-        divided.pieces.iter().for_each(|piece| sort(piece.cell, &piece.corners));
-        inside.sort_by_key(|(cell, _)| *cell);
         let is_at_end = |corner: usize| {
             corner < self.lattice_corners() && {
                 let index = self.corner_index(corner);
                 (0..3).any(|d| index[d] == 0 || index[d] == self.n[d])
             }
         };
-        let domain = |(_, corners): &(usize, Vec<usize>)| {
-            let is_outer = corners.iter().any(|&k| outer.contains(&k) || is_at_end(k));
-            let corners: Vec<[f64; 3]> = corners.iter().map(|&k| self.place(k)).collect();
+        let domain = |piece: &Piece| {
+            let is_outer = piece.corners.iter().any(|&k| outer.contains(&k) || is_at_end(k));
+            let corners: Vec<[f64; 3]> = piece.corners.iter().map(|&k| self.place(k)).collect();
             if domain_volume(&corners) > 0.0 {
                 Ok(SolidDomain { corners, is_outer })
             } else {
                 Err(NotFitted::At(corners[0]))
             }
         };
+        let mut inside: Vec<Piece> = whole.into_iter().chain(pieces).collect();
+        inside.sort_by_key(|piece| piece.cell);
         inside.iter().map(domain).collect()
     }
 }

@@ -49,7 +49,8 @@ impl Fitting<'_> {
         let mut heights: Heights = FxHashMap::default();
         let mut halved = FxHashMap::default();
         for piece in pieces.iter().filter(|piece| piece.corners.len() == 4) {
-            if !self.near.get(&piece.cell).is_some_and(|faces| faces.contains(&face)) {
+            let is_near = self.near.get(&piece.cell).is_some_and(|faces| faces.contains(&face));
+            if !is_near || !self.is_in(face, &piece.corners) {
                 continue;
             }
             let heights: [f64; 4] = std::array::from_fn(|k| {
@@ -153,8 +154,7 @@ impl Fitting<'_> {
     /// Six times the volume of a tetrahedron, relative to that of its cell, [-].
     fn volume(&self, piece: &Piece) -> f64 {
         let [a, b, c, d] = [0, 1, 2, 3].map(|k| piece.corners[k]);
-        let index = self.cell_index(piece.cell);
-        let size = self.lines.sides(std::array::from_fn(|d| self.first[d] + index[d]));
+        let size = self.size_of_cell(piece.cell);
         let arms = self.arms(a, [b, c, d], &size);
         Mat3::from_fn(|i, j| arms[j][i]).determinant()
     }

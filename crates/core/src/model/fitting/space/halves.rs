@@ -62,8 +62,7 @@ impl Fitting<'_> {
 
     /// The determinant of the Jacobian at the first corner of a piece, relative to that of its cell.
     fn determinant(&self, piece: &Piece) -> f64 {
-        let index = self.cell_index(piece.cell);
-        let size = self.lines.sides(std::array::from_fn(|d| self.first[d] + index[d]));
+        let size = self.size_of_cell(piece.cell);
         let corners = &piece.corners;
         let next = match corners.len() {
             4 => [1, 2, 3],

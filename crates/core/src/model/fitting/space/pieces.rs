@@ -3,7 +3,7 @@
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::warp::groups;
-use super::{Fitting, NotFitted};
+use super::Fitting;
 use crate::grid::element::ElementShape;
 use crate::grid::vtk_corner;
 use crate::region::vector::along;
@@ -84,13 +84,16 @@ pub(super) fn has_both_signs(heights: &[f64]) -> bool {
 
 impl Fitting<'_> {
     /// Divides the cells that faces cross, and cuts their pieces along the faces.
-    pub(super) fn divided(&mut self) -> Result<Divided, NotFitted> {
+    ///
+    /// # Errors
+    /// The cells that cannot be divided.
+    pub(super) fn divided(&mut self) -> Result<Divided, Vec<usize>> {
         let mut crossed = self.crossed();
         loop {
             let cells = self.cells_to_divide(&crossed);
             let mut centres: Vec<(usize, Centre)> = Vec::with_capacity(cells.len());
             let mut divided = Divided::default();
-            let mut has_more = false;
+            let (mut has_more, mut failed) = (false, Vec::new());
             for cell in cells {
                 if let Some((piece, outside)) = self.only_piece(cell, &crossed) {
                     divided.cells.insert(cell);
@@ -98,10 +101,16 @@ impl Fitting<'_> {
                     divided.outside.extend(outside);
                     continue;
                 }
-                let centre = self.centre_of(cell, &crossed)?;
+                let Some(centre) = self.centre_of(cell, &crossed) else {
+                    failed.push(cell);
+                    continue;
+                };
                 has_more |= !centre.crossed.is_empty();
                 crossed.quadrilaterals.extend(centre.crossed.iter().map(|side| sorted(*side)));
                 centres.push((cell, centre));
+            }
+            if !failed.is_empty() {
+                return Err(failed);
             }
             if !has_more {
                 for (cell, centre) in centres {
@@ -156,10 +165,9 @@ impl Fitting<'_> {
     }
 
     /// The position around which a cell is divided: on as many of its faces as possible, otherwise its centre.
-    fn centre_of(&self, cell: usize, crossed: &Crossed) -> Result<Centre, NotFitted> {
+    fn centre_of(&self, cell: usize, crossed: &Crossed) -> Option<Centre> {
         let corners = self.corners_of(cell);
-        let index = self.cell_index(cell);
-        let size = self.lines.sides(std::array::from_fn(|d| self.first[d] + index[d]));
+        let size = self.size_of_cell(cell);
         let places = corners.map(|corner| self.place(corner));
         let mean: [f64; 3] = std::array::from_fn(|d| places.iter().map(|x| x[d]).sum::<f64>() / 8.0);
         let near = self.near.get(&cell).map_or(&[][..], Vec::as_slice);
@@ -186,11 +194,11 @@ impl Fitting<'_> {
             }
             let crossed = self.crossed_from(&place, &faces, (&corners, &heights), crossed);
             if crossed.is_empty() {
-                return Ok(Centre { place, faces, crossed });
+                return Some(Centre { place, faces, crossed });
             }
             best = best.or(Some(Centre { place, faces, crossed }));
         }
-        best.ok_or(NotFitted::At(mean))
+        best
     }
 
     /// The mean of the places where faces cross the edges of a cell; `otherwise` if there are none.

@@ -36,7 +36,7 @@ impl Fitting<'_> {
             by_size.then(a.distance.total_cmp(&b.distance)).then(a.corner.cmp(&b.corner))
         });
         for Candidate { corner, faces, place, .. } in candidates {
-            if self.on.contains_key(&corner) {
+            if self.on.contains_key(&corner) || self.kept.contains(&corner) {
                 continue;
             }
             let before = self.moved.insert(corner, place);
@@ -94,8 +94,7 @@ impl Fitting<'_> {
     /// True if no corner of a cell is too flat.
     fn is_valid(&self, cell: usize) -> bool {
         let corners = self.corners_of(cell);
-        let index = self.cell_index(cell);
-        let size = self.lines.sides(std::array::from_fn(|d| self.first[d] + index[d]));
+        let size = self.size_of_cell(cell);
         (0..8).all(|k| {
             let arms = self.arms(corners[k], [0, 1, 2].map(|d| corners[k ^ 1 << d]), &size);
             let sign: f64 = corner_side::<3>(k).iter().product();
