@@ -8,6 +8,7 @@
 //! in equilibrium with the tractions on the outer sides.
 
 mod collapse;
+mod curved;
 mod cut;
 mod halves;
 mod pieces;
@@ -81,20 +82,27 @@ pub(in crate::model) fn fitted_in_space(
 ) -> Result<Vec<SolidDomain>, NotFitted> {
     let mut fitting = Fitting::new(region, lines)?;
     let near = fitting.near.clone();
-    loop {
-        fitting.warp();
-        fitting.find_faces_in_cells();
-        match fitting.divided() {
-            Ok(divided) => return fitting.domains(divided),
-            Err(cells) => fitting.keep_corners(&cells)?,
-        }
-        fitting.near.clone_from(&near);
+    let first = fitting.fitted()?;
+    if !fitting.shift_curved_faces(&first) {
+        return fitting.domains(&first);
     }
+    fitting.near = near;
+    fitting.put_back();
+    let second = fitting.fitted()?;
+    fitting.domains(&second)
+}
+
+/// The pieces inside a region, and the corners on its boundary.
+struct Inside {
+    pieces: Vec<Piece>,
+    outer: FxHashSet<usize>,
 }
 
 /// A face with a tree of its facets.
 struct FaceAt {
     level: Level,
+    /// Height at which the corners of domains lie on it, so that the volume on both sides of it is right, [length].
+    shift: f64,
     facets: Vec<[[f64; 3]; 3]>,
     tree: BoxTree<3>,
 }
@@ -103,7 +111,13 @@ impl FaceAt {
     fn new(face: Face) -> Self {
         let boxes: Vec<_> = face.facets.iter().map(|facet| around(facet)).collect();
         let tree = BoxTree::new(&boxes);
-        FaceAt { level: face.level, facets: tree.ordered(&face.facets), tree }
+        FaceAt { level: face.level, shift: 0.0, facets: tree.ordered(&face.facets), tree }
+    }
+
+    /// The height of a position above the face, [length], and its gradient, [-].
+    fn height(&self, x: &[f64; 3]) -> (f64, [f64; 3]) {
+        let (height, gradient) = self.level.height(x);
+        (height - self.shift, gradient)
     }
 
     /// True if a position is within a distance of the face.
@@ -204,6 +218,27 @@ impl<'a> Fitting<'a> {
         }
     }
 
+    /// The pieces inside the region.
+    fn fitted(&mut self) -> Result<Inside, NotFitted> {
+        let near = self.near.clone();
+        loop {
+            self.warp();
+            self.find_faces_in_cells();
+            match self.divided() {
+                Ok(divided) => return Ok(self.inside(divided)),
+                Err(cells) => self.keep_corners(&cells)?,
+            }
+            self.near.clone_from(&near);
+        }
+    }
+
+    /// Puts all corners of the lattice back.
+    fn put_back(&mut self) {
+        self.moved.clear();
+        self.more.clear();
+        self.on.clear();
+    }
+
     /// Puts the corners of cells back that cannot be divided because of these.
     ///
     /// # Errors
@@ -216,9 +251,7 @@ impl<'a> Fitting<'a> {
             }
             self.kept.extend(corners);
         }
-        self.moved.clear();
-        self.more.clear();
-        self.on.clear();
+        self.put_back();
         Ok(())
     }
 
@@ -247,17 +280,20 @@ impl<'a> Fitting<'a> {
     fn is_in(&self, face: u32, corners: &[usize]) -> bool {
         let places: Vec<[f64; 3]> = corners.iter().map(|&corner| self.place(corner)).collect();
         let size = self.size(&places[0]).into_iter().fold(f64::INFINITY, f64::min);
-        let planes: Vec<([f64; 3], [f64; 3])> = (sides_of_domain::<3>(places.len()))
-            .map(|side| {
-                let area = side.area(&places);
-                let length = norm(&area);
-                (side.centre(&places), area.map(|a| a / length))
-            })
-            .collect();
-        let [low, high] = around(&places);
         // Facets of curved faces are chords.
         let is_plane = self.faces[face as usize].level.is_plane();
         let slack = if is_plane { ON_FACE } else { AT_FACE } * size;
+        let planes: Vec<([f64; 3], [f64; 3], f64)> = (sides_of_domain::<3>(places.len()))
+            .map(|side| {
+                let (centre, area) = (side.centre(&places), side.area(&places));
+                let length = norm(&area);
+                let normal = area.map(|a| a / length);
+                // Sides of hexahedra bulge.
+                let above = |&k: &usize| dot(&minus(&places[k], &centre), &normal);
+                (centre, normal, side.corners().iter().map(above).fold(slack, f64::max))
+            })
+            .collect();
+        let [low, high] = around(&places);
         let wide = [low.map(|x| x - slack), high.map(|x| x + slack)];
         let face = &self.faces[face as usize];
         let found = Cell::new(false);
@@ -265,8 +301,8 @@ impl<'a> Fitting<'a> {
             |bounds| !found.get() && boxes_overlap(bounds, &wide),
             |item| {
                 let facet = &face.facets[item];
-                let is_beyond = |(centre, normal): &([f64; 3], [f64; 3])| {
-                    facet.iter().all(|x| dot(&minus(x, centre), normal) >= slack)
+                let is_beyond = |(centre, normal, height): &([f64; 3], [f64; 3], f64)| {
+                    facet.iter().all(|x| dot(&minus(x, centre), normal) >= *height)
                 };
                 if boxes_overlap(&around(facet), &wide) && !planes.iter().any(is_beyond) {
                     found.set(true);
@@ -346,7 +382,7 @@ impl<'a> Fitting<'a> {
             return 0.0;
         }
         let x = self.place(corner);
-        let (height, _) = self.faces[face as usize].level.height(&x);
+        let (height, _) = self.faces[face as usize].height(&x);
         let least = self.size(&x).into_iter().fold(f64::INFINITY, f64::min);
         if height.abs() <= ON_FACE * least { 0.0 } else { height }
     }
@@ -362,7 +398,7 @@ impl<'a> Fitting<'a> {
             let mut basis: Vec<[f64; 3]> = Vec::new();
             let mut is_there = true;
             for &face in faces {
-                let (height, gradient) = self.faces[face as usize].level.height(&place);
+                let (height, gradient) = self.faces[face as usize].height(&place);
                 let scaled: [f64; 3] =
                     std::array::from_fn(|d| if fixed[d] { 0.0 } else { gradient[d] * size[d] });
                 is_there &= height.abs() <= 1e-14 * least;
@@ -388,7 +424,7 @@ impl<'a> Fitting<'a> {
             }
             place = std::array::from_fn(|d| place[d] + size[d] * step[d]);
         }
-        let is_on = |&face: &u32| self.faces[face as usize].level.height(&place).0.abs() <= ON_FACE * least;
+        let is_on = |&face: &u32| self.faces[face as usize].height(&place).0.abs() <= ON_FACE * least;
         faces.iter().all(is_on).then_some(place)
     }
 
@@ -407,8 +443,8 @@ impl<'a> Fitting<'a> {
         })
     }
 
-    /// The domains inside the region, in the order of cells.
-    fn domains(&self, divided: pieces::Divided) -> Result<Vec<SolidDomain>, NotFitted> {
+    /// The pieces inside the region, in the order of cells.
+    fn inside(&self, divided: pieces::Divided) -> Inside {
         let is_inside = |corners: &[usize]| {
             let n = corners.len() as f64;
             let places: Vec<[f64; 3]> = corners.iter().map(|&k| self.place(k)).collect();
@@ -429,6 +465,14 @@ impl<'a> Fitting<'a> {
                 outer.insert(to);
             }
         }
+        let mut pieces: Vec<Piece> = whole.into_iter().chain(pieces).collect();
+        pieces.sort_by_key(|piece| piece.cell);
+        Inside { pieces, outer }
+    }
+
+    /// The domains of the pieces inside the region.
+    fn domains(&self, inside: &Inside) -> Result<Vec<SolidDomain>, NotFitted> {
+        let outer = &inside.outer;
         let is_at_end = |corner: usize| {
             corner < self.lattice_corners() && {
                 let index = self.corner_index(corner);
@@ -444,9 +488,7 @@ impl<'a> Fitting<'a> {
                 Err(NotFitted::At(corners[0]))
             }
         };
-        let mut inside: Vec<Piece> = whole.into_iter().chain(pieces).collect();
-        inside.sort_by_key(|piece| piece.cell);
-        inside.iter().map(domain).collect()
+        inside.pieces.iter().map(domain).collect()
     }
 }
 

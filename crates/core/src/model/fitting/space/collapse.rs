@@ -94,9 +94,10 @@ impl Fitting<'_> {
                 return None;
             }
             before += self.volume_of(&piece.corners);
-            is_curved |= self.on.get(&from).is_some_and(|faces| {
-                faces.iter().any(|&face| !self.faces[face as usize].level.is_plane())
-            });
+            is_curved |= self
+                .on
+                .get(&from)
+                .is_some_and(|faces| faces.iter().any(|&face| !self.faces[face as usize].level.is_plane()));
             if piece.corners.contains(&to) {
                 if piece.corners.len() > 4 {
                     return None;

@@ -2,8 +2,8 @@
 
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use super::warp::groups;
 use super::Fitting;
+use super::warp::groups;
 use crate::grid::element::ElementShape;
 use crate::grid::vtk_corner;
 use crate::region::vector::along;
@@ -250,7 +250,7 @@ impl Fitting<'_> {
     ) -> Vec<[usize; 4]> {
         let mut beyond = [false; 8];
         for (face, heights) in heights.iter().filter(|(face, _)| !on.contains(face)) {
-            let (height, _) = self.faces[*face as usize].level.height(place);
+            let (height, _) = self.faces[*face as usize].height(place);
             (0..8).for_each(|k| beyond[k] |= height * heights[k] < 0.0);
         }
         let is_beyond = |corner: &usize| corners.iter().position(|k| k == corner).is_some_and(|k| beyond[k]);

@@ -62,7 +62,7 @@ impl Fitting<'_> {
         faces.dedup();
         let mut close: Vec<(f64, u32)> = (faces.into_iter())
             .filter_map(|face| {
-                let (height, gradient) = self.faces[face as usize].level.height(&x);
+                let (height, gradient) = self.faces[face as usize].height(&x);
                 let steepest = (0..3).map(|d| (gradient[d] * size[d]).abs()).fold(0.0, f64::max);
                 let t = height.abs() / steepest;
                 (t <= NEAR + 1e-9).then_some((t, face))
