@@ -64,6 +64,15 @@ impl SolidDomain {
     }
 }
 
+/// Domains that fill a region in space.
+#[derive(Debug, Clone, PartialEq)]
+pub(in crate::model) struct SolidDomains {
+    /// In the order of the cells of the lattice.
+    pub domains: Vec<SolidDomain>,
+    /// The position on a curved face that is farthest from the domains, if these do not follow the face there, [length].
+    pub apart: Option<[f64; 3]>,
+}
+
 /// Why domains cannot follow the boundary.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in crate::model) enum NotFitted {
@@ -79,7 +88,7 @@ pub(in crate::model) enum NotFitted {
 pub(in crate::model) fn fitted_in_space(
     region: &Region<3>,
     lines: &Lines<3>,
-) -> Result<Vec<SolidDomain>, NotFitted> {
+) -> Result<SolidDomains, NotFitted> {
     let mut fitting = Fitting::new(region, lines)?;
     let near = fitting.near.clone();
     let first = fitting.fitted()?;
@@ -471,7 +480,7 @@ impl<'a> Fitting<'a> {
     }
 
     /// The domains of the pieces inside the region.
-    fn domains(&self, inside: &Inside) -> Result<Vec<SolidDomain>, NotFitted> {
+    fn domains(&self, inside: &Inside) -> Result<SolidDomains, NotFitted> {
         let outer = &inside.outer;
         let is_at_end = |corner: usize| {
             corner < self.lattice_corners() && {
@@ -488,7 +497,8 @@ impl<'a> Fitting<'a> {
                 Err(NotFitted::At(corners[0]))
             }
         };
-        inside.pieces.iter().map(domain).collect()
+        let domains = inside.pieces.iter().map(domain).collect::<Result<_, _>>()?;
+        Ok(SolidDomains { domains, apart: self.farthest(inside) })
     }
 }
 

@@ -1,11 +1,16 @@
 //! Curved faces: domains whose corners lie on them have too small a volume on the outer side, and too large a one on the
 //! inner side, so their corners lie a little above or below.
 
+use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
 use super::{Fitting, Inside};
 use crate::region::vector::{along, norm};
+use crate::region::{BoxTree, around, facet_distance};
 use crate::surface::sides_of_domain;
+
+/// Distance from a curved face beyond which domains do not follow it, in cells, [-].
+const APART: f64 = 0.25;
 
 impl Fitting<'_> {
     /// Shifts curved faces so that the mean height of the sides of domains on them becomes zero, up to terms of higher
@@ -31,6 +36,33 @@ impl Fitting<'_> {
             }
         }
         has_any
+    }
+
+    /// The position on a curved face that is farthest from the outer sides, in cells, if these do not follow it there.
+    pub(super) fn farthest(&self, inside: &Inside) -> Option<[f64; 3]> {
+        let curved = || self.faces.iter().filter(|face| !face.level.is_plane());
+        curved().next()?;
+        let place = |&corner: &usize| self.place(corner);
+        let facets: Vec<[[f64; 3]; 3]> = (self.outer_sides(inside).iter())
+            .map(|side| side.iter().map(place).collect::<Vec<_>>())
+            .flat_map(|x| (1..x.len() - 1).map(move |k| [x[0], x[k], x[k + 1]]).collect::<Vec<_>>())
+            .collect();
+        let boxes: Vec<_> = facets.iter().map(|facet| around(facet)).collect();
+        let tree = BoxTree::new(&boxes);
+        let distance = |x: &[f64; 3]| {
+            let mut least = f64::INFINITY;
+            tree.approach(x, f64::INFINITY, |item| {
+                least = least.min(facet_distance(&facets[tree.order[item] as usize], x));
+                least * least
+            });
+            least / self.size(x).into_iter().fold(f64::INFINITY, f64::min)
+        };
+        let middle = |facet: &[[f64; 3]; 3]| -> [f64; 3] {
+            std::array::from_fn(|d| facet.iter().map(|x| x[d]).sum::<f64>() / 3.0)
+        };
+        let places: Vec<[f64; 3]> = curved().flat_map(|face| face.facets.iter().map(middle)).collect();
+        let far = places.into_par_iter().map(|x| (distance(&x), x)).filter(|(distance, _)| *distance > APART);
+        far.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, x)| x)
     }
 
     /// The sides of pieces that no other piece shares, as corners in cyclic order.
