@@ -322,10 +322,7 @@ pub fn domain_volume<const D: usize>(corners: &[[f64; D]]) -> f64 {
         Some(ElementShape::Simplex) => edges(corners).determinant() / (1..=D).product::<usize>() as f64,
         Some(ElementShape::Box) if D == 2 => (0..4).map(|corner| corner_determinant(corners, corner)).sum(),
         Some(ElementShape::Box) => gauss_points::<D>().map(|xi| jacobian(corners, &xi).determinant()).sum(),
-        None => Collapsed::from_corners::<D>(corners.len()).map_or(0.0, |shape| {
-            let whole = shape.hexahedron(corners);
-            gauss_points::<D>().map(|xi| jacobian(&whole, &xi).determinant()).sum()
-        }),
+        None => Collapsed::from_corners::<D>(corners.len()).map_or(0.0, |shape| shape.volume(corners)),
     }
 }
 

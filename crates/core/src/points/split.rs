@@ -230,18 +230,18 @@ fn halves<const D: usize>(
     parts
 }
 
-/// Mean of several positions.
+/// The place of the point in a domain: the centroid of a pyramid or wedge, the mean of the corners of any other domain.
 fn middle<const D: usize>(corners: &[[f64; D]]) -> [f64; D] {
+    if let Some(shape) = Collapsed::from_corners::<D>(corners.len()) {
+        return shape.centroid(corners);
+    }
     std::array::from_fn(|d| corners.iter().map(|x| x[d]).sum::<f64>() / corners.len() as f64)
 }
 
 /// Volume of a domain.
 fn volume<const D: usize>(corners: &[[f64; D]], rules: &impl Splitting<D>) -> f64 {
     if let Some(shape) = Collapsed::from_corners::<D>(corners.len()) {
-        let volume = |corners: &[[f64; D]]| ElementShape::Box.volume(corners).abs();
-        let whole = shape.hexahedron(corners);
-        let in_order: Vec<[f64; D]> = (0..whole.len()).map(|k| whole[vtk_corner(k)]).collect();
-        return volume(&in_order) * rules.depth(&middle(corners));
+        return shape.volume(corners).abs() * rules.depth(&shape.centroid(corners));
     }
     let Some(shape) = ElementShape::from_nodes::<D>(corners.len()) else { return 0.0 };
     let in_order: Vec<[f64; D]> = match shape {
@@ -366,6 +366,10 @@ mod tests {
         let brick = |k: usize| std::array::from_fn(|d| (k >> d & 1) as f64);
         splits_keep_the_whole((0..8).map(brick).collect::<Vec<[f64; 3]>>(), false);
         splits_keep_the_whole(vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], false);
+        let base = [[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+        splits_keep_the_whole(base.into_iter().chain([[0.3, 0.4, 1.0]]).collect(), false);
+        let ends = [0.0, 1.0].map(|z| [[0.0, 0.0, z], [0.0, 1.0, z], [1.0, 0.0, z]]);
+        splits_keep_the_whole(ends.concat(), false);
     }
 
     #[test]

@@ -4,6 +4,9 @@
 //! are those of the hexahedron, summed over the corners that coincide: bilinear on quadrilateral sides, linear on
 //! triangular ones, so that a side has the same mean as a side of a hexahedron or tetrahedron.
 
+use super::ElementShape;
+use crate::grid::vtk_corner;
+
 /// A pyramid or wedge in space, by its number of corners.
 ///
 /// Corners are in VTK order. Pyramid: first around the base, counterclockwise as seen from the tip, then the tip. Wedge:
@@ -37,6 +40,22 @@ impl Collapsed {
     /// The hexahedron that has collapsed, given the corners of this shape.
     pub fn hexahedron<const D: usize>(self, corners: &[[f64; D]]) -> [[f64; D]; 8] {
         self.corners_of_hexahedron().map(|k| corners[k])
+    }
+
+    /// Volume, positive for corners in order, [length³].
+    pub fn volume<const D: usize>(self, corners: &[[f64; D]]) -> f64 {
+        ElementShape::Box.volume(&self.in_order_of_element(corners))
+    }
+
+    /// Centroid, [length].
+    pub fn centroid<const D: usize>(self, corners: &[[f64; D]]) -> [f64; D] {
+        ElementShape::Box.centroid(&self.in_order_of_element(corners))
+    }
+
+    /// The corners of the hexahedron in VTK order.
+    fn in_order_of_element<const D: usize>(self, corners: &[[f64; D]]) -> [[f64; D]; 8] {
+        let whole = self.hexahedron(corners);
+        std::array::from_fn(|k| whole[vtk_corner(k)])
     }
 
     /// Corner indices of each side, counterclockwise as seen from outside.

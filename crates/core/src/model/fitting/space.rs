@@ -52,13 +52,12 @@ impl SolidDomain {
     /// The centroid, [length].
     pub(in crate::model) fn centroid(&self) -> [f64; 3] {
         let corners = &self.corners;
-        let boxed = |corners: &[[f64; 3]]| {
-            let in_order: Vec<[f64; 3]> = (0..8).map(|k| corners[vtk_corner(k)]).collect();
-            ElementShape::Box.centroid(&in_order)
-        };
         match Collapsed::from_corners::<3>(corners.len()) {
-            Some(shape) => boxed(&shape.hexahedron(corners)),
-            None if corners.len() == 8 => boxed(corners),
+            Some(shape) => shape.centroid(corners),
+            None if corners.len() == 8 => {
+                let in_order: Vec<[f64; 3]> = (0..8).map(|k| corners[vtk_corner(k)]).collect();
+                ElementShape::Box.centroid(&in_order)
+            }
             None => ElementShape::Simplex.centroid(corners),
         }
     }
