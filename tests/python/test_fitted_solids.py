@@ -124,3 +124,116 @@ def test_for_any_number_of_points(run, points):
 
 def test_for_any_number_of_steps(run):
     assert scatter(run(turned((1, 2, 3), 30, (150, 80, -60), steps=8))) < 1e-8
+
+
+def octant(shape, h, **more):
+    """A part of a body with three planes of symmetry, under a pressure of 150 on what is curved."""
+    part = f"{{type: intersection, of: [{shape}, {{type: box, min: [0, 0, 0], max: [4, 4, 4]}}]}}"
+    text = deck(part, h, **more)
+    return text + """
+surfaces: [{name: s, body: b, part: {box: {min: [1.0e-4, 1.0e-4, 1.0e-4], max: [4, 4, 4]}}}]
+boundary_conditions:
+  - {name: left, nodes: {x: 0}, fix: [x]}
+  - {name: front, nodes: {y: 0}, fix: [y]}
+  - {name: base, nodes: {z: 0}, fix: [z]}
+loads: [{name: p, type: pressure, surface: s, pressure: 150}]
+steps: {count: 1}
+"""
+
+
+def sphere(h, radius=1.5, **more):
+    return octant(f"{{type: sphere, center: [0, 0, 0], radius: {radius}}}", h, **more)
+
+
+def test_a_sphere_under_pressure(run):
+    """The volume is nearly exact, the force on a plane of symmetry of order 2, and the stress uniform."""
+    volume, force = np.pi / 6 * 1.5**3, 150 * np.pi / 4 * 1.5**2
+    errors = []
+    for h in (1, 0.5, 0.25):
+        results = run(sphere(h))
+        assert scatter(results) < 1e-8
+        outer = Outer(results)
+        errors.append([abs(outer.volumes.sum() / volume - 1), abs(-results.history["p_fx"][-1] / force - 1)])
+    errors = np.array(errors)
+    assert (errors[:, 0] < [0.02, 0.005, 5e-4]).all()
+    assert (np.log2(errors[:-1, 1] / errors[1:, 1]) > 1.5).all(), errors
+
+
+def test_a_cylinder_under_pressure(run):
+    """A cylinder along z, loaded at its lateral surface and at its end."""
+    cylinder = "{type: cylinder, start: [0, 0, 0], end: [0, 0, 1.37], radius: 1.43}"
+    results = run(octant(cylinder, 0.5))
+    assert scatter(results) < 1e-8
+    assert Outer(results).volumes.sum() == pytest.approx(np.pi / 4 * 1.43**2 * 1.37, rel=2e-3)
+    assert -results.history["p_fz"][-1] == pytest.approx(150 * np.pi / 4 * 1.43**2, rel=5e-3)
+
+
+def test_an_stl_solid_is_met_exactly(run, tmp_path):
+    """An L-shaped solid, turned, in facets: volume and area of the domains are those of the solid."""
+    corners = np.array([[0, 0], [2.1, 0], [2.1, 0.9], [0.8, 0.9], [0.8, 2.0], [0, 2.0]])
+    turn = rotation((1, 2, 3), 0.4)
+    triangles = [(0, 1, 2), (0, 2, 3), (0, 3, 4), (0, 4, 5)]
+    ends = [np.column_stack([corners, np.full(6, z)]) @ turn.T + [0.9, 0.7, 1.2] for z in (0, 1.1)]
+    facets = [ends[1][list(t)] for t in triangles] + [ends[0][list(t[::-1])] for t in triangles]
+    for k in range(6):
+        a, b = k, (k + 1) % 6
+        facets += [np.array([ends[0][a], ends[0][b], ends[1][b]]), np.array([ends[0][a], ends[1][b], ends[1][a]])]
+    vertex = lambda x: f"vertex {float(x[0])!r} {float(x[1])!r} {float(x[2])!r}\n"
+    facet = lambda x: "facet normal 0 0 0\nouter loop\n" + "".join(map(vertex, x)) + "endloop\nendfacet\n"
+    (tmp_path / "part.stl").write_text("solid part\n" + "".join(map(facet, facets)) + "endsolid part\n")
+    text = deck("{type: stl, file: part.stl}", 0.5) + """
+surfaces: [{name: s, body: b}]
+boundary_conditions: [{name: r, surface: s, fix: [x, y, z]}]
+loads: [{name: p, type: pressure, surface: s, pressure: 1}]
+steps: {count: 1}
+"""
+    outer = Outer(run(text))
+    area = 2.1 * 2.0 - 1.3 * 1.1
+    assert outer.volumes.sum() == pytest.approx(1.1 * area, rel=1e-10)
+    assert outer.area == pytest.approx(2 * area + 1.1 * 8.2, rel=1e-10)
+
+
+@pytest.mark.parametrize("shape, volume, tolerance", [
+    ("{type: difference, from: BOX, minus: [{type: rotate, axis: [0, 0, 1], angle: 20, center: [2, 2, 2], shape: {type: box, min: [1.5, 1.5, 0], max: [2.6, 2.4, 4]}}]}",
+     2.5 * 2.3 * 2.6 - 1.1 * 0.9 * 2.6, 1e-10),
+    ("{type: difference, from: BOX, minus: [{type: sphere, center: [2, 1.9, 1.9], radius: 0.9}]}",
+     2.5 * 2.3 * 2.6 - 4 / 3 * np.pi * 0.9**3, 5e-3),
+    ("{type: extrusion, axis: z, from: 0.8, to: 2.9, polygon: [[0.6, 0.6], [3.1, 0.7], [3.3, 1.6], [1.7, 1.5], [1.4, 3.1], [0.5, 2.9]]}", 2.1 * 3.84, 1e-10),
+    ("{type: cone, start: [1, 1.2, 1.1], end: [2.5, 2.4, 3], radii: [0.9, 0.4]}", np.pi / 3 * np.sqrt(7.3) * (0.81 + 0.36 + 0.16), 5e-3),
+])
+def test_solids_may_be_combined(run, shape, volume, tolerance):
+    box = "{type: box, min: [0.6, 0.6, 0.6], max: [3.1, 2.9, 3.2]}"
+    text = deck(shape.replace("BOX", box), 0.5) + """
+surfaces: [{name: s, body: b}]
+boundary_conditions: [{name: r, surface: s, fix: [x, y, z]}]
+loads: [{name: p, type: pressure, surface: s, pressure: 1}]
+steps: {count: 1}
+"""
+    outer = Outer(run(text))
+    assert outer.volumes.sum() == pytest.approx(volume, rel=tolerance)
+
+
+def test_shapes_on_lattice_lines_stay_as_they_are(run):
+    box = "{type: box, min: [1, 1.25, 0.5], max: [2, 2.5, 1.75]}"
+    text = deck(f"{{type: union, of: [{box}, {{type: translate, by: [1, 0, 0], shape: {box}}}]}}", 0.5) + """
+surfaces: [{name: s, body: b}]
+boundary_conditions: [{name: r, surface: s, fix: [x, y, z]}]
+loads: [{name: p, type: pressure, surface: s, pressure: 1}]
+steps: {count: 1}
+"""
+    results = run(text)
+    volumes = np.asarray(results.mesh("domains", 0)["volume"])
+    assert len(volumes) == 8 * 5 * 5 and np.ptp(volumes) < 1e-15
+
+
+def test_what_cannot_be_followed_is_named(mpm, tmp_path):
+    cone = "{type: cone, start: [1, 1.2, 1.1], end: [2.5, 2.4, 3], radii: [0.9, 0]}"
+    path = tmp_path / "deck.yaml"
+    path.write_text(deck(cone, 0.5) + """
+surfaces: [{name: s, body: b}]
+boundary_conditions: [{name: r, surface: s, fix: [x, y, z]}]
+loads: [{name: p, type: pressure, surface: s, pressure: 1}]
+steps: {count: 1}
+""")
+    message = mpm("check", path).stderr
+    assert "D033" in message and "are finer than the domains, near (2.4" in message
