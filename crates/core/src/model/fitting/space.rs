@@ -10,33 +10,26 @@
 mod collapse;
 mod curved;
 mod cut;
+mod faces;
 mod halves;
+mod inside;
 mod pieces;
 mod warp;
 
-use std::cell::Cell;
-
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use crate::basis::domain_volume;
 use crate::grid::Lines;
 use crate::grid::element::{Collapsed, ElementShape};
 use crate::grid::vtk_corner;
-use crate::region::vector::{dot, minus, norm};
-use crate::region::{BoxTree, Face, Level, Region, around, boxes_overlap, facet_distance};
-use crate::surface::sides_of_domain;
-use pieces::Piece;
+use crate::region::Region;
+use crate::region::vector::{dot, minus};
+use faces::{FaceAt, is_on_line};
+use inside::Inside;
 
-/// Distance from a lattice line within which a plane is on the line, in cells, [-].
-const ON_LINE: f64 = 1e-6;
 /// Height above a face within which a position lies on it, in cells, [-].
 const ON_FACE: f64 = 1e-9;
 /// Size of the facets that show where a face is, in cells, [-].
 const SPACING: f64 = 0.34;
-/// Distance from such a facet within which a cell is at the face, in cells, [-].
-const AT_FACE: f64 = 0.05;
-/// Distance from its facets within which a position on the surface of a face belongs to the face, in cells, [-].
-const ASIDE: f64 = 0.1;
 /// Number of iterations that project a position onto curved faces.
 const PROJECTIONS: usize = 20;
 
@@ -100,48 +93,6 @@ pub(in crate::model) fn fitted_in_space(
     fitting.domains(&second)
 }
 
-/// The pieces inside a region, and the corners on its boundary.
-struct Inside {
-    pieces: Vec<Piece>,
-    outer: FxHashSet<usize>,
-}
-
-/// A face with a tree of its facets.
-struct FaceAt {
-    level: Level,
-    /// Height at which the corners of domains lie on it, so that the volume on both sides of it is right, [length].
-    shift: f64,
-    facets: Vec<[[f64; 3]; 3]>,
-    tree: BoxTree<3>,
-}
-
-impl FaceAt {
-    fn new(face: Face) -> Self {
-        let boxes: Vec<_> = face.facets.iter().map(|facet| around(facet)).collect();
-        let tree = BoxTree::new(&boxes);
-        FaceAt { level: face.level, shift: 0.0, facets: tree.ordered(&face.facets), tree }
-    }
-
-    /// The height of a position above the face, [length], and its gradient, [-].
-    fn height(&self, x: &[f64; 3]) -> (f64, [f64; 3]) {
-        let (height, gradient) = self.level.height(x);
-        (height - self.shift, gradient)
-    }
-
-    /// True if a position is within a distance of the face.
-    fn is_near(&self, x: &[f64; 3], distance: f64) -> bool {
-        let mut least = distance * distance;
-        let mut found = false;
-        self.tree.approach(x, least, |item| {
-            if facet_distance(&self.facets[item], x) <= distance {
-                (found, least) = (true, -1.0);
-            }
-            least
-        });
-        found
-    }
-}
-
 /// The lattice around a region whose corners have moved to its faces. Corners are numbered: first those of the lattice,
 /// then others.
 struct Fitting<'a> {
@@ -198,34 +149,6 @@ impl<'a> Fitting<'a> {
         Ok(fitting)
     }
 
-    /// Records for each cell the faces that come near it.
-    fn find_cells_at_faces(&mut self) {
-        let mut marked: FxHashSet<(usize, u32)> = FxHashSet::default();
-        for (number, face) in self.faces.iter().enumerate() {
-            for facet in &face.facets {
-                let [low, high] = around(facet);
-                let range = |d: usize| {
-                    let [low, high] = [low[d], high[d]].map(|x| self.local(d, x));
-                    let most = self.n[d] as f64;
-                    let from = (low - AT_FACE).floor().clamp(0.0, most) as usize;
-                    from..((high + AT_FACE).floor() + 1.0).clamp(0.0, most) as usize
-                };
-                for k in range(2) {
-                    for j in range(1) {
-                        for i in range(0) {
-                            marked.insert((self.cell([i, j, k]), number as u32));
-                        }
-                    }
-                }
-            }
-        }
-        let mut marked: Vec<_> = marked.into_iter().collect();
-        marked.sort_unstable();
-        for (cell, number) in marked {
-            self.near.entry(cell).or_default().push(number);
-        }
-    }
-
     /// The pieces inside the region.
     fn fitted(&mut self) -> Result<Inside, NotFitted> {
         let near = self.near.clone();
@@ -261,63 +184,6 @@ impl<'a> Fitting<'a> {
         }
         self.put_back();
         Ok(())
-    }
-
-    /// Finds the faces in each cell anew, now that its corners have moved: those of the cells around it of which a facet
-    /// lies on the inner side of all its sides.
-    fn find_faces_in_cells(&mut self) {
-        let mut cells: Vec<usize> = (self.near.keys().copied())
-            .flat_map(|cell| self.corners_of(cell))
-            .flat_map(|corner| self.cells_around(corner))
-            .collect();
-        cells.sort_unstable();
-        cells.dedup();
-        let found = |&cell: &usize| {
-            let around = self.corners_of(cell).into_iter().flat_map(|corner| self.cells_around(corner));
-            let mut faces: Vec<u32> =
-                around.filter_map(|cell| self.near.get(&cell)).flatten().copied().collect();
-            faces.sort_unstable();
-            faces.dedup();
-            faces.retain(|&face| self.is_in(face, &self.corners_of(cell)));
-            (cell, faces)
-        };
-        self.near = cells.iter().map(found).filter(|(_, faces)| !faces.is_empty()).collect();
-    }
-
-    /// True if a facet of a face may come into a piece between these corners.
-    fn is_in(&self, face: u32, corners: &[usize]) -> bool {
-        let places: Vec<[f64; 3]> = corners.iter().map(|&corner| self.place(corner)).collect();
-        let size = self.size(&places[0]).into_iter().fold(f64::INFINITY, f64::min);
-        // Facets of curved faces are chords.
-        let is_plane = self.faces[face as usize].level.is_plane();
-        let slack = if is_plane { ON_FACE } else { AT_FACE } * size;
-        let planes: Vec<([f64; 3], [f64; 3], f64)> = (sides_of_domain::<3>(places.len()))
-            .map(|side| {
-                let (centre, area) = (side.centre(&places), side.area(&places));
-                let length = norm(&area);
-                let normal = area.map(|a| a / length);
-                // Sides of hexahedra bulge.
-                let above = |&k: &usize| dot(&minus(&places[k], &centre), &normal);
-                (centre, normal, side.corners().iter().map(above).fold(slack, f64::max))
-            })
-            .collect();
-        let [low, high] = around(&places);
-        let wide = [low.map(|x| x - slack), high.map(|x| x + slack)];
-        let face = &self.faces[face as usize];
-        let found = Cell::new(false);
-        face.tree.visit(
-            |bounds| !found.get() && boxes_overlap(bounds, &wide),
-            |item| {
-                let facet = &face.facets[item];
-                let is_beyond = |(centre, normal, height): &([f64; 3], [f64; 3], f64)| {
-                    facet.iter().all(|x| dot(&minus(x, centre), normal) >= *height)
-                };
-                if boxes_overlap(&around(facet), &wide) && !planes.iter().any(is_beyond) {
-                    found.set(true);
-                }
-            },
-        );
-        found.get()
     }
 
     /// Sides of a cell of the lattice, [length].
@@ -436,12 +302,6 @@ impl<'a> Fitting<'a> {
         faces.iter().all(is_on).then_some(place)
     }
 
-    /// True if a position on the surfaces of faces belongs to all of them.
-    fn is_at(&self, x: &[f64; 3], faces: &[u32]) -> bool {
-        let least = self.size(x).into_iter().fold(f64::INFINITY, f64::min);
-        faces.iter().all(|&face| self.faces[face as usize].is_near(x, ASIDE * least))
-    }
-
     /// The vectors from a corner to others, in cells of a size.
     fn arms<const N: usize>(&self, from: usize, to: [usize; N], size: &[f64; 3]) -> [[f64; 3]; N] {
         let x = self.place(from);
@@ -450,65 +310,6 @@ impl<'a> Fitting<'a> {
             std::array::from_fn(|d| arm[d] / size[d])
         })
     }
-
-    /// The pieces inside the region, in the order of cells.
-    fn inside(&self, divided: pieces::Divided) -> Inside {
-        let is_inside = |corners: &[usize]| {
-            let n = corners.len() as f64;
-            let places: Vec<[f64; 3]> = corners.iter().map(|&k| self.place(k)).collect();
-            self.region.contains(&std::array::from_fn(|d| places.iter().map(|x| x[d]).sum::<f64>() / n))
-        };
-        let whole = (0..self.n.iter().product()).filter(|cell| !divided.cells.contains(cell));
-        let whole = whole.map(|cell| Piece { cell, corners: self.corners_of(cell).to_vec() });
-        let (whole, without): (Vec<Piece>, Vec<Piece>) = whole.partition(|piece| is_inside(&piece.corners));
-        let (pieces, cut_off): (Vec<Piece>, Vec<Piece>) =
-            divided.pieces.into_iter().partition(|piece| is_inside(&piece.corners));
-        let mut outer = divided.outside;
-        outer.extend(without.into_iter().chain(cut_off).flat_map(|piece| piece.corners));
-        let fixed: FxHashSet<usize> = whole.iter().flat_map(|piece| piece.corners.iter().copied()).collect();
-        let mut moved = Vec::new();
-        let pieces = self.without_flat_pieces(pieces, &fixed, &mut moved);
-        for [from, to] in moved {
-            if outer.contains(&from) {
-                outer.insert(to);
-            }
-        }
-        let mut pieces: Vec<Piece> = whole.into_iter().chain(pieces).collect();
-        pieces.sort_by_key(|piece| piece.cell);
-        Inside { pieces, outer }
-    }
-
-    /// The domains of the pieces inside the region.
-    fn domains(&self, inside: &Inside) -> Result<SolidDomains, NotFitted> {
-        let outer = &inside.outer;
-        let is_at_end = |corner: usize| {
-            corner < self.lattice_corners() && {
-                let index = self.corner_index(corner);
-                (0..3).any(|d| index[d] == 0 || index[d] == self.n[d])
-            }
-        };
-        let domain = |piece: &Piece| {
-            let is_outer = piece.corners.iter().any(|&k| outer.contains(&k) || is_at_end(k));
-            let corners: Vec<[f64; 3]> = piece.corners.iter().map(|&k| self.place(k)).collect();
-            if domain_volume(&corners) > 0.0 {
-                Ok(SolidDomain { corners, is_outer })
-            } else {
-                Err(NotFitted::At(corners[0]))
-            }
-        };
-        let domains = inside.pieces.iter().map(domain).collect::<Result<_, _>>()?;
-        Ok(SolidDomains { domains, apart: self.farthest(inside) })
-    }
-}
-
-/// True if a face is plane and lies on a lattice line.
-fn is_on_line(level: &Level, lines: &Lines<3>) -> bool {
-    let Level::Plane { point, normal } = level else { return false };
-    (0..3).any(|d| {
-        let axis = &lines.axes()[d];
-        let xi = axis.coordinate(point[d]);
-        normal[d].abs() > 1.0 - 1e-12 && (xi - xi.round()).abs() <= ON_LINE
-    })
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@ use std::collections::HashMap;
 use std::f64::consts::PI;
 
 use super::*;
+use crate::basis::domain_volume;
 use crate::grid::Axis;
 use crate::region::vector::{along, norm};
 use crate::region::{Accuracy, Ball, Brick, Frustum, Motion, Polygon, Prism, Surface, area_vector};
@@ -29,7 +30,7 @@ struct Enclosed {
 
 /// The domains of a region: each shares a side with at most one other, and the sides that none shares are closed.
 fn check(region: &Region<3>) -> Enclosed {
-    let domains = fitted_in_space(region, &lattice()).unwrap();
+    let domains = fitted_in_space(region, &lattice()).unwrap().domains;
     let mut sides: HashMap<Vec<[u64; 3]>, Vec<Vec<[f64; 3]>>> = HashMap::new();
     let (mut volume, mut least) = (0.0, f64::INFINITY);
     for domain in &domains {
@@ -133,8 +134,6 @@ fn solids_may_be_combined_and_given_by_facets() {
 fn prism_facets(prism: &Prism) -> Vec<[[f64; 3]; 3]> {
     use crate::region::Primitive;
     let facets = prism.facets(f64::INFINITY).into_iter().map(|facet| facet.corners);
-    let middle = [1.0, 1.0, 1.6];
-    let _ = middle;
     let region: Region<3> = prism.clone().into();
     let outward = |corners: [[f64; 3]; 3]| {
         let area = area_vector(&corners);
