@@ -17,9 +17,9 @@ mod groups;
 pub(super) use files::FromFiles;
 pub(super) use groups::Groups;
 
-/// A region. A box whose sides lie on grid lines of a structured grid is filled exactly; in the plane, between lines of a
-/// grid or of `point_spacing`, domains of `cpdi1` and `cpdi2` follow the boundary of any other region. Elsewhere, a region
-/// gets the points that lie inside it, and the area (volume) gained or lost is reported.
+/// A region. A box whose sides lie on grid lines of a structured grid is filled exactly; between lines of a grid or of
+/// `point_spacing`, domains of `cpdi1` and `cpdi2` follow the boundary of any other region. Elsewhere, a region gets the
+/// points that lie inside it, and the area (volume) gained or lost is reported.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Shape {

@@ -382,6 +382,8 @@ fn cell_kind<const D: usize>(corners: usize) -> CellKind {
         (_, 3) => CellKind::Triangle,
         (3, 4) => CellKind::Tetrahedron,
         (_, 4) => CellKind::Quad,
+        (3, 5) => CellKind::Pyramid,
+        (3, 6) => CellKind::Wedge,
         _ => CellKind::Hexahedron,
     }
 }

@@ -57,6 +57,10 @@ pub enum CellKind {
     Quad,
     /// A tetrahedron with 4 points.
     Tetrahedron,
+    /// A pyramid with 5 points: around the base, then the tip.
+    Pyramid,
+    /// A wedge with 6 points: around one triangle, then around the other.
+    Wedge,
     /// A hexahedron with 8 points: around the bottom, then around the top.
     Hexahedron,
 }
@@ -69,6 +73,8 @@ impl CellKind {
             CellKind::Line => 2,
             CellKind::Triangle => 3,
             CellKind::Quad | CellKind::Tetrahedron => 4,
+            CellKind::Pyramid => 5,
+            CellKind::Wedge => 6,
             CellKind::Hexahedron => 8,
         }
     }
@@ -81,6 +87,8 @@ impl CellKind {
             CellKind::Triangle => 5,
             CellKind::Quad => 9,
             CellKind::Tetrahedron => 10,
+            CellKind::Pyramid => 14,
+            CellKind::Wedge => 13,
             CellKind::Hexahedron => 12,
         }
     }

@@ -1,6 +1,7 @@
 //! Convected particle domain interpolation, CPDI1 and CPDI2 (Sadeghirad et al., 2011 and 2013), derived from its
 //! definition because the formulas first printed for CPDI2 were wrong (footnote 6 of the paper). Domains are
-//! quadrilaterals (hexahedra) or triangles (tetrahedra).
+//! quadrilaterals (hexahedra) or triangles (tetrahedra); in space, also pyramids and wedges, which are hexahedra with
+//! corners that coincide.
 //!
 //! Inside the domain of a point, the grid basis is replaced by an interpolation of its values at the corners, N_v(x) ≈
 //! Σ_c N_c(x) N_v(x_c), so that
@@ -14,7 +15,7 @@
 //! constant and w_c = 1/(D + 1).
 
 use super::{Basis, PointGeometry, Support, SupportError};
-use crate::grid::element::{ElementShape, box_shape, corner_side, gauss_points};
+use crate::grid::element::{Collapsed, ElementShape, box_shape, corner_side, gauss_points};
 use crate::grid::{CellValues, Grid};
 use crate::tensor::{Mat3, padded};
 
@@ -141,8 +142,28 @@ impl<const D: usize> CornerWeights<D> {
             Some(ElementShape::Simplex) => Self::simplex(corners),
             Some(ElementShape::Box) if D == 2 => Self::quadrilateral(corners),
             Some(ElementShape::Box) => Self::hexahedron(corners),
-            None => Err(SupportError::Distorted),
+            None => Self::collapsed(corners),
         }
+    }
+
+    /// Weights of a pyramid or wedge: those of a hexahedron, summed over the corners that coincide.
+    fn collapsed(corners: &[[f64; D]]) -> Result<Self, SupportError> {
+        let shape = Collapsed::from_corners::<D>(corners.len()).ok_or(SupportError::Distorted)?;
+        let (whole, volume) = Self::integrals(&shape.hexahedron(corners))?;
+        let is_inverted = |corner: usize| {
+            let [a, b, c] = shape.edges_at(corner);
+            edges(&[corner, a, b, c].map(|k| corners[k])).determinant() <= 0.0
+        };
+        let regular = if shape == Collapsed::Pyramid { 0..4 } else { 0..6 };
+        if volume.is_nan() || volume <= 0.0 || regular.filter(|&k| is_inverted(k)).count() > 1 {
+            return Err(SupportError::Distorted);
+        }
+        let mut weights = CornerWeights { value: [0.0; MAX_CORNERS], gradient: [[0.0; D]; MAX_CORNERS] };
+        for (k, &corner) in shape.corners_of_hexahedron().iter().enumerate() {
+            weights.value[corner] += whole.value[k] / volume;
+            (0..D).for_each(|i| weights.gradient[corner][i] += whole.gradient[k][i] / volume);
+        }
+        Ok(weights)
     }
 
     /// Weights of a triangle or tetrahedron. With the edges from the first corner as the columns of J, the rows of J⁻¹
@@ -190,6 +211,19 @@ impl<const D: usize> CornerWeights<D> {
 
     /// Weights of a hexahedron. Bit d of a corner's number gives its side along parametric axis d.
     fn hexahedron(corners: &[[f64; D]]) -> Result<Self, SupportError> {
+        let (mut weights, volume) = Self::integrals(corners)?;
+        if volume.is_nan() || volume <= 0.0 || !is_meaningful(corners) {
+            return Err(SupportError::Distorted);
+        }
+        for corner in 0..corners.len() {
+            weights.value[corner] /= volume;
+            weights.gradient[corner] = weights.gradient[corner].map(|g| g / volume);
+        }
+        Ok(weights)
+    }
+
+    /// The integrals of N_c and ∇N_c over a hexahedron, and its volume.
+    fn integrals(corners: &[[f64; D]]) -> Result<(Self, f64), SupportError> {
         let mut weights = CornerWeights { value: [0.0; MAX_CORNERS], gradient: [[0.0; D]; MAX_CORNERS] };
         let n = corners.len();
         let mut volume = 0.0;
@@ -207,14 +241,7 @@ impl<const D: usize> CornerWeights<D> {
                 }
             }
         }
-        if volume.is_nan() || volume <= 0.0 || !is_meaningful(corners) {
-            return Err(SupportError::Distorted);
-        }
-        for corner in 0..n {
-            weights.value[corner] /= volume;
-            weights.gradient[corner] = weights.gradient[corner].map(|g| g / volume);
-        }
-        Ok(weights)
+        Ok((weights, volume))
     }
 }
 
@@ -295,7 +322,7 @@ pub fn domain_volume<const D: usize>(corners: &[[f64; D]]) -> f64 {
         Some(ElementShape::Simplex) => edges(corners).determinant() / (1..=D).product::<usize>() as f64,
         Some(ElementShape::Box) if D == 2 => (0..4).map(|corner| corner_determinant(corners, corner)).sum(),
         Some(ElementShape::Box) => gauss_points::<D>().map(|xi| jacobian(corners, &xi).determinant()).sum(),
-        None => 0.0,
+        None => Collapsed::from_corners::<D>(corners.len()).map_or(0.0, |shape| shape.volume(corners)),
     }
 }
 

@@ -4,11 +4,13 @@
 //! as seen from the fourth. Hexahedron: first around the bottom, counterclockwise as seen from the top, then around the
 //! top. Arrays have room for the largest element; entries beyond the number of nodes are zero.
 
+mod collapsed;
 mod inverse;
 mod validity;
 
 use super::structured::vtk_corner;
 
+pub use collapsed::Collapsed;
 pub use validity::folds;
 
 /// Largest number of nodes of an element.

@@ -14,6 +14,7 @@ use crate::grid::{Axis, Grid, Lines, Structured};
 use crate::points::Seed;
 use crate::ranks::Ranks;
 use crate::region::{Bounds, FilledCell, Region, Volume, brick_parts, contains_in_cell, fill};
+use shaped::Followed;
 
 /// Distance to a grid line within which a side of a box counts as on the line, in cells, [-].
 const ON_LINE: f64 = 1e-6;
@@ -95,6 +96,8 @@ pub struct FilledRegion<const D: usize> {
     pub is_by_cells: bool,
     /// How the domains follow the boundary.
     pub fit: Fit,
+    /// A position on or near the boundary that the domains do not follow, if one is known, [length].
+    pub apart: Option<[f64; D]>,
 }
 
 /// A region in `D` dimensions that can be filled with points. The core implements this for all regions.
@@ -158,24 +161,24 @@ impl<const D: usize> Filling<'_, D> {
     fn fill(&self, region: &Region<D>, placement: &Placement<D>) -> Result<FilledRegion<D>, FillError> {
         if let (Placement::PerCell { boxes, simplices, .. }, Some(_)) = (placement, region.as_mesh()) {
             let seeds = self.meshed(region, boxes.unwrap_or([1; D]), simplices.unwrap_or(1))?;
-            return Ok(FilledRegion { seeds, is_by_cells: false, fit: Fit::Fitted });
+            return Ok(FilledRegion { seeds, is_by_cells: false, fit: Fit::Fitted, apart: None });
         }
         if let Placement::PerCell { brick: Some(brick), boxes: Some(counts), .. } = placement
             && let Some(seeds) = self.grid.lines().and_then(|lines| self.box_on_lines(lines, brick, counts))
         {
-            return Ok(FilledRegion { seeds, is_by_cells: false, fit: Fit::Parts });
+            return Ok(FilledRegion { seeds, is_by_cells: false, fit: Fit::Parts, apart: None });
         }
-        let fit = match self.fitted(region, placement)? {
-            Ok(seeds) => return Ok(FilledRegion { seeds, is_by_cells: false, fit: Fit::Fitted }),
-            Err(fit) => fit,
-        };
+        let Followed { seeds, fit, apart } = self.fitted(region, placement)?;
+        if fit == Fit::Fitted {
+            return Ok(FilledRegion { seeds, is_by_cells: false, fit, apart });
+        }
         let (seeds, is_by_cells) = match placement {
             Placement::Lattice(spacing) => (self.lattice(region, spacing)?, false),
             Placement::PerCell { boxes, simplices, .. } => {
                 (self.cell_by_cell(region, *boxes, *simplices)?, true)
             }
         };
-        Ok(FilledRegion { seeds, is_by_cells, fit })
+        Ok(FilledRegion { seeds, is_by_cells, fit, apart })
     }
 
     fn volume_in_grid(&self, region: &Region<D>) -> Volume {

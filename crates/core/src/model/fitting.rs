@@ -7,12 +7,15 @@
 //! all their corners, so that a uniform stress is in equilibrium with the tractions on their outer sides.
 
 mod band;
+mod space;
 
 use std::collections::{HashMap, HashSet};
 
 use crate::grid::Lines;
 use crate::region::vector::{along, dot, minus, norm};
 use crate::region::{Outline, signed_area};
+
+pub(super) use space::{NotFitted, SolidDomain, SolidDomains, fitted_in_space};
 
 /// Distance from a lattice line within which a position is on the line, in cells, [-].
 const ON_LINE: f64 = 1e-6;

@@ -14,7 +14,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::Points;
-use crate::grid::element::ElementShape;
+use crate::grid::element::{Collapsed, ElementShape};
 use crate::grid::{MAX_CORNERS, vtk_corner};
 use crate::region::vector::{minus, norm};
 
@@ -23,7 +23,7 @@ const MAX_CUTS: usize = 6;
 
 /// A cut of a domain through the mid-point of an edge.
 ///
-/// Domains with 2^D corners are cut across all edges parallel to this edge.
+/// Domains with 2^D corners, pyramids and wedges are cut across all edges parallel to this edge.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Split {
     /// Permanent number of the point, which the first half keeps.
@@ -127,7 +127,7 @@ impl<const D: usize> Points<D> {
             let Some(p) = place(split.point) else { continue };
             let corners = self.corner_range(p).len();
             let [a, b] = split.edge.map(usize::from);
-            let is_edge = a < b && b < corners && (corners != 1 << D || (a ^ b).is_power_of_two());
+            let is_edge = a != b && b < corners && !cut_edges::<D>(corners, [a, b]).is_empty();
             if !is_edge || place(split.half).is_some() {
                 return Err("it contains a split of a point that cannot be split in this way".to_owned());
             }
@@ -168,8 +168,25 @@ impl<const D: usize> Points<D> {
     }
 }
 
-/// The longest edge of a domain and its length; for 2^D corners, lengths are averaged over parallel edges, the first of
-/// which is returned. `None` without corners.
+/// The edges of a domain that a cut through one of them divides, each from the first half to the second; empty if it cannot
+/// be cut there.
+fn cut_edges<const D: usize>(corners: usize, [a, b]: [usize; 2]) -> Vec<[usize; 2]> {
+    if corners == 1 << D {
+        let axis = a ^ b;
+        let low = (0..corners).filter(|c| c & axis == 0);
+        return if axis.is_power_of_two() { low.map(|low| [low, low | axis]).collect() } else { Vec::new() };
+    }
+    match Collapsed::from_corners::<D>(corners) {
+        Some(shape) => {
+            let group = shape.cuts().iter().find(|group| group[0] == [a, b]);
+            group.map_or_else(Vec::new, |group| group.to_vec())
+        }
+        None => vec![[a, b]],
+    }
+}
+
+/// The longest edge of a domain and its length; for 2^D corners, pyramids and wedges, lengths are averaged over parallel
+/// edges, the first of which is returned. `None` without corners.
 fn longest_edge<const D: usize>(corners: &[[f64; D]]) -> Option<([u8; 2], f64)> {
     let length = |a: usize, b: usize| norm(&minus(&corners[b], &corners[a]));
     let mut longest: Option<([u8; 2], f64)> = None;
@@ -184,6 +201,11 @@ fn longest_edge<const D: usize>(corners: &[[f64; D]]) -> Option<([u8; 2], f64)> 
             let sum: f64 = low.map(|c| length(c, c | 1 << axis)).sum();
             take(0, 1 << axis, sum / (corners.len() / 2) as f64);
         }
+    } else if let Some(shape) = Collapsed::from_corners::<D>(corners.len()) {
+        for group in shape.cuts() {
+            let sum: f64 = group.iter().map(|[a, b]| length(*a, *b)).sum();
+            take(group[0][0], group[0][1], sum / group.len() as f64);
+        }
     } else {
         for b in 1..corners.len() {
             (0..b).for_each(|a| take(a, b, length(a, b)));
@@ -195,35 +217,34 @@ fn longest_edge<const D: usize>(corners: &[[f64; D]]) -> Option<([u8; 2], f64)> 
 /// The halves of a domain that is cut through the mid-point of an edge.
 fn halves<const D: usize>(
     corners: &[[f64; D]],
-    [a, b]: [usize; 2],
+    edge: [usize; 2],
     place: impl Fn([f64; D]) -> [f64; D],
 ) -> [Domain<D>; 2] {
     let between = |a: usize, b: usize| place(std::array::from_fn(|d| 0.5 * (corners[a][d] + corners[b][d])));
     let mut whole = ([[0.0; D]; MAX_CORNERS], corners.len());
     whole.0[..corners.len()].copy_from_slice(corners);
     let mut parts = [whole; 2];
-    if corners.len() == 1 << D {
-        let axis = a ^ b;
-        for low in (0..corners.len()).filter(|c| c & axis == 0) {
-            let mid = between(low, low | axis);
-            parts[0].0[low | axis] = mid;
-            parts[1].0[low] = mid;
-        }
-    } else {
-        let mid = between(a, b);
-        parts[0].0[b] = mid;
-        parts[1].0[a] = mid;
+    for [first, second] in cut_edges::<D>(corners.len(), edge) {
+        let mid = between(first, second);
+        parts[0].0[second] = mid;
+        parts[1].0[first] = mid;
     }
     parts
 }
 
-/// Mean of several positions.
+/// The place of the point in a domain: the centroid of a pyramid or wedge, the mean of the corners of any other domain.
 fn middle<const D: usize>(corners: &[[f64; D]]) -> [f64; D] {
+    if let Some(shape) = Collapsed::from_corners::<D>(corners.len()) {
+        return shape.centroid(corners);
+    }
     std::array::from_fn(|d| corners.iter().map(|x| x[d]).sum::<f64>() / corners.len() as f64)
 }
 
 /// Volume of a domain.
 fn volume<const D: usize>(corners: &[[f64; D]], rules: &impl Splitting<D>) -> f64 {
+    if let Some(shape) = Collapsed::from_corners::<D>(corners.len()) {
+        return shape.volume(corners).abs() * rules.depth(&shape.centroid(corners));
+    }
     let Some(shape) = ElementShape::from_nodes::<D>(corners.len()) else { return 0.0 };
     let in_order: Vec<[f64; D]> = match shape {
         ElementShape::Simplex => corners.to_vec(),
@@ -347,6 +368,10 @@ mod tests {
         let brick = |k: usize| std::array::from_fn(|d| (k >> d & 1) as f64);
         splits_keep_the_whole((0..8).map(brick).collect::<Vec<[f64; 3]>>(), false);
         splits_keep_the_whole(vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], false);
+        let base = [[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+        splits_keep_the_whole(base.into_iter().chain([[0.3, 0.4, 1.0]]).collect(), false);
+        let ends = [0.0, 1.0].map(|z| [[0.0, 0.0, z], [0.0, 1.0, z], [1.0, 0.0, z]]);
+        splits_keep_the_whole(ends.concat(), false);
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use super::boundary::{circle, triangle};
 use super::line::not_positive;
 use super::vector::{along, dot, minus, norm, unit};
-use super::{Curve, Facet, Intervals, Line, Primitive, ShapeError, finite, positive};
+use super::{Curve, Facet, Intervals, Level, Levels, Line, Primitive, ShapeError, finite, positive};
 
 /// A ball: a disc (D = 2) or a solid sphere (D = 3).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -35,6 +35,11 @@ impl<const D: usize> Ball<D> {
 }
 
 impl<const D: usize> Ball<D> {
+    /// The sphere, in space.
+    fn level(&self) -> Level {
+        Level::Sphere { center: std::array::from_fn(|d| self.center[d % D]), radius: self.radius }
+    }
+
     /// The facets of an octahedron, divided evenly and moved outwards onto the sphere.
     fn octants(&self, spacing: f64) -> Vec<Facet<D>> {
         // The edges of an octant are quarter circles; the edges of the octahedron are √2 times the radius.
@@ -87,6 +92,10 @@ impl<const D: usize> Primitive<D> for Ball<D> {
         if D == 2 { vec![Curve::Circle { center, radius: self.radius }] } else { Vec::new() }
     }
 
+    fn levels(&self) -> Levels {
+        Levels::Curved(vec![self.level()])
+    }
+
     fn is_convex(&self) -> bool {
         true
     }
@@ -131,6 +140,10 @@ impl<const D: usize> Primitive<D> for HollowBall<D> {
     fn facets(&self, spacing: f64) -> Vec<Facet<D>> {
         let inner = self.inner.facets(spacing).into_iter().map(|facet| Facet { side: 1, ..facet });
         self.outer.facets(spacing).into_iter().chain(inner).collect()
+    }
+
+    fn levels(&self) -> Levels {
+        Levels::Curved(vec![self.outer.level(), self.inner.level()])
     }
 
     fn curves(&self) -> Vec<Curve> {

@@ -156,7 +156,7 @@ impl<const D: usize> Region<D> {
         matches!(self.node, Node::Primitive(..))
     }
 
-    fn has_groups(&self) -> bool {
+    pub(super) fn has_groups(&self) -> bool {
         match &self.node {
             Node::Primitive(..) => false,
             Node::Group(..) => true,
@@ -166,7 +166,7 @@ impl<const D: usize> Region<D> {
     }
 
     /// The facet with its normal pointing out of the region; `None` if it does not lie on the boundary.
-    fn outward(&self, facet: Facet<D>) -> Option<Facet<D>> {
+    pub(super) fn outward(&self, facet: Facet<D>) -> Option<Facet<D>> {
         let area = area_vector(&facet.corners);
         let (size, length) = (facet.size(), norm(&area));
         if length == 0.0 {

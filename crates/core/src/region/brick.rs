@@ -2,7 +2,9 @@
 
 use super::boundary::{divide, parallelogram};
 use super::vector::unit;
-use super::{Bounds, Curve, Facet, Intervals, Line, Primitive, ShapeError, corners, finite, positive};
+use super::{
+    Bounds, Curve, Facet, Intervals, Levels, Line, Primitive, ShapeError, corners, finite, positive,
+};
 
 /// An axis-aligned box (rectangle in the plane).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -79,6 +81,10 @@ impl<const D: usize> Primitive<D> for Brick<D> {
     fn curves(&self) -> Vec<Curve> {
         let corner = |k: usize| [0, 1].map(|d| self.turning(k)[d % D]);
         if D == 2 { vec![Curve::Polygon((0..4).map(corner).collect())] } else { Vec::new() }
+    }
+
+    fn levels(&self) -> Levels {
+        Levels::Plane
     }
 
     fn is_convex(&self) -> bool {

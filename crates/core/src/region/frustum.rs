@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use super::boundary::{chords, parts, quadrilaterals, sine_and_cosine_of_part};
 use super::line::{between, not_positive};
 use super::vector::{along, cross, dot, minus, norm, unit};
-use super::{Facet, Intervals, Line, Primitive, ShapeError, finite, positive};
+use super::{Facet, Intervals, Level, Levels, Line, Primitive, ShapeError, finite, positive};
 
 /// A right circular cylinder, cone or truncated cone between two centres.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -122,6 +122,13 @@ impl Primitive<3> for Frustum {
             facets.extend(quadrilaterals(around, rings, &|i, j| at(i, height, radius(j)), end + 1));
         }
         facets
+    }
+
+    fn levels(&self) -> Levels {
+        let [start, end] = [0.0, self.height].map(|height| along(&self.start, height, &self.axis));
+        let plane = |point| Level::Plane { point, normal: self.axis };
+        let side = Level::Cone { start, axis: self.axis, radius: self.radii[0], slope: self.slope() };
+        Levels::Curved(vec![side, plane(start), plane(end)])
     }
 
     fn is_convex(&self) -> bool {

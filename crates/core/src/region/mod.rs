@@ -13,8 +13,10 @@ mod box_tree;
 mod brick;
 mod cells;
 mod curve;
+mod face;
 mod fill;
 mod frustum;
+mod level;
 mod line;
 mod meshed;
 mod motion;
@@ -39,9 +41,12 @@ pub(crate) use box_tree::{BoxTree, around, overlap as boxes_overlap, squared_dis
 pub use brick::Brick;
 pub use cells::boundary_of_cells;
 pub use curve::Curve;
+pub use face::{Face, Levels};
 pub use fill::{CellPart, Filled, FilledCell, brick_parts, contains_in_cell, fill};
 pub use frustum::Frustum;
 pub(crate) use frustum::around_axis;
+pub use level::Level;
+pub(crate) use level::distance as facet_distance;
 pub(crate) use line::between;
 pub use line::{Intervals, Line};
 pub use meshed::Meshed;
@@ -121,6 +126,11 @@ pub trait Primitive<const D: usize>: Debug + Send + Sync {
     /// them an odd number of times.
     fn curves(&self) -> Vec<Curve> {
         Vec::new()
+    }
+
+    /// The surfaces on which the sides of a shape in space lie.
+    fn levels(&self) -> Levels {
+        Levels::Unknown
     }
 
     /// The mesh and those of its cells of which the shape consists; `None` for other shapes.

@@ -2,7 +2,7 @@
 
 use super::boundary::{parallelogram, triangle};
 use super::vector::minus;
-use super::{Facet, Intervals, Line, Polygon, Primitive, ShapeError, finite, positive};
+use super::{Facet, Intervals, Levels, Line, Polygon, Primitive, ShapeError, finite, positive};
 
 /// A polygon extruded along an axis between two heights.
 #[derive(Debug, Clone, PartialEq)]
@@ -100,6 +100,10 @@ impl Primitive<3> for Prism {
             }
         }
         facets
+    }
+
+    fn levels(&self) -> Levels {
+        Levels::Plane
     }
 
     fn corners(&self) -> Vec<[f64; 3]> {

@@ -16,7 +16,7 @@ use std::fmt;
 
 use super::boundary::triangle as divided;
 use super::box_tree::{BoxTree, around, overlap};
-use super::{Facet, Intervals, Line, Primitive};
+use super::{Facet, Intervals, Levels, Line, Primitive};
 use facets::Facets;
 use triangle::volume;
 
@@ -147,6 +147,10 @@ impl Primitive<3> for Surface {
     fn facets(&self, spacing: f64) -> Vec<Facet<3>> {
         let triangles = self.triangles.iter();
         triangles.flat_map(|[a, b, c]| divided([a, b, c], spacing, 0)).collect()
+    }
+
+    fn levels(&self) -> Levels {
+        Levels::Plane
     }
 
     fn corners(&self) -> Vec<[f64; 3]> {

@@ -7,7 +7,7 @@
 use rustc_hash::FxHashMap;
 
 use crate::grid::MAX_CORNERS;
-use crate::grid::element::{ElementShape, corner_side};
+use crate::grid::element::{Collapsed, ElementShape, corner_side};
 use crate::grid::vtk_corner;
 use crate::points::Points;
 use crate::ranks::Reduction;
@@ -56,7 +56,8 @@ impl DomainSide {
 /// The sides of a domain with this number of corners.
 pub fn sides_of_domain<const D: usize>(corners: usize) -> impl Iterator<Item = DomainSide> {
     let shape = ElementShape::from_nodes::<D>(corners);
-    let sides = shape.map_or(&[][..], ElementShape::sides::<D>);
+    let collapsed = || Collapsed::from_corners::<D>(corners).map_or(&[][..], Collapsed::sides);
+    let sides = shape.map_or_else(collapsed, ElementShape::sides::<D>);
     sides.iter().map(move |side| {
         let mut corners = [0; 4];
         for (corner, &k) in corners.iter_mut().zip(*side) {

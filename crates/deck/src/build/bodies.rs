@@ -163,14 +163,19 @@ where
             let what = if D > 2 { "a volume" } else { "an area" };
             let word = if part > 0.0 { "more" } else { "less" };
             let edge = match filled.fit {
-                Fit::Parts | Fit::Fitted => "",
+                Fit::Parts => "",
+                Fit::Fitted if filled.apart.is_some() => "; parts of its boundary are finer than the domains",
+                Fit::Fitted => "",
                 Fit::OnMesh => {
                     "; its edge is a staircase, because domains follow an edge only between lines, not on meshes"
                 }
                 Fit::Unfitted => "; its edge is a staircase, because no domains of this size fill it exactly",
             };
+            let place = filled.apart.map(|x| format!(", near ({})", x.map(|x| format!("{x:.6}")).join(", ")));
+            let place = place.unwrap_or_default();
             let message = format!(
-                "the points of the body {} represent {what} of {volume:.6}, {:.3} % {word} than that of its region{edge}",
+                "the points of the body {} represent {what} of {volume:.6}, {:.3} % {word} than that of its \
+                 region{edge}{place}",
                 quote(&deck.name),
                 100.0 * part.abs()
             );

@@ -31,6 +31,8 @@ pub(crate) struct Filled<const D: usize> {
     pub(crate) exact: Option<Volume>,
     /// How the domains follow the boundary.
     pub(crate) fit: Fit,
+    /// A position on the boundary that the domains do not follow, if one is known.
+    pub(crate) apart: Option<[f64; D]>,
 }
 
 /// Fills a body with points as its deck requests. Collective: every rank must call this.
@@ -66,7 +68,7 @@ where
     }
     let exact = region.volume(Accuracy::default());
     let exact = exact.or_else(|| found.is_by_cells.then(|| region.volume_in_grid(filling)));
-    Ok(Filled { seeds: found.seeds, before, all, exact, fit: found.fit })
+    Ok(Filled { seeds: found.seeds, before, all, exact, fit: found.fit, apart: found.apart })
 }
 
 /// How the deck places the points of a body.

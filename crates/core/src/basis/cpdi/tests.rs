@@ -77,6 +77,54 @@ fn conforms<const D: usize>(corners: &[[f64; D]], weights: &CornerWeights<D>) {
     }
 }
 
+/// The force of a uniform unit pressure on the sides of a pyramid or wedge, at its corners, by the rule of surfaces: the
+/// mean over the corners of a triangle, and over both divisions of a quadrilateral.
+fn forces_on_sides(shape: Collapsed, corners: &[[f64; 3]]) -> Vec<[f64; 3]> {
+    let mut forces = vec![[0.0; 3]; corners.len()];
+    for side in shape.sides() {
+        let divisions: &[[usize; 3]] = match side.len() {
+            4 => &[[0, 1, 2], [0, 2, 3], [0, 1, 3], [1, 2, 3]],
+            _ => &[[0, 1, 2]],
+        };
+        for triangle in divisions {
+            let [a, b, c] = triangle.map(|k| side[k]);
+            let edge = |k: usize| -> [f64; 3] { std::array::from_fn(|d| corners[k][d] - corners[a][d]) };
+            let (u, v) = (edge(b), edge(c));
+            let share = if side.len() == 4 { 0.5 } else { 1.0 } / 6.0;
+            for corner in [a, b, c] {
+                for i in 0..3 {
+                    let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+                    forces[corner][i] += share * (u[j] * v[k] - u[k] * v[j]);
+                }
+            }
+        }
+    }
+    forces
+}
+
+const PYRAMID: [[f64; 3]; 5] =
+    [[0.0, 0.0, 0.1], [1.0, 0.1, 0.0], [1.2, 0.9, 0.2], [-0.1, 1.0, 0.0], [0.4, 0.5, 0.8]];
+const WEDGE: [[f64; 3]; 6] =
+    [[0.0, 0.0, 0.1], [0.1, 1.0, 0.0], [1.0, 0.1, -0.1], [0.0, 0.1, 0.9], [-0.1, 1.1, 1.0], [0.9, 0.0, 1.2]];
+
+#[test]
+fn pyramids_and_wedges_balance_the_pressure_on_their_sides() {
+    for corners in [&PYRAMID[..], &WEDGE[..]] {
+        let shape = Collapsed::from_corners::<3>(corners.len()).unwrap();
+        let (weights, volume) = (CornerWeights::new(corners).unwrap(), domain_volume(corners));
+        conforms(corners, &weights);
+        for (corner, force) in forces_on_sides(shape, corners).iter().enumerate() {
+            for d in 0..3 {
+                assert!((volume * weights.gradient[corner][d] - force[d]).abs() < 1e-14, "{corner} {d}");
+            }
+        }
+        // A corner pushed through the domain.
+        let mut inverted = corners.to_vec();
+        inverted[corners.len() - 1] = corners[0].map(|x| x - 1.0);
+        assert!(CornerWeights::new(&inverted).is_err());
+    }
+}
+
 /// Weights of a simplex, computed as a box with coincident corners: each w_c is the sum over the corners that coincide.
 /// None of the eight Gauss points per axis lies on a degenerate side.
 fn check_simplex<const D: usize>(simplex: &[[f64; D]]) {

@@ -1,5 +1,6 @@
 //! Points whose domains have the shape of their body: cells of a mesh, and domains that follow an outline.
 
+use std::any::Any;
 use std::collections::HashSet;
 
 use rayon::prelude::*;
@@ -10,7 +11,9 @@ use crate::grid::element::ElementShape;
 use crate::grid::sides::sides_of;
 use crate::grid::subdivide::{ElementPart, subdivide_box, subdivide_simplex};
 use crate::grid::{Lines, Structured};
-use crate::model::fitting::{FittedDomain, centroid, fitted, is_on_lattice};
+use crate::model::fitting::{
+    FittedDomain, NotFitted, SolidDomain, SolidDomains, centroid, fitted, fitted_in_space, is_on_lattice,
+};
 use crate::points::Seed;
 use crate::region::{Outline, Region};
 
@@ -19,6 +22,20 @@ use crate::region::{Outline, Region};
 const CHORD: f64 = 0.95;
 /// Distance within which corners of outlines coincide, in cells of the lattice, [-].
 const SAME_PLACE: f64 = 1e-9;
+
+/// The points of domains that follow the boundary of a region, or why there are none.
+pub(super) struct Followed<const D: usize> {
+    pub seeds: Vec<Seed<D>>,
+    pub fit: Fit,
+    /// As in [`super::FilledRegion`].
+    pub apart: Option<[f64; D]>,
+}
+
+impl<const D: usize> Followed<D> {
+    fn none(fit: Fit) -> Self {
+        Followed { seeds: Vec::new(), fit, apart: None }
+    }
+}
 
 impl<const D: usize> Filling<'_, D> {
     /// The points of the cells of a mesh of which a region consists, each divided into parts.
@@ -63,7 +80,7 @@ impl<const D: usize> Filling<'_, D> {
         Ok(seeds)
     }
 
-    /// The points of domains that follow the boundary of a region of the plane; why there are none, otherwise.
+    /// The points of domains that follow the boundary of a region; why there are none, otherwise.
     ///
     /// # Errors
     /// As [`Filling::lattice_around`].
@@ -71,9 +88,9 @@ impl<const D: usize> Filling<'_, D> {
         &self,
         region: &Region<D>,
         placement: &Placement<D>,
-    ) -> Result<Result<Vec<Seed<D>>, Fit>, FillError> {
-        if self.domain != DomainKind::Corners || D != 2 || region.as_group().is_some() {
-            return Ok(Err(Fit::Parts));
+    ) -> Result<Followed<D>, FillError> {
+        if self.domain != DomainKind::Corners || D < 2 || region.as_group().is_some() {
+            return Ok(Followed::none(Fit::Parts));
         }
         let lattice = match (placement, self.grid.lines()) {
             (Placement::Lattice(spacing), _) => self.lattice_around(region, spacing)?,
@@ -81,18 +98,21 @@ impl<const D: usize> Filling<'_, D> {
                 let along = |d: usize| lines.axes()[d].subdivided(counts[d]);
                 Some(Structured::with_axes(std::array::from_fn(along)))
             }
-            _ => return Ok(Err(Fit::OnMesh)),
+            _ => return Ok(Followed::none(Fit::OnMesh)),
         };
-        let Some(lattice) = lattice else { return Ok(Err(Fit::Parts)) };
+        let Some(lattice) = lattice else { return Ok(Followed::none(Fit::Parts)) };
+        if let Some(region) = (region as &dyn Any).downcast_ref::<Region<3>>() {
+            return Ok(self.fitted_in_space(region, &lattice));
+        }
         let lattice = Lines::new([0, 1].map(|d| lattice.axes()[d % D].clone()));
         let is_by_cells = matches!(placement, Placement::PerCell { .. });
         let Some(outline) = self.outline(region, &lattice, is_by_cells) else {
-            return Ok(Err(Fit::Unfitted));
+            return Ok(Followed::none(Fit::Unfitted));
         };
         if is_on_lattice(&outline, &lattice) {
-            return Ok(Err(Fit::Parts));
+            return Ok(Followed::none(Fit::Parts));
         }
-        let Some(domains) = fitted(&outline, &lattice) else { return Ok(Err(Fit::Unfitted)) };
+        let Some(domains) = fitted(&outline, &lattice) else { return Ok(Followed::none(Fit::Unfitted)) };
         let place = |x: &[f64; 2]| -> [f64; D] { std::array::from_fn(|d| x[d % 2]) };
         let point = |domain: &FittedDomain| {
             let mut corners: Vec<[f64; D]> = domain.corners.iter().map(place).collect();
@@ -103,7 +123,37 @@ impl<const D: usize> Filling<'_, D> {
             (seed.corners, seed.outer_layer) = (corners, domain.is_outer);
             seed
         };
-        Ok(Ok(domains[self.ranks.share(domains.len())].par_iter().map(point).collect()))
+        let seeds = domains[self.ranks.share(domains.len())].par_iter().map(point).collect();
+        Ok(Followed { seeds, fit: Fit::Fitted, apart: None })
+    }
+
+    /// The points of domains that follow the boundary of a region in space.
+    fn fitted_in_space(&self, region: &Region<3>, lattice: &Structured<D>) -> Followed<D> {
+        let lattice = Lines::new([0, 1, 2].map(|d| lattice.axes()[d % D].clone()));
+        let cells = |d: usize| {
+            let [low, high] = region.bounds().map(|x| lattice.axes()[d].coordinate(x[d]));
+            (high.min(lattice.axes()[d].n_cells() as f64) - low.max(0.0)).max(0.0)
+        };
+        if cells(0) * cells(1) * cells(2) > MAX_POINTS {
+            return Followed::none(Fit::Unfitted);
+        }
+        let place = |x: &[f64; 3]| -> [f64; D] { std::array::from_fn(|d| x[d % 3]) };
+        let SolidDomains { domains, apart } = match fitted_in_space(region, &lattice) {
+            Ok(found) => found,
+            Err(NotFitted::OnLattice) => return Followed::none(Fit::Parts),
+            Err(NotFitted::Unknown) => return Followed::none(Fit::Unfitted),
+            Err(NotFitted::At(x)) => {
+                return Followed { apart: Some(place(&x)), ..Followed::none(Fit::Unfitted) };
+            }
+        };
+        let point = |domain: &SolidDomain| {
+            let mut seed = self.seed(place(&domain.centroid()), domain_volume(&domain.corners));
+            seed.corners = domain.corners.iter().map(place).collect();
+            seed.outer_layer = domain.is_outer;
+            seed
+        };
+        let seeds = domains[self.ranks.share(domains.len())].par_iter().map(point).collect();
+        Followed { seeds, fit: Fit::Fitted, apart: apart.map(|x| place(&x)) }
     }
 
     /// The outline of a region of the plane. If the region is filled cell by cell, only its part in the grid counts; if

@@ -5,6 +5,7 @@ use rustc_hash::FxHashMap;
 
 use crate::basis::Method;
 use crate::grid::MAX_CORNERS;
+use crate::grid::element::Collapsed;
 use crate::points::PIECE;
 use crate::ranks::Reduction;
 use crate::region::vector::{along, cross, dot, minus, norm};
@@ -374,7 +375,7 @@ impl<const D: usize> Search<'_, D> {
 
 /// A corner of a domain that is given by its corners, with the edges that meet there.
 struct Vertex<const D: usize> {
-    /// From the corner to the other ends of its edges, [length].
+    /// From the corner to the other ends of its edges, [length]; three of four at the tip of a pyramid.
     edges: [[f64; D]; D],
     /// Number of corners of each side of the domain.
     corners_per_side: usize,
@@ -385,7 +386,12 @@ impl<const D: usize> Vertex<D> {
     fn new(corners: &[[f64; D]], corner: usize) -> Option<Self> {
         let start = corners.get(corner)?;
         let is_box = corners.len() == 1 << D;
-        let other = |k: usize| if is_box { corner ^ 1 << k } else { k + usize::from(k >= corner) };
+        let collapsed = Collapsed::from_corners::<D>(corners.len());
+        let other = |k: usize| match collapsed {
+            Some(shape) => shape.edges_at(corner)[k],
+            None if is_box => corner ^ 1 << k,
+            None => k + usize::from(k >= corner),
+        };
         let edges = std::array::from_fn(|k| minus(&corners[other(k)], start));
         Some(Vertex { edges, corners_per_side: if is_box { 1 << (D - 1) } else { D } })
     }
