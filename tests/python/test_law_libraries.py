@@ -251,10 +251,10 @@ def test_files_that_are_no_libraries_are_refused(mpm, deck, tmp_path):
     refused(mpm, path, "D061", "cannot be used: it cannot be loaded: ", "law.so", "cc -O2 -shared -fPIC")
     (tmp_path / "law.so").unlink()
     (tmp_path / "law.so").mkdir()
-    refused(mpm, path, "D061", "it is not a file")
+    refused(mpm, path, "D061", "not a file")
     (tmp_path / "law.so").rmdir()
     os.mkfifo(tmp_path / "law.so")
-    refused(mpm, path, "D061", "it is not a file")
+    refused(mpm, path, "D061", "not a file")
 
 
 PARAMETERS = [

@@ -40,7 +40,7 @@ pub use moving_grid::{FollowError, FollowingLines, GridMotionError, MovingGrid};
 pub use newton::{Newton, Predictor, StiffnessUpdate};
 pub use stabilisation::{Stabilisation, StabilisationMode};
 pub use stage::{Course, Factors, Present, Stage};
-pub use stepping::{Control, Controlled, SAME_TIME, Stepping};
+pub use stepping::{AfterSlide, Control, Controlled, SAME_TIME, Stepping};
 pub use tool::{ContactControl, Freedom, Interface, Shear, Tool, ToolLoad};
 pub use tool_part::ToolPart;
 

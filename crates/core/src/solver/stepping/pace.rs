@@ -55,7 +55,10 @@ impl Pace {
             return None;
         }
         let stop = stepping.next_stop(start);
-        let (step, rest) = (self.size * unit, stop - start);
+        let smallest = stepping.smallest_at(start);
+        // Only where a strength reduction passes from a large requested step to smaller ones is the size too small.
+        let size = if self.size < smallest * (1.0 - SAME_TIME) { smallest } else { self.size };
+        let (step, rest) = (size * unit, stop - start);
         Some(if rest <= step * (1.0 + SAME_TIME) {
             stop
         } else if rest < step * (1.0 + REST) {
@@ -92,7 +95,7 @@ impl Pace {
     /// Halves the step between these times for the next attempt; false if it would be smaller than allowed.
     pub fn halve(&mut self, stepping: &Stepping, start: f64, end: f64) -> bool {
         let smaller = 0.5 * (end - start) / stepping.size();
-        let may = smaller >= stepping.smallest * (1.0 - SAME_TIME);
+        let may = smaller >= stepping.smallest_at(start) * (1.0 - SAME_TIME);
         if may {
             *self = Pace { size: smaller, patience: PATIENCE, resort: None };
         }
