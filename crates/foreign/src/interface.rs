@@ -103,7 +103,14 @@ pub(crate) fn load(path: &Path) -> Result<Loaded, LibraryError> {
 /// reading and loading; `None` if the system has no such copies.
 pub(crate) fn load_copy(path: &Path, contents: &[u8]) -> Option<Result<Loaded, LibraryError>> {
     let copy = copy_in_memory(path, contents)?;
-    let loaded = load(&copy.path());
+    let place = copy.path();
+    let loaded = load(&place).map_err(|error| match error {
+        LibraryError::NotLoaded(message) => {
+            let (place, path) = (place.display().to_string(), path.display().to_string());
+            LibraryError::NotLoaded(message.replace(&place, &path))
+        }
+        error => error,
+    });
     // The system has mapped the copy into memory.
     drop(copy);
     Some(loaded)

@@ -356,7 +356,7 @@ mod tests {
         assert!(changes(&old, &of(["tolerance: 0.005", "tolerance: 0.001"]), 1.5).is_empty());
         let found = changes(&old, &of(["from: 1,", "from: 1.1,"]), 1.5);
         assert!(found.iter().any(|text| text.contains("control.from` was 1.0 and is 1.1")), "{found:?}");
-        let on = of(["tolerance: 0.005", "tolerance: 0.005, after_slide: continue"]);
+        let on = of(["after_slide: stop", "after_slide: continue"]);
         assert!(changes(&old, &on, 1.5).is_empty(), "and may go on after a slide");
     }
 
