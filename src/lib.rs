@@ -16,9 +16,9 @@
 //! term of equilibrium, a method, a grid or a linear solver. `CONTRIBUTING.md` explains the layout of the sources.
 
 pub use mpm_core::{
-    assembly, basis, dofs, domain, element_test, equilibrium, formula, grid, kinematics, linear, material,
-    memory, model, points, quality, ranks, region, solver, step, stress, surface, tensor, terms, timing,
-    tool,
+    assembly, basis, dofs, domain, element_test, equilibrium, formula, grid, input_file, kinematics, linear,
+    material, memory, model, points, quality, ranks, region, solver, step, stress, surface, tensor, terms,
+    timing, tool,
 };
 pub use mpm_deck as deck;
 pub use mpm_files as output;

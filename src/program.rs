@@ -6,6 +6,7 @@ mod screen;
 mod cli;
 mod commands;
 mod exit;
+mod heap;
 mod interrupt;
 mod machines;
 mod paths;
@@ -16,6 +17,8 @@ use std::time::Instant;
 
 use crate::deck::schema::deck_schema;
 use clap::Parser;
+
+pub use heap::Heap;
 
 use cli::{Cli, Command};
 use commands::{element, explain, manual, new, plan, report, run, status, sweep};

@@ -181,8 +181,12 @@ class Deck(MutableMapping[str, Any]):
         """
         Path(os.fsdecode(path)).write_bytes(self._whole_text())
 
-    def check(self) -> list[Diagnostic]:
+    def check(self, *, allow_libraries: bool = False) -> list[Diagnostic]:
         """Does everything up to the first load step, like ``mpm check``, and returns all messages; raises none of them.
+
+        Args:
+            allow_libraries: Whether the libraries that the deck names (``model: library``) may be loaded: their code runs in
+                this process. Setting the environment variable ``MPM_ALLOW_LIBRARIES`` to 1 has the same meaning.
 
         Returns:
             Errors, warnings and notes, in the order of the deck; empty if there are none.
@@ -195,7 +199,7 @@ class Deck(MutableMapping[str, Any]):
             ('D009', '0.6 is not below 0.5')
         """
         text, overrides = self._source()
-        document, _ = _mpm.check(self._name, text, overrides)
+        document, _ = _mpm.check(self._name, text, overrides, allow_libraries)
         return diagnostics_of(document)
 
     def start(
@@ -204,6 +208,7 @@ class Deck(MutableMapping[str, Any]):
         threads: int | None = None,
         out: StrPath | None = None,
         laws: Mapping[str, Law] | None = None,
+        allow_libraries: bool = False,
         on_iteration: Callable[[int, int, float], None] | None = None,
     ) -> Run:
         """Begins a run; iterate over it to solve its steps. Nothing is written unless ``out`` is given.
@@ -214,6 +219,8 @@ class Deck(MutableMapping[str, Any]):
             laws: Laws written in Python, by the names of the materials whose laws they replace; see :class:`mpm.Law`.
                 The density and everything else stay as the deck states them. Runs with such laws write no checkpoints,
                 because the program could not resume them.
+            allow_libraries: Whether the libraries that the deck names (``model: library``) may be loaded: their code runs in
+                this process. Setting the environment variable ``MPM_ALLOW_LIBRARIES`` to 1 has the same meaning.
             on_iteration: Called after every evaluation of the out-of-balance force with the step number, from 1, the
                 iteration number, from 0, and the relative residual, [-]. It is called in the thread that waits for the
                 step, while the analysis continues. An exception in it interrupts the wait, not the run: the next
@@ -237,7 +244,7 @@ class Deck(MutableMapping[str, Any]):
         """
         from mpm._run import Run
 
-        return Run._begin(self.copy(), threads, out, laws, on_iteration)
+        return Run._begin(self.copy(), threads, out, laws, allow_libraries, on_iteration)
 
     def run(
         self,
@@ -245,6 +252,7 @@ class Deck(MutableMapping[str, Any]):
         *,
         threads: int | None = None,
         laws: Mapping[str, Law] | None = None,
+        allow_libraries: bool = False,
         progress: bool | None = None,
     ) -> Result:
         """Runs the analysis to its end.
@@ -254,6 +262,7 @@ class Deck(MutableMapping[str, Any]):
                 nothing is written.
             threads: Number of threads; by default, one per core. Results are the same for any number.
             laws: Laws written in Python, as for :meth:`start`.
+            allow_libraries: Whether the libraries that the deck names may be loaded, as for :meth:`start`.
             progress: Whether to show a progress bar; by default, only on terminals and in notebooks.
 
         Returns:
@@ -275,7 +284,8 @@ class Deck(MutableMapping[str, Any]):
         """
         from mpm._progress import Bar
 
-        with self.start(threads=threads, out=out, laws=laws) as run, Bar(progress, run) as bar:
+        begun = self.start(threads=threads, out=out, laws=laws, allow_libraries=allow_libraries)
+        with begun as run, Bar(progress, run) as bar:
             for step in run:
                 bar.show(step)
             return run.result()
@@ -299,6 +309,7 @@ class Deck(MutableMapping[str, Any]):
         threads: int | None,
         out: StrPath | None,
         laws: Mapping[str, Law] | None,
+        allow_libraries: bool,
         on_iteration: Callable[[int, int, float], None] | None,
     ) -> _mpm.Session:
         text, overrides = self._source()
@@ -309,6 +320,7 @@ class Deck(MutableMapping[str, Any]):
             threads=threads,
             out=_directory(out),
             laws=adapters({} if laws is None else laws),
+            allow_libraries=allow_libraries,
             on_iteration=on_iteration,
         )
 

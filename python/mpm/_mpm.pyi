@@ -60,7 +60,9 @@ def read(path: _StrPath) -> tuple[bytes, str]:
 def dump(document: str) -> str:
     """A deck, given as JSON, as YAML."""
 
-def check(name: str, text: bytes, overrides: list[tuple[str, str]]) -> tuple[str, str]:
+def check(
+    name: str, text: bytes, overrides: list[tuple[str, str]], allow_libraries: bool
+) -> tuple[str, str]:
     """Everything up to the first load step: the messages about a deck as JSON and as text."""
 
 def schema() -> str:
@@ -140,6 +142,7 @@ class Session:
         threads: int | None,
         out: _StrPath | None,
         laws: dict[str, Any],
+        allow_libraries: bool,
         on_iteration: Callable[[int, int, float], object] | None,
     ) -> Session:
         """Begins a run of a deck and pauses it before the first step."""

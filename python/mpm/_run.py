@@ -343,6 +343,7 @@ class Run:
         threads: int | None,
         out: StrPath | None,
         laws: Mapping[str, Law] | None,
+        allow_libraries: bool,
         on_iteration: Callable[[int, int, float], None] | None,
     ) -> Run:
         if threads is not None and (not isinstance(threads, int) or isinstance(threads, bool)):
@@ -353,7 +354,7 @@ class Run:
             raise UsageError("on_iteration must be a function of step, iteration and residual")
         run = cls.__new__(cls)
         run._deck = deck
-        run._session = deck._begin(threads, out, laws, on_iteration)
+        run._session = deck._begin(threads, out, laws, allow_libraries, on_iteration)
         run._process = os.getpid()
         run._has_laws, run._is_under_way = bool(laws), False
         run._step = None

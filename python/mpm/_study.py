@@ -98,14 +98,15 @@ def _at_end(history: Mapping[str, npt.NDArray[np.float64]], name: str) -> float 
     return float(column[converged[-1]]) if len(converged) else None
 
 
-Work = tuple[Deck, dict[str, Value], int, Path | None]
+Work = tuple[Deck, dict[str, Value], int, Path | None, bool]
 Outcome = tuple[Result | None, str | None]
 
 
 def _solve(work: Work) -> Outcome:
-    deck, parameters, threads, out = work
+    deck, parameters, threads, out, allow_libraries = work
     try:
-        return deck.with_parameters(**parameters).run(out, threads=threads, progress=False), None
+        member = deck.with_parameters(**parameters)
+        return member.run(out, threads=threads, allow_libraries=allow_libraries, progress=False), None
     except MpmError as error:
         return None, str(error)
 
@@ -163,6 +164,7 @@ def sweep(
     processes: int | None = None,
     threads: int = 1,
     out: StrPath | None = None,
+    allow_libraries: bool = False,
 ) -> Study:
     """Runs a deck for every combination of parameter values, several at a time in separate processes.
 
@@ -179,6 +181,7 @@ def sweep(
         threads: Number of threads of each process, from 1 to 1024.
         out: Directory in which each member has its own result directory, named as in ``mpm sweep``; without ``out``,
             nothing is written, and results from several processes have no points.
+        allow_libraries: Whether the libraries that the deck names may be loaded, as for :meth:`Deck.start`.
 
     Returns:
         The members, in the order of the combinations; the last parameter varies fastest.
@@ -217,7 +220,9 @@ def sweep(
         deck.with_parameters(**parameters)  # unknown names are found here, not in every process
     directory = _directory(out)
     folder = None if directory is None else Path(directory)
-    work = [(deck, chosen, threads, folder and folder / _name(chosen)) for chosen in combinations]
+    work = [
+        (deck, chosen, threads, folder and folder / _name(chosen), allow_libraries) for chosen in combinations
+    ]
     count = min(processes or os.cpu_count() or 1, len(work))
     outcomes = [_solve(entry) for entry in work] if count == 1 else _solve_in_processes(work, count)
     return Study([Member(chosen, *outcome) for chosen, outcome in zip(combinations, outcomes)])

@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
 use crate::errors::Raised;
-use crate::preparation::{loaded, pool, prepared};
+use crate::preparation::{DeckText, loaded, pool, prepared};
 
 /// The bytes of a deck and its values as JSON.
 #[pyfunction]
@@ -38,14 +38,15 @@ pub fn check(
     name: &str,
     text: &[u8],
     overrides: Vec<(String, String)>,
+    allow_libraries: bool,
 ) -> PyResult<(String, String)> {
+    let deck = DeckText { name, text, overrides: &overrides, allow_libraries };
     py.detach(|| {
-        let (source, diagnostics) =
-            match loaded(name, text, &overrides).and_then(|deck| prepared(deck, &pool(Some(1))?)) {
-                Ok(ready) => (ready.loaded.source, ready.loaded.notes),
-                Err(Raised::Deck(failure)) => (failure.source, failure.diagnostics),
-                Err(other) => return Err(other),
-            };
+        let (source, diagnostics) = match loaded(deck).and_then(|loaded| prepared(loaded, &pool(Some(1))?)) {
+            Ok(ready) => (ready.loaded.source, ready.loaded.notes),
+            Err(Raised::Deck(failure)) => (failure.source, failure.diagnostics),
+            Err(other) => return Err(other),
+        };
         let text = render_all(&source, &diagnostics, false).trim_end().to_owned();
         Ok((as_json(&source, &diagnostics).to_string(), text))
     })

@@ -20,6 +20,10 @@ use std::ffi::OsString;
 
 use pyo3::prelude::*;
 
+/// With it, the program of the package tells a lack of memory from other aborts.
+#[global_allocator]
+static HEAP: mpm::program::Heap = mpm::program::Heap;
+
 /// Runs the program `mpm` with these arguments, the first of which is its name; returns the exit code.
 #[pyfunction]
 fn main(py: Python<'_>, arguments: Vec<OsString>) -> u8 {

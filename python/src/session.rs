@@ -20,7 +20,7 @@ use crate::arrays::{dictionary, matrix};
 use crate::errors::{Raised, exception};
 use crate::laws::Laws;
 use crate::link::{Changed, Ended, Event, Failure, Link, Name, Request};
-use crate::preparation::{loaded, pool, prepared};
+use crate::preparation::{DeckText, loaded, pool, prepared};
 use crate::worker::{Files, Worker};
 
 /// Longest time between two checks for signals such as Ctrl-C.
@@ -45,6 +45,8 @@ pub struct Session {
     laws: Laws,
     on_iteration: Mutex<Option<Py<PyAny>>>,
     threads: Option<usize>,
+    /// True if code of the libraries that decks name may run.
+    allow_libraries: bool,
     /// The process that began the run; the run's thread does not exist in a forked child.
     process: u32,
     /// Messages about the deck, as JSON.
@@ -62,7 +64,7 @@ pub struct Session {
 impl Session {
     /// Begins a run of a deck and pauses it before the first step.
     #[new]
-    #[pyo3(signature = (name, text, overrides, *, threads, out, laws, on_iteration))]
+    #[pyo3(signature = (name, text, overrides, *, threads, out, laws, allow_libraries, on_iteration))]
     #[expect(clippy::too_many_arguments, reason = "they are the keywords of a function in Python")]
     fn new(
         py: Python<'_>,
@@ -72,6 +74,7 @@ impl Session {
         threads: Option<usize>,
         out: Option<PathBuf>,
         laws: &Bound<'_, PyDict>,
+        allow_libraries: bool,
         on_iteration: Option<Py<PyAny>>,
     ) -> PyResult<Session> {
         let laws = Laws::new(laws)?;
@@ -79,7 +82,7 @@ impl Session {
         let (requests, link) = mpsc::channel();
         let link = Link { events, requests: link };
         let reports_iterations = on_iteration.is_some();
-        let deck = DeckText { name, text, overrides: &overrides };
+        let deck = DeckText { name, text, overrides: &overrides, allow_libraries };
         let begun = py.detach(|| begin(deck, threads, out.clone(), &laws, link, reports_iterations));
         let Begun { thread, notes, history } = begun.map_err(|error| laws.blamed(py, error))?;
         let running = Running {
@@ -96,6 +99,7 @@ impl Session {
             laws,
             on_iteration: Mutex::new(on_iteration),
             threads,
+            allow_libraries,
             process,
             notes,
             history,
@@ -223,7 +227,8 @@ impl Session {
     ) -> PyResult<()> {
         let changed = py.detach(|| -> Result<Changed, Raised> {
             let pool = pool(self.threads)?;
-            let mut deck = loaded(name, text, &overrides)?;
+            let allow_libraries = self.allow_libraries;
+            let mut deck = loaded(DeckText { name, text, overrides: &overrides, allow_libraries })?;
             self.laws.replace(&mut deck)?;
             let Prepared { loaded, analysis, .. } = prepared(deck, &pool)?;
             Ok(Changed { loaded, analysis })
@@ -370,14 +375,6 @@ struct Begun {
     history: Vec<String>,
 }
 
-/// The text of a deck.
-struct DeckText<'a> {
-    name: &'a str,
-    text: &'a [u8],
-    /// Parameters, each with the value that replaces that of the deck.
-    overrides: &'a [(String, String)],
-}
-
 /// Reads and builds a deck, opens its files and begins its run on a new thread.
 fn begin(
     deck: DeckText,
@@ -391,7 +388,7 @@ fn begin(
     let pool = pool(threads)?;
     let mut set_up = Timings::default();
     let prepared = set_up.measure(Phase::SetUp, || {
-        let mut deck = loaded(deck.name, deck.text, deck.overrides)?;
+        let mut deck = loaded(deck)?;
         laws.replace(&mut deck)?;
         prepared(deck, &pool)
     })?;

@@ -39,7 +39,7 @@ fn paths_that_cannot_be_read_are_named() {
     let directory = text(folder.path());
     assert_eq!(
         directory,
-        "error[D001]: the deck cannot be read: it is a directory\n--> FOLDER\n = help: give the path of a YAML file\n"
+        "error[D001]: the deck cannot be read: it is a directory, not a file\n--> FOLDER\n = help: give the path of a YAML file\n"
     );
     let below_a_file = text(&folder.path().join("column.yaml/deck.yaml"));
     assert!(below_a_file.starts_with("error[D001]: the deck cannot be read: "), "{below_a_file}");

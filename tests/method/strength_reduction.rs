@@ -86,13 +86,38 @@ fn the_bracket_of_a_homogeneous_block_contains_its_exact_factor() {
     }
 }
 
+/// A jump to a factor beyond the factor of safety is cut down towards full strength, at which the bodies stand.
 #[test]
-fn a_factor_beyond_the_ends_of_the_search_is_left_open() {
-    let above = block(CLAY, 101e3, &reduction(1.5, 2.0, 0.005));
-    let StrengthBracket { stands, fails, .. } = above.progress.last_strength().unwrap();
-    assert_eq!(stands, None);
-    assert!(fails.is_some_and(|fails| fails > 1.5 && fails <= 1.505), "{fails:?}");
-    assert_eq!(above.summary.steps, 1, "only that of the load");
+fn a_search_that_begins_beyond_the_factor_goes_back() {
+    for (from, tolerance) in [(1.5, 0.005), (1.5, 0.05), (1.3, 0.005), (5.0, 0.01)] {
+        let stages = reduction(from, from + 0.5, tolerance);
+        let Run { progress, .. } = block(CLAY, 101e3, &stages);
+        let StrengthBracket { stands: Some(stands), fails: Some(fails), .. } =
+            progress.last_strength().unwrap()
+        else {
+            panic!("from {from}: {:?}", progress.strength)
+        };
+        println!("from {from}: between {stands:.6} and {fails:.6}");
+        assert!(stands <= OF_CLAY && OF_CLAY <= fails && fails - stands <= tolerance * 1.000001, "{from}");
+    }
+    resumes(&SLOPE.replace("to: 2, tolerance: 0.05", "from: 1.6, to: 2, tolerance: 0.05"));
+}
+
+/// If nothing fails, the steps and their factors are those that the deck asks for.
+#[test]
+fn a_search_that_begins_above_1_jumps_to_its_first_factor() {
+    let Run { every, progress, .. } = block(CLAY, 101e3, &reduction(1.1, 1.25, 0.005));
+    let factors: Vec<f64> = every.reports.iter().filter_map(|report| report.strength_factor).collect();
+    let asked = [1, 2, 3].map(|step| 1.1 + (1.25 - 1.1) * f64::from(step) / 3.0);
+    assert!(
+        factors.len() == 3 && factors.iter().zip(asked).all(|(a, b)| (a - b).abs() < 1e-12),
+        "{factors:?}"
+    );
+    assert_eq!(progress.last_strength().unwrap().stands, Some(1.25));
+}
+
+#[test]
+fn a_factor_beyond_the_end_of_the_search_is_left_open() {
     let below = block(CLAY, 101e3, &reduction(1.0, 1.3, 0.005));
     let StrengthBracket { stands, fails, .. } = below.progress.last_strength().unwrap();
     assert_eq!((stands, fails), (Some(1.3), None));
@@ -161,6 +186,38 @@ fn a_slope_that_slides_is_told_from_one_that_stands() {
     let stiff = block(CLAY, 101e3, &reduction(1.0, 1.6, 0.005));
     assert_eq!(stiff.progress.last_strength().unwrap().slides, None);
     assert!(stiff.summary.warnings.iter().all(|warning| warning.code != Code::Slides));
+}
+
+/// Beyond the slide, equilibrium is that of another shape, and finding it has a price.
+#[test]
+fn a_search_stops_after_a_slide_unless_it_is_told_to_go_on() {
+    let with = |after_slide: &str| {
+        SLOPE.replace("tolerance: 0.05", &format!("tolerance: 0.01, after_slide: {after_slide}"))
+    };
+    let (stops, goes_on) = (run(&with("stop")), run(&with("continue")));
+    let [stopped, went_on] = [&stops, &goes_on].map(|run| run.progress.last_strength().unwrap());
+    println!("{stopped:?}\n{went_on:?}");
+    assert_eq!(stopped.slides, went_on.slides, "both find the slide");
+    let [before, after] = stopped.slides.unwrap();
+    assert!(stopped.ran_away && stopped.fails.is_none() && stopped.stands.is_some_and(|f| f >= after));
+    assert!(stopped.evaluations < went_on.evaluations && went_on.stands > stopped.stands);
+    assert!(stopped.to_string().ends_with("the search ended there"), "{stopped}, {before}");
+    // The next stage begins where the search has ended, at its own time.
+    let last = stops.every.reports.last().unwrap();
+    assert!((last.step.start, last.step.end, last.strength_factor) == (2.0, 3.0, None), "{:?}", last.step);
+    let by_default = run(&SLOPE.replace("tolerance: 0.05", "tolerance: 0.01"));
+    assert_eq!(by_default.progress.strength, stops.progress.strength);
+    resumes(&with("stop"));
+}
+
+#[test]
+fn the_cost_of_a_search_is_that_of_its_attempts() {
+    let Run { progress, summary, every, .. } = block(CLAY, 101e3, &reduction(1.0, 1.6, 0.005));
+    let found = progress.last_strength().unwrap();
+    let steps = every.reports.iter().filter(|report| report.strength_factor.is_some()).count();
+    assert_eq!(found.attempts, steps + summary.failed_attempts);
+    assert!(found.evaluations > found.attempts && found.evaluations < summary.evaluations);
+    assert!(summary.searches[&1].as_nanos() > 0 && summary.searches.len() == 1);
 }
 
 /// Only the full strength carries the pressure of the last stage.

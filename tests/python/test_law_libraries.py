@@ -73,6 +73,12 @@ def library_law(file, **parameters):
     return {"model": "library", "file": str(file), "parameters": parameters}
 
 
+@pytest.fixture(autouse=True)
+def consent(monkeypatch):
+    """The tests trust the libraries that they build."""
+    monkeypatch.setenv("MPM_ALLOW_LIBRARIES", "1")
+
+
 @pytest.fixture
 def deck(tmp_path):
     """Writes a deck beside its libraries."""
@@ -244,6 +250,91 @@ def test_faulty_libraries_are_refused(mpm, deck, tmp_path, fault):
     assert f"deck.yaml:{line}:" in said
 
 
+#: A library that leaves a trace when it is loaded.
+TRACE = """
+#include <stdio.h>
+__attribute__((constructor)) static void loaded(void) { FILE *file = fopen("TRACE", "a"); if (file) fclose(file); }
+"""
+
+
+@pytest.mark.parametrize("words", [["check"], ["run", "--out", "out"], ["run", "--out", "out", "--resume"],
+                                   ["element", "--path", "isotropic", "--to", "0.01", "--output", "-"],
+                                   ["sweep", "--over", "n=2,3", "--out", "out"]], ids=lambda words: words[0])
+@pytest.mark.parametrize("value", [None, "", "0", "yes"])
+def test_no_code_of_a_library_runs_without_consent(mpm, deck, tmp_path, monkeypatch, words, value):
+    trace = tmp_path / "trace"
+    source = tmp_path / "trace.c"
+    source.write_text(TRACE.replace("TRACE", str(trace)))
+    compiled(source, tmp_path / "law.so")
+    content = block(**library_law("./law.so")) | {"parameters": {"n": 2}}
+    content["bodies"][0]["points_per_cell"] = "${n}"
+    path = deck(content)
+    if value is None:
+        monkeypatch.delenv("MPM_ALLOW_LIBRARIES")
+    else:
+        monkeypatch.setenv("MPM_ALLOW_LIBRARIES", value)
+    words = [str(tmp_path / word) if word == "out" else word for word in words]
+    process = mpm(words[0], path, *words[1:])
+    assert process.returncode != 0 and not trace.exists(), process.stdout + process.stderr
+    for text in ("error[D061]: the library `./law.so` of the material `clay` has not been loaded",
+                 "its code would run as part of this program", "--allow-libraries", "MPM_ALLOW_LIBRARIES=1"):
+        assert text in process.stderr, process.stderr
+    # With consent, the library is loaded and turns out to be none.
+    process = mpm(words[0], path, *words[1:], "--allow-libraries")
+    assert process.returncode != 0 and trace.exists(), process.stderr
+    assert "it has no function `mpm_law_abi`" in process.stderr, process.stderr
+
+
+def test_the_hash_is_that_of_what_was_loaded(mpm, deck, tmp_path):
+    """A library that replaces its own file while it is loaded: the copy that was read is loaded and recorded."""
+    target, hashes = tmp_path / "law.so", []
+    for replaces in (False, True):
+        flags = []
+        if replaces:
+            flags = [f'-DREPLACED="{target}"']
+        source = tmp_path / "law.c"
+        text = (LAWS / "law.c").read_text()
+        source.write_text(text + """
+#ifdef REPLACED
+#include <stdio.h>
+__attribute__((constructor)) static void replace(void)
+{
+    FILE *file = fopen(REPLACED, "w");
+    if (file) { fputs("something else", file); fclose(file); }
+}
+#endif
+""")
+        compiled(source, target, *flags)
+        before = target.read_bytes()
+        results, _ = ran(mpm, deck(block(**library_law("./law.so", **PLASTIC))))
+        (library,) = results.summary["law_libraries"]
+        assert library["hash"] == fnv1a(before)
+        assert (target.read_bytes() == before) != replaces
+
+
+def fnv1a(data):
+    """The 128-bit FNV-1a hash as text."""
+    value = 0x6C62272E07BB014262B821756295C58D
+    for byte in data:
+        value = (value ^ byte) * 0x0000000001000000000000000000013B % 2**128
+    return f"{value:032x}"
+
+
+def test_an_abort_in_a_library_is_no_lack_of_memory(mpm, deck, tmp_path):
+    source = tmp_path / "aborts.c"
+    text = (LAWS / "law.c").read_text()
+    head, tail = text.split("int32_t mpm_law_update(", 1)
+    body, rest = tail.split("{", 1)
+    # Aborts once a point has been compressed, long after the check.
+    source.write_text(f"#include <stdlib.h>\n{head}int32_t mpm_law_update({body}{{\n    if (trial[1] < -0.02) abort();{rest}")
+    compiled(source, tmp_path / "law.so")
+    out = tmp_path / "out"
+    process = mpm("run", deck(block(**library_law("./law.so", **PLASTIC))), "--out", out)
+    assert process.returncode == 1, process.stderr
+    assert "aborted (SIGABRT)" in process.stderr and "not enough memory" not in process.stderr, process.stderr
+    assert "S008" not in process.stderr and len(Results(out).history["step"]) > 1
+
+
 def test_files_that_are_no_libraries_are_refused(mpm, deck, tmp_path):
     path = deck(block(**library_law("./law.so", **ELASTIC)))
     refused(mpm, path, "D061", "the library `./law.so` cannot be read: No such file", "relative to the deck")
@@ -251,10 +342,10 @@ def test_files_that_are_no_libraries_are_refused(mpm, deck, tmp_path):
     refused(mpm, path, "D061", "cannot be used: it cannot be loaded: ", "law.so", "cc -O2 -shared -fPIC")
     (tmp_path / "law.so").unlink()
     (tmp_path / "law.so").mkdir()
-    refused(mpm, path, "D061", "it is not a file")
+    refused(mpm, path, "D061", "not a file")
     (tmp_path / "law.so").rmdir()
     os.mkfifo(tmp_path / "law.so")
-    refused(mpm, path, "D061", "it is not a file")
+    refused(mpm, path, "D061", "not a file")
 
 
 PARAMETERS = [

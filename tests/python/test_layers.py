@@ -26,7 +26,7 @@ CRATES = {
 ON_REQUEST = {"mpm_petsc", "mpm_python"}
 # From the lowest layer to the highest; a module of the core may use those before it, as a crate may.
 LAYERS = """
-    counted tensor formula memory timing ranks grid region tool material element_test linear points basis kinematics domain stress surface model step dofs assembly terms
+    counted input_file tensor formula memory timing ranks grid region tool material element_test linear points basis kinematics domain stress surface model step dofs assembly terms
     equilibrium quality solver
 """.split()
 USE = re.compile(r"(?:^|\n)[ \t]*(pub(?:\([^)]*\))?[ \t]+)?use\s+([^;]+);")

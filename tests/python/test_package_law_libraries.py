@@ -4,9 +4,26 @@ import numpy as np
 import pytest
 
 from package import mpm
-from test_law_libraries import ELASTIC, FAULTY, LAWS, PLASTIC, block, compiled, deck, library_law
+from test_law_libraries import ELASTIC, FAULTY, LAWS, PLASTIC, block, compiled, consent, deck, library_law
 
-__all__ = ["deck"]
+__all__ = ["consent", "deck"]
+
+
+def test_a_library_needs_consent(deck, tmp_path, monkeypatch):
+    monkeypatch.delenv("MPM_ALLOW_LIBRARIES")
+    compiled(LAWS / "law.c", tmp_path / "law.so")
+    one = mpm.Deck.load(deck(block(**library_law("law.so", **PLASTIC))))
+    for refused in (lambda: one.run(progress=False), lambda: one.start()):
+        with pytest.raises(mpm.DeckError, match="D061.*allow_libraries=True"):
+            refused()
+    assert [found.code for found in one.check() if found.severity == "error"] == ["D061"]
+    assert not [found for found in one.check(allow_libraries=True) if found.severity == "error"]
+    result = one.run(progress=False, allow_libraries=True)
+    with one.start(allow_libraries=True) as run:
+        next(run)
+        run.change()
+    again = mpm.sweep(mpm.Deck({**one, "parameters": {"n": 1}}), {"n": [1]}, processes=1, allow_libraries=True)
+    assert len(again[0].result.history["step"]) == len(result.history["step"])
 
 
 def test_a_deck_runs_with_a_library(deck, tmp_path):

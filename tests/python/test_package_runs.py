@@ -582,7 +582,7 @@ def test_members_that_fail_do_not_end_the_study(tmp_path, processes):
 
 def slope():
     """The deck of a slope on a coarse grid, whose strength is reduced until it fails."""
-    return load("slope", h=2, n=2)
+    return load("slope", h=2, n=2, after_slide="continue")
 
 
 def test_the_results_of_a_study_are_those_of_the_last_step_in_equilibrium():

@@ -7,6 +7,7 @@ import hashlib
 import json
 import os
 import random
+import shutil
 import signal
 import subprocess
 import time
@@ -130,6 +131,36 @@ def test_an_interrupted_run_goes_on(mpm, stopped, whole, tmp_path):
     process = mpm("run", deck, "--out", directory, *SMALL, "--resume")
     assert process.returncode == 0 and "resuming after step" in process.stderr, process.stderr
     assert results(directory) == expected
+
+
+@pytest.mark.skipif(shutil.which("timeout") is None, reason="there is no `timeout`")
+def test_a_run_under_timeout_leaves_a_checkpoint_and_a_summary(mpm, program, whole, tmp_path):
+    """GNU `timeout` sends its signal twice within milliseconds, to the program and to its group."""
+    deck, expected, duration = whole
+    deck.write_text(deck.read_text().replace("checkpoint: {every: 3}\n", ""))
+    rng, stopped = random.Random(7), 0
+    for number in range(40):
+        directory = tmp_path / f"run{number}"
+        command = ["timeout", "-s", "TERM", f"{duration * rng.uniform(0.2, 0.9):.3f}", program, "run", deck, "--out", directory]
+        process = subprocess.run([*command, *SMALL], capture_output=True, text=True)
+        # The machine may have become faster or slower.
+        if process.returncode == 0:
+            duration *= 0.8
+            continue
+        table = directory / "history.csv"
+        if not table.exists() or len(table.read_text().splitlines()) < 2:
+            duration *= 1.2
+            continue
+        assert process.returncode == 124, process.stderr
+        assert (directory / "summary.json").exists() and last_checkpoint(directory) > 0, process.stderr
+        assert json.loads((directory / "summary.json").read_text())["outcome"] == "interrupted"
+        process = mpm("run", deck, "--out", directory, *SMALL, "--resume")
+        assert process.returncode == 0, process.stderr
+        assert results(directory) == expected
+        stopped += 1
+        if stopped == 4:
+            return
+    raise AssertionError("no run was stopped in time")
 
 
 def test_a_run_without_the_key_is_secured_when_it_is_interrupted(mpm, stopped, whole, tmp_path):

@@ -1,6 +1,7 @@
 """Steps that are cut, runs that cannot go on, and what they leave behind."""
 
 import json
+import math
 import re
 import signal
 import subprocess
@@ -204,14 +205,54 @@ output: {every: 0}
 """
 
 
-def test_a_tool_drives_the_bodies(mpm, tmp_path):
-    """Nothing is loaded, so neither the cause nor the advice speaks of a load."""
-    deck = tmp_path / "pressed.yaml"
-    deck.write_text(PRESSED)
+#: The weight of the ground, with the stress that carries it.
+WEIGHT = [
+    ("points_per_cell: 2}", "points_per_cell: 2, initial_stress: {type: geostatic, surface: 2, k0: 0.5}}"),
+    ("tools:\n", "loads: [{name: weight, type: gravity, acceleration: [0, -0.01]}]\ntools:\n"),
+]
+
+
+@pytest.mark.parametrize("changes", [[], WEIGHT], ids=["weightless", "weight"])
+def test_a_tool_drives_the_bodies(mpm, tmp_path, changes):
+    """No load changes, so neither the cause nor the advice speaks of a load."""
+    deck, text = tmp_path / "pressed.yaml", PRESSED
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    deck.write_text(text)
     process = mpm("run", deck, "--out", tmp_path / "out")
     assert process.returncode == 1, process.stderr
     assert "diagnosis: plastic collapse: the bodies flow under the prescribed motion" in process.stderr, process.stderr
     assert "changes with the prescribed motion" in process.stderr and "prescribe displacements" not in process.stderr
+
+
+TILTED = """version: 1
+title: A block on a rough plane that is tilted until it slides
+grid: {type: structured, origin: [0, 0], size: [6, 3], spacing: 0.25}
+materials: {soft: {model: hencky, young: 1e6, poisson: 0.2, density: 2000}}
+bodies:
+  - {name: block, material: soft, method: cpdi2, points_per_cell: 3, shape: {type: box, min: [1, 1], max: [3, 2]}}
+loads:
+  - name: weight
+    type: body-force
+    per: mass
+    force: ["9.81*min(1, 10*factor)*sin(pi/6*max(0, factor - 0.1)/0.9)", "-9.81*min(1, 10*factor)*cos(pi/6*max(0, factor - 0.1)/0.9)"]
+tools:
+  - {name: plane, shape: {type: half-space, point: [0, 1], normal: [0, 1]}, friction: 0.5}
+steps: {count: 40}
+output: {every: 0}
+"""
+
+
+def test_a_block_that_slides_is_said_to_slide(mpm, tmp_path):
+    deck, out = tmp_path / "tilted.yaml", tmp_path / "out"
+    deck.write_text(TILTED)
+    process = mpm("run", deck, "--out", out)
+    assert process.returncode == 1 and "diagnosis: sliding: only contact holds the bodies" in process.stderr, process.stderr
+    diagnosis = json.loads((out / "summary.json").read_text())["diagnosis"]
+    assert diagnosis["kind"] == "sliding" and "friction" in diagnosis["advice"]
+    angle = 30 * (diagnosis["largest_load_factor"] - 0.1) / 0.9
+    assert abs(angle - math.degrees(math.atan(0.5))) < 0.05, "the plane is as steep as the block can bear"
 
 
 def test_a_run_that_cannot_go_on_says_why(mpm, tmp_path):

@@ -91,6 +91,7 @@ pub mod element_test;
 pub mod equilibrium;
 pub mod formula;
 pub mod grid;
+pub mod input_file;
 pub mod kinematics;
 pub mod linear;
 pub mod material;

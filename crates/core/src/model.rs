@@ -42,7 +42,7 @@ pub use newton::{Newton, Predictor, StiffnessUpdate};
 pub use released::{Released, SavedRelease, SideForce};
 pub use stabilisation::{Stabilisation, StabilisationMode};
 pub use stage::{Course, Factors, Present, Stage};
-pub use stepping::{Control, Controlled, SAME_TIME, Stepping};
+pub use stepping::{AfterSlide, Control, Controlled, SAME_TIME, Stepping};
 pub use tool::{ContactControl, Freedom, Interface, Shear, Tool, ToolLoad};
 pub use tool_part::ToolPart;
 
@@ -182,6 +182,22 @@ impl<const D: usize> Model<D> {
     /// True if neither the bodies nor the tools bear a load.
     pub fn is_unloaded(&self) -> bool {
         self.loads.is_empty() && self.tools.iter().all(|tool| tool.loads.is_empty())
+    }
+
+    /// True if no load on the bodies or the tools changes in the current stage, so that only motions drive them.
+    pub fn keeps_its_loads(&self) -> bool {
+        let Stepping { start_time, end_time, .. } = self.stepping;
+        let stands = |curve: &LoadCurve| {
+            let within = curve.times().filter(|time| (start_time..=end_time).contains(time));
+            let mut times = [end_time].into_iter().chain(within);
+            times.all(|time| curve.factor(time) == curve.factor(start_time))
+        };
+        let mut of_tools = self.tools.iter().flat_map(|tool| &tool.loads);
+        self.is_unloaded()
+            || !self.stepping.control.has_unknown_factor()
+                && self.present.released_forces.is_empty()
+                && self.loads.iter().all(|load| stands(&load.curve))
+                && of_tools.all(|load| stands(&load.curve))
     }
 
     /// True if a boundary condition acts in the current stage.

@@ -21,7 +21,7 @@ use mpm_core::material::StrengthMeasure;
 
 pub use drucker_prager::DruckerPragerDeck;
 pub use hencky::HenckyDeck;
-pub use library::{LibraryDeck, is_field_of_points};
+pub use library::{ALLOW_LIBRARIES, LibraryDeck, is_field_of_points, may_run_libraries};
 pub(crate) use library::{NamedLibrary, remarks};
 pub use modified_cam_clay::ModifiedCamClayDeck;
 pub use mohr_coulomb::{FrictionSofteningDeck, MohrCoulombDeck};

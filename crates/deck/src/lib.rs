@@ -22,8 +22,9 @@ pub(crate) use build::{placing, seeding, tool_shapes};
 pub use grid::{AxisSpacing, FollowDeck, GridDeck, IntervalDeck, SpacingDeck};
 pub use initial_stress::{InitialStressDeck, StressDeck, initial_factor};
 pub use laws::{
-    CohesionSofteningDeck, DruckerPragerDeck, FrictionSofteningDeck, HenckyDeck, LibraryDeck, MaterialDeck,
-    ModifiedCamClayDeck, MohrCoulombDeck, NeoHookeanDeck, TrescaDeck, VonMisesDeck, is_field_of_points,
+    ALLOW_LIBRARIES, CohesionSofteningDeck, DruckerPragerDeck, FrictionSofteningDeck, HenckyDeck,
+    LibraryDeck, MaterialDeck, ModifiedCamClayDeck, MohrCoulombDeck, NeoHookeanDeck, TrescaDeck,
+    VonMisesDeck, is_field_of_points, may_run_libraries,
 };
 pub use loads::{
     BodyForceDeck, GravityDeck, HydrostaticDeck, LoadCurve, LoadDeck, Per, PointForceDeck, PointSelector,

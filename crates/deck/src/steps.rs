@@ -4,6 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{Axis, yes};
+use mpm_core::model::AfterSlide;
 
 /// Division of the loading into load steps.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -76,7 +77,7 @@ pub enum ControlDeck {
     /// between the last F with equilibrium and the first F without it; the stage then ends. Loads stay constant, and so
     /// does the strength of the models `library` and `modified-cam-clay`.
     StrengthReduction {
-        /// Factor at the start, [-].
+        /// Factor at the start, [-]. If no equilibrium is found there, the search goes back towards 1.
         #[serde(default = "whole")]
         #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [1]))]
         from: f64,
@@ -87,6 +88,9 @@ pub enum ControlDeck {
         #[serde(default = "half_percent")]
         #[schemars(range(min = 1e-6, max = 1.0))]
         tolerance: f64,
+        /// What follows once bodies have slid.
+        #[serde(default, skip_serializing_if = "is_default")]
+        after_slide: AfterSlide,
     },
 }
 
@@ -94,6 +98,10 @@ impl Default for ControlDeck {
     fn default() -> Self {
         ControlDeck::Load {}
     }
+}
+
+fn is_default(after_slide: &AfterSlide) -> bool {
+    *after_slide == AfterSlide::default()
 }
 
 fn half_percent() -> f64 {

@@ -3,6 +3,7 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
+use mpm_core::input_file;
 use quick_xml::XmlVersion;
 use quick_xml::events::Event;
 
@@ -108,7 +109,7 @@ pub struct DataSet {
 ///
 /// Errors: file-system errors; `InvalidData` with the name of the file if it is cut off or is not a series.
 pub fn read(path: &Path) -> io::Result<Vec<DataSet>> {
-    let text = std::fs::read_to_string(path)?;
+    let text = input_file::read_text(path)?;
     let directory = path.parent().unwrap_or(Path::new(""));
     parse(&text, directory)
         .map_err(|what| io::Error::new(io::ErrorKind::InvalidData, format!("{}: {what}", path.display())))

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use jiff::{Timestamp, Unit};
 use serde::{Deserialize, Serialize};
 
+use mpm_core::input_file;
 use mpm_core::memory;
 use mpm_core::model::{LoadCurve, Model, Stepping};
 use mpm_core::solver::{Reached, SolveError, Step, StepReport};
@@ -336,13 +337,14 @@ pub fn read(directory: &Path) -> io::Result<Status> {
 
 /// True if the run in a directory is complete: its summary is written after all other results.
 pub fn is_complete(directory: &Path) -> bool {
-    let summary = std::fs::read(directory.join("summary.json")).ok();
+    let summary = input_file::read(&directory.join("summary.json"), u64::MAX).ok();
     let summary: Option<serde_json::Value> = summary.and_then(|text| serde_json::from_slice(&text).ok());
     summary.is_some_and(|summary| summary["outcome"] == "completed")
 }
 
 fn read_as_written(directory: &Path) -> io::Result<Status> {
-    let status: Status = serde_json::from_slice(&std::fs::read(directory.join(NAME))?)?;
+    let status: Status =
+        serde_json::from_slice(&input_file::read(&directory.join(NAME), u64::MAX).map_err(io::Error::from)?)?;
     // A checkpoint may have been written since.
     Ok(Status { checkpoint: checkpoint::last_step(directory), ..status })
 }

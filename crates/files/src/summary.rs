@@ -267,7 +267,7 @@ impl Account {
             document["exchanged_energy"] = json!(summary.exchanged_energy);
         }
         let reductions: Vec<Value> =
-            progress.strength.iter().map(|of| strength_reduction(model, of)).collect();
+            progress.strength.iter().map(|of| strength_reduction(model, of, summary)).collect();
         if let Some(last) = reductions.last() {
             document["strength_reduction"] = last.clone();
         }
@@ -428,9 +428,11 @@ fn initial_state(of: &InitialState) -> Value {
     })
 }
 
-/// The factors of a stage that reduces the strength; its name is null without stages.
-fn strength_reduction<const D: usize>(model: &Model<D>, of: &StageStrength) -> Value {
-    let StrengthBracket { stands, fails, slides, moved, growth, slumped } = of.bracket;
+/// The factors of a stage that reduces the strength, and what finding them has cost; its name is null without stages.
+fn strength_reduction<const D: usize>(model: &Model<D>, of: &StageStrength, summary: &Summary) -> Value {
+    let StrengthBracket { stands, fails, slides, moved, growth, slumped, ran_away, attempts, evaluations } =
+        of.bracket;
+    let cpu = summary.searches.get(&of.stage).copied().unwrap_or_default();
     let stage = model.stages.get(of.stage).map(|stage| &stage.name);
     json!({
         "stage": stage,
@@ -440,6 +442,10 @@ fn strength_reduction<const D: usize>(model: &Model<D>, of: &StageStrength) -> V
         "moved": moved,
         "growth": growth,
         "slumped": slumped,
+        "ran_away": ran_away,
+        "attempts": attempts,
+        "evaluations": evaluations,
+        "cpu_seconds": cpu.as_secs_f64(),
     })
 }
 

@@ -1,10 +1,11 @@
 //! Comma-separated tables that grow by whole rows: writing and reading.
 
 use std::fs::{self, File};
-use std::io::{self, Read, Write};
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use mpm_core::counted::counted;
+use mpm_core::input_file::{self, InputFileError};
 
 use super::replace::replace_file;
 use super::{invalid, shortest};
@@ -107,7 +108,7 @@ impl Table {
     pub fn keep(path: impl AsRef<Path>, columns: &[impl AsRef<str>], last: usize) -> io::Result<Kept> {
         let path = path.as_ref().to_owned();
         let columns: Vec<String> = columns.iter().map(|name| name.as_ref().to_owned()).collect();
-        let text = fs::read_to_string(&path).map_err(|error| {
+        let text = input_file::read_text(&path).map_err(|error| {
             let what = match error.kind() {
                 io::ErrorKind::NotFound => "is missing".to_owned(),
                 _ => format!("cannot be read: {error}"),
@@ -271,7 +272,7 @@ impl Columns {
     /// Errors: file-system errors; `InvalidData` with file and line if there is no header, a row has the wrong number
     /// of entries, an entry is not a number, or the last row is cut off.
     pub fn read(path: &Path) -> io::Result<Columns> {
-        let text = fs::read_to_string(path)?;
+        let text = input_file::read_text(path)?;
         Columns::parse(&text)
             .map_err(|what| io::Error::new(io::ErrorKind::InvalidData, format!("{}: {what}", path.display())))
     }
@@ -283,11 +284,11 @@ impl Columns {
     pub fn read_foreign(path: &Path) -> io::Result<Columns> {
         let damaged =
             |what: &str| io::Error::new(io::ErrorKind::InvalidData, format!("{}: {what}", path.display()));
-        let mut bytes = Vec::new();
-        File::open(path)?.take(LARGEST_FOREIGN + 1).read_to_end(&mut bytes)?;
-        if bytes.len() as u64 > LARGEST_FOREIGN {
-            return Err(damaged("the file is larger than 64 MiB"));
-        }
+        let bytes = input_file::read(path, LARGEST_FOREIGN).map_err(|error| match error {
+            InputFileError::Io(error) => error,
+            InputFileError::TooLarge { .. } => damaged("the file is larger than 64 MiB"),
+            error => damaged(&error.to_string()),
+        })?;
         let text = String::from_utf8(bytes).map_err(|_| damaged("the file is not UTF-8 text"))?;
         let trimmed = |line: &str| line.split(',').map(str::trim).collect::<Vec<_>>().join(",");
         let lines: Vec<String> =

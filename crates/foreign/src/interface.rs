@@ -99,6 +99,78 @@ pub(crate) fn load(path: &Path) -> Result<Loaded, LibraryError> {
     Ok(Loaded(Box::leak(Box::new(library))))
 }
 
+/// Loads a library, like [`load`], from a copy of the contents of its file in memory, so that nothing can come between
+/// reading and loading; `None` if the system has no such copies.
+pub(crate) fn load_copy(path: &Path, contents: &[u8]) -> Option<Result<Loaded, LibraryError>> {
+    let copy = copy_in_memory(path, contents)?;
+    let place = copy.path();
+    let loaded = load(&place).map_err(|error| match error {
+        LibraryError::NotLoaded(message) => {
+            let (place, path) = (place.display().to_string(), path.display().to_string());
+            LibraryError::NotLoaded(message.replace(&place, &path))
+        }
+        error => error,
+    });
+    // The system has mapped the copy into memory.
+    drop(copy);
+    Some(loaded)
+}
+
+/// A file in memory.
+#[cfg(target_os = "linux")]
+struct InMemory(std::fs::File);
+
+#[cfg(target_os = "linux")]
+impl InMemory {
+    fn path(&self) -> std::path::PathBuf {
+        use std::os::fd::AsRawFd;
+        format!("/proc/self/fd/{}", self.0.as_raw_fd()).into()
+    }
+}
+
+/// A file in memory with these contents, named like the library in messages of the system; `None` if the system has
+/// none.
+#[cfg(target_os = "linux")]
+fn copy_in_memory(path: &Path, contents: &[u8]) -> Option<InMemory> {
+    use std::ffi::{CString, c_int, c_uint};
+    use std::io::Write;
+    use std::os::fd::FromRawFd;
+    use std::os::unix::ffi::OsStrExt;
+
+    unsafe extern "C" {
+        fn memfd_create(name: *const c_char, flags: c_uint) -> c_int;
+    }
+    /// The file is closed when another program takes the place of this one.
+    const CLOSED_ON_EXECUTION: c_uint = 1;
+    let name = CString::new(path.file_name()?.as_bytes().get(..200.min(path.file_name()?.len()))?).ok()?;
+    // SAFETY: the name ends with a zero byte.
+    let number = unsafe { memfd_create(name.as_ptr(), CLOSED_ON_EXECUTION) };
+    if number < 0 {
+        return None;
+    }
+    // SAFETY: the number belongs to a new file, which has no other owner.
+    let mut copy = unsafe { std::fs::File::from_raw_fd(number) };
+    copy.write_all(contents).ok()?;
+    let copy = InMemory(copy);
+    // Not every system shows open files by name.
+    copy.path().exists().then_some(copy)
+}
+
+#[cfg(not(target_os = "linux"))]
+struct InMemory;
+
+#[cfg(not(target_os = "linux"))]
+impl InMemory {
+    fn path(&self) -> std::path::PathBuf {
+        std::path::PathBuf::new()
+    }
+}
+
+#[cfg(not(target_os = "linux"))]
+fn copy_in_memory(_: &Path, _: &[u8]) -> Option<InMemory> {
+    None
+}
+
 /// A library that stays loaded.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Loaded(&'static libloading::Library);

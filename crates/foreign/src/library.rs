@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use mpm_core::material::{StateField, StrainMeasure};
 
 use super::error::{Kind, LibraryError};
-use super::interface::{Interface, Statement, load};
+use super::interface::{Interface, Statement, load, load_copy};
 
 /// A parameter of a law.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -28,29 +28,53 @@ pub struct Library {
     pub(crate) measure: StrainMeasure,
 }
 
-/// The hash of the file of a library, and the outcome of loading it.
-type Known = (u128, Result<Arc<Library>, LibraryError>);
+/// The contents of the file of a library, and the outcome of loading it.
+type Known = (Arc<[u8]>, Result<Arc<Library>, LibraryError>);
 
-/// All libraries that were loaded. If a path is requested again, the system returns the library that it already has,
-/// even if the file has been replaced, so the hash of each file is kept here.
+/// All libraries that were loaded. A library is never loaded again, even if its file has been replaced, so the contents
+/// of each file are kept here.
 static KNOWN: Mutex<BTreeMap<PathBuf, Known>> = Mutex::new(BTreeMap::new());
 
+/// Text in a library that looks for other libraries beside its own file.
+const BESIDE: &[u8] = b"$ORIGIN";
+
 impl Library {
-    /// Loads the library in a file, once in the lifetime of the program; `hash` is the hash of the file contents.
-    /// Loading runs code of the library.
+    /// Loads the library in a file, once in the lifetime of the program; `contents` are those of the file, and they are
+    /// what is loaded. Loading runs code of the library.
     ///
     /// # Errors
-    /// [`LibraryError`]; [`LibraryError::Changed`] if a file with the same path but other contents was loaded before.
-    pub fn open(path: &Path, hash: u128) -> Result<Arc<Library>, LibraryError> {
+    /// [`LibraryError`]; [`LibraryError::Changed`] if a file with the same path but other contents was loaded before, or
+    /// if the file changes while it is loaded.
+    pub fn open(path: &Path, contents: Vec<u8>) -> Result<Arc<Library>, LibraryError> {
         let path = path.canonicalize().map_err(|error| LibraryError::NotLoaded(error.to_string()))?;
         let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((loaded_hash, outcome)) = known.get(&path) {
-            return if *loaded_hash == hash { outcome.clone() } else { Err(LibraryError::Changed) };
+        if let Some((loaded, outcome)) = known.get(&path) {
+            return if **loaded == *contents { outcome.clone() } else { Err(LibraryError::Changed) };
         }
-        let loaded = load(&path)?;
+        let in_place = contents.windows(BESIDE.len()).any(|text| text == BESIDE);
+        let copied = if in_place { None } else { load_copy(&path, &contents) };
+        let loaded = match copied {
+            Some(loaded) => loaded?,
+            // Without a copy, the file must be the same before and after.
+            None => {
+                let loaded = load(&path)?;
+                let now = std::fs::read(&path).unwrap_or_default();
+                if now != contents {
+                    return Err(LibraryError::Changed);
+                }
+                loaded
+            }
+        };
         let outcome = loaded.interface().and_then(Library::new).map(Arc::new);
-        known.insert(path, (hash, outcome.clone()));
+        known.insert(path, (contents.into(), outcome.clone()));
         outcome
+    }
+
+    /// The contents of the library that was loaded from a file; `None` if it was not loaded.
+    pub fn contents(path: &Path) -> Option<Arc<[u8]>> {
+        let path = path.canonicalize().ok()?;
+        let known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
+        known.get(&path).map(|(contents, _)| Arc::clone(contents))
     }
 
     fn new(interface: Interface) -> Result<Library, LibraryError> {

@@ -7,7 +7,7 @@ use std::sync::atomic::AtomicBool;
 
 use crate::deck::advice;
 use crate::deck::diagnostic::{self, Diagnostic, as_json, render_all};
-use crate::deck::load::{LoadFailure, LoadedDeck, load};
+use crate::deck::load::{LoadFailure, LoadedDeck};
 use crate::deck::quoting::counted;
 use crate::deck::ready::{self, Analysis, Prepared};
 use crate::deck::source::Source;
@@ -32,7 +32,7 @@ use crate::program::screen::failure::{Coded, in_words};
 use crate::program::screen::message::clean;
 use crate::program::screen::print::print_json;
 use crate::program::screen::progress::{View, Watch};
-use crate::program::system_limits::wait_for_lack_of_memory;
+use crate::program::system_limits::wait_for_abort;
 
 /// Builds the model of a deck, or this rank's part of it, up to the first load step.
 pub fn prepare(
@@ -63,7 +63,7 @@ pub fn prepare_and_report(
     log_text: &dyn Fn(&str),
     machines: &Machines,
 ) -> anyhow::Result<Option<Prepared>> {
-    let loaded = load(&args.deck, &args.set);
+    let loaded = args.load();
     match (machines.meet(loaded.is_ok()), &loaded) {
         (Some(rank), Ok(_)) => bail!("rank {rank} cannot read the deck; see its own message"),
         (None, Ok(loaded)) if !machines.have_the_same(loaded) => bail!(
@@ -272,7 +272,7 @@ pub fn run_along(
     directory: &Path,
     resumes: bool,
 ) -> anyhow::Result<u8> {
-    let loaded = load(&deck.deck, &deck.set);
+    let loaded = deck.load();
     if let Some(rank) = machines.meet(loaded.is_ok()) {
         if rank == machines.ranks().own() {
             print_messages(&loaded.and_then(|loaded| prepare(Ok(loaded), false, &Ranks::default())));
@@ -377,7 +377,7 @@ pub fn start_threads(threads: Option<usize>) -> anyhow::Result<()> {
     if threads.is_some_and(|n| !(1..=MAX_THREADS).contains(&n)) {
         bail!("--threads takes a number from 1 to {MAX_THREADS}");
     }
-    wait_for_lack_of_memory()?;
+    wait_for_abort()?;
     rayon::ThreadPoolBuilder::new()
         .num_threads(threads.unwrap_or(0))
         .build_global()

@@ -13,7 +13,7 @@ use crate::element_test::{self, ElementState, ElementTest, ElementTestError, Tar
 use crate::material::{Material, MaterialError};
 use crate::output::element_test::{FIRST_COLUMNS, Prescribed, infinite, read_history, table};
 use crate::output::replace::replace_file;
-use crate::program::commands::arguments::assignment;
+use crate::program::commands::arguments::{LibraryArgs, assignment};
 use crate::program::commands::overwriting::{REPORT, may_be_replaced};
 use crate::program::exit::{DONE, FAILED, USAGE};
 use crate::program::paths::real;
@@ -37,6 +37,8 @@ pub struct ElementArgs {
     /// Set a parameter of the deck; may be given several times.
     #[arg(long, value_name = "NAME=VALUE", value_parser = assignment)]
     set: Vec<(String, String)>,
+    #[command(flatten)]
+    libraries: LibraryArgs,
     /// Material to test [default: the only material of the deck].
     #[arg(long, value_name = "NAME")]
     material: Option<String>,
@@ -141,7 +143,10 @@ enum Route {
 pub fn element(args: ElementArgs) -> anyhow::Result<u8> {
     let route = route(&args)?;
     let loaded = match load(&args.deck, &args.set) {
-        Ok(loaded) => loaded,
+        Ok(mut loaded) => {
+            args.libraries.allow(&mut loaded);
+            loaded
+        }
         Err(failure) => {
             message!("{}", failure.render(std::io::stderr().is_terminal()).trim_end());
             return Ok(USAGE);

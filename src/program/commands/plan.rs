@@ -1,7 +1,7 @@
 //! `mpm check --ranks`: memory and time of a run on several ranks.
 
 use crate::deck::diagnostic::{deny_warnings, sort};
-use crate::deck::load::{LoadFailure, load};
+use crate::deck::load::LoadFailure;
 use crate::deck::plan::{EVALUATIONS, ITERATIONS, Plan};
 use crate::deck::quoting::counted;
 use crate::memory::in_words;
@@ -14,7 +14,7 @@ use serde_json::json;
 
 /// Predicts memory and time of a deck on this number of ranks.
 pub fn plan(args: &DeckArgs, ranks: usize) -> anyhow::Result<u8> {
-    let mut loaded = match load(&args.deck, &args.set) {
+    let mut loaded = match args.load() {
         Ok(loaded) => loaded,
         Err(failure) => return analysis::refuse(failure, args.format),
     };

@@ -13,7 +13,7 @@ use crate::output::summary::Start;
 use crate::program::commands::analysis::{
     self, Begin, Ended, Run, describe_failure, messages, not_writable, prepare, print_messages, run_into,
 };
-use crate::program::commands::arguments::assignment;
+use crate::program::commands::arguments::{LibraryArgs, assignment};
 use crate::program::exit::{FAILED, INTERRUPTED, USAGE};
 use crate::program::interrupt::stop_on_interrupt;
 use crate::program::machines::Machines;
@@ -39,6 +39,8 @@ pub struct SweepArgs {
     /// Treat warnings about the deck as errors: members with warnings are not run.
     #[arg(long, visible_alias = "warnings-as-errors")]
     deny_warnings: bool,
+    #[command(flatten)]
+    libraries: LibraryArgs,
     /// Vary a parameter of the deck; may be given several times, and the parameter given last varies fastest.
     #[arg(long, value_name = "NAME=VALUE,VALUE,...", required = true)]
     over: Vec<Axis>,
@@ -84,9 +86,10 @@ pub fn sweep(args: SweepArgs) -> anyhow::Result<u8> {
         return Err(Coded::new("R001", what).into());
     }
     let begin = if args.resume { Begin::AtCheckpointIfAny } else { Begin::Anew };
-    let deny_warnings = args.deny_warnings;
+    let (deny_warnings, libraries) = (args.deny_warnings, args.libraries);
     let (rows, printed) = (Vec::new(), BTreeSet::new());
-    let mut sweep = Sweep { study, name, text, deny_warnings, directory, stop, begin, rows, printed };
+    let mut sweep =
+        Sweep { study, name, text, deny_warnings, libraries, directory, stop, begin, rows, printed };
     sweep.take_completed();
     sweep.write_table()?;
     Ok(sweep.run_members())
@@ -103,6 +106,8 @@ struct Sweep {
     text: Vec<u8>,
     /// True if members with warnings are not run.
     deny_warnings: bool,
+    /// Consent to code of libraries.
+    libraries: LibraryArgs,
     directory: PathBuf,
     stop: Arc<AtomicBool>,
     /// State in which members start.
@@ -153,7 +158,10 @@ impl Sweep {
         let (start, mut set_up) = (Start::now(), Timings::default());
         let overrides = self.study.overrides(&member);
         let prepared = set_up.measure(Phase::SetUp, || {
-            let loaded = load_text(&self.name, &self.text, &overrides);
+            let mut loaded = load_text(&self.name, &self.text, &overrides);
+            if let Ok(loaded) = &mut loaded {
+                self.libraries.allow(loaded);
+            }
             prepare(loaded, self.deny_warnings, &Ranks::default())
         });
         let messages = messages(&prepared, false);

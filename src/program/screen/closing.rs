@@ -9,7 +9,7 @@ use crate::output::findings::{Extreme, Findings, ForceBalance};
 use crate::output::results::{Picture, Results};
 use crate::program::screen::quantities::{duration, significant};
 use crate::quality::{BalanceSoFar, MAX_ENERGY_ERROR, MAX_REGRIDDING};
-use crate::solver::{Progress, Reached, SolveError, StageStrength};
+use crate::solver::{Reached, SolveError, StageStrength, StrengthBracket};
 
 /// Width of a line, [characters]; names and paths may exceed it.
 const WIDTH: usize = 80;
@@ -58,11 +58,11 @@ impl Closing {
         results: &Results,
         error: Option<&SolveError>,
     ) -> Option<Closing> {
-        let Reached { progress, summary } = reached;
+        let summary = &reached.summary;
         let (steps, asked) = (summary.steps, model.steps_requested());
         let in_equilibrium = format!("{} in equilibrium", counted(steps, "step", "steps"));
         // With cut steps, a run may have as many steps as requested, or more, without having reached the end.
-        let reached = match steps < asked {
+        let so_far = match steps < asked {
             true => format!("{steps} of {asked} steps in equilibrium"),
             false => in_equilibrium.clone(),
         };
@@ -72,14 +72,14 @@ impl Closing {
                 counted(summary.failed_attempts, "failed attempt", "failed attempts")
             ),
             None => format!("completed: {in_equilibrium}"),
-            Some(SolveError::Interrupted { .. }) => format!("interrupted: {reached}"),
+            Some(SolveError::Interrupted { .. }) => format!("interrupted: {so_far}"),
             Some(_) => match &summary.diagnosis {
                 Some(diagnosis) if summary.failed_attempts > 1 => format!(
                     "failed: {in_equilibrium}, up to time {} of {}",
                     significant(diagnosis.time, 4),
                     significant(model.end_time(), 4)
                 ),
-                _ => format!("failed: {reached}"),
+                _ => format!("failed: {so_far}"),
             },
         };
         (steps > 0).then(|| Closing {
@@ -101,7 +101,7 @@ impl Closing {
             balance: summary.balance(),
             warnings: summary.warnings.len(),
             findings: results.findings().clone(),
-            safety: safety(model, progress),
+            safety: safety(model, reached),
             nonassociated: Vec::new(),
             directory: results.directory().to_owned(),
             picture: results.last_picture(),
@@ -254,12 +254,22 @@ fn shell_word(path: &Path) -> String {
     format!("'{}'", text.replace('\'', r"'\''"))
 }
 
-/// The factors of safety in words: a single one, or one for each of several stages, with its name.
-fn safety<const D: usize>(model: &Model<D>, progress: &Progress) -> Vec<String> {
+/// The factors of safety in words, and what the search for them has cost: a single one, or one for each of several
+/// stages, with its name.
+fn safety<const D: usize>(model: &Model<D>, reached: &Reached) -> Vec<String> {
+    let progress = &reached.progress;
     let in_words = |stage_strength: &StageStrength| {
         let stage = model.stages.get(stage_strength.stage).filter(|_| progress.strength.len() > 1);
         let stage = stage.map(|stage| format!("stage `{}`: ", stage.name)).unwrap_or_default();
-        format!("{stage}{}", stage_strength.bracket)
+        let StrengthBracket { attempts, evaluations, .. } = stage_strength.bracket;
+        let cpu = reached.summary.searches.get(&stage_strength.stage).copied().unwrap_or_default();
+        format!(
+            "{stage}{}; the search took {}, {} and {} s of CPU",
+            stage_strength.bracket,
+            counted(attempts, "attempt", "attempts"),
+            counted(evaluations, "evaluation", "evaluations"),
+            significant(cpu.as_secs_f64(), 2)
+        )
     };
     progress.strength.iter().map(in_words).collect()
 }

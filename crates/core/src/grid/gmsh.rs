@@ -13,6 +13,7 @@ mod reader;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::Path;
 
+use crate::input_file;
 use elements::Elements;
 use entity::{EntityGroups, GroupKey};
 use error::{MAX_BYTES, MAX_GROUPS};
@@ -41,18 +42,9 @@ pub struct GmshFile {
 /// Reads a mesh file.
 ///
 /// # Errors
-/// [`GmshError::Io`], [`GmshError::NotAFile`] or [`GmshError::TooLarge`] if the file cannot be read; otherwise the same
-/// as for [`read`].
+/// [`GmshError::File`] if the file cannot be read; otherwise the same as for [`read`].
 pub fn read_file(path: &Path) -> Result<GmshFile, GmshError> {
-    // Reading a device or a pipe might never end.
-    let about = std::fs::metadata(path)?;
-    if !about.is_file() {
-        return Err(GmshError::NotAFile);
-    }
-    if about.len() > MAX_BYTES {
-        return Err(GmshError::TooLarge { bytes: about.len() });
-    }
-    read(&std::fs::read(path)?)
+    read(&input_file::read(path, MAX_BYTES)?)
 }
 
 /// Reads a mesh from the bytes of a file. Time and memory are proportional to the number of bytes, whatever the

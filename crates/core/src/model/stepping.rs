@@ -1,5 +1,7 @@
 //! Division of the loading into load steps, and step control.
 
+use serde::{Deserialize, Serialize};
+
 /// Difference below which two times count as equal, relative to a requested step, [-].
 pub const SAME_TIME: f64 = 1e-9;
 
@@ -53,11 +55,27 @@ pub enum Control {
     /// longer found ([`Material::with_strength_divided`](crate::material::Material::with_strength_divided)). Loads and
     /// boundary displacements follow their curves.
     StrengthReduction {
-        /// Factor at the start, [-].
+        /// Factor at the start, [-]. If it is above 1, the first requested step begins at full strength, so that it can be
+        /// cut down to factors between 1 and `from`.
         from: f64,
         /// Factor at the end, [-].
         to: f64,
+        /// Whether the search goes on once bodies have slid.
+        after_slide: AfterSlide,
     },
+}
+
+/// What follows in a strength reduction once bodies have slid.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "kebab-case")]
+pub enum AfterSlide {
+    /// The search ends in the first step in which bodies that have slid run away: equilibrium at larger factors would
+    /// be that of another shape. Soft bodies that settle evenly do not end it.
+    #[default]
+    Stop,
+    /// The search goes on to the last factor, or until no equilibrium is found, in whatever shape the bodies then have.
+    Continue,
 }
 
 /// The object whose displacement is prescribed in displacement control.
@@ -111,8 +129,38 @@ impl Stepping {
 
     /// Factor by which the strength of the materials is divided at a time, [-]; `None` without strength reduction.
     pub fn strength_factor(&self, time: f64) -> Option<f64> {
-        let Control::StrengthReduction { from, to } = self.control else { return None };
+        let Control::StrengthReduction { from, to, .. } = self.control else { return None };
+        if let Some(first) = self.first_jump().filter(|_| self.is_in_first_step(time)) {
+            return Some(1.0 + (first - 1.0) * ((time - self.start_time) / self.size()).max(0.0));
+        }
         Some(from + (to - from) * ((time - self.start_time) / self.duration()))
+    }
+
+    /// The factor at the end of the first requested step of a strength reduction that begins above 1, [-].
+    fn first_jump(&self) -> Option<f64> {
+        let Control::StrengthReduction { from, to, .. } = self.control else { return None };
+        (from > 1.0).then(|| from + (to - from) / self.count as f64)
+    }
+
+    /// True before the end of the first requested step.
+    fn is_in_first_step(&self, time: f64) -> bool {
+        time - self.start_time < self.size() * (1.0 - SAME_TIME)
+    }
+
+    /// Smallest size to which a failed step that starts at a time is cut, relative to a requested step, [-]. The factor
+    /// of a strength reduction may grow more in the first requested step than in the others; the smallest change of the
+    /// factor is the same.
+    pub fn smallest_at(&self, start: f64) -> f64 {
+        let Control::StrengthReduction { from, to, .. } = self.control else { return self.smallest };
+        match self.first_jump().filter(|_| self.is_in_first_step(start)) {
+            Some(first) => self.smallest * (to - from) / self.count as f64 / (first - 1.0),
+            None => self.smallest,
+        }
+    }
+
+    /// True if a strength reduction ends once bodies have slid.
+    pub fn stops_after_slide(&self) -> bool {
+        matches!(self.control, Control::StrengthReduction { after_slide: AfterSlide::Stop, .. })
     }
 
     /// Duration of all steps, [time].

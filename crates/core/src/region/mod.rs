@@ -21,6 +21,7 @@ mod line;
 mod meshed;
 mod motion;
 mod outline;
+mod parts;
 mod polygon;
 mod prism;
 pub mod quadrature;
@@ -52,6 +53,7 @@ pub use line::{Intervals, Line};
 pub use meshed::Meshed;
 pub use motion::Motion;
 pub use outline::Outline;
+use parts::Parts;
 pub use polygon::{Polygon, crossing_sides};
 pub(crate) use polygon::{segments_meet, signed_area};
 pub use prism::Prism;
@@ -171,9 +173,9 @@ pub struct Region<const D: usize> {
 enum Node<const D: usize> {
     Primitive(Arc<dyn Primitive<D>>, Motion<D>),
     Group(Group<D>, Motion<D>),
-    Union(Vec<Region<D>>),
-    Intersection(Vec<Region<D>>),
-    Difference(Box<Region<D>>, Vec<Region<D>>),
+    Union(Parts<D>),
+    Intersection(Parts<D>),
+    Difference(Box<Region<D>>, Parts<D>),
 }
 
 impl<const D: usize> Region<D> {
@@ -211,7 +213,7 @@ impl<const D: usize> Region<D> {
     /// [`ShapeError::NoParts`].
     pub fn union(parts: Vec<Region<D>>) -> Result<Self, ShapeError> {
         let bounds = parts.iter().map(|part| part.bounds).reduce(hull).ok_or(ShapeError::NoParts)?;
-        Ok(Region { node: Node::Union(parts), bounds })
+        Ok(Region { node: Node::Union(Parts::new(parts)), bounds })
     }
 
     /// Intersection of the parts.
@@ -220,13 +222,13 @@ impl<const D: usize> Region<D> {
     /// [`ShapeError::NoParts`].
     pub fn intersection(parts: Vec<Region<D>>) -> Result<Self, ShapeError> {
         let bounds = parts.iter().map(|part| part.bounds).reduce(overlap).ok_or(ShapeError::NoParts)?;
-        Ok(Region { node: Node::Intersection(parts), bounds })
+        Ok(Region { node: Node::Intersection(Parts::new(parts)), bounds })
     }
 
     /// Difference: the part of the region `from` that lies in none of the regions `minus`.
     pub fn difference(from: Region<D>, minus: Vec<Region<D>>) -> Self {
         let bounds = from.bounds;
-        Region { node: Node::Difference(Box::new(from), minus), bounds }
+        Region { node: Node::Difference(Box::new(from), Parts::new(minus)), bounds }
     }
 
     /// The region moved by a motion.
@@ -239,16 +241,16 @@ impl<const D: usize> Region<D> {
             // Apply the motion to the primitives: bounds of primitives are tight, but bounds of differences and
             // intersections are not.
             Node::Union(parts) => {
-                let parts = all(parts);
+                let parts = all(parts.into_regions());
                 let bounds = parts.iter().map(|part| part.bounds).fold(nothing(), hull);
-                Region { node: Node::Union(parts), bounds }
+                Region { node: Node::Union(Parts::new(parts)), bounds }
             }
             Node::Intersection(parts) => {
-                let parts = all(parts);
+                let parts = all(parts.into_regions());
                 let bounds = parts.iter().map(|part| part.bounds).fold(everything(), overlap);
-                Region { node: Node::Intersection(parts), bounds }
+                Region { node: Node::Intersection(Parts::new(parts)), bounds }
             }
-            Node::Difference(from, minus) => Self::difference(from.moved(motion), all(minus)),
+            Node::Difference(from, minus) => Self::difference(from.moved(motion), all(minus.into_regions())),
         }
     }
 
@@ -275,10 +277,11 @@ impl<const D: usize> Region<D> {
         match &self.node {
             Node::Primitive(primitive, motion) => primitive.contains(&motion.undo(x)),
             Node::Group(group, motion) => in_group(group.key, &motion.undo(x)),
-            Node::Union(parts) => parts.iter().any(|part| part.contains_with(x, in_group)),
+            Node::Union(parts) => parts.any_near(&[*x; 2], |part| part.contains_with(x, in_group)),
             Node::Intersection(parts) => parts.iter().all(|part| part.contains_with(x, in_group)),
             Node::Difference(from, minus) => {
-                from.contains_with(x, in_group) && !minus.iter().any(|part| part.contains_with(x, in_group))
+                from.contains_with(x, in_group)
+                    && !minus.any_near(&[*x; 2], |part| part.contains_with(x, in_group))
             }
         }
     }
@@ -300,7 +303,7 @@ impl<const D: usize> Region<D> {
             Node::Primitive(..) => true,
             // A moved group no longer coincides with the cells of the grid.
             Node::Group(group, motion) => *motion != Motion::identity() || in_group(group.key),
-            Node::Union(parts) => parts.iter().any(|part| part.may_meet_cell(cell, in_group)),
+            Node::Union(parts) => parts.any_near(cell, |part| part.may_meet_cell(cell, in_group)),
             Node::Intersection(parts) => parts.iter().all(|part| part.may_meet_cell(cell, in_group)),
             Node::Difference(from, _) => from.may_meet_cell(cell, in_group),
         }
@@ -313,10 +316,10 @@ impl<const D: usize> Region<D> {
                 primitive.is_convex() && corners(cell).all(|x| primitive.contains(&motion.undo(&x)))
             }
             Node::Group(..) => false,
-            Node::Union(parts) => parts.iter().any(|part| part.covers(cell)),
+            Node::Union(parts) => parts.any_near(cell, |part| part.covers(cell)),
             Node::Intersection(parts) => parts.iter().all(|part| part.covers(cell)),
             Node::Difference(from, minus) => {
-                from.covers(cell) && !minus.iter().any(|part| part.may_meet(cell))
+                from.covers(cell) && !minus.any_near(cell, |part| part.may_meet(cell))
             }
         }
     }

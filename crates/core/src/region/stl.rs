@@ -8,6 +8,7 @@ use std::path::Path;
 
 use super::surface::Triangle;
 use crate::counted::counted;
+use crate::input_file::{self, InputFileError};
 
 /// Largest file that is read, [byte]; about 20 million facets.
 const MAX_BYTES: u64 = 1 << 30;
@@ -20,18 +21,9 @@ const FACET: usize = 50;
 /// An error in an STL file.
 #[derive(Debug, thiserror::Error)]
 pub enum StlError {
-    /// The file cannot be opened or read.
-    #[error("{0}")]
-    Io(#[from] std::io::Error),
-    /// The path is a directory or a device.
-    #[error("it is not a file")]
-    NotAFile,
-    /// The file exceeds the size limit.
-    #[error("the file has {bytes} bytes; the limit is {MAX_BYTES}")]
-    TooLarge {
-        /// Size of the file.
-        bytes: u64,
-    },
+    /// The file cannot be read, is not a regular file, or is too large.
+    #[error(transparent)]
+    File(#[from] InputFileError),
     /// The file is not an STL file.
     #[error("not an STL file: it does not begin with `solid` and is too short for a binary one")]
     NotStl,
@@ -82,18 +74,9 @@ pub enum StlError {
 /// Reads an STL file.
 ///
 /// # Errors
-/// [`StlError::Io`], [`StlError::NotAFile`] or [`StlError::TooLarge`] if the file cannot be read, otherwise as for
-/// [`read`].
+/// [`StlError::File`] if the file cannot be read, otherwise as for [`read`].
 pub fn read_file(path: &Path) -> Result<Vec<Triangle>, StlError> {
-    // Reading a device or a pipe might never end.
-    let about = std::fs::metadata(path)?;
-    if !about.is_file() {
-        return Err(StlError::NotAFile);
-    }
-    if about.len() > MAX_BYTES {
-        return Err(StlError::TooLarge { bytes: about.len() });
-    }
-    read(&std::fs::read(path)?)
+    read(&input_file::read(path, MAX_BYTES)?)
 }
 
 /// Reads the facets of an STL file, in file order, with finite coordinates, [length]. Memory is proportional to the
@@ -339,7 +322,8 @@ mod tests {
         assert!(
             message(format!("{TEXT}rubbish").as_bytes()).contains("line 10: expected `solid` or the end")
         );
-        assert!(matches!(read_file(Path::new("/")), Err(StlError::NotAFile)));
-        assert!(matches!(read_file(Path::new("/no such file")), Err(StlError::Io(_))));
+        let error = |path: &str| read_file(Path::new(path)).unwrap_err();
+        assert!(matches!(error("/"), StlError::File(InputFileError::NotAFile(_))));
+        assert!(matches!(error("/no such file"), StlError::File(InputFileError::Io(_))));
     }
 }

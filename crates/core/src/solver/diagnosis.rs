@@ -53,6 +53,8 @@ pub enum Kind {
     FreeTool,
     /// A cell holds hardly any material.
     SmallCutCell,
+    /// The bodies slide on tools, whose friction and adhesion are used up.
+    Sliding,
     /// The load is beyond what the bodies can carry.
     PlasticCollapse,
     /// The bodies buckle or snap through without yielding.
@@ -96,6 +98,9 @@ impl Kind {
             Kind::RigidBodyMode => "a rigid-body mode is free",
             Kind::FreeTool => "the bodies do not resist the motion of a tool in its free components",
             Kind::SmallCutCell => "a cell that holds hardly any material",
+            Kind::Sliding => {
+                "sliding: only contact holds the bodies, and its friction and adhesion are used up"
+            }
             Kind::PlasticCollapse => {
                 "plastic collapse: the load is probably beyond what the bodies can carry"
             }
@@ -142,9 +147,9 @@ pub struct Circumstances {
     /// True if boundary conditions or tools have a prescribed motion, or if a prescribed displacement or arc length
     /// determines the load factor.
     pub is_driven: bool,
-    /// True if neither the bodies nor the tools bear a load.
-    #[serde(default)]
-    pub is_unloaded: bool,
+    /// True if no load on the bodies or the tools changes in the stage.
+    #[serde(default, alias = "is_unloaded")]
+    pub has_constant_loads: bool,
     /// True if there is a single material.
     pub has_one_material: bool,
     /// True if cells hold so few points on average that bodies may yield at too small a load.
@@ -202,9 +207,9 @@ pub struct Diagnosis {
 
 impl std::fmt::Display for Diagnosis {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Circumstances { is_driven, is_unloaded, .. } = self.circumstances;
+        let Circumstances { is_driven, has_constant_loads, .. } = self.circumstances;
         match self.kind {
-            Kind::PlasticCollapse if is_driven && is_unloaded => {
+            Kind::PlasticCollapse if is_driven && has_constant_loads => {
                 write!(f, "plastic collapse: the bodies flow under the prescribed motion")?;
             }
             kind => write!(f, "{}", kind.words())?,
@@ -271,7 +276,7 @@ impl Diagnosis {
         let circumstances = Circumstances {
             is_stabilised: model.stabilisation.mode != StabilisationMode::Off,
             is_driven: model.is_driven(),
-            is_unloaded: model.is_unloaded(),
+            has_constant_loads: model.keeps_its_loads(),
             has_one_material: model.materials.len() == 1,
             has_few_points: evidence::mean_points_per_cell(points) < FEW,
             is_in_collapse: flowing > COLLAPSE,
@@ -339,6 +344,8 @@ struct Found {
     /// True if the fullest cell at the location of the failure holds one point, and no part of the bodies can move as a
     /// rigid body.
     is_single: bool,
+    /// True if no boundary condition holds some part of the bodies, so that only tools do.
+    rests_on_tools: bool,
     /// True if the step is so small that smaller ones would not help.
     is_small_step: bool,
     /// True if the residual meets the tolerance, and only the update of points and domains failed.
@@ -379,6 +386,10 @@ impl Found {
                 evidence::most_points(model, points, &iterate.links, at) == 1
                     && !evidence::can_move_freely(model, points, &iterate.links, failed.step)
             }),
+            rests_on_tools: !model.tools.is_empty()
+                && iterate.is_some_and(|iterate| {
+                    evidence::can_move_freely(model, points, &iterate.links, failed.step)
+                }),
             is_small_step: evidence::is_small_step(model, failed),
             is_balanced: failed.is_balanced(tolerance),
             missing: evidence::iterations_missing(&failed.residuals, tolerance, max_iterations),
@@ -400,6 +411,9 @@ fn kind_of<const D: usize>(failed: &FailedAttempt<D>, found: &Found) -> Kind {
         SolveError::Singular { free, .. } if !free.is_empty() => Kind::FreeTool,
         SolveError::NotConverged { .. } | SolveError::Singular { .. } if found.spread > TOO_FAR_APART => {
             Kind::BadScaling
+        }
+        SolveError::Singular { .. } if found.rests_on_tools && flowing <= FLOWS && failed.step.index > 1 => {
+            Kind::Sliding
         }
         SolveError::Singular { .. } if is_cut => Kind::SmallCutCell,
         SolveError::Singular { .. } if is_hourglass => Kind::Hourglass,
@@ -468,6 +482,8 @@ fn kind_without_convergence<const D: usize>(failed: &FailedAttempt<D>, found: &F
         Kind::PlasticCollapse
     } else if failed.indefinite {
         Kind::Instability
+    } else if found.rests_on_tools && found.is_small_step {
+        Kind::Sliding
     } else if found.is_cut {
         Kind::SmallCutCell
     } else if found.is_small_step {

@@ -2,6 +2,8 @@
 
 use std::collections::BTreeSet;
 
+use cpu_time::ProcessTime;
+
 use crate::basis::Connectivity;
 use crate::dofs::Fields;
 use crate::equilibrium::StepReport;
@@ -218,7 +220,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         let (before, mut effort) = (self.reached.progress.step.index, Effort::Usual);
         while self.reached.progress.step.index == before {
             let Some(step) = self.next_step(effort, observer)? else { return Ok(false) };
-            let attempted = self.attempt(step, self.role_of_slumping(), effort, observer);
+            let attempted = self.counted_attempt(step, effort, observer);
             let was = std::mem::replace(&mut effort, Effort::Usual);
             match attempted {
                 Ok(Outcome::Equilibrium(report, _)) if self.hides_a_slide(step) => {
@@ -234,6 +236,23 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
             }
         }
         Ok(true)
+    }
+
+    /// Attempts a step; if the strength is reduced, the attempt counts as a part of the search.
+    fn counted_attempt(
+        &mut self,
+        step: Step,
+        effort: Effort,
+        observer: &mut dyn Observer<D>,
+    ) -> Result<Outcome<D>, Box<FailedAttempt<D>>> {
+        let (evaluations, cpu) = (self.reached.summary.evaluations, ProcessTime::now());
+        let attempted = self.attempt(step, self.role_of_slumping(), effort, observer);
+        if self.model.stepping.strength_factor(step.end).is_some() {
+            let (stage, Reached { progress, summary }) = (self.model.present.stage, &mut self.reached);
+            progress.strength_of(stage).count(summary.evaluations - evaluations);
+            summary.spend_on_search(stage, cpu.elapsed());
+        }
+        attempted
     }
 
     /// Runs to the end of the analysis, or of its current stage, and reports every event to `observer`. The grid must
@@ -300,7 +319,8 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
     fn next_step(&self, effort: Effort, observer: &mut dyn Observer<D>) -> Result<Option<Step>, SolveError> {
         let Progress { step: Step { index, end: start, .. }, strength, pace, .. } = &self.reached.progress;
         let stage = self.model.present.stage;
-        if strength.iter().any(|found| found.stage == stage && found.bracket.fails.is_some()) {
+        let stops = self.model.stepping.stops_after_slide();
+        if strength.iter().any(|found| found.stage == stage && found.bracket.is_final(stops)) {
             return Ok(None);
         }
         let Some(end) = pace.end_of_step(&self.model.stepping, *start) else { return Ok(None) };

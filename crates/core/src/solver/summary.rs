@@ -1,5 +1,8 @@
 //! What is reported on a run: counts, work, quality, warnings and timings.
 
+use std::collections::BTreeMap;
+use std::time::Duration;
+
 use serde::{Deserialize, Serialize};
 
 use crate::equilibrium::{Energy, InitialState, StepReport};
@@ -83,6 +86,9 @@ pub struct Summary {
     pub warnings: Vec<Warning>,
     /// Time spent in each phase.
     pub timings: Timings,
+    /// Processor time of all threads in the attempts of each stage that reduces the strength; a part of `timings`.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub searches: BTreeMap<usize, Duration>,
 }
 
 /// Upper bound on each count of a run.
@@ -205,6 +211,12 @@ impl Summary {
             (energy.role != Role::Dissipated).then(|| (energy.amount.value() - start).abs())
         };
         step.iter().filter_map(gross).for_each(|work| self.gross_work += work);
+    }
+
+    /// Adds processor time to that of the search for the factor of safety in a stage.
+    pub(super) fn spend_on_search(&mut self, stage: usize, cpu: Duration) {
+        let spent = self.searches.entry(stage).or_default();
+        *spent = spent.saturating_add(cpu);
     }
 
     /// Counts a linear solve.

@@ -75,6 +75,10 @@ fn advice(kind: Kind, at: &Circumstances, means: &Means) -> &'static str {
         Kind::SmallCutCell => {
             "stabilise such cells, `analysis: {stabilisation: {mode: auto}}`; or use more points per cell, or another grid"
         }
+        Kind::Sliding => {
+            "the last step in equilibrium shows about the largest load that contact holds; to go on, prescribe the motion of \
+             the bodies or the tool in place of the load, give the tools more `friction` or `adhesion`, or hold the bodies"
+        }
         Kind::PlasticCollapse | Kind::Instability if at.is_driven => {
             "use smaller steps (`steps: {count, smallest}`) or a coarser grid, because the region that flows plastically \
              changes with the prescribed motion"

@@ -56,12 +56,13 @@ const CODES: [Code; 17] = {
     ]
 };
 
-const KINDS: [Kind; 16] = {
+const KINDS: [Kind; 17] = {
     use Kind::*;
     [
         RigidBodyMode,
         FreeTool,
         SmallCutCell,
+        Sliding,
         PlasticCollapse,
         Instability,
         Locking,
@@ -92,7 +93,7 @@ fn all() -> Vec<String> {
     let yes = Circumstances {
         is_stabilised: true,
         is_driven: true,
-        is_unloaded: true,
+        has_constant_loads: true,
         has_one_material: true,
         has_few_points: true,
         is_in_collapse: true,

@@ -28,6 +28,10 @@ const BISECTIONS: usize = 60;
 /// [-].
 const ON_SURFACE: f64 = 1e-9;
 
+/// Norm of the logarithmic elastic strain of an initial stress above which the stiffness cannot hold the stress, [-]:
+/// compressed equally in three directions, a body would have a thirtieth of its volume.
+const MAX_STRAIN: f64 = 2.0;
+
 /// The initial stress of a body.
 enum Stress {
     Geostatic {
@@ -95,7 +99,9 @@ where
             let x = points.original_position[p];
             match stress.at(&x, &grounds[body]).and_then(|stress| {
                 let taken = model.set_initial_stress(points, p, &stress);
-                Ok((stress, taken.map_err(|error| ("D051", error.to_string()))?))
+                let taken = taken.map_err(|error| ("D051", error.to_string()))?;
+                is_held(model, points, p).map_err(|reason| ("D051", reason))?;
+                Ok((stress, taken))
             }) {
                 Ok((asked, taken)) => returned[body].count(&asked, &taken),
                 Err((code, reason)) => {
@@ -182,6 +188,22 @@ where
                 "give a stress that the material can carry; the returned stress may be out of balance",
             ));
     }
+}
+
+/// Checks that the stiffness of a point can hold its initial stress.
+///
+/// # Errors
+/// The reason, if the elastic strain would be too large or is not finite.
+fn is_held<const D: usize>(model: &Model<D>, points: &Points<D>, p: usize) -> Result<(), String> {
+    let measure = model.law(points, p).strain_measure();
+    let strain = measure.logarithmic(&points.converged.elastic_strain[p]).norm();
+    if strain <= MAX_STRAIN {
+        return Ok(());
+    }
+    Err(format!(
+        "the stiffness of its material cannot hold it: the elastic strain would be {strain:.1e}, and more than \
+         {MAX_STRAIN} cannot be; the stress and `young` seem to be in different units"
+    ))
 }
 
 impl Stress {

@@ -29,8 +29,8 @@ where
             largest,
             stops: every.max(1) as usize,
             control: match control {
-                ControlDeck::StrengthReduction { from, to, .. } => {
-                    Control::StrengthReduction { from: *from, to: *to }
+                ControlDeck::StrengthReduction { from, to, after_slide, .. } => {
+                    Control::StrengthReduction { from: *from, to: *to, after_slide: *after_slide }
                 }
                 ControlDeck::Load {} => Control::Load,
                 ControlDeck::ArcLength { length } => Control::ArcLength { length: *length },
@@ -53,7 +53,7 @@ where
             },
             ..Stepping::fixed(count as usize, end_time)
         };
-        if let ControlDeck::StrengthReduction { from, to, tolerance } = control {
+        if let ControlDeck::StrengthReduction { from, to, tolerance, .. } = control {
             // A step that fails is halved unless it is below twice the smallest size.
             stepping.smallest = (0.5 * tolerance * stepping.count as f64 / (to - from)).min(1.0);
         }

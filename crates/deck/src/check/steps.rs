@@ -81,7 +81,7 @@ impl Check<'_> {
                 }
             }
             ControlDeck::ArcLength { .. } => {}
-            ControlDeck::StrengthReduction { from, to, tolerance } => {
+            ControlDeck::StrengthReduction { from, to, tolerance, .. } => {
                 if to > from && to - from < *tolerance {
                     let message = format!(
                         "a tolerance of {tolerance} exceeds the whole range of the factor, from {from} to {to}"

@@ -10,13 +10,13 @@ use super::LawDeck;
 use crate::Expression;
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::formulas::Fault;
-use crate::hash::fnv1a;
 use crate::material::{Faults, Reading, StatedLaw};
 use crate::quoting::quote;
 use crate::references::existing;
 use crate::source::Source;
 use crate::span::escape;
 use mpm_core::formula::{FormulaError, closest};
+use mpm_core::input_file;
 use mpm_core::material::Material;
 use mpm_core::material::conformance::{Property, check};
 use mpm_core::points::Points;
@@ -75,6 +75,19 @@ pub(crate) struct NamedLibrary<'a> {
     pub(crate) name: &'a str,
     /// Path of the library, and the values of its parameters.
     pub(crate) deck: &'a LibraryDeck,
+    /// True if code of the library may run.
+    pub(crate) is_allowed: bool,
+}
+
+/// Largest library that is read, [byte].
+const MAX_BYTES: u64 = 1 << 30;
+
+/// The variable of the environment that allows libraries if its value is 1.
+pub const ALLOW_LIBRARIES: &str = "MPM_ALLOW_LIBRARIES";
+
+/// True if code of the libraries that decks name may run: the user asks for it, or [`ALLOW_LIBRARIES`] is 1.
+pub fn may_run_libraries(is_asked: bool) -> bool {
+    is_asked || std::env::var_os(ALLOW_LIBRARIES).is_some_and(|value| value == "1")
 }
 
 impl NamedLibrary<'_> {
@@ -124,16 +137,24 @@ impl NamedLibrary<'_> {
             let help = format!("the path is relative to the deck; here it means `{}`", path.display());
             fault(format!("cannot be read: {why}"), help)
         };
-        // Reading a device or a pipe may never end.
-        if path.metadata().map_err(|error| unreadable(error.to_string()))?.is_file() {
-            let contents = std::fs::read(&path).map_err(|error| unreadable(error.to_string()))?;
-            Library::open(&path, fnv1a(&contents)).map_err(|error| {
-                let message = format!("cannot be used: {error}");
-                fault(message, remedy(&error).to_owned())
-            })
-        } else {
-            Err(unreadable("it is not a file".to_owned()))
+        let contents = input_file::read(&path, MAX_BYTES).map_err(|error| unreadable(error.to_string()))?;
+        if !self.is_allowed {
+            let what = format!(
+                "of the material {} has not been loaded: its code would run as part of this program, with all that you \
+                 may do on this computer, and nobody has allowed that",
+                quote(self.name)
+            );
+            let help = format!(
+                "if you trust `{}`, add `--allow-libraries`, set {ALLOW_LIBRARIES}=1 in the environment or, in Python, \
+                 give `allow_libraries=True`",
+                path.display()
+            );
+            return Err(fault(what, help));
         }
+        Library::open(&path, contents).map_err(|error| {
+            let message = format!("cannot be used: {error}");
+            fault(message, remedy(&error).to_owned())
+        })
     }
 
     /// The values of the parameters in the order of the library.

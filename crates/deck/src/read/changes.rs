@@ -8,7 +8,7 @@ use crate::check::{formulas_of_bodies, formulas_of_loading, names_in};
 use crate::initial_stress::{curve_of, initial_factor};
 use crate::loads::load_curve;
 use crate::quoting::quote;
-use crate::{BoundaryConditionDeck, Deck, LoadDeck, MaterialDeck};
+use crate::{BoundaryConditionDeck, ControlDeck, Deck, LoadDeck, MaterialDeck};
 use mpm_core::model::LoadCurve;
 
 /// Relative difference up to which two times, or two load factors, count as equal.
@@ -17,11 +17,17 @@ const SAME: f64 = 1e-12;
 const LONGEST: usize = 60;
 
 /// Changes to a deck that prevent a run from resuming at `time`, each as a sentence. The number and size of steps, the
-/// tolerance of a strength reduction, the `solver`, the curves of loads and boundary conditions after that time,
+/// tolerance of a strength reduction and what follows a slide, the `solver`, the curves of loads and boundary conditions after that time,
 /// titles, names of stages, checkpoints, and the output except its probes may change.
 pub fn changes(old: &Deck, new: &Deck, time: f64) -> Vec<String> {
     let mut found = Vec::new();
     compare("", &essential(old), &essential(new), &mut found);
+    if count_of_jump(old, time) != count_of_jump(new, time) {
+        found.push(format!(
+            "`count` has changed, but time {time} lies within the first step of a strength reduction, whose factors \
+             depend on it"
+        ));
+    }
     if found.is_empty() {
         // Conditions and loads of both decks now correspond to each other.
         let curves = curves(old).into_iter().zip(curves(new));
@@ -107,6 +113,21 @@ fn requested_at(deck: &Deck, time: f64) -> Option<usize> {
     None
 }
 
+/// The number of requested steps of a strength reduction that begins above 1, if a time lies within the first of them:
+/// the factors in this step depend on it.
+fn count_of_jump(deck: &Deck, time: f64) -> Option<u32> {
+    let mut start = 0.0;
+    for (_, steps) in deck.courses() {
+        let first = steps.end_time / f64::from(steps.count);
+        let jumps = matches!(steps.control, ControlDeck::StrengthReduction { from, .. } if from > 1.0);
+        if jumps && time > start + SAME * deck.end_time() && time < start + first - SAME * deck.end_time() {
+            return Some(steps.count);
+        }
+        start += steps.end_time;
+    }
+    None
+}
+
 /// True if a time is the end of the analysis.
 pub fn is_end(deck: &Deck, time: f64) -> bool {
     (time - deck.end_time()).abs() <= SAME * deck.end_time()
@@ -124,7 +145,7 @@ fn essential(deck: &Deck) -> Value {
         // Step sizes may change, and so may the limit to which a strength reduction cuts them; the control may not.
         if let Some(steps) = map.get_mut("steps").and_then(Value::as_object_mut) {
             steps.retain(|key, _| key == "control");
-            without_tolerance(steps);
+            without_ends_of_search(steps);
         }
         for stage in map.get_mut("stages").and_then(Value::as_array_mut).into_iter().flatten() {
             let Some(stage) = stage.as_object_mut() else { continue };
@@ -132,7 +153,7 @@ fn essential(deck: &Deck) -> Value {
             // The duration of a stage sets the times of the curves.
             if let Some(steps) = stage.get_mut("steps").and_then(Value::as_object_mut) {
                 steps.retain(|key, _| ["control", "end_time"].contains(&key.as_str()));
-                without_tolerance(steps);
+                without_ends_of_search(steps);
             }
         }
         if let Some(output) = map.get_mut("output").and_then(Value::as_object_mut) {
@@ -151,9 +172,11 @@ fn essential(deck: &Deck) -> Value {
     value
 }
 
-/// Removes the tolerance of a control.
-fn without_tolerance(steps: &mut Map<String, Value>) {
-    steps.get_mut("control").and_then(Value::as_object_mut).map(|control| control.remove("tolerance"));
+/// Removes from a control what decides only where the search for a factor of safety ends.
+fn without_ends_of_search(steps: &mut Map<String, Value>) {
+    if let Some(control) = steps.get_mut("control").and_then(Value::as_object_mut) {
+        control.retain(|key, _| !["tolerance", "after_slide"].contains(&key.as_str()));
+    }
 }
 
 /// Names and curves of all loads, and of the boundary conditions that move nodes or surfaces.
@@ -333,6 +356,25 @@ mod tests {
         assert!(changes(&old, &of(["tolerance: 0.005", "tolerance: 0.001"]), 1.5).is_empty());
         let found = changes(&old, &of(["from: 1,", "from: 1.1,"]), 1.5);
         assert!(found.iter().any(|text| text.contains("control.from` was 1.0 and is 1.1")), "{found:?}");
+        let on = of(["after_slide: stop", "after_slide: continue"]);
+        assert!(changes(&old, &on, 1.5).is_empty(), "and may go on after a slide");
+    }
+
+    #[test]
+    fn the_first_step_of_a_search_that_begins_above_1_keeps_its_factors() {
+        let text =
+            std::fs::read_to_string("../../inputs/slope.yaml").unwrap().replace("from: 1,", "from: 1.1,");
+        let of = |count: &str| {
+            let counts: Vec<&str> = text.split("count: 6").collect();
+            assert!(counts.len() > 1, "the deck has other counts");
+            let text = counts.join(&format!("count: {count}"));
+            load_text("slope.yaml", text.as_bytes(), &[]).unwrap().deck
+        };
+        let (old, new) = (of("6"), of("12"));
+        let in_first = old.stages[0].steps.end_time + 0.03;
+        assert!(changes(&old, &new, in_first).iter().any(|text| text.contains("`count` has changed")));
+        assert!(changes(&old, &new, in_first + 0.5).is_empty());
+        assert!(changes(&old, &old, in_first).is_empty());
     }
 
     #[test]

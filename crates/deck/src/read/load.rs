@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, HashSet};
 use std::fmt;
-use std::io::{ErrorKind, Read};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -20,8 +20,10 @@ use crate::{
     CellSize, Deck, GridDeck, MaterialDeck, Parameter, StatedLaw, Surroundings, check, parameters, shape,
 };
 use mpm_core::formula::closest;
+use mpm_core::input_file::{self, InputFileError};
 use mpm_core::material::Material;
 use mpm_files::summary::LawLibrary;
+use mpm_foreign::Library;
 
 /// A deck that has passed all checks for which no mesh is needed.
 #[derive(Debug, Clone)]
@@ -38,6 +40,8 @@ pub struct LoadedDeck {
     pub notes: Vec<Diagnostic>,
     /// Laws that replace the laws of the deck, by material name.
     pub laws: BTreeMap<String, OwnLaw>,
+    /// True if code of the libraries that the deck names may run, see [`may_run_libraries`](crate::may_run_libraries).
+    pub allows_libraries: bool,
 }
 
 /// A law that a deck cannot describe.
@@ -67,7 +71,8 @@ impl LoadedDeck {
         }
         if let Some(deck) = stated.law_deck().library() {
             let (source, directory) = (&self.source, self.directory.as_path());
-            let law = NamedLibrary { source, directory, name: material, deck }.law();
+            let is_allowed = self.allows_libraries;
+            let law = NamedLibrary { source, directory, name: material, deck, is_allowed }.law();
             return Some(law.map(|law| StatedLaw::constant(move || Box::new(law.clone()))));
         }
         let surroundings = Surroundings {
@@ -117,11 +122,11 @@ impl LoadedDeck {
         !self.laws.contains_key(material) && stated.is_some_and(|stated| stated.library().is_some())
     }
 
-    /// The libraries that laws come from, with the hashes of their files.
+    /// The libraries that laws come from, with the hashes of what was loaded or, before that, of their files.
     pub fn law_libraries(&self) -> Vec<LawLibrary> {
         let library = |(name, stated): (&String, &MaterialDeck)| {
             let path = self.directory.join(stated.library().filter(|_| self.is_from_library(name))?);
-            let hash = hex(&std::fs::read(&path).unwrap_or_default());
+            let hash = hex(&contents(&path));
             Some(LawLibrary { material: name.clone(), file: path.display().to_string(), hash })
         };
         self.deck.materials.iter().filter_map(library).collect()
@@ -153,9 +158,7 @@ impl LoadedDeck {
         let named = surfaces.chain(libraries).chain(tools).map(|file| self.directory.join(file));
         for file in self.mesh_path().into_iter().chain(named).filter(|path| path.is_file()) {
             bytes.push(0);
-            // A file that cannot be read is skipped: without it, no analysis can run, so none can be confused with
-            // another.
-            bytes.extend(std::fs::read(file).unwrap_or_default());
+            bytes.extend(contents(&file));
         }
     }
 
@@ -165,6 +168,15 @@ impl LoadedDeck {
             GridDeck::Gmsh { file } => Some(self.directory.join(file)),
             GridDeck::Structured { .. } => None,
         }
+    }
+}
+
+/// The contents of a file that a deck names; of a library, those that were loaded. A file that cannot be read counts as
+/// empty: without it, no analysis can run, so none can be confused with another.
+fn contents(path: &Path) -> Vec<u8> {
+    match Library::contents(path) {
+        Some(loaded) => loaded.to_vec(),
+        None => input_file::read(path, u64::MAX).unwrap_or_default(),
     }
 }
 
@@ -206,21 +218,25 @@ pub fn load(path: &Path, overrides: &[(String, String)]) -> Result<LoadedDeck, B
 /// # Errors
 /// If the file cannot be read.
 pub fn read(path: &Path) -> Result<Vec<u8>, Box<LoadFailure>> {
-    read_bounded(path).map_err(|error| {
+    input_file::read(path, Source::MAX_BYTES as u64).map_err(|error| {
         let source = Source::without_text(&path.display().to_string());
         Box::new(LoadFailure { source, diagnostics: vec![unreadable(path, &error)] })
     })
 }
 
 /// Message about a file that cannot be read; for known causes, it is the same on all systems.
-fn unreadable(path: &Path, error: &std::io::Error) -> Diagnostic {
+fn unreadable(path: &Path, error: &InputFileError) -> Diagnostic {
     let fault = |what: &str| Diagnostic::error("D001", format!("the deck cannot be read: {what}"));
+    let error = match error {
+        InputFileError::Io(error) => error,
+        InputFileError::TooLarge { .. } => return Source::too_large(),
+        error => return fault(&error.to_string()).help("give the path of a YAML file"),
+    };
     match error.kind() {
         ErrorKind::NotFound => match similar_file(path) {
             Some(name) => fault("there is no such file").help(format!("did you mean {}?", quote(&name))),
             None => fault("there is no such file").help("give the path of a YAML file"),
         },
-        ErrorKind::IsADirectory => fault("it is a directory").help("give the path of a YAML file"),
         ErrorKind::PermissionDenied => {
             fault("permission is denied").help("change the permissions of the file, or copy it")
         }
@@ -267,14 +283,6 @@ pub fn values(name: &str, text: &[u8]) -> Result<Value, Box<LoadFailure>> {
     }
 }
 
-/// Reads at most one byte more than a deck may have: input from a device may never end.
-fn read_bounded(path: &Path) -> std::io::Result<Vec<u8>> {
-    let mut text = Vec::new();
-    let limit = Source::MAX_BYTES as u64 + 1;
-    std::fs::File::open(path)?.take(limit).read_to_end(&mut text)?;
-    Ok(text)
-}
-
 /// Reads a deck from text; `name` stands for the file in messages.
 ///
 /// # Errors
@@ -316,7 +324,8 @@ pub fn load_text(
         Some(deck) if !diagnostics.iter().any(Diagnostic::is_error) => {
             let directory = Path::new(name).parent().map(Path::to_path_buf).unwrap_or_default();
             let parameters = deck.parameters.clone();
-            Ok(LoadedDeck { parameters, deck, directory, source, notes: diagnostics, laws: BTreeMap::new() })
+            let (notes, laws) = (diagnostics, BTreeMap::new());
+            Ok(LoadedDeck { parameters, deck, directory, source, notes, laws, allows_libraries: false })
         }
         _ => Err(Box::new(LoadFailure { source, diagnostics })),
     }

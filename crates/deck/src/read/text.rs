@@ -8,14 +8,18 @@ use crate::span::Span;
 use crate::yaml;
 
 impl Source {
+    /// The message about a deck that is too large.
+    pub(crate) fn too_large() -> Diagnostic {
+        let message = format!("the deck is larger than {} MiB", Self::MAX_BYTES >> 20);
+        Diagnostic::error("D001", message).help("put bulky data into a mesh file")
+    }
+
     /// Reads the text of a deck. The value is `None` if the text is not usable YAML; the messages may contain errors
     /// even if there is a value.
     pub fn read(name: &str, bytes: &[u8]) -> (Source, Option<Value>, Vec<Diagnostic>) {
         let mut source = Source::without_text(name);
         if bytes.len() > Self::MAX_BYTES {
-            let message = format!("the deck is larger than {} MiB", Self::MAX_BYTES >> 20);
-            let fault = Diagnostic::error("D001", message).help("put bulky data into a mesh file");
-            return (source, None, vec![fault]);
+            return (source, None, vec![Source::too_large()]);
         }
         if is_utf16(bytes) {
             let fault = Diagnostic::error("D001", "the file is encoded in UTF-16");

@@ -48,7 +48,7 @@ pub(crate) fn mesh<const D: usize>(directory: &Path, file: &str) -> Result<Mesh<
     let read = gmsh::read_file(&path);
     // Faults in the file can only be repaired in gmsh.
     let help = match &read {
-        Err(GmshError::Io(_) | GmshError::NotAFile | GmshError::TooLarge { .. }) => {
+        Err(GmshError::File(_)) => {
             format!("the path is relative to the deck; here it means `{}`", path.display())
         }
         Err(GmshError::NotGmsh | GmshError::Version { .. }) => {
@@ -135,7 +135,7 @@ impl<const D: usize> Given<D> for FromFiles<'_, D> {
             Ok(triangles) => triangles,
             Err(error) => {
                 let help = match &error {
-                    StlError::Io(_) | StlError::NotAFile | StlError::TooLarge { .. } => {
+                    StlError::File(_) => {
                         format!("the path is relative to the deck; here it means `{}`", path.display())
                     }
                     _ => "save the surface as STL again, text or binary".to_owned(),

@@ -10,6 +10,7 @@ use std::path::Path;
 use flate2::Compression;
 use flate2::read::ZlibDecoder;
 use flate2::write::ZlibEncoder;
+use mpm_core::input_file;
 use rayon::prelude::*;
 
 /// The first line of a file, without its newline: the name of the format, and its version.
@@ -107,7 +108,7 @@ pub(super) fn read(path: &Path) -> Result<Vec<u8>, String> {
 }
 
 fn open(path: &Path) -> Result<BufReader<File>, String> {
-    File::open(path).map(BufReader::new).map_err(|error| error.to_string())
+    input_file::open(path).map(|(file, _)| BufReader::new(file)).map_err(|error| error.to_string())
 }
 
 fn cut_off(_: io::Error) -> String {

@@ -3,6 +3,8 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
+use mpm_core::input_file;
+
 use super::piece::{Piece, invalid};
 use super::pieces;
 
@@ -29,7 +31,7 @@ impl MeshFile {
     /// A file-system error; `InvalidData` with the name of the file if it is cut off, or was not written by this
     /// program.
     pub fn read(path: &Path) -> io::Result<MeshFile> {
-        let bytes = std::fs::read(path)?;
+        let bytes = input_file::read(path, u64::MAX)?;
         if path.extension().is_some_and(|extension| extension == pieces::EXTENSION) {
             MeshFile::from_list(path, &bytes)
         } else {
@@ -47,7 +49,7 @@ impl MeshFile {
         let names = std::str::from_utf8(bytes).map_err(|error| error.to_string());
         let names =
             names.and_then(|text| pieces::names(text, directory)).map_err(|what| invalid(path, &what))?;
-        let read = |name: PathBuf| Piece::from_bytes(&name, std::fs::read(&name)?);
+        let read = |name: PathBuf| Piece::from_bytes(&name, input_file::read(&name, u64::MAX)?);
         let pieces = names.into_iter().map(read).collect::<io::Result<Vec<Piece>>>()?;
         let mut file = MeshFile { path: path.to_owned(), pieces, order: None };
         file.order = file.order_of_pieces()?;

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
+use mpm_core::input_file;
 use mpm_deck::load::load_text;
 use mpm_deck::{BoundaryConditionDeck, ControlDeck, Deck, Parameter, StepsDeck, initial_factor};
 use mpm_files::series::{self, DataSet};
@@ -295,7 +296,7 @@ fn state_of(summary: &Value, directory: &Path) -> Result<State, ReportError> {
 
 /// Reads a JSON file; null if it does not exist.
 fn read_json(path: &Path) -> Result<Value, ReportError> {
-    match fs::read(path) {
+    match input_file::read(path, u64::MAX).map_err(io::Error::from) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(Value::Null),
         Err(error) => Err(ReportError::unreadable(path, error)),
         Ok(text) => match serde_json::from_slice::<Value>(&text) {

@@ -2,7 +2,7 @@
 
 use mpm_core::solver::StrengthBracket;
 use mpm_deck::ControlDeck;
-use mpm_deck::quoting::joined;
+use mpm_deck::quoting::{counted, joined};
 
 use super::chart::{Axis, Band, Chart, Curve, Look};
 use super::curves::{Component, components};
@@ -181,6 +181,15 @@ pub(super) fn section(page: &mut Page, run: &Run, naming: &Naming) -> Result<(),
         escape(&bracket.to_string()),
         dependence.unwrap_or_default()
     ));
+    if bracket.attempts > 0 {
+        let cpu = run.summary["strength_reduction"]["cpu_seconds"].as_f64().unwrap_or_default();
+        page.paragraph(&format!(
+            "The search took {}, {} and {} s of processor time.",
+            counted(bracket.attempts, "attempt", "attempts"),
+            counted(bracket.evaluations, "evaluation", "evaluations"),
+            html(cpu, 2)
+        ));
+    }
     for earlier in earlier(run) {
         page.paragraph(&escape(&earlier));
     }

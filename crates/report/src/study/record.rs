@@ -1,11 +1,11 @@
 //! The results of a member of a study.
 
-use std::fs;
 use std::io;
 use std::path::Path;
 
 use serde_json::Value;
 
+use mpm_core::input_file;
 use mpm_core::solver::StrengthBracket;
 use mpm_deck::load::LoadedDeck;
 use mpm_files::shortest;
@@ -46,7 +46,9 @@ impl Record {
     /// # Errors
     /// If one of them is missing or cannot be read.
     pub fn read(directory: &Path) -> io::Result<Record> {
-        let summary = serde_json::from_slice(&fs::read(directory.join("summary.json"))?)?;
+        let summary = serde_json::from_slice(
+            &input_file::read(&directory.join("summary.json"), u64::MAX).map_err(io::Error::from)?,
+        )?;
         let history =
             Columns::read(&directory.join("history.csv"))?.where_column("converged", |value| value == 1.0);
         Ok(Record { summary, history: last_row(&history) })
@@ -133,6 +135,8 @@ fn last_row(table: &Columns) -> Vec<(String, String)> {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     #[test]

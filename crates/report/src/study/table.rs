@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::io::{self, BufRead};
 use std::path::Path;
 
+use mpm_core::input_file;
 use mpm_files::replace::replace_file;
 use mpm_files::table::quoted;
 
@@ -97,7 +98,7 @@ pub fn may_be_replaced(path: &Path) -> bool {
 
 /// The first record of a table: its first line, or several lines if a quoted entry contains line breaks.
 fn first_record(path: &Path) -> io::Result<String> {
-    let mut file = io::BufReader::new(std::fs::File::open(path)?);
+    let mut file = io::BufReader::new(input_file::open(path)?.0);
     let (mut record, mut is_quoted) = (String::new(), false);
     loop {
         let line = record.len();

@@ -3,6 +3,7 @@
 use std::fmt;
 
 use crate::counted::counted;
+use crate::input_file::InputFileError;
 
 /// Largest number of physical groups of an element. The number of element-group pairs is the product of two counts in
 /// the file; this limit keeps it proportional to the file size.
@@ -31,18 +32,9 @@ impl fmt::Display for FileLocation {
 /// An error in a mesh file.
 #[derive(Debug, thiserror::Error)]
 pub enum GmshError {
-    /// The file cannot be opened or read.
-    #[error("{0}")]
-    Io(#[from] std::io::Error),
-    /// The path is a directory or a device.
-    #[error("it is not a file")]
-    NotAFile,
-    /// The file exceeds the size limit.
-    #[error("the file has {bytes} bytes; the limit is {MAX_BYTES}")]
-    TooLarge {
-        /// Size of the file.
-        bytes: u64,
-    },
+    /// The file cannot be read, is not a regular file, or is too large.
+    #[error(transparent)]
+    File(#[from] InputFileError),
     /// The file is not a gmsh mesh file.
     #[error("not a gmsh mesh file: it does not begin with a section `$MeshFormat`")]
     NotGmsh,

@@ -85,6 +85,10 @@ impl<const D: usize> Mesh<D> {
 
     /// Number of pairs of overlapping cells, and the first pair.
     fn overlaps(&self) -> (usize, Option<[u32; 2]>) {
+        // Few cells are near a side at the boundary, while all slender cells around a node may be near each other.
+        if !self.boundary.par_iter().any(|side| self.is_overlapped_at(side)) {
+            return (0, None);
+        }
         let mut outer: Vec<u32> = self.boundary.iter().map(|b| b.cell).collect();
         outer.sort_unstable();
         outer.dedup();
@@ -98,6 +102,30 @@ impl<const D: usize> Mesh<D> {
             (a.0 + b.0, a.1.into_iter().chain(b.1).min())
         };
         outer.par_iter().map(overlaps).reduce(|| (0, None), add)
+    }
+
+    /// True if another cell overlaps the cell of a side at the boundary, and touches this side. If any cells overlap, some
+    /// side bounds the part of space that several cells cover.
+    fn is_overlapped_at(&self, BoundarySide { side, cell }: &BoundarySide) -> bool {
+        let [low, high] = bounds(side.nodes().iter().map(|node| self.positions[*node as usize]));
+        let margin = |x: &[f64; D]| 2.0 * Self::tolerance(self.size(*cell), x);
+        let around = [low.map(|x| x - margin(&low)), high.map(|x| x + margin(&high))];
+        let touches = |other: u32| {
+            let [low, high] =
+                bounds(self.cell_nodes(other).iter().map(|node| self.positions[*node as usize]));
+            (0..D).all(|d| low[d] <= around[1][d] && around[0][d] <= high[d])
+        };
+        let mut is_overlapped = false;
+        self.bins.meeting(&around, |items| {
+            is_overlapped = is_overlapped
+                || items.iter().any(|&other| {
+                    other != *cell
+                        && touches(other)
+                        && !self.share_a_side(*cell, other)
+                        && self.overlap(*cell, other)
+                });
+        });
+        is_overlapped
     }
 
     /// Other cells that may overlap a cell, ascending.

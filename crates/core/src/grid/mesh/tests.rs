@@ -10,6 +10,11 @@ use crate::tensor::padded;
 
 /// The mesh of these nodes and elements, built via the gmsh format.
 fn mesh<const D: usize>(nodes: &[[f64; D]], elements: &[(u8, Vec<usize>)]) -> Mesh<D> {
+    read(nodes, elements).unwrap()
+}
+
+/// As [`mesh`], or the fault.
+fn read<const D: usize>(nodes: &[[f64; D]], elements: &[(u8, Vec<usize>)]) -> Result<Mesh<D>, MeshError> {
     let mut text = format!("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n{}\n", nodes.len());
     for (k, x) in nodes.iter().enumerate() {
         let [x, y, z] = padded(x);
@@ -21,7 +26,7 @@ fn mesh<const D: usize>(nodes: &[[f64; D]], elements: &[(u8, Vec<usize>)]) -> Me
         text += &format!("{k} {kind} 0 {}\n", nodes.join(" "));
     }
     text += "$EndElements\n";
-    Mesh::from_gmsh(&gmsh::read(text.as_bytes()).unwrap()).unwrap()
+    Mesh::from_gmsh(&gmsh::read(text.as_bytes()).unwrap())
 }
 
 /// The nodes of a lattice of n cells along each axis over the unit square or cube; interior nodes are moved.
@@ -215,6 +220,27 @@ fn cells_fill_the_cube_and_boundaries_enclose_it() {
         }
         assert!((enclosed - 1.0).abs() < 1e-13, "{enclosed}");
         assert!(mesh.warnings().is_empty());
+    }
+}
+
+/// Slender triangles around a node, once around or more often: the boxes of many overlap, but they do only if they go
+/// around more than once.
+#[test]
+fn slender_cells_around_a_node_fit_unless_they_go_around_again() {
+    let fan = |n: usize, turn: f64| {
+        let place = |k: usize| turn * std::f64::consts::TAU * k as f64 / n as f64;
+        let closed = usize::from(turn != 1.0);
+        let rim = (0..n + closed).map(|k| [place(k).cos(), place(k).sin()]);
+        let nodes: Vec<[f64; 2]> = [[0.0; 2]].into_iter().chain(rim).collect();
+        let next = |k: usize| if closed == 1 { k + 2 } else { (k + 1) % n + 1 };
+        read(&nodes, &(0..n).map(|k| (2, vec![0, k + 1, next(k)])).collect::<Vec<_>>())
+    };
+    for n in [7, 300] {
+        assert_eq!(fan(n, 1.0).unwrap().n_cells(), n);
+        assert_eq!(fan(n, 0.9).unwrap().n_cells(), n);
+        for turn in [1.1, 2.3] {
+            assert!(matches!(fan(n, turn), Err(MeshError::Overlap { n, .. }) if n > 0), "{n}, {turn}");
+        }
     }
 }
 

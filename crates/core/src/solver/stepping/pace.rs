@@ -74,7 +74,10 @@ impl Pace {
             return None;
         }
         let stop = stepping.next_stop(start);
-        let (step, rest) = (self.size * unit, stop - start);
+        let smallest = stepping.smallest_at(start);
+        // Only where a strength reduction passes from a large requested step to smaller ones is the size too small.
+        let size = if self.size < smallest * (1.0 - SAME_TIME) { smallest } else { self.size };
+        let (step, rest) = (size * unit, stop - start);
         Some(if rest <= step * (1.0 + SAME_TIME) {
             stop
         } else if rest < step * (1.0 + REST) {
@@ -119,7 +122,7 @@ impl Pace {
     pub fn halve(&mut self, stepping: &Stepping, start: f64, end: f64) -> bool {
         let size = (end - start) / stepping.size();
         let smaller = 0.5 * size;
-        let may = smaller >= stepping.smallest * (1.0 - SAME_TIME);
+        let may = smaller >= stepping.smallest_at(start) * (1.0 - SAME_TIME);
         if may {
             let is_repeated = size < ALIKE * self.failed_size && self.failed_size < ALIKE * size;
             let failures = if is_repeated { (self.failures + 1).min(MOST_DOUBLINGS) } else { 0 };

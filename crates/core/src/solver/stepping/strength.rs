@@ -52,6 +52,15 @@ pub struct StrengthBracket {
     /// the factors refer to the shape that remained.
     #[serde(default)]
     pub slumped: usize,
+    /// True once bodies that have slid run away: [`RUNS_AWAY`] times as far per change of the factor as on average.
+    #[serde(default)]
+    pub ran_away: bool,
+    /// Number of attempts at a step in the stage, whether they found equilibrium or not.
+    #[serde(default)]
+    pub attempts: usize,
+    /// Number of evaluations of the internal force in these attempts.
+    #[serde(default)]
+    pub evaluations: usize,
 }
 
 /// The displacement in a step, and the height of the bodies with which it is compared.
@@ -121,10 +130,13 @@ impl StrengthBracket {
         let growth = largest / (factor - stood) * (factor - from) / self.moved;
         self.growth = Some(growth).filter(|growth| growth.is_finite());
         let share = self.moved / height;
+        if slides {
+            self.slides = Some([stood, factor]);
+        }
+        self.ran_away |= self.slides.is_some() && growth >= RUNS_AWAY;
         if !slides {
             return None;
         }
-        self.slides = Some([stood, factor]);
         let (now, [percent, percent_before]) =
             (self.moved, [share, moved / height].map(|share| 100.0 * share));
         let decimals = decimals(stood, factor);
@@ -146,6 +158,17 @@ impl StrengthBracket {
 }
 
 impl StrengthBracket {
+    /// True if no larger factor is to be tried; `stops` tells whether the search ends once bodies have slid.
+    pub(crate) fn is_final(&self, stops: bool) -> bool {
+        self.fails.is_some() || stops && self.ran_away
+    }
+
+    /// Counts an attempt at a step with this number of evaluations.
+    pub(crate) fn count(&mut self, evaluations: usize) {
+        self.attempts += 1;
+        self.evaluations += evaluations;
+    }
+
     /// Records at the start of a stage in how many earlier steps bodies slumped; returns a warning if there are any.
     pub(crate) fn begins(&mut self, slumped: usize, step: usize) -> Option<Warning> {
         if self.stands.is_some() || slumped == 0 {
@@ -208,8 +231,12 @@ impl fmt::Display for StrengthBracket {
             write!(
                 f,
                 "between {stood:.decimals$} (in equilibrium) and {slid:.decimals$} (displacements exceed {percent} % of \
-                 the height); in the new shape, "
+                 the height); "
             )?;
+            if self.ran_away && self.fails.is_none() && self.stands == Some(slid) {
+                return write!(f, "the search ended there");
+            }
+            write!(f, "in the new shape, ")?;
         }
         match (self.stands, self.fails) {
             (Some(stands), Some(fails)) => {
