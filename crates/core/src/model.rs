@@ -195,7 +195,7 @@ impl<const D: usize> Model<D> {
         let mut of_tools = self.tools.iter().flat_map(|tool| &tool.loads);
         self.is_unloaded()
             || !self.stepping.control.has_unknown_factor()
-                && self.present.released_forces.is_empty()
+                && self.present.released.is_empty()
                 && self.loads.iter().all(|load| stands(&load.curve))
                 && of_tools.all(|load| stands(&load.curve))
     }
