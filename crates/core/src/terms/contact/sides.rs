@@ -5,6 +5,9 @@
 //! of boxes are taken as the deformation gradient has moved them, because boxes that stay parallel to the axes cover a
 //! tilted surface with gaps or overlaps.
 //!
+//! Boxes cover inclined ground with staircases. Their steep sides count, too, if the next side that faces the tool begins at
+//! their far end; the free side of a block does not.
+//!
 //! Sides are divided into pieces. A piece belongs to its corner of the side if this corner touches the tool. Often it does
 //! not: where domains drift apart, as boxes and the parallelograms of CPDI1 do, one of two neighbouring corners touches
 //! first and keeps the other from touching; a cell of the grid can follow a curved tool at a few corners only; and where
@@ -27,12 +30,16 @@ use super::motion::in_space;
 use super::outer::Outer;
 use super::ranks::{Plain, gathered, plain_parts};
 
-plain_parts!([const D: usize] SidePiece<D>, { key, body, position, corner, normal, area, lift, size });
+plain_parts!([const D: usize] SidePiece<D>, { key, body, position, corner, normal, area, lift, size, is_riser, end });
 plain_parts!([const D: usize] Place<D>, { key, body, start, normal, touches, is_outer });
 
 /// Smallest cosine of the angle between the outward normal of a side and the direction into the tool with which the side
 /// faces the tool, [-].
 const FACING: f64 = 0.5;
+/// Smallest cosine of the same angle for the risers of a staircase of boxes, [-]; and the distance from the end of a riser,
+/// relative to the size of a cell, within which the next tread begins, [-].
+const RISING: f64 = 0.02;
+const NEXT_TREAD: f64 = 0.3;
 /// Length of the pieces of a side, relative to the size of a cell, [-], and largest number of pieces along an edge.
 const PIECE: f64 = 0.25;
 const MOST_PIECES: usize = 32;
@@ -66,6 +73,11 @@ pub(super) struct SidePiece<const D: usize> {
     lift: f64,
     /// Size of the cell of the material point, [length].
     size: f64,
+    /// True if the side is steep: it counts if it is the riser of a staircase, with another side that faces the tool at
+    /// its far end.
+    is_riser: bool,
+    /// The corner of the side that is farthest from the tool, [length].
+    end: [f64; D],
 }
 
 /// The centre of a piece as weights of the corners of its side.
@@ -121,11 +133,18 @@ impl<const D: usize> Search<'_, D> {
         let corners = deformed_corners(points, p, &mut buffer);
         let (shape, moving) = (model.tools[tool].shape.as_ref(), &self.tools[tool]);
         let size = model.grid.size(points.cell[p] as usize);
+        let is_box = points.corners(p).is_empty();
         for (number, side) in sides_of_domain::<D>(corners.len()).enumerate() {
             if mask >> number & 1 == 0 {
                 continue;
             }
             let (whole, pieces) = (side.area(corners), pieces(&side, corners, size));
+            let gap = |k: &usize| {
+                moving.start.closest(shape, corners[*k], f64::INFINITY).map_or(f64::INFINITY, |found| found.gap)
+            };
+            let far = side.corners().iter().copied().max_by(|a, b| gap(a).total_cmp(&gap(b)));
+            let end = far.map_or(points.converged.position[p], |k| corners[k]);
+            let least = if is_box { RISING } else { FACING };
             let mut faces = false;
             for weights in &pieces {
                 let place = |d: usize| {
@@ -134,10 +153,11 @@ impl<const D: usize> Search<'_, D> {
                 let position: [f64; D] = std::array::from_fn(place);
                 let Some(near) = moving.start.closest(shape, position, f64::INFINITY) else { continue };
                 let projected = -dot(&whole, &near.normal);
-                if projected < FACING * norm(&whole) {
+                if projected < least * norm(&whole) {
                     continue;
                 }
-                faces = true;
+                let is_riser = projected < FACING * norm(&whole);
+                faces |= !is_riser;
                 let nearest = (0..side.corners().len()).max_by(|&a, &b| weights[a].total_cmp(&weights[b]));
                 let corner = side.corners()[nearest.unwrap_or(0)];
                 let Some(&start) = starts.get(corner) else { continue };
@@ -150,6 +170,8 @@ impl<const D: usize> Search<'_, D> {
                     area: model.depth(&position) * projected / pieces.len() as f64,
                     lift: near.gap,
                     size,
+                    is_riser,
+                    end,
                 });
             }
             for &corner in side.corners() {
@@ -191,7 +213,7 @@ pub(super) fn share_out<const D: usize>(
         is_outer: candidate.outer.has_any(),
     };
     let places = gathered(reduction, candidates.iter().zip(start).map(place).collect());
-    let pieces = gathered(reduction, pieces);
+    let pieces = without_loose_risers(gathered(reduction, pieces));
     let size = pieces.iter().map(|piece| piece.size).fold(0.0, f64::max);
     if size == 0.0 {
         return;
@@ -217,6 +239,28 @@ pub(super) fn share_out<const D: usize>(
             candidate.area = area;
         }
     }
+}
+
+/// The pieces without those of steep sides that do not lead to the next tread of a staircase, such as the free side of a
+/// block.
+fn without_loose_risers<const D: usize>(mut pieces: Vec<SidePiece<D>>) -> Vec<SidePiece<D>> {
+    let size = pieces.iter().map(|piece| piece.size).fold(0.0, f64::max);
+    if size == 0.0 || !pieces.iter().any(|piece| piece.is_riser) {
+        return pieces;
+    }
+    let treads: Vec<(u32, usize, [f64; D])> = (pieces.iter().filter(|piece| !piece.is_riser))
+        .map(|piece| (piece.key.tool, piece.body, piece.position))
+        .collect();
+    let lattice = Lattice::of_positions(treads.iter().map(|tread| tread.2).enumerate(), NEXT_TREAD * size);
+    pieces.retain(|piece| {
+        let follows = |k: usize| {
+            let (tool, body, position) = &treads[k];
+            let is_same = *tool == piece.key.tool && *body == piece.body;
+            is_same && norm(&minus(position, &piece.end)) <= NEXT_TREAD * piece.size
+        };
+        !piece.is_riser || lattice.around(&piece.end).any(follows)
+    });
+    pieces
 }
 
 /// Positions in the cells of a lattice.

@@ -74,7 +74,7 @@ pub struct ContactPoint<const D: usize> {
     /// Unit normal pointing out of the tool.
     pub normal: [f64; D],
     /// Area that the contact point stands for, [length²]: for unit thickness in the plane, over the full circle for
-    /// bodies of revolution.
+    /// bodies of revolution. 0 for one whose sides others bear; its stresses refer to the area of its penalty.
     pub area: f64,
     /// Force of the tool on the body, [force].
     pub force: [f64; D],
@@ -177,7 +177,7 @@ impl<const D: usize> Contact<D> {
                 part,
                 position,
                 normal: touch.normal(),
-                area: candidate.area_for_stress(),
+                area: candidate.area,
                 force,
                 pressure: touch.pressure / candidate.area_for_stress(),
                 shear: touch.shear.map(|t| t / candidate.area_for_stress()),
