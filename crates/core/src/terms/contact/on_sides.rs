@@ -20,6 +20,8 @@ use super::outer::Outer;
 const DEEPEST: f64 = 0.25;
 /// Distance from the corners of a side, relative to its size, within which its corners alone touch the tool, [-].
 const AT_CORNER: f64 = 1e-3;
+/// Distance of a corner of a side from the tool, relative to the size of a cell, up to which it stands for the side, [-].
+const AT_TOOL: f64 = 0.05;
 /// Distance relative to the size of a cell at which the shape of the tool around an edge is explored, [-].
 const NEARBY: f64 = 1e-3;
 /// A side of a domain, with its corners.
@@ -120,7 +122,7 @@ impl<const D: usize> Search<'_, D> {
                     continue;
                 };
                 // A corner of the side touches the tool, or meets it no later.
-                if gap <= near.gap.max(0.0) + NEARBY * size && !kept.contains_key(&key) {
+                if gap <= near.gap.max(0.0) + AT_TOOL * size && !kept.contains_key(&key) {
                     continue;
                 }
                 // What overlaps at the start is reported by the corners of domains.

@@ -50,7 +50,10 @@ const ASIDE: f64 = 0.2;
 /// within the tolerance of contact.
 const STILL_ON_FACE: f64 = 0.05;
 const ON_FACE: f64 = 1e-3;
-/// Depth below the faces at an edge, relative to the size of a cell, down to which a side chooses among them, [-].
+/// Depth below the faces at an edge, relative to the size of a cell, down to which a side chooses among them, [-]; for contact
+/// points that have touched the tool already, and for others. Updates of boxes leave corners deep in the tool, which would
+/// otherwise change from one face to the other.
+const STILL_SHALLOW: f64 = 0.5;
 const SHALLOW: f64 = 0.1;
 
 /// A corner or the centre of a domain where it may touch a tool.
@@ -206,8 +209,9 @@ impl<const D: usize> Search<'_, D> {
     }
 
     /// Adds the contact points at a corner or centre: one or, in a re-entrant corner of the tool, one for each face that
-    /// the body may touch there. Beside an edge of the tool, an outer side of the body touches the face that it faces: a
-    /// blunt corner that slides over flat ground does not plough.
+    /// the body may touch there. Beside an edge of the tool, an outer side of the body touches the plane of the face that it
+    /// faces during the step: a blunt corner that slides over flat ground does not plough, and a corner of a domain at the edge
+    /// of a punch does not change from the base to the side.
     fn add_places(
         &self,
         point: &NearPoint<D>,
@@ -239,17 +243,21 @@ impl<const D: usize> Search<'_, D> {
                 .map(|outward| -dot(outward, normal))
                 .fold(f64::NEG_INFINITY, f64::max)
         };
-        let faces = faces.iter().map(|face| (moving.start.in_space(&face.closest), face.beside));
-        let best = faces.max_by(|a, b| towards(&a.0.normal).total_cmp(&towards(&b.0.normal)));
-        let is_shallow = |found: &Closest<D>| found.gap >= -SHALLOW * point.size;
-        let is_better = |(face, _): &(Closest<D>, f64)| {
-            towards(&face.normal) > towards(&near.normal) + BETTER && is_shallow(face) && is_shallow(&near)
-        };
+        let faces: Vec<(Closest<D>, f64)> =
+            faces.iter().map(|face| (moving.start.in_space(&face.closest), face.beside)).collect();
+        let best = faces.iter().max_by(|a, b| towards(&a.0.normal).total_cmp(&towards(&b.0.normal))).copied();
         let key = self.key(point, place, None);
-        let on_face = point.size * if self.kept.contains_key(&key) { STILL_ON_FACE } else { ON_FACE };
-        match best.filter(is_better) {
+        let (on_face, deepest) =
+            if self.kept.contains_key(&key) { (STILL_ON_FACE, STILL_SHALLOW) } else { (ON_FACE, SHALLOW) };
+        let is_shallow = |found: &Closest<D>| found.gap >= -deepest * point.size;
+        let is_preferred = |(face, _): &(Closest<D>, f64)| {
+            let others = faces.iter().filter(|other| dot(&other.0.normal, &face.normal) < FLAT);
+            let next = others.map(|other| towards(&other.0.normal)).fold(f64::NEG_INFINITY, f64::max);
+            towards(&face.normal) > next + BETTER && is_shallow(face) && is_shallow(&near)
+        };
+        match best.filter(is_preferred) {
             // The side does not face the closest face, and lies beside the one that it faces.
-            Some((_, beside)) if beside > on_face => {
+            Some((_, beside)) if beside > on_face * point.size => {
                 let is_aside = towards(&near.normal) < ASIDE;
                 if is_aside { Ok(()) } else { self.add_place(point, place, (near, None), found) }
             }

@@ -140,7 +140,10 @@ impl<const D: usize> Search<'_, D> {
             }
             let (whole, pieces) = (side.area(corners), pieces(&side, corners, size));
             let gap = |k: &usize| {
-                moving.start.closest(shape, corners[*k], f64::INFINITY).map_or(f64::INFINITY, |found| found.gap)
+                moving
+                    .start
+                    .closest(shape, corners[*k], f64::INFINITY)
+                    .map_or(f64::INFINITY, |found| found.gap)
             };
             let far = side.corners().iter().copied().max_by(|a, b| gap(a).total_cmp(&gap(b)));
             let end = far.map_or(points.converged.position[p], |k| corners[k]);
