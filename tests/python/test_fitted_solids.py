@@ -235,7 +235,7 @@ steps: {count: 1}
 
 
 def test_what_cannot_be_followed_is_named(mpm, tmp_path):
-    cone = "{type: cone, start: [1, 1.2, 1.1], end: [2.5, 2.4, 3], radii: [0.9, 0]}"
+    cone = "{type: cone, start: [1, 1.2, 1.1], end: [2.5, 2.4, 3], radii: [0.8, 0]}"
     path = tmp_path / "deck.yaml"
     path.write_text(deck(cone, 0.5) + """
 surfaces: [{name: s, body: b}]
