@@ -145,14 +145,21 @@ def sphere(h, radius=1.5, **more):
     return octant(f"{{type: sphere, center: [0, 0, 0], radius: {radius}}}", h, **more)
 
 
+def compression(results):
+    """The ratio of lengths at the end and at the start, in a body whose deformation is the same in all directions."""
+    start, end = (np.asarray(results.mesh("domains", frame)["volume"]).sum() for frame in (0, -1))
+    return (end / start) ** (1 / 3)
+
+
 def test_a_sphere_under_pressure(run):
     """The volume is nearly exact, the force on a plane of symmetry of order 2, and the stress uniform."""
-    volume, force = np.pi / 6 * 1.5**3, 150 * np.pi / 4 * 1.5**2
+    volume = np.pi / 6 * 1.5**3
     errors = []
     for h in (1, 0.5, 0.25):
         results = run(sphere(h))
         assert scatter(results) < 1e-8
         outer = Outer(results)
+        force = 150 * np.pi / 4 * 1.5**2 * compression(results) ** 2
         errors.append([abs(outer.volumes.sum() / volume - 1), abs(-results.history["p_fx"][-1] / force - 1)])
     errors = np.array(errors)
     assert (errors[:, 0] < [0.02, 0.005, 5e-4]).all()
@@ -165,7 +172,8 @@ def test_a_cylinder_under_pressure(run):
     results = run(octant(cylinder, 0.5))
     assert scatter(results) < 1e-8
     assert Outer(results).volumes.sum() == pytest.approx(np.pi / 4 * 1.43**2 * 1.37, rel=2e-3)
-    assert -results.history["p_fz"][-1] == pytest.approx(150 * np.pi / 4 * 1.43**2, rel=5e-3)
+    force = 150 * np.pi / 4 * 1.43**2 * compression(results) ** 2
+    assert -results.history["p_fz"][-1] == pytest.approx(force, rel=5e-3)
 
 
 def test_an_stl_solid_is_met_exactly(run, tmp_path):
@@ -227,7 +235,7 @@ steps: {count: 1}
 
 
 def test_what_cannot_be_followed_is_named(mpm, tmp_path):
-    cone = "{type: cone, start: [1, 1.2, 1.1], end: [2.5, 2.4, 3], radii: [0.9, 0]}"
+    cone = "{type: cone, start: [1, 1.2, 1.1], end: [2.5, 2.4, 3], radii: [0.8, 0]}"
     path = tmp_path / "deck.yaml"
     path.write_text(deck(cone, 0.5) + """
 surfaces: [{name: s, body: b}]

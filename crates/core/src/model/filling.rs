@@ -14,7 +14,6 @@ use crate::grid::{Axis, Grid, Lines, Structured};
 use crate::points::Seed;
 use crate::ranks::Ranks;
 use crate::region::{Bounds, FilledCell, Region, Volume, brick_parts, contains_in_cell, fill};
-use shaped::Followed;
 
 /// Distance to a grid line within which a side of a box counts as on the line, in cells, [-].
 const ON_LINE: f64 = 1e-6;
@@ -168,9 +167,10 @@ impl<const D: usize> Filling<'_, D> {
         {
             return Ok(FilledRegion { seeds, is_by_cells: false, fit: Fit::Parts, apart: None });
         }
-        let Followed { seeds, fit, apart } = self.fitted(region, placement)?;
+        let found = self.fitted(region, placement)?;
+        let (fit, apart) = (found.fit, found.apart);
         if fit == Fit::Fitted {
-            return Ok(FilledRegion { seeds, is_by_cells: false, fit, apart });
+            return Ok(FilledRegion { seeds: found.seeds, is_by_cells: false, fit, apart });
         }
         let (seeds, is_by_cells) = match placement {
             Placement::Lattice(spacing) => (self.lattice(region, spacing)?, false),

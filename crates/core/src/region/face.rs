@@ -3,8 +3,7 @@
 use std::collections::HashMap;
 
 use super::boundary::{indexed, triangle};
-use super::level::{FacetLevel, Level};
-use super::surface::Triangle;
+use super::level::{FacetLevel, Level, Triangle};
 use super::vector::{dot, minus, norm};
 use super::{Facet, Primitive, Region, area_vector};
 
@@ -21,7 +20,7 @@ pub struct Face {
     /// The surface on which it lies.
     pub level: Level,
     /// Small facets that show where it is, [length].
-    pub facets: Vec<Triangle>,
+    pub facets: Vec<[[f64; 3]; 3]>,
 }
 
 /// The surfaces on which the sides of a primitive in space lie.

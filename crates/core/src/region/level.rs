@@ -1,8 +1,10 @@
 //! Smooth surfaces in space on which pieces of the boundary of a region lie, as zeros of heights above them.
 
-use super::surface::Triangle;
 use super::vector::{along, cross, dot, minus, norm};
 use super::{BoxTree, Motion, area_vector, around};
+
+/// The corners of a flat facet, [length].
+pub(super) type Triangle = [[f64; 3]; 3];
 
 /// The height of positions above a smooth surface. Which of its sides is positive does not matter.
 #[derive(Debug, Clone)]
@@ -176,6 +178,6 @@ fn nearest(facet: &Triangle, x: &[f64; 3]) -> Nearest {
 }
 
 /// Distance of a position from a triangle, [length].
-pub(crate) fn distance(facet: &Triangle, x: &[f64; 3]) -> f64 {
+pub(crate) fn distance(facet: &[[f64; 3]; 3], x: &[f64; 3]) -> f64 {
     norm(&minus(x, &nearest(facet, x).place))
 }

@@ -2,7 +2,7 @@
 
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use super::Fitting;
+use super::lattice::Fitting;
 use super::pieces::Piece;
 use crate::tensor::Mat3;
 

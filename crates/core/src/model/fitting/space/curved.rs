@@ -4,8 +4,8 @@
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
-use super::Fitting;
 use super::inside::Inside;
+use super::lattice::Fitting;
 use crate::region::vector::{along, norm};
 use crate::region::{BoxTree, around, facet_distance};
 use crate::surface::sides_of_domain;

@@ -5,7 +5,7 @@
 
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use super::Fitting;
+use super::lattice::Fitting;
 use super::pieces::{Heights, Piece};
 use crate::region::vector::{minus, norm};
 use crate::tensor::Mat3;

@@ -1,6 +1,6 @@
 //! Cells that one face divides along diagonals of their sides, of which one part is a single piece.
 
-use super::Fitting;
+use super::lattice::Fitting;
 use super::pieces::{Crossed, Piece, edges, sides};
 
 impl Fitting<'_> {

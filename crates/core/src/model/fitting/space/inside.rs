@@ -2,8 +2,9 @@
 
 use rustc_hash::FxHashSet;
 
+use super::domain::{NotFitted, SolidDomain, SolidDomains};
+use super::lattice::Fitting;
 use super::pieces::{Divided, Piece};
-use super::{Fitting, NotFitted, SolidDomain, SolidDomains};
 use crate::basis::domain_volume;
 
 /// The pieces inside a region, and the corners on its boundary.

@@ -2,7 +2,7 @@
 
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use super::Fitting;
+use super::lattice::Fitting;
 use super::warp::groups;
 use crate::grid::element::ElementShape;
 use crate::grid::vtk_corner;

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use super::*;
 use crate::basis::domain_volume;
 use crate::grid::Axis;
-use crate::region::vector::{along, norm};
+use crate::region::vector::{along, dot, norm};
 use crate::region::{Accuracy, Ball, Brick, Frustum, Motion, Polygon, Prism, Surface, area_vector};
 use crate::surface::sides_of_domain;
 

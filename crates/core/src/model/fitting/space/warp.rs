@@ -1,6 +1,6 @@
 //! Moves corners of the lattice onto faces.
 
-use super::Fitting;
+use super::lattice::Fitting;
 use crate::grid::element::corner_side;
 use crate::region::vector::norm;
 use crate::tensor::Mat3;
