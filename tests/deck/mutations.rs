@@ -363,6 +363,7 @@ const REASONS: &[(Change, &str, &str, &str, &str)] = &[
     (Change::Removed, "*", "/analysis/stabilisation/mode", "*", "has a default"),
     (Change::Removed, "*", "/steps/control", "*", "has a default"),
     (Change::Removed, "*", "/steps/smallest", "*", "has a default"),
+    (Change::Removed, "slope", "/stages/*/steps/control/after_slide", "*", "optional: stop"),
     (Change::OtherSign, "footing", "/parameters/depth", "*", "a motion or a force may point either way"),
     (Change::OtherSign, "footing", "/parameters/poisson", "*", "may be negative, down to -1"),
     (Change::Removed, "footing", "/bodies/0", "*", "a warning says that its material is not used"),

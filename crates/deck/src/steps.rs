@@ -88,7 +88,7 @@ pub enum ControlDeck {
         #[serde(default = "half_percent")]
         #[schemars(range(min = 1e-6, max = 1.0))]
         tolerance: f64,
-        /// What follows once bodies have slid.
+        /// What follows once bodies have slid; `stop` by default.
         #[serde(default, skip_serializing_if = "is_default")]
         after_slide: AfterSlide,
     },

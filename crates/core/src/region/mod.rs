@@ -53,7 +53,7 @@ pub use line::{Intervals, Line};
 pub use meshed::Meshed;
 pub use motion::Motion;
 pub use outline::Outline;
-use parts::Parts;
+pub(crate) use parts::Parts;
 pub use polygon::{Polygon, crossing_sides};
 pub(crate) use polygon::{segments_meet, signed_area};
 pub use prism::Prism;

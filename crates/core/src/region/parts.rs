@@ -14,14 +14,14 @@ const MARGIN: f64 = 1e-6;
 
 /// Regions, which are found by their bounding boxes if there are many.
 #[derive(Debug, Clone)]
-pub(super) struct Parts<const D: usize> {
+pub(crate) struct Parts<const D: usize> {
     regions: Vec<Region<D>>,
     /// The tree of the bounding boxes, and the margin of the search in it, [length]; `None` if there are few regions.
     tree: Option<(Arc<BoxTree<D>>, f64)>,
 }
 
 impl<const D: usize> Parts<D> {
-    pub(super) fn new(regions: Vec<Region<D>>) -> Self {
+    pub(crate) fn new(regions: Vec<Region<D>>) -> Self {
         let tree = (regions.len() >= MANY).then(|| {
             let tree = BoxTree::new(&regions.iter().map(Region::bounds).collect::<Vec<_>>());
             let farthest = tree.bounds().as_flattened().iter().fold(0.0, |far: f64, x| far.max(x.abs()));
@@ -31,13 +31,13 @@ impl<const D: usize> Parts<D> {
     }
 
     /// The regions.
-    pub(super) fn into_regions(self) -> Vec<Region<D>> {
+    pub(crate) fn into_regions(self) -> Vec<Region<D>> {
         self.regions
     }
 
     /// True if a region that overlaps a box, or a position given as a box, has a property. Regions elsewhere must not
     /// have it.
-    pub(super) fn any_near(&self, place: &Bounds<D>, has: impl Fn(&Region<D>) -> bool) -> bool {
+    pub(crate) fn any_near(&self, place: &Bounds<D>, has: impl Fn(&Region<D>) -> bool) -> bool {
         let Some((tree, margin)) = &self.tree else { return self.regions.iter().any(has) };
         let found = Cell::new(false);
         let meets = |bounds: &Bounds<D>| {
