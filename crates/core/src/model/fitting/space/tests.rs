@@ -89,7 +89,7 @@ fn spheres_and_cones_are_nearly_filled() {
         assert!((found.volume / volume - 1.0).abs() < 0.02, "{}", found.volume / volume);
         assert!((found.area / area - 1.0).abs() < 0.02, "{}", found.area / area);
     };
-    for radius in [0.6, 1.0, 1.5] {
+    for radius in [0.6, 1.0, 1.5f64] {
         let center = [2.03, 1.98, 2.0];
         let (volume, area) = (4.0 / 3.0 * PI * radius.powi(3), 4.0 * PI * radius * radius);
         round(Ball::new(center, radius).unwrap().into(), volume, area);
