@@ -5,6 +5,8 @@
 //! of boxes are taken as the deformation gradient has moved them, because boxes that stay parallel to the axes cover a
 //! tilted surface with gaps or overlaps.
 //!
+//! Areas refer to the surface of the tool: on a side at the height g above a curved tool, they shrink by det(I − g ∂n/∂x).
+//!
 //! Boxes cover inclined ground with staircases. Their steep sides count, too, if the next side that faces the tool begins at
 //! their far end; the free side of a block does not.
 //!
@@ -22,6 +24,7 @@ use crate::grid::MAX_CORNERS;
 use crate::ranks::Reduction;
 use crate::region::vector::{along, cross, dot, minus, norm, unit};
 use crate::surface::{DomainSide, deformed_corners, sides_of_domain};
+use crate::tool::Closest;
 
 use super::candidates::{Candidate, Search};
 use super::interface::Multiplier;
@@ -113,6 +116,18 @@ fn pieces<const D: usize>(side: &DomainSide, domain: &[[f64; D]], size: f64) -> 
     }
 }
 
+/// The ratio of an area on the surface of a tool to that on the parallel surface at the height of this closest point, [-]:
+/// det(I − g ∂n/∂x), 0 where the closest point is an edge.
+fn on_tool<const D: usize>(near: &Closest<D>) -> f64 {
+    let h = &near.normal_derivative;
+    let trace: f64 = (0..D).map(|d| h[d][d]).sum();
+    let minors: f64 = (0..D)
+        .flat_map(|i| (0..i).map(move |j| [i, j]))
+        .map(|[i, j]| h[i][i] * h[j][j] - h[i][j] * h[j][i])
+        .sum();
+    (1.0 - near.gap * trace + near.gap * near.gap * minors).max(0.0)
+}
+
 impl<const D: usize> Search<'_, D> {
     /// The outer sides at the corners of a material point; their pieces that face a tool are added to `found`. `starts`
     /// are the contact points at the corners, [length].
@@ -170,7 +185,7 @@ impl<const D: usize> Search<'_, D> {
                     position,
                     corner: start,
                     normal: near.normal,
-                    area: model.depth(&position) * projected / pieces.len() as f64,
+                    area: model.depth(&near.point) * projected * on_tool(&near) / pieces.len() as f64,
                     lift: near.gap,
                     size,
                     is_riser,
@@ -355,6 +370,17 @@ fn encloses<const D: usize>(directions: impl Iterator<Item = [f64; D]>, normal: 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn areas_shrink_towards_a_convex_tool() {
+        use crate::region::Ball;
+        use crate::tool::Shape;
+        // On a parallel circle of radius 1.25 and a parallel sphere of radius 1.5 around tools of radius 1.
+        let circle = Ball::new([0.0; 2], 1.0).unwrap().closest([0.75, 1.0]).unwrap();
+        assert!((on_tool(&circle) - 1.0 / 1.25).abs() < 1e-12);
+        let sphere = Ball::new([0.0; 3], 1.0).unwrap().closest([0.0, 1.5, 0.0]).unwrap();
+        assert!((on_tool(&sphere) - 1.0 / 1.5f64.powi(2)).abs() < 1e-12);
+    }
 
     #[test]
     fn neighbours_on_all_sides_enclose() {
