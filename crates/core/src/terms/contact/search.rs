@@ -51,8 +51,7 @@ const ASIDE: f64 = 0.2;
 const STILL_ON_FACE: f64 = 0.05;
 const ON_FACE: f64 = 1e-3;
 /// Depth below the faces at an edge, relative to the size of a cell, down to which a side chooses among them, [-]; for contact
-/// points that have touched the tool already, and for others. Updates of boxes leave corners deep in the tool, which would
-/// otherwise change from one face to the other.
+/// points that have touched the tool already, and for others.
 const STILL_SHALLOW: f64 = 0.5;
 const SHALLOW: f64 = 0.1;
 
@@ -246,13 +245,22 @@ impl<const D: usize> Search<'_, D> {
         let faces: Vec<(Closest<D>, f64)> =
             faces.iter().map(|face| (moving.start.in_space(&face.closest), face.beside)).collect();
         let best = faces.iter().max_by(|a, b| towards(&a.0.normal).total_cmp(&towards(&b.0.normal))).copied();
-        let key = self.key(point, place, None);
-        let (on_face, deepest) =
-            if self.kept.contains_key(&key) { (STILL_ON_FACE, STILL_SHALLOW) } else { (ON_FACE, SHALLOW) };
+        // Updates move the corners of boxes from one place beside the edge to another.
+        let is_box = self.points.corners(point.p).is_empty();
+        let has_touched = !is_box && self.kept.contains_key(&self.key(point, place, None));
+        let on_face = if is_box {
+            TOUCHING
+        } else if has_touched {
+            STILL_ON_FACE
+        } else {
+            ON_FACE
+        };
+        let deepest = if has_touched { STILL_SHALLOW } else { SHALLOW };
         let is_shallow = |found: &Closest<D>| found.gap >= -deepest * point.size;
         let is_preferred = |(face, _): &(Closest<D>, f64)| {
             let others = faces.iter().filter(|other| dot(&other.0.normal, &face.normal) < FLAT);
             let next = others.map(|other| towards(&other.0.normal)).fold(f64::NEG_INFINITY, f64::max);
+            let next = if is_box { towards(&near.normal) } else { next };
             towards(&face.normal) > next + BETTER && is_shallow(face) && is_shallow(&near)
         };
         match best.filter(is_preferred) {
