@@ -77,7 +77,7 @@ loads:
 stages:
   - {name: gravity, steps: {count: 5}, factors: {weight: 1}, then: {reset: [displacement]}}
   - name: safety
-    steps: {count: "${steps}", control: {type: strength-reduction, to: "${to}", tolerance: 0.002}}
+    steps: {count: "${steps}", control: {type: strength-reduction, to: "${to}", tolerance: 0.002, after_slide: continue}}
 output: {every: 0, probes: [{name: crest, body: slope, nearest: [20, 20]}]}
 """
 FOUNDATION = "Y < 10"
@@ -107,7 +107,7 @@ output: {every: 0, probes: [{name: crest, body: soil, nearest: [2, 2]}]}
 REDUCTION = """stages:
   - {name: gravity, steps: {count: 2}, factors: {weight: 1}, then: {reset: [displacement]}}
   - name: safety
-    steps: {count: "${steps}", control: {type: strength-reduction, to: "${to}", tolerance: 0.001}}"""
+    steps: {count: "${steps}", control: {type: strength-reduction, to: "${to}", tolerance: 0.001, after_slide: continue}}"""
 SETTLEMENT = 'steps: {count: "${steps}", control: {type: displacement, probe: crest, axis: y, to: "${-to}"}}'
 SOFTENING = ", softening: {strain: 0.4, residual_cohesion: 0.5 BAND}"
 

@@ -1,13 +1,17 @@
 """Clay that flows around a buried pipe, beside the bounds of Randolph and Houlsby (1984): a study of `benches/tools.py`."""
 
+import importlib.util
 import sys
 
 import pytest
 
 from conftest import ROOT
 
-sys.path.insert(0, str(ROOT / "benches"))
-import tools  # noqa: E402
+sys.path.append(str(ROOT / "benches"))
+# The tests have a module of their own with the name `tools`.
+SPEC = importlib.util.spec_from_file_location("study_of_tools", ROOT / "benches" / "tools.py")
+tools = importlib.util.module_from_spec(SPEC)
+SPEC.loader.exec_module(tools)
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ def test_a_library_needs_consent(deck, tmp_path, monkeypatch):
     compiled(LAWS / "law.c", tmp_path / "law.so")
     one = mpm.Deck.load(deck(block(**library_law("law.so", **PLASTIC))))
     for refused in (lambda: one.run(progress=False), lambda: one.start()):
-        with pytest.raises(mpm.DeckError, match="D061.*allow_libraries=True"):
+        with pytest.raises(mpm.DeckError, match="(?s)D061.*allow_libraries=True"):
             refused()
     assert [found.code for found in one.check() if found.severity == "error"] == ["D061"]
     assert not [found for found in one.check(allow_libraries=True) if found.severity == "error"]

@@ -111,8 +111,11 @@ pub(crate) fn load_copy(path: &Path, contents: &[u8]) -> Option<Result<Loaded, L
         }
         error => error,
     });
-    // The system has mapped the copy into memory.
-    drop(copy);
+    if loaded.is_ok() {
+        // The system has mapped the copy into memory, but recognises libraries by their paths: the number of the file, which
+        // is the path of the copy, must not be given to another one.
+        std::mem::forget(copy);
+    }
     Some(loaded)
 }
 

@@ -10,7 +10,7 @@ use mpm_core::grid::Grid;
 use mpm_core::model::Body;
 use mpm_core::points::Points;
 use mpm_core::region::{Region, area_vector};
-use mpm_core::surface::{Carried, Part, Surface};
+use mpm_core::surface::{Carried, Part, SideRule, Surface};
 
 use super::surfaces::Sampling;
 
@@ -30,10 +30,15 @@ where
         points: &Points<D>,
         (bodies, surfaces): (&[Body], &[Surface<D>]),
     ) {
-        // In bodies of revolution, boxes are out of balance inside as well, which another warning says.
+        // Domains given by their corners follow the outline. In bodies of revolution, boxes are out of balance inside as
+        // well, which another warning says.
         let is_judged = |surface: &&Surface<D>| {
-            let is_box = bodies[surface.body].method.domain() == DomainKind::Box;
-            self.is_used(&surface.name) && !(is_box && self.is_revolved())
+            let is_formed = match bodies[surface.body].method.domain() {
+                DomainKind::None => false,
+                DomainKind::Box => surface.rule == SideRule::Integral || self.is_revolved(),
+                DomainKind::Corners => true,
+            };
+            self.is_used(&surface.name) && !is_formed
         };
         let judged: Vec<&Surface<D>> = surfaces.iter().filter(is_judged).collect();
         if judged.is_empty() {
@@ -146,8 +151,9 @@ where
             DomainKind::None => {
                 "use `method: gimp` or `method: cpdi2` for this body, whose domains have sides"
             }
-            DomainKind::Box => "use `method: cpdi2` for this body, whose domains follow its outline",
-            DomainKind::Corners => "use more domains, or let the part of the surface end where domains end",
+            DomainKind::Box | DomainKind::Corners => {
+                "use `method: cpdi2` for this body, whose domains follow its outline"
+            }
         };
         self.found.push(found.severity(Severity::Warning).help(help));
     }
