@@ -127,7 +127,9 @@ impl<const D: usize> Points<D> {
             let Some(p) = place(split.point) else { continue };
             let corners = self.corner_range(p).len();
             let [a, b] = split.edge.map(usize::from);
-            let is_edge = a != b && b < corners && !cut_edges::<D>(corners, [a, b]).is_empty();
+            let is_collapsed = corners != 1 << D && corners != D + 1;
+            let is_ordered = a < b || is_collapsed && a != b;
+            let is_edge = is_ordered && a.max(b) < corners && !cut_edges::<D>(corners, [a, b]).is_empty();
             if !is_edge || place(split.half).is_some() {
                 return Err("it contains a split of a point that cannot be split in this way".to_owned());
             }

@@ -2,9 +2,8 @@
 //!
 //! What a removed body carried acts on the sides of domains that its removal exposes: each gets the traction σ n of its
 //! material point, corrected so that the nodal forces of all sides together come as close as possible to those that
-//! maintain equilibrium. The weight of an added body acts on its points. What is then left, as with standard points, which
-//! have no sides, acts on the points of all bodies, with the smallest forces per volume that give these nodal forces. Only
-//! what no point reaches stays at nodes, which do not follow the material.
+//! maintain equilibrium. The weight of an added body acts on its points. What is then left stays at nodes, which do not follow
+//! the material: all of it with standard points, which have no sides.
 
 use std::collections::BTreeMap;
 
@@ -83,7 +82,7 @@ struct Carrier {
     side: u8,
     /// Force that it carries at first, [force].
     force: Vec<f64>,
-    /// Area or volume.
+    /// Area; 0 for a point.
     weight: f64,
     /// Grid nodes, and the mean of N_v over the side, or S_vp, [-].
     basis: Vec<(u32, f64)>,
@@ -114,6 +113,11 @@ pub(super) fn carried_by_material<const D: usize>(
     if total(&forces) <= *left {
         return released;
     }
+    // Lines of a moving grid follow the material where conditions held it.
+    if model.moving_grid.is_some() {
+        released.nodes.extend(forces);
+        return released;
+    }
     let vector = |carrier: &Carrier| std::array::from_fn(|d| carrier.force.get(d).copied().unwrap_or(0.0));
     let mut added = joined(points, weights_of_added(model, points, links));
     carry(&mut forces, &mut added, false);
@@ -125,12 +129,6 @@ pub(super) fn carried_by_material<const D: usize>(
         side: carrier.side,
         force: vector(carrier),
     }));
-    if total(&forces) > *left {
-        let all = (0..points.len()).map(|p| point_carrier(points, links, p, points.volume(p), [0.0; D]));
-        let mut all = joined(points, all.collect());
-        carry(&mut forces, &mut all, true);
-        released.points.extend(all.iter().map(|carrier| (carrier.point, vector(carrier))));
-    }
     if total(&forces) > *left {
         released.nodes.extend(forces);
     }
