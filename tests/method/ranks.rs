@@ -157,7 +157,8 @@ fn agree(deck: &str, set: &[(&str, &str)], steps: usize, numbers: &[usize]) {
         );
         assert_eq!(found.warnings, one.warnings, "{deck} on {n}");
         // The least squares that share out the forces which a stage releases amplify round-off.
-        let most = if deck == "footing_stages.yaml" { 1e-6 } else { 1e-9 };
+        let releases = ["footing_stages.yaml", "excavation.yaml"].contains(&deck);
+        let most = if releases { 1e-6 } else { 1e-9 };
         assert!(worst < most && deviation < 1e-9, "{deck} on {n}: {worst:e} {deviation:e}");
     }
 }
