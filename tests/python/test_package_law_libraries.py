@@ -11,6 +11,7 @@ __all__ = ["consent", "deck"]
 
 def test_a_library_needs_consent(deck, tmp_path, monkeypatch):
     monkeypatch.delenv("MPM_ALLOW_LIBRARIES")
+    monkeypatch.chdir(tmp_path)
     compiled(LAWS / "law.c", tmp_path / "law.so")
     one = mpm.Deck.load(deck(block(**library_law("law.so", **PLASTIC))))
     for refused in (lambda: one.run(progress=False), lambda: one.start()):
