@@ -211,7 +211,10 @@ fn a_grid_whose_motion_is_zero_changes_no_bit() {
     let still =
         ", follow: [{axis: x, from: 0, to: 5, condition: axis}, {axis: y, from: 0, to: 4, condition: floor}]";
     for method in ["mpm", "gimp", "cpdi2"] {
-        let [with, without] = [still, ""].map(|follow| run_from(build::<2>, &slump(method, follow), None));
+        // On a grid that may move, the forces that a stage releases stay at nodes.
+        let [with, without] = [still, ""].map(|follow| {
+            run_from(build::<2>, &slump(method, follow).replace("release: [push], ", ""), None)
+        });
         assert!(with.steps.len() >= 8 && with.steps == without.steps, "{method}");
     }
 }

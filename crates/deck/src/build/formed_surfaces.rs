@@ -10,7 +10,7 @@ use mpm_core::grid::Grid;
 use mpm_core::model::Body;
 use mpm_core::points::Points;
 use mpm_core::region::{Region, area_vector};
-use mpm_core::surface::{Carried, Part, SideRule, Surface};
+use mpm_core::surface::{Carried, Part, Surface};
 
 use super::surfaces::Sampling;
 
@@ -30,15 +30,8 @@ where
         points: &Points<D>,
         (bodies, surfaces): (&[Body], &[Surface<D>]),
     ) {
-        // Domains given by their corners follow the outline. In bodies of revolution, boxes are out of balance inside as
-        // well, which another warning says.
         let is_judged = |surface: &&Surface<D>| {
-            let is_formed = match bodies[surface.body].method.domain() {
-                DomainKind::None => false,
-                DomainKind::Box => surface.rule == SideRule::Integral || self.is_revolved(),
-                DomainKind::Corners => true,
-            };
-            self.is_used(&surface.name) && !is_formed
+            self.is_used(&surface.name) && bodies[surface.body].method.domain() == DomainKind::None
         };
         let judged: Vec<&Surface<D>> = surfaces.iter().filter(is_judged).collect();
         if judged.is_empty() {
