@@ -15,10 +15,10 @@ const STACK: usize = 128 << 10;
 /// within milliseconds, and a queue may signal a job and each of its processes.
 const ONE_REQUEST: std::time::Duration = std::time::Duration::from_secs(2);
 
-/// Returns a flag that Ctrl-C, a closed terminal or another signal that asks for an end sets: SIGTERM, SIGXCPU, SIGUSR1,
-/// SIGUSR2 and SIGALRM, which queues and systems send shortly before a limit. Ctrl-C, SIGTERM or a closed terminal later
-/// than [`ONE_REQUEST`] after the first signal ends the program at once. Each of the two prints a message if `speaks` is
-/// true.
+/// Returns a flag that Ctrl-C, a closed terminal or another signal that asks for an end sets: SIGTERM, SIGXCPU,
+/// SIGUSR1, SIGUSR2 and SIGALRM, which queues and systems send shortly before a limit. Ctrl-C, SIGTERM or a closed
+/// terminal later than [`ONE_REQUEST`] after the first signal ends the program at once. Each of the two prints a
+/// message if `speaks` is true.
 ///
 /// # Errors
 /// If the signals cannot be handled or the thread that waits for them cannot be started.

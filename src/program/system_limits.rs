@@ -1,10 +1,10 @@
-//! Orderly exits at the limits of the system: when memory runs out, when code of a library aborts, or when a file reaches
-//! its largest size.
+//! Orderly exits at the limits of the system: when memory runs out, when code of a library aborts, or when a file
+//! reaches its largest size.
 //!
-//! A failed allocation ends a Rust program with SIGABRT, and the allocation cannot be retried; `abort` in a library does
-//! the same. A thread that needs no memory waits for that signal, prints a message and exits with the code of a failed
-//! analysis. Meanwhile the thread that aborts must not continue: the signal handler ends with a write to a full pipe,
-//! which blocks.
+//! A failed allocation ends a Rust program with SIGABRT, and the allocation cannot be retried; `abort` in a library
+//! does the same. A thread that needs no memory waits for that signal, prints a message and exits with the code of a
+//! failed analysis. Meanwhile the thread that aborts must not continue: the signal handler ends with a write to a full
+//! pipe, which blocks.
 
 #[cfg(unix)]
 pub use unix::{limits_are_errors, wait_for_abort};

@@ -353,7 +353,8 @@ fn the_length_of_the_path_may_be_coarse_or_fine() {
             let (outcome, recorder, _) = run(deck("arch.yaml", &[("rise", "2"), ("steps", steps)]));
             outcome.unwrap();
             let apex: Vec<f64> = recorder.steps.iter().map(|r| r.probe[1]).collect();
-            // Beyond the snap, the apex of this arch rises a little, with coarse and fine steps alike, before it goes down.
+            // Beyond the snap, the apex of this arch rises a little, with coarse and fine steps alike, before it goes
+            // down.
             let before = apex.iter().take_while(|y| **y > -1.5);
             assert!(before.is_sorted_by(|a, b| a > b), "{steps}: {apex:?}");
             assert!(apex.last().is_some_and(|y| *y < -2.4), "{steps}: {apex:?}");

@@ -13,7 +13,8 @@ pub enum InputFileError {
     /// The path is a directory, a device, a pipe or a socket.
     #[error("it is {0}, not a file")]
     NotAFile(&'static str),
-    /// The file has contents but no size, like those that the system writes while they are read, for example in `/proc`.
+    /// The file has contents but no size, like those that the system writes while they are read, for example in
+    /// `/proc`.
     #[error("it has contents but no size, so it is not an ordinary file")]
     WithoutSize,
     /// The file exceeds the size limit, [byte].
@@ -53,7 +54,11 @@ pub fn read(path: &Path, limit: u64) -> Result<Vec<u8>, InputFileError> {
             _ => Err(InputFileError::WithoutSize),
         };
     }
-    bytes.reserve_exact(size as usize);
+    // A file full of holes may claim any size.
+    let room = usize::try_from(size).map(|size| bytes.try_reserve_exact(size));
+    if !matches!(room, Ok(Ok(()))) {
+        return Err(io::Error::from(ErrorKind::OutOfMemory).into());
+    }
     // Whatever is appended in the meantime is not part of the file, so that reading ends.
     file.take(size).read_to_end(&mut bytes)?;
     Ok(bytes)

@@ -13,7 +13,8 @@
 //! [`solver::run`] takes a [`model::Model`] (grid, materials, boundary conditions, loads, step control) and
 //! [`points::Points`] (the state of the bodies), and advances the points load step by load step. `examples/block.rs`
 //! builds a complete analysis in code; `examples/own_term.rs` adds a term to the equilibrium equations in code outside
-//! the crate, and `examples/temperature.rs` a second field of unknowns, through stages, files and a restart. Most analyses are built from YAML decks by the crate `mpm-deck`.
+//! the crate, and `examples/temperature.rs` a second field of unknowns, through stages, files and a restart. Most
+//! analyses are built from YAML decks by the crate `mpm-deck`.
 //!
 //! # Modules
 //!

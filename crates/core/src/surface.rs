@@ -37,8 +37,8 @@ pub use support::{Support, active, support};
 
 /// Tolerance of the boxes and half-spaces that select samples, relative to the size of a cell, [-].
 const SLACK: f64 = 1e-6;
-/// Length of the pieces over which loads are averaged, relative to the size of a cell, [-], and largest number of pieces
-/// along a side.
+/// Length of the pieces over which loads are averaged, relative to the size of a cell, [-], and largest number of
+/// pieces along a side.
 const PIECE: f64 = 0.25;
 const MOST_PIECES: f64 = 16.0;
 /// Distance within which corners of facets coincide, relative to the size of a cell, [-].
@@ -118,8 +118,8 @@ pub struct Surface<const D: usize> {
     /// The share of its facet for which each sample stands, [-]: 1, or 1/2 on quadrilaterals in space, where the
     /// triangles of both divisions are samples.
     pub shares: Vec<f64>,
-    /// True for each sample on the side of a triangle in the plane: in a body of revolution, the basis of a triangle takes
-    /// the mean over its side with the radius as a weight.
+    /// True for each sample on the side of a triangle in the plane: in a body of revolution, the basis of a triangle
+    /// takes the mean over its side with the radius as a weight.
     pub of_triangles: Vec<bool>,
     /// The rule of the samples.
     pub rule: SideRule,
@@ -155,8 +155,8 @@ impl<const D: usize> Surface<D> {
         Ok(Surface::from_facets(name, body, facets, part, cell))
     }
 
-    /// The surface formed by the facets that lie in a part of the boundary, cut at its ends; `cell` is the size of a grid
-    /// cell, [length].
+    /// The surface formed by the facets that lie in a part of the boundary, cut at its ends; `cell` is the size of a
+    /// grid cell, [length].
     pub fn from_facets(
         name: impl Into<String>,
         body: usize,
@@ -212,8 +212,8 @@ impl<const D: usize> Surface<D> {
         self.facets[sample].map(|corner| self.corners[corner as usize])
     }
 
-    /// The centres of pieces of the facet of a sample that are at most about a quarter of a cell long: a load that is not
-    /// linear over a long side is averaged over them.
+    /// The centres of pieces of the facet of a sample that are at most about a quarter of a cell long: a load that is
+    /// not linear over a long side is averaged over them.
     pub fn pieces(&self, sample: usize) -> Vec<Piece<D>> {
         let facet = Facet { corners: self.facet(sample), side: 0 };
         let n = (facet.size() / (PIECE * self.cell) - SLACK).ceil().clamp(1.0, MOST_PIECES) as usize;

@@ -112,8 +112,8 @@ pub(crate) fn load_copy(path: &Path, contents: &[u8]) -> Option<Result<Loaded, L
         error => error,
     });
     if loaded.is_ok() {
-        // The system has mapped the copy into memory, but recognises libraries by their paths: the number of the file, which
-        // is the path of the copy, must not be given to another one.
+        // The system has mapped the copy into memory, but recognises libraries by their paths: the number of the file,
+        // which is the path of the copy, must not be given to another one.
         std::mem::forget(copy);
     }
     Some(loaded)

@@ -43,8 +43,8 @@ impl Library {
     /// what is loaded. Loading runs code of the library.
     ///
     /// # Errors
-    /// [`LibraryError`]; [`LibraryError::Changed`] if a file with the same path but other contents was loaded before, or
-    /// if the file changes while it is loaded.
+    /// [`LibraryError`]; [`LibraryError::Changed`] if a file with the same path but other contents was loaded before,
+    /// or if the file changes while it is loaded.
     pub fn open(path: &Path, contents: Vec<u8>) -> Result<Arc<Library>, LibraryError> {
         let path = path.canonicalize().map_err(|error| LibraryError::NotLoaded(error.to_string()))?;
         let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);

@@ -26,8 +26,8 @@ pub struct Border<const N: usize> {
     pub(crate) scale: Vec<f64>,
     /// Round-off of each residual in addition to the round-off of its sum.
     pub(crate) round_off: Vec<f64>,
-    /// Stiffness that the solver adds to the diagonal of C if the equations alone may leave a global unknown
-    /// undetermined. It affects the iterations but not the solution.
+    /// Stiffness that the solver adds to C if the equations alone may leave global unknowns undetermined. It affects
+    /// the iterations but not the solution.
     pub(crate) support: Vec<Vec<f64>>,
     /// The first global unknown of the term that is being evaluated.
     pub(crate) first: usize,
@@ -97,8 +97,8 @@ impl<const N: usize> Border<N> {
         self.corner[self.first + i][self.first + j] += value;
     }
 
-    /// Adds to the stiffness between the term's global unknowns `i` and `j` with which the solver supports these unknowns
-    /// in an iteration, because the equations may leave them undetermined.
+    /// Adds to the stiffness between the term's global unknowns `i` and `j` with which the solver supports these
+    /// unknowns in an iteration, because the equations may leave them undetermined.
     pub fn add_support(&mut self, i: usize, j: usize, stiffness: f64) {
         self.support[self.first + i][self.first + j] += stiffness;
     }

@@ -412,8 +412,8 @@ impl<const D: usize> Connectivity<D> {
         &self.active_cells
     }
 
-    /// The active node that moves with a grid node, as a body sees it: the body's copy of the grid node if there is one,
-    /// else its copy of the carrier; `None` if there is no carrier either.
+    /// The active node that moves with a grid node, as a body sees it: the body's copy of the grid node if there is
+    /// one, else its copy of the carrier; `None` if there is no carrier either.
     #[inline(always)]
     pub fn moves_with(&self, body: u16, node: usize) -> Option<usize> {
         match self.copies.seen_by(body, node) {

@@ -274,8 +274,8 @@ impl<'a> Fitting<'a> {
         })
     }
 
-    /// True for each cell that a piece of the outline enters, or touches elsewhere than at corners of domains or along a
-    /// whole edge.
+    /// True for each cell that a piece of the outline enters, or touches elsewhere than at corners of domains or along
+    /// a whole edge.
     fn cut_cells(&self) -> Vec<bool> {
         let mut cut = vec![false; self.n[0] * self.n[1]];
         for piece in &self.pieces {

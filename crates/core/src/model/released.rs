@@ -1,6 +1,7 @@
 //! The forces that a stage releases, and the material that carries them.
 
-use rustc_hash::FxHashMap;
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
 use crate::grid::element::corner_side;
@@ -26,6 +27,8 @@ pub struct Released<const D: usize> {
 pub struct SideForce<const D: usize> {
     /// Permanent number of the point.
     pub point: u32,
+    /// Number of corners of its domain, and of its halves if it is split.
+    pub corners: u8,
     /// Number of the side, see [`sides_of_domain`].
     pub side: u8,
     /// The force, [force].
@@ -36,7 +39,7 @@ pub struct SideForce<const D: usize> {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct SavedRelease {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    sides: Vec<(u32, u8, Vec<f64>)>,
+    sides: Vec<(u32, [u8; 2], Vec<f64>)>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     points: Vec<(u32, Vec<f64>)>,
 }
@@ -49,7 +52,7 @@ impl<const D: usize> Released<D> {
 
     /// The forces on the material, for a checkpoint.
     pub fn save(&self) -> SavedRelease {
-        let side = |side: &SideForce<D>| (side.point, side.side, side.force.to_vec());
+        let side = |side: &SideForce<D>| (side.point, [side.corners, side.side], side.force.to_vec());
         SavedRelease {
             sides: self.sides.iter().map(side).collect(),
             points: self.points.iter().map(|(id, force)| (*id, force.to_vec())).collect(),
@@ -62,8 +65,8 @@ impl<const D: usize> Released<D> {
         let vector = |force: &[f64]| -> Option<[f64; D]> {
             force.try_into().ok().filter(|force: &[f64; D]| force.iter().all(|f| f.is_finite()))
         };
-        let side = |(point, side, force): &(u32, u8, Vec<f64>)| {
-            Some(SideForce { point: *point, side: *side, force: vector(force)? })
+        let side = |(point, [corners, side], force): &(u32, [u8; 2], Vec<f64>)| {
+            Some(SideForce { point: *point, corners: *corners, side: *side, force: vector(force)? })
         };
         self.sides = saved.sides.iter().map(side).collect::<Option<_>>()?;
         let point = |(id, force): &(u32, Vec<f64>)| Some((*id, vector(force)?));
@@ -73,41 +76,39 @@ impl<const D: usize> Released<D> {
 
     /// The forces as the present points carry them: halves of cut points share the forces of the whole equally.
     pub fn shared_out(&self, points: &Points<D>) -> Released<D> {
-        let mut released = self.clone();
         let cuts = points.cuts.get(self.cuts_before..).unwrap_or_default();
         if cuts.is_empty() {
-            return released;
+            return self.clone();
         }
-        let corners: FxHashMap<u32, usize> =
-            (0..points.len()).map(|p| (points.id[p], points.corner_range(p).len())).collect();
+        let mut on_points: BTreeMap<u32, [f64; D]> = self.points.iter().copied().collect();
+        let mut on_sides: BTreeMap<(u32, u8), SideForce<D>> =
+            self.sides.iter().map(|side| ((side.point, side.side), *side)).collect();
         for cut in cuts {
-            for k in 0..released.points.len() {
-                if released.points[k].0 == cut.point {
-                    let half = released.points[k].1.map(|f| 0.5 * f);
-                    released.points[k].1 = half;
-                    released.points.push((cut.half, half));
-                }
+            if let Some(force) = on_points.get_mut(&cut.point) {
+                *force = force.map(|f| 0.5 * f);
+                let half = *force;
+                on_points.insert(cut.half, half);
             }
-            // A rank that holds neither half applies none of their forces.
-            let Some(&n) = corners.get(&cut.point).or_else(|| corners.get(&cut.half)) else { continue };
-            for k in 0..released.sides.len() {
-                if released.sides[k].point == cut.point {
-                    let SideForce { side, force, .. } = released.sides[k];
-                    let [first, second] = shares_of_halves::<D>(n, side, cut.edge);
-                    released.sides[k].force = force.map(|f| first * f);
-                    let force = force.map(|f| second * f);
-                    released.sides.push(SideForce { point: cut.half, side, force });
+            let whole: Vec<SideForce<D>> =
+                on_sides.range((cut.point, 0)..=(cut.point, u8::MAX)).map(|(_, side)| *side).collect();
+            for side in whole {
+                let shares = shares_of_halves(&side, cut.edge);
+                for (point, share) in [cut.point, cut.half].into_iter().zip(shares) {
+                    let force = side.force.map(|f| share * f);
+                    on_sides.insert((point, side.side), SideForce { point, force, ..side });
                 }
             }
         }
-        released
+        let (points, sides) = (on_points.into_iter().collect(), on_sides.into_values().collect());
+        Released { points, sides, nodes: self.nodes.clone(), cuts_before: self.cuts_before }
     }
 }
 
-/// The shares of the first and the second half of a domain with `n` corners in the force on one of its sides, when the
-/// domain is cut across this edge, [-].
-fn shares_of_halves<const D: usize>(n: usize, side: u8, edge: [u8; 2]) -> [f64; 2] {
-    let Some(side) = sides_of_domain::<D>(n).nth(usize::from(side)) else { return [0.5; 2] };
+/// The shares of the first and the second half of a domain in the force on one of its sides, when the domain is cut
+/// across this edge, [-].
+fn shares_of_halves<const D: usize>(carrier: &SideForce<D>, edge: [u8; 2]) -> [f64; 2] {
+    let n = usize::from(carrier.corners);
+    let Some(side) = sides_of_domain::<D>(n).nth(usize::from(carrier.side)) else { return [0.5; 2] };
     let [a, b] = edge.map(usize::from);
     // The corners that remain with the first half, and those that remain with the second.
     let is_beside = |end: usize, corner: usize| {
@@ -129,30 +130,25 @@ fn shares_of_halves<const D: usize>(n: usize, side: u8, edge: [u8; 2]) -> [f64; 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::surface::DomainSide;
 
     #[test]
     fn halves_share_the_sides_that_a_cut_divides() {
         // The corners of a box are numbered with the first axis fastest, so the edge 01 is cut across the first axis.
-        let side_at = |x: [usize; 2]| {
-            let found = sides_of_domain::<2>(4).position(|side| x.iter().all(|k| side.corners().contains(k)));
-            found.unwrap() as u8
+        let shares = |corners: usize, ends: [usize; 2]| {
+            let has = |side: &DomainSide| ends.iter().all(|k| side.corners().contains(k));
+            let side = sides_of_domain::<2>(corners).position(|side| has(&side)).unwrap();
+            let (corners, side) = (corners as u8, side as u8);
+            shares_of_halves(&SideForce { point: 0, corners, side, force: [0.0; 2] }, [0, 1])
         };
-        assert_eq!(shares_of_halves::<2>(4, side_at([0, 1]), [0, 1]), [0.5; 2]);
-        assert_eq!(shares_of_halves::<2>(4, side_at([0, 2]), [0, 1]), [1.0, 0.0]);
-        assert_eq!(shares_of_halves::<2>(4, side_at([1, 3]), [0, 1]), [0.0, 1.0]);
-        let triangle = |x: [usize; 2]| {
-            let found = sides_of_domain::<2>(3).position(|side| x.iter().all(|k| side.corners().contains(k)));
-            found.unwrap() as u8
-        };
-        assert_eq!(shares_of_halves::<2>(3, triangle([0, 1]), [0, 1]), [0.5; 2]);
-        assert_eq!(shares_of_halves::<2>(3, triangle([0, 2]), [0, 1]), [1.0, 0.0]);
-        assert_eq!(shares_of_halves::<2>(3, triangle([1, 2]), [0, 1]), [0.0, 1.0]);
+        assert_eq!([[0, 1], [0, 2], [1, 3]].map(|ends| shares(4, ends)), [[0.5; 2], [1.0, 0.0], [0.0, 1.0]]);
+        assert_eq!([[0, 1], [0, 2], [1, 2]].map(|ends| shares(3, ends)), [[0.5; 2], [1.0, 0.0], [0.0, 1.0]]);
     }
 
     #[test]
     fn checkpoints_keep_forces_on_the_material() {
         let released = Released::<2> {
-            sides: vec![SideForce { point: 3, side: 1, force: [0.25, -1.0] }],
+            sides: vec![SideForce { point: 3, corners: 4, side: 1, force: [0.25, -1.0] }],
             points: vec![(7, [1e-3, 2.0])],
             ..Released::default()
         };

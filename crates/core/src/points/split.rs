@@ -170,8 +170,8 @@ impl<const D: usize> Points<D> {
     }
 }
 
-/// The edges of a domain that a cut through one of them divides, each from the first half to the second; empty if it cannot
-/// be cut there.
+/// The edges of a domain that a cut through one of them divides, each from the first half to the second; empty if it
+/// cannot be cut there.
 fn cut_edges<const D: usize>(corners: usize, [a, b]: [usize; 2]) -> Vec<[usize; 2]> {
     if corners == 1 << D {
         let axis = a ^ b;
@@ -187,8 +187,8 @@ fn cut_edges<const D: usize>(corners: usize, [a, b]: [usize; 2]) -> Vec<[usize; 
     }
 }
 
-/// The longest edge of a domain and its length; for 2^D corners, pyramids and wedges, lengths are averaged over parallel
-/// edges, the first of which is returned. `None` without corners.
+/// The longest edge of a domain and its length; for 2^D corners, pyramids and wedges, lengths are averaged over
+/// parallel edges, the first of which is returned. `None` without corners.
 fn longest_edge<const D: usize>(corners: &[[f64; D]]) -> Option<([u8; 2], f64)> {
     let length = |a: usize, b: usize| norm(&minus(&corners[b], &corners[a]));
     let mut longest: Option<([u8; 2], f64)> = None;

@@ -10,8 +10,8 @@ use crate::basis::Connectivity;
 use crate::model::Model;
 use crate::points::{Points, coordinates};
 
-/// Material at the nodes, relative to the largest amount that they have ever held, below which a warning is raised, [-]:
-/// reactions are then about 5 % too small.
+/// Material at the nodes, relative to the largest amount that they have ever held, below which a warning is raised,
+/// [-]: reactions are then about 5 % too small.
 const MIN_HELD: f64 = 0.7;
 
 /// The material at the nodes of one boundary condition.

@@ -35,8 +35,8 @@ impl<const D: usize> Facet<D> {
         Facet { corners: self.corners.map(|corner| motion.apply(&corner)), ..self }
     }
 
-    /// The part of the facet where a function, linear in the position, is not negative, as facets in the same orientation.
-    /// The facet stays whole, or is left out, if this changes the function by at most `slack`.
+    /// The part of the facet where a function, linear in the position, is not negative, as facets in the same
+    /// orientation. The facet stays whole, or is left out, if this changes the function by at most `slack`.
     pub(crate) fn above(&self, height: impl Fn(&[f64; D]) -> f64, slack: f64) -> Vec<Self> {
         let heights = self.corners.each_ref().map(height);
         if heights.iter().all(|h| *h >= -slack) {

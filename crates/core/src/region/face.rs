@@ -153,8 +153,8 @@ fn shared_edges(facets: &[Triangle]) -> Vec<([usize; 2], [usize; 2])> {
     shared
 }
 
-/// For the first facet of each plane, true if the width of the plane face, its area divided by its extent, is smaller than
-/// this.
+/// For the first facet of each plane, true if the width of the plane face, its area divided by its extent, is smaller
+/// than this.
 fn narrow(facets: &[Triangle], planes: &[usize], width: f64) -> Vec<bool> {
     let mut area = vec![0.0; facets.len()];
     let mut extent = vec![0.0f64; facets.len()];

@@ -41,8 +41,8 @@ pub enum Level {
 /// Facets that meet at small angles.
 #[derive(Debug, Clone)]
 pub struct FacetLevel {
-    /// The facets, in the order of the tree, and for each of their edges, from each corner to the next, whether it lies on
-    /// the border.
+    /// The facets, in the order of the tree, and for each of their edges, from each corner to the next, whether it lies
+    /// on the border.
     triangles: Vec<(Triangle, [bool; 3])>,
     tree: BoxTree<3>,
 }

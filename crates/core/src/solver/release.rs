@@ -51,11 +51,11 @@ fn adapt_to_stage<const D: usize, const N: usize>(
     !stage.removed.is_empty() || stage.lifts.iter().any(|lift| lift.is_placed)
 }
 
-/// The forces on the free unknowns that balance the converged state at the time of `step`, and the material that carries
-/// them. As these forces decrease, what was removed from the state gradually ceases to act, and what was added begins to act.
-/// The terms of the model and `further` terms are in the state `saved`, from which they discard the bodies that the
-/// present stage has removed. Fields beside the displacement release nothing: they begin the stage from the state that
-/// their terms keep.
+/// The forces on the free unknowns that balance the converged state at the time of `step`, and the material that
+/// carries them. As these forces decrease, what was removed from the state gradually ceases to act, and what was added
+/// begins to act. The terms of the model and `further` terms are in the state `saved`, from which they discard the
+/// bodies that the present stage has removed. Fields beside the displacement release nothing: they begin the stage from
+/// the state that their terms keep.
 ///
 /// # Errors
 /// [`SolveError`] if a point lies outside the grid, constraints contradict each other, or a load is not finite.

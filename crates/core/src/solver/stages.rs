@@ -108,8 +108,8 @@ pub struct Extension<'a, const D: usize, const N: usize = D> {
     pub kernels: Kernels<D, N>,
     /// The fields, the displacement first.
     pub fields: Fields,
-    /// Makes the further terms anew for each stage, and for each step on a grid that moves; a term that has a state must
-    /// save and restore it.
+    /// Makes the further terms anew for each stage, and for each step on a grid that moves; a term that has a state
+    /// must save and restore it.
     pub terms: FurtherTerms<'a, D, N>,
 }
 

@@ -15,7 +15,8 @@ use crate::timing::Timings;
 use super::diagnosis::Diagnosis;
 use super::placing::Placed;
 
-/// What is reported on a run up to its last converged step; [`Progress`](super::Progress) holds what the next step needs.
+/// What is reported on a run up to its last converged step; [`Progress`](super::Progress) holds what the next step
+/// needs.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
     /// Number of converged steps.

@@ -89,8 +89,8 @@ impl<const D: usize> Carried<D> {
         Ok(())
     }
 
-    /// The nodes of each sample with the mean of N_v over the side of a domain to which it belongs, in groups of samples
-    /// that share a side.
+    /// The nodes of each sample with the mean of N_v over the side of a domain to which it belongs, in groups of
+    /// samples that share a side.
     fn means(&self, grid: &dyn Grid<D>, links: &Connectivity<D>, cells: &[u32]) -> Vec<Vec<(u32, f64)>> {
         let mut means = Vec::with_capacity(self.len());
         while means.len() < self.len() {
@@ -252,16 +252,16 @@ impl<const D: usize> Carried<D> {
         self.facets[sample].map(|corner| &self.at_corners[corner as usize])
     }
 
-    /// The weights of the corners in the N_v of the side of a triangle in a body of revolution, [-]: the means of r λ_k over
-    /// the side at the start of the step, with the linear functions λ_k of the corners, relative to the mean of r.
+    /// The weights of the corners in the N_v of the side of a triangle in a body of revolution, [-]: the means of r λ_k
+    /// over the side at the start of the step, with the linear functions λ_k of the corners, relative to the mean of r.
     fn weights_by_radius(&self, sample: usize) -> [f64; D] {
         let radii = self.facets[sample].map(|corner| self.converged[corner as usize][0]);
         let sum: f64 = radii.iter().sum();
         if sum > 0.0 { radii.map(|r| (r + sum) / (3.0 * sum)) } else { [1.0 / D as f64; D] }
     }
 
-    /// Calls `visit` with the nodes of a sample and their N_v. If this is the mean over the corners of the facet, a node
-    /// of several corners is visited once for each corner, with the share of that corner in the mean.
+    /// Calls `visit` with the nodes of a sample and their N_v. If this is the mean over the corners of the facet, a
+    /// node of several corners is visited once for each corner, with the share of that corner in the mean.
     pub fn for_each_value(&self, sample: usize, mut visit: impl FnMut(usize, f64)) {
         if let Some(mean) = self.at_samples.get(sample).filter(|mean| !mean.is_empty()) {
             mean.iter().for_each(|(node, value)| visit(*node as usize, *value));

@@ -1,10 +1,10 @@
 //! The sides of domains that form a surface.
 //!
-//! By the divergence theorem, the internal force of a uniform stress σ in domains is the sum of N_v σ n a over their outer
-//! sides, where N_v is the mean of the basis over the side: in CPDI, over the corners of the side (of triangles and
-//! parallelograms), in GIMP, over all of it. A load or condition that samples the surface at exactly these sides, by the
-//! same rule, is therefore in equilibrium with a uniform stress, on any grid; one that samples it elsewhere is not, as
-//! soon as sides cross the boundaries of cells.
+//! By the divergence theorem, the internal force of a uniform stress σ in domains is the sum of N_v σ n a over their
+//! outer sides, where N_v is the mean of the basis over the side: in CPDI, over the corners of the side (of triangles
+//! and parallelograms), in GIMP, over all of it. A load or condition that samples the surface at exactly these sides,
+//! by the same rule, is therefore in equilibrium with a uniform stress, on any grid; one that samples it elsewhere is
+//! not, as soon as sides cross the boundaries of cells.
 
 use std::collections::HashMap;
 
@@ -27,8 +27,8 @@ const PARALLEL: f64 = 1.0 - 1e-9;
 const SAME: f64 = 1e-6;
 /// The same for domains that follow a curved boundary, [-].
 const SAME_CURVED: f64 = 0.03;
-/// Distance from a facet within which the centre of an outer side that follows a curved boundary lies at it, relative to
-/// the size of the side, [-].
+/// Distance from a facet within which the centre of an outer side that follows a curved boundary lies at it, relative
+/// to the size of the side, [-].
 const AT_FACET: f64 = 0.25;
 /// How far beside a facet a position may lie that is next to it, relative to its height above the facet, [-]: between
 /// neighbouring facets of a curve there are gaps outside it.
@@ -70,8 +70,8 @@ impl<const D: usize> Surface<D> {
         near.filter(|found| self.coincides_with(found, Match::Curved))
     }
 
-    /// This surface, sampled at the sides of all ranks that lie on it and are shared by no other domain; `None` if there
-    /// are none.
+    /// This surface, sampled at the sides of all ranks that lie on it and are shared by no other domain; `None` if
+    /// there are none.
     fn at(&self, own: Vec<Side>, rule: SideRule, ranks: &Ranks) -> Option<Self> {
         let mut sides: Vec<Side> = ranks.gather_all(own).into_iter().flatten().collect();
         let mut count: HashMap<Vec<u64>, usize> = HashMap::new();

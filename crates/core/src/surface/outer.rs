@@ -1,8 +1,8 @@
 //! The outer sides of domains: those that no other domain of their body shares.
 //!
-//! Sides are compared where the domains were at the start, so that neither the gaps and overlaps that updates of boxes and
-//! parallelograms leave, nor any motion of the body, matter: points keep their neighbours until they are split, removed or
-//! joined by others.
+//! Sides are compared where the domains were at the start, so that neither the gaps and overlaps that updates of boxes
+//! and parallelograms leave, nor any motion of the body, matter: points keep their neighbours until they are split,
+//! removed or joined by others.
 
 use rustc_hash::FxHashMap;
 
@@ -16,8 +16,8 @@ use crate::region::{BoxTree, area_vector, around};
 
 /// Size of the lattice in which centres of sides count as the same place, relative to the smallest side, [-].
 const SAME: f64 = 1e-4;
-/// Origin of this lattice in units of its size, [-]: a number that no grid has as a coordinate, so that round-off does not
-/// move centres from one cell of the lattice to the next.
+/// Origin of this lattice in units of its size, [-]: a number that no grid has as a coordinate, so that round-off does
+/// not move centres from one cell of the lattice to the next.
 const ORIGIN: f64 = 0.347_296_355_333_860_7;
 /// Distance beyond a side at which another domain is looked for, relative to the size of the domain, [-].
 const BEYOND: f64 = 1e-3;
@@ -93,8 +93,9 @@ pub fn corner_count<const D: usize>(points: &Points<D>, p: usize) -> usize {
     }
 }
 
-/// The corners of the domain of a point in the converged state, [length]: those of a box as the deformation gradient has
-/// moved them, which leaves neither gaps nor overlaps between neighbours in a uniform deformation, unlike the box itself.
+/// The corners of the domain of a point in the converged state, [length]: those of a box as the deformation gradient
+/// has moved them, which leaves neither gaps nor overlaps between neighbours in a uniform deformation, unlike the box
+/// itself.
 pub fn deformed_corners<'a, const D: usize>(
     points: &'a Points<D>,
     p: usize,
@@ -290,7 +291,8 @@ mod tests {
     use crate::material::Hencky;
     use crate::model::{Builder, Fill};
 
-    /// The outer sides of a block of 2 by 1 cells with a hole of one domain, as a count, and the sum of their area vectors.
+    /// The outer sides of a block of 2 by 1 cells with a hole of one domain, as a count, and the sum of their area
+    /// vectors.
     fn outer(method: Method, is_hole: bool) -> (u32, [f64; 2]) {
         let fill = Fill { method, ..Fill::default() };
         let solid = move |x: &[f64; 2]| {

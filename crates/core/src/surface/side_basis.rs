@@ -6,12 +6,13 @@ use crate::grid::{CellBasis, Grid, MAX_CORNERS};
 use crate::points::Points;
 use crate::region::vector::{along, minus};
 
-/// Distance towards its point by which a corner is moved to find its cell, relative to the distance from the point, [-].
+/// Distance towards its point by which a corner is moved to find its cell, relative to the distance from the point,
+/// [-].
 const INWARDS: f64 = 1e-6;
 
-/// The active nodes with the mean of N_v over a side of the domain of a point in the converged state, by the rule of its
-/// method: the mean over the corners for CPDI, the integral over the side for GIMP. Forces of the method's own uniform
-/// stress on the side have this distribution.
+/// The active nodes with the mean of N_v over a side of the domain of a point in the converged state, by the rule of
+/// its method: the mean over the corners for CPDI, the integral over the side for GIMP. The forces of a uniform stress
+/// on the side have this distribution. Empty if the domain has no such side.
 pub fn side_basis<const D: usize>(
     grid: &dyn Grid<D>,
     links: &Connectivity<D>,
@@ -23,7 +24,8 @@ pub fn side_basis<const D: usize>(
     let (body, cell) = (points.body[p], points.cell[p]);
     let mut buffer = [[0.0; D]; MAX_CORNERS];
     let domain = corners_of(points, p, &mut buffer);
-    let corners: Vec<[f64; D]> = side.corners().iter().map(|&k| domain[k]).collect();
+    let found: Option<Vec<[f64; D]>> = side.corners().iter().map(|&k| domain.get(k).copied()).collect();
+    let Some(corners) = found else { return Vec::new() };
     let active = |basis: CellBasis<D>| {
         let mut support = Support::default();
         for ((&node, &value), gradient) in basis.nodes().iter().zip(basis.value()).zip(basis.gradient()) {

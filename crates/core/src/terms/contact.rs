@@ -196,8 +196,8 @@ impl<const D: usize> Contact<D> {
         Contact::new(model).states(model)
     }
 
-    /// Evaluates all contact points; `farthest` is the largest displacement of a node, [length], and `kept` tells for each
-    /// tool whether contact points that carried force hold it at the start of the iterations.
+    /// Evaluates all contact points; `farthest` is the largest displacement of a node, [length], and `kept` tells for
+    /// each tool whether contact points that carried force hold it at the start of the iterations.
     fn try_all<const N: usize>(
         &mut self,
         model: &Model<D>,

@@ -6,7 +6,7 @@ use crate::basis::Connectivity;
 use crate::model::{Model, SideForce};
 use crate::points::Points;
 use crate::step::Nodal;
-use crate::surface::{corner_count, side_basis, sides_of_domain};
+use crate::surface::{side_basis, sides_of_domain};
 
 use super::on_points::on_nodes;
 
@@ -36,9 +36,9 @@ pub(super) fn released_forces<const D: usize>(
             (0..D).for_each(|d| forces[active][d] += force[d]);
         }
     }
-    for SideForce { point, side, force } in &released.sides {
+    for SideForce { point, corners, side, force } in &released.sides {
         let Some(&p) = place.get(point) else { continue };
-        let Some(side) = sides_of_domain::<D>(corner_count(points, p)).nth(usize::from(*side)) else {
+        let Some(side) = sides_of_domain::<D>(usize::from(*corners)).nth(usize::from(*side)) else {
             continue;
         };
         let method = model.bodies[points.body[p] as usize].method;

@@ -10,7 +10,8 @@ use crate::region::{Facet, area_vector};
 const SHARP: f64 = 0.87;
 
 /// Positions on the sharp corners of a plane shape, or on the sharp edges of a shape in space at a distance of at most
-/// `spacing`, in the frame of the tool, [length]; none of a shape that extends to infinity or is too large for `spacing`.
+/// `spacing`, in the frame of the tool, [length]; none of a shape that extends to infinity or is too large for
+/// `spacing`.
 pub fn sharp_positions<const D: usize>(shape: &dyn Shape<D>, spacing: f64) -> Vec<[f64; D]> {
     let Ok(outline) = shape.outline(spacing) else { return Vec::new() };
     let normal = |facet: &[u32; D]| {

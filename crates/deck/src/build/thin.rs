@@ -138,8 +138,8 @@ where
         bodies.iter().any(|&body| self.regions.bodies[body].contains_with(x, &in_group))
     }
 
-    /// The smallest thickness at a position over the axes and, in the planes of two axes along which no end is held, the
-    /// diagonals.
+    /// The smallest thickness at a position over the axes and, in the planes of two axes along which no end is held,
+    /// the diagonals.
     fn thickness(&self, x: &[f64; D]) -> Thickness {
         let sides = self.grid.spacing(self.grid.nearest_cell(x) as usize);
         let mut least = (f64::INFINITY, false);

@@ -17,8 +17,8 @@ const SAME: f64 = 1e-12;
 const LONGEST: usize = 60;
 
 /// Changes to a deck that prevent a run from resuming at `time`, each as a sentence. The number and size of steps, the
-/// tolerance of a strength reduction and what follows a slide, the `solver`, the curves of loads and boundary conditions after that time,
-/// titles, names of stages, checkpoints, and the output except its probes may change.
+/// tolerance of a strength reduction and what follows a slide, the `solver`, the curves of loads and boundary
+/// conditions after that time, titles, names of stages, checkpoints, and the output except its probes may change.
 pub fn changes(old: &Deck, new: &Deck, time: f64) -> Vec<String> {
     let mut found = Vec::new();
     compare("", &essential(old), &essential(new), &mut found);

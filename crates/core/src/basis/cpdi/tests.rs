@@ -77,8 +77,8 @@ fn conforms<const D: usize>(corners: &[[f64; D]], weights: &CornerWeights<D>) {
     }
 }
 
-/// The force of a uniform unit pressure on the sides of a pyramid or wedge, at its corners, by the rule of surfaces: the
-/// mean over the corners of a triangle, and over both divisions of a quadrilateral.
+/// The force of a uniform unit pressure on the sides of a pyramid or wedge, at its corners, by the rule of surfaces:
+/// the mean over the corners of a triangle, and over both divisions of a quadrilateral.
 fn forces_on_sides(shape: Collapsed, corners: &[[f64; 3]]) -> Vec<[f64; 3]> {
     let mut forces = vec![[0.0; 3]; corners.len()];
     for side in shape.sides() {

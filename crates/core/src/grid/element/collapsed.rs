@@ -1,16 +1,16 @@
 //! Pyramids and wedges: hexahedra some of whose corners coincide.
 //!
-//! They are domains of material points between hexahedra and tetrahedra; grids have no such cells. Their shape functions
-//! are those of the hexahedron, summed over the corners that coincide: bilinear on quadrilateral sides, linear on
-//! triangular ones, so that a side has the same mean as a side of a hexahedron or tetrahedron.
+//! They are domains of material points between hexahedra and tetrahedra; grids have no such cells. Their shape
+//! functions are those of the hexahedron, summed over the corners that coincide: bilinear on quadrilateral sides,
+//! linear on triangular ones, so that a side has the same mean as a side of a hexahedron or tetrahedron.
 
 use super::ElementShape;
 use crate::grid::vtk_corner;
 
 /// A pyramid or wedge in space, by its number of corners.
 ///
-/// Corners are in VTK order. Pyramid: first around the base, counterclockwise as seen from the tip, then the tip. Wedge:
-/// first around one triangle, counterclockwise as seen from outside, then their partners on the other one.
+/// Corners are in VTK order. Pyramid: first around the base, counterclockwise as seen from the tip, then the tip.
+/// Wedge: first around one triangle, counterclockwise as seen from outside, then their partners on the other one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Collapsed {
     /// Five corners.
@@ -76,8 +76,8 @@ impl Collapsed {
         }
     }
 
-    /// Three edges that meet at a corner, as the corners at their other ends, right-handed; at the tip of a pyramid, where
-    /// four meet, three of them.
+    /// Three edges that meet at a corner, as the corners at their other ends, right-handed; at the tip of a pyramid,
+    /// where four meet, three of them.
     pub fn edges_at(self, corner: usize) -> [usize; 3] {
         match (self, corner) {
             (Collapsed::Pyramid, 4) => [0, 2, 1],

@@ -104,8 +104,8 @@ impl<const D: usize> Mesh<D> {
         outer.par_iter().map(overlaps).reduce(|| (0, None), add)
     }
 
-    /// True if another cell overlaps the cell of a side at the boundary, and touches this side. If any cells overlap, some
-    /// side bounds the part of space that several cells cover.
+    /// True if another cell overlaps the cell of a side at the boundary, and touches this side. If any cells overlap,
+    /// some side bounds the part of space that several cells cover.
     fn is_overlapped_at(&self, BoundarySide { side, cell }: &BoundarySide) -> bool {
         let [low, high] = bounds(side.nodes().iter().map(|node| self.positions[*node as usize]));
         let margin = |x: &[f64; D]| 2.0 * Self::tolerance(self.size(*cell), x);

@@ -157,8 +157,8 @@ impl<const D: usize> Filling<'_, D> {
     }
 
     /// The outline of a region of the plane. If the region is filled cell by cell, only its part in the grid counts; if
-    /// only the polygon of a circle leaves the grid, it is cut off there, too. `None` if there is no outline, or if it is
-    /// larger than what can be filled.
+    /// only the polygon of a circle leaves the grid, it is cut off there, too. `None` if there is no outline, or if it
+    /// is larger than what can be filled.
     fn outline(&self, region: &Region<D>, lattice: &Lines<2>, is_by_cells: bool) -> Option<Outline> {
         let [low, high] = region.bounds().map(|x| [x[0], x[1 % D]]);
         if !(0..2).all(|d| low[d] < high[d]) {

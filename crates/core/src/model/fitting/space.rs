@@ -1,11 +1,11 @@
 //! Domains fitted to the boundary of a body in space.
 //!
 //! Corners of a lattice near the boundary move onto it: onto corners where three faces meet, then onto edges, then onto
-//! faces, as long as no cell of the lattice becomes too flat ([`warp`]). Cells that no face divides any more are domains,
-//! hexahedra, if they lie inside. Each of the others is divided into pyramids and tetrahedra around a position on the
-//! faces in it, or its centre ([`pieces`]), which are then cut along the faces ([`cut`]). All these share their corners with
-//! their neighbours, triangles lie next to triangles and quadrilaterals next to quadrilaterals, so that a uniform stress is
-//! in equilibrium with the tractions on the outer sides.
+//! faces, as long as no cell of the lattice becomes too flat ([`warp`]). Cells that no face divides any more are
+//! domains, hexahedra, if they lie inside. Each of the others is divided into pyramids and tetrahedra around a position
+//! on the faces in it, or its centre ([`pieces`]), which are then cut along the faces ([`cut`]). All these share their
+//! corners with their neighbours, triangles lie next to triangles and quadrilaterals next to quadrilaterals, so that a
+//! uniform stress is in equilibrium with the tractions on the outer sides.
 
 mod collapse;
 mod curved;

@@ -2,10 +2,10 @@
 //!
 //! What a removed body carried acts on the sides of domains that its removal exposes: each gets the traction σ n of its
 //! material point, corrected so that the nodal forces of all sides together come as close as possible to those that
-//! maintain equilibrium. The weight of an added body acts on its points. What is then left stays at nodes, which do not follow
-//! the material: all of it with standard points, which have no sides.
+//! maintain equilibrium. The weight of an added body acts on its points. What is then left stays at nodes, which do not
+//! follow the material: all of it with standard points, which have no sides.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
@@ -78,7 +78,8 @@ impl<const D: usize> RemovedDomains<D> {
 struct Carrier {
     /// Permanent number of the point.
     point: u32,
-    /// Number of the side of its domain; 0 for the point itself.
+    /// Number of corners of its domain, and the number of the side; 0 for the point itself.
+    corners: u8,
     side: u8,
     /// Force that it carries at first, [force].
     force: Vec<f64>,
@@ -99,7 +100,8 @@ fn total<const D: usize>(forces: &OnNodes<D>) -> f64 {
     forces.values().flatten().map(|f| f * f).sum::<f64>().sqrt()
 }
 
-/// Distributes forces on grid nodes that maintain equilibrium, [force], to the material. All ranks must call this together; all get the same forces.
+/// Distributes forces on grid nodes that maintain equilibrium, [force], to the material. All ranks must call this
+/// together; all get the same forces.
 pub(super) fn carried_by_material<const D: usize>(
     model: &Model<D>,
     points: &Points<D>,
@@ -126,6 +128,7 @@ pub(super) fn carried_by_material<const D: usize>(
     carry(&mut forces, &mut sides, true);
     released.sides.extend(sides.iter().map(|carrier| SideForce {
         point: carrier.point,
+        corners: carrier.corners,
         side: carrier.side,
         force: vector(carrier),
     }));
@@ -142,12 +145,11 @@ fn joined<const D: usize>(points: &Points<D>, own: Vec<Carrier>) -> Vec<Carrier>
     all
 }
 
-/// A point as a carrier.
+/// A point as the carrier of a force, [force].
 fn point_carrier<const D: usize>(
     points: &Points<D>,
     links: &Connectivity<D>,
     p: usize,
-    weight: f64,
     force: [f64; D],
 ) -> Carrier {
     let nodes = links.nodes_of(links.group_of(p));
@@ -155,7 +157,7 @@ fn point_carrier<const D: usize>(
     links.for_each_value(p, |local, value| {
         basis.push((links.active_nodes()[nodes[local] as usize], value));
     });
-    Carrier { point: points.id[p], side: 0, force: force.to_vec(), weight, basis }
+    Carrier { point: points.id[p], force: force.to_vec(), basis, ..Carrier::default() }
 }
 
 /// The points of bodies that the current stage adds, each with a force that cancels its loads.
@@ -165,17 +167,18 @@ fn weights_of_added<const D: usize>(
     links: &Connectivity<D>,
 ) -> Vec<Carrier> {
     let stage = &model.stages[model.present.stage];
-    let is_added = |p: &usize| stage.added.body.contains(&points.body[*p]);
     if stage.added.body.is_empty() {
         return Vec::new();
     }
+    let bodies: BTreeSet<u16> = stage.added.body.iter().copied().collect();
+    let is_added = |p: &usize| bodies.contains(&points.body[*p]);
     // Loads without a finite value end the run when the terms begin the stage.
     let start = model.stepping.start_time;
     let Ok((loads, _)) = forces_on_points(model, points, |load| load.curve.factor(start)) else {
         return Vec::new();
     };
     let added = (0..points.len()).filter(is_added);
-    added.map(|p| point_carrier(points, links, p, 0.0, loads[p].map(|f| -f))).collect()
+    added.map(|p| point_carrier(points, links, p, loads[p].map(|f| -f))).collect()
 }
 
 /// The sides that the stage has exposed, with the tractions of the stress of their points.
@@ -199,7 +202,8 @@ fn exposed_sides<const D: usize>(
         if mask == 0 || method == Method::Mpm {
             continue;
         }
-        for (number, side) in sides_of_domain::<D>(corner_count(points, p)).enumerate() {
+        let n = corner_count(points, p);
+        for (number, side) in sides_of_domain::<D>(n).enumerate() {
             if mask >> number & 1 == 0 {
                 continue;
             }
@@ -222,9 +226,8 @@ fn exposed_sides<const D: usize>(
             let stress = points.cauchy_stress(p);
             let force = |i: usize| (0..D).map(|j| stress.component(i, j) * area[j]).sum::<f64>();
             let force = if was_covered { (0..D).map(force).collect() } else { vec![0.0; D] };
-            let carrier =
-                Carrier { point: points.id[p], side: number as u8, force, weight: norm(&area), basis };
-            found.push(carrier);
+            let (corners, side) = (n as u8, number as u8);
+            found.push(Carrier { point: points.id[p], corners, side, force, weight: norm(&area), basis });
         }
     }
     found
@@ -334,8 +337,8 @@ mod tests {
 
     #[test]
     fn carriers_take_over_forces_on_nodes() {
-        // Three sides of length 1 along a line of nodes with a spacing of 1.5, and the nodal forces of a traction that is
-        // not that of their points.
+        // Three sides of length 1 along a line of nodes with a spacing of 1.5, and the nodal forces of a traction that
+        // is not that of their points.
         let basis = |x: f64| {
             let node = (x / 1.5).floor();
             vec![(node as u32, 1.0 - (x / 1.5 - node)), (node as u32 + 1, x / 1.5 - node)]

@@ -1,8 +1,9 @@
 //! The size of load steps: failed steps are cut, and later steps grow again.
 //!
 //! Steps that need few iterations grow as soon as the steps after a failure have succeeded. Others, such as those with
-//! contact, grow after more successes, whatever their iterations: a step of twice the size costs less than two steps. Where
-//! steps of some size fail again and again, the number of successes before the next attempt at this size doubles each time.
+//! contact, grow after more successes, whatever their iterations: a step of twice the size costs less than two steps.
+//! Where steps of some size fail again and again, the number of successes before the next attempt at this size doubles
+//! each time.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,11 +11,12 @@ use crate::model::{SAME_TIME, Stepping};
 
 /// A step may be followed by one of twice its size if it took at most this number of iterations.
 const FEW: usize = 8;
-/// Number of steps that must succeed after a failure before steps may grow; it doubles each time that steps of about the same
-/// size fail, at most this number of times.
+/// Number of steps that must succeed after a failure before steps may grow; it doubles each time that steps of about
+/// the same size fail, at most this number of times.
 const PATIENCE: u32 = 2;
 const MOST_DOUBLINGS: u32 = 5;
-/// Number of steps of the same size that must succeed before a smaller step than requested grows, whatever its iterations.
+/// Number of steps of the same size that must succeed before a smaller step than requested grows, whatever its
+/// iterations.
 const SUCCESSES: u32 = 4;
 /// Sizes count as the same if their ratio is below this, [-].
 const ALIKE: f64 = 1.5;
@@ -32,8 +34,8 @@ pub struct Pace {
     /// Number of steps of this size that have succeeded.
     #[serde(default)]
     successes: u32,
-    /// Size of the last step that failed, relative to a requested step, [-], and how often steps of about this size have
-    /// failed before; 0 once such a step has succeeded.
+    /// Size of the last step that failed, relative to a requested step, [-], and how often steps of about this size
+    /// have failed before; 0 once such a step has succeeded.
     #[serde(default)]
     failed_size: f64,
     #[serde(default)]

@@ -5,7 +5,7 @@
 //! | GIMP | corners of the box x_p ± l_p | N_v of the cell that holds the corner; on outer sides, see below |
 //! | CPDI1, CPDI2 | corners of the domain | N_v of the cell that holds the corner |
 //! | MPM | corners of the box x_p ± l_p, or x_p if the point has no box | N_v of the cell of x_p, extrapolated |
-//! | all | positions on outer sides that meet sharp corners and edges of tools (see [`super::on_sides`]) | the mean of N_v at the corners of the side |
+//! | GIMP, CPDI | positions on outer sides that edges of tools meet, see [`super::on_sides`] | mean of N_v at the corners |
 //! | all | x_p, to detect thin tools between the corners; not below a flat surface without edges | S_vp |
 //!
 //! Corners of several domains at the same place are one contact point: in CPDI2 always, in CPDI1 as long as the domains
@@ -18,8 +18,8 @@
 //! centres, its share of the side of a cube with the volume of the domain. A contact point far from all outer sides,
 //! as in a cut, has this area altogether.
 //!
-//! In GIMP, the forces of a uniform stress on an outer side are those of the mean N̄_v over the side. A corner c of a side
-//! with the corners k, that crosses lines of the grid, therefore has N_v(x_c) + N̄_v − Σ_k N_v(x_k)/n.
+//! In GIMP, the forces of a uniform stress on an outer side are those of the mean N̄_v over the side. A corner c of a
+//! side with the corners k, that crosses lines of the grid, therefore has N_v(x_c) + N̄_v − Σ_k N_v(x_k)/n.
 //!
 //! A corner on the boundary between cells belongs to the cell towards its material point. If a node of that cell is
 //! inactive, the next cell towards the material point is taken, and its basis is extrapolated to the corner.
@@ -42,9 +42,9 @@ use super::key::{CENTRE, FACE, Kept, Key, is_on_side};
 use super::motion::{Moving, farthest};
 use super::outer::Outer;
 
-/// Two positions count as being on different sides of the tool if the cosine of the angle between their normals is below
-/// this value, [-]. In one step, a contact point may thus slide around a corner with an interior angle of more than 60
-/// degrees.
+/// Two positions count as being on different sides of the tool if the cosine of the angle between their normals is
+/// below this value, [-]. In one step, a contact point may thus slide around a corner with an interior angle of more
+/// than 60 degrees.
 pub(super) const OTHER_SIDE: f64 = -0.5;
 
 /// Overlap or gap at the start of a step up to which surfaces count as touching, relative to the size of a cell, [-].
@@ -66,8 +66,8 @@ pub(super) struct Candidate<const D: usize> {
     pub(super) basis: Carriers,
     /// True if the surface of the tool is flat over all domains that share the contact point.
     pub(super) is_flat: bool,
-    /// True if the contact point is one of several, one for each face that meets in a re-entrant corner of the tool: in the
-    /// step, it sees the plane of its face alone.
+    /// True if the contact point is one of several, one for each face that meets in a re-entrant corner of the tool: in
+    /// the step, it sees the plane of its face alone.
     pub(super) keeps_face: bool,
     /// Largest motion of the contact point if no node moves farther than 1, [-].
     pub(super) reach: f64,
@@ -150,7 +150,8 @@ impl<const D: usize> Candidate<D> {
         if self.area > 0.0 { self.area } else { self.bearing }
     }
 
-    /// True if the surface of the tool is a plane: flat over the domains, and without curvature, or one face of several.
+    /// True if the surface of the tool is a plane: flat over the domains, and without curvature, or one face of
+    /// several.
     pub(super) fn is_at_plane(&self) -> bool {
         self.keeps_face || self.is_flat && self.near.normal_derivative == [[0.0; D]; D]
     }
@@ -314,9 +315,9 @@ impl<const D: usize> Search<'_, D> {
         carriers
     }
 
-    /// The active nodes that move a corner of a material point, and N_v there. On a GIMP domain, what the mean over each
-    /// outer side that faces the tool differs from the mean over its corners is added, so that the forces of all corners
-    /// together are those of the sides; a corner of a body that deforms uniformly moves as before.
+    /// The active nodes that move a corner of a material point, and N_v there. On a GIMP domain, what the mean over
+    /// each outer side that faces the tool differs from the mean over its corners is added, so that the forces of all
+    /// corners together are those of the sides; a corner of a body that deforms uniformly moves as before.
     fn basis_of_corner(&self, p: usize, number: usize, corner: &[f64; D], outer: &Outer<D>) -> Carriers {
         let Search { model, points, .. } = *self;
         let method = model.bodies[points.body[p] as usize].method;
@@ -372,9 +373,9 @@ impl<const D: usize> Search<'_, D> {
         }
     }
 
-    /// The active nodes that move a corner of a material point, and N_v there, with the cell whose nodes these are if all
-    /// of them are active. The domain touches all cells that are tried, so each rank has the nodes for its own material
-    /// points.
+    /// The active nodes that move a corner of a material point, and N_v there, with the cell whose nodes these are if
+    /// all of them are active. The domain touches all cells that are tried, so each rank has the nodes for its own
+    /// material points.
     fn basis(&self, p: usize, corner: &[f64; D], method: Method) -> (Option<u32>, Carriers) {
         let (grid, points) = (self.model.grid.as_ref(), self.points);
         let (body, cell) = (points.body[p], points.cell[p]);
@@ -390,8 +391,8 @@ impl<const D: usize> Search<'_, D> {
         inwards.iter().find_map(carriers).unwrap_or_else(last)
     }
 
-    /// A basis in terms of the active nodes that a body sees; `None` if a node is inactive. If `is_last`, nodes that move with active
-    /// nodes are accepted as well.
+    /// A basis in terms of the active nodes that a body sees; `None` if a node is inactive. If `is_last`, nodes that
+    /// move with active nodes are accepted as well.
     fn active(&self, body: u16, basis: &CellBasis<D>, is_last: bool) -> Option<Carriers> {
         let mut active = Carriers(Vec::with_capacity(basis.nodes().len()));
         for (&node, &value) in basis.nodes().iter().zip(basis.value()) {

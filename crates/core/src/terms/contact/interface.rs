@@ -137,7 +137,8 @@ pub(super) struct Approach<const D: usize> {
     /// the shear, so that they hold the body.
     pub(super) at_rest: bool,
     /// True at the start of the iterations if the prescribed part of the motion would part a free tool from all bodies:
-    /// contact points that carried force then hold the tool, even by tension, until the free part of its motion is known.
+    /// contact points that carried force then hold the tool, even by tension, until the free part of its motion is
+    /// known.
     pub(super) is_kept: bool,
 }
 

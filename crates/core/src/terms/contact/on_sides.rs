@@ -1,9 +1,9 @@
 //! Contact points where a sharp corner or edge of a tool meets an outer side of a domain between its corners.
 //!
-//! Corners of domains do not feel a tool that is smaller than a side, or sharp. A position on the edge of a tool that lies
-//! above or below a side therefore has a contact point on this side: it moves with the side, and touches the plane through
-//! the position that is parallel to the side. It is left out where a corner of the side meets the tool no later, unless it
-//! has touched already.
+//! Corners of domains do not feel a tool that is smaller than a side, or sharp. A position on the edge of a tool that
+//! lies above or below a side therefore has a contact point on this side: it moves with the side, and touches the plane
+//! through the position that is parallel to the side. It is left out where a corner of the side meets the tool no
+//! later, unless it has touched already.
 
 use crate::grid::MAX_CORNERS;
 use crate::region::around;
@@ -20,7 +20,8 @@ use super::outer::Outer;
 const DEEPEST: f64 = 0.25;
 /// Distance from the corners of a side, relative to its size, within which its corners alone touch the tool, [-].
 const AT_CORNER: f64 = 1e-3;
-/// Distance of a corner of a side from the tool, relative to the size of a cell, up to which it stands for the side, [-].
+/// Distance of a corner of a side from the tool, relative to the size of a cell, up to which it stands for the side,
+/// [-].
 const AT_TOOL: f64 = 0.05;
 /// Distance relative to the size of a cell at which the shape of the tool around an edge is explored, [-].
 const NEARBY: f64 = 1e-3;
@@ -84,8 +85,9 @@ struct OnSide<const D: usize> {
 }
 
 impl<const D: usize> Search<'_, D> {
-    /// Adds the contact points at which edges of a tool meet the outer sides of a material point; `reach` is the largest
-    /// distance that a contact point may move in the step, and `at_corners` are the gaps of the corners, [length].
+    /// Adds the contact points at which edges of a tool meet the outer sides of a material point; `reach` is the
+    /// largest distance that a contact point may move in the step, and `at_corners` are the gaps of the corners,
+    /// [length].
     pub(super) fn edges_on_sides(
         &self,
         p: usize,
@@ -148,8 +150,8 @@ impl<const D: usize> Search<'_, D> {
         }
     }
 
-    /// The contact point at which a position on an edge of a tool meets a side; `None` if it is too far from the side, or
-    /// if a face of the tool meets the side instead.
+    /// The contact point at which a position on an edge of a tool meets a side; `None` if it is too far from the side,
+    /// or if a face of the tool meets the side instead.
     fn edge_on_side(
         &self,
         tool: usize,

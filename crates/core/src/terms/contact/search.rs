@@ -32,26 +32,26 @@ const FLAT: f64 = 0.99;
 /// Additional search distance, in cells, which lets the search skip the next material points.
 const AHEAD: f64 = 4.0;
 
-/// Distance from the faces of a re-entrant corner of a tool within which a contact point may touch all of them, relative to
-/// the size of a cell, [-].
+/// Distance from the faces of a re-entrant corner of a tool within which a contact point may touch all of them,
+/// relative to the size of a cell, [-].
 const BETWEEN_FACES: f64 = 0.25;
 
-/// Distance from the edge of a tool within which outer sides of the body tell which of its faces they touch, relative to
-/// the size of a cell, [-].
+/// Distance from the edge of a tool within which outer sides of the body tell which of its faces they touch, relative
+/// to the size of a cell, [-].
 const NEAR_EDGE: f64 = 0.5;
-/// Difference between the cosines of the angles at which two faces of a tool face a side, above which the side touches only
-/// one of them, [-].
+/// Difference between the cosines of the angles at which two faces of a tool face a side, above which the side touches
+/// only one of them, [-].
 const BETTER: f64 = 0.2;
 
 /// Cosine of the angle at which a face of a tool faces a side, below which the side passes this face by, [-].
 const ASIDE: f64 = 0.2;
-/// Distance beside a face, relative to the size of a cell, up to which a side that faces it still touches its plane, [-]; for
-/// contact points that have touched the tool already, and for others. At the edge of a rough punch, corners of domains stay
-/// within the tolerance of contact.
+/// Distance beside a face, relative to the size of a cell, up to which a side that faces it still touches its plane,
+/// [-]; for contact points that have touched the tool already, and for others. At the edge of a rough punch, corners of
+/// domains stay within the tolerance of contact.
 const STILL_ON_FACE: f64 = 0.05;
 const ON_FACE: f64 = 1e-3;
-/// Depth below the faces at an edge, relative to the size of a cell, down to which a side chooses among them, [-]; for contact
-/// points that have touched the tool already, and for others.
+/// Depth below the faces at an edge, relative to the size of a cell, down to which a side chooses among them, [-]; for
+/// contact points that have touched the tool already, and for others.
 const STILL_SHALLOW: f64 = 0.5;
 const SHALLOW: f64 = 0.1;
 
@@ -207,10 +207,10 @@ impl<const D: usize> Search<'_, D> {
         Ok(())
     }
 
-    /// Adds the contact points at a corner or centre: one or, in a re-entrant corner of the tool, one for each face that
-    /// the body may touch there. Beside an edge of the tool, an outer side of the body touches the plane of the face that it
-    /// faces during the step: a blunt corner that slides over flat ground does not plough, and a corner of a domain at the edge
-    /// of a punch does not change from the base to the side.
+    /// Adds the contact points at a corner or centre: one or, in a re-entrant corner of the tool, one for each face
+    /// that the body may touch there. Beside an edge of the tool, an outer side of the body touches the plane of the
+    /// face that it faces during the step: a blunt corner that slides over flat ground does not plough, and a corner of
+    /// a domain at the edge of a punch does not change from the base to the side.
     fn add_places(
         &self,
         point: &NearPoint<D>,
@@ -330,7 +330,8 @@ impl<const D: usize> Search<'_, D> {
 
     /// Joins the corners that domains share; the first of them takes over the area of the others.
     fn join_shared(&self, pieces: &mut Vec<Found<D>>) {
-        // CPDI1 domains share corners as long as they have not drifted apart; boxes differ in the means over their sides.
+        // CPDI1 domains share corners as long as they have not drifted apart; boxes differ in the means over their
+        // sides.
         let is_shared = |body: usize| matches!(self.model.bodies[body].method, Method::Cpdi1 | Method::Cpdi2);
         if !(0..self.model.bodies.len()).any(is_shared) {
             return;
@@ -436,8 +437,8 @@ pub(super) fn place_of(shared: &[u32], node: usize) -> Option<usize> {
     shared.binary_search(&(node as u32)).ok()
 }
 
-/// The corner of a domain near a tool, as one rank sends it to others, with the position of the cell of its material point
-/// in the order of the grid.
+/// The corner of a domain near a tool, as one rank sends it to others, with the position of the cell of its material
+/// point in the order of the grid.
 struct Corner<const D: usize> {
     order: u32,
     near: Near<D>,

@@ -1,20 +1,22 @@
 //! The areas of contact points: parts of the outer sides of domains that face a tool.
 //!
-//! The force of a uniform stress on a tool is the sum over the outer sides of the domains (see [`crate::surface`]), and so
-//! is the area on which adhesion and tension act: the projection of each side along the normal n of the tool, −A·n. Sides
-//! of boxes are taken as the deformation gradient has moved them, because boxes that stay parallel to the axes cover a
-//! tilted surface with gaps or overlaps.
+//! The force of a uniform stress on a tool is the sum over the outer sides of the domains (see [`crate::surface`]), and
+//! so is the area on which adhesion and tension act: the projection of each side along the normal n of the tool, −A·n.
+//! Sides of boxes are taken as the deformation gradient has moved them, because boxes that stay parallel to the axes
+//! cover a tilted surface with gaps or overlaps.
 //!
-//! Areas refer to the surface of the tool: on a side at the height g above a curved tool, they shrink by det(I − g ∂n/∂x).
+//! Areas refer to the surface of the tool: on a side at the height g above a curved tool, they shrink by det(I − g
+//! ∂n/∂x).
 //!
-//! Boxes cover inclined ground with staircases. Their steep sides count, too, if the next side that faces the tool begins at
-//! their far end; the free side of a block does not.
+//! Boxes cover inclined ground with staircases. Their steep sides count, too, if the next side that faces the tool
+//! begins at their far end; the free side of a block does not.
 //!
-//! Sides are divided into pieces. A piece belongs to its corner of the side if this corner touches the tool. Often it does
-//! not: where domains drift apart, as boxes and the parallelograms of CPDI1 do, one of two neighbouring corners touches
-//! first and keeps the other from touching; a cell of the grid can follow a curved tool at a few corners only; and where
-//! ground is stretched along a tool, corners of domains below the surface touch it. A piece then belongs to the nearest
-//! contact point that touches, if the piece lies on the tool, or close to it between contact points that touch.
+//! Sides are divided into pieces. A piece belongs to its corner of the side if this corner touches the tool. Often it
+//! does not: where domains drift apart, as boxes and the parallelograms of CPDI1 do, one of two neighbouring corners
+//! touches first and keeps the other from touching; a cell of the grid can follow a curved tool at a few corners only;
+//! and where ground is stretched along a tool, corners of domains below the surface touch it. A piece then belongs to
+//! the nearest contact point that touches, if the piece lies on the tool, or close to it between contact points that
+//! touch.
 
 use std::f64::consts::TAU;
 
@@ -36,11 +38,11 @@ use super::ranks::{Plain, gathered, plain_parts};
 plain_parts!([const D: usize] SidePiece<D>, { key, body, position, corner, normal, area, lift, size, is_riser, end });
 plain_parts!([const D: usize] Place<D>, { key, body, start, normal, touches, is_outer });
 
-/// Smallest cosine of the angle between the outward normal of a side and the direction into the tool with which the side
-/// faces the tool, [-].
+/// Smallest cosine of the angle between the outward normal of a side and the direction into the tool with which the
+/// side faces the tool, [-].
 const FACING: f64 = 0.5;
-/// Smallest cosine of the same angle for the risers of a staircase of boxes, [-]; and the distance from the end of a riser,
-/// relative to the size of a cell, within which the next tread begins, [-].
+/// Smallest cosine of the same angle for the risers of a staircase of boxes, [-]; and the distance from the end of a
+/// riser, relative to the size of a cell, within which the next tread begins, [-].
 const RISING: f64 = 0.02;
 const NEXT_TREAD: f64 = 0.3;
 /// Length of the pieces of a side, relative to the size of a cell, [-], and largest number of pieces along an edge.
@@ -50,8 +52,8 @@ const MOST_PIECES: usize = 32;
 const LEVEL: f64 = 0.03;
 /// Distance within which contact points that touch enclose a piece, relative to the size of a cell, [-].
 const AROUND: f64 = 2.0;
-/// Height above the tool of a piece that such contact points enclose up to which only the drift of domains, or the grid,
-/// keeps it from touching, relative to the size of a cell, [-].
+/// Height above the tool of a piece that such contact points enclose up to which only the drift of domains, or the
+/// grid, keeps it from touching, relative to the size of a cell, [-].
 const MOST_LIFT: f64 = 0.5;
 /// Largest angle between the directions to contact points that enclose a piece, [rad].
 const OPEN: f64 = 0.6 * TAU;
@@ -79,7 +81,7 @@ pub(super) struct SidePiece<const D: usize> {
     /// True if the side is steep: it counts if it is the riser of a staircase, with another side that faces the tool at
     /// its far end.
     is_riser: bool,
-    /// The corner of the side that is farthest from the tool, [length].
+    /// Of a steep side, the corner that is farthest from the tool, [length].
     end: [f64; D],
 }
 
@@ -116,8 +118,8 @@ fn pieces<const D: usize>(side: &DomainSide, domain: &[[f64; D]], size: f64) -> 
     }
 }
 
-/// The ratio of an area on the surface of a tool to that on the parallel surface at the height of this closest point, [-]:
-/// det(I − g ∂n/∂x), 0 where the closest point is an edge.
+/// The ratio of an area on the surface of a tool to that on the parallel surface at the height of this closest point,
+/// [-]: det(I − g ∂n/∂x), 0 where the closest point is an edge.
 fn on_tool<const D: usize>(near: &Closest<D>) -> f64 {
     let h = &near.normal_derivative;
     let trace: f64 = (0..D).map(|d| h[d][d]).sum();
@@ -154,14 +156,14 @@ impl<const D: usize> Search<'_, D> {
                 continue;
             }
             let (whole, pieces) = (side.area(corners), pieces(&side, corners, size));
-            let gap = |k: &usize| {
-                moving
-                    .start
-                    .closest(shape, corners[*k], f64::INFINITY)
-                    .map_or(f64::INFINITY, |found| found.gap)
+            let gap = |k: usize| {
+                let found = moving.start.closest(shape, corners[k], f64::INFINITY);
+                found.map_or(f64::INFINITY, |found| found.gap)
             };
-            let far = side.corners().iter().copied().max_by(|a, b| gap(a).total_cmp(&gap(b)));
-            let end = far.map_or(points.converged.position[p], |k| corners[k]);
+            let far_end = || {
+                let gaps = side.corners().iter().map(|&k| (k, gap(k)));
+                gaps.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(k, _)| corners[k])
+            };
             let least = if is_box { RISING } else { FACING };
             let mut faces = false;
             for weights in &pieces {
@@ -189,7 +191,7 @@ impl<const D: usize> Search<'_, D> {
                     lift: near.gap,
                     size,
                     is_riser,
-                    end,
+                    end: is_riser.then(far_end).flatten().unwrap_or(position),
                 });
             }
             for &corner in side.corners() {
@@ -213,8 +215,8 @@ struct Place<const D: usize> {
     is_outer: bool,
 }
 
-/// Gives the pieces of sides to contact points, whose multipliers at the start of the step tell which of them touch. All
-/// ranks must call this together.
+/// Gives the pieces of sides to contact points, whose multipliers at the start of the step tell which of them touch.
+/// All ranks must call this together.
 pub(super) fn share_out<const D: usize>(
     reduction: &Reduction,
     pieces: Vec<SidePiece<D>>,
@@ -259,8 +261,8 @@ pub(super) fn share_out<const D: usize>(
     }
 }
 
-/// The pieces without those of steep sides that do not lead to the next tread of a staircase, such as the free side of a
-/// block.
+/// The pieces without those of steep sides that do not lead to the next tread of a staircase, such as the free side of
+/// a block.
 fn without_loose_risers<const D: usize>(mut pieces: Vec<SidePiece<D>>) -> Vec<SidePiece<D>> {
     let size = pieces.iter().map(|piece| piece.size).fold(0.0, f64::max);
     if size == 0.0 || !pieces.iter().any(|piece| piece.is_riser) {

@@ -1,15 +1,15 @@
 //! Stiffness that supports free tools whose contact points all slide with friction.
 //!
-//! As long as no contact point sticks, friction does not resist further motion along the surface: the equations of the tool
-//! may be singular. The motions v of a tool without rates of approach, n · v = 0 at all contact points, are therefore given
-//! the stiffness of the cells below along the surface. With the rates v_j of the free components j, and the stiffness k of
-//! the cells,
+//! As long as no contact point sticks, friction does not resist further motion along the surface: the equations of the
+//! tool may be singular. The motions v of a tool without rates of approach, n · v = 0 at all contact points, are
+//! therefore given the stiffness of the cells below along the surface. With the rates v_j of the free components j, and
+//! the stiffness k of the cells,
 //!
 //! N_ij = Σ k (n · v_i)(n · v_j),  T_ij = Σ k v_i · (I − n⊗n) v_j,
 //!
-//! these are the motions with N z = λ (N + T) z and λ = 0. Motions with small λ are supported in part, those that the contact
-//! points hold by their pressure not at all, so the support does not depend on the place to which the motion of the tool
-//! refers.
+//! these are the motions with N z = λ (N + T) z and λ = 0. Motions with small λ are supported in part, those that the
+//! contact points hold by their pressure not at all, so the support does not depend on the place to which the motion of
+//! the tool refers.
 
 use nalgebra::{DMatrix, SymmetricEigen};
 
@@ -22,12 +22,12 @@ use crate::region::vector::{along, dot};
 
 /// λ at which the support vanishes, [-].
 const HELD: f64 = 1e-3;
-/// Share of the largest entry on the diagonal of N + T that is added to the diagonal, [-]: components that move no contact
-/// point have no entries.
+/// Share of the largest entry on the diagonal of N + T that is added to the diagonal, [-]: components that move no
+/// contact point have no entries.
 const RIDGE: f64 = 1e-12;
 
-/// Adds the support of the tools that have no contact point that sticks; `holds` tells which tools have one. All ranks must
-/// call this together.
+/// Adds the support of the tools that have no contact point that sticks; `holds` tells which tools have one. All ranks
+/// must call this together.
 pub(super) fn support_sliding<const D: usize, const N: usize>(
     tools: &[Moving<D>],
     pairs: &[(&Candidate<D>, &Trial<D>)],

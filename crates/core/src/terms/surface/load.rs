@@ -118,8 +118,8 @@ impl<const D: usize> Values<D> {
     }
 }
 
-/// The mean of a formula over the facet of each sample, from its values at the centres of pieces of at most a quarter of
-/// a cell.
+/// The mean of a formula over the facet of each sample, from its values at the centres of pieces of at most a quarter
+/// of a cell.
 fn mean_values<const D: usize, const N: usize>(
     load: &Load<D>,
     surface: &Surface<D>,

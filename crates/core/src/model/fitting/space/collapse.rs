@@ -26,8 +26,8 @@ struct Pieces<'a> {
 }
 
 impl Fitting<'_> {
-    /// The pieces without those that are flat, as far as possible. The corners `fixed` stay. `moved` receives each corner
-    /// that has moved with the one to which it has moved.
+    /// The pieces without those that are flat, as far as possible. The corners `fixed` stay. `moved` receives each
+    /// corner that has moved with the one to which it has moved.
     pub(super) fn without_flat_pieces(
         &self,
         pieces: Vec<Piece>,
@@ -62,8 +62,8 @@ impl Fitting<'_> {
         pieces.all.into_iter().flatten().collect()
     }
 
-    /// The edge of a flat tetrahedron whose collapse makes the pieces around it least flat, if any may collapse: the corner
-    /// that goes, and the one to which it moves.
+    /// The edge of a flat tetrahedron whose collapse makes the pieces around it least flat, if any may collapse: the
+    /// corner that goes, and the one to which it moves.
     fn best_edge(&self, pieces: &Pieces, number: usize, flatness: f64) -> Option<[usize; 2]> {
         let piece = pieces.all[number].as_ref().filter(|piece| self.flatness(piece) == flatness)?;
         let mut best: Option<(f64, [usize; 2])> = None;
@@ -133,8 +133,8 @@ impl Fitting<'_> {
             && faces.iter().all(|&face| self.height(from, face) != 0.0 || self.height(to, face) == 0.0)
     }
 
-    /// The smallest determinant of the Jacobian at a corner of a tetrahedron, or at the base of a pyramid, relative to its
-    /// cell, [-].
+    /// The smallest determinant of the Jacobian at a corner of a tetrahedron, or at the base of a pyramid, relative to
+    /// its cell, [-].
     fn flatness(&self, piece: &Piece) -> f64 {
         let size = self.size_of_cell(piece.cell);
         let corners = &piece.corners;

@@ -1,5 +1,5 @@
-//! Curved faces: domains whose corners lie on them have too small a volume on the outer side, and too large a one on the
-//! inner side, so their corners lie a little above or below.
+//! Curved faces: domains whose corners lie on them have too small a volume on the outer side, and too large a one on
+//! the inner side, so their corners lie a little above or below.
 
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
@@ -90,8 +90,8 @@ impl Fitting<'_> {
         sides
     }
 
-    /// The area of a side, [length²], and its mean height above a face that contains its corners, [length], by rules that
-    /// are exact for quadratic heights on a triangle and a bilinear quadrilateral.
+    /// The area of a side, [length²], and its mean height above a face that contains its corners, [length], by rules
+    /// that are exact for quadratic heights on a triangle and a bilinear quadrilateral.
     fn mean_height(&self, corners: &[[f64; 3]], face: u32) -> (f64, f64) {
         let n = corners.len();
         let height = |x: &[f64; 3]| self.faces[face as usize].height(x).0;

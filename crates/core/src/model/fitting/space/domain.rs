@@ -31,7 +31,8 @@ impl SolidDomain {
 pub(in crate::model) struct SolidDomains {
     /// In the order of the cells of the lattice.
     pub domains: Vec<SolidDomain>,
-    /// The position on a curved face that is farthest from the domains, if these do not follow the face there, [length].
+    /// The position on a curved face that is farthest from the domains, if these do not follow the face there,
+    /// [length].
     pub apart: Option<[f64; 3]>,
 }
 

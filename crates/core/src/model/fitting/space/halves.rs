@@ -4,8 +4,8 @@ use super::lattice::Fitting;
 use super::pieces::{Crossed, Piece, edges, sides};
 
 impl Fitting<'_> {
-    /// The only piece of a cell inside the region, a tetrahedron, pyramid or wedge, if the rest of the cell lies outside;
-    /// with it, the corners of this rest.
+    /// The only piece of a cell inside the region, a tetrahedron, pyramid or wedge, if the rest of the cell lies
+    /// outside; with it, the corners of this rest.
     pub(super) fn only_piece(&self, cell: usize, crossed: &Crossed) -> Option<(Piece, Vec<usize>)> {
         let corners = self.corners_of(cell);
         let mixed = |face: &&u32| super::pieces::has_both_signs(&self.heights(&corners, **face));

@@ -169,8 +169,8 @@ impl<'a> Fitting<'a> {
         if height.abs() <= ON_FACE * least { 0.0 } else { height }
     }
 
-    /// The position on all these faces nearest to another one, in cells of this size; coordinates along `fixed` axes stay.
-    /// `None` if there is none.
+    /// The position on all these faces nearest to another one, in cells of this size; coordinates along `fixed` axes
+    /// stay. `None` if there is none.
     pub(super) fn projected(
         &self,
         x: &[f64; 3],

@@ -43,8 +43,8 @@ impl Fitting<'_> {
         }
     }
 
-    /// Finds the faces in each cell anew, now that its corners have moved: those of the cells around it of which a facet
-    /// lies on the inner side of all its sides.
+    /// Finds the faces in each cell anew, now that its corners have moved: those of the cells around it of which a
+    /// facet lies on the inner side of all its sides.
     pub(super) fn find_faces_in_cells(&mut self) {
         let mut cells: Vec<usize> = (self.near.keys().copied())
             .flat_map(|cell| self.corners_of(cell))

@@ -9,8 +9,8 @@ use crate::grid::vtk_corner;
 use crate::region::vector::along;
 use crate::tensor::Mat3;
 
-/// Smallest determinant of the Jacobian of a tetrahedron around the position in a cell, and at a corner of the base of a
-/// pyramid, relative to that of the cell, [-].
+/// Smallest determinant of the Jacobian of a tetrahedron around the position in a cell, and at a corner of the base of
+/// a pyramid, relative to that of the cell, [-].
 pub(super) const FLATTEST: f64 = 0.02;
 /// Largest number of faces in a cell that are tried together.
 const MOST_FACES: usize = 5;

@@ -5,7 +5,8 @@ use crate::grid::element::corner_side;
 use crate::region::vector::norm;
 use crate::tensor::Mat3;
 
-/// Distance from a face within which a corner moves onto it, along the axis that crosses it most directly, in cells, [-].
+/// Distance from a face within which a corner moves onto it, along the axis that crosses it most directly, in cells,
+/// [-].
 const NEAR: f64 = 0.5;
 /// Largest distance by which a corner moves onto a face, an edge, and a corner of the region, in cells, [-].
 const FARTHEST: [f64; 3] = [0.51, 0.75, 0.9];
