@@ -189,6 +189,7 @@ def test_locking_is_named_where_pressures_alternate_in_isochoric_flow(diagnosis_
 
 PRESSED = """version: 1
 title: A tool pressed deep into clay
+analysis: {stabilisation: {parameter: 0.1}}
 grid: {type: structured, origin: [0, 0], size: [4, 3.5], spacing: 0.5}
 materials: {clay: {model: tresca, young: 3e6, poisson: 0.49, cohesion: 1e4, density: 1800}}
 bodies:

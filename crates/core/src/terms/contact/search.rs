@@ -184,16 +184,18 @@ impl<const D: usize> Search<'_, D> {
         let at_start = |x: &[f64; D]| moving.start.closest(tool.shape.as_ref(), *x, f64::INFINITY);
         let mut at_corners = [None; MAX_CORNERS];
         at_corners.iter_mut().zip(point.corners).for_each(|(found, corner)| *found = at_start(corner));
-        let at_corners = &at_corners[..point.corners.len()];
+        let at_corners = &mut at_corners[..point.corners.len()];
         let is_parallel = |found: &Closest<D>| dot(&found.normal, &near.normal) > FLAT;
         let is_flat =
             !tool.shape.has_edges() && at_corners.iter().all(|found| found.as_ref().is_some_and(is_parallel));
         let asleep = if is_flat { self.awake[point.tool] } else { f64::INFINITY };
         let outer = self.outer_sides(point.p, point.tool, point.corners, &mut found.sides);
-        for (corner, (start, at_corner)) in point.corners.iter().zip(at_corners).enumerate() {
-            if let Some(at_corner) = at_corner.as_ref().filter(|found| found.gap <= asleep) {
+        for (corner, (start, at_corner)) in point.corners.iter().zip(&mut *at_corners).enumerate() {
+            if let Some(near) = at_corner.filter(|found| found.gap <= asleep) {
                 let place = ContactCorner { corner, start: *start, outer: outer[corner], is_flat };
-                self.add_places(point, &place, *at_corner, found)?;
+                if !self.add_places(point, &place, near, found)? {
+                    *at_corner = None;
+                }
             }
         }
         self.edges_on_sides(point.p, point.tool, point.reach, at_corners, &mut found.places);
@@ -210,19 +212,21 @@ impl<const D: usize> Search<'_, D> {
     /// Adds the contact points at a corner or centre: one or, in a re-entrant corner of the tool, one for each face
     /// that the body may touch there. Beside an edge of the tool, an outer side of the body touches the plane of the
     /// face that it faces during the step: a blunt corner that slides over flat ground does not plough, and a corner of
-    /// a domain at the edge of a punch does not change from the base to the side.
+    /// a domain at the edge of a punch does not change from the base to the side. False if the corner lies aside: it
+    /// then does not stand for its sides either, which may meet the edge.
     fn add_places(
         &self,
         point: &NearPoint<D>,
         place: &ContactCorner<D>,
         near: Closest<D>,
         found: &mut Found<D>,
-    ) -> Result<(), ContactError> {
+    ) -> Result<bool, ContactError> {
         let (tool, moving) = (&self.model.tools[point.tool], &self.tools[point.tool]);
         let x = moving.start.to_tool(&place.start);
         let faces = tool.shape.faces_near(&x, NEAR_EDGE * point.size);
         if faces.len() < 2 {
-            return self.add_place(point, place, (near, None), found);
+            self.add_place(point, place, (near, None), found)?;
+            return Ok(true);
         }
         let depth = (-near.gap).max(0.0);
         let within = |face: &&Face<D>| face.closest.gap.abs() <= BETWEEN_FACES * point.size;
@@ -232,7 +236,7 @@ impl<const D: usize> Search<'_, D> {
             self.add_place(point, place, (moving.start.in_space(face), Some(number)), found)?;
         }
         if !several.is_empty() {
-            return Ok(());
+            return Ok(true);
         }
         let towards = |normal: &[f64; D]| {
             place
@@ -263,15 +267,19 @@ impl<const D: usize> Search<'_, D> {
             let next = if is_box { towards(&near.normal) } else { next };
             towards(&face.normal) > next + BETTER && is_shallow(face) && is_shallow(&near)
         };
-        match best.filter(is_preferred) {
+        let chosen = match best.filter(is_preferred) {
             // The side does not face the closest face, and lies beside the one that it faces.
             Some((_, beside)) if beside > on_face * point.size => {
-                let is_aside = towards(&near.normal) < ASIDE;
-                if is_aside { Ok(()) } else { self.add_place(point, place, (near, None), found) }
+                if towards(&near.normal) < ASIDE {
+                    return Ok(false);
+                }
+                (near, None)
             }
-            Some((face, _)) => self.add_place(point, place, (face, Some(0)), found),
-            None => self.add_place(point, place, (near, None), found),
-        }
+            Some((face, _)) => (face, Some(0)),
+            None => (near, None),
+        };
+        self.add_place(point, place, chosen, found)?;
+        Ok(true)
     }
 
     /// Identifies a contact point at a corner or centre; `face` is the number of its face, if there are several.
