@@ -103,15 +103,11 @@ def test_numbers_of_the_page_of_stages(excavation):
 def test_the_rock_reacts_at_right_angles(footing):
     history = footing.history
     assert history["rock_rx"] == pytest.approx(0.1 * history["rock_ry"], rel=1e-9)
-    # The share of domains of GIMP that reach beyond the grid at its sides is missing from the balance.
-    lost = footing.table("quality")["domain_outside_grid"].max()
-    assert lost < 1e-3
     for stage in (1, 2, 3, 4):
         row = at_end_of(footing, stage)
-        balance = 0.1 * lost if stage > 1 else 1e-9
-        assert row["rock_ry"] == pytest.approx(-loads_along_y(row), rel=balance)
+        assert row["rock_ry"] == pytest.approx(-loads_along_y(row), rel=1e-9)
         sideways = [row[f"{name}_rx"] for name in ("left", "right", "rock")]
-        assert sum(sideways) == pytest.approx(0, abs=balance * np.abs(sideways).sum())
+        assert sum(sideways) == pytest.approx(0, abs=1e-9 * np.abs(sideways).sum())
         assert row["fill_fy"] == pytest.approx(-20e3 * 12, rel=1e-9)
         # The fill on the pit leaves with it.
         assert row["fill_on_pit_fy"] == pytest.approx(-20e3 * 8 if stage == 1 else 0, rel=1e-9)
@@ -135,9 +131,6 @@ def test_the_footing_fails_towards_the_pit(footing):
     assert stiffness[-1] < 0.15 * stiffness[0]
     assert history["footing_ux"][-1] > 0.025 and history["edge_ux"][-1] > 0.05
     assert at_end_of(footing, 2)["bottom_uy"] > 0
-    points = footing.mesh("points", -1)
-    rotation = points["deformation_gradient"][points["body_id"] == 2]
-    assert (rotation[:, 3] - rotation[:, 1]).mean() < 0, "it tilts to the right"
 
 
 def test_settlement_and_bearing_pressure_on_level_ground(level):

@@ -3,6 +3,7 @@
 mod axisymmetry;
 mod bodies;
 pub mod first_step;
+mod formed_surfaces;
 mod glued;
 mod grid;
 pub mod holding;
@@ -20,7 +21,6 @@ pub mod ready;
 pub(crate) mod seeding;
 pub mod size;
 mod stages;
-mod standard_points;
 mod surfaces;
 mod thin;
 pub(crate) mod tool_shapes;
@@ -229,7 +229,7 @@ where
         let bodies = self.bodies();
         let mut points = self.points(grid.as_ref(), &regions, &bodies, &mut laws);
         let surfaces = self.surfaces(grid.as_ref(), &regions, &points);
-        self.standard_points(grid.as_ref(), &regions, &points, (&bodies, &surfaces));
+        self.formed_surfaces(grid.as_ref(), &regions, &points, (&bodies, &surfaces));
         let tools = self.tools(grid.as_ref());
         let boundary_conditions = self.boundary_conditions(grid.as_ref(), &points);
         self.thin_bodies(grid.as_ref(), &regions, &points, (&boundary_conditions, &surfaces));

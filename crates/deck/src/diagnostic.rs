@@ -163,7 +163,7 @@ pub const CODES: &[(&str, &str)] = &[
     ("D071", "a tool that leaves the grid"),
     ("D072", "bodies that share grid nodes and stick together"),
     ("D073", "a body or a gap thinner than two cells"),
-    ("D074", "a surface of standard points, which have no sides"),
+    ("D074", "a surface that no sides of domains form"),
 ];
 
 impl Diagnostic {

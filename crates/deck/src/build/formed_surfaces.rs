@@ -1,16 +1,16 @@
-//! Surfaces of standard points, which have no sides: how far the forces on a surface are from those of a uniform stress
-//! in the points.
+//! Surfaces that no sides of domains form, such as those of standard points and staircases of boxes: how far the forces on
+//! a surface are from those of a uniform stress in the points.
 
 use super::Builder;
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::quoting::quote;
 use crate::region::{DeckRegion, Regions};
-use mpm_core::basis::{Connectivity, DomainKind};
+use mpm_core::basis::{Connectivity, DomainKind, Method};
 use mpm_core::grid::Grid;
 use mpm_core::model::Body;
 use mpm_core::points::Points;
 use mpm_core::region::{Region, area_vector};
-use mpm_core::surface::{Carried, Part, Surface};
+use mpm_core::surface::{Carried, Part, SideRule, Surface};
 
 use super::surfaces::Sampling;
 
@@ -21,18 +21,26 @@ impl<const D: usize> Builder<'_, D>
 where
     Region<D>: DeckRegion<D>,
 {
-    /// Warns of surfaces of standard points on which loads or conditions act and whose forces on the grid differ from
-    /// those of a uniform stress in the points. Only surfaces that were sampled without faults are judged.
-    pub(super) fn standard_points(
+    /// Warns of surfaces on which loads or conditions act and whose forces on the grid differ from those of a uniform
+    /// stress in the points. Only surfaces that were sampled without faults are judged.
+    pub(super) fn formed_surfaces(
         &mut self,
         grid: &dyn Grid<D>,
         regions: &Regions<D>,
         points: &Points<D>,
         (bodies, surfaces): (&[Body], &[Surface<D>]),
     ) {
-        let is_standard = |surface: &&Surface<D>| bodies[surface.body].method.domain() == DomainKind::None;
-        let judged: Vec<&Surface<D>> =
-            surfaces.iter().filter(is_standard).filter(|surface| self.is_used(&surface.name)).collect();
+        // Domains given by their corners follow the outline. In bodies of revolution, boxes are out of balance inside as
+        // well, which another warning says.
+        let is_judged = |surface: &&Surface<D>| {
+            let is_formed = match bodies[surface.body].method.domain() {
+                DomainKind::None => false,
+                DomainKind::Box => surface.rule == SideRule::Integral || self.is_revolved(),
+                DomainKind::Corners => true,
+            };
+            self.is_used(&surface.name) && !is_formed
+        };
+        let judged: Vec<&Surface<D>> = surfaces.iter().filter(is_judged).collect();
         if judged.is_empty() {
             return;
         }
@@ -55,7 +63,7 @@ where
             }
             let [difference, total] = sums.map(|sum| points.ranks.total(sum));
             if total > 0.0 && difference > MAX_DIFFERENCE * total {
-                self.without_sides(surface, difference / total);
+                self.not_formed(surface, bodies[surface.body].method, difference / total);
             }
         }
     }
@@ -123,20 +131,28 @@ where
         forces
     }
 
-    fn without_sides(&mut self, surface: &Surface<D>, difference: f64) {
+    fn not_formed(&mut self, surface: &Surface<D>, method: Method, difference: f64) {
+        let subject = match method.domain() {
+            DomainKind::None => "standard points have no sides",
+            DomainKind::Box | DomainKind::Corners => "the sides of the domains do not form the surface",
+        };
         let message = format!(
-            "standard points have no sides: at the surface {}, the forces of a uniform stress in the body {} differ by {:.0} \
-             % from those of its tractions",
+            "{subject}: at the surface {}, the forces of a uniform stress in the body {} differ by {:.0} % from those of its \
+             tractions",
             quote(&surface.name),
             quote(&self.deck.bodies[surface.body].name),
             100.0 * difference
         );
         let at = format!("/surfaces/{}", self.surface_number(&surface.name));
         let found = Diagnostic::at(&self.loaded.source, "D074", &at, message);
-        let help = match self.deck.grid {
-            crate::GridDeck::Gmsh { .. } => "use `method: cpdi2` for this body, whose domains have sides",
-            crate::GridDeck::Structured { .. } => {
+        let is_mesh = matches!(self.deck.grid, crate::GridDeck::Gmsh { .. });
+        let help = match method.domain() {
+            DomainKind::None if is_mesh => "use `method: cpdi2` for this body, whose domains have sides",
+            DomainKind::None => {
                 "use `method: gimp` or `method: cpdi2` for this body, whose domains have sides"
+            }
+            DomainKind::Box | DomainKind::Corners => {
+                "use `method: cpdi2` for this body, whose domains follow its outline"
             }
         };
         self.found.push(found.severity(Severity::Warning).help(help));
