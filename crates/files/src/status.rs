@@ -117,6 +117,9 @@ pub struct Status {
     pub peak_memory_bytes: Option<u64>,
     /// Number of warnings so far.
     pub warnings: usize,
+    /// Size of the steps relative to a requested step if they have been far shorter for a long time, [-].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub crawling: Option<f64>,
     /// Step of the last checkpoint in the directory, if there is one.
     pub checkpoint: Option<usize>,
 }
@@ -170,6 +173,7 @@ impl Progress {
             memory_bytes: None,
             peak_memory_bytes: None,
             warnings: 0,
+            crawling: None,
             checkpoint: None,
         };
         let began = Instant::now();
@@ -211,6 +215,7 @@ impl Progress {
         self.status.strength_factor = self.strength_factor(end);
         self.set_stage(reached);
         self.status.warnings = reached.summary.warnings.len();
+        self.status.crawling = reached.progress.pace.crawling();
         self.recent = VecDeque::from([(end, self.began)]);
     }
 
@@ -237,6 +242,7 @@ impl Progress {
         self.status.strength_factor = report.strength_factor;
         self.set_stage(reached);
         self.status.warnings = reached.summary.warnings.len();
+        self.status.crawling = reached.progress.pace.crawling();
         self.recent.push_back((report.step.end, Instant::now()));
         if self.recent.len() > RECENT + 1 {
             self.recent.pop_front();

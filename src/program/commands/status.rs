@@ -95,6 +95,9 @@ fn in_words(directory: &Path, status: &Status) -> String {
         let peak = status.peak_memory_bytes.map(|peak| format!(", at most {}", bytes(peak)));
         rows.push(("memory", format!("{}{}", bytes(memory), peak.unwrap_or_default())));
     }
+    if let Some(size) = status.crawling {
+        rows.push(("crawling", format!("steps are 1/{:.0} of the requested size, see W023", 1.0 / size)));
+    }
     if status.warnings > 0 {
         rows.push(("warnings", status.warnings.to_string()));
     }

@@ -76,6 +76,9 @@ pub enum Code {
     /// A stage adds a body above or below the current surface of the ground.
     #[serde(rename = "W022")]
     OffGround,
+    /// Steps stay far shorter than requested.
+    #[serde(rename = "W023")]
+    Crawls,
 }
 
 /// The codes of all warnings, each with its title.
@@ -102,6 +105,7 @@ pub const CODES: &[(&str, &str)] = &[
     ("W020", "a strength reduction of bodies that have slumped"),
     ("W021", "material pulled beyond prescribed nodes"),
     ("W022", "a body added above or below the ground"),
+    ("W023", "a run that crawls"),
 ];
 
 impl Code {
@@ -215,6 +219,7 @@ mod tests {
             Slumped,
             PassedNodes,
             OffGround,
+            Crawls,
         ];
         assert_eq!(all.len(), CODES.len());
         for (code, (text, _)) in all.iter().zip(CODES) {

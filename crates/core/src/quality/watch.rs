@@ -97,6 +97,25 @@ impl Quality {
         self.raised.insert((code, 0))
     }
 
+    /// The warning that steps have been far shorter than requested for a long time: of this size relative to a
+    /// requested step, [-], for this cause; `None` if it has been raised before.
+    pub fn crawls(&mut self, step: usize, size: f64, cause: Option<&str>) -> Option<Warning> {
+        let cause = cause.map(|cause| format!("; longer ones fail, probably for this cause: {cause}"));
+        self.is_first(Code::Crawls).then(|| Warning {
+            code: Code::Crawls,
+            step,
+            location: Location::default(),
+            value: Some(size),
+            threshold: Some(0.05),
+            message: format!(
+                "the run crawls: its steps are 1/{:.0} of the requested size{}",
+                1.0 / size,
+                cause.unwrap_or_default()
+            ),
+            detail: None,
+        })
+    }
+
     fn for_the_first_time(&mut self, found: Vec<(usize, Warning)>) -> Vec<Warning> {
         let is_new = |(number, warning): &(usize, Warning)| self.raised.insert((warning.code, *number));
         found.into_iter().filter(is_new).map(|(_, warning)| warning).collect()

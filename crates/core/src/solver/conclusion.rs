@@ -256,6 +256,10 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         let balance = summary.balance();
         let raised = summary.quality.judge_balances(model, points, &balance, report.step.index);
         summary.warnings.extend(raised);
+        if let Some(size) = progress.pace.crawling() {
+            let cause = summary.cut.as_deref();
+            summary.warnings.extend(summary.quality.crawls(report.step.index, size, cause));
+        }
         let mut timings = Timings::default();
         let reached = &self.reached;
         let observed = timings.measure(Phase::Output, || observer.converged(model, points, &report, reached));

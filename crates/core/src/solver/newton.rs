@@ -22,6 +22,9 @@ use super::stepping::control::{Condition, NoPath};
 use super::summary::Summary;
 use super::unknowns::Unknowns;
 
+/// Number of iterations without an update of multipliers after which terms may simplify their conditions.
+const HOLDS_AFTER: usize = 25;
+
 /// The iterations of an attempt at a load step.
 pub(super) struct LoadStep<'s, 'a, const D: usize, const N: usize> {
     /// The step, and how its iterations are conducted.
@@ -62,7 +65,11 @@ impl<'a, const D: usize, const N: usize> LoadStep<'_, 'a, D, N> {
             if is_balanced || self.exceeds_stride(residual) {
                 return self.conclude(is_balanced);
             }
-            let is_last = iteration - self.course.solves_before == self.attempt.most_iterations();
+            let since_update = iteration - self.course.solves_before;
+            let is_last = since_update == self.attempt.most_iterations();
+            if (is_last || since_update == HOLDS_AFTER && !self.course.falls_fast()) && self.hold(iteration) {
+                continue;
+            }
             if is_last || !residual.is_finite() || self.course.is_hopeless() {
                 return Err(self.without_equilibrium());
             }
@@ -236,6 +243,16 @@ impl<'a, const D: usize, const N: usize> LoadStep<'_, 'a, D, N> {
             course.augmented(iteration);
         }
         Ok(outcome)
+    }
+
+    /// Lets the terms replace conditions that keep the iterations from converging; these then continue as after an update
+    /// of multipliers. False if no term does.
+    fn hold(&mut self, iteration: usize) -> bool {
+        let holds = self.system.sum.hold(&self.attempt.context);
+        if holds {
+            self.course.augmented(iteration);
+        }
+        holds
     }
 
     /// True if the iterate is in equilibrium: it has the prescribed motion, the load factor meets its condition, and

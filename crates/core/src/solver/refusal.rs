@@ -48,8 +48,9 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         let was_last_resort = progress.pace.is_last_resort();
         let goes_on =
             failed.may_succeed_if_smaller && progress.pace.failed(&model.stepping, start, end, is_torn);
-        // The last attempt before the last resorts shows why the step fails.
-        let diagnosis = (!was_last_resort && (!goes_on || progress.pace.is_last_resort())).then(|| {
+        // The last attempt before the last resorts shows why the step fails, and each attempt why steps stay short.
+        let is_last = !goes_on || progress.pace.is_last_resort();
+        let diagnosis = (!was_last_resort && (is_last || progress.pace.is_short())).then(|| {
             // Each rank examines only its own data, because the errors of the ranks may differ, and with them what the
             // ranks look for.
             let reduction = failed.exchange_reduction(Reduction::default());
@@ -60,16 +61,17 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
             let knows = !matches!(failed.error, SolveError::OnRank(_));
             value_of_first_to_know(&points.reduction(), knows, diagnosis)
         });
+        if let Some(diagnosis) = &diagnosis {
+            summary.cut = Some(diagnosis.to_string());
+        }
         if goes_on {
             let observe = || observer.failed(model, points, &failed, None);
             let observed = summary.timings.measure(Phase::Output, observe).map_err(SolveError::Output);
             let observed = agree(&points.reduction(), observed);
             match diagnosis {
-                Some(diagnosis) => self.cause = Some((failed, diagnosis)),
-                None if failed.has_lost_points(model.newton.tolerance) => {
-                    self.lost_points = Some(failed.error)
-                }
-                None => {}
+                Some(diagnosis) if is_last => self.cause = Some((failed, diagnosis)),
+                _ if failed.has_lost_points(model.newton.tolerance) => self.lost_points = Some(failed.error),
+                _ => {}
             }
             return observed;
         }

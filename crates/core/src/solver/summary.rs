@@ -81,6 +81,9 @@ pub struct Summary {
     /// The bodies that stages have placed onto others.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub placed: Vec<Placed>,
+    /// The probable cause for which steps far shorter than requested were cut last.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cut: Option<String>,
     /// The quality of the run.
     pub quality: Quality,
     /// The warnings in the order of the steps; new ones are appended.

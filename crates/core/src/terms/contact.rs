@@ -26,8 +26,8 @@
 //! The free components of the motion of a tool are global unknowns; the equilibrium of the tool provides their
 //! equations.
 //!
-//! Contact points that the last domain update has moved into a tool may at first stay at their depth: g is then
-//! measured from this depth (see [`candidates`]).
+//! Contact points that the last domain update has moved into a tool may at first stay at their depth, and those that bear
+//! a force and that it has moved away, at their distance: g is then measured from there (see [`candidates`]).
 //!
 //! # Augmentation
 //!
@@ -39,6 +39,15 @@
 //! Where an update leaves more than a quarter of the error, an error of 10⁻⁴ of a cell is therefore accepted, or of
 //! 10⁻³ after six updates, and single contact points may keep 10⁻³ (see [`multipliers`]). The residual of Newton's
 //! method is that of the final forces, and [`ToolState::overlap`] reports the overlap that is left.
+//!
+//! At the end of a step, the forces that the nodes cannot tell apart are distributed evenly (see [`distribution`]), so
+//! that neighbours do not push and pull each other more and more.
+//!
+//! Friction has no potential, and iterations may run in cycles between states, above all at the edges of rough tools. If
+//! they have not converged after 25 iterations, L is therefore held for the rest of the step: the problem of a given L
+//! has a potential. Updates of the multipliers renew L from the pressures; after ten of them, L only falls. A step is
+//! refused if contact points then slide at less than their friction, by more than 0.1 % of all friction together; rough
+//! surfaces may slide at less than their L, which is a safeguard itself.
 //!
 //! Near the solution, the multipliers are updated along one increment of Newton's method per step, without a change of
 //! state (see [`multipliers`]): most steps then need no further update, and no more solves than a step without contact.
@@ -53,6 +62,7 @@
 
 mod augmentation;
 mod candidates;
+mod distribution;
 mod edges;
 mod evaluation;
 mod interface;
@@ -94,12 +104,13 @@ use super::report::TermReport;
 use super::saved::Saved;
 use super::term::{Character, Coupled, Term};
 use candidates::Candidate;
+use distribution::{Bearing, distributed};
 use edges::Edges;
 use evaluation::{Trial, Trials};
 use interface::Multiplier;
 use key::{Kept, Key};
 use motion::Moving;
-use multipliers::{Change, Worst, forces_of};
+use multipliers::{Change, Worst, multiplier_of};
 use ranks::{Failure, agreed, gathered};
 use search::Found;
 use support::support_sliding;
@@ -150,6 +161,10 @@ pub struct Contact<const D: usize> {
     is_symmetric: bool,
     /// Number of updates of the multipliers in the current step, without those along an increment.
     updates: usize,
+    /// True if the largest shear of each contact point is held for the rest of the step, see [`augmentation`].
+    is_held: bool,
+    /// Number of updates of the largest shears that are held.
+    held_updates: usize,
     /// The changes made by the last update, and the largest error among them.
     changes: Vec<Option<Change<D>>>,
     before: Option<Worst>,
@@ -184,6 +199,8 @@ impl<const D: usize> Contact<D> {
             at_rest: true,
             is_symmetric: true,
             updates: 0,
+            is_held: false,
+            held_updates: 0,
             changes: Vec::new(),
             before: None,
             time: 0.0,
@@ -209,6 +226,12 @@ impl<const D: usize> Contact<D> {
         let trials = Trials { model, tools: &self.tools, delta_d: at.delta_d, farthest, at_rest, kept };
         let found = trials.all(&self.candidates, &self.multipliers, &self.has_touched, &mut self.trials);
         agreed(&self.reduction, found)
+    }
+
+    /// The forces of the contact points that touch a tool at the last evaluation, [force], distributed evenly.
+    fn distributed(&self) -> Vec<[f64; D]> {
+        let bearing = self.touching().map(|(_, candidate, _, touch)| Bearing { candidate, touch });
+        distributed(&bearing.collect::<Vec<_>>(), &self.reduction)
     }
 
     /// The contact points on this rank that touch a tool at the last evaluation.
@@ -328,9 +351,10 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
 
     fn commit(&mut self, _: &StepContext<D>, _: &mut Points<D>) {
         // Surfaces that have parted no longer transfer tension.
-        let touching = self.touching().filter(|(_, _, _, touch)| touch.mode != Mode::Parting);
-        let touching = touching.map(|(_, candidate, trial, touch)| {
-            let multiplier = forces_of(trial, &self.tools[candidate.key.tool as usize]);
+        let forces = self.distributed();
+        let touching = self.touching().zip(&forces).filter(|((.., touch), _)| touch.mode != Mode::Parting);
+        let touching = touching.map(|((_, candidate, trial, touch), force)| {
+            let multiplier = multiplier_of(touch, force, &self.tools[candidate.key.tool as usize]);
             let in_space = minus(&trial.position, &candidate.start);
             let motion = norm(&trial.slip).max(norm(&in_space));
             (candidate.key, Kept { multiplier, motion, excess: (-touch.gap()).max(0.0) })

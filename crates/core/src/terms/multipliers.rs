@@ -32,6 +32,13 @@ pub trait Multipliers<const D: usize, const N: usize = D> {
     /// Withdraws the updates along the last increment, which is about to be shortened.
     fn withdraw(&mut self) {}
 
+    /// Replaces conditions that keep the iterations from converging by simpler ones for the rest of the step, at the last
+    /// evaluation; false if there are none, or if they have been replaced already. The multipliers are final only once
+    /// the solution satisfies the original conditions, too, up to what the documentation of the term states.
+    fn hold(&mut self, _step: &StepContext<D>) -> bool {
+        false
+    }
+
     /// Adds stiffness, at the last evaluation, where the state of the term leaves bodies without resistance; returns
     /// true if it added any. This changes only the path of the iterations, not the solution.
     fn support(&self, _sum: &mut System<N>) -> bool {

@@ -254,6 +254,13 @@ impl<const D: usize, const N: usize> Sum<D, N> {
         system.reduction().any(supports)
     }
 
+    /// Lets the terms replace conditions that keep the iterations from converging; false if no term does.
+    pub fn hold(&mut self, step: &StepContext<D>) -> bool {
+        let terms = self.terms.iter_mut().filter_map(|term| term.multipliers());
+        let holds = terms.fold(false, |holds, multipliers| multipliers.hold(step) || holds);
+        step.links.reduction().any(holds)
+    }
+
     /// Withdraws the updates of multipliers along the last increment.
     pub fn withdraw_augmentation(&mut self) {
         self.terms

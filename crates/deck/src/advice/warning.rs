@@ -65,6 +65,10 @@ pub fn on_warning(warning: &Warning, means: &Means) -> String {
             "use a finer grid, because up to one row of cells moves with the stiff body; or replace the stiff body by a \
              boundary condition on these nodes"
         }
+        (Code::Crawls, _) => {
+            "change what the cause names; if the run need not go on at any price, give `steps: {smallest: 0.05}`, which ends \
+             it with a diagnosis at the first step below this size"
+        }
         (Code::Unstable, _) => {
             "disturb the bodies with a small load or an imperfection and compare; more load steps show where the path \
              branches; if cells hold one point each, use more points, because this may be an hourglass mode"

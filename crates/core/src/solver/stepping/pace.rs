@@ -18,6 +18,10 @@ const MOST_DOUBLINGS: u32 = 5;
 /// Number of steps of the same size that must succeed before a smaller step than requested grows, whatever its
 /// iterations.
 const SUCCESSES: u32 = 4;
+/// Size relative to a requested step, [-], below which steps crawl, and number of such steps in succession after which
+/// the run says so.
+const SHORT: f64 = 0.05;
+const CRAWLED: u32 = 20;
 /// Sizes count as the same if their ratio is below this, [-].
 const ALIKE: f64 = 1.5;
 /// Time that must remain between the end of a step and the next stop, relative to the step, for the step to keep its
@@ -40,6 +44,9 @@ pub struct Pace {
     failed_size: f64,
     #[serde(default)]
     failures: u32,
+    /// Number of short steps in succession.
+    #[serde(default)]
+    crawled: u32,
     /// The last resort in use.
     #[serde(default)]
     resort: Option<LastResort>,
@@ -56,7 +63,7 @@ enum LastResort {
 
 impl Default for Pace {
     fn default() -> Self {
-        Pace { size: 1.0, patience: 0, successes: 0, failed_size: 0.0, failures: 0, resort: None }
+        Pace { size: 1.0, patience: 0, successes: 0, failed_size: 0.0, failures: 0, crawled: 0, resort: None }
     }
 }
 
@@ -94,6 +101,16 @@ impl Pace {
         self.patience > 0
     }
 
+    /// True if steps are far shorter than requested.
+    pub fn is_short(&self) -> bool {
+        self.size < SHORT
+    }
+
+    /// The size of the steps relative to a requested step, [-], if they have been far shorter for a long time.
+    pub fn crawling(&self) -> Option<f64> {
+        (self.crawled >= CRAWLED).then_some(self.size)
+    }
+
     /// True if a last resort is in use, because steps cannot be made smaller; torn domains are then replaced.
     pub fn is_last_resort(&self) -> bool {
         self.resort.is_some()
@@ -108,6 +125,7 @@ impl Pace {
     pub fn succeeded(&mut self, stepping: &Stepping, iterations: usize) {
         self.patience = self.patience.saturating_sub(1);
         self.successes += 1;
+        self.crawled = if self.is_short() { self.crawled.saturating_add(1) } else { 0 };
         self.resort = None;
         if self.size * ALIKE > self.failed_size {
             (self.failed_size, self.failures) = (0.0, 0);
@@ -129,7 +147,16 @@ impl Pace {
             let is_repeated = size < ALIKE * self.failed_size && self.failed_size < ALIKE * size;
             let failures = if is_repeated { (self.failures + 1).min(MOST_DOUBLINGS) } else { 0 };
             let patience = PATIENCE << failures;
-            *self = Pace { size: smaller, patience, successes: 0, failed_size: size, failures, resort: None };
+            let crawled = self.crawled;
+            *self = Pace {
+                size: smaller,
+                patience,
+                successes: 0,
+                failed_size: size,
+                failures,
+                crawled,
+                resort: None,
+            };
         }
         may
     }
@@ -209,6 +236,26 @@ mod tests {
             assert!(found.len() > 1000 && found.len() < 1100, "{}", found.len());
             assert!(fails < 10 + 5 + 1000 / 64 + 2, "{fails} of {}", found.len());
         }
+    }
+
+    #[test]
+    fn steps_that_stay_short_crawl() {
+        let stepping = Stepping { smallest: 1e-4, ..Stepping::fixed(1, 1.0) };
+        let mut pace = Pace::default();
+        let (mut time, mut crawling) = (0.0, Vec::new());
+        for _ in 0..100 {
+            let end = pace.end_of_step(&stepping, time).unwrap();
+            if end - time > 0.01 {
+                assert!(pace.failed(&stepping, time, end, false));
+            } else {
+                pace.succeeded(&stepping, 30);
+                time = end;
+                crawling.push(pace.crawling());
+            }
+        }
+        let first = crawling.iter().position(Option::is_some).unwrap();
+        assert_eq!((first, crawling[first]), (19, Some(1.0 / 128.0)));
+        assert!(crawling[first..].iter().all(Option::is_some), "also after further failures");
     }
 
     #[test]

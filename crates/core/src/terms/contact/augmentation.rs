@@ -1,17 +1,27 @@
 //! The updates of the multipliers of contact, in equilibrium and along an increment.
 
 use crate::assembly::System;
+use crate::model::Tool;
 use crate::points::Points;
+use crate::region::vector::norm;
 use crate::step::{At, StepContext};
 use crate::terms::failure::{ContactError, EvaluateError};
 use crate::terms::multipliers::{Augmentation, Multipliers, Response};
 
 use super::Contact;
 use super::evaluation::{self, first_unknowns};
+use super::interface::{Law, SLIDES};
 use super::motion::farthest;
 use super::multipliers::{self, Change, Followed, Worst, followed, forces_of, worst};
 use super::ranks::{Failure, any_of_each};
 
+/// Round-off of the largest shear, relative to its size, [-].
+const ROUND_OFF: f64 = 1e-9;
+/// Number of updates after which the largest shears that are held are relaxed, and after which they only fall.
+const RELAXES: usize = 3;
+const RISES: usize = 10;
+/// Share of the friction that held shears may miss, [-].
+const MISSING: f64 = 1e-3;
 /// Factor applied to the penalty of contact points whose gaps close slowly over many updates.
 const MORE_PENALTY: f64 = 10.0;
 
@@ -62,19 +72,17 @@ impl<const D: usize, const N: usize> Multipliers<D, N> for Contact<D> {
         let tool = worst.tool;
         let is_last = *updates >= step.model.tools[tool].control.augmentations;
         if worst.is_settled(tolerances[tool], before.as_ref(), *updates, is_last) {
-            return Ok(Augmentation::Satisfied);
+            if !is_last && self.renew_held().is_some() {
+                self.updates += 1;
+                return Ok(Augmentation::Updated);
+            }
+            if !self.misses_friction() {
+                return Ok(Augmentation::Satisfied);
+            }
+            return Err(self.not_settled(step, &worst).into());
         }
         if is_last {
-            if worst.rank != reduction.own() {
-                return Err(Failure::OnRank.into());
-            }
-            return Err(EvaluateError::from(ContactError::NotSettled {
-                place: candidates[worst.named].place(step.model),
-                augmentations: *updates,
-                overlap: worst.overlap,
-                slip: worst.slip,
-                most: tolerances[tool] * worst.size,
-            }));
+            return Err(self.not_settled(step, &worst).into());
         }
         for ((candidate, multiplier), trial) in candidates.iter().zip(multipliers).zip(trials) {
             *multiplier = forces_of(trial, &tools[candidate.key.tool as usize]);
@@ -128,6 +136,25 @@ impl<const D: usize, const N: usize> Multipliers<D, N> for Contact<D> {
         Augmentation::Updated
     }
 
+    /// Holds the largest shear of each contact point at its largest value so far.
+    fn hold(&mut self, step: &StepContext<D>) -> bool {
+        let may_hold = !self.is_held && step.model.tools.iter().any(Tool::resists_sliding);
+        if !may_hold {
+            return false;
+        }
+        (self.is_held, self.held_updates) = (true, 0);
+        let all = self.candidates.iter_mut().zip(&self.multipliers).zip(&self.trials).zip(&self.has_touched);
+        for (((candidate, multiplier), trial), has_touched) in all {
+            let tool = &step.model.tools[candidate.key.tool as usize];
+            let Some(interface) = tool.interface_with(candidate.body) else { continue };
+            let law = Law::new(&interface, candidate.area, candidate.penalty, *has_touched);
+            let before = if multiplier.normal > 0.0 { law.most_shear(multiplier.normal).0 } else { 0.0 };
+            let now = trial.touch.as_ref().map_or(0.0, |touch| touch.most_shear());
+            candidate.held = Some(before.max(now));
+        }
+        true
+    }
+
     /// Adds stiffness to contact points that slide, because friction does not resist their further motion.
     fn support(&self, sum: &mut System<N>) -> bool {
         let sliding = || self.touching().filter(|(.., touch)| touch.slides_with_friction());
@@ -141,6 +168,55 @@ impl<const D: usize, const N: usize> Multipliers<D, N> for Contact<D> {
 }
 
 impl<const D: usize> Contact<D> {
+    /// The failure of multipliers that further updates do not settle.
+    fn not_settled(&self, step: &StepContext<D>, worst: &Worst) -> Failure {
+        if worst.rank != self.reduction.own() {
+            return Failure::OnRank;
+        }
+        Failure::Own(ContactError::NotSettled {
+            place: self.candidates[worst.named].place(step.model),
+            augmentations: self.updates,
+            overlap: worst.overlap,
+            slip: worst.slip,
+            most: self.tolerances[worst.tool] * worst.size,
+        })
+    }
+
+    /// Renews the largest shears that are held, where the pressures now allow others; `None` if this changes none. After
+    /// some updates, they only fall, so that the updates come to an end.
+    fn renew_held(&mut self) -> Option<()> {
+        let may_rise = self.held_updates < RISES;
+        let share = if self.held_updates < RELAXES { 1.0 } else { 0.5 };
+        let mut is_changed = false;
+        for (candidate, trial) in self.candidates.iter_mut().zip(&self.trials) {
+            let (Some(held), Some(touch)) = (candidate.held, &trial.touch) else { continue };
+            let most = touch.most_shear();
+            if norm(&touch.shear) > (1.0 + SLIDES) * most + ROUND_OFF * held {
+                candidate.held = Some(most);
+                is_changed = true;
+            } else if touch.is_limited() && may_rise && held < (1.0 - SLIDES) * most {
+                candidate.held = Some(held + share * (most - held));
+                is_changed = true;
+            }
+        }
+        self.held_updates += 1;
+        self.reduction.any(is_changed).then_some(())
+    }
+
+    /// True if contact points slide at less than the shear that the pressures allow, by more than `MISSING` of the sum
+    /// over all contact points. Rough surfaces have no such shear.
+    fn misses_friction(&self) -> bool {
+        let mut sums = [0.0; 2];
+        for (_, candidate, _, touch) in self.touching().filter(|(.., touch)| !touch.is_rough()) {
+            let most = touch.most_shear();
+            sums[0] +=
+                if candidate.held.is_some() && touch.is_limited() { most - norm(&touch.shear) } else { 0.0 };
+            sums[1] += most;
+        }
+        self.reduction.sum(&mut sums);
+        sums[0] > MISSING * sums[1]
+    }
+
     /// The largest displacement of a node, [length], and whether this is the start of the iterations.
     pub(super) fn motion<const N: usize>(&self, at: At<N>) -> (f64, bool) {
         let moves = at.delta_d.iter().flatten().chain(at.globals).any(|u| *u != 0.0);

@@ -87,6 +87,8 @@ pub(super) struct Candidate<const D: usize> {
     /// ε, [force/length], if updates close the gap slowly: contact points with hardly any area would otherwise have
     /// too small a penalty.
     pub(super) penalty_if_slow: f64,
+    /// L, [force], if it is held for the rest of the step.
+    pub(super) held: Option<f64>,
     /// The closest point on the tool at the start of the step, in global coordinates.
     pub(super) near: Closest<D>,
     /// Overlap that the contact point may keep in the step, [length]; see [`super::allowance`].
@@ -301,6 +303,7 @@ impl<const D: usize> Search<'_, D> {
             stiffness: stiffness_below * area,
             penalty: penalty_per_area * area,
             penalty_if_slow: penalty_per_area * area.max(MIN_AREA * side_area),
+            held: None,
             near,
             allowance: 0.0,
             shared_by,
@@ -478,11 +481,16 @@ pub(super) fn missed<const D: usize, const N: usize>(
 /// 0.7 % from the mean of the forces in the steps before and after, and is 1 % smaller.
 const WAY: f64 = 2.0;
 
-/// Overlap that a contact point may keep, [length]. Its gap at the start of the step is `gap`, the size of its cell is
-/// `size`, and in the previous step it moved by `motion` and ended with an `excess` over its allowance, all [length].
-/// Updates of the multipliers have left the excess and may remove it now.
-pub(super) fn allowance(gap: f64, size: f64, motion: f64, excess: f64) -> f64 {
-    (-gap - excess).max(0.0) * (1.0 - motion / (WAY * size)).max(0.0)
+/// Largest gap that a contact point may keep, relative to the size of a cell, [-].
+const MAX_GAP: f64 = 0.1;
+
+/// Overlap that a contact point may keep, [length]; negative for a gap, which only a contact point that `bears` may
+/// keep. Its gap at the start of the step is `gap`, the size of its cell is `size`, and in the previous step it moved by
+/// `motion` and ended with an `excess` over its allowance, all [length]. Updates of the multipliers have left the excess
+/// and may remove it now.
+pub(super) fn allowance(gap: f64, size: f64, motion: f64, excess: f64, bears: bool) -> f64 {
+    let least = if bears { -MAX_GAP * size } else { 0.0 };
+    (-gap - excess).max(least) * (1.0 - motion / (WAY * size)).max(0.0)
 }
 
 #[cfg(test)]
@@ -491,19 +499,21 @@ mod tests {
 
     #[test]
     fn overlap_ends_along_the_way() {
-        assert_eq!(allowance(0.2, 1.0, 0.0, 0.0), 0.0);
-        assert_eq!(allowance(-1e-3, 1.0, 0.0, 1e-3), 0.0);
-        assert_eq!(allowance(-0.2, 2.0, 2.0, 0.1), 0.05);
-        assert_eq!(allowance(-0.2, 1.0, 2.0, 0.0), 0.0);
+        assert_eq!(allowance(0.2, 1.0, 0.0, 0.0, false), 0.0);
+        assert_eq!(allowance(-1e-3, 1.0, 0.0, 1e-3, false), 0.0);
+        assert_eq!(allowance(-0.2, 2.0, 2.0, 0.1, false), 0.05);
+        assert_eq!(allowance(-0.2, 1.0, 2.0, 0.0, false), 0.0);
+        assert_eq!(allowance(0.02, 1.0, 1.0, 0.0, true), -0.01);
+        assert_eq!(allowance(0.3, 1.0, 0.0, 0.0, true), -0.1);
         // Many small steps remove as much overlap as a few larger steps, except for second-order terms.
         let after = |steps: usize| {
-            (0..steps).fold(0.1, |overlap, _| allowance(-overlap, 1.0, 1.0 / steps as f64, 0.0))
+            (0..steps).fold(0.1, |overlap, _| allowance(-overlap, 1.0, 1.0 / steps as f64, 0.0, false))
         };
         assert!((after(1000) - 0.1 * (-0.5f64).exp()).abs() < 1e-4 && after(10) < after(1000));
     }
 
     #[test]
     fn contact_points_at_rest_keep_their_overlap() {
-        assert_eq!((0..100).fold(0.1, |overlap, _| allowance(-overlap, 1.0, 0.0, 0.0)), 0.1);
+        assert_eq!((0..100).fold(0.1, |overlap, _| allowance(-overlap, 1.0, 0.0, 0.0, false)), 0.1);
     }
 }

@@ -124,6 +124,7 @@ impl<const D: usize, const N: usize> Trials<'_, D, N> {
             }
         }
         let law = Law::new(&interface, candidate.area, candidate.penalty, has_touched);
+        let law = Law { held: candidate.held, ..law };
         Trial { touch: Touch::new(approach, law).map(Box::new), ..apart }
     }
 }

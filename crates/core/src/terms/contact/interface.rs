@@ -23,7 +23,10 @@ const OF_CLOSEST: f64 = 4.0;
 /// m of rough surfaces, [-].
 const OF_ROUGH: f64 = 10.0;
 /// Relative difference from the largest shear within which a contact point counts as sliding, [-].
-const SLIDES: f64 = 1e-6;
+pub(super) const SLIDES: f64 = 1e-6;
+
+/// Round-off of a force that the law allows, relative to its size, [-].
+const ROUND_OFF: f64 = 1e-9;
 
 /// The multipliers of a contact point.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -74,6 +77,8 @@ pub(super) struct Law {
     pub(super) tension: f64,
     /// ε, [force/length].
     pub(super) penalty: f64,
+    /// L, [force], if it is held.
+    pub(super) held: Option<f64>,
 }
 
 impl Law {
@@ -85,7 +90,7 @@ impl Law {
             Shear::Coulomb { friction, adhesion } => (friction, adhesion * area),
         };
         let tension = if has_touched { interface.tension_cut_off * area } else { 0.0 };
-        Law { friction, adhesion, tension, penalty }
+        Law { friction, adhesion, tension, penalty, held: None }
     }
 
     pub(super) fn is_smooth(&self) -> bool {
@@ -99,7 +104,10 @@ impl Law {
     }
 
     /// L, [force], and its derivative with respect to the pressure, [-].
-    fn most_shear(&self, pressure: f64) -> (f64, f64) {
+    pub(super) fn most_shear(&self, pressure: f64) -> (f64, f64) {
+        if let Some(held) = self.held {
+            return (held, 0.0);
+        }
         if self.friction.is_infinite() {
             return (OF_ROUGH * (pressure + self.tension), OF_ROUGH);
         }
@@ -169,7 +177,8 @@ impl<const D: usize> Touch<D> {
     pub(super) fn new(approach: Approach<D>, law: Law) -> Option<Self> {
         let trial = approach.pressure - law.penalty * approach.gap;
         let is_parting = trial <= -law.tension && !approach.is_kept;
-        if is_parting && law.tension == 0.0 && !approach.is_fresh {
+        let holds = law.held.is_some_and(|held| held > 0.0);
+        if is_parting && law.tension == 0.0 && !approach.is_fresh && !holds {
             return None;
         }
         let pressure = if approach.is_kept { trial } else { trial.max(-law.tension) };
@@ -208,9 +217,41 @@ impl<const D: usize> Touch<D> {
         Some(touch)
     }
 
+    /// True if the shear is as large as the law allows.
+    pub(super) fn is_limited(&self) -> bool {
+        self.sliding.is_some()
+    }
+
+    pub(super) fn is_rough(&self) -> bool {
+        self.law.friction.is_infinite()
+    }
+
+    /// The largest shear that the law allows at the present pressure, [force], if L were not held.
+    pub(super) fn most_shear(&self) -> f64 {
+        Law { held: None, ..self.law }.most_shear(self.pressure).0
+    }
+
     /// f = p n + t, the force on the body, [force].
     pub(super) fn force(&self) -> [f64; D] {
         along(&self.shear, self.pressure, &self.approach.normal)
+    }
+
+    /// The pressure and the shear of a force on the body, [force].
+    pub(super) fn parts(&self, force: &[f64; D]) -> (f64, [f64; D]) {
+        if *force == self.force() {
+            return (self.pressure, self.shear);
+        }
+        let n = &self.approach.normal;
+        let pressure = dot(n, force);
+        (pressure, along(force, -pressure, n))
+    }
+
+    /// True if the law allows this force on the body, [force], in the present position.
+    pub(super) fn allows(&self, force: &[f64; D]) -> bool {
+        let (pressure, shear) = self.parts(force);
+        let shear = norm(&shear);
+        let most = if self.law.is_smooth() { 0.0 } else { self.law.most_shear(pressure).0 };
+        pressure > -self.law.tension && shear <= most + ROUND_OFF * (most + pressure.abs())
     }
 
     /// Round-off of the force due to the round-off of the gap from a curved surface, for coordinates of this magnitude,
@@ -224,7 +265,8 @@ impl<const D: usize> Touch<D> {
     /// surface sticks.
     pub(super) fn is_symmetric(&self) -> bool {
         let is_flat = self.approach.normal_derivative == [[0.0; D]; D];
-        self.law.is_smooth() || is_flat && self.sliding.is_none() && self.mode == Mode::Stick
+        let sticks = self.sliding.is_none() && self.mode == Mode::Stick;
+        self.law.is_smooth() || is_flat && (sticks || self.law.held.is_some())
     }
 
     /// True if friction acts and the surfaces slide.
@@ -331,7 +373,7 @@ mod tests {
     }
 
     fn law(friction: f64, adhesion: f64, tension: f64) -> Law {
-        Law { friction, adhesion, tension, penalty: 10.0 }
+        Law { friction, adhesion, tension, penalty: 10.0, held: None }
     }
 
     #[test]

@@ -9,7 +9,7 @@ use crate::tool::Pose;
 
 use super::candidates::Candidate;
 use super::evaluation::Trial;
-use super::interface::{Added, Multiplier};
+use super::interface::{Added, Multiplier, Touch};
 use super::key::{Kept, Key};
 use super::motion::Moving;
 use super::ranks::{Plain, gathered, plain_parts};
@@ -37,6 +37,16 @@ pub(super) fn forces_of<const D: usize>(trial: &Trial<D>, moving: &Moving<D>) ->
         normal: touch.pressure,
         shear: moving.end.vector_to_tool(&touch.shear),
     })
+}
+
+/// The multipliers of a contact point that touches the tool with this force on the body, [force].
+pub(super) fn multiplier_of<const D: usize>(
+    touch: &Touch<D>,
+    force: &[f64; D],
+    moving: &Moving<D>,
+) -> Multiplier<D> {
+    let (normal, shear) = touch.parts(force);
+    Multiplier { normal, shear: moving.end.vector_to_tool(&shear) }
 }
 
 /// The largest differences between forces and multipliers, and where they occur.
@@ -108,7 +118,7 @@ impl<const D: usize> Change<D> {
 }
 
 /// Numbers for the pairs of a tool and a node that carries contact points of this tool.
-struct NodeNumbers {
+pub(super) struct NodeNumbers {
     /// For each contact point, the index in `numbers` at which its numbers begin; consecutive contact points with the
     /// same nodes share their numbers.
     first: Vec<usize>,
@@ -117,17 +127,16 @@ struct NodeNumbers {
 }
 
 impl NodeNumbers {
-    fn new<'a, const D: usize>(places: impl Iterator<Item = &'a Candidate<D>>) -> Self {
+    /// The numbers for these contact points, each with the number of its tool, or of its group of contact points.
+    pub(super) fn new<'a, const D: usize>(places: impl Iterator<Item = (u32, &'a Candidate<D>)>) -> Self {
         let (mut first, mut numbers) = (Vec::new(), Vec::new());
         let mut known: FxHashMap<(u32, usize), usize> = FxHashMap::default();
-        let mut last: Option<(&Candidate<D>, usize)> = None;
-        for place in places {
-            let tool = place.key.tool;
-            let same =
-                last.filter(|(last, _)| last.key.tool == tool && last.basis.has_same_nodes(&place.basis));
-            let begin = same.map_or(numbers.len(), |(_, begin)| begin);
+        let mut last: Option<(u32, &Candidate<D>, usize)> = None;
+        for (group, place) in places {
+            let same = last.filter(|(of, last, _)| *of == group && last.basis.has_same_nodes(&place.basis));
+            let begin = same.map_or(numbers.len(), |(.., begin)| begin);
             if same.is_none() {
-                let nodes = place.basis.iter().map(|(node, _)| (tool, node));
+                let nodes = place.basis.iter().map(|(node, _)| (group, node));
                 let next = |key| {
                     let n = known.len();
                     *known.entry(key).or_insert(n)
@@ -135,13 +144,13 @@ impl NodeNumbers {
                 numbers.extend(nodes.map(next));
             }
             first.push(begin);
-            last = Some((place, begin));
+            last = Some((group, place, begin));
         }
         NodeNumbers { first, numbers, known }
     }
 
     /// The pairs, in the order of their numbers.
-    fn pairs(&self) -> Vec<(u32, usize)> {
+    pub(super) fn pairs(&self) -> Vec<(u32, usize)> {
         let mut pairs = vec![(0, 0); self.known.len()];
         self.known.iter().for_each(|(pair, number)| pairs[*number] = *pair);
         pairs
@@ -149,8 +158,13 @@ impl NodeNumbers {
 
     /// The numbers of the nodes of a contact point, in the order of these nodes, followed by the numbers of later
     /// contact points.
-    fn numbers_at(&self, place: usize) -> &[usize] {
+    pub(super) fn numbers_at(&self, place: usize) -> &[usize] {
         &self.numbers[self.first[place]..]
+    }
+
+    /// The number of a pair of a tool or group and a node; `None` if no contact point has it.
+    pub(super) fn number_of(&self, tool: u32, node: usize) -> Option<usize> {
+        self.known.get(&(tool, node)).copied()
     }
 }
 
@@ -168,7 +182,7 @@ pub(super) fn worst<const D: usize>(
         let all = candidates.iter().zip(changes).enumerate();
         all.filter_map(|(k, (candidate, change))| Some((k, candidate, change.as_ref()?)))
     };
-    let numbers = NodeNumbers::new(changing().map(|(_, candidate, _)| candidate));
+    let numbers = NodeNumbers::new(changing().map(|(_, candidate, _)| (candidate.key.tool, candidate)));
     let mut nodal = vec![([0.0; D], 0.0); numbers.known.len()];
     for (i, (_, candidate, change)) in changing().enumerate() {
         for ((_, value), &node) in candidate.basis.iter().zip(numbers.numbers_at(i)) {
@@ -179,7 +193,7 @@ pub(super) fn worst<const D: usize>(
         }
     }
     if !reduction.is_alone() {
-        let number = |tool, node| numbers.known.get(&(tool, node)).copied();
+        let number = |tool, node| numbers.number_of(tool, node);
         add_others(reduction, &mut nodal, &numbers.pairs(), number);
     }
     let seen_by_nodes = |i: usize, candidate: &Candidate<D>| {

@@ -169,9 +169,9 @@ fn depth_of_passage<const D: usize>(shape: &dyn Shape<D>, [from, to]: [[f64; D];
     shape.closest(middle).map_or(0.0, |found| found.gap.abs())
 }
 
-/// The multipliers of a contact point that was awake, now and before the updates along an increment, and its penalty,
-/// [force/length].
-type Awake<const D: usize> = ([Multiplier<D>; 2], f64);
+/// The multipliers of a contact point that was awake, now and before the updates along an increment, its penalty,
+/// [force/length], and the largest shear, [force], if it is held; −1 otherwise.
+type Awake<const D: usize> = ([Multiplier<D>; 2], f64, f64);
 
 /// Contact points sleep, that is, they are left out, if their distance from a flat surface exceeds `AWAKE` times the
 /// size of the smallest cell and `AWAKE_AFTER` times the motion of the tool in the step.
@@ -210,7 +210,7 @@ impl<const D: usize> Contact<D> {
         self.multipliers.clone_from(&self.start);
         self.trials.clear();
         self.changes.clear();
-        (self.updates, self.before) = (0, None);
+        (self.updates, self.before, self.is_held) = (0, None, false);
         (self.time, self.factor) = (step.step.end, step.factor);
         Ok(())
     }
@@ -236,7 +236,8 @@ impl<const D: usize> Contact<D> {
             // Corners of CPDI2 domains stay where contact has put them, so they need no allowance.
             if step.model.bodies[candidate.body].method != Method::Cpdi2 {
                 let (motion, excess) = kept.map_or((0.0, 0.0), |kept| (kept.motion, kept.excess));
-                candidate.allowance = allowance(candidate.near.gap, candidate.size, motion, excess);
+                let bears = kept.is_some_and(|kept| kept.multiplier.normal > 0.0);
+                candidate.allowance = allowance(candidate.near.gap, candidate.size, motion, excess, bears);
             }
         }
         let sides = self.pieces.iter_mut().flat_map(|found| found.sides.drain(..)).collect();
@@ -264,17 +265,22 @@ impl<const D: usize> Contact<D> {
         self.awake.fill(f64::INFINITY);
         let awake = |(k, candidate): (usize, &Candidate<D>)| {
             let kept = |all: &[Multiplier<D>]| all.get(k).copied().unwrap_or_default();
-            (candidate.key, [kept(&self.multipliers), kept(&self.before_increment)], candidate.penalty)
+            let held = candidate.held.unwrap_or(-1.0);
+            let multipliers = [kept(&self.multipliers), kept(&self.before_increment)];
+            (candidate.key, multipliers, (candidate.penalty, held))
         };
         let awake = self.candidates.iter().enumerate().map(awake).collect();
         // A contact point joined by the corner of a sleeping domain may pass to another rank.
         let known: FxHashMap<Key, Awake<D>> = (gathered(&self.reduction, awake).into_iter())
-            .map(|(key, multipliers, penalty)| (key, (multipliers, penalty)))
+            .map(|(key, multipliers, (penalty, held))| (key, (multipliers, penalty, held)))
             .collect();
+        let is_held = self.is_held;
         self.find_places(step, points)?;
         let (mut multipliers, mut before) = (Vec::new(), Vec::new());
         for candidate in &mut self.candidates {
-            let ([now, then], penalty) = known.get(&candidate.key).copied().unwrap_or_default();
+            let unknown = (<[Multiplier<D>; 2]>::default(), 0.0, if is_held { 0.0 } else { -1.0 });
+            let ([now, then], penalty, held) = known.get(&candidate.key).copied().unwrap_or(unknown);
+            candidate.held = (held >= 0.0).then_some(held);
             candidate.penalty = candidate.penalty.max(penalty);
             multipliers.push(now);
             before.push(then);

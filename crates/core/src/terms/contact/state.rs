@@ -162,38 +162,41 @@ impl<const D: usize> Contact<D> {
                 }
             })
             .collect();
-        let touching_at = |(_, candidate, trial, touch): (_, &Candidate<D>, &Trial<D>, &Touch<D>)| {
-            let number = candidate.key.tool as usize;
-            let moving = &self.tools[number];
-            let (position, force) = (trial.position, touch.force());
-            let tool = &model.tools[number];
-            let closest = || moving.end.closest(tool.shape.as_ref(), position, f64::INFINITY);
-            let found = if candidate.keeps_face { None } else { closest() };
-            let (part, on_surface) =
-                found.map_or((candidate.near.part, position), |found| (found.part, found.point));
-            let contact = ContactPoint {
-                body: candidate.body,
-                point: candidate.key.point,
-                part,
-                position,
-                normal: touch.normal(),
-                area: candidate.area,
-                force,
-                pressure: touch.pressure / candidate.area_for_stress(),
-                shear: touch.shear.map(|t| t / candidate.area_for_stress()),
-                mode: touch.mode,
+        let forces = self.distributed();
+        let touching_at =
+            |((_, candidate, trial, touch), force): ((_, &Candidate<D>, &Trial<D>, &Touch<D>), &[f64; D])| {
+                let number = candidate.key.tool as usize;
+                let moving = &self.tools[number];
+                let (position, force) = (trial.position, *force);
+                let (pressure, shear) = touch.parts(&force);
+                let tool = &model.tools[number];
+                let closest = || moving.end.closest(tool.shape.as_ref(), position, f64::INFINITY);
+                let found = if candidate.keeps_face { None } else { closest() };
+                let (part, on_surface) =
+                    found.map_or((candidate.near.part, position), |found| (found.part, found.point));
+                let contact = ContactPoint {
+                    body: candidate.body,
+                    point: candidate.key.point,
+                    part,
+                    position,
+                    normal: touch.normal(),
+                    area: candidate.area,
+                    force,
+                    pressure: pressure / candidate.area_for_stress(),
+                    shear: shear.map(|t| t / candidate.area_for_stress()),
+                    mode: touch.mode,
+                };
+                Touching {
+                    tool: number,
+                    moment: moving.moment(&position, &force),
+                    overlap: -touch.gap(),
+                    allowed_overlap: candidate.allowance.max(0.0),
+                    slip: if touch.mode == Mode::Stick { norm(&touch.slip()) } else { 0.0 },
+                    parts: tool.parts_at(part, &moving.end.to_tool(&on_surface)).collect(),
+                    contact,
+                }
             };
-            Touching {
-                tool: number,
-                moment: moving.moment(&position, &force),
-                overlap: -touch.gap(),
-                allowed_overlap: candidate.allowance,
-                slip: if touch.mode == Mode::Stick { norm(&touch.slip()) } else { 0.0 },
-                parts: tool.parts_at(part, &moving.end.to_tool(&on_surface)).collect(),
-                contact,
-            }
-        };
-        let touching = self.touching().map(touching_at).collect();
+        let touching = self.touching().zip(&forces).map(touching_at).collect();
         for found in gathered(&self.reduction, touching) {
             states[found.tool].add(found);
         }
