@@ -1,9 +1,9 @@
 //! Surfaces whose sides are divided when the domains to which they belong are cut.
 //!
-//! In equilibrium with a uniform stress are loads and conditions on the outer sides of the domains as they are. When a
-//! domain is cut, the mid-points of edges become corners of its halves, which then move with the grid: a side of the
-//! whole is no side of the halves any more. Each side of a surface that belongs to the domain is therefore replaced by
-//! the sides of the halves. Sides are recognised by their original corners, which no motion changes.
+//! Loads and conditions are in equilibrium with a uniform stress if they act on the present outer sides of domains. When
+//! a domain is cut, the mid-points of edges become corners of its halves and move with the grid from then on, so that a
+//! side of the whole no longer is the outer boundary of the halves. The sides of the halves therefore replace each side
+//! of the surface that the cut divides. Sides are recognised by their original corners, which no motion changes.
 
 use std::collections::HashMap;
 
@@ -93,7 +93,7 @@ impl<const D: usize> Surface<D> {
         }
         for (half, corners) in halves.iter().enumerate() {
             for (k, of) in facets_of_side(corners.len()).iter().enumerate() {
-                let facet = std::array::from_fn(|k| corners[of[k]]);
+                let facet = std::array::from_fn(|corner| corners[of[corner]]);
                 let place = if half == 0 { first + k } else { self.repeated(first + k) };
                 self.facets[place] = facet;
                 self.samples[place] = centre(&self.facet(place));
