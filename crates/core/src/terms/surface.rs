@@ -4,6 +4,7 @@
 //! work, balances and residuals include them in the same way as weight and nodal reactions.
 
 mod condition;
+mod equation;
 mod load;
 mod patches;
 

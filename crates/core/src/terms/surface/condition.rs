@@ -29,6 +29,7 @@ use crate::surface::{Carried, Surface, SurfaceFields, centre};
 
 use super::super::failure::BeginError;
 use super::super::report::SurfaceReaction;
+use super::equation::Equation;
 use super::patches::{Patch, divide_patches, patches};
 
 /// The number s in m = s λ/β, which softens each equation m = 0, [-]. It fixes multipliers that the displacements leave
@@ -38,18 +39,6 @@ const SOFTENING: f64 = 1e-10;
 /// Distance from the prescribed displacement, relative to the cell size, beyond which a condition is not met, [-]; ten
 /// times the tolerance of Newton's method if that is larger.
 const UNMET: f64 = 1e-6;
-
-/// The equation of a multiplier in a step.
-struct Equation<const D: usize> {
-    /// Active nodes, ascending, with B, [length].
-    row: Vec<(u32, [f64; D])>,
-    /// m for a zero increment.
-    gap: f64,
-    /// The magnitude with which m is compared.
-    scale: f64,
-    /// True if this rank adds the equation.
-    is_own: bool,
-}
 
 /// A condition on a surface.
 pub(super) struct Condition<const D: usize> {
@@ -136,9 +125,9 @@ impl<const D: usize> Condition<D> {
     /// [`Condition::sums_now`] before that.
     pub(super) fn stay_at(&mut self, before: &[f64], model: &Model<D>, carried: &[Carried<D>], time: f64) {
         let Some(now) = self.sums_now(model, carried, time) else { return };
-        let changes = now.iter().zip(before);
-        let origins = self.origins.iter_mut().flatten();
-        origins.zip(changes).for_each(|(origin, (now, before))| *origin += now - before);
+        for (origin, (now, before)) in self.origins.iter_mut().flatten().zip(now.iter().zip(before)) {
+            *origin += now - before;
+        }
     }
 
     /// Number of equations in the current step; 0 while the condition does not act.
@@ -208,18 +197,14 @@ impl<const D: usize> Condition<D> {
             return Ok(());
         }
         let carried = &carried[self.on.surface];
-        let cell = carried.surface().cell;
         // The trial positions still equal the converged ones.
-        let sums_at = |time: f64| {
-            let gaps = self.gaps(step.model, carried, time).map_err(BeginError::Constraint)?;
-            Ok::<_, BeginError>(self.sums(&gaps))
-        };
-        let mut gaps = sums_at(step.step.end)?;
+        let gaps_at = |time: f64| self.gaps(step.model, carried, time).map_err(BeginError::Constraint);
+        let mut gaps = self.sums(&gaps_at(step.step.end)?);
         let origins = match &self.origins {
             Some(origins) => origins.clone(),
             // A condition that acts from the start prescribes the displacement since time 0.
             None if step.step.index == 1 => vec![0.0; gaps.len()],
-            None => sums_at(step.step.start)?,
+            None => self.sums(&gaps_at(step.step.start)?),
         };
         gaps.iter_mut().zip(&origins).for_each(|(gap, origin)| *gap -= origin);
         let mut gaps = gaps.into_iter();
@@ -235,7 +220,7 @@ impl<const D: usize> Condition<D> {
                             (0..D).for_each(|i| entry[i] += q * value * d[i]);
                         });
                     }
-                    let scale = cell * patch.area.sqrt();
+                    let scale = carried.surface().cell * patch.area.sqrt();
                     self.equations.push(Equation { row: row.into_iter().collect(), gap, scale, is_own });
                 }
             }
@@ -491,21 +476,6 @@ impl<const D: usize> Condition<D> {
         }
         (self.converged, self.origins) = (multipliers, origins);
         Ok(())
-    }
-}
-
-impl<const D: usize> Equation<D> {
-    /// Adds β B ⊗ B.
-    fn add_stiffness<const N: usize>(&self, penalty: f64, sum: &mut System<N>) {
-        for (v, row_block) in &self.row {
-            for (w, column_block) in &self.row {
-                // A symmetric system stores the lower triangle only.
-                if let Some(place) = sum.place(*v as usize, *w as usize) {
-                    let block = row_block.map(|a| column_block.map(|b| penalty * a * b));
-                    sum.add_displacement_block(place, &block);
-                }
-            }
-        }
     }
 }
 
