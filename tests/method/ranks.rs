@@ -242,6 +242,33 @@ fn decks_with_surfaces_and_stages_agree() {
     }
 }
 
+/// A block between a weak roller and a pressure, stretched until the domains at both are cut.
+const STRETCHED: &str = "
+version: 1
+grid: {type: structured, origin: [0, -0.5], size: [2.5, 2.5], spacing: 0.25}
+materials: {m: {model: neo-hookean, young: 1000, poisson: 0.3}}
+bodies:
+  - {name: b, material: m, shape: {type: box, min: [0, 0], max: [1, 1]}, method: cpdi2, points_per_cell: 2, split_above: 0.7}
+surfaces:
+  - {name: base, body: b, part: {edge: 0}}
+  - {name: side, body: b, part: {edge: 1}}
+  - {name: top, body: b, part: {edge: 2}}
+boundary_conditions:
+  - {name: left, nodes: {x: 0}, fix: [x]}
+  - {name: roller, surface: base, fix: normal}
+  - {name: pull, surface: side, ux: \"0.7+0.1*Y\"}
+loads: [{name: p, type: pressure, surface: top, pressure: 150}]
+steps: {count: 8}
+";
+
+#[test]
+fn divided_surfaces_agree() {
+    let directory = tempfile::tempdir().unwrap();
+    let deck = directory.path().join("stretched.yaml");
+    std::fs::write(&deck, STRETCHED).unwrap();
+    agree(deck.to_str().unwrap(), &[], 8, &[2, 3]);
+}
+
 #[test]
 fn decks_with_tools_agree() {
     for deck in ["pipe.yaml", "cone.yaml"] {

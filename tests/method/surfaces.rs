@@ -147,6 +147,41 @@ output: {probes: [{name: tip, body: bar, nearest: [2.1, 0.9]}]}";
     assert!(every.reports.iter().all(|report| report.energy.external_work.is_finite()));
 }
 
+/// A hanging body whose domains, and with them the sides on its surfaces, are cut under its weight is removed and added
+/// again, and cut again; a wall is set once sides have been cut. A run resumed after any step has the same bits.
+#[test]
+fn divided_surfaces_resume_between_and_within_stages() {
+    let deck = "
+version: 1
+grid: {type: structured, origin: [0, 0], size: [3, 6], spacing: 1}
+materials: {soft: {model: hencky, young: 1e5, poisson: 0.3, density: 1000}}
+bodies: [{name: b, material: soft, method: cpdi2, split_above: 0.55, points_per_cell: 2, shape: {type: box, min: [1, 4], max: [2, 6]}}]
+surfaces:
+  - {name: left, body: b, part: {edge: 3}}
+  - {name: right, body: b, part: {edge: 1}}
+  - {name: all, body: b}
+boundary_conditions:
+  - {name: top, nodes: {y: 6}, fix: [x, y]}
+  - {name: roller, surface: left, fix: normal}
+  - {name: wall, surface: right, fix: [x]}
+loads:
+  - {name: weight, type: gravity, acceleration: [0, -10]}
+  - {name: gas, type: pressure, surface: all, pressure: 1e3}
+  - {name: drag, type: traction, surface: right, traction: [\"100*Y\", -1e3]}
+stages:
+  - {name: hang, steps: {count: 3}, factors: {weight: 1, gas: 1, drag: 1}}
+  - {name: hold, set: [wall], steps: {count: 2}, factors: {weight: 1.3}}
+  - {name: again, remove: [b], add: [b], steps: {count: 3}}
+  - {name: rest, steps: {count: 2}, release: [wall]}
+";
+    let Run { every, .. } = run(deck);
+    let counts: Vec<usize> =
+        every.reports.iter().map(|report| report.list::<SurfaceFields<2>>()[1].position.len()).collect();
+    let begins_anew = counts.windows(2).any(|pair| pair[1] < pair[0]);
+    assert!(begins_anew && counts[3] > 4 && counts[9] > 4, "{counts:?}");
+    resumes(deck);
+}
+
 /// Reactions of the first condition and residuals of the iterations of all steps.
 #[derive(Default)]
 struct Last {

@@ -25,7 +25,7 @@ pub use nearest::Near;
 pub use partition::{ByNumber, MAX_IMBALANCE, Partition};
 pub use seed::Seed;
 pub use split::Split;
-pub(crate) use split::Splitting;
+pub(crate) use split::{Halves, Splitting};
 pub use value::PointValues;
 
 #[cfg(test)]

@@ -1,36 +1,38 @@
 //! Surfaces of bodies, on which tractions and pressures act and motions are prescribed weakly.
 //!
-//! A surface is sampled once, at the start, by dividing the boundary of the body's region into flat facets (segments in
+//! A surface is sampled at the start, by dividing the boundary of the body's region into flat facets (segments in
 //! the plane, triangles in space). The corners of the facets are massless points, which the grid carries with the
 //! linear basis N_v of its cells. Each facet is one sample: its position is the mean of its corners, and its N_v is the
 //! mean of their N_v or, on GIMP domains, over a side ([`SideRule`]). The area vector n a follows from the carried
 //! corners, so a closed surface stays closed: Σ n a = 0 at all times, except for the radial component in bodies of
 //! revolution. In a uniform deformation, n a agrees with Nanson's formula, n a = cof(F) N A.
 //!
-//! Where the sides of the domains of the body form the surface, they are its facets (`domains`); elsewhere, facets are
-//! a quarter of a cell long.
+//! Where the sides of the domains of the body form the surface, they are its facets (`domains`), and follow cuts of
+//! these domains (`divided`); elsewhere, facets are a quarter of a cell long.
 //!
 //! Because a sample takes the mean over its corners, a pressure p does exactly the work −p dV on the volume V inside a
 //! closed surface, and the forces of a uniform stress are those of CPDI2 domains whose sides are the facets.
 
 mod carried;
+mod divided;
 mod domains;
 mod integral;
 mod outer;
+mod places;
 mod sheet;
 mod side_basis;
 mod support;
-
-use std::collections::BTreeMap;
 
 use crate::ranks::Reduction;
 use crate::region::{Facet, NoBoundary, Region, area_vector};
 
 pub use carried::Carried;
+pub use divided::{Division, PlacedDivision};
 pub use integral::{lies_in_one_cell, mean_over_side};
 pub use outer::{
     DomainSide, OuterSides, contains, corner_count, corners_of, deformed_corners, sides_of_domain,
 };
+use places::Places;
 pub use sheet::Sheet;
 pub use side_basis::side_basis;
 pub use support::{Support, active, support};
@@ -41,8 +43,6 @@ const SLACK: f64 = 1e-6;
 /// pieces along a side.
 const PIECE: f64 = 0.25;
 const MOST_PIECES: f64 = 16.0;
-/// Distance within which corners of facets coincide, relative to the size of a cell, [-].
-const SAME: f64 = 1e-9;
 
 /// The part of the boundary of a body that forms a surface.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -102,7 +102,8 @@ pub enum SideRule {
     Integral,
 }
 
-/// A surface of a body, as sampled at the start; constant during a run.
+/// A surface of a body: in a model, as sampled at the start; during a run, with the sides of domains that have been cut
+/// in place of those of the whole domains.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Surface<const D: usize> {
     /// Name of the surface.
@@ -179,20 +180,11 @@ impl<const D: usize> Surface<D> {
             in_cells: Vec::new(),
         };
         // Neighbouring facets share corners in spite of round-off in their positions.
-        let mut known: BTreeMap<[i64; D], u32> = BTreeMap::new();
+        let mut places = Places::new(cell);
         for facet in &facets {
-            let indices = facet.corners.map(|corner| {
-                let key = corner.map(|x| (x / (SAME * cell)).round() as i64);
-                let near = neighbours(key).find_map(|key| known.get(&key).copied());
-                near.unwrap_or_else(|| {
-                    let number = surface.corners.len() as u32;
-                    surface.corners.push(corner);
-                    known.insert(key, number);
-                    number
-                })
-            });
-            surface.facets.push(indices);
+            surface.facets.push(facet.corners.map(|corner| places.number(&corner)));
         }
+        surface.corners = places.into_positions();
         surface.in_cells = surface.corners.iter().map(|corner| corner.map(|x| x / cell)).collect();
         surface
     }
@@ -298,14 +290,6 @@ impl<const D: usize> SurfaceFields<D> {
 /// The mean of the corners of a facet, [length].
 pub fn centre<const D: usize>(corners: &[[f64; D]; D]) -> [f64; D] {
     Facet { corners: *corners, side: 0 }.centre()
-}
-
-/// The lattice cell of a position, then the cells around it.
-fn neighbours<const D: usize>(key: [i64; D]) -> impl Iterator<Item = [i64; D]> {
-    let around = (0..3usize.pow(D as u32)).map(move |number| {
-        std::array::from_fn(|d| key[d].saturating_add((number / 3usize.pow(d as u32) % 3) as i64 - 1))
-    });
-    std::iter::once(key).chain(around)
 }
 
 /// A vector divided by its length; the zero vector if its length is zero.

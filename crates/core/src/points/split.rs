@@ -11,6 +11,7 @@
 //! grid; the straight edge of a neighbour separates from them by as much as the motion of the grid along the edge
 //! deviates from a linear one.
 
+use rustc_hash::FxHashMap;
 use serde::{Deserialize, Serialize};
 
 use super::Points;
@@ -48,6 +49,33 @@ pub(crate) trait Splitting<const D: usize> {
 
     /// True if these corners form a valid domain for the method of point `p`.
     fn is_valid(&self, points: &Points<D>, p: usize, corners: &[[f64; D]]) -> bool;
+
+    /// Takes note that points of any rank have been cut, each once, in ascending order of their numbers. Called on all
+    /// ranks together.
+    fn have_cut(&mut self, _points: &Points<D>, _cuts: &[Split]) {}
+}
+
+/// The halves of a domain that has been cut, on the rank that holds them.
+#[derive(Debug, Clone)]
+pub struct Halves {
+    /// The cut, as an index into the list of cuts.
+    pub cut: usize,
+    /// The points with the first and the second half.
+    pub points: [usize; 2],
+    /// The edges that the cut has divided, as corners of the domain; their mid-points are the second corner in the
+    /// first half and the first corner in the second half.
+    pub edges: Vec<[usize; 2]>,
+}
+
+impl Halves {
+    /// The original corners of the undivided domain, [length].
+    pub fn original_corners<const D: usize>(&self, points: &Points<D>) -> Vec<[f64; D]> {
+        let [first, second] = self.points.map(|p| &points.original_corners[points.corner_range(p)]);
+        let is_second = |corner: usize| self.edges.iter().any(|edge| edge[1] == corner);
+        (0..first.len())
+            .map(|corner| if is_second(corner) { second[corner] } else { first[corner] })
+            .collect()
+    }
 }
 
 /// The corners of a domain, and their number; the other entries of the array are unused.
@@ -57,7 +85,7 @@ impl<const D: usize> Points<D> {
     /// Cuts domains until no edge is longer than allowed, at most [`MAX_CUTS`] times in succession; `next` is the
     /// number of the next new point. A domain stays whole if one of its halves would be invalid. All ranks must call
     /// this together; each returns the cuts of all ranks in the order of the new numbers.
-    pub(crate) fn split_long(&mut self, rules: &impl Splitting<D>, mut next: u32) -> Vec<Split> {
+    pub(crate) fn split_long(&mut self, rules: &mut impl Splitting<D>, mut next: u32) -> Vec<Split> {
         let mut splits = Vec::new();
         for _ in 0..MAX_CUTS {
             let mut long: Vec<(u32, [u8; 2])> = Vec::new();
@@ -67,7 +95,7 @@ impl<const D: usize> Points<D> {
                 if length <= rules.longest(self, p) {
                     continue;
                 }
-                let halves = self.halves_now(p, edge.map(usize::from), rules);
+                let halves = self.halves_now(p, edge.map(usize::from), &*rules);
                 if halves.iter().all(|(corners, n)| rules.is_valid(self, p, &corners[..*n])) {
                     places.push(p);
                     long.push((self.id[p], edge));
@@ -88,8 +116,9 @@ impl<const D: usize> Points<D> {
             next += all.len() as u32;
             let number = |p: &usize| all.binary_search_by_key(&self.id[*p], |cut| cut.point).ok();
             let cuts: Vec<Split> = places.iter().filter_map(number).map(|k| all[k]).collect();
-            self.cut(&places, &cuts, rules);
+            self.cut(&places, &cuts, &*rules);
             self.cuts.extend_from_slice(&all);
+            rules.have_cut(self, &all);
             splits.extend(all);
         }
         splits
@@ -113,6 +142,29 @@ impl<const D: usize> Points<D> {
     fn halves_now(&self, p: usize, edge: [usize; 2], rules: &impl Splitting<D>) -> [Domain<D>; 2] {
         let body = usize::from(self.body[p]);
         halves(self.corners(p), edge, |x| rules.nearest_allowed(body, x))
+    }
+
+    /// The halves on this rank of points that have just been cut, each once, in the order of the cuts.
+    pub(crate) fn halves_of(&self, cuts: &[Split]) -> Vec<Halves> {
+        let by_number = |number: fn(&Split) -> u32| -> FxHashMap<u32, usize> {
+            cuts.iter().map(number).zip(0..).collect()
+        };
+        let numbers = [by_number(|cut| cut.point), by_number(|cut| cut.half)];
+        let mut found = vec![[None; 2]; cuts.len()];
+        for (p, id) in self.id.iter().enumerate() {
+            for (half, numbers) in numbers.iter().enumerate() {
+                if let Some(cut) = numbers.get(id) {
+                    found[*cut][half] = Some(p);
+                }
+            }
+        }
+        let mut halves = Vec::new();
+        for (cut, found) in found.into_iter().enumerate() {
+            let [Some(first), Some(second)] = found else { continue };
+            let edges = cut_edges::<D>(self.corner_range(first).len(), cuts[cut].edge.map(usize::from));
+            halves.push(Halves { cut, points: [first, second], edges });
+        }
+        halves
     }
 
     /// Repeats cuts of an earlier run; cuts of points that no longer exist are skipped.
@@ -323,10 +375,10 @@ mod tests {
     }
 
     fn splits_keep_the_whole<const D: usize>(corners: Vec<[f64; D]>, is_revolved: bool) {
-        let rules = Rules::new(1.3, is_revolved);
+        let mut rules = Rules::new(1.3, is_revolved);
         let whole = stretched(corners, &rules);
         let mut points = whole.clone();
-        let splits = points.split_long(&rules, 1);
+        let splits = points.split_long(&mut rules, 1);
         assert!(splits.len() >= 2 && points.len() == splits.len() + 1, "{splits:?}");
         let kept = |quantity: &dyn Fn(&Points<D>, usize) -> f64| {
             let sum = |points: &Points<D>| -> f64 { (0..points.len()).map(|p| quantity(points, p)).sum() };
@@ -378,7 +430,6 @@ mod tests {
 
     #[test]
     fn ranks_split_as_one() {
-        let rules = Rules::new(0.7, false);
         let square = |id: u32| -> Seed<2> {
             let corners: Vec<[f64; 2]> =
                 SQUARE.map(|x| [x[0] + f64::from(id), (1.0 + 0.1 * f64::from(id)) * x[1]]).to_vec();
@@ -386,7 +437,7 @@ mod tests {
                 body: 0,
                 position: middle(&corners),
                 half_lengths: [0.5; 2],
-                volume: volume(&corners, &rules),
+                volume: size(&corners),
                 corners,
                 mass: 1.0,
                 outer_layer: false,
@@ -397,7 +448,8 @@ mod tests {
             let numbers: Vec<u32> = (0..7).filter(|id| *id as usize % ranks.count() == ranks.own()).collect();
             let seeds: Vec<Seed<2>> = numbers.iter().map(|id| square(*id)).collect();
             let mut points = Points::numbered(&seeds, numbers, ranks);
-            let splits = points.split_long(&rules, 10);
+            let mut rules = Rules::new(0.7, false);
+            let splits = points.split_long(&mut rules, 10);
             let found: Vec<(u32, Vec<[f64; 2]>, f64)> = (points.by_id().into_iter())
                 .map(|p| (points.id[p], points.corners(p).to_vec(), points.mass[p]))
                 .collect();
@@ -417,9 +469,9 @@ mod tests {
         let mut rules = Rules::new(0.1, false);
         let mut points = stretched(TRIANGLE.to_vec(), &rules);
         rules.accepts = false;
-        assert!(points.split_long(&rules, 1).is_empty() && points.len() == 1);
+        assert!(points.split_long(&mut rules, 1).is_empty() && points.len() == 1);
         rules.accepts = true;
-        assert!(points.split_long(&rules, 1).len() > 1);
+        assert!(points.split_long(&mut rules, 1).len() > 1);
     }
 
     #[test]

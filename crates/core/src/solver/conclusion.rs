@@ -240,8 +240,8 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
     ) -> Result<(), SolveError> {
         self.judge(&report);
         self.commit(&report);
-        self.push_out_of_tools(&report.replaced_domains);
-        self.split_long_domains();
+        self.push_out_of_tools(&report);
+        self.split_long_domains(report.step.end);
         let (model, points) = (self.model, &*self.points);
         self.cause = None;
         self.lost_points = None;
@@ -278,16 +278,16 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
     }
 
     /// Moves the corners of replaced domains out of obstacles.
-    fn push_out_of_tools(&mut self, replaced: &[u32]) {
+    fn push_out_of_tools(&mut self, report: &StepReport<D>) {
         let Stepper { model, points, terms, .. } = self;
-        splitting::push_out_of_tools(model, points, terms, replaced);
+        splitting::push_out_of_tools(model, points, terms, report.step.end, &report.replaced_domains);
     }
 
-    /// Splits the points whose domains have become too long. The next step then begins as it would in a run resumed
-    /// from this state.
-    fn split_long_domains(&mut self) {
+    /// Splits the points whose domains have become too long in the step that has ended at this time. The next step then
+    /// begins as it would in a run resumed from this state.
+    fn split_long_domains(&mut self, time: f64) {
         let Stepper { model, points, reached, terms, .. } = self;
-        splitting::split_long(model, points, terms, &mut reached.progress.splits);
+        splitting::split_long(model, points, terms, time, &mut reached.progress.splits);
     }
 
     /// True if bodies begin to slide in a step that is in equilibrium but not committed, and a smaller step can narrow

@@ -1,31 +1,33 @@
 //! The converged and trial state of a surface, and its motion with the grid.
 
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use super::integral::{mean_over_side, pieces_of_side};
 use super::support::{Support, active, carrying_cell};
-use super::{SideRule, Surface, unit};
+use super::{Division, PlacedDivision, SideRule, Surface, unit};
 use crate::basis::Connectivity;
 use crate::grid::Grid;
+use crate::points::{Halves, Points};
 use crate::ranks::Reduction;
 use crate::region::area_vector;
 
 /// A surface carried by the grid.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct Carried<const D: usize> {
-    /// The body whose surface this is.
-    body: u16,
+    /// The surface with the samples that it has now.
+    surface: Surface<D>,
+    /// The surface at the start, if sides have been divided since.
+    start: Option<Box<Surface<D>>>,
+    /// The divisions of sides so far.
+    divisions: Vec<Division>,
+    /// For each sample, the one at the start from which divisions have formed it, and its share in that sample, [-].
+    origins: Vec<(u32, f64)>,
     /// Positions of the corners at the end of the last converged step, [length].
     pub converged: Vec<[f64; D]>,
     /// Positions of the corners at the displacement increment of the last evaluation, [length].
     pub trial: Vec<[f64; D]>,
-    /// Corners of the facet of each sample.
-    facets: Vec<[u32; D]>,
-    /// The share of its facet for which each sample stands, [-].
-    shares: Vec<f64>,
-    rule: SideRule,
-    /// True for each sample on the side of a triangle of a body of revolution.
-    by_radius: Vec<bool>,
+    is_revolved: bool,
     /// Basis at each corner in the current step; empty for a corner if this rank lacks one of its nodes.
     at_corners: Vec<Support<D>>,
     /// With the rule of integrals, the nodes of each sample with their N_v.
@@ -40,13 +42,13 @@ impl<const D: usize> Carried<D> {
     /// This surface at the start of the analysis, of a body of revolution if `revolved`.
     pub fn new(surface: &Surface<D>, revolved: bool) -> Self {
         Carried {
-            body: surface.body as u16,
+            surface: surface.clone(),
+            start: None,
+            divisions: Vec::new(),
+            origins: (0..surface.len()).map(|sample| (sample as u32, 1.0)).collect(),
             converged: surface.corners.clone(),
             trial: surface.corners.clone(),
-            facets: surface.facets.clone(),
-            shares: surface.shares.clone(),
-            rule: surface.rule,
-            by_radius: surface.of_triangles.iter().map(|of_triangle| *of_triangle && revolved).collect(),
+            is_revolved: revolved,
             at_corners: Vec::new(),
             at_samples: Vec::new(),
             found: Vec::new(),
@@ -54,14 +56,35 @@ impl<const D: usize> Carried<D> {
         }
     }
 
+    /// The surface with the samples that it has now; its corners are at their original positions.
+    pub fn surface(&self) -> &Surface<D> {
+        &self.surface
+    }
+
     /// Number of samples.
     pub fn len(&self) -> usize {
-        self.facets.len()
+        self.surface.len()
     }
 
     /// True if there are no samples.
     pub fn is_empty(&self) -> bool {
-        self.facets.is_empty()
+        self.surface.is_empty()
+    }
+
+    /// Number of divisions of sides so far.
+    pub fn n_divisions(&self) -> usize {
+        self.divisions.len()
+    }
+
+    /// The sample at the start from which divisions have formed a sample, and the share of the latter in it, [-]: 1 for
+    /// a sample that has not changed.
+    pub fn origin(&self, sample: usize) -> (usize, f64) {
+        let (origin, share) = self.origins[sample];
+        (origin as usize, share)
+    }
+
+    fn body(&self) -> u16 {
+        self.surface.body as u16
     }
 
     /// Finds the cells that carry the corners in the step from the converged state; `links` must belong to this state.
@@ -74,15 +97,15 @@ impl<const D: usize> Carried<D> {
             self.found.iter().map(|(cell, _)| *cell).collect()
         } else {
             let normals = self.normals();
-            let place = |(x, normal)| carrying_cell(grid, links, self.body, x, &unit(normal)).ok_or(*x);
+            let place = |(x, normal)| carrying_cell(grid, links, self.body(), x, &unit(normal)).ok_or(*x);
             let found = self.converged.iter().zip(&normals).map(place);
             found.map(|found| found.map(|(_, cell)| cell)).collect::<Result<_, _>>()?
         };
         let at = |(x, cell): (&[f64; D], &u32)| {
-            active(grid.basis_at(*cell, x), links, self.body).unwrap_or_default()
+            active(grid.basis_at(*cell, x), links, self.body()).unwrap_or_default()
         };
         self.at_corners = self.converged.iter().zip(&cells).map(at).collect();
-        self.at_samples = match self.rule {
+        self.at_samples = match self.surface.rule {
             SideRule::Corners => Vec::new(),
             SideRule::Integral => self.means(grid, links, &cells),
         };
@@ -103,7 +126,7 @@ impl<const D: usize> Carried<D> {
     /// Number of samples on the side of a domain.
     fn samples_of_side(&self) -> usize {
         // In space, the triangles of a side with the corners 0 to 3 are 012, 023, 013 and 123.
-        if self.rule == SideRule::Integral && D == 3 { 4 } else { 1 }
+        if self.surface.rule == SideRule::Integral && D == 3 { 4 } else { 1 }
     }
 
     /// The corners on which the N_v of a sample depends, in cyclic order: those of its facet or, for means over a side,
@@ -111,9 +134,9 @@ impl<const D: usize> Carried<D> {
     fn corners_of_side(&self, sample: usize) -> Vec<u32> {
         let samples = self.samples_of_side();
         let first = sample - sample % samples;
-        let mut corners = self.facets[first].to_vec();
+        let mut corners = self.surface.facets[first].to_vec();
         if samples > 1 {
-            corners.push(self.facets[first + 1][D - 1]);
+            corners.push(self.surface.facets[first + 1][D - 1]);
         }
         corners
     }
@@ -131,14 +154,14 @@ impl<const D: usize> Carried<D> {
         }
         let corners: Vec<[f64; D]> = side.iter().map(|&corner| self.converged[corner as usize]).collect();
         let cells: Vec<u32> = side.iter().map(|&corner| cells[corner as usize]).collect();
-        let values = mean_over_side(grid, &corners, &cells, |basis| active(basis, links, self.body));
+        let values = mean_over_side(grid, &corners, &cells, |basis| active(basis, links, self.body()));
         values.unwrap_or_default()
     }
 
     /// The sum of the area vectors of the facets around each corner.
     fn normals(&self) -> Vec<[f64; D]> {
         let mut normals = vec![[0.0; D]; self.converged.len()];
-        for facet in &self.facets {
+        for facet in &self.surface.facets {
             let area = area_vector(&facet.map(|corner| self.converged[corner as usize]));
             for &corner in facet {
                 (0..D).for_each(|d| normals[corner as usize][d] += area[d]);
@@ -153,7 +176,7 @@ impl<const D: usize> Carried<D> {
     /// As [`Carried::locate`], the same on all ranks.
     pub fn find(&mut self, grid: &dyn Grid<D>, links: &Connectivity<D>) -> Result<(), [f64; D]> {
         let reduction = links.reduction();
-        let place = |(x, normal)| carrying_cell(grid, links, self.body, x, &unit(normal));
+        let place = |(x, normal)| carrying_cell(grid, links, self.body(), x, &unit(normal));
         let own: Vec<Option<(u32, u32)>> = self.converged.iter().zip(&self.normals()).map(place).collect();
         // The earliest cell that any rank has found, in the order of the search, is the one that a rank with all nodes
         // would find.
@@ -181,7 +204,7 @@ impl<const D: usize> Carried<D> {
         let numbers = self.corners_of_side(sample);
         let found = numbers.iter().filter_map(|corner| self.found.get(*corner as usize));
         let mut cells: Vec<u32> = found.map(|(cell, _)| *cell).collect();
-        if self.rule == SideRule::Integral && cells.len() == numbers.len() {
+        if self.surface.rule == SideRule::Integral && cells.len() == numbers.len() {
             let corners: Vec<[f64; D]> =
                 numbers.iter().map(|&corner| self.converged[corner as usize]).collect();
             let pieces = pieces_of_side(grid, &corners, &cells);
@@ -192,7 +215,7 @@ impl<const D: usize> Carried<D> {
 
     /// True if this rank is responsible for a sample.
     pub fn is_own(&self, sample: usize) -> bool {
-        let first = self.facets[sample][0] as usize;
+        let first = self.surface.facets[sample][0] as usize;
         self.own.is_none_or(|own| self.found.get(first).is_some_and(|(_, rank)| *rank == own))
     }
 
@@ -234,28 +257,28 @@ impl<const D: usize> Carried<D> {
 
     /// The trial positions of the corners of a facet, [length].
     pub fn facet(&self, sample: usize) -> [[f64; D]; D] {
-        self.facets[sample].map(|corner| self.trial[corner as usize])
+        self.surface.facets[sample].map(|corner| self.trial[corner as usize])
     }
 
     /// The share of its facet for which a sample stands, [-].
     pub fn share(&self, sample: usize) -> f64 {
-        self.shares[sample]
+        self.surface.shares[sample]
     }
 
     /// The normal of a sample times its area at the trial positions, [length^(D−1)]; per unit thickness in the plane.
     pub fn area(&self, sample: usize) -> [f64; D] {
-        area_vector(&self.facet(sample)).map(|a| self.shares[sample] * a)
+        area_vector(&self.facet(sample)).map(|a| self.surface.shares[sample] * a)
     }
 
     /// The bases at the corners of a facet.
     pub fn supports(&self, sample: usize) -> [&Support<D>; D] {
-        self.facets[sample].map(|corner| &self.at_corners[corner as usize])
+        self.surface.facets[sample].map(|corner| &self.at_corners[corner as usize])
     }
 
     /// The weights of the corners in the N_v of the side of a triangle in a body of revolution, [-]: the means of r λ_k
     /// over the side at the start of the step, with the linear functions λ_k of the corners, relative to the mean of r.
     fn weights_by_radius(&self, sample: usize) -> [f64; D] {
-        let radii = self.facets[sample].map(|corner| self.converged[corner as usize][0]);
+        let radii = self.surface.facets[sample].map(|corner| self.converged[corner as usize][0]);
         let sum: f64 = radii.iter().sum();
         if sum > 0.0 { radii.map(|r| (r + sum) / (3.0 * sum)) } else { [1.0 / D as f64; D] }
     }
@@ -267,7 +290,7 @@ impl<const D: usize> Carried<D> {
             mean.iter().for_each(|(node, value)| visit(*node as usize, *value));
             return;
         }
-        if self.by_radius.get(sample).copied().unwrap_or(false) {
+        if self.is_revolved && self.surface.of_triangles[sample] {
             for (support, weight) in self.supports(sample).into_iter().zip(self.weights_by_radius(sample)) {
                 for (&node, value) in support.nodes().iter().zip(support.value()) {
                     visit(node as usize, value * weight);
@@ -321,9 +344,48 @@ impl<const D: usize> Carried<D> {
         self.converged.clone_from(&self.trial);
     }
 
+    /// The divisions of sides by cuts of points of this rank, each with the index of the cut.
+    pub(crate) fn divisions_by(&self, points: &Points<D>, halves: &[Halves]) -> Vec<(u32, PlacedDivision)> {
+        match self.surface.rule {
+            SideRule::Corners => self.surface.divisions(points, halves),
+            SideRule::Integral => Vec::new(),
+        }
+    }
+
+    /// Divides a side in the converged state; until it is located again, the surface is not carried.
+    pub fn divide(&mut self, placed: &PlacedDivision) {
+        let (middles, _) = placed.middles.as_chunks::<D>();
+        let before = self.converged.len();
+        let added = self.divide_surface(placed.division);
+        self.converged.resize(before + added, [0.0; D]);
+        self.converged[before..].iter_mut().zip(middles).for_each(|(x, middle)| *x = *middle);
+        self.clear();
+    }
+
+    /// Divides a side, whose new corners then lack positions; returns their number, 0 if this is not possible.
+    fn divide_surface(&mut self, division: Division) -> usize {
+        let start = self.start.take().unwrap_or_else(|| Box::new(self.surface.clone()));
+        let (before, added) = (self.len(), self.surface.divide(&division));
+        self.start = Some(start);
+        if added == 0 {
+            return 0;
+        }
+        self.divisions.push(division);
+        let first = division.sample as usize;
+        for sample in first..first + self.len() - before {
+            self.origins[sample].1 *= 0.5;
+            self.origins.push(self.origins[sample]);
+        }
+        added
+    }
+
     /// The converged state, for a checkpoint.
     pub fn save(&self) -> Value {
-        json!(self.converged.as_flattened())
+        let corners = self.converged.as_flattened().to_vec();
+        if self.divisions.is_empty() {
+            return json!(corners);
+        }
+        json!(Saved { corners, divisions: self.divisions.clone() })
     }
 
     /// Restores the state that [`Carried::save`] returned.
@@ -331,14 +393,35 @@ impl<const D: usize> Carried<D> {
     /// # Errors
     /// The reason why the value is not a state of this surface.
     pub fn restore(&mut self, saved: &Value) -> Result<(), String> {
-        let numbers: Vec<f64> = serde_json::from_value(saved.clone()).map_err(|error| error.to_string())?;
-        let (corners, rest) = numbers.as_chunks::<D>();
-        if corners.len() != self.converged.len() || !rest.is_empty() || numbers.iter().any(|x| !x.is_finite())
-        {
+        let text = |error: serde_json::Error| error.to_string();
+        let saved = match saved {
+            Value::Object(_) => serde_json::from_value(saved.clone()).map_err(text)?,
+            _ => {
+                Saved { corners: serde_json::from_value(saved.clone()).map_err(text)?, divisions: Vec::new() }
+            }
+        };
+        let mut restored = Carried::new(self.start.as_deref().unwrap_or(&self.surface), self.is_revolved);
+        for division in saved.divisions {
+            if restored.divide_surface(division) == 0 {
+                return Err("its sides cannot have been divided in this way".to_owned());
+            }
+        }
+        let (corners, rest) = saved.corners.as_chunks::<D>();
+        let is_finite = saved.corners.iter().all(|x| x.is_finite());
+        if corners.len() != restored.surface.corners.len() || !rest.is_empty() || !is_finite {
             return Err("its corners are not those of the surface".to_owned());
         }
-        self.converged = corners.to_vec();
-        self.trial.clone_from(&self.converged);
+        restored.converged = corners.to_vec();
+        restored.clear();
+        *self = restored;
         Ok(())
     }
+}
+
+/// A converged state as checkpoints store it; without divisions, they store the corners alone.
+#[derive(Serialize, Deserialize)]
+struct Saved {
+    /// `D` numbers for each corner, [length].
+    corners: Vec<f64>,
+    divisions: Vec<Division>,
 }

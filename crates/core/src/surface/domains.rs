@@ -10,6 +10,7 @@ use std::collections::HashMap;
 
 use serde::{Deserialize, Serialize};
 
+use super::divided::facets_of_side;
 use super::outer::box_corners;
 use super::{Part, SideRule, Surface, sides_of_domain, unit};
 use crate::basis::DomainKind;
@@ -87,12 +88,7 @@ impl<const D: usize> Surface<D> {
         let (mut facets, mut shares, mut of_triangles) = (Vec::new(), Vec::new(), Vec::new());
         for side in &sides {
             let (corners, _) = side.corners.as_chunks::<D>();
-            let triangles: &[&[usize]] = match corners.len() {
-                // The mean over both divisions of a quadrilateral weights its corners equally.
-                4 => &[&[0, 1, 2], &[0, 2, 3], &[0, 1, 3], &[1, 2, 3]],
-                _ => &[&[0, 1, 2]],
-            };
-            for triangle in triangles {
+            for triangle in facets_of_side(corners.len()) {
                 facets.push(Facet {
                     corners: std::array::from_fn(|k| corners[triangle[k]]),
                     side: side.number.unwrap_or(0),

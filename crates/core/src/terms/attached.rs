@@ -2,7 +2,7 @@
 
 use crate::basis::Connectivity;
 use crate::model::Model;
-use crate::points::Points;
+use crate::points::{Points, Split};
 
 use super::failure::BeginError;
 
@@ -36,6 +36,10 @@ pub trait Attached<const D: usize> {
         _moved: &dyn Fn(&[f64; D]) -> Option<[f64; D]>,
     ) {
     }
+
+    /// Adapts what the term keeps about places on the domains of points that have just been cut, each once, after the
+    /// step that has ended at `time`; the step has been committed. All ranks call this together.
+    fn follow_cuts(&mut self, _model: &Model<D>, _points: &Points<D>, _cuts: &[Split], _time: f64) {}
 }
 
 /// A term that keeps the bodies out of a part of space.

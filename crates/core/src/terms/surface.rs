@@ -4,7 +4,9 @@
 //! work, balances and residuals include them in the same way as weight and nodal reactions.
 
 mod condition;
+mod equation;
 mod load;
+mod patches;
 
 use std::collections::BTreeMap;
 
@@ -13,10 +15,10 @@ use serde_json::{Value, json};
 use crate::assembly::{System, Wanted};
 use crate::basis::Connectivity;
 use crate::model::{Model, NodeSet};
-use crate::points::Points;
+use crate::points::{Points, Split};
 use crate::ranks::Reduction;
 use crate::step::{At, Nodal, StepContext};
-use crate::surface::{Carried, Surface, SurfaceFields, centre, unit};
+use crate::surface::{Carried, PlacedDivision, Surface, SurfaceFields, centre, unit};
 
 use super::attached::Attached;
 use super::failure::{BeginError, EvaluateError, SurfaceLost};
@@ -102,6 +104,7 @@ impl<const D: usize> Surfaces<D> {
         let Surfaces { conditions, carried, .. } = &mut surfaces;
         for condition in conditions {
             let carried = &carried[condition.surface()];
+            condition.follow(now, carried);
             condition.continue_from([before, now], carried, time).map_err(|error| error.to_string())?;
         }
         states.extend(Term::<D, D>::save(&surfaces).map(|state| (NAME.to_owned(), state)));
@@ -120,18 +123,18 @@ impl<const D: usize> Surfaces<D> {
     /// The geometry of all surfaces at the trial positions, without forces; empty for surfaces whose body is absent.
     fn renew_fields(&mut self, model: &Model<D>) {
         self.fields.clear();
-        for ((surface, carried), is_there) in model.surfaces.iter().zip(&self.carried).zip(&self.is_there) {
+        for (carried, is_there) in self.carried.iter().zip(&self.is_there) {
             if !is_there {
                 self.fields.push(SurfaceFields::default());
                 continue;
             }
             let mut fields = SurfaceFields {
-                pressure: vec![0.0; surface.len()],
-                load: vec![[0.0; D]; surface.len()],
-                reaction: vec![[0.0; D]; surface.len()],
+                pressure: vec![0.0; carried.len()],
+                load: vec![[0.0; D]; carried.len()],
+                reaction: vec![[0.0; D]; carried.len()],
                 ..SurfaceFields::default()
             };
-            for sample in 0..surface.len() {
+            for sample in 0..carried.len() {
                 let corners = carried.facet(sample);
                 fields.position.push(centre(&corners));
                 let area = carried.area(sample);
@@ -141,6 +144,22 @@ impl<const D: usize> Surfaces<D> {
             }
             self.fields.push(fields);
         }
+    }
+}
+
+impl<const D: usize> Surfaces<D> {
+    /// The divisions of sides by cuts of points of all ranks, each with the index of the surface, in the order of the
+    /// cuts; the same on all ranks, which must call this together.
+    fn divisions_by(&self, points: &Points<D>, cuts: &[Split]) -> Vec<(usize, PlacedDivision)> {
+        let halves = points.halves_of(cuts);
+        let mut own = Vec::new();
+        for (surface, carried) in (0u32..).zip(&self.carried) {
+            let divisions = carried.divisions_by(points, &halves).into_iter();
+            own.extend(divisions.map(|(cut, division)| (cut, surface, division)));
+        }
+        let mut all = points.reduction().join(own);
+        all.sort_by_key(|(cut, surface, division)| (*cut, *surface, division.division.sample));
+        all.into_iter().map(|(_, surface, division)| (surface as usize, division)).collect()
     }
 }
 
@@ -185,6 +204,7 @@ impl<const D: usize, const N: usize> Term<D, N> for Surfaces<D> {
         }
         for condition in &mut self.conditions {
             let acts = self.is_there[condition.surface()] && model.is_set(condition.number());
+            condition.follow(model, &self.carried[condition.surface()]);
             condition.begin(step, points, &self.carried, acts, &mut self.start)?;
         }
         Ok(())
@@ -311,7 +331,8 @@ impl<const D: usize> Attached<D> for Surfaces<D> {
                 carried.own_samples().for_each(|sample| nodes.extend(carried.nodes_of(grid, sample)));
             }
         }
-        for condition in &self.conditions {
+        for condition in &mut self.conditions {
+            condition.follow(model, &self.carried[condition.surface()]);
             if self.is_there[condition.surface()] && model.is_set(condition.number()) {
                 nodes.extend(condition.nodes(grid, &self.carried));
             }
@@ -335,6 +356,26 @@ impl<const D: usize> Attached<D> for Surfaces<D> {
         for condition in &mut self.conditions {
             if removed.contains(&model.surfaces[condition.surface()].body) {
                 condition.forget();
+                condition.follow(model, &self.carried[condition.surface()]);
+            }
+        }
+    }
+
+    /// The sides of the halves take the place of the sides of the whole domains.
+    fn follow_cuts(&mut self, model: &Model<D>, points: &Points<D>, cuts: &[Split], time: f64) {
+        let divisions = self.divisions_by(points, cuts);
+        let mut is_divided = vec![false; self.carried.len()];
+        divisions.iter().for_each(|(surface, _)| is_divided[*surface] = true);
+        let held = |condition: &Condition<D>| condition.sums_now(model, &self.carried, time);
+        let of_divided = |condition: &Condition<D>| is_divided[condition.surface()];
+        let before: Vec<Option<Vec<f64>>> = (self.conditions.iter())
+            .map(|condition| Some(condition).filter(|c| of_divided(c)).and_then(held))
+            .collect();
+        divisions.iter().for_each(|(surface, division)| self.carried[*surface].divide(division));
+        for (condition, before) in self.conditions.iter_mut().zip(before) {
+            condition.follow(model, &self.carried[condition.surface()]);
+            if let Some(before) = before {
+                condition.stay_at(&before, model, &self.carried, time);
             }
         }
     }

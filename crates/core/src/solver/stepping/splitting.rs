@@ -19,17 +19,20 @@ struct ModelRules<'a, const D: usize> {
 /// The splitting rules of a model in the state of a run.
 struct Present<'a, const D: usize, const N: usize> {
     rules: ModelRules<'a, D>,
-    terms: &'a Terms<D, N>,
+    terms: &'a mut Terms<D, N>,
+    /// End of the last converged step, [time].
+    time: f64,
     /// Points of probes, which stay whole: a half does not move like the whole point.
     probed: BTreeSet<u32>,
 }
 
-/// Splits the points whose domains have become longer than their bodies allow, and adds the splits of all ranks to the
-/// earlier ones.
+/// Splits the points whose domains have become longer than their bodies allow in the step that has ended at this time,
+/// and adds the splits of all ranks to the earlier ones.
 pub(crate) fn split_long<const D: usize, const N: usize>(
     model: &Model<D>,
     points: &mut Points<D>,
-    terms: &Terms<D, N>,
+    terms: &mut Terms<D, N>,
+    time: f64,
     splits: &mut Vec<Split>,
 ) {
     if model.bodies.iter().all(|body| body.split_above.is_none()) {
@@ -40,7 +43,8 @@ pub(crate) fn split_long<const D: usize, const N: usize>(
     let last = points.reduction().largest(numbers.max().map_or(-1.0, f64::from));
     let next = (last + 1.0) as u32;
     let probed = model.probes.iter().flat_map(|probe| &probe.points).copied().collect();
-    splits.extend(points.split_long(&Present { rules: ModelRules { model }, terms, probed }, next));
+    let mut rules = Present { rules: ModelRules { model }, terms, time, probed };
+    splits.extend(points.split_long(&mut rules, next));
 }
 
 /// Moves the corners of the domains of the points with these permanent numbers out of the obstacles of the terms,
@@ -49,13 +53,14 @@ pub(crate) fn split_long<const D: usize, const N: usize>(
 pub(crate) fn push_out_of_tools<const D: usize, const N: usize>(
     model: &Model<D>,
     points: &mut Points<D>,
-    terms: &Terms<D, N>,
+    terms: &mut Terms<D, N>,
+    time: f64,
     replaced: &[u32],
 ) {
     if replaced.is_empty() {
         return;
     }
-    let rules = Present { rules: ModelRules { model }, terms, probed: BTreeSet::new() };
+    let rules = Present { rules: ModelRules { model }, terms, time, probed: BTreeSet::new() };
     points.move_corners(replaced, &rules);
 }
 
@@ -115,6 +120,13 @@ impl<const D: usize, const N: usize> Splitting<D> for Present<'_, D, N> {
     fn is_valid(&self, points: &Points<D>, p: usize, corners: &[[f64; D]]) -> bool {
         self.rules.is_valid(points, p, corners)
     }
+
+    fn have_cut(&mut self, points: &Points<D>, cuts: &[Split]) {
+        let Present { rules, terms, time, .. } = self;
+        for attached in terms.iter_mut().filter_map(|term| term.attached()) {
+            attached.follow_cuts(rules.model, points, cuts, *time);
+        }
+    }
 }
 
 #[cfg(test)]
@@ -136,7 +148,7 @@ mod tests {
             let whole = points.len();
             let mut split = |above: f64| {
                 model.bodies[0].split_above = Some(above);
-                points.split_long(&ModelRules { model: &model }, whole as u32);
+                points.split_long(&mut ModelRules { model: &model }, whole as u32);
                 points.len()
             };
             // There are two points along a side of a cell.

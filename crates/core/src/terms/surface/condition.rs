@@ -29,15 +29,9 @@ use crate::surface::{Carried, Surface, SurfaceFields, centre};
 
 use super::super::failure::BeginError;
 use super::super::report::SurfaceReaction;
+use super::equation::Equation;
+use super::patches::{Patch, divide_patches, patches};
 
-/// Width of a patch in cells, [-].
-const WIDTH: f64 = 3.0;
-/// Distance from the boundary between two patches within which a sample counts as lying on it, relative to the width of
-/// a patch, [-].
-const ON_BOUNDARY: f64 = 1e-9;
-/// A function is omitted if its part orthogonal to the earlier functions is smaller than this fraction of the largest
-/// possible part, [-].
-const INDEPENDENT: f64 = 1e-3;
 /// The number s in m = s λ/β, which softens each equation m = 0, [-]. It fixes multipliers that the displacements leave
 /// undetermined if conditions repeat each other. The error in displacement that remains is this fraction of the
 /// error with the penalty alone.
@@ -45,33 +39,6 @@ const SOFTENING: f64 = 1e-10;
 /// Distance from the prescribed displacement, relative to the cell size, beyond which a condition is not met, [-]; ten
 /// times the tolerance of Newton's method if that is larger.
 const UNMET: f64 = 1e-6;
-
-/// A patch of a surface: its samples, and the functions q_k A at each of them, `[k][sample]`.
-struct Patch {
-    samples: Vec<u32>,
-    functions: Vec<Vec<f64>>,
-    /// Original area, [length²].
-    area: f64,
-}
-
-impl Patch {
-    /// True if this rank evaluates the patch.
-    fn is_own<const D: usize>(&self, carried: &Carried<D>) -> bool {
-        self.samples.first().is_none_or(|sample| carried.is_own(*sample as usize))
-    }
-}
-
-/// The equation of a multiplier in a step.
-struct Equation<const D: usize> {
-    /// Active nodes, ascending, with B, [length].
-    row: Vec<(u32, [f64; D])>,
-    /// m for a zero increment.
-    gap: f64,
-    /// The magnitude with which m is compared.
-    scale: f64,
-    /// True if this rank adds the equation.
-    is_own: bool,
-}
 
 /// A condition on a surface.
 pub(super) struct Condition<const D: usize> {
@@ -84,7 +51,9 @@ pub(super) struct Condition<const D: usize> {
     modulus_at_rest: f64,
     /// Axes, or directions of the condition, along which the displacement is prescribed.
     components: Vec<usize>,
-    patches: Vec<Patch>,
+    patches: Vec<Patch<D>>,
+    /// Number of divisions of the surface to which the patches belong.
+    n_divisions: usize,
     equations: Vec<Equation<D>>,
     /// m of each equation when the condition began to act, shifted by changes of the condition during the run; the
     /// condition holds the surface at this value. `origins` belongs to the last converged step, `trial_origins` to
@@ -112,10 +81,6 @@ impl<const D: usize> Condition<D> {
         let modulus_at_rest = axial_modulus_at_rest(law);
         let penalty = on.penalty * modulus_at_rest / surface.cell;
         let components: Vec<usize> = (0..D).filter(|&d| condition.displacement[d].is_some()).collect();
-        let direction = |&component: &usize| {
-            (0..surface.len()).map(|s| condition.direction(component, surface.normal(s))).collect()
-        };
-        let directions = components.iter().map(direction).collect();
         let patches = patches(model, surface);
         let n = components.len() * patches.iter().map(|patch| patch.functions.len()).sum::<usize>();
         Some(Condition {
@@ -123,17 +88,46 @@ impl<const D: usize> Condition<D> {
             on,
             penalty,
             modulus_at_rest,
+            directions: directions(model, number, &components, surface),
             components,
             patches,
+            n_divisions: 0,
             equations: Vec::new(),
             origins: None,
             trial_origins: None,
             converged: vec![0.0; n],
             trial: vec![0.0; n],
             reaction: vec![[0.0; D]; surface.len()],
-            directions,
             unmet: 0.0,
         })
+    }
+
+    /// Takes over the samples of a surface, which may have been divided since; the multipliers and their functions stay.
+    pub(super) fn follow(&mut self, model: &Model<D>, carried: &Carried<D>) {
+        if self.n_divisions == carried.n_divisions() {
+            return;
+        }
+        self.n_divisions = carried.n_divisions();
+        self.patches = patches(model, &model.surfaces[self.on.surface]);
+        divide_patches(&mut self.patches, model, carried);
+        self.directions = directions(model, self.number, &self.components, carried.surface());
+        self.reaction = vec![[0.0; D]; carried.len()];
+    }
+
+    /// Σ q_k A d · (u − ū) in the converged state at a time, for each equation; `None` while the condition does not act
+    /// or ū is not finite.
+    pub(super) fn sums_now(&self, model: &Model<D>, carried: &[Carried<D>], time: f64) -> Option<Vec<f64>> {
+        self.origins.as_ref()?;
+        Some(self.sums(&self.gaps(model, &carried[self.on.surface], time).ok()?))
+    }
+
+    /// Holds the surface where it is at a time, although its samples have changed: `before` are the sums of
+    /// [`Condition::sums_now`] before that.
+    pub(super) fn stay_at(&mut self, before: &[f64], model: &Model<D>, carried: &[Carried<D>], time: f64) {
+        let Some(now) = self.sums_now(model, carried, time) else { return };
+        for (origin, (now, before)) in self.origins.iter_mut().flatten().zip(now.iter().zip(before)) {
+            *origin += now - before;
+        }
     }
 
     /// Number of equations in the current step; 0 while the condition does not act.
@@ -203,14 +197,14 @@ impl<const D: usize> Condition<D> {
             return Ok(());
         }
         let carried = &carried[self.on.surface];
-        let surface = &step.model.surfaces[self.on.surface];
         // The trial positions still equal the converged ones.
-        let mut gaps = self.sums(&self.gaps(step, carried, step.step.end)?);
+        let gaps_at = |time: f64| self.gaps(step.model, carried, time).map_err(BeginError::Constraint);
+        let mut gaps = self.sums(&gaps_at(step.step.end)?);
         let origins = match &self.origins {
             Some(origins) => origins.clone(),
             // A condition that acts from the start prescribes the displacement since time 0.
             None if step.step.index == 1 => vec![0.0; gaps.len()],
-            None => self.sums(&self.gaps(step, carried, step.step.start)?),
+            None => self.sums(&gaps_at(step.step.start)?),
         };
         gaps.iter_mut().zip(&origins).for_each(|(gap, origin)| *gap -= origin);
         let mut gaps = gaps.into_iter();
@@ -226,7 +220,7 @@ impl<const D: usize> Condition<D> {
                             (0..D).for_each(|i| entry[i] += q * value * d[i]);
                         });
                     }
-                    let scale = surface.cell * patch.area.sqrt();
+                    let scale = carried.surface().cell * patch.area.sqrt();
                     self.equations.push(Equation { row: row.into_iter().collect(), gap, scale, is_own });
                 }
             }
@@ -254,17 +248,17 @@ impl<const D: usize> Condition<D> {
         sums
     }
 
-    /// d · (u − ū) at the start of the step, with ū at the given time, for each component and sample, [length].
+    /// d · (u − ū) in the converged state, with ū at the given time, for each component and sample, [length].
     fn gaps(
         &self,
-        step: &StepContext<D>,
+        model: &Model<D>,
         carried: &Carried<D>,
         time: f64,
-    ) -> Result<Vec<Vec<f64>>, BeginError> {
-        let surface = &step.model.surfaces[self.on.surface];
-        let mut gaps = self.prescribed(step.model, carried, time).map_err(BeginError::Constraint)?;
+    ) -> Result<Vec<Vec<f64>>, ConstraintError> {
+        let samples = &carried.surface().samples;
+        let mut gaps = self.prescribed(model, carried, time)?;
         for (gaps, directions) in gaps.iter_mut().zip(&self.directions) {
-            for (sample, (gap, original)) in gaps.iter_mut().zip(&surface.samples).enumerate() {
+            for (sample, (gap, original)) in gaps.iter_mut().zip(samples).enumerate() {
                 let x = centre(&carried.facet(sample));
                 let moved: f64 = (0..D).map(|d| (x[d] - original[d]) * directions[sample][d]).sum();
                 *gap = moved - *gap;
@@ -281,7 +275,7 @@ impl<const D: usize> Condition<D> {
         time: f64,
     ) -> Result<Vec<Vec<f64>>, ConstraintError> {
         let condition = &model.boundary_conditions[self.number];
-        let surface = &model.surfaces[self.on.surface];
+        let surface = carried.surface();
         let factor = condition.curve.factor(time);
         let mut all = Vec::new();
         for component in &self.components {
@@ -422,11 +416,14 @@ impl<const D: usize> Condition<D> {
     pub(super) fn reaction(&self, reduction: &Reduction, carried: &[Carried<D>]) -> SurfaceReaction<D> {
         let carried = &carried[self.on.surface];
         let places: Vec<[f64; D]> = (0..carried.len()).map(|sample| centre(&carried.facet(sample))).collect();
-        let n = places.len().max(1) as f64;
+        // The mean over the samples at the start: divided sides do not weigh more than others.
+        let share = |sample: usize| carried.origin(sample).1;
+        let n = (0..carried.len()).map(share).sum::<f64>().max(1.0);
         // Samples of other ranks may not have moved on this rank; those in its own patches have moved, and only the
         // samples of its own patches have reactions here.
         let own: Vec<usize> = carried.own_samples().collect();
-        let mut about: [f64; D] = std::array::from_fn(|d| own.iter().map(|s| places[*s][d]).sum());
+        let mut about: [f64; D] =
+            std::array::from_fn(|d| own.iter().map(|s| share(*s) * places[*s][d]).sum());
         reduction.sum(&mut about);
         about.iter_mut().for_each(|x| *x /= n);
         let (mut sum, mut moment) = ([0.0; D], [0.0; 3]);
@@ -482,91 +479,21 @@ impl<const D: usize> Condition<D> {
     }
 }
 
-impl<const D: usize> Equation<D> {
-    /// Adds β B ⊗ B.
-    fn add_stiffness<const N: usize>(&self, penalty: f64, sum: &mut System<N>) {
-        for (v, row_block) in &self.row {
-            for (w, column_block) in &self.row {
-                // A symmetric system stores the lower triangle only.
-                if let Some(place) = sum.place(*v as usize, *w as usize) {
-                    let block = row_block.map(|a| column_block.map(|b| penalty * a * b));
-                    sum.add_displacement_block(place, &block);
-                }
-            }
-        }
-    }
-}
-
 /// A prescribed displacement at a position; a formula without the load factor is multiplied by this factor.
 fn at_place<const D: usize>(formula: &Formula, x: &[f64; D], original: &[f64; D], factor: f64) -> f64 {
     crate::dofs::displacement_increment(formula, x, original, [None, Some(factor)])
 }
 
-/// The patches of a surface: its samples, grouped by sides of the shape and by boxes that divide each side, measured in
-/// cells, into equal parts of about [`WIDTH`] cells.
-fn patches<const D: usize>(model: &Model<D>, surface: &Surface<D>) -> Vec<Patch> {
-    let mut by_place: BTreeMap<(usize, [i64; D]), Vec<u32>> = BTreeMap::new();
-    let mut ends: BTreeMap<usize, [[f64; D]; 2]> = BTreeMap::new();
-    let corners = |sample: usize| surface.facets[sample].map(|corner| surface.in_cells[corner as usize]);
-    for (sample, &side) in surface.sides.iter().enumerate() {
-        let [low, high] = ends.entry(side).or_insert([[f64::INFINITY; D], [f64::NEG_INFINITY; D]]);
-        for corner in corners(sample) {
-            for d in 0..D {
-                (low[d], high[d]) = (low[d].min(corner[d]), high[d].max(corner[d]));
-            }
-        }
-    }
-    for (sample, side) in surface.sides.iter().enumerate() {
-        let [low, high] = ends[side];
-        let key = std::array::from_fn(|d| {
-            let length = high[d] - low[d];
-            let n = (length / WIDTH).round().max(1.0);
-            let middle = corners(sample).iter().map(|corner| corner[d]).sum::<f64>() / D as f64;
-            // A sample at the boundary between two patches belongs to the upper one, whatever its round-off.
-            let place = (middle - low[d]) / length * n + ON_BOUNDARY;
-            if length > 0.0 { place.floor().min(n - 1.0) as i64 } else { 0 }
-        });
-        by_place.entry((*side, key)).or_default().push(sample as u32);
-    }
-    let patch = |samples: Vec<u32>| {
-        let areas: Vec<f64> =
-            samples.iter().map(|&sample| model.original_area(surface, sample as usize)).collect();
-        let functions = orthonormal(surface, &samples, &areas);
-        let area = areas.iter().sum();
-        Patch { samples, functions, area }
+/// For each component of a condition, its direction at each sample of a surface.
+fn directions<const D: usize>(
+    model: &Model<D>,
+    number: usize,
+    components: &[usize],
+    surface: &Surface<D>,
+) -> Vec<Vec<[f64; D]>> {
+    let condition = &model.boundary_conditions[number];
+    let along = |component: &usize| {
+        (0..surface.len()).map(|sample| condition.direction(*component, surface.normal(sample))).collect()
     };
-    by_place.into_values().map(patch).collect()
-}
-
-/// The functions 1, x, y(, z) on a patch, orthonormalised in this order with respect to area and then multiplied by the
-/// areas of the samples; functions that depend on earlier ones are omitted.
-fn orthonormal<const D: usize>(surface: &Surface<D>, samples: &[u32], areas: &[f64]) -> Vec<Vec<f64>> {
-    let from_first =
-        |sample: u32, d: usize| surface.samples[sample as usize][d] - surface.samples[samples[0] as usize][d];
-    let extents = samples.iter().flat_map(|&sample| (0..D).map(move |d| from_first(sample, d).abs()));
-    let size = extents.fold(f64::MIN_POSITIVE, f64::max);
-    let total: f64 = areas.iter().sum();
-    let product = |a: &[f64], b: &[f64]| -> f64 { (0..areas.len()).map(|s| areas[s] * a[s] * b[s]).sum() };
-    let mut found: Vec<Vec<f64>> = Vec::new();
-    for number in 0..=D {
-        let at = |&sample: &u32| match number {
-            0 => 1.0,
-            d => from_first(sample, d - 1) / size,
-        };
-        let mut function: Vec<f64> = samples.iter().map(at).collect();
-        // Orthogonalises twice, to suppress round-off.
-        for other in found.iter().chain(&found) {
-            let share = product(&function, other);
-            function.iter_mut().zip(other).for_each(|(f, o)| *f -= share * o);
-        }
-        let norm = product(&function, &function).sqrt();
-        if norm > INDEPENDENT * total.sqrt() {
-            function.iter_mut().for_each(|f| *f /= norm);
-            found.push(function);
-        }
-    }
-    for function in &mut found {
-        function.iter_mut().zip(areas).for_each(|(f, area)| *f *= area);
-    }
-    found
+    components.iter().map(along).collect()
 }

@@ -71,9 +71,9 @@ impl<const D: usize> Values<D> {
             Action::Pressure { pressure: Pressure::Hydrostatic { level, unit_weight }, .. } => {
                 Ok(Values::Hydrostatic([*level, factor * unit_weight]))
             }
-            Action::Pressure { pressure: Pressure::Given(formula) | Pressure::Dead(formula), surface } => {
-                let surface = &model.surfaces[*surface];
-                let values = mean_values(load, surface, carried, formula, factor)?;
+            Action::Pressure { pressure: Pressure::Given(formula) | Pressure::Dead(formula), .. } => {
+                let surface = carried.surface();
+                let values = mean_values(load, carried, formula, factor)?;
                 let values: Vec<f64> = values.into_iter().map(|[value]| value).collect();
                 if !follows(&load.action) {
                     let force = |(sample, pressure): (usize, &f64)| {
@@ -84,9 +84,9 @@ impl<const D: usize> Values<D> {
                 }
                 Ok(Values::Pressure(values))
             }
-            Action::Traction { traction: formula, surface } => {
-                let surface = &model.surfaces[*surface];
-                let values = mean_values(load, surface, carried, formula, factor)?;
+            Action::Traction { traction: formula, .. } => {
+                let surface = carried.surface();
+                let values = mean_values(load, carried, formula, factor)?;
                 let force = |(sample, t): (usize, &[f64; D])| {
                     let area = model.original_area(surface, sample);
                     t.map(|t| t * area)
@@ -122,11 +122,11 @@ impl<const D: usize> Values<D> {
 /// of a cell.
 fn mean_values<const D: usize, const N: usize>(
     load: &Load<D>,
-    surface: &Surface<D>,
     carried: &Carried<D>,
     formula: &VectorFormula<D, N>,
     factor: f64,
 ) -> Result<Vec<[f64; N]>, BeginError> {
+    let surface = carried.surface();
     let mut values = Vec::with_capacity(carried.len());
     for sample in 0..carried.len() {
         let [now, original] = [carried.facet(sample), surface.facet(sample)];
