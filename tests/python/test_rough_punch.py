@@ -36,6 +36,10 @@ LAWS = {
         ("cpdi2", "tresca", 0.5, 2, 0.97),
         ("cpdi2", "von mises", 0.5, 2, 1.04),
         ("cpdi2", "von mises", 0.25, 2, 1),
+        ("cpdi2", "von mises", 0.25, 3, 1),
+        ("cpdi1", "tresca", 0.5, 3, 1),
+        ("gimp", "tresca", 0.5, 3, 1),
+        ("gimp", "tresca", 0.25, 3, 1),
     ],
 )
 def test_a_rough_punch(mpm, tmp_path, method, law, h, points, width):
@@ -50,8 +54,8 @@ def test_a_rough_punch(mpm, tmp_path, method, law, h, points, width):
     history = results.history
     total, base, side = (history[f"punch_{part}fy"] for part in ("", "base_", "side_"))
     assert np.abs(base + side - total).max() < 1e-9 * np.abs(total).max()
-    # A rough surface transfers shear of up to ten times its pressure, so the side may pull; the base pushes.
-    assert base.max() <= 0
+    # The base pushes. The corners of boxes at the side lie in the same cells as those at the base, and may pull.
+    assert base.max() <= 0 and (method == "gimp" or side.max() <= 1e-3 * np.abs(total).max())
     assert 5.14 < -total[-1] / 10e3 < 10
     meshes = [mesh for mesh in results.meshes("contacts") if mesh.n_points > 0]
     assert len(meshes) > 10 and all(np.asarray(mesh["pressure"]).min() >= 0 for mesh in meshes)

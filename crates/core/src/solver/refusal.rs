@@ -6,7 +6,7 @@ use crate::timing::Phase;
 
 use super::attempt::FailedAttempt;
 use super::collective::{agree, value_of_first_to_know};
-use super::diagnosis::Diagnosis;
+use super::diagnosis::{Diagnosis, Kind};
 use super::error::SolveError;
 use super::observer::Observer;
 use super::progress::Reached;
@@ -62,7 +62,8 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
             value_of_first_to_know(&points.reduction(), knows, diagnosis)
         });
         if let Some(diagnosis) = &diagnosis {
-            summary.cut = Some(diagnosis.to_string());
+            let names_nothing = matches!(diagnosis.kind, Kind::Setting | Kind::LargeSteps | Kind::Unknown);
+            summary.cut = Some(if names_nothing { failed.error.to_string() } else { diagnosis.to_string() });
         }
         if goes_on {
             let observe = || observer.failed(model, points, &failed, None);
