@@ -73,6 +73,8 @@ struct Free<'a, const D: usize> {
     forces: Vec<[f64; D]>,
     reduction: &'a Reduction,
     nodes: NodeNumbers,
+    /// For each number in `nodes`, the inverse of the number of ranks that have it.
+    shares: Vec<f64>,
     /// A group and a node for each number in `nodes`.
     pairs: Vec<(u32, usize)>,
     /// A_c, [length²].
@@ -90,7 +92,8 @@ impl<'a, const D: usize> Free<'a, D> {
             let Candidate { area, bearing, .. } = place.candidate;
             area.max(LEAST_AREA * bearing)
         };
-        Free {
+        let mut free = Free {
+            shares: Vec::new(),
             pairs: nodes.pairs(),
             nodes,
             areas: places.iter().map(area).collect(),
@@ -99,7 +102,9 @@ impl<'a, const D: usize> Free<'a, D> {
             places,
             forces,
             reduction,
-        }
+        };
+        free.shares = free.shares_of_pairs();
+        free
     }
 
     /// Moves the forces towards the even ones; a contact point that has come to its limit stays there, and the others go
@@ -170,10 +175,20 @@ impl<'a, const D: usize> Free<'a, D> {
         traction.map(|t| self.areas[k] * t)
     }
 
+    /// a · b over all ranks.
     fn product(&self, a: &AtNodes<D>, b: &AtNodes<D>) -> f64 {
-        let own =
-            self.pairs.iter().zip(a.iter().zip(b)).filter(|((_, node), _)| self.reduction.counts(*node));
-        self.reduction.total(own.map(|(_, (a, b))| dot(a, b)).sum())
+        let each = a.iter().zip(b).zip(&self.shares).map(|((a, b), share)| share * dot(a, b));
+        self.reduction.total(each.sum())
+    }
+
+    /// The share of each pair that counts on this rank: the owner of a node need not have contact points there.
+    fn shares_of_pairs(&self) -> Vec<f64> {
+        let mut sums = vec![([0.0; D], 1.0); self.pairs.len()];
+        if !self.reduction.is_alone() {
+            let number = |group, node| self.nodes.number_of(group, node);
+            add_others(self.reduction, &mut sums, &self.pairs, number);
+        }
+        sums.into_iter().map(|(_, ranks)| 1.0 / ranks).collect()
     }
 
     /// The forces of all contact points if the free ones bear an interpolated traction; `None` if the iterations do not
