@@ -67,7 +67,8 @@ impl<'a, const D: usize, const N: usize> LoadStep<'_, 'a, D, N> {
             }
             let since_update = iteration - self.course.solves_before;
             let is_last = since_update == self.attempt.most_iterations();
-            if (is_last || since_update == HOLDS_AFTER && !self.course.falls_fast()) && self.hold(iteration) {
+            let may_hold = is_last || since_update == HOLDS_AFTER && !self.course.falls_fast();
+            if may_hold && self.attempt.pace.is_small() && self.hold(iteration) {
                 continue;
             }
             if is_last || !residual.is_finite() || self.course.is_hopeless() {

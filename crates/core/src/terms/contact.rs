@@ -44,8 +44,8 @@
 //! that neighbours do not push and pull each other more and more.
 //!
 //! Friction has no potential, and iterations may run in cycles between states, above all at the edges of rough tools. If
-//! they have not converged after 25 iterations, L is therefore held for the rest of the step: the problem of a given L
-//! has a potential. Updates of the multipliers renew L from the pressures; after ten of them, L only falls. A step is
+//! they have not converged after 25 iterations in a step of a quarter of the requested size or less, L is therefore held
+//! for the rest of the step: the problem of a given L has a potential. Updates of the multipliers renew L from the pressures; after ten of them, L only falls. A step is
 //! refused if contact points then slide at less than their friction, by more than 0.1 % of all friction together; rough
 //! surfaces may slide at less than their L, which is a safeguard itself.
 //!

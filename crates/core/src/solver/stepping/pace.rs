@@ -22,6 +22,9 @@ const SUCCESSES: u32 = 4;
 /// the run says so.
 const SHORT: f64 = 0.05;
 const CRAWLED: u32 = 20;
+/// Size relative to a requested step, [-], from which on terms may simplify conditions that keep iterations from
+/// converging: before that, smaller steps are tried, whose course depends less on round-off.
+const SMALL: f64 = 0.25;
 /// Sizes count as the same if their ratio is below this, [-].
 const ALIKE: f64 = 1.5;
 /// Time that must remain between the end of a step and the next stop, relative to the step, for the step to keep its
@@ -99,6 +102,11 @@ impl Pace {
     /// True if a step has failed recently.
     pub fn is_careful(&self) -> bool {
         self.patience > 0
+    }
+
+    /// True if steps have been cut so far that terms may simplify conditions.
+    pub fn is_small(&self) -> bool {
+        self.size <= SMALL
     }
 
     /// True if steps are far shorter than requested.
