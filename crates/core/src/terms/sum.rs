@@ -256,8 +256,10 @@ impl<const D: usize, const N: usize> Sum<D, N> {
 
     /// Lets the terms replace conditions that keep the iterations from converging; false if no term does.
     pub fn hold(&mut self, step: &StepContext<D>) -> bool {
-        let terms = self.terms.iter_mut().filter_map(|term| term.multipliers());
-        let holds = terms.fold(false, |holds, multipliers| multipliers.hold(step) || holds);
+        let mut holds = false;
+        for multipliers in self.terms.iter_mut().filter_map(|term| term.multipliers()) {
+            holds |= multipliers.hold(step);
+        }
         step.links.reduction().any(holds)
     }
 
