@@ -97,16 +97,16 @@ impl Quality {
         self.raised.insert((code, 0))
     }
 
-    /// The warning that steps have been far shorter than requested for a long time: of this size relative to a
+    /// The warning that steps have been shorter than `least` for a long time: they have this size, both relative to a
     /// requested step, [-], for this cause; `None` if it has been raised before.
-    pub fn crawls(&mut self, step: usize, size: f64, cause: Option<&str>) -> Option<Warning> {
+    pub fn crawls(&mut self, step: usize, [size, least]: [f64; 2], cause: Option<&str>) -> Option<Warning> {
         let cause = cause.map(|cause| format!("; longer ones fail, probably for this cause: {cause}"));
         self.is_first(Code::Crawls).then(|| Warning {
             code: Code::Crawls,
             step,
             location: Location::default(),
             value: Some(size),
-            threshold: Some(0.05),
+            threshold: Some(least),
             message: format!(
                 "the run crawls: its steps are 1/{:.0} of the requested size{}",
                 1.0 / size,

@@ -25,6 +25,7 @@ use super::residual::{RoundOff, body_residual};
 use super::step_system::StepSystem;
 use super::stepper::Stepper;
 use super::stepping::control::{Motion, Path};
+use super::stepping::pace::SHORT;
 use super::stepping::splitting;
 use super::stepping::strength::Movement;
 use super::summary::Summary;
@@ -258,7 +259,7 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         summary.warnings.extend(raised);
         if let Some(size) = progress.pace.crawling() {
             let cause = summary.cut.as_deref();
-            summary.warnings.extend(summary.quality.crawls(report.step.index, size, cause));
+            summary.warnings.extend(summary.quality.crawls(report.step.index, [size, SHORT], cause));
         }
         let mut timings = Timings::default();
         let reached = &self.reached;

@@ -246,8 +246,8 @@ impl<'a, const D: usize, const N: usize> LoadStep<'_, 'a, D, N> {
         Ok(outcome)
     }
 
-    /// Lets the terms replace conditions that keep the iterations from converging; these then continue as after an update
-    /// of multipliers. False if no term does.
+    /// Lets the terms replace conditions that keep the iterations from converging; these then continue as after an
+    /// update of multipliers. False if no term does.
     fn hold(&mut self, iteration: usize) -> bool {
         let holds = self.system.sum.hold(&self.attempt.context);
         if holds {

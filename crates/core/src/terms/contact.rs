@@ -26,8 +26,8 @@
 //! The free components of the motion of a tool are global unknowns; the equilibrium of the tool provides their
 //! equations.
 //!
-//! Contact points that the last domain update has moved into a tool may at first stay at their depth, and those that bear
-//! a force and that it has moved away, at their distance: g is then measured from there (see [`candidates`]).
+//! Contact points that the last domain update has moved into a tool may at first stay at their depth; those that bear a
+//! force and that it has moved away, at their distance. g is then measured from there (see [`candidates`]).
 //!
 //! # Augmentation
 //!
@@ -43,11 +43,12 @@
 //! At the end of a step, the forces that the nodes cannot tell apart are distributed evenly (see [`distribution`]), so
 //! that neighbours do not push and pull each other more and more.
 //!
-//! Friction has no potential, and iterations may run in cycles between states, above all at the edges of rough tools. If
-//! they have not converged after 25 iterations in a step of a quarter of the requested size or less, L is therefore held
-//! for the rest of the step: the problem of a given L has a potential. Updates of the multipliers renew L from the pressures; after ten of them, L only falls. A step is
-//! refused if contact points then slide at less than their friction, by more than 0.1 % of all friction together; rough
-//! surfaces may slide at less than their L, which is a safeguard itself.
+//! Friction has no potential, and iterations may run in cycles between states, above all at the edges of rough tools.
+//! If they have not converged after 25 iterations in a step of a quarter of the requested size or less, L is therefore
+//! held for the rest of the step: the problem of a given L has a potential. Updates of the multipliers renew L from the
+//! pressures; after ten of them, L only falls. A step is refused if contact points then slide at less than their
+//! friction, by more than 0.1 % of all friction together; rough surfaces may slide at less than their L, which is a
+//! safeguard itself.
 //!
 //! Near the solution, the multipliers are updated along one increment of Newton's method per step, without a change of
 //! state (see [`multipliers`]): most steps then need no further update, and no more solves than a step without contact.

@@ -66,8 +66,8 @@ pub fn on_warning(warning: &Warning, means: &Means) -> String {
              boundary condition on these nodes"
         }
         (Code::Crawls, _) => {
-            "change what the cause names; if the run need not go on at any price, give `steps: {smallest: 0.05}`, which ends \
-             it with a diagnosis at the first step below this size"
+            "change what the cause names; `steps: {smallest: 0.05}` ends such a run with a diagnosis at the first step \
+             below this size"
         }
         (Code::Unstable, _) => {
             "disturb the bodies with a small load or an imperfection and compare; more load steps show where the path \

@@ -20,7 +20,7 @@ const MOST_DOUBLINGS: u32 = 5;
 const SUCCESSES: u32 = 4;
 /// Size relative to a requested step, [-], below which steps crawl, and number of such steps in succession after which
 /// the run says so.
-const SHORT: f64 = 0.05;
+pub const SHORT: f64 = 0.05;
 const CRAWLED: u32 = 20;
 /// Size relative to a requested step, [-], from which on terms may simplify conditions that keep iterations from
 /// converging: before that, smaller steps are tried, whose course depends less on round-off.

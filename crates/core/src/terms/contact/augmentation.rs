@@ -72,7 +72,7 @@ impl<const D: usize, const N: usize> Multipliers<D, N> for Contact<D> {
         let tool = worst.tool;
         let is_last = *updates >= step.model.tools[tool].control.augmentations;
         if worst.is_settled(tolerances[tool], before.as_ref(), *updates, is_last) {
-            if !is_last && self.renew_held().is_some() {
+            if !is_last && self.renew_held() {
                 self.updates += 1;
                 return Ok(Augmentation::Updated);
             }
@@ -136,7 +136,8 @@ impl<const D: usize, const N: usize> Multipliers<D, N> for Contact<D> {
         Augmentation::Updated
     }
 
-    /// Holds the largest shear of each contact point at its largest value so far.
+    /// Holds the largest shear of each contact point: the one that its multiplier allows, or its present pressure if that
+    /// allows more.
     fn hold(&mut self, step: &StepContext<D>) -> bool {
         let may_hold = !self.is_held && step.model.tools.iter().any(Tool::resists_sliding);
         if !may_hold {
@@ -182,9 +183,9 @@ impl<const D: usize> Contact<D> {
         })
     }
 
-    /// Renews the largest shears that are held, where the pressures now allow others; `None` if this changes none. After
+    /// Renews the largest shears that are held, where the pressures now allow others; false if this changes none. After
     /// some updates, they only fall, so that the updates come to an end.
-    fn renew_held(&mut self) -> Option<()> {
+    fn renew_held(&mut self) -> bool {
         let may_rise = self.held_updates < RISES;
         let share = if self.held_updates < RELAXES { 1.0 } else { 0.5 };
         let mut is_changed = false;
@@ -200,7 +201,7 @@ impl<const D: usize> Contact<D> {
             }
         }
         self.held_updates += 1;
-        self.reduction.any(is_changed).then_some(())
+        self.reduction.any(is_changed)
     }
 
     /// True if contact points slide at less than the shear that the pressures allow, by more than `MISSING` of the sum

@@ -91,7 +91,7 @@ pub(super) struct Candidate<const D: usize> {
     pub(super) held: Option<f64>,
     /// The closest point on the tool at the start of the step, in global coordinates.
     pub(super) near: Closest<D>,
-    /// Overlap that the contact point may keep in the step, [length]; see [`super::allowance`].
+    /// Overlap that the contact point may keep in the step, negative for a gap, [length]; see [`allowance`].
     pub(super) allowance: f64,
     /// Permanent numbers of the other material points whose domains share this corner.
     pub(super) shared_by: Vec<u32>,

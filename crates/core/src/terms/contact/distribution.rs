@@ -1,15 +1,16 @@
 //! The distribution of contact forces among contact points that the nodes cannot tell apart.
 //!
-//! More contact points may touch a tool than the nodes that carry them have degrees of freedom for. The equilibrium then
-//! determines the forces at the nodes, f_v = Σ N_v(x_c) λ_c, but not those of the contact points: neighbours may push and
-//! pull each other, more in each step. Among all forces with the same f_v, those of a traction that is interpolated from
-//! the nodes,
+//! More contact points may touch a tool than the nodes that carry them have degrees of freedom for. The equilibrium
+//! then determines the forces at the nodes, f_v = Σ N_v(x_c) λ_c, but not those of the contact points: neighbours may
+//! push and pull each other, more in each step. Among all forces with the same f_v, those of a traction that is
+//! interpolated from the nodes,
 //!
 //! λ_c = A_c Σ N_v(x_c) μ_v  with  Σ_c N_v A_c Σ_w N_w μ_w = f_v,
 //!
-//! have the smallest Σ |λ_c|²/A_c. At the end of a step, the forces change towards them as far as the law of the interface
-//! allows; where a contact point is at its limit, it stays there, and the others go on. Forces and moments on bodies and tools stay the same. The
-//! equations are solved by conjugate gradients; they are singular where contact points are few, but always consistent.
+//! have the smallest Σ |λ_c|²/A_c. At the end of a step, the forces change towards them as far as the law of the
+//! interface allows; where a contact point is at its limit, it stays there, and the others go on. Forces and moments on
+//! bodies and tools stay the same. The equations are solved by conjugate gradients; they are singular where contact
+//! points are few, but always consistent.
 
 use crate::ranks::Reduction;
 use crate::region::vector::{along, dot, minus, norm};
@@ -25,13 +26,13 @@ const LEAST_AREA: f64 = 0.05;
 const ROUNDS: usize = 20;
 /// Number of bisections that find how far a force may change.
 const HALVINGS: usize = 30;
-/// Residual relative to the forces at the nodes at which the iterations end, and at most afterwards, [-]; and the largest
-/// number of iterations.
+/// Residual relative to the forces at the nodes, [-], at which the iterations end, and up to which the result is
+/// accepted; and the largest number of iterations.
 const RESIDUAL: f64 = 1e-14;
 const ACCEPTED: f64 = 1e-12;
 const ITERATIONS: usize = 500;
-/// Number of directions between 0 and 1 in each component of a normal; and an offset that keeps common directions off the
-/// limits between them.
+/// Number of directions between 0 and 1 in each component of a normal; and an offset that keeps common directions off
+/// the limits between them.
 const DIRECTIONS: f64 = 3.0;
 const NO_HALF: f64 = 0.1;
 /// Change of the forces relative to their size, [-], up to which they stay as they are.
@@ -45,8 +46,8 @@ pub(super) struct Bearing<'a, const D: usize> {
 }
 
 impl<const D: usize> Bearing<'_, D> {
-    /// The number of the tool and of the direction of the surface: forces are distributed only among contact points that
-    /// touch surfaces of about the same direction.
+    /// The number of the tool and of the direction of the surface: forces are distributed only among contact points
+    /// that touch surfaces of about the same direction.
     fn group(&self) -> u32 {
         let direction = |n: &f64| (DIRECTIONS * n + NO_HALF).round() as i32 + 4;
         let number = self.touch.normal().iter().fold(0, |number, n| 9 * number + direction(n) as u32);
@@ -165,6 +166,7 @@ impl<'a, const D: usize> Free<'a, D> {
         sums
     }
 
+    /// Σ N_v f_c over the free contact points of all ranks.
     fn forces_at_nodes(&self, force: impl Fn(usize) -> [f64; D]) -> AtNodes<D> {
         self.gathered(force).into_iter().map(|(sum, _)| sum).collect()
     }

@@ -33,10 +33,8 @@ pub(super) const MANY: usize = 6;
 
 /// The multipliers of a contact point once its forces become multipliers.
 pub(super) fn forces_of<const D: usize>(trial: &Trial<D>, moving: &Moving<D>) -> Multiplier<D> {
-    trial.touch.as_ref().map_or_else(Multiplier::default, |touch| Multiplier {
-        normal: touch.pressure,
-        shear: moving.end.vector_to_tool(&touch.shear),
-    })
+    let touch = trial.touch.as_ref();
+    touch.map_or_else(Multiplier::default, |touch| multiplier_of(touch, &touch.force(), moving))
 }
 
 /// The multipliers of a contact point that touches the tool with this force on the body, [force].
