@@ -13,6 +13,7 @@ mod holding;
 mod measure;
 mod motion;
 mod overlap;
+mod overstress;
 mod passing;
 mod pressure;
 #[cfg(test)]
@@ -169,6 +170,9 @@ pub struct Quality {
     /// Largest oscillation of the pressures, [`oscillation`], over the cells that flow in a step, [-], and the step
     /// number.
     pub pressure_oscillation: Option<(f64, usize)>,
+    /// Largest overstress of a step with viscosity, relative to the stress where bodies flow, [-], and the step number.
+    #[serde(default)]
+    pub overstress: Option<(f64, usize)>,
     /// For each body, number of cell boundaries crossed by its points without a domain, and number of these points.
     crossed: Vec<[usize; 2]>,
     /// The connected parts of the bodies in the first step of the run, or after the last change between stages.

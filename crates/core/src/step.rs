@@ -39,12 +39,20 @@ pub struct StepContext<'a, const D: usize> {
     pub step: Step,
     /// Load factor at the start of the step if it follows from equilibrium, [-].
     pub factor: f64,
+    /// Weight of the trial stress if viscosity regularises the laws, [-]; 0 without viscosity.
+    pub viscosity: f64,
 }
 
 impl<'a, const D: usize> StepContext<'a, D> {
     /// The first step, from time 0 to time 1.
     pub fn first(model: &'a Model<D>, links: &'a Connectivity<D>) -> Self {
-        StepContext { model, links, step: Step { index: 1, start: 0.0, end: 1.0 }, factor: 0.0 }
+        StepContext {
+            model,
+            links,
+            step: Step { index: 1, start: 0.0, end: 1.0 },
+            factor: 0.0,
+            viscosity: 0.0,
+        }
     }
 }
 

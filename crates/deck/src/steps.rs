@@ -26,6 +26,13 @@ pub struct StepsDeck {
     /// and with new domains in place of torn ones. The run warns if this was needed (W013, W014).
     #[serde(default = "yes")]
     pub damping: bool,
+    /// Viscosity, for bodies that flow plastically in a way that iterations cannot follow: the time in which stresses
+    /// beyond the strength relax, as a fraction of a requested step, [-]. Where only motions drive the bodies and a step of
+    /// a sixteenth of the requested size fails, steps continue with viscosity until they succeed without it. The run warns
+    /// of it (W024). 0 rules it out.
+    #[serde(default = "hundredth")]
+    #[schemars(range(min = 0.0, max = 1.0), extend("examples" = [0.01]))]
+    pub viscosity: f64,
     /// Largest step, as a multiple of a requested step, [-]: steps that converge in few iterations grow up to this
     /// size. With 1, cut steps only grow back to the requested size. Times of output and kinks of load curves are met
     /// exactly.
@@ -114,6 +121,10 @@ fn unit_time() -> f64 {
 
 fn thousandth() -> f64 {
     1e-3
+}
+
+fn hundredth() -> f64 {
+    0.01
 }
 
 fn whole() -> f64 {

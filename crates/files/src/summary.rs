@@ -279,6 +279,7 @@ impl Account {
         }
         document["damped_steps"] = summary.damped.into();
         document["damping_work"] = summary.damping_work.into();
+        document["viscous_steps"] = summary.viscous.into();
         document["replaced_domains"] = summary.replaced_domains.into();
         if !summary.further_energies.is_empty() {
             document["energies"] = summary.further_energies.iter().map(further_energy).collect();

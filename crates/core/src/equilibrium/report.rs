@@ -92,6 +92,9 @@ pub struct StepReport<const D: usize> {
     pub carried: Vec<f64>,
     /// True if equilibrium was reached only by damped iterations.
     pub damped: bool,
+    /// Weight of the trial stress in the stress of points that flow, if viscosity regularises the laws, [-]; 0 without
+    /// viscosity.
+    pub viscosity: f64,
     /// Permanent numbers, ascending, of the points whose torn domains were replaced.
     pub replaced_domains: Vec<u32>,
     /// Factorisation used in each iteration.

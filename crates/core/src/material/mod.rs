@@ -23,6 +23,7 @@ mod strength;
 pub(crate) mod tests;
 mod tresca;
 mod varying;
+mod viscous;
 mod von_mises;
 mod wedge;
 
@@ -45,6 +46,7 @@ pub use softening::Softening;
 pub use strength::StrengthMeasure;
 pub use tresca::Tresca;
 pub use varying::{PropertiesAt, Varying, VaryingProperty};
+pub use viscous::Viscous;
 pub use von_mises::VonMises;
 
 /// Boxes laws. The generic code of these laws is compiled here, with full optimisation, and not in the crates that
@@ -267,6 +269,12 @@ pub trait Material: Send + Sync + std::fmt::Debug {
     /// The batch form of the law, if the solver must evaluate the law only in batches. [`Material::update`] is then
     /// used for single points outside the iterations; [`respond_alone`] implements it.
     fn batch(&self) -> Option<&dyn BatchLaw> {
+        None
+    }
+
+    /// The elasticity of the law at a point with these history variables, if its Kirchhoff stress is linear in the
+    /// logarithmic elastic strain.
+    fn linear_elasticity(&self, _history: &[f64]) -> Option<Elasticity> {
         None
     }
 

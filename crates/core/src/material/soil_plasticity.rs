@@ -59,6 +59,10 @@ impl<L: SoilPlasticity> Material for L {
         self.elasticity().strain(tau)
     }
 
+    fn linear_elasticity(&self, _: &[f64]) -> Option<Elasticity> {
+        Some(*self.elasticity())
+    }
+
     fn energy(&self, elastic_strain: &Sym3, _: &[f64]) -> f64 {
         self.elasticity().energy(elastic_strain)
     }

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::sync::Arc;
 
-use super::{Material, MaterialError, PrincipalLaw, PrincipalResponse, Response, StateField};
+use super::{Elasticity, Material, MaterialError, PrincipalLaw, PrincipalResponse, Response, StateField};
 use crate::tensor::Sym3;
 
 /// A property of a law that varies in space.
@@ -163,6 +163,11 @@ impl<L: Material + Clone + 'static> Material for Varying<L> {
     fn elastic_strain(&self, tau: &Sym3, history: &[f64]) -> Result<Sym3, MaterialError> {
         let (own, properties) = self.split(history);
         self.with(properties, |law| law.elastic_strain(tau, own))
+    }
+
+    fn linear_elasticity(&self, history: &[f64]) -> Option<Elasticity> {
+        let (own, properties) = self.split(history);
+        self.with(properties, |law| law.linear_elasticity(own))
     }
 
     fn energy(&self, elastic_strain: &Sym3, history: &[f64]) -> f64 {

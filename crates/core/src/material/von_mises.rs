@@ -125,6 +125,10 @@ impl Material for VonMises {
         Some(self)
     }
 
+    fn linear_elasticity(&self, _: &[f64]) -> Option<Elasticity> {
+        Some(self.elasticity)
+    }
+
     fn energy(&self, elastic_strain: &Sym3, _: &[f64]) -> f64 {
         self.elasticity.energy(elastic_strain)
     }

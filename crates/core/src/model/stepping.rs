@@ -18,6 +18,9 @@ pub struct Stepping {
     pub smallest: f64,
     /// True if a step that fails at the smallest size is repeated with damped iterations.
     pub damping: bool,
+    /// Relaxation time of the viscosity that regularises laws as a last resort, relative to a requested step, [-]; 0
+    /// rules it out.
+    pub viscosity: f64,
     /// Largest step size, relative to a requested step, [-].
     pub largest: f64,
     /// Interval, as a number of requested steps, at which a step must end exactly, however large the steps are.
@@ -103,6 +106,7 @@ impl Stepping {
             end_time,
             smallest: 1.0,
             damping: false,
+            viscosity: 0.0,
             largest: 1.0,
             stops: 1,
             knots: Vec::new(),
@@ -125,6 +129,20 @@ impl Stepping {
     /// True if damped iterations are allowed as a last resort: this requires load control and steps that can be cut.
     pub fn may_damp(&self) -> bool {
         self.damping && self.smallest < 1.0 && self.control == Control::Load
+    }
+
+    /// True if viscosity is allowed as a last resort: this requires steps that can be cut. A strength reduction looks for
+    /// the strength at which bodies slide, and viscosity would carry them beyond it.
+    pub fn may_relax(&self) -> bool {
+        let reduces = matches!(self.control, Control::StrengthReduction { .. });
+        self.viscosity > 0.0 && self.smallest < 1.0 && !reduces
+    }
+
+    /// Weight of the trial stress in the stress of a step of this duration with viscosity, [-]: η/(η + Δt) with the
+    /// relaxation time η, which is `growth` times that of the settings.
+    pub fn viscous_weight(&self, growth: f64, duration: f64) -> f64 {
+        let relaxation = growth * self.viscosity;
+        relaxation / (relaxation + duration / self.size())
     }
 
     /// Factor by which the strength of the materials is divided at a time, [-]; `None` without strength reduction.

@@ -79,6 +79,9 @@ pub enum Code {
     /// Steps stay far shorter than requested.
     #[serde(rename = "W023")]
     Crawls,
+    /// Only with viscosity did iterations follow the flow of bodies.
+    #[serde(rename = "W024")]
+    Viscous,
 }
 
 /// The codes of all warnings, each with its title.
@@ -106,6 +109,7 @@ pub const CODES: &[(&str, &str)] = &[
     ("W021", "material pulled beyond prescribed nodes"),
     ("W022", "a body added above or below the ground"),
     ("W023", "a run that crawls"),
+    ("W024", "a step that only viscosity solves"),
 ];
 
 impl Code {
@@ -220,6 +224,7 @@ mod tests {
             PassedNodes,
             OffGround,
             Crawls,
+            Viscous,
         ];
         assert_eq!(all.len(), CODES.len());
         for (code, (text, _)) in all.iter().zip(CODES) {

@@ -3,6 +3,7 @@
 
 use super::cohesion::Cohesion;
 use super::collective;
+use super::overstress::overstress;
 use super::pressure::{InFlow, oscillation_in_flow};
 use super::thresholds::{
     HARMFUL_REGRIDDING, MAX_BOX_ROTATION, MAX_CROSSINGS, MAX_ENERGY_ERROR, MAX_OSCILLATION, MAX_REGRIDDING,
@@ -59,6 +60,13 @@ impl Quality {
         // equilibrium has no factorisation.
         if self.was_stable && !model.stepping.control.has_unknown_factor() && !flows {
             found.extend(report.is_unstable.then(|| (0, unstable(step))));
+        }
+        if report.viscosity > 0.0 {
+            let value = overstress(model, points);
+            if self.overstress.is_none_or(|(worst, _)| value > worst) {
+                self.overstress = Some((value, step));
+            }
+            found.push((0, viscous(step, value)));
         }
         found.extend(replaced_domains(model, points, report).map(|warning| (0, warning)));
         if let Some(InFlow { value, is_standard }) = oscillation_in_flow(model, points, links) {
@@ -250,6 +258,22 @@ fn damped(step: usize, slumped: bool) -> Warning {
         threshold: None,
         message: format!(
             "only damped iterations found an equilibrium: smaller steps and undamped iterations failed; {way}"
+        ),
+        detail: None,
+    }
+}
+
+fn viscous(step: usize, overstress: f64) -> Warning {
+    Warning {
+        code: Code::Viscous,
+        step,
+        location: Location::default(),
+        value: Some(overstress),
+        threshold: None,
+        message: format!(
+            "only with viscosity do the iterations follow the flow of the bodies: their stresses exceed the strength by \
+             {:.1} % in the mean where they flow",
+            100.0 * overstress
         ),
         detail: None,
     }

@@ -135,6 +135,7 @@ impl<const D: usize, const N: usize> LastIterate<'_, D, N> {
             },
             rounding_limited: course.round_off != RoundOff::NoMatter,
             damped: attempt.is_damped(),
+            viscosity: attempt.context.viscosity,
             replaced_domains: Vec::new(),
             most_solves: (course.most_solves)
                 .max(course.residuals.len().saturating_sub(1 + course.augmentations + course.solves_before)),
@@ -273,7 +274,8 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
     fn commit(&mut self, report: &StepReport<D>) {
         let Stepper { model, points, reached, terms, .. } = self;
         let links = &report.grid.links;
-        let context = StepContext { model, links, step: report.step, factor: reached.progress.path.factor };
+        let factor = reached.progress.path.factor;
+        let context = StepContext { model, links, step: report.step, factor, viscosity: report.viscosity };
         terms.iter_mut().for_each(|term| term.commit(&context, points));
         points.commit();
     }

@@ -422,6 +422,18 @@ impl SolveError {
         }
     }
 
+    /// True if iterations have led to no equilibrium.
+    pub(super) fn is_about_iterations(&self) -> bool {
+        matches!(
+            self,
+            SolveError::NotConverged { .. }
+                | SolveError::Point { .. }
+                | SolveError::Singular { .. }
+                | SolveError::Iterative { .. }
+                | SolveError::OffGrid { .. }
+        )
+    }
+
     /// True if a smaller step may succeed.
     pub fn is_retryable(&self) -> bool {
         if let SolveError::Contact { error, .. } = self {

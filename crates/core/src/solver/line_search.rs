@@ -66,6 +66,8 @@ pub(super) struct Situation<'a> {
     pub(super) begins_early: bool,
     /// True if the equations have kinks.
     pub(super) has_kinks: bool,
+    /// True if viscosity regularises the laws.
+    pub(super) is_viscous: bool,
     /// True if the load factor is an unknown.
     pub(super) has_unknown_factor: bool,
     /// True if δd contains a prescribed motion, so that a fraction of it would not lead towards equilibrium.
@@ -129,7 +131,12 @@ impl Search {
         if residual <= situation.tolerance {
             return None;
         }
-        if self.searches < most_searches && !situation.is_augmented && situation.may_search(residual) {
+        let searches = !situation.is_viscous || situation.is_damped;
+        if searches
+            && self.searches < most_searches
+            && !situation.is_augmented
+            && situation.may_search(residual)
+        {
             if !situation.has_kinks {
                 self.bracket = Bracket::default(); // Smooth potentials need no more than a secant.
             }
@@ -150,9 +157,13 @@ impl Situation<'_> {
         self.residuals.last().copied().unwrap_or(f64::INFINITY)
     }
 
-    /// True if the equations have kinks and, in a late iteration, an increment has led to a larger residual.
+    /// True if the equations have kinks or viscosity and, in a late iteration, an increment has led to a larger
+    /// residual. The flow for which viscosity is used has no potential.
     fn cycles(&self, residual: f64) -> bool {
-        self.has_kinks && self.since_update >= FIRST_BACKTRACK && residual > self.before().max(self.tolerance)
+        let first = if self.is_viscous { FIRST_SEARCH } else { FIRST_BACKTRACK };
+        (self.has_kinks || self.is_viscous)
+            && self.since_update >= first
+            && residual > self.before().max(self.tolerance)
     }
 
     /// True if a line search may shorten the last increment, given the residual to which it has led. Across kinks, any
@@ -224,6 +235,7 @@ mod tests {
         is_damped: false,
         begins_early: false,
         has_kinks: false,
+        is_viscous: false,
         has_unknown_factor: false,
         prescribes: false,
         is_augmented: false,

@@ -84,7 +84,7 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         let Reached { progress, summary } = &mut self.reached;
         let begin = || StepSystem::new(&attempt.context, points, progress, fields, terms);
         let system = summary.timings.measure(Phase::SetUp, begin)?;
-        let StepContext { model, links, step, factor } = attempt.context;
+        let StepContext { model, links, step, factor, .. } = attempt.context;
         let mut unknowns = Unknowns::new(model, factor, links, system.sum.system().border.len());
         let uses_predictor =
             model.newton.predictor == Predictor::LastStep && !model.stepping.control.has_unknown_factor();
@@ -148,9 +148,11 @@ impl<'a, const D: usize> Attempt<'a, D> {
         effort: Effort,
     ) -> Self {
         let Progress { pace, path, last_iterations, .. } = progress;
+        let viscosity =
+            pace.viscosity().map_or(0.0, |growth| model.stepping.viscous_weight(growth, step.duration()));
         let may_stray = pace.is_damped() && slump.may_go_on();
         Attempt {
-            context: StepContext { model, links, step, factor: path.factor },
+            context: StepContext { model, links, step, factor: path.factor, viscosity },
             pace: *pace,
             effort,
             slump,

@@ -208,6 +208,7 @@ impl<'a, const D: usize, const N: usize> LoadStep<'_, 'a, D, N> {
             is_damped: attempt.is_damped(),
             begins_early: attempt.searches_early(),
             has_kinks: sum.has_kinks(attempt.context.model),
+            is_viscous: attempt.context.viscosity > 0.0,
             has_unknown_factor: sum.system().per_factor().is_some(),
             prescribes: unknowns.prescribes,
             is_augmented: course.is_augmented,

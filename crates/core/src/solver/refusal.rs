@@ -1,16 +1,20 @@
 //! Recovery from a failed attempt at a step.
 
+use crate::model::Model;
+use crate::points::Points;
 use crate::ranks::Reduction;
 use crate::step::Step;
 use crate::timing::Phase;
 
 use super::attempt::FailedAttempt;
 use super::collective::{agree, value_of_first_to_know};
+use super::diagnosis::evidence::points_that_flow;
 use super::diagnosis::{Diagnosis, Kind};
 use super::error::SolveError;
 use super::observer::Observer;
 use super::progress::Reached;
 use super::stepper::Stepper;
+use super::stepping::pace::Failure;
 
 impl<const D: usize, const N: usize> Stepper<'_, D, N> {
     /// True if a thorough attempt at the same step follows a failed one: while strength is reduced, the settings must
@@ -44,10 +48,11 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         let Reached { progress, summary } = &mut self.reached;
         summary.failed_attempts += 1;
         let Step { start, end, .. } = failed.step;
-        let is_torn = failed.error.is_torn();
+        let failure =
+            Failure { is_torn: failed.error.is_torn(), may_relax: may_relax(model, points, &failed) };
         let was_last_resort = progress.pace.is_last_resort();
         let goes_on =
-            failed.may_succeed_if_smaller && progress.pace.failed(&model.stepping, start, end, is_torn);
+            failed.may_succeed_if_smaller && progress.pace.failed(&model.stepping, start, end, failure);
         // The last attempt before the last resorts shows why the step fails, and each attempt why steps stay short.
         let is_last = !goes_on || progress.pace.is_last_resort();
         let diagnosis = (!was_last_resort && (is_last || progress.pace.is_short())).then(|| {
@@ -102,4 +107,13 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         let _ = self.reached.summary.timings.measure(Phase::Output, observe);
         Err(cause.map_or(failed.error, |(cause, _)| cause.error))
     }
+}
+
+/// True if viscosity might help where an attempt has failed: bodies flow, and only motions or a quantity that grows along
+/// the path drive them. Bodies that loads push beyond their capacity would go on under stresses that they cannot bear.
+fn may_relax<const D: usize>(model: &Model<D>, points: &Points<D>, failed: &FailedAttempt<D>) -> bool {
+    let is_driven =
+        model.is_driven() && (model.keeps_its_loads() || model.stepping.control.has_unknown_factor());
+    is_driven
+        && points.reduction().any(failed.error.is_about_iterations() && points_that_flow(model, points) > 0)
 }

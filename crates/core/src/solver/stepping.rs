@@ -5,3 +5,4 @@ pub(super) mod control;
 pub(super) mod pace;
 pub(super) mod splitting;
 pub(super) mod strength;
+mod viscosity;

@@ -25,6 +25,9 @@ pub struct Summary {
     pub rounding_limited: usize,
     /// Number of steps whose equilibrium was found only by damped iterations.
     pub damped: usize,
+    /// Number of steps with viscosity.
+    #[serde(default)]
+    pub viscous: usize,
     /// Number of torn domains that were replaced.
     pub replaced_domains: usize,
     /// The state before the first step, if bodies are stressed at time 0.
@@ -170,6 +173,7 @@ impl Summary {
         self.steps += 1;
         self.rounding_limited += usize::from(report.rounding_limited);
         self.damped += usize::from(report.damped);
+        self.viscous += usize::from(report.viscosity > 0.0);
         self.replaced_domains += report.replaced_domains.len();
         self.stabilised_faces = self.stabilised_faces.max(report.stabilised_faces);
         self.load_factor = report.load_factor;

@@ -11,6 +11,7 @@ mod batched;
 mod cell_room;
 mod dilatation;
 mod evaluation;
+mod viscosity;
 
 use std::marker::PhantomData;
 use std::ops::Range;
@@ -20,7 +21,7 @@ use rayon::prelude::*;
 use crate::assembly::{NodePairs, System, UNCOUPLED, Wanted};
 use crate::basis::{Connectivity, LinkBuffer};
 use crate::linear::Block;
-use crate::material::Material;
+use crate::material::{Material, Viscous};
 use crate::model::Model;
 use crate::points::{PIECE, Points};
 use crate::step::{At, StepContext, displacement};
@@ -253,7 +254,10 @@ impl<const D: usize, const N: usize, M: Mechanics<D>> Term<D, N> for MaterialPoi
         let laws = model.materials.iter().map(|material| {
             let reduced = factor.and_then(|factor| material.law.with_strength_divided(factor));
             let law = reduced.as_deref().unwrap_or(material.law.as_ref());
-            law.for_duration(step.step.duration()).or(reduced)
+            let law = law.for_duration(step.step.duration()).or(reduced);
+            let viscous = (step.viscosity > 0.0)
+                .then(|| Viscous::new(law.as_deref().unwrap_or(material.law.as_ref()), step.viscosity));
+            viscous.flatten().map(|law| Box::new(law) as Box<dyn Material>).or(law)
         });
         self.step_laws = laws.collect();
         if self.step_laws.iter().all(Option::is_none) {
@@ -316,11 +320,15 @@ impl<const D: usize, const N: usize, M: Mechanics<D>> Term<D, N> for MaterialPoi
                 undone += (growth(law) - growth(reduced.as_ref())) * volume;
             }
         }
-        Ledger::from([
+        let mut ledger = Ledger::from([
             NamedEnergy::stored(Ledger::ELASTIC, [0.0, elastic]),
             NamedEnergy::dissipated_so_far(Ledger::PLASTIC, plastic_work),
             NamedEnergy::supplied(Ledger::UNDONE, undone),
-        ])
+        ]);
+        if step.viscosity > 0.0 {
+            ledger.add(NamedEnergy::dissipated("viscous", viscosity::dissipation(step, points)));
+        }
+        ledger
     }
 
     fn layout(&mut self) -> Option<&mut dyn Layout> {

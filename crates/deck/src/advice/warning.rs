@@ -69,6 +69,11 @@ pub fn on_warning(warning: &Warning, means: &Means) -> String {
             "change what the cause names; `steps: {smallest: 0.05}` ends such a run with a diagnosis at the first step \
              below this size"
         }
+        (Code::Viscous, _) => {
+            "repeat the run with a smaller `steps: {viscosity}` or with more steps: the overstress is proportional to \
+             `viscosity` and to the size of a step. A little cohesion, or a dilation angle closer to the friction angle, makes \
+             such flow easier to follow; with `viscosity: 0` the run stops instead"
+        }
         (Code::Unstable, _) => {
             "disturb the bodies with a small load or an imperfection and compare; more load steps show where the path \
              branches; if cells hold one point each, use more points, because this may be an hourglass mode"

@@ -20,12 +20,14 @@ where
         every: u32,
         curves: &[&LoadCurve],
     ) -> Stepping {
-        let StepsDeck { count, end_time: duration, smallest, damping, largest, ref control } = *steps;
+        let StepsDeck { count, end_time: duration, smallest, damping, viscosity, largest, ref control } =
+            *steps;
         let end_time = start_time + duration;
         let mut stepping = Stepping {
             start_time,
             smallest,
             damping,
+            viscosity,
             largest,
             stops: every.max(1) as usize,
             control: match control {

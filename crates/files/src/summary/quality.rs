@@ -40,6 +40,7 @@ pub(super) fn quality<const D: usize>(model: &Model<D>, quality: &Quality) -> Va
         "box_rotation": worst(quality.box_rotation),
         "crossings": by_body(model, |body| quality.mean_crossings(body)),
         "pressure_oscillation": quality.pressure_oscillation.map(at_step),
+        "overstress": quality.overstress.map(at_step),
         "held_by_nodes": held_by_nodes(model, quality),
     })
 }

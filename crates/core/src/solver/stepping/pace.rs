@@ -4,9 +4,13 @@
 //! contact, grow after more successes, whatever their iterations: a step of twice the size costs less than two steps.
 //! Where steps of some size fail again and again, the number of successes before the next attempt at this size doubles
 //! each time.
+//!
+//! Steps of bodies that flow under a prescribed motion may continue with viscosity ([`crate::material::Viscous`]) once a
+//! small step has failed. With viscosity they grow again; after some steps of full size, one without it is tried.
 
 use serde::{Deserialize, Serialize};
 
+use super::viscosity::Viscosity;
 use crate::model::{SAME_TIME, Stepping};
 
 /// A step may be followed by one of twice its size if it took at most this number of iterations.
@@ -25,6 +29,10 @@ const CRAWLED: u32 = 20;
 /// Size relative to a requested step, [-], from which on terms may simplify conditions that keep iterations from
 /// converging: before that, smaller steps are tried, whose course depends less on round-off.
 const SMALL: f64 = 0.25;
+/// Size relative to a requested step, [-], of the longest failed step after which viscosity may be used, and factor by
+/// which the first step with viscosity is longer.
+const STUCK: f64 = 0.0625;
+const LONGER: f64 = 4.0;
 /// Sizes count as the same if their ratio is below this, [-].
 const ALIKE: f64 = 1.5;
 /// Time that must remain between the end of a step and the next stop, relative to the step, for the step to keep its
@@ -50,9 +58,21 @@ pub struct Pace {
     /// Number of short steps in succession.
     #[serde(default)]
     crawled: u32,
+    /// The use of viscosity.
+    #[serde(default)]
+    viscosity: Viscosity,
     /// The last resort in use.
     #[serde(default)]
     resort: Option<LastResort>,
+}
+
+/// What step control needs to know about a failed step.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Failure {
+    /// True if the reason is a torn domain.
+    pub is_torn: bool,
+    /// True if viscosity might help.
+    pub may_relax: bool,
 }
 
 /// A last resort, for failed steps that cannot be made smaller.
@@ -66,7 +86,16 @@ enum LastResort {
 
 impl Default for Pace {
     fn default() -> Self {
-        Pace { size: 1.0, patience: 0, successes: 0, failed_size: 0.0, failures: 0, crawled: 0, resort: None }
+        Pace {
+            size: 1.0,
+            patience: 0,
+            successes: 0,
+            failed_size: 0.0,
+            failures: 0,
+            crawled: 0,
+            viscosity: Viscosity::default(),
+            resort: None,
+        }
     }
 }
 
@@ -129,12 +158,18 @@ impl Pace {
         self.resort == Some(LastResort::Damping)
     }
 
+    /// The relaxation time of viscosity relative to that of the settings, [-]; `None` without viscosity.
+    pub fn viscosity(&self) -> Option<f64> {
+        self.viscosity.growth()
+    }
+
     /// Records a step that has converged in this number of iterations, counted anew after each multiplier update.
     pub fn succeeded(&mut self, stepping: &Stepping, iterations: usize) {
         self.patience = self.patience.saturating_sub(1);
         self.successes += 1;
         self.crawled = if self.is_short() { self.crawled.saturating_add(1) } else { 0 };
         self.resort = None;
+        self.viscosity = self.viscosity.succeeded(self.size >= 1.0);
         if self.size * ALIKE > self.failed_size {
             (self.failed_size, self.failures) = (0.0, 0);
         }
@@ -155,29 +190,42 @@ impl Pace {
             let is_repeated = size < ALIKE * self.failed_size && self.failed_size < ALIKE * size;
             let failures = if is_repeated { (self.failures + 1).min(MOST_DOUBLINGS) } else { 0 };
             let patience = PATIENCE << failures;
-            let crawled = self.crawled;
+            let successes = 0;
             *self = Pace {
                 size: smaller,
                 patience,
-                successes: 0,
+                successes,
                 failed_size: size,
                 failures,
-                crawled,
                 resort: None,
+                ..*self
             };
         }
         may
     }
 
-    /// Records a failed step; `is_torn` tells whether the reason is a torn domain. Returns true if another attempt may
-    /// be made: at a smaller step, or at the same step with a last resort.
-    pub fn failed(&mut self, stepping: &Stepping, start: f64, end: f64, is_torn: bool) -> bool {
-        if self.halve(stepping, start, end) {
+    /// Records a failed step. Returns true if another attempt may be made: at a smaller step, with viscosity, or at the
+    /// same step with a last resort.
+    pub fn failed(&mut self, stepping: &Stepping, start: f64, end: f64, failure: Failure) -> bool {
+        if let Some(viscosity) = self.viscosity.failed() {
+            self.viscosity = viscosity;
+            return true;
+        }
+        let size = (end - start) / stepping.size();
+        let may_relax = failure.may_relax && stepping.may_relax();
+        let relaxed = if may_relax { self.viscosity.stuck() } else { None };
+        let is_stuck = relaxed.is_some() && size <= STUCK * (1.0 + SAME_TIME);
+        if !is_stuck && self.halve(stepping, start, end) {
+            return true;
+        }
+        if let Some(viscosity) = relaxed {
+            *self =
+                Pace { size: (LONGER * size).min(1.0), crawled: self.crawled, viscosity, ..Pace::default() };
             return true;
         }
         self.resort = match self.resort {
             _ if !stepping.may_damp() => None,
-            None if is_torn => Some(LastResort::Domains),
+            None if failure.is_torn => Some(LastResort::Domains),
             None | Some(LastResort::Domains) => Some(LastResort::Damping),
             Some(LastResort::Damping) => None,
         };
@@ -195,7 +243,7 @@ mod tests {
         let (mut pace, mut time, mut ends) = (Pace::default(), 0.0, Vec::new());
         while let Some(end) = pace.end_of_step(stepping, time) {
             if !pace.is_damped() && fails(time, end) {
-                if !pace.failed(stepping, time, end, false) {
+                if !pace.failed(stepping, time, end, Failure::default()) {
                     break;
                 }
             } else {
@@ -254,7 +302,7 @@ mod tests {
         for _ in 0..100 {
             let end = pace.end_of_step(&stepping, time).unwrap();
             if end - time > 0.01 {
-                assert!(pace.failed(&stepping, time, end, false));
+                assert!(pace.failed(&stepping, time, end, Failure::default()));
             } else {
                 pace.succeeded(&stepping, 30);
                 time = end;
@@ -295,9 +343,43 @@ mod tests {
         }
         let tries = |is_torn: bool| {
             let mut pace = Pace::default();
-            (0..9).take_while(|_| pace.failed(&damped, 0.0, 0.25, is_torn)).count()
+            (0..9)
+                .take_while(|_| pace.failed(&damped, 0.0, 0.25, Failure { is_torn, may_relax: false }))
+                .count()
         };
         assert_eq!((tries(false), tries(true)), (1, 2), "once with damping, before that with other domains");
+    }
+
+    /// Steps of more than a tenth fail in the middle of the analysis, unless they are viscous.
+    #[test]
+    fn a_small_step_that_fails_continues_with_viscosity_until_steps_succeed_without_it() {
+        let stepping = Stepping { smallest: 1e-3, viscosity: 0.01, ..Stepping::fixed(40, 40.0) };
+        let (mut pace, mut time, mut steps) = (Pace::default(), 0.0, Vec::new());
+        let mut fails = 0;
+        while let Some(end) = pace.end_of_step(&stepping, time) {
+            if pace.viscosity().is_none() && end > 2.0 && time < 20.0 {
+                fails += 1;
+                assert!(pace.failed(&stepping, time, end, Failure { may_relax: true, ..Failure::default() }));
+            } else {
+                steps.push((end - time, pace.viscosity().is_some()));
+                pace.succeeded(&stepping, 5);
+                time = end;
+            }
+        }
+        let viscous = steps.iter().filter(|(_, is_viscous)| *is_viscous).count();
+        // 1, 1/2, 1/4, 1/8, 1/16 fail; with viscosity 1/4, 1/4, 1/2, then whole steps. Without it, steps fail after 4 and
+        // 8 of these, and succeed after 16.
+        assert_eq!(fails, 5 + 2, "{steps:?}");
+        assert_eq!(
+            (steps[2], steps[3], steps[4], steps[5]),
+            ((0.25, true), (0.25, true), (0.5, true), (1.0, true))
+        );
+        assert_eq!(viscous, 3 + 4 + 8 + 16);
+        assert_eq!(steps.len(), 42);
+        let never = Stepping { viscosity: 0.0, ..stepping };
+        let mut pace = Pace { size: STUCK, ..Pace::default() };
+        assert!(pace.failed(&never, 0.0, STUCK, Failure { may_relax: true, ..Failure::default() }));
+        assert!(pace.viscosity().is_none() && pace.size == 0.5 * STUCK);
     }
 
     #[test]
