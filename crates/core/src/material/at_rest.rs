@@ -2,7 +2,7 @@
 
 use crate::tensor::Sym3;
 
-use super::Material;
+use super::{Elasticity, Material};
 
 /// An initial modulus of a law.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -15,8 +15,23 @@ pub enum Modulus {
 }
 
 impl Modulus {
-    /// The modulus at a point with these initial history variables.
+    /// The modulus at a point with these initial history variables; that of the elasticity of the law if it yields at
+    /// zero strain already.
     pub fn at_rest(self, law: &dyn Material, history: &[f64]) -> f64 {
+        let found = self.at_zero_strain(law, history);
+        let elastic =
+            law.linear_elasticity(history).map_or(0.0, |elasticity| self.of_elasticity(&elasticity));
+        if found < YIELDS * elastic { elastic } else { found }
+    }
+
+    fn of_elasticity(self, elasticity: &Elasticity) -> f64 {
+        match self {
+            Modulus::Shear => elasticity.shear,
+            Modulus::Axial => elasticity.stress(&Sym3([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])).norm(),
+        }
+    }
+
+    fn at_zero_strain(self, law: &dyn Material, history: &[f64]) -> f64 {
         let stiffness = |strain| stiffness(law, history, &Sym3::ZERO, Sym3(strain));
         match self {
             Modulus::Shear => 0.5 * stiffness([0.0, 0.0, 0.0, SMALL_STRAIN, 0.0, 0.0]),
@@ -38,6 +53,9 @@ pub fn shear_modulus_at_rest(law: &dyn Material) -> f64 {
 pub fn axial_modulus_at_rest(law: &dyn Material) -> f64 {
     Modulus::Axial.at_rest(law, &law.initial_history())
 }
+
+/// A law yields at zero strain if its modulus there is less than this fraction of that of its elasticity, [-].
+const YIELDS: f64 = 0.5;
 
 /// Strain at which the initial moduli are evaluated, [-].
 const SMALL_STRAIN: f64 = 1e-9;
