@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::factors::{Form, for_each_product, multiply};
 use super::node_copies::NodeCopies;
-use super::slivers::{SharedTouches, Slivers, Touch};
+use super::slivers::{Carriers, SharedTouches, Slivers, Touch};
 use super::{Basis, Method, PointGeometry, Support, SupportError};
 use crate::grid::Grid;
 use crate::points::Points;
@@ -69,8 +69,8 @@ pub struct Connectivity<const D: usize> {
     n_links: usize,
     copies: NodeCopies,
     active_cells: Vec<u32>,
-    /// Grid numbers of the sliver nodes, ascending, each with that of its carrier node.
-    carried: Vec<[u32; 2]>,
+    /// The carriers of the sliver nodes.
+    carriers: Carriers,
     /// Cells of other ranks next to the cells of this rank, ascending.
     layer_cells: Vec<u32>,
     /// Active nodes of `layer_cells`, and further nodes that terms need on this rank; grid numbers.
@@ -154,7 +154,7 @@ impl<const D: usize> Connectivity<D> {
                     let basis: &dyn Basis<D> = methods[points.body[p] as usize].basis();
                     let supported = basis.support(grid, &PointGeometry::converged(points, p), &mut support); // S_vp, ∇S_vp
                     supported.map_err(|error| SupportFailure { point: p, error })?;
-                    slivers.fold(grid, &mut support, &mut piece.carried);
+                    slivers.fold(&mut support);
                     piece.add(grid, points.cell[p], &support);
                 }
                 piece.end_group();
@@ -188,6 +188,10 @@ impl<const D: usize> Connectivity<D> {
                 break;
             }
         }
+        if !slivers.is_empty() {
+            sharing = self.sharing(&points.ranks, grid.n_nodes());
+        }
+        self.carriers = slivers.into_carriers();
         self.group_points = groups;
         Ok(self.numbered(grid, &points.ranks, &sharing))
     }
@@ -195,15 +199,12 @@ impl<const D: usize> Connectivity<D> {
     /// Completes the links: lists the active cells, adds what ranks share, and gives the nodes their active numbers.
     fn numbered(mut self, grid: &dyn Grid<D>, ranks: &Ranks, sharing: &Sharing) -> Self {
         self.touches = Vec::new();
-        self.carried.sort_unstable();
-        self.carried.dedup_by_key(|pair| pair[0]);
         self.group_node_start.push(self.group_nodes.len());
         self.list_active_cells(grid.n_cells());
         if !ranks.is_alone() {
             self.add_layer(grid, ranks, sharing);
         }
         self.number_active_nodes(grid.n_nodes());
-        self.agree_on_carriers(ranks);
         self.reduction = Reduction::new(self.find_halo(ranks, grid.n_nodes()));
         self
     }
@@ -225,7 +226,7 @@ impl<const D: usize> Connectivity<D> {
         self.n_links = 0;
         self.copies.clear();
         self.active_cells.clear();
-        self.carried.clear();
+        self.carriers.clear();
         self.layer_cells.clear();
         self.layer_nodes.clear();
     }
@@ -261,7 +262,6 @@ impl<const D: usize> Connectivity<D> {
         self.gradient.extend(piece.gradient);
         self.factor.extend(piece.factor);
         self.active_cells.extend(piece.cells);
-        self.carried.extend(piece.carried);
     }
 
     /// Numbers the touched nodes in grid order and converts the node lists of the groups to these numbers.
@@ -412,22 +412,32 @@ impl<const D: usize> Connectivity<D> {
         &self.active_cells
     }
 
-    /// The active node that moves with a grid node, as a body sees it: the body's copy of the grid node if there is
-    /// one, else its copy of the carrier; `None` if there is no carrier either.
+    /// The active node that a grid node mostly moves with, as a body sees it: the body's copy of the grid node if there
+    /// is one, else its copy of the carrier with the largest weight; `None` if there is no carrier either.
     #[inline(always)]
     pub fn moves_with(&self, body: u16, node: usize) -> Option<usize> {
         match self.copies.seen_by(body, node) {
-            None if self.carried.is_empty() => None,
-            None => self.carrier(body, node),
+            None if self.carriers.is_empty() => None,
+            None => self.main_carrier(body, node),
             number => number,
         }
     }
 
-    /// The active node that carries a grid node; `None` unless the node is a sliver node with an active carrier.
     #[cold]
-    fn carrier(&self, body: u16, node: usize) -> Option<usize> {
-        let index = self.carried.binary_search_by_key(&(node as u32), |pair| pair[0]).ok()?;
-        self.seen_by(body, self.carried[index][1] as usize)
+    fn main_carrier(&self, body: u16, node: usize) -> Option<usize> {
+        let carriers = self.carriers.get(&(node as u32))?;
+        let (carrier, _) = carriers.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
+        self.seen_by(body, *carrier as usize)
+    }
+
+    /// The active nodes with which a grid node moves, as a body sees them, with their weights: the node itself, or the
+    /// carriers of a sliver node. `None` for other inactive nodes.
+    pub fn carriers(&self, body: u16, node: usize) -> Option<Vec<(usize, f64)>> {
+        if let Some(number) = self.seen_by(body, node) {
+            return Some(vec![(number, 1.0)]);
+        }
+        let carriers = self.carriers.get(&(node as u32))?;
+        carriers.iter().map(|(node, weight)| Some((self.seen_by(body, *node as usize)?, *weight))).collect()
     }
 
     /// The active node that a body sees at a grid node; `None` if there is none. See [`NodeCopies::seen_by`].

@@ -13,6 +13,7 @@ use super::element::{ElementShape, MAX_NODES};
 use super::{CellBasis, Grid, Patches};
 
 use cell::Cell;
+pub(crate) use cell::distance_squared_of_triangle;
 pub use error::{CellReport, HangingNode, MeshError, MeshWarning};
 pub use sides::{BoundarySide, Side};
 

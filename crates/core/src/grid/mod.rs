@@ -16,6 +16,7 @@ pub use axis::{Axis, CoincidentLines, Interval};
 pub use carried::{CarriedLines, CarryError, MIN_SIZE};
 pub use lines::{Lines, for_each_corner};
 pub use mesh::Mesh;
+pub(crate) use mesh::distance_squared_of_triangle;
 pub use patches::Patches;
 pub use structured::{Structured, vtk_corner};
 

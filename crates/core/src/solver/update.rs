@@ -12,6 +12,7 @@ use crate::grid::{Grid, interpolate};
 use crate::kinematics::Increment;
 use crate::model::Model;
 use crate::points::{Points, State};
+use crate::region::vector::along;
 use crate::step::{Step, StepContext};
 use crate::tensor::Mat3;
 
@@ -199,7 +200,11 @@ struct PointUpdate<'a, const D: usize> {
 impl<const D: usize> PointUpdate<'_, D> {
     /// Δd of a grid node, as a body sees it.
     fn nodal(&self, body: u16, node: usize) -> [f64; D] {
-        self.links.moves_with(body, node).map_or([0.0; D], |active| self.delta_d[active])
+        if let Some(active) = self.links.seen_by(body, node) {
+            return self.delta_d[active];
+        }
+        let carriers = self.links.carriers(body, node).unwrap_or_default();
+        carriers.iter().fold([0.0; D], |sum, (active, weight)| along(&sum, *weight, &self.delta_d[*active]))
     }
 
     /// Δd of a body at a position.

@@ -11,13 +11,15 @@ use std::collections::HashMap;
 use serde::{Deserialize, Serialize};
 
 use super::divided::facets_of_side;
-use super::outer::box_corners;
+use super::outer::{OuterSides, box_corners};
 use super::{Part, SideRule, Surface, sides_of_domain, unit};
 use crate::basis::DomainKind;
-use crate::grid::MAX_CORNERS;
+use crate::grid::{MAX_CORNERS, distance_squared_of_triangle};
 use crate::points::Points;
 use crate::ranks::Ranks;
+use crate::region::vector::{dot, minus};
 use crate::region::{BoxTree, Facet, area_vector, around, boxes_overlap};
+use crate::tensor::padded;
 
 /// Distance from a facet within which the centre of a side lies on it, relative to the size of a cell, [-].
 const ON_FACET: f64 = 1e-6;
@@ -28,14 +30,11 @@ const PARALLEL: f64 = 1.0 - 1e-9;
 const SAME: f64 = 1e-6;
 /// The same for domains that follow a curved boundary, [-].
 const SAME_CURVED: f64 = 0.03;
-/// Distance from a facet within which the centre of an outer side that follows a curved boundary lies at it, relative
-/// to the size of the side, [-].
-const AT_FACET: f64 = 0.25;
-/// How far beside a facet a position may lie that is next to it, relative to its height above the facet, [-]: between
-/// neighbouring facets of a curve there are gaps outside it.
-const BESIDE: f64 = 0.5;
-/// Smallest cosine of the angle between the normals of such a side and of a facet at which it lies, [-].
-const ALIKE: f64 = 0.95;
+/// The same for all of the boundary of a body, [-].
+const SAME_WHOLE: f64 = 0.2;
+/// Smallest cosine of the angle between the normals of an outer side that follows a curved boundary and of a facet to
+/// which it may belong, [-].
+const ALIKE: f64 = 0.5;
 
 /// A side of a domain.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -51,24 +50,33 @@ struct Side {
 impl<const D: usize> Surface<D> {
     /// The same surface, sampled at the sides of the domains of its body; `None` if the points have no domains, or if
     /// their sides do not form this surface: it is oblique to them, or ends within a side. Where domains given by their
-    /// corners follow a curved boundary, the outer sides near the surface take its place. All ranks must call this
+    /// corners follow a curved boundary, their outer sides take its place: each belongs to the nearest part of `whole`,
+    /// all of the boundary of the body, so that the sides of a closed surface are closed. All ranks must call this
     /// together.
-    pub fn at_sides(&self, points: &Points<D>, domain: DomainKind, ranks: &Ranks) -> Option<Self> {
+    pub fn at_sides(
+        &self,
+        whole: &Self,
+        points: &Points<D>,
+        domain: DomainKind,
+        ranks: &Ranks,
+    ) -> Option<Self> {
         let rule = match domain {
             DomainKind::Corners => SideRule::Corners,
             DomainKind::Box => SideRule::Integral,
             DomainKind::None => return None,
         };
-        let exact = self.at(self.sides_of(points, domain, Match::Exact), rule, ranks);
-        if let Some(found) = exact.filter(|found| self.coincides_with(found, Match::Exact)) {
+        let exact = self.at(self.sides_of(points, domain), rule, ranks);
+        if let Some(found) = exact.filter(|found| self.contains(found) && self.has_moments_of(found, SAME)) {
             return Some(found);
         }
         // Boxes cannot follow a curve.
         if domain == DomainKind::Box {
             return None;
         }
-        let near = self.at(self.sides_of(points, domain, Match::Curved), rule, ranks);
-        near.filter(|found| self.coincides_with(found, Match::Curved))
+        // Whatever the sides of the whole boundary leave out of its shape, they alone are in equilibrium.
+        let same = if self.len() == whole.len() { SAME_WHOLE } else { SAME_CURVED };
+        let near = self.at(self.outer_sides(whole, points), rule, ranks);
+        near.filter(|found| self.has_moments_of(found, same))
     }
 
     /// This surface, sampled at the sides of all ranks that lie on it and are shared by no other domain; `None` if
@@ -106,9 +114,43 @@ impl<const D: usize> Surface<D> {
         (!found.is_empty()).then_some(found)
     }
 
-    /// The sides of this rank's domains whose centres lie on this surface; where it is curved, also sides that face
-    /// elsewhere, so that shared sides are recognised.
-    fn sides_of(&self, points: &Points<D>, domain: DomainKind, how: Match) -> Vec<Side> {
+    /// The outer sides of this rank's domains, given by their corners, that belong to this part of a whole boundary.
+    fn outer_sides(&self, whole: &Self, points: &Points<D>) -> Vec<Side> {
+        let mut outer = OuterSides::default();
+        outer.renew(points, &points.reduction());
+        if self.is_empty() || whole.is_empty() {
+            return Vec::new();
+        }
+        let [part, all] = [self, whole].map(Facets::new);
+        let mut sides = Vec::new();
+        for p in (0..points.len()).filter(|&p| points.body[p] as usize == self.body) {
+            let (mask, corners) = (outer.of_point(points.id[p]), points.corners(p));
+            let of_triangle = D == 2 && corners.len() == 3;
+            for (k, side) in sides_of_domain::<D>(corners.len()).enumerate() {
+                let (centre, area) = (side.centre(corners), side.area(corners));
+                if mask >> k & 1 == 0 {
+                    continue;
+                }
+                // At a sharp edge, a side may face in a direction between those of the facets.
+                let nearest = |least: f64| {
+                    let normal = unit(&area);
+                    all.nearest(&centre, &normal, least).zip(part.nearest(&centre, &normal, least))
+                };
+                let found = nearest(ALIKE).or_else(|| nearest(-1.0));
+                if let Some(((least, _), (distance, number))) = found
+                    && distance <= least + all.slack
+                {
+                    let side: Vec<[f64; D]> = side.corners().iter().map(|&k| corners[k]).collect();
+                    let corners = side.as_flattened().to_vec();
+                    sides.push(Side { number: Some(number), corners, of_triangle });
+                }
+            }
+        }
+        sides
+    }
+
+    /// The sides of this rank's domains whose centres lie on this surface.
+    fn sides_of(&self, points: &Points<D>, domain: DomainKind) -> Vec<Side> {
         if self.is_empty() {
             return Vec::new();
         }
@@ -121,9 +163,7 @@ impl<const D: usize> Surface<D> {
             } else {
                 points.corners(p)
             };
-            let [low, high] = around(corners);
-            let size = (0..D).map(|d| high[d] - low[d]).fold(0.0, f64::max);
-            if !facets.are_near(corners, how.slack(size, facets.slack)) {
+            if !facets.are_near(corners) {
                 continue;
             }
             let of_triangle = D == 2 && corners.len() == 3;
@@ -131,8 +171,8 @@ impl<const D: usize> Surface<D> {
                 let centre = side.centre(corners);
                 let side: Vec<[f64; D]> = side.corners().iter().map(|&k| corners[k]).collect();
                 let area = area_vector(&std::array::from_fn(|k| side[k]));
-                let number = facets.side_at(&centre, &area, how);
-                if number.is_some() || how == Match::Curved {
+                let number = facets.side_at(&centre, &area);
+                if number.is_some() {
                     sides.push(Side { number, corners: side.as_flattened().to_vec(), of_triangle });
                 }
             }
@@ -140,19 +180,18 @@ impl<const D: usize> Surface<D> {
         sides
     }
 
+    /// True if another surface contains the centres of the facets of this one.
+    fn contains(&self, other: &Self) -> bool {
+        let sides = Facets::new(other);
+        (0..self.len())
+            .all(|sample| sides.side_at(&self.samples[sample], &area_vector(&self.facet(sample))).is_some())
+    }
+
     /// True if another surface has the same area, area vector and first moment of the area, up to a difference relative
-    /// to the area, and, if it is to be exact, contains the centres of the facets of this one.
-    fn coincides_with(&self, other: &Self, how: Match) -> bool {
+    /// to the area.
+    fn has_moments_of(&self, other: &Self, same: f64) -> bool {
         let origin = self.samples[0];
         let [a, b] = [self, other].map(|surface| surface.moments(&origin));
-        let same = how.difference();
-        let sides = Facets::new(other);
-        let is_on_side = |sample: usize| {
-            sides.side_at(&self.samples[sample], &area_vector(&self.facet(sample)), how).is_some()
-        };
-        if how == Match::Exact && !(0..self.len()).all(is_on_side) {
-            return false;
-        }
         let area = a.0;
         let close = |a: f64, b: f64, unit: f64| (a - b).abs() <= same * area * unit;
         close(a.0, b.0, 1.0) && (0..D).all(|d| close(a.1[d], b.1[d], 1.0) && close(a.2[d], b.2[d], self.cell))
@@ -184,42 +223,6 @@ impl Side {
     }
 }
 
-/// How closely a side must agree with a facet to lie on it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Match {
-    /// Up to round-off.
-    Exact,
-    /// Up to the curvature of the boundary over the side.
-    Curved,
-}
-
-impl Match {
-    /// Distance from a facet within which the centre of a side of this size lies on it; `slack` is that for round-off,
-    /// [length].
-    fn slack(self, size: f64, slack: f64) -> f64 {
-        match self {
-            Match::Exact => slack,
-            Match::Curved => AT_FACET * size + slack,
-        }
-    }
-
-    /// Largest difference between two surfaces that are the same, relative to their area, [-].
-    fn difference(self) -> f64 {
-        match self {
-            Match::Exact => SAME,
-            Match::Curved => SAME_CURVED,
-        }
-    }
-
-    /// Smallest cosine of the angle between normals, [-].
-    fn cosine(self) -> f64 {
-        match self {
-            Match::Exact => PARALLEL,
-            Match::Curved => ALIKE,
-        }
-    }
-}
-
 /// The facets of a surface, for finding those at a position.
 struct Facets<const D: usize> {
     facets: Vec<Facet<D>>,
@@ -238,47 +241,67 @@ impl<const D: usize> Facets<D> {
         Facets { facets: tree.ordered(&facets), tree, slack: ON_FACET * surface.cell }
     }
 
-    /// False if no facet comes within a distance of a domain with these corners.
-    fn are_near(&self, corners: &[[f64; D]], slack: f64) -> bool {
+    /// False if no facet comes near a domain with these corners.
+    fn are_near(&self, corners: &[[f64; D]]) -> bool {
         let [low, high] = around(corners);
-        let wide = [low.map(|x| x - slack), high.map(|x| x + slack)];
+        let wide = [low.map(|x| x - self.slack), high.map(|x| x + self.slack)];
         let mut is_near = false;
         self.tree.visit(|bounds| boxes_overlap(bounds, &wide), |_| is_near = true);
         is_near
     }
 
-    /// The number of the side to which the facet at a position belongs, if it has the direction of an area vector; of
-    /// several facets, the nearest.
-    fn side_at(&self, x: &[f64; D], area: &[f64; D], how: Match) -> Option<usize> {
-        let size = area.iter().map(|a| a * a).sum::<f64>().sqrt().powf(1.0 / (D as f64 - 1.0));
-        let slack = how.slack(size, self.slack);
-        let near = [x.map(|x| x - slack), x.map(|x| x + slack)];
+    /// The distance of the nearest of the facets whose normals have at least this cosine with a direction, [length], and
+    /// the number of the side to which it belongs; of equally near facets, the one with the largest cosine.
+    fn nearest(&self, x: &[f64; D], normal: &[f64; D], least_cosine: f64) -> Option<(f64, usize)> {
+        let mut best: Option<(f64, f64, usize)> = None;
+        let round_off = self.slack * self.slack;
+        self.tree.approach(x, f64::INFINITY, |index| {
+            let facet = &self.facets[index];
+            let n = unit(&area_vector(&facet.corners));
+            let (squared, cosine) = (squared_distance_of_facet(x, &facet.corners), dot(&n, normal));
+            let is_better = best.is_none_or(|(least, most, _)| {
+                squared < least - round_off || squared <= least + round_off && cosine > most
+            });
+            if cosine >= least_cosine && is_better {
+                best = Some((squared, cosine, facet.side));
+            }
+            best.map_or(f64::INFINITY, |(squared, ..)| squared + round_off)
+        });
+        best.map(|(squared, _, side)| (squared.sqrt(), side))
+    }
+
+    /// The number of the side to which the facet at a position belongs, if it has the direction of an area vector.
+    fn side_at(&self, x: &[f64; D], area: &[f64; D]) -> Option<usize> {
+        let near = [x.map(|x| x - self.slack), x.map(|x| x + self.slack)];
         let normal = unit(area);
-        let mut best: Option<(f64, usize)> = None;
+        let mut best: Option<usize> = None;
         self.tree.visit(
             |bounds| boxes_overlap(bounds, &near),
             |index| {
                 let facet = &self.facets[index];
                 let n = unit(&area_vector(&facet.corners));
-                let along = |v: &[f64; D]| (0..D).map(|d| v[d] * n[d]).sum::<f64>();
-                let height = along(&std::array::from_fn(|d| x[d] - facet.corners[0][d])).abs();
+                let along = |v: &[f64; D]| dot(v, &n);
                 // The area of the facet with one of its corners at x is positive for all corners if x lies inside.
-                let edge = facet.size().max(self.slack).powi(D as i32 - 2);
+                let slack = self.slack * facet.size().max(self.slack).powi(D as i32 - 2);
                 let is_inside = (0..D).all(|k| {
                     let mut corners = facet.corners;
                     corners[k] = *x;
-                    along(&area_vector(&corners)) >= -self.slack.max(BESIDE * height) * edge
+                    along(&area_vector(&corners)) >= -slack
                 });
-                let rank = (if how == Match::Exact { 0.0 } else { height }, facet.side);
-                if height <= slack
+                if along(&minus(x, &facet.corners[0])).abs() <= self.slack
                     && is_inside
-                    && along(&normal) >= how.cosine()
-                    && best.is_none_or(|best| rank.partial_cmp(&best).is_some_and(std::cmp::Ordering::is_lt))
+                    && along(&normal) >= PARALLEL
                 {
-                    best = Some(rank);
+                    best = Some(best.map_or(facet.side, |side| side.min(facet.side)));
                 }
             },
         );
-        best.map(|(_, side)| side)
+        best
     }
+}
+
+/// The square of the distance of a position from a facet, [length²].
+fn squared_distance_of_facet<const D: usize>(x: &[f64; D], corners: &[[f64; D]; D]) -> f64 {
+    let corner = |k: usize| padded(&corners[k.min(D - 1)]);
+    distance_squared_of_triangle(padded(x), [0, 1, 2].map(corner))
 }

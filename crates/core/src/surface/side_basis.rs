@@ -1,6 +1,7 @@
 //! The basis of the grid on the side of a domain.
 
-use super::{DomainSide, Support, corners_of, mean_over_side};
+use super::support::active;
+use super::{DomainSide, corners_of, mean_over_side};
 use crate::basis::{Connectivity, Method};
 use crate::grid::{CellBasis, Grid, MAX_CORNERS};
 use crate::points::Points;
@@ -8,7 +9,7 @@ use crate::region::vector::{along, minus};
 
 /// Distance towards its point by which a corner is moved to find its cell, relative to the distance from the point,
 /// [-].
-const INWARDS: f64 = 1e-6;
+const INWARDS: f64 = 1e-7;
 
 /// The active nodes with the mean of N_v over a side of the domain of a point in the converged state, by the rule of
 /// its method: the mean over the corners for CPDI, the integral over the side for GIMP. The forces of a uniform stress
@@ -26,15 +27,7 @@ pub fn side_basis<const D: usize>(
     let domain = corners_of(points, p, &mut buffer);
     let found: Option<Vec<[f64; D]>> = side.corners().iter().map(|&k| domain.get(k).copied()).collect();
     let Some(corners) = found else { return Vec::new() };
-    let active = |basis: CellBasis<D>| {
-        let mut support = Support::default();
-        for ((&node, &value), gradient) in basis.nodes().iter().zip(basis.value()).zip(basis.gradient()) {
-            if let Some(active) = links.moves_with(body, node as usize) {
-                support.push(active as u32, value, *gradient);
-            }
-        }
-        Some(support)
-    };
+    let active = |basis: CellBasis<D>| active(basis, links, body);
     let inside = |x: &[f64; D]| {
         let x = along(x, INWARDS, &minus(&points.converged.position[p], x));
         grid.basis_near(&x, Some(cell)).0

@@ -1,18 +1,50 @@
 //! The grid cell that carries a position on a surface, and its basis there.
 
+use std::collections::BTreeMap;
+
 use crate::basis::Connectivity;
 use crate::grid::{CellBasis, Grid};
+use crate::region::vector::along;
 
 /// Distance by which a position is moved into the body to find its cell, relative to the size of a cell, [-].
-const NUDGE: f64 = 1e-6;
+const NUDGE: f64 = 1e-7;
 /// Largest value of the basis at a position at nodes that do not see it, [-].
 const UNSEEN: f64 = 1e-12;
 /// Number of equal intervals into which the search for an active cell divides the size of a cell along the inward
 /// normal.
 const DEPTHS: usize = 8;
 
-/// Linear basis at a position on a surface, N_v and ∂N_v/∂x, with active-node numbers as its nodes.
-pub type Support<const D: usize> = CellBasis<D>;
+/// Linear basis at a position on a surface, N_v and ∂N_v/∂x, in terms of active nodes: those of a cell and, for sliver
+/// nodes, their carriers.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Support<const D: usize> {
+    nodes: Vec<u32>,
+    value: Vec<f64>,
+    gradient: Vec<[f64; D]>,
+}
+
+impl<const D: usize> Support<D> {
+    fn push(&mut self, node: u32, value: f64, gradient: [f64; D]) {
+        self.nodes.push(node);
+        self.value.push(value);
+        self.gradient.push(gradient);
+    }
+
+    /// The active-node numbers.
+    pub fn nodes(&self) -> &[u32] {
+        &self.nodes
+    }
+
+    /// N_v of the nodes, [-].
+    pub fn value(&self) -> &[f64] {
+        &self.value
+    }
+
+    /// ∂N_v/∂x of the nodes, [1/length].
+    pub fn gradient(&self) -> &[[f64; D]] {
+        &self.gradient
+    }
+}
 
 /// The basis, at a position x on a surface of a body with the unit normal n, of a cell that has only active nodes.
 ///
@@ -73,15 +105,30 @@ fn aside<const D: usize>(place: [f64; D], by: f64) -> impl Iterator<Item = [f64;
     std::iter::once(place).chain((0..1usize << D).map(diagonal))
 }
 
-/// The basis in terms of the active nodes that a body sees; `None` if a node with a value at the position is inactive.
+/// The basis in terms of the active nodes that a body sees; sliver nodes move with their carriers. `None` if another node
+/// with a value at the position is inactive.
 pub fn active<const D: usize>(basis: CellBasis<D>, links: &Connectivity<D>, body: u16) -> Option<Support<D>> {
     let mut support = Support::default();
-    for ((&node, &value), gradient) in basis.nodes().iter().zip(basis.value()).zip(basis.gradient()) {
-        match links.seen_by(body, node as usize) {
-            Some(node) => support.push(node as u32, value, *gradient),
+    let all = || basis.nodes().iter().zip(basis.value()).zip(basis.gradient());
+    if basis.nodes().iter().all(|&node| links.seen_by(body, node as usize).is_some()) {
+        for ((&node, &value), gradient) in all() {
+            support.push(links.seen_by(body, node as usize)? as u32, value, *gradient);
+        }
+        return Some(support);
+    }
+    let mut sums: BTreeMap<usize, (f64, [f64; D])> = BTreeMap::new();
+    for ((&node, &value), gradient) in all() {
+        match links.carriers(body, node as usize) {
+            Some(carriers) => {
+                for (node, weight) in carriers {
+                    let sum = sums.entry(node).or_insert((0.0, [0.0; D]));
+                    *sum = (sum.0 + weight * value, along(&sum.1, weight, gradient));
+                }
+            }
             None if value.abs() <= UNSEEN => {}
             None => return None,
         }
     }
+    sums.into_iter().for_each(|(node, (value, gradient))| support.push(node as u32, value, gradient));
     Some(support)
 }

@@ -66,7 +66,10 @@ where
             let Ok(nodes) = self.nodes_of_part(of_cells, deck, &at) else { continue };
             let of = Sampling { grid, regions, region, body, part: &part, nodes: nodes.as_deref(), deck };
             let (mut sampled, mut spacing) = of.sampled(None);
-            let at_sides = sampled.as_ref().ok().and_then(|found| found.at_sides(points, domain, self.ranks));
+            let all = Sampling { part: &Part::Whole, nodes: None, ..of };
+            let (whole, _) = all.sampled(Some(spacing));
+            let at_sides = (sampled.as_ref().ok().zip(whole.as_ref().ok()))
+                .and_then(|(found, whole)| found.at_sides(whole, points, domain, self.ranks));
             if let Some(at_sides) = at_sides {
                 if deck.spacing.is_some() {
                     self.spacing_without_effect(deck, &at);

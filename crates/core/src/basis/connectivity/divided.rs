@@ -67,19 +67,6 @@ impl<const D: usize> Connectivity<D> {
         self.layer_cells.retain(|cell| own.binary_search(cell).is_err());
     }
 
-    /// Shares the carriers of sliver nodes, so that such a node can move on all ranks, whichever ranks have the points
-    /// that touch it. Each rank takes, of all carriers found for a node, the lowest that is active on this rank.
-    pub(super) fn agree_on_carriers(&mut self, ranks: &Ranks) {
-        if ranks.is_alone() {
-            return;
-        }
-        let mut all = ranks.gather_all(std::mem::take(&mut self.carried)).concat();
-        all.sort_unstable();
-        all.retain(|[_, carrier]| self.is_active(*carrier as usize));
-        all.dedup_by_key(|pair| pair[0]);
-        self.carried = all;
-    }
-
     /// The active nodes that other ranks also have.
     pub(super) fn find_halo(&self, ranks: &Ranks, n_nodes: usize) -> Halo {
         if ranks.is_alone() {

@@ -10,7 +10,7 @@ use crate::grid::Grid;
 pub(super) struct Piece<const D: usize> {
     pub(super) group_node_start: Vec<usize>,
     pub(super) group_nodes: Vec<u32>,
-    /// All fields down to `carried` correspond to those of [`Connectivity`](super::Connectivity); offsets count from
+    /// All fields down to `cells` correspond to those of [`Connectivity`](super::Connectivity); offsets count from
     /// the start of the piece.
     pub(super) touches: Vec<Touch>,
     pub(super) whole: Vec<bool>,
@@ -22,7 +22,6 @@ pub(super) struct Piece<const D: usize> {
     pub(super) gradient: Vec<[f64; D]>,
     pub(super) factor: Vec<f64>,
     pub(super) cells: Vec<u32>,
-    pub(super) carried: Vec<[u32; 2]>,
     /// 1/h of an even grid along each axis, [1/length].
     per_length: Option<[f64; D]>,
     group: Group,

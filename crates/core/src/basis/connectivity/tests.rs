@@ -96,3 +96,66 @@ fn links_are_those_of_the_basis() {
     check(&Structured::with_axes([graded.clone(), Axis::even(0.0, 0.5, 6)]), 20_000);
     check(&Structured::with_axes([graded.clone(), Axis::even(0.0, 0.5, 6), graded]), 20_000);
 }
+
+/// A bar of four domains in CPDI2 whose upper side lies above a grid line by `above` on the right: the nodes above are
+/// touched firmly there and by slivers on the left. The basis at the corners of the side and the forces of a uniform
+/// stress in the domains agree at all nodes.
+#[test]
+fn sliver_nodes_move_with_carriers_that_do_not_depend_on_the_point() {
+    let grid = Structured::<2>::new([0.0; 2], [1.0; 2], [6, 4]);
+    for above in [1e-9, 1e-7, 1e-5, 1e-3] {
+        let top = |k: usize| 2.0 + above * [0.0, 1e-3, 1e-2, 0.1, 1.0][k];
+        let seeds: Vec<Seed<2>> = (0..4)
+            .map(|k| {
+                let (left, right) = (1.0 + 0.75 * k as f64, 1.75 + 0.75 * k as f64);
+                let corners = vec![[left, 1.0], [right, 1.0], [right, top(k + 1)], [left, top(k)]];
+                Seed {
+                    body: 0,
+                    position: [0.5 * (left + right), 1.5],
+                    half_lengths: [0.375, 0.5],
+                    corners,
+                    volume: 0.75,
+                    mass: 1.0,
+                    outer_layer: false,
+                    history: Vec::new(),
+                }
+            })
+            .collect();
+        let points = &mut Points::new(&seeds);
+        let links = Connectivity::new(&grid, points, &[Method::Cpdi2]).unwrap();
+        let mut inner = vec![[0.0; 2]; links.n_active()];
+        for group in 0..links.n_groups() {
+            let nodes = links.nodes_of(group);
+            for p in links.points_of(group) {
+                let corners = points.corners(p);
+                let area: f64 = (0..4)
+                    .map(|k| {
+                        0.5 * (corners[k][0] * corners[(k + 1) % 4][1]
+                            - corners[(k + 1) % 4][0] * corners[k][1])
+                    })
+                    .sum();
+                links.for_each_link(p, |local, _, slope| {
+                    (0..2).for_each(|d| inner[nodes[local] as usize][d] += area * slope[d]);
+                });
+            }
+        }
+        // The outer sides of the bar, from each corner to the next around it.
+        let outline: Vec<[f64; 2]> = (0..5)
+            .map(|k| [1.0 + 0.75 * k as f64, 1.0])
+            .chain((0..5).rev().map(|k| [1.0 + 0.75 * k as f64, top(k)]))
+            .collect();
+        for (k, a) in outline.iter().enumerate() {
+            let b = &outline[(k + 1) % outline.len()];
+            let area = [b[1] - a[1], a[0] - b[0]];
+            for x in [a, b] {
+                let cell = grid.basis_near(x, None).0;
+                let support = crate::surface::active(grid.basis_at(cell, x), &links, 0).unwrap();
+                for (node, value) in support.nodes().iter().zip(support.value()) {
+                    (0..2).for_each(|d| inner[*node as usize][d] -= 0.5 * value * area[d]);
+                }
+            }
+        }
+        let largest = inner.iter().flatten().fold(0.0, |most: f64, f| most.max(f.abs()));
+        assert!(largest < 1e-14, "{above}: {largest:e}");
+    }
+}

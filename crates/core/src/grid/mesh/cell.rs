@@ -164,13 +164,14 @@ fn within<const D: usize>([lower, upper]: &Bounds<D>, x: &[f64; D], tolerance: f
 /// Square of the distance of a position from a segment.
 pub(super) fn distance_squared<const D: usize>(x: &[f64; D], a: [f64; D], b: [f64; D]) -> f64 {
     let (edge, to) = (minus(b, a), minus(*x, a));
-    let t = (dot(to, edge) / dot(edge, edge)).clamp(0.0, 1.0);
+    let length = dot(edge, edge);
+    let t = if length > 0.0 { (dot(to, edge) / length).clamp(0.0, 1.0) } else { 0.0 };
     let away: [f64; D] = std::array::from_fn(|d| to[d] - t * edge[d]);
     dot(away, away)
 }
 
-/// Square of the distance of a position from a triangle in space.
-pub(super) fn distance_squared_of_triangle(x: [f64; 3], triangle: [[f64; 3]; 3]) -> f64 {
+/// Square of the distance of a position from a triangle in space, or from a segment if two corners coincide.
+pub fn distance_squared_of_triangle(x: [f64; 3], triangle: [[f64; 3]; 3]) -> f64 {
     let [a, b, c] = triangle;
     let normal = vector_product(minus(b, a), minus(c, a));
     let left_of =

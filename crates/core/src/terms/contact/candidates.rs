@@ -394,22 +394,24 @@ impl<const D: usize> Search<'_, D> {
         inwards.iter().find_map(carriers).unwrap_or_else(last)
     }
 
-    /// A basis in terms of the active nodes that a body sees; `None` if a node is inactive. If `is_last`, nodes that
-    /// move with active nodes are accepted as well.
+    /// A basis in terms of the active nodes that a body sees; sliver nodes move with their carriers. `None` if another
+    /// node with a value is inactive, unless `is_last`.
     fn active(&self, body: u16, basis: &CellBasis<D>, is_last: bool) -> Option<Carriers> {
         let mut active = Carriers(Vec::with_capacity(basis.nodes().len()));
         for (&node, &value) in basis.nodes().iter().zip(basis.value()) {
             let node = node as usize;
             match self.links.seen_by(body, node) {
-                Some(number) => active.push(number as u32, value),
-                // The contact point is on the boundary of the body: nodes beyond it have no influence.
-                None if value == 0.0 => {}
-                None if is_last => {
-                    if let Some(number) = self.links.moves_with(body, node) {
-                        active.push(number as u32, value);
+                Some(number) => active.add(number as u32, value),
+                None => match self.links.carriers(body, node) {
+                    Some(carriers) => {
+                        for (number, weight) in carriers {
+                            active.add(number as u32, weight * value);
+                        }
                     }
-                }
-                None => return None,
+                    // The contact point is on the boundary of the body: nodes beyond it have no influence.
+                    None if value == 0.0 || is_last => {}
+                    None => return None,
+                },
             }
         }
         Some(active)
