@@ -4,7 +4,7 @@ use mpm::assembly::Wanted;
 use mpm::basis::Method;
 use mpm::model::StabilisationMode;
 use mpm::step::{At, StepContext};
-use mpm::stress::{Axisymmetric, Mechanics, PlaneStrain, Solid, Volumetric};
+use mpm::stress::{Axisymmetric, CellStrain, Mechanics, PlaneStrain, Solid};
 use mpm::tensor::{Mat3, Sym3};
 use mpm::terms::Sum;
 use nalgebra::DMatrix;
@@ -15,9 +15,9 @@ use super::states::{Law, State, random_state};
 const ZERO: f64 = 1e-11;
 
 /// Ascending eigenvalues of the stiffness at rest.
-fn eigenvalues<const D: usize, M: Mechanics<D>>(state: &mut State<D>, volumetric: Volumetric) -> Vec<f64> {
+fn eigenvalues<const D: usize, M: Mechanics<D>>(state: &mut State<D>, volumetric: CellStrain) -> Vec<f64> {
     let State { model, points, links, .. } = state;
-    model.bodies.iter_mut().for_each(|body| body.volumetric = volumetric);
+    model.bodies.iter_mut().for_each(|body| body.strain = volumetric);
     points.converged.elastic_strain.fill(Sym3::ZERO);
     points.converged.deformation_gradient.fill(Mat3::identity());
     let context = StepContext::first(model, links);
@@ -56,7 +56,7 @@ fn worst_ratios<const D: usize, M: Mechanics<D>>(
     for seed in 0..12 {
         let mut state = random_state::<D, M>(method, Law::Hencky, n_points, 300 + seed);
         state.model.stabilisation.mode = mode;
-        let [standard, averaged] = [Volumetric::Standard, Volumetric::MeanDilatation]
+        let [standard, averaged] = [CellStrain::Standard, CellStrain::MeanDilatation]
             .map(|volumetric| eigenvalues::<D, M>(&mut state, volumetric));
         let largest = standard[standard.len() - 1];
         let zeros = |values: &[f64]| values.iter().filter(|value| **value < ZERO * largest).count();

@@ -6,7 +6,7 @@ use mpm::grid::gmsh::read;
 use mpm::grid::mesh::Mesh;
 use mpm::kinematics::Increment;
 use mpm::step::{At, StepContext};
-use mpm::stress::{Axisymmetric, Formulation, Mechanics, PlaneStrain, Solid, StartOfStep, Volumetric};
+use mpm::stress::{Axisymmetric, CellStrain, Formulation, Mechanics, PlaneStrain, Solid, StartOfStep};
 use mpm::terms::{Ledger, Sum};
 
 use super::states::{Domain, FORMULATIONS, Law, Random, State, cases, random_state, state_on, with_laws};
@@ -37,9 +37,9 @@ fn largest<const D: usize>(values: &[[f64; D]]) -> f64 {
 }
 
 /// All combinations of formulations and treatments of volumetric deformation.
-fn with_volumetric(method: Method) -> Vec<(Formulation, Volumetric)> {
-    let mut all = vec![Volumetric::Standard, Volumetric::MeanDilatation];
-    all.extend(method.has_centres().then_some(Volumetric::FBar));
+fn with_volumetric(method: Method) -> Vec<(Formulation, CellStrain)> {
+    let mut all = vec![CellStrain::Standard, CellStrain::MeanDilatation];
+    all.extend(method.has_centres().then_some(CellStrain::FBar));
     all.into_iter().flat_map(|v| FORMULATIONS.map(|f| (f, v))).collect()
 }
 
@@ -53,7 +53,7 @@ fn check_derivative<const D: usize, M: Mechanics<D>>(
         for (formulation, volumetric) in with_volumetric(method) {
             let mut state = state(method, law);
             state.model.formulation = formulation;
-            state.model.bodies.iter_mut().for_each(|body| body.volumetric = volumetric);
+            state.model.bodies.iter_mut().for_each(|body| body.strain = volumetric);
             let mut sum =
                 Sum::from_model::<M>(&StepContext::first(&state.model, &state.links), &state.points).unwrap();
             let base = state.delta_d.clone();
@@ -171,7 +171,7 @@ fn check_formulations<const D: usize, M: Mechanics<D>>(cases: Vec<(Method, Law)>
             let [(f, kx), (g, ky)] = FORMULATIONS.map(|formulation| {
                 let mut state = random_state::<D, M>(method, law, 150, 100 + seed);
                 state.model.formulation = formulation;
-                state.model.bodies.iter_mut().for_each(|body| body.volumetric = volumetric);
+                state.model.bodies.iter_mut().for_each(|body| body.strain = volumetric);
                 let mut sum =
                     Sum::from_model::<M>(&StepContext::first(&state.model, &state.links), &state.points)
                         .unwrap();
@@ -210,7 +210,7 @@ fn check_force<const D: usize, M: Mechanics<D>>(cases: Vec<(Method, Law)>) {
         for (formulation, volumetric) in with_volumetric(method) {
             let mut state = random_state::<D, M>(method, law, 150, 7);
             state.model.formulation = formulation;
-            state.model.bodies.iter_mut().for_each(|body| body.volumetric = volumetric);
+            state.model.bodies.iter_mut().for_each(|body| body.strain = volumetric);
             let (first, half): (Vec<[f64; D]>, Vec<[f64; D]>) =
                 (state.delta_d.clone(), state.delta_d.iter().map(|u| u.map(|u| 0.5 * u)).collect());
             let mut sum =
@@ -252,13 +252,13 @@ fn stored<const D: usize>(sum: &mut Sum<D>, state: &mut State<D>, delta_d: &[[f6
 /// The largest difference between the internal force and the derivative of the stored energy, relative to the force.
 fn difference_from_energy<const D: usize, M: Mechanics<D>>(
     (method, law): (Method, Law),
-    volumetric: Volumetric,
+    volumetric: CellStrain,
     n_points: usize,
 ) -> f64 {
     // A fourth-order central difference keeps both truncation and round-off below 1e-8 of the force.
     const STEP: f64 = 1e-3; // of nodal displacements; cells are 0.5 by 0.4
     let mut state = random_state::<D, M>(method, law, n_points, 23);
-    state.model.bodies.iter_mut().for_each(|body| body.volumetric = volumetric);
+    state.model.bodies.iter_mut().for_each(|body| body.strain = volumetric);
     let mut sum =
         Sum::from_model::<M>(&StepContext::first(&state.model, &state.links), &state.points).unwrap();
     let base = state.delta_d.clone();
@@ -281,14 +281,14 @@ fn difference_from_energy<const D: usize, M: Mechanics<D>>(
 fn check_energy<const D: usize, M: Mechanics<D>>(n_points: usize) {
     for method in [Method::Mpm, Method::Gimp, Method::Cpdi2] {
         for law in [Law::Hencky, Law::NeoHookean] {
-            let worst = difference_from_energy::<D, M>((method, law), Volumetric::MeanDilatation, n_points);
+            let worst = difference_from_energy::<D, M>((method, law), CellStrain::MeanDilatation, n_points);
             println!("{D} axes, {method:?} {law:?}: {worst:.1e}");
             // Measured: at most 2.6e-9, which is the truncation error of the difference.
             assert!(worst < 1e-8, "{method:?} {law:?}: {worst:e}");
         }
     }
     let without_energy =
-        difference_from_energy::<D, M>((Method::Gimp, Law::Hencky), Volumetric::FBar, n_points);
+        difference_from_energy::<D, M>((Method::Gimp, Law::Hencky), CellStrain::FBar, n_points);
     assert!(without_energy > 0.1, "{without_energy:e}");
 }
 

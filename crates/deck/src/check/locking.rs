@@ -6,7 +6,7 @@ use crate::diagnostic::{Diagnostic, Severity};
 use crate::per_axis::per_axis;
 use crate::quoting::{list, quote};
 use crate::span::escape;
-use crate::{BodyDeck, Deck, GridDeck, PerAxis, Volumetric};
+use crate::{BodyDeck, CellStrain, Deck, GridDeck, PerAxis};
 
 /// Smallest Poisson's ratio at which low-order cells lock.
 const NEARLY_INCOMPRESSIBLE: f64 = 0.49;
@@ -40,7 +40,8 @@ impl Check<'_> {
     fn isochoric_flow(&mut self, material: &str) {
         let mut bodies = standard_bodies(self.deck, material);
         bodies.retain(|(number, body)| {
-            let is_chosen = self.source.span_of(&format!("/bodies/{number}/volumetric")).is_some();
+            let key = body.strain_key();
+            let is_chosen = self.source.span_of(&format!("/bodies/{number}/{key}")).is_some();
             !is_chosen && self.key_of_single_points(body).is_none()
         });
         if bodies.is_empty() {
@@ -88,7 +89,7 @@ impl Check<'_> {
 fn standard_bodies<'a>(deck: &'a Deck, material: &str) -> Vec<(usize, &'a BodyDeck)> {
     let is_standard = |(_, body): &(usize, &BodyDeck)| {
         let in_a_stage = || deck.stages.iter().filter_map(|stage| stage.material.get(&body.name));
-        body.volumetric == Volumetric::Standard
+        body.strain() == CellStrain::Standard
             && (body.material == material || in_a_stage().any(|name| name == material))
     };
     deck.bodies.iter().enumerate().filter(is_standard).collect()
