@@ -227,7 +227,7 @@ impl Check<'_> {
         self.found.push(diagnostic);
     }
 
-    /// F-bar needs a method with basis functions at the centres of cells.
+    /// F-bar needs a method with basis functions at the centres of cells. The former name of the key is noted.
     fn strain(&mut self, pointer: &str, body: &BodyDeck) {
         if body.strain() == CellStrain::FBar && !body.method.has_centres() {
             let method = body.method.name();
@@ -236,6 +236,17 @@ impl Check<'_> {
             let help = "use `mean-dilatation`, which every method supports";
             self.error("D055", &format!("{pointer}/{}", body.strain_key()), message, help);
         }
+        let Some(former) = body.volumetric else { return };
+        let at = format!("{pointer}/volumetric");
+        if body.strain.is_some_and(|strain| strain != former) {
+            let message = "`strain` and `volumetric`, its former name, contradict each other".to_owned();
+            self.error("D055", &at, message, "remove `volumetric`");
+            return;
+        }
+        let message = "`volumetric` is the former name of `strain`";
+        let help = if body.strain.is_some() { "remove it" } else { "write `strain` with the same word" };
+        let found = Diagnostic::at_key(self.source, "D037", &at, message.to_owned());
+        self.found.push(found.severity(Severity::Note).help(help));
     }
 
     fn output(&mut self) {

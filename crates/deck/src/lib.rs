@@ -306,6 +306,7 @@ pub struct BodyDeck {
     pub strain: Option<CellStrain>,
     /// The former name of `strain`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("deprecated" = true))]
     pub volumetric: Option<CellStrain>,
     /// Length of the domain of a CPDI2 point, as a multiple of the cell size, [-], above which the point is split in
     /// two; without this key, domains are not split. Material that flows along a tool or in a shear band stretches

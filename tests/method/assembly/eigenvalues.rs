@@ -112,7 +112,7 @@ fn the_mean_dilatation_opens_no_hourglass_mode() {
     }
 }
 
-/// The stress against deviations resists the same motions as the deviator at each point, with 5 % of its modulus.
+/// The stress against deviations resists the same motions as the deviator at each point.
 #[test]
 fn the_mean_increment_opens_no_hourglass_mode() {
     for method in [Method::Mpm, Method::Gimp] {

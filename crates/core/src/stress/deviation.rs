@@ -10,7 +10,7 @@
 //! v θ (q:e + βG |dev e|²) per point. With the gradients ḡ and γ = g − ḡ of node a, both at the start of the step, the
 //! variation of e is e_ai = sym(ḡ_a ⊗ δ_i + γ_a ⊗ ΔF̄_i), where δ_i and ΔF̄_i are rows; the force is v Σ:e_ai and the
 //! stiffness v (2βGθ dev e_ai : dev e_bk + Σ:(ḡ_a ⊗ γ_b + γ_a ⊗ ḡ_b) δ_ik), which is symmetric. θ, the share of q that
-//! the flow of the soil leaves, is known at the start of the step. At its end, q is ΔF̄ Σ ΔF̄ᵀ/ΔJ.
+//! the flow of the soil leaves, is known at the start of the step. At its end, q is ΔF̄ Σ ΔF̄ᵀ/det ΔF̄.
 #![allow(non_snake_case)]
 
 use super::current::along;
@@ -252,6 +252,56 @@ impl<const D: usize, const E: usize> WeakForm<D> for Deviation<D, E> {
     fn add_block<T: Lane>(column: &Self::Column, gradients: &[[T; E]; 2], block: &mut [[T; D]; D]) {
         for (column, gradient) in column.iter().zip(gradients) {
             Current::<D, E>::add_block(column, gradient, block);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tensor::Mat3;
+
+    const MODULUS: f64 = 3e5;
+
+    fn resistance(left: f64) -> Resistance {
+        Resistance { stress: Sym3([2e4, -3e4, 1e4, 5e3, -8e3, 1.5e4]), modulus: MODULUS, left }
+    }
+
+    fn increments() -> [Mat3; 2] {
+        let mean = Mat3::new(1.02, 0.05, -0.01, 0.02, 0.97, 0.03, 0.01, -0.04, 1.01);
+        [mean, mean + Mat3::new(0.01, -0.02, 0.005, 0.015, 0.01, -0.01, 0.0, 0.02, -0.005)]
+    }
+
+    fn stored(stress: &Sym3) -> f64 {
+        0.5 * stress.dot(stress) / MODULUS
+    }
+
+    #[test]
+    fn a_superposed_rotation_turns_only_the_stress_at_the_end() {
+        let turn = nalgebra::Rotation3::from_euler_angles(0.4, -1.1, 2.0).into_inner();
+        let [mean, own] = increments();
+        let still = Deviated::new(&mean, &own, &resistance(0.8));
+        let turned = Deviated::new(&(turn * mean), &(turn * own), &resistance(0.8));
+        assert!((turned.stress - still.stress).norm() < 1e-12 * still.stress.norm());
+        assert!((turned.work - still.work).abs() < 1e-12 * still.work.abs());
+        let expected = turn * still.stress_at_end().to_matrix() * turn.transpose();
+        assert!((turned.stress_at_end().to_matrix() - expected).norm() < 1e-12 * expected.norm());
+    }
+
+    /// The dissipation is that of `docs/theory.md`.
+    #[test]
+    fn work_is_stored_without_flow_and_dissipated_with_it() {
+        let [mean, own] = increments();
+        let e = Sym3::symmetric_part(&(mean.transpose() * (own - mean)));
+        let start = Resistance { stress: resistance(1.0).stress.deviator(), ..resistance(1.0) };
+        for left in [1.0, 0.7, 0.0] {
+            let Deviated { stress, work, .. } = Deviated::new(&mean, &own, &Resistance { left, ..start });
+            let dissipated = work - (stored(&stress) - stored(&start.stress));
+            let (q, x) = (start.stress, e.deviator() * MODULUS);
+            let squares = (1.0 + left) * q.dot(&q) + 2.0 * left * q.dot(&x) + left * x.dot(&x);
+            let expected = 0.5 * (1.0 - left) * squares / MODULUS;
+            assert!((dissipated - expected).abs() < 1e-12 * stored(&q), "{left}: {dissipated} {expected}");
+            assert!(dissipated >= -1e-12 * stored(&q));
         }
     }
 }

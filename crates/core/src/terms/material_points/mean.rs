@@ -190,13 +190,14 @@ impl<const D: usize, M: Mechanics<D>> Mean<'_, '_, '_, '_, D, M> {
             moved.iter().map(|(p, _)| task.start[*p].volume_n * value(*p)).sum()
         };
         let held = |p: usize| task.held.get(p).copied().unwrap_or(Held::NONE);
-        let left = 1.0 - sum(&|p| held(p).lost) / sum(&|_| 1.0);
+        let left = Held::left(sum(&|p| held(p).lost) / sum(&|_| 1.0));
+        let in_space = mean.in_space();
         deviations.clear();
         for (p, motion) in moved.iter() {
             let Held { stress, modulus, .. } = held(*p);
             let resistance = Resistance { stress, modulus, left };
             let own = &motion.increment;
-            let deviated = Deviated::new(&mean.in_space(), &own.in_space(), &resistance);
+            let deviated = Deviated::new(&in_space, &own.in_space(), &resistance);
             let volume = task.start[*p].volume_n;
             deviations.push(M::Deviation::new(mean, own, &deviated, &resistance, volume));
             trial.keep_deviation(*p, deviated);
