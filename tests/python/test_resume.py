@@ -68,7 +68,7 @@ MEAN_OF_CELLS = ('method: "${method}",', 'method: "${method}", strain: mean,')
 KILLED = {
     "gimp": ("collapse", SMALL, []),
     "cpdi2": ("collapse", [*SMALL, *settings(method="cpdi2")], []),
-    "mean of cells": ("collapse", [*SMALL, *settings(n=2)], [MEAN_OF_CELLS]),
+    "mean of cells": ("collapse", [*SMALL, *settings(n=2, method="mpm")], [MEAN_OF_CELLS]),
     "solid": ("twist", settings(h=0.5, steps=30, every=5), []),
 }
 

@@ -13,6 +13,7 @@ mod deviation;
 mod dilatation;
 mod evaluation;
 mod mean;
+mod mean_room;
 
 use std::marker::PhantomData;
 use std::ops::Range;

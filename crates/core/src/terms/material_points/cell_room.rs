@@ -5,7 +5,7 @@ use crate::kinematics::Increment;
 use crate::stress::{Mechanics, PointError};
 use crate::terms::failure::PointFailure;
 
-use super::mean::MeanRoom;
+use super::mean_room::MeanRoom;
 
 /// The weak form of a point at a multiple of its increment, and this multiple.
 pub(super) type Responded<R> = (R, f64);

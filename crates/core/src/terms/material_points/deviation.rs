@@ -13,9 +13,9 @@ use crate::terms::ledger::{Ledger, NamedEnergy};
 /// of square cells with 2 × 2 points is exact for 8/(7 (1 − ν)).
 const BETA: f64 = 1.0;
 
-/// Exponent m of the ratio |s|/|s_trial| of the soil in the share of the resistance that flow leaves, [-]. Where the
-/// soil flows steadily, the resistance stays below about β/m of its strength.
-const FLOW: i32 = 20;
+/// m, how many times as fast as the stress of the soil the resistance flows, [-]. Where the soil flows steadily, the
+/// resistance stays below about β/m of its strength.
+const FLOW: f64 = 20.0;
 
 /// What a point holds against its deviation in a step, from the step before.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -31,7 +31,8 @@ pub(super) struct Held {
 impl Held {
     /// Share θ of the resistance that flow leaves, from the mean of `lost` over the cell, [-].
     pub(super) fn left(lost: f64) -> f64 {
-        (1.0 - lost).powi(FLOW)
+        let ratio = 1.0 - lost;
+        if ratio > 0.0 { ratio / (ratio + FLOW * lost) } else { 0.0 }
     }
 
     /// No resistance.

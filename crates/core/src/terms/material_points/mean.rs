@@ -19,68 +19,7 @@ use super::averaged::Kind;
 use super::cell_room::{CellRoom, Motion};
 use super::deviation::Held;
 use super::evaluation::{Task, Trial, Vectorised, map_gradients};
-
-/// Gradients of the basis functions of the nodes of a group, and S/r̃ of bodies of revolution, at the start of the step.
-pub(super) struct NodeGradients<const D: usize> {
-    gradient: Vec<[f64; D]>,
-    per_radius: Vec<f64>,
-}
-
-impl<const D: usize> Default for NodeGradients<D> {
-    fn default() -> Self {
-        NodeGradients { gradient: Vec::new(), per_radius: Vec::new() }
-    }
-}
-
-impl<const D: usize> NodeGradients<D> {
-    fn clear(&mut self, n: usize) {
-        self.gradient.clear();
-        self.gradient.resize(n, [0.0; D]);
-        self.per_radius.clear();
-        self.per_radius.resize(n, 0.0);
-    }
-
-    /// Adds a share of the gradients of a point.
-    #[inline(always)]
-    fn add(
-        &mut self,
-        task: &Task<D, impl Mechanics<D>>,
-        p: usize,
-        room: &mut LinkBuffer<D>,
-        share: f64,
-        radius: f64,
-    ) {
-        let links = task.links.links(p, room);
-        for ((&node, gradient), value) in links.local.iter().zip(links.gradient).zip(links.value) {
-            let sum = &mut self.gradient[node as usize];
-            (0..D).for_each(|d| sum[d] += share * gradient[d]);
-            self.per_radius[node as usize] += share * value / radius;
-        }
-    }
-}
-
-/// Working space for the points of a material in a cell that take their mean increment.
-pub(super) struct MeanRoom<const D: usize, M: Mechanics<D>> {
-    mean: NodeGradients<D>,
-    own: NodeGradients<D>,
-    mapped: Vec<[f64; D]>,
-    together: Vec<<M::Current as WeakForm<D>>::Gradient<f64>>,
-    deviating: Vec<<M::Deviation as WeakForm<D>>::Gradient<f64>>,
-    deviations: Vec<M::Deviation>,
-}
-
-impl<const D: usize, M: Mechanics<D>> Default for MeanRoom<D, M> {
-    fn default() -> Self {
-        MeanRoom {
-            mean: NodeGradients::default(),
-            own: NodeGradients::default(),
-            mapped: Vec::new(),
-            together: Vec::new(),
-            deviating: Vec::new(),
-            deviations: Vec::new(),
-        }
-    }
-}
+use super::mean_room::MeanRoom;
 
 /// The points of one material in a group, which respond to their mean increment.
 struct Mean<'t, 'a, 's, 'r, const D: usize, M: Mechanics<D>> {
@@ -107,7 +46,7 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         dense.add_on_all(&weak, together, force);
         for ((p, motion), weak) in cell.moved.iter().zip(deviations) {
             own.clear(mean.gradient.len());
-            own.add(task, *p, room, 1.0, radius(&motion.increment));
+            own.add(&task.links.links(*p, room), 1.0, radius(&motion.increment));
             deviating.clear();
             let nodes =
                 own.gradient.iter().zip(&own.per_radius).zip(mean.gradient.iter().zip(&mean.per_radius));
@@ -172,7 +111,7 @@ impl<const D: usize, M: Mechanics<D>> Mean<'_, '_, '_, '_, D, M> {
                 }
             }
             increment.hoop += share * hoop;
-            mean.add(task, *p, room, share, radius(&motion.increment));
+            mean.add(&task.links.links(*p, room), share, radius(&motion.increment));
         }
         if !M::REVOLVED {
             increment.hoop = 1.0;
