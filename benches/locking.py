@@ -42,7 +42,7 @@ materials:
   clay: {model: von-mises, young: 1e8, poisson: 0.49, deviatoric_yield_stress: "${sqrt(2)*1000}"}
 bodies:
   - {name: soil, material: clay, shape: {type: box, min: [0, 0], max: [5, 3]}, method: "${method}",
-     points_per_cell: "${n}", volumetric: "${volumetric}"}
+     points_per_cell: "${n}", strain: "${volumetric}"}
 boundary_conditions:
   - {name: axis, nodes: {x: 0}, fix: [x]}
   - {name: side, nodes: {x: 5}, fix: [x]}
@@ -87,7 +87,7 @@ materials:
   clay: {model: von-mises, young: 1e8, poisson: 0.49, deviatoric_yield_stress: "${sqrt(2)*1000}"}
 bodies:
   - {name: soil, material: clay, shape: {type: box, min: [0, 0, 0], max: [3, 3, 2]}, method: "${method}",
-     points_per_cell: "${n}", volumetric: "${volumetric}"}
+     points_per_cell: "${n}", strain: "${volumetric}"}
 steps: {count: "${steps}"}
 output: {every: "${every}"}
 boundary_conditions:
@@ -113,7 +113,7 @@ grid:
 materials:
   steel: {model: von-mises, young: "${young}", poisson: 0.29, deviatoric_yield_stress: "${sqrt(2/3)*0.45}"}
 bodies:
-  - {name: plate, material: steel, method: "${method}", points_per_cell: "${n}", volumetric: "${volumetric}",
+  - {name: plate, material: steel, method: "${method}", points_per_cell: "${n}", strain: "${volumetric}",
      shape: {type: box, min: [0, 0], max: [5, 15]}}
 boundary_conditions:
   - {name: axis, nodes: {x: 0}, fix: [x]}
@@ -130,7 +130,7 @@ grid: {type: structured, origin: [0, 0], size: [3.5, 2.5], spacing: "${h}"}
 materials:
   clay: {model: von-mises, young: 1e8, poisson: 0.49, deviatoric_yield_stress: "${sqrt(2)*1000}", density: 1000}
 bodies:
-  - {name: soil, material: clay, method: "${method}", points_per_cell: "${n}", volumetric: "${volumetric}",
+  - {name: soil, material: clay, method: "${method}", points_per_cell: "${n}", strain: "${volumetric}",
      shape: {type: polygon, vertices: [[0, 0], [3.5, 0], [3.5, 1], [2, 1], [2, 2], [0, 2]]}}
 boundary_conditions:
   - {name: back, nodes: {x: 0}, fix: [x]}

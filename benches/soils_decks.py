@@ -14,7 +14,7 @@ materials:
          dilation_angle: "${psi}"}
 bodies:
   - {name: soil, material: soil, shape: {type: box, min: [0, 0], max: [WIDTH, DEPTH]}, method: "${method}",
-     points_per_cell: "${n}", volumetric: "${volumetric}" INITIAL}
+     points_per_cell: "${n}", strain: "${volumetric}" INITIAL}
 boundary_conditions:
   - {name: axis, nodes: {x: 0}, fix: [x]}
   - {name: side, nodes: {x: WIDTH}, fix: [x]}
@@ -51,7 +51,7 @@ def changed_input(name, **changes):
 SLOPE = changed_input(
     "slope.yaml",
     method=("method: gimp", 'method: "${method}"'),
-    volumetric=("volumetric: mean-dilatation", 'volumetric: "${volumetric}"'),
+    volumetric=("strain: mean-dilatation", 'strain: "${volumetric}"'),
     steps=("count: 6", 'count: "${steps}"'),
     tolerance=("tolerance: 0.005", "tolerance: 0.002"),
     output=("every: 2 ", "every: 0 "),
@@ -66,7 +66,7 @@ grid: {type: structured, origin: [0, 0], size: [60, 22], spacing: "${h}"}
 materials:
   clay: {model: tresca, young: 5e9, poisson: 0.3, cohesion: "if(REGION, ratio, 1) * 50e3", density: 2000}
 bodies:
-  - {name: slope, material: clay, method: "${method}", points_per_cell: "${n}", volumetric: "${volumetric}",
+  - {name: slope, material: clay, method: "${method}", points_per_cell: "${n}", strain: "${volumetric}",
      shape: {type: polygon, vertices: [[0, 0], [60, 0], [60, 10], [40, 10], [20, 20], [0, 20]]}}
 boundary_conditions:
   - {name: left, nodes: {x: 0}, fix: [x]}
@@ -93,7 +93,7 @@ grid: {type: structured, origin: [0, 0], size: [3.5, 2.5], spacing: "${h}"}
 materials:
   clay: {model: tresca, young: "${young}", poisson: 0.49, cohesion: 1, density: 1 SOFTENING}
 bodies:
-  - {name: soil, material: clay, method: "${method}", points_per_cell: "${n}", volumetric: "${volumetric}",
+  - {name: soil, material: clay, method: "${method}", points_per_cell: "${n}", strain: "${volumetric}",
      shape: {type: polygon, vertices: [[0, 0], [3.5, 0], [3.5, 1], [2, 1], [2, 2], [0, 2]]}}
 boundary_conditions:
   - {name: back, nodes: {x: 0}, fix: [x]}
@@ -121,7 +121,7 @@ materials:
   soil: {MODEL, young: 1e7, poisson: 0.3, cohesion: 1e3}
 bodies:
   - {name: wall, material: soil, shape: {type: box, min: [1, 0], max: [3, "${h}"]}, method: "${method}",
-     points_per_cell: "${n}", volumetric: "${volumetric}"}
+     points_per_cell: "${n}", strain: "${volumetric}"}
 boundary_conditions:
   - {name: ends, nodes: {box: {min: [0, 0], max: [4, "${h}"]}}, fix: [y]}
 surfaces:
@@ -153,7 +153,7 @@ grid:
 MATERIAL
 bodies:
   - {name: block, material: clay, shape: {type: box, min: [0, 0], max: [1, 1]}, method: "${method}",
-     points_per_cell: "${n}", volumetric: "${volumetric}",
+     points_per_cell: "${n}", strain: "${volumetric}",
      initial_stress: {type: components, stress: {xx: -60e3, yy: "${-60e3/k0}", zz: -60e3}}}
 boundary_conditions:
   - {name: left, nodes: {x: 0}, fix: [x]}
@@ -180,7 +180,7 @@ grid:
 MATERIAL
 bodies:
   - {name: block, material: clay, shape: {type: box, min: [0, 0], max: [1, 1]}, method: "${method}",
-     point_spacing: 0.125, volumetric: "${volumetric}",
+     point_spacing: 0.125, strain: "${volumetric}",
      initial_stress: {type: components, stress: {xx: -60e3, yy: "${-60e3/k0}", zz: -60e3}}}
 boundary_conditions:
   - {name: left, nodes: {x: 0}, fix: [x]}

@@ -173,7 +173,7 @@ grid: {type: structured, origin: [LEFT, -SIDE], size: [WIDTH, HEIGHT], spacing: 
 materials:
   rubber: {model: hencky, young: 1e6, poisson: 0.4999}
 bodies:
-  - {name: slab, material: rubber, method: "${method}", points_per_cell: "${n}", volumetric: mean-dilatation,
+  - {name: slab, material: rubber, method: "${method}", points_per_cell: "${n}", strain: mean-dilatation,
      shape: {type: box, min: [LEFT, -SIDE], max: [RIGHT, 0]}}
 boundary_conditions:
   - {name: left, nodes: {x: LEFT}, fix: [x]}
@@ -249,7 +249,7 @@ grid: {type: gmsh, file: MESH}
 materials:
   clay: {model: tresca, young: 1e9, poisson: 0.49, cohesion: 1e3}
 bodies:
-  - {name: clay, material: clay, method: "${method}", volumetric: "${volumetric}", POINTS: 1,
+  - {name: clay, material: clay, method: "${method}", strain: "${volumetric}", POINTS: 1,
      shape: {type: cells, group: clay}}
 boundary_conditions:
   - {name: axis, nodes: {group: axis}, fix: [x]}

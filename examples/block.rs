@@ -118,7 +118,7 @@ fn block(spacing: f64, law: Box<dyn Material>, method: Method) -> (Model<3>, Poi
             material: 0,
             method,
             domain_update: DomainUpdate::Corners,
-            volumetric: Default::default(),
+            strain: Default::default(),
             split_above: None,
         }],
         surfaces: Vec::new(),

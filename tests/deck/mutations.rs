@@ -143,7 +143,7 @@ const REASONS: &[(Change, &str, &str, &str, &str)] = &[
     (Change::Removed, "*", "/output/probes/*", "*", "optional"),
     (Change::Removed, "*", "/bodies/*/method", "*", "optional: CPDI2"),
     (Change::Removed, "*", "/bodies/*/domain_update", "*", "optional: corners"),
-    (Change::Removed, "*", "/bodies/*/volumetric", "*", "optional: standard"),
+    (Change::Removed, "*", "/bodies/*/strain", "*", "optional: standard"),
     (Change::Removed, "beam", "/materials/*/density", "*", "optional: nothing weighs"),
     (Change::Removed, "*", "/loads", "*", "optional; a warning says that nothing loads the bodies"),
     (

@@ -16,7 +16,7 @@ grid: {{type: structured, origin: [0, 0], size: [6, 6], spacing: 1}}
 materials:
 {materials}
 bodies:
-  - {{name: block, material: clay, shape: {{type: box, min: [0, 0], max: [4, 4]}}, volumetric: mean-dilatation, points_per_cell: 2}}
+  - {{name: block, material: clay, shape: {{type: box, min: [0, 0], max: [4, 4]}}, strain: mean-dilatation, points_per_cell: 2}}
 boundary_conditions:
   - {{name: floor, nodes: {{y: 0}}, fix: [x, y]}}
 loads:

@@ -186,7 +186,7 @@ grid: {{type: structured, origin: [0, 0], size: [10, 10], spacing: {cell}}}
 materials: {{clay: {{model: von-mises, young: 1e8, poisson: 0.3, deviatoric_yield_stress: 1e9, density: 1000}}}}
 bodies:
   - {{name: block, material: clay, shape: {{type: box, min: [0, 0], max: [8, 8]}},
-     method: {method}, points_per_cell: {points}, volumetric: standard}}
+     method: {method}, points_per_cell: {points}, strain: standard}}
 boundary_conditions:
   - {{name: symmetry, nodes: {{x: 0}}, fix: [x]}}
   - {{name: base, nodes: {{y: 0}}, fix: [y]}}
@@ -216,8 +216,7 @@ fn the_predicted_memory_is_what_a_run_takes() {
         check_prediction(&deck, &out, &[]);
     }
     // An unsymmetric stiffness.
-    fs::write(&deck, block("gimp", 0.125, 3, 0).replace("volumetric: standard", "volumetric: f-bar"))
-        .unwrap();
+    fs::write(&deck, block("gimp", 0.125, 3, 0).replace("strain: standard", "strain: f-bar")).unwrap();
     check_prediction(&deck, &out, &[]);
     let in_space = Path::new("inputs/block/block.yaml");
     for set in [

@@ -21,7 +21,7 @@ fn beam(material: &str, volumetric: &str) -> (Model<2>, Points<2>) {
     let text = std::fs::read_to_string("inputs/beam.yaml").unwrap();
     let text = text
         .replace(ELASTIC, material)
-        .replace("method: \"${method}\",", &format!("method: \"${{method}}\", volumetric: {volumetric},"))
+        .replace("method: \"${method}\",", &format!("method: \"${{method}}\", strain: {volumetric},"))
         .replace("-100e3", "-10e3");
     assert!(text.contains(material) && text.contains(volumetric) && text.contains("-10e3"));
     let sets = [("steps", "5"), ("n", "4")].map(|(key, value)| (key.to_owned(), value.to_owned()));

@@ -276,7 +276,7 @@ fn a_run_goes_on_where_it_stopped() {
 #[test]
 fn a_footing_carries_what_prandtl_says_unless_it_locks() {
     let pressure = |volumetric: &str, h: &str, n: &str, depth: &str, steps: &str| {
-        let set = [("volumetric", volumetric), ("h", h), ("n", n), ("depth", depth), ("steps", steps)];
+        let set = [("strain", volumetric), ("h", h), ("n", n), ("depth", depth), ("steps", steps)];
         let (outcome, recorder, _) = run(deck("footing.yaml", &set));
         outcome.unwrap();
         // The last third is a plateau. The modelled half of the footing has the width 1; c = 10e3.

@@ -17,7 +17,7 @@ bodies:
   - name: block
     material: soil
     shape: {{type: box, min: [0, 0], max: [1, 1]}}
-    volumetric: mean-dilatation
+    strain: mean-dilatation
     points_per_cell: 2
 boundary_conditions:
   - {{name: wall, nodes: {{x: 0}}, fix: [x]}}
@@ -268,7 +268,7 @@ bodies:
   - name: slope
     material: soil
     shape: {type: polygon, vertices: [[0, 0], [16, 0], [6, 5], [0, 5]]}
-    volumetric: mean-dilatation
+    strain: mean-dilatation
     method: gimp
     points_per_cell: 2
 boundary_conditions:

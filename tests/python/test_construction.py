@@ -157,7 +157,7 @@ SLIDES = """version: 1
 grid: {type: structured, origin: [0, 0], size: [6, 3], spacing: 0.5}
 materials: {m: {model: tresca, young: 1e6, poisson: 0.3, cohesion: 7e3, density: 2000}}
 bodies:
-  - {name: b, material: m, method: gimp, volumetric: mean-dilatation, points_per_cell: 2,
+  - {name: b, material: m, method: gimp, strain: mean-dilatation, points_per_cell: 2,
      shape: {type: box, min: [0, 0], max: [4, 1.5]}}
 boundary_conditions:
   - {name: base, nodes: {y: 0}, fix: [x, y]}

@@ -76,7 +76,7 @@ def block(idealisation, volumetric, model, **body):
                 "spacing": 0.5 if idealisation == "solid" else 0.25,
             },
             "materials": {"metal": {"model": model, "density": 1000, **PARAMETERS[model]}},
-            "bodies": [{"name": "block", "material": "metal", "volumetric": volumetric, "shape": shape, **method}],
+            "bodies": [{"name": "block", "material": "metal", "strain": volumetric, "shape": shape, **method}],
             "boundary_conditions": conditions,
             "loads": [{"name": "weight", "type": "gravity", "acceleration": [0] * (count - 1) + [-10]}],
             "steps": {"count": 5},

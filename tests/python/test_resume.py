@@ -64,18 +64,20 @@ def undisturbed(mpm, tmp_path, deck, words):
     return deck, results(tmp_path / "whole"), time.monotonic() - began
 
 
+MEAN_OF_CELLS = ('method: "${method}",', 'method: "${method}", strain: mean,')
 KILLED = {
-    "gimp": ("collapse", SMALL),
-    "cpdi2": ("collapse", [*SMALL, *settings(method="cpdi2")]),
-    "solid": ("twist", settings(h=0.5, steps=30, every=5)),
+    "gimp": ("collapse", SMALL, []),
+    "cpdi2": ("collapse", [*SMALL, *settings(method="cpdi2")], []),
+    "mean of cells": ("collapse", [*SMALL, *settings(n=2, method="mpm")], [MEAN_OF_CELLS]),
+    "solid": ("twist", settings(h=0.5, steps=30, every=5), []),
 }
 
 
 @pytest.mark.parametrize("kind", KILLED)
 def test_killed_runs_end_like_others(mpm, program, tmp_path, kind):
     """At random moments, again and again, with one thread or two."""
-    name, words = KILLED[kind]
-    deck, expected, duration = undisturbed(mpm, tmp_path, deck_of(tmp_path, name=name), words)
+    name, words, changes = KILLED[kind]
+    deck, expected, duration = undisturbed(mpm, tmp_path, deck_of(tmp_path, *changes, name=name), words)
     directory = tmp_path / "killed"
     moments = random.Random(1)
     kills, finished, at = 0, 0, 0

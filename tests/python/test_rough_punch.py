@@ -11,7 +11,7 @@ version: 1
 grid: {type: structured, origin: [0, 0], size: [5, 5], spacing: H}
 materials: {clay: LAW}
 bodies:
-  - {name: clay, material: clay, method: METHOD, volumetric: mean-dilatation, points_per_cell: POINTS,
+  - {name: clay, material: clay, method: METHOD, strain: mean-dilatation, points_per_cell: POINTS,
      shape: {type: box, min: [0, 0], max: [5, 3]}}
 boundary_conditions:
   - {name: axis, nodes: {x: 0}, fix: [x]}

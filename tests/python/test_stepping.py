@@ -184,7 +184,7 @@ def test_a_cut_cell_whose_nodes_run_away_is_named_whatever_the_size_of_the_step(
 def test_locking_is_named_where_pressures_alternate_in_isochoric_flow(diagnosis_of):
     diagnosis = diagnosis_of(BALL)
     assert diagnosis["kind"] == "locking" and diagnosis["flowing"] == 1
-    assert "`volumetric: mean-dilatation`" in diagnosis["advice"]
+    assert "`strain: mean-dilatation`" in diagnosis["advice"]
 
 
 PRESSED = """version: 1
@@ -192,7 +192,7 @@ title: A tool pressed deep into clay
 grid: {type: structured, origin: [0, 0], size: [4, 3.5], spacing: 0.5}
 materials: {clay: {model: tresca, young: 3e6, poisson: 0.49, cohesion: 1e4, density: 1800}}
 bodies:
-  - {name: g, material: clay, method: cpdi2, volumetric: mean-dilatation, shape: {type: box, min: [0, 0], max: [4, 2]}, points_per_cell: 2}
+  - {name: g, material: clay, method: cpdi2, strain: mean-dilatation, shape: {type: box, min: [0, 0], max: [4, 2]}, points_per_cell: 2}
 boundary_conditions:
   - {name: l, nodes: {x: 0}, fix: [x]}
   - {name: r, nodes: {x: 4}, fix: [x]}

@@ -176,7 +176,7 @@ grid: {type: structured, origin: [0, -0.5], size: [5, 2.5], spacing: 0.25}
 materials: {m: {model: hencky, young: 1e5, poisson: 0.3, density: 100}}
 bodies:
   - {name: fill, material: m, shape: {type: box, min: [1, 0], max: [2, 1]}, method: METHOD, points_per_cell: 2,
-     volumetric: mean-dilatation}
+     strain: mean-dilatation}
 tools: TOOLS
 loads: [{name: w, type: gravity, acceleration: [0, -10], curve: [[0, 0], [0.2, 1], [1, 1]]}]
 steps: {count: 40}

@@ -394,7 +394,7 @@ class Analysis:
                     "method": self.method,
                     "points_per_cell": points,
                     "shape": body,
-                    **({"volumetric": "mean-dilatation"} if is_plastic else {}),
+                    **({"strain": "mean-dilatation"} if is_plastic else {}),
                 }
             ],
             "boundary_conditions": [{"name": "base", "nodes": {letters[-1]: 0}, "fix": list(letters)}],

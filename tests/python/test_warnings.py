@@ -44,7 +44,7 @@ grid: {type: structured, origin: [0, 0], size: [8, 5], spacing: "${h}"}
 materials: {m: {model: von-mises, young: "${young}", poisson: "${poisson}", deviatoric_yield_stress: 14142}}
 bodies:
   - {name: ground, material: m, shape: {type: box, min: [0, 0], max: [8, 4]}, method: "${method}", points_per_cell: "${n}",
-     volumetric: "${volumetric}"}
+     strain: "${volumetric}"}
 boundary_conditions:
   - {name: symmetry, nodes: {x: 0}, fix: [x]}
   - {name: side, nodes: {x: 8}, fix: [x]}
@@ -158,7 +158,7 @@ def test_locking_is_told_where_pressures_alternate(run):
 @pytest.mark.parametrize("volumetric", ["mean-dilatation", "f-bar"])
 def test_the_remedy_of_locking_is_named_and_works(run, tmp_path, volumetric):
     _, summary = run(FOOTING)
-    assert "`volumetric: mean-dilatation`" in only_warning(summary, "W012")["help"]
+    assert "`strain: mean-dilatation`" in only_warning(summary, "W012")["help"]
     _, summary = run(FOOTING, volumetric=volumetric)
     assert summary["warnings"] == [] and summary["quality"]["pressure_oscillation"]["value"] < 1e-9
     prandtl = (2 + np.pi) * 14142 / 2**0.5

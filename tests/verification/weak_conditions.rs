@@ -34,7 +34,7 @@ fn compressed(penalty: f64, poisson: f64, by: f64) -> (Model<2>, Points<2>) {
         material: 0,
         method: Method::Cpdi2,
         domain_update: DomainUpdate::default(),
-        volumetric: Default::default(),
+        strain: Default::default(),
         split_above: None,
     };
     model.bodies = vec![body];

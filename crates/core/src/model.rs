@@ -8,7 +8,7 @@ use crate::linear::Engines;
 use crate::material::Material;
 use crate::points::{PointVolume, Points};
 use crate::region::vector::{dot, norm};
-use crate::stress::{Formulation, Volumetric};
+use crate::stress::{CellStrain, Formulation};
 use crate::surface::Surface;
 
 mod arrays;
@@ -66,8 +66,8 @@ pub struct Body {
     pub method: Method,
     /// Update rule of the domains of the points and, for standard points, of the boxes with which they touch tools.
     pub domain_update: DomainUpdate,
-    /// Treatment of the volumetric deformation.
-    pub volumetric: Volumetric,
+    /// Deformation that the law sees.
+    pub strain: CellStrain,
     /// Length of a CPDI2 domain above which it is cut in two, in cells, [-]; `None` if domains stay whole.
     pub split_above: Option<f64>,
 }
@@ -235,6 +235,11 @@ impl<const D: usize> Model<D> {
     /// The method of each body.
     pub fn methods(&self) -> Vec<Method> {
         self.bodies.iter().map(|body| body.method).collect()
+    }
+
+    /// True if a body takes the mean increments of cells.
+    pub fn takes_means(&self) -> bool {
+        self.bodies.iter().any(|body| body.strain == CellStrain::Mean)
     }
 
     /// Material law of a point.

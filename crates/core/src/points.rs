@@ -6,6 +6,7 @@
 mod arrays;
 mod column;
 mod declare;
+mod deviation;
 mod displaced;
 mod fields;
 mod further;
@@ -88,7 +89,7 @@ impl<const D: usize> Points<D> {
 
     /// True if the points store a field, or have an array, of this name.
     fn stores(name: &str) -> bool {
-        Self::STORED.contains(&name) || PointArray::named(name).is_some()
+        Self::STORED.contains(&name) || PointArray::named(name).is_some() || Self::stores_deviations(name)
     }
 
     /// Half lengths of the domain of a point in the converged state, [length]; zero for points without half lengths.

@@ -92,6 +92,12 @@ impl Sym3 {
         [xx, yy, zz, xy / SQRT_2, yz / SQRT_2, xz / SQRT_2]
     }
 
+    /// The tensor with these components, in the order of [`SYMMETRIC`], without the factors of the Mandel layout.
+    #[inline]
+    pub fn from_components([xx, yy, zz, xy, yz, xz]: [f64; 6]) -> Sym3 {
+        Sym3([xx, yy, zz, yz * SQRT_2, xz * SQRT_2, xy * SQRT_2])
+    }
+
     /// Trace.
     #[inline(always)]
     pub fn trace(&self) -> f64 {

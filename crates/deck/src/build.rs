@@ -44,7 +44,7 @@ use mpm_core::model::{Body, LoadCurve, Model, NamedMaterial, Present, Stepping};
 use mpm_core::points::Points;
 use mpm_core::ranks::Ranks;
 use mpm_core::region::Region;
-use mpm_core::stress::Volumetric;
+use mpm_core::stress::CellStrain;
 
 /// Builds the model of a deck that passed the earlier gates, and its points; `D` must be the number of axes of the
 /// deck.
@@ -152,7 +152,7 @@ where
         let laws = self.laws(grid.as_ref(), &regions.bodies);
         self.strengths(&laws);
         let is_symmetric = laws.iter().all(|material| material.law.tangent_is_symmetric())
-            && deck.bodies.iter().all(|body| body.volumetric != Volumetric::FBar);
+            && deck.bodies.iter().all(|body| body.strain() != CellStrain::FBar);
         let size = Size::new(deck, grid.as_ref(), &regions.bodies, is_symmetric);
         Some(Outline { grid, regions, laws, size })
     }
@@ -269,6 +269,9 @@ where
             present: Present::default(),
         };
         self.initial_stresses(&model, &mut points, &regions);
+        if model.takes_means() {
+            points.prepare_deviations();
+        }
         self.divide(&mut model, &mut points, &regions);
         self.follow(&mut model);
         Some((model, points))

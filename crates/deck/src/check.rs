@@ -32,7 +32,7 @@ use super::diagnostic::{Diagnostic, Gate, Severity, assign};
 use super::quoting::{counted, quote};
 use super::references::unknown_reference;
 use super::source::Source;
-use super::{BodyDeck, Deck, Method, OutputDeck, Volumetric};
+use super::{BodyDeck, CellStrain, Deck, Method, OutputDeck};
 
 /// Checks the meaning of a deck. The source provides the locations for messages, and states which values come from
 /// parameters; use [`Source::without_text`] for a deck that was not read from a file.
@@ -169,7 +169,7 @@ impl Check<'_> {
             }
             self.domain_update(&pointer, body);
             self.split_above(&pointer, body);
-            self.volumetric(&pointer, body);
+            self.strain(&pointer, body);
             self.initial_stress(&pointer, body);
             if let Some(extent) = self.shape(&format!("{pointer}/shape"), &body.shape, grid) {
                 self.points(&pointer, body, &extent, grid);
@@ -227,15 +227,26 @@ impl Check<'_> {
         self.found.push(diagnostic);
     }
 
-    /// F-bar needs a method with basis functions at the centres of cells.
-    fn volumetric(&mut self, pointer: &str, body: &BodyDeck) {
-        if body.volumetric == Volumetric::FBar && !body.method.has_centres() {
+    /// F-bar needs a method with basis functions at the centres of cells. The former name of the key is noted.
+    fn strain(&mut self, pointer: &str, body: &BodyDeck) {
+        if body.strain() == CellStrain::FBar && !body.method.has_centres() {
             let method = body.method.name();
             let message =
                 format!("`f-bar` works only with methods `mpm` and `gimp`; the method here is `{method}`");
             let help = "use `mean-dilatation`, which every method supports";
-            self.error("D055", &format!("{pointer}/volumetric"), message, help);
+            self.error("D055", &format!("{pointer}/{}", body.strain_key()), message, help);
         }
+        let Some(former) = body.volumetric else { return };
+        let at = format!("{pointer}/volumetric");
+        if body.strain.is_some_and(|strain| strain != former) {
+            let message = "`strain` and `volumetric`, its former name, contradict each other".to_owned();
+            self.error("D055", &at, message, "remove `volumetric`");
+            return;
+        }
+        let message = "`volumetric` is the former name of `strain`";
+        let help = if body.strain.is_some() { "remove it" } else { "write `strain` with the same word" };
+        let found = Diagnostic::at_key(self.source, "D037", &at, message.to_owned());
+        self.found.push(found.severity(Severity::Note).help(help));
     }
 
     fn output(&mut self) {

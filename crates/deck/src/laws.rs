@@ -61,6 +61,11 @@ pub(crate) trait LawDeck {
         false
     }
 
+    /// Dilation angle at the peak, [degrees], if it is a number; 0 for laws without one.
+    fn dilation_angle(&self) -> f64 {
+        0.0
+    }
+
     /// True if the dilation angle equals the friction angle, both at the peak and after softening.
     fn is_associated(&self) -> bool {
         true
@@ -125,6 +130,11 @@ impl MaterialDeck {
     /// True if the material flows plastically at constant volume.
     pub fn flows_at_constant_volume(&self) -> bool {
         self.law_deck().flows_at_constant_volume()
+    }
+
+    /// Dilation angle at the peak, [degrees], if it is a number; 0 for laws without one.
+    pub fn dilation_angle(&self) -> f64 {
+        self.law_deck().dilation_angle()
     }
 
     /// True if the dilation angle equals the friction angle, both at the peak and after softening. Otherwise, factors

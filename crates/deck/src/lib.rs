@@ -40,7 +40,7 @@ use mpm_core::model::Newton;
 pub use mpm_core::model::Stabilisation;
 pub use mpm_core::model::{Predictor, StiffnessUpdate};
 pub use mpm_core::points::PointVolume;
-pub use mpm_core::stress::{Formulation, Volumetric};
+pub use mpm_core::stress::{CellStrain, Formulation};
 use mpm_files::fields::PointField;
 use mpm_files::results::Request;
 use mpm_files::vtu::Precision;
@@ -300,10 +300,14 @@ pub struct BodyDeck {
     /// no domain.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub domain_update: Option<DomainUpdate>,
-    /// Treatment of volumetric deformation; `mean-dilatation` prevents locking of nearly incompressible material and of
-    /// plastic flow at constant volume.
-    #[serde(default, skip_serializing_if = "is_standard")]
-    pub volumetric: Volumetric,
+    /// Deformation that the law sees at the points of a cell; `standard` by default. `mean-dilatation` prevents locking
+    /// of nearly incompressible material and of plastic flow at constant volume, `mean` also of flow that dilates.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub strain: Option<CellStrain>,
+    /// The former name of `strain`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("deprecated" = true))]
+    pub volumetric: Option<CellStrain>,
     /// Length of the domain of a CPDI2 point, as a multiple of the cell size, [-], above which the point is split in
     /// two; without this key, domains are not split. Material that flows along a tool or in a shear band stretches
     /// domains without bound.
@@ -386,8 +390,16 @@ impl Expression {
     }
 }
 
-fn is_standard(volumetric: &Volumetric) -> bool {
-    *volumetric == Volumetric::Standard
+impl BodyDeck {
+    /// The deformation that the law sees at the points of a cell.
+    pub fn strain(&self) -> CellStrain {
+        self.strain.or(self.volumetric).unwrap_or_default()
+    }
+
+    /// The key that states this deformation.
+    pub(crate) fn strain_key(&self) -> &'static str {
+        if self.strain.is_none() && self.volumetric.is_some() { "volumetric" } else { "strain" }
+    }
 }
 
 fn one() -> u32 {

@@ -82,7 +82,7 @@ def collapse(runs):
     """The collapse of section 7.5 without locking, beside Table 6."""
     text = (ROOT / "inputs/collapse.yaml").read_text()
     text = text.replace("parameters: {", "parameters: {volumetric: standard, ")
-    text = text.replace('points_per_cell: "${n}"', 'points_per_cell: "${n}", volumetric: "${volumetric}"')
+    text = text.replace('points_per_cell: "${n}"', 'points_per_cell: "${n}", strain: "${volumetric}"')
     deck = runs.directory / "collapse-without-locking"
     runs.directory.mkdir(parents=True, exist_ok=True)
     deck.with_suffix(".yaml").write_text(text)

@@ -10,7 +10,7 @@ use mpm::material::{
     conformance::check, respond_alone,
 };
 use mpm::step::{At, StepContext};
-use mpm::stress::{Axisymmetric, Mechanics, PlaneStrain, PointError, Solid, Volumetric};
+use mpm::stress::{Axisymmetric, CellStrain, Mechanics, PlaneStrain, PointError, Solid};
 use mpm::tensor::Sym3;
 use mpm::terms::{EvaluateError, Sum};
 
@@ -148,8 +148,8 @@ fn difference(a: &[f64], b: &[f64]) -> f64 {
 fn check_states<const D: usize, M: Mechanics<D>>() -> f64 {
     let mut worst = 0.0f64;
     for (method, law) in with_laws(&[Method::Mpm, Method::Gimp, Method::Cpdi2]) {
-        let mut treatments = vec![Volumetric::Standard, Volumetric::MeanDilatation];
-        treatments.extend(method.has_centres().then_some(Volumetric::FBar));
+        let mut treatments = vec![CellStrain::Standard, CellStrain::MeanDilatation];
+        treatments.extend(method.has_centres().then_some(CellStrain::FBar));
         for volumetric in treatments {
             for formulation in FORMULATIONS {
                 for wanted in [Wanted::Force, Wanted::Stiffness] {
@@ -158,7 +158,7 @@ fn check_states<const D: usize, M: Mechanics<D>>() -> f64 {
                     for numbers in choices {
                         let mut state = random_state::<D, M>(method, law, 60, 7);
                         state.model.formulation = formulation;
-                        state.model.bodies.iter_mut().for_each(|body| body.volumetric = volumetric);
+                        state.model.bodies.iter_mut().for_each(|body| body.strain = volumetric);
                         let alone = evaluated::<D, M>(&mut state, wanted);
                         let calls = batch(&mut state, numbers);
                         let batched = evaluated::<D, M>(&mut state, wanted);

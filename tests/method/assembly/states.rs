@@ -229,7 +229,7 @@ pub fn state_on<const D: usize, M: Mechanics<D>>(
             material,
             method,
             domain_update: DomainUpdate::Corners,
-            volumetric: Default::default(),
+            strain: Default::default(),
             split_above: None,
         })
         .collect();

@@ -113,7 +113,7 @@ pub fn model(
             material: 0,
             method,
             domain_update,
-            volumetric: Default::default(),
+            strain: Default::default(),
             split_above: None,
         }],
         surfaces: Vec::new(),

@@ -6,7 +6,7 @@ use mpm::grid::{Axis, Grid, Interval, Structured};
 use mpm::material::{Elasticity, Hencky};
 use mpm::model::NodeSet;
 use mpm::points::Points;
-use mpm::stress::Volumetric;
+use mpm::stress::CellStrain;
 use mpm::tensor::{Mat3, Sym3};
 
 use super::bodies::{
@@ -47,7 +47,7 @@ const CASES: [(Kind, Method, [usize; 3]); 14] = [
 ];
 
 /// The default treatment of domains and volumes.
-const CORNERS: (DomainUpdate, Volumetric) = (DomainUpdate::Corners, Volumetric::Standard);
+const CORNERS: (DomainUpdate, CellStrain) = (DomainUpdate::Corners, CellStrain::Standard);
 
 /// True if the points of an undeformed body integrate the gradients of the basis exactly. False for standard points in
 /// distorted hexahedra, whose basis is not polynomial in x.
@@ -90,7 +90,7 @@ fn structured(kind: Kind) -> Structured<3> {
 /// outer layer.
 fn moved(
     (kind, method, n): (Kind, Method, [usize; 3]),
-    (update, volumetric): (DomainUpdate, Volumetric),
+    (update, volumetric): (DomainUpdate, CellStrain),
     increment: Mat3,
     steps: usize,
     everywhere: bool,
@@ -109,7 +109,7 @@ fn moved(
             (model(grid, law, method, update, steps), seeds)
         }
     };
-    model.bodies[0].volumetric = volumetric;
+    model.bodies[0].strain = volumetric;
     let mut points = Points::new(&seeds);
     let nodes = if everywhere { nodes_where(model.grid.as_ref(), |_| true) } else { NodeSet::OuterLayer(0) };
     model.boundary_conditions = vec![homogeneous(nodes, &increment, CENTRE, steps)];
@@ -161,8 +161,8 @@ fn a_large_step_gives_uniform_stress_with_the_volume_of_cells() {
     let increment = rotation([-1.0, 0.5, 1.0], 40f64.to_radians())
         * Mat3::new(1.4, 0.2, 0.0, 0.0, 0.8, 0.1, 0.0, 0.0, 1.1);
     for case in CASES.into_iter().filter(|(kind, method, _)| is_exact(*kind, *method)) {
-        for volumetric in [Volumetric::MeanDilatation, Volumetric::FBar] {
-            if volumetric == Volumetric::FBar && (!case.1.has_centres() || case.0 == Kind::Tetrahedra) {
+        for volumetric in [CellStrain::MeanDilatation, CellStrain::FBar, CellStrain::Mean] {
+            if volumetric == CellStrain::FBar && (!case.1.has_centres() || case.0 == Kind::Tetrahedra) {
                 continue;
             }
             let errors = moved(case, (DomainUpdate::Corners, volumetric), increment, 1, false);
@@ -207,7 +207,7 @@ fn increments_give_uniform_stress_where_all_nodes_move() {
         // Up to 48°, so that the diagonal of F stays positive.
         let errors = moved(
             (Kind::Structured, Method::Gimp, [2; 3]),
-            (update, Volumetric::Standard),
+            (update, CellStrain::Standard),
             stretch_and_turn(),
             4,
             true,

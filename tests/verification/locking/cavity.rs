@@ -71,7 +71,7 @@ grid:
 materials:
   metal: {{model: von-mises, young: {}, poisson: {POISSON}, deviatoric_yield_stress: {}}}
 bodies:
-  - {{name: wall, material: metal, method: {method}, volumetric: {volumetric}, points_per_cell: [2, 1],
+  - {{name: wall, material: metal, method: {method}, strain: {volumetric}, points_per_cell: [2, 1],
      shape: {{type: box, min: [1, 0], max: [{OUTER}, 1]}}}}
 boundary_conditions:
   - {{name: inside, nodes: {{x: 1}}, ux: 1}}
@@ -149,7 +149,7 @@ fn error_of_ring(n: usize, cells: Cells, volumetric: &str) -> f64 {
 version: 1
 grid: {{type: gmsh, file: \"{}\"}}
 materials: {{rubber: {{model: hencky, young: {}, poisson: {POISSON}}}}}
-bodies: [{{name: ring, material: rubber, method: mpm, volumetric: {volumetric}, {points}, shape: {{type: cells, group: body}}}}]
+bodies: [{{name: ring, material: rubber, method: mpm, strain: {volumetric}, {points}, shape: {{type: cells, group: body}}}}]
 boundary_conditions:
   - {{name: axis, nodes: {{x: 0}}, fix: [x]}}
   - {{name: plane, nodes: {{y: 0}}, fix: [y]}}

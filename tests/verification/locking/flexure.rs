@@ -80,7 +80,7 @@ version: 1
 analysis: {{idealisation: {idealisation}}}
 grid: {grid}
 materials: {{rubber: {{model: neo-hookean, young: {young}, poisson: {POISSON}}}}}
-bodies: [{{name: block, material: rubber, volumetric: {volumetric}, {body}}}]
+bodies: [{{name: block, material: rubber, strain: {volumetric}, {body}}}]
 boundary_conditions:
   - {{name: middle, nodes: {{y: 0}}, fix: [y]}}
   - name: end

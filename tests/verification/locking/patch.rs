@@ -54,8 +54,8 @@ const ALL: [&str; 1] = ["{box: {min: [0, -1], max: [3, 2]}}"];
 fn each(method: &str, cells: Cells) -> Vec<String> {
     let points = if cells == Cells::Simplices { "points_per_triangle: 4" } else { "points_per_cell: [2, 3]" };
     let has_centres = cells == Cells::Boxes && ["mpm", "gimp"].contains(&method);
-    (["standard", "mean-dilatation", "f-bar"].iter().take(if has_centres { 3 } else { 2 }))
-        .map(|volumetric| format!("method: {method}, volumetric: {volumetric}, {points}"))
+    (["standard", "mean-dilatation", "mean", "f-bar"].iter().take(if has_centres { 4 } else { 3 }))
+        .map(|strain| format!("method: {method}, strain: {strain}, {points}"))
         .collect()
 }
 

@@ -21,6 +21,9 @@ pub(crate) trait Dense<const D: usize> {
         adjust: &impl Fn(usize, &mut W::Column),
     );
 
+    /// Adds the contribution of one point that touches all nodes of the group, given the data of their basis functions.
+    fn add_on_all<W: WeakForm<D>>(&mut self, weak: &W, nodes: &[W::Gradient<f64>], force: &mut [[f64; D]]);
+
     /// Adds the stiffness that couples all nodes of the group with each other.
     fn couple(&mut self, coupling: &Coupling<D>);
 }
@@ -67,6 +70,13 @@ impl<const D: usize> Dense<D> for Forces {
     }
 
     #[inline(always)]
+    fn add_on_all<W: WeakForm<D>>(&mut self, weak: &W, nodes: &[W::Gradient<f64>], force: &mut [[f64; D]]) {
+        for (node, force) in nodes.iter().zip(force) {
+            weak.column(node, force);
+        }
+    }
+
+    #[inline(always)]
     fn couple(&mut self, _: &Coupling<D>) {}
 }
 
@@ -93,6 +103,16 @@ impl<const D: usize> Dense<D> for Triangle<'_, D> {
                 let row = local[a] as usize;
                 let gradient = weak.gradient(&gradients[a], value[a]);
                 W::add_block(&column, &gradient, &mut self.0[row * (row + 1) / 2 + column_node]);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn add_on_all<W: WeakForm<D>>(&mut self, weak: &W, nodes: &[W::Gradient<f64>], force: &mut [[f64; D]]) {
+        for (b, (node, force)) in nodes.iter().zip(force).enumerate() {
+            let column = weak.column(node, force);
+            for (a, row) in nodes.iter().enumerate().skip(b) {
+                W::add_block(&column, row, &mut self.0[a * (a + 1) / 2 + b]);
             }
         }
     }
@@ -152,6 +172,17 @@ impl<const D: usize, const N: usize> Dense<D> for Whole<D, N> {
     }
 
     #[inline(always)]
+    fn add_on_all<W: WeakForm<D>>(&mut self, weak: &W, nodes: &[W::Gradient<f64>], force: &mut [[f64; D]]) {
+        let (nodes, force) = (&nodes[..N], &mut force[..N]);
+        for b in 0..N {
+            let column = weak.column(&nodes[b], &mut force[b]);
+            for a in b..N {
+                W::add_block(&column, &nodes[a], &mut self.blocks[b][a]);
+            }
+        }
+    }
+
+    #[inline(always)]
     fn couple(&mut self, coupling: &Coupling<D>) {
         for b in 0..N {
             for a in b..N {
@@ -184,6 +215,16 @@ impl<const D: usize> Dense<D> for Square<'_, D> {
             for ((&a, gradient), value) in nodes() {
                 let gradient = weak.gradient(gradient, *value);
                 W::add_block(&column, &gradient, &mut self.blocks[a as usize * self.nodes + b as usize]);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn add_on_all<W: WeakForm<D>>(&mut self, weak: &W, nodes: &[W::Gradient<f64>], force: &mut [[f64; D]]) {
+        for (b, (node, force)) in nodes.iter().zip(force).enumerate() {
+            let column = weak.column(node, force);
+            for (a, row) in nodes.iter().enumerate() {
+                W::add_block(&column, row, &mut self.blocks[a * self.nodes + b]);
             }
         }
     }
@@ -251,6 +292,19 @@ impl<const D: usize, const N: usize, const C: usize> Dense<D> for Cell<D, N, C> 
         for b in 0..N {
             let mut column = weak.column(&nodes[b], &mut force[b]);
             adjust(b, &mut column);
+            for c in self.first(b)..C {
+                W::add_block(&column, &rows[c], &mut self.columns[b][c]);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn add_on_all<W: WeakForm<D>>(&mut self, weak: &W, nodes: &[W::Gradient<f64>], force: &mut [[f64; D]]) {
+        let (nodes, force) = (&nodes[..N], &mut force[..N]);
+        let rows: [W::Gradient<Lanes>; C] =
+            std::array::from_fn(|c| W::pack(&nodes[c * Lanes::WIDTH..N.min((c + 1) * Lanes::WIDTH)]));
+        for b in 0..N {
+            let column = weak.column(&nodes[b], &mut force[b]);
             for c in self.first(b)..C {
                 W::add_block(&column, &rows[c], &mut self.columns[b][c]);
             }

@@ -6,7 +6,7 @@ use crate::formula::Formula;
 use crate::grid::{Grid, Structured};
 use crate::material::Material;
 use crate::points::{Points, Seed};
-use crate::stress::Volumetric;
+use crate::stress::CellStrain;
 use crate::tensor::padded;
 
 use super::{
@@ -56,8 +56,8 @@ pub struct Fill {
     pub method: Method,
     /// Update rule of the domains.
     pub domain_update: DomainUpdate,
-    /// Treatment of the volumetric deformation.
-    pub volumetric: Volumetric,
+    /// Deformation that the law sees.
+    pub strain: CellStrain,
     /// Length of a CPDI2 domain above which it is cut in two, in cells, [-]; `None` if domains stay whole.
     pub split_above: Option<f64>,
     /// Points per cell along each axis.
@@ -71,7 +71,7 @@ impl Default for Fill {
         Fill {
             method: Method::default(),
             domain_update: DomainUpdate::default(),
-            volumetric: Volumetric::default(),
+            strain: CellStrain::default(),
             split_above: None,
             points_per_cell: 2,
             density: 0.0,
@@ -134,13 +134,13 @@ impl<const D: usize> Builder<D> {
             return self;
         };
         let body = self.model.bodies.len() as u16;
-        let Fill { method, domain_update, volumetric, split_above, .. } = fill;
+        let Fill { method, domain_update, strain, split_above, .. } = fill;
         self.model.bodies.push(Body {
             name: name.to_owned(),
             material: number,
             method,
             domain_update,
-            volumetric,
+            strain,
             split_above,
         });
         let before = self.seeds.len();

@@ -6,7 +6,7 @@ use crate::basis::Connectivity;
 use crate::model::Model;
 use crate::points::Points;
 use crate::ranks::Reduction;
-use crate::stress::Volumetric;
+use crate::stress::CellStrain;
 use crate::tensor::Sym3;
 
 /// Smallest number of flowing cells whose oscillation is judged.
@@ -45,7 +45,7 @@ pub(super) fn oscillation_in_flow<const D: usize>(
     if reduction.count_all(flowing.len()) < MIN_CELLS {
         return None;
     }
-    let is_standard = |p: usize| model.bodies[points.body[p] as usize].volumetric == Volumetric::Standard;
+    let is_standard = |p: usize| model.bodies[points.body[p] as usize].strain == CellStrain::Standard;
     Some(InFlow {
         is_standard: reduction.any(flowing.iter().cloned().flatten().any(is_standard)),
         value: oscillation_of(reduction, &points.trial.kirchhoff_stress, flowing.into_iter()),

@@ -14,7 +14,7 @@ fn model(bodies: &[(Method, DomainUpdate)]) -> Model<2> {
         method: *method,
         domain_update: *domain_update,
         split_above: None,
-        volumetric: Default::default(),
+        strain: Default::default(),
     };
     Model {
         bodies: bodies.iter().enumerate().map(body).collect(),

@@ -161,7 +161,7 @@ pub enum Detail {
     /// The forces on this body are so small beside those on other bodies that no tolerance above round-off brings them
     /// into balance.
     RoundOff,
-    /// Bodies that flow use the volume ratio of each point, [`crate::stress::Volumetric::Standard`].
+    /// Bodies that flow use the volume ratio of each point, [`crate::stress::CellStrain::Standard`].
     StandardDilatation,
 }
 

@@ -11,7 +11,7 @@ use crate::material::MaterialError;
 use crate::model::{Model, Newton, StabilisationMode, Stepping};
 use crate::points::{Points, coordinates};
 use crate::quality::oscillation;
-use crate::stress::{PointError, Volumetric};
+use crate::stress::{CellStrain, PointError};
 
 use super::attempt::FailedAttempt;
 use super::error::{Obstacle, PointPlace, SolveError};
@@ -156,7 +156,7 @@ pub struct Circumstances {
     pub has_few_points: bool,
     /// True if most of the points have yielded.
     pub is_in_collapse: bool,
-    /// True if a body uses the volume ratio of each point, [`Volumetric::Standard`].
+    /// True if a body uses the volume ratio of each point, [`CellStrain::Standard`].
     #[serde(default)]
     pub has_standard_dilatation: bool,
     /// Size of the step relative to a requested one, if the step has been cut, [-].
@@ -314,7 +314,7 @@ impl Diagnosis {
 
 /// True if a point uses its own volume ratio.
 fn has_standard_dilatation<const D: usize>(model: &Model<D>, points: &Points<D>) -> bool {
-    points.body.iter().any(|body| model.bodies[*body as usize].volumetric == Volumetric::Standard)
+    points.body.iter().any(|body| model.bodies[*body as usize].strain == CellStrain::Standard)
 }
 
 /// The loss of a point or its domain, if that is the error.

@@ -3,7 +3,7 @@
 use crate::basis::{Connectivity, SupportError, SupportFailure};
 use crate::model::{Body, Model, Predictor};
 use crate::step::{Step, StepContext, displacement};
-use crate::stress::Volumetric;
+use crate::stress::CellStrain;
 use crate::timing::Phase;
 
 use super::attempt::{Attempt, Effort, FailedAttempt, Iterate, Outcome, Slump};
@@ -60,7 +60,7 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         let link = || old.renew(model.grid.as_ref(), self.points, &model.methods());
         let linked = self.reached.summary.timings.measure(Phase::Basis, link);
         let points = &*self.points;
-        let lacks_centre = |body: &Body| body.volumetric == Volumetric::FBar && !body.method.has_centres();
+        let lacks_centre = |body: &Body| body.strain == CellStrain::FBar && !body.method.has_centres();
         let lacking = points.body.iter().position(|&body| lacks_centre(&model.bodies[body as usize]));
         let failure = lacking.map(|point| SupportFailure { point, error: SupportError::NoCentre });
         let linked = failure.map_or(linked, Err);

@@ -152,6 +152,9 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         backends: Backends<D, N>,
     ) -> Self {
         let has_multipliers = fields.have_multipliers();
+        if model.takes_means() {
+            points.prepare_deviations();
+        }
         let reached = Reached::nothing(points);
         Stepper {
             model,

@@ -6,8 +6,8 @@
 
 use super::products::MANDEL_INDEX;
 use super::{
-    Averaging, Current, Lane, Lanes, MeanDilatation, Mechanics, PointError, PointResponse, Solid, Spatial,
-    StartOfStep, WeakForm, transposed,
+    Averaging, Current, Deviation, Lane, Lanes, MeanDilatation, Mechanics, PointError, PointResponse, Solid,
+    Spatial, StartOfStep, WeakForm, transposed,
 };
 use crate::kinematics::Increment;
 use crate::material::Material;
@@ -148,6 +148,7 @@ impl Mechanics<2> for Axisymmetric {
     type Current = Current<2, 3>;
     type Averaging = Revolved;
     type AveragingIsotropic = Revolved;
+    type Deviation = Deviation<2, 3>;
 
     #[inline]
     fn respond(

@@ -9,7 +9,9 @@
 
 mod averaged_solid;
 mod axisymmetric;
+mod cell_strain;
 mod current;
+mod deviation;
 mod dilated;
 mod in_plane;
 mod isotropic;
@@ -19,7 +21,6 @@ mod products;
 mod solid;
 #[cfg(test)]
 mod tests;
-mod volumetric;
 
 use serde::{Deserialize, Serialize};
 
@@ -30,14 +31,15 @@ use crate::tensor::{Lane, Lanes, Sym3};
 
 pub use averaged_solid::{AveragedIsotropic, AveragedSpatial};
 pub use axisymmetric::{Axisymmetric, Revolved};
+pub use cell_strain::CellStrain;
 pub use current::Current;
+pub use deviation::{Deviated, Deviating, Deviation, Resistance, Summable};
 pub use dilated::{Averaged, Averaging, Centred, Centring, FBar, MeanDilatation};
 pub use in_plane::InPlane;
 pub use isotropic::Isotropic;
 pub use plane_strain::PlaneStrain;
 pub(crate) use principal::MAX_HISTORY;
 pub use solid::{Solid, Spatial};
-pub use volumetric::Volumetric;
 
 /// Configuration in which equilibrium is formulated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -139,12 +141,15 @@ pub trait Mechanics<const D: usize>: Copy + Send + Sync + 'static {
     type Previous: WeakForm<D>;
     /// As [`Mechanics::Previous`], for laws with isotropic spatial moduli.
     type Isotropic: WeakForm<D>;
-    /// A point in the updated Lagrangian formulation, whose volume ratio may be the value at the centre of its cell.
-    type Current: WeakForm<D> + Centring<D>;
+    /// A point in the updated Lagrangian formulation, whose volume ratio may be the value at the centre of its cell, or
+    /// which may take the mean increment of its cell.
+    type Current: WeakForm<D> + Centring<D> + Summable;
     /// A point whose volume ratio may be the mean over its cell.
     type Averaging: Averaging<D>;
     /// As [`Mechanics::Averaging`], for laws with isotropic spatial moduli.
     type AveragingIsotropic: Averaging<D>;
+    /// The stress that resists the deviation of a point from the mean increment of its cell.
+    type Deviation: Deviating<D>;
     /// Number n of principal directions that a change of volume stretches.
     const DILATED: usize = 3;
 

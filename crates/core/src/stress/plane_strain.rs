@@ -8,7 +8,8 @@ use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 
 use super::principal::{self, InPlaneAnswer};
 use super::{
-    Current, InPlane, Lane, Lanes, MeanDilatation, Mechanics, PointError, PointResponse, StartOfStep,
+    Current, Deviation, InPlane, Lane, Lanes, MeanDilatation, Mechanics, PointError, PointResponse,
+    StartOfStep,
 };
 use crate::kinematics::Increment;
 use crate::material::{CompactResponse, Material, StrainMeasure, VectorisedLaw};
@@ -159,6 +160,7 @@ impl Mechanics<2> for PlaneStrain {
     type Current = Current<2, 2>;
     type Averaging = MeanDilatation<2, 2>;
     type AveragingIsotropic = MeanDilatation<2, 2>;
+    type Deviation = Deviation<2, 2>;
     const DILATED: usize = 2;
 
     #[inline(always)]

@@ -3,7 +3,8 @@
 use super::principal;
 use super::products::{MANDEL_INDEX, full, times};
 use super::{
-    Current, Isotropic, Lane, Lanes, Mechanics, PointError, PointResponse, StartOfStep, WeakForm, transposed,
+    Current, Deviation, Isotropic, Lane, Lanes, Mechanics, PointError, PointResponse, StartOfStep, WeakForm,
+    transposed,
 };
 use crate::kinematics::Increment;
 use crate::material::{Material, StrainMeasure};
@@ -174,6 +175,7 @@ impl Mechanics<3> for Solid {
     type Current = Current<3, 3>;
     type Averaging = Spatial;
     type AveragingIsotropic = Isotropic;
+    type Deviation = Deviation<3, 3>;
 
     #[inline(always)]
     fn respond(

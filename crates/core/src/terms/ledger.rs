@@ -115,6 +115,8 @@ impl Ledger {
     pub const UNDONE: &'static str = "undone plastic work";
     /// Work of the ghost stabilisation during the step, which is lost in the next one.
     pub const STABILISATION: &'static str = "stabilisation";
+    /// Energy of the stresses that resist the deviations of points from the mean increment of their cell.
+    pub const DEVIATION: &'static str = "deviation from cell means";
     /// Energy dissipated by friction between tools and bodies: work of the tools that does not reach the bodies. The
     /// external work contains it.
     pub const FRICTION: &'static str = "friction";

@@ -9,8 +9,11 @@
 mod averaged;
 mod batched;
 mod cell_room;
+mod deviation;
 mod dilatation;
 mod evaluation;
+mod mean;
+mod mean_room;
 mod viscosity;
 
 use std::marker::PhantomData;
@@ -25,7 +28,7 @@ use crate::material::{Material, Viscous};
 use crate::model::Model;
 use crate::points::{PIECE, Points};
 use crate::step::{At, StepContext, displacement};
-use crate::stress::{Mechanics, StartOfStep, Volumetric};
+use crate::stress::{CellStrain, Mechanics, StartOfStep};
 
 use super::failure::{BeginError, EvaluateError, PointFailure};
 use super::layout::Layout;
@@ -33,6 +36,7 @@ use super::ledger::{Ledger, NamedEnergy};
 use super::term::{Character, Coupled, Term};
 
 use batched::{Batch, batches, laws_that_answer, laws_that_note};
+use deviation::Deviations;
 use evaluation::{Task, Trial, Work};
 
 /// Groups are evaluated in batches of about this many node-pair blocks, so that the dense blocks stay in cache.
@@ -54,9 +58,10 @@ pub struct MaterialPoints<const D: usize, M> {
     gradient: Vec<[f64; D]>,
     /// Working space for the gradients of one point of each group in the current configuration, eq. (8).
     mapped: Vec<[f64; D]>,
-    /// For each group, true if it has several points, at least one of which belongs to a body with
-    /// [`Volumetric::MeanDilatation`]; empty if there is no such body.
+    /// For each group, true if it has several points, at least one of which belongs to a body whose points share a mean;
+    /// empty if there is no such body.
     averaged: Vec<bool>,
+    deviations: Deviations,
     /// One batch of points for each law that is evaluated for all its points at once.
     batched: Vec<Batch>,
     /// The law of each material for the current step: with reduced strength, or for the duration of the step; `None` if
@@ -77,6 +82,7 @@ impl<const D: usize, M> Default for MaterialPoints<D, M> {
             gradient: Vec::new(),
             mapped: Vec::new(),
             averaged: Vec::new(),
+            deviations: Deviations::default(),
             batched: Vec::new(),
             step_laws: Vec::new(),
             reduces_strength: false,
@@ -139,11 +145,13 @@ impl<const D: usize, M: Mechanics<D>> MaterialPoints<D, M> {
     ) -> Result<(), PointFailure> {
         let StepContext { model, links, .. } = *step;
         let System { pairs, blocks, internal, .. } = sum;
-        let MaterialPoints { start, batches, dense, value, gradient, mapped, step_laws, .. } = self;
+        let MaterialPoints { start, batches, dense, value, gradient, mapped, deviations, step_laws, .. } =
+            self;
+        let Deviations { held, trial: deviated } = deviations;
         let [mut current, mut before] = dense.each_mut();
         let mut merged = 0..0;
         let delta_d = displacement(at.delta_d);
-        let dilated = model.bodies.iter().any(|body| body.volumetric != Volumetric::Standard);
+        let dilated = model.bodies.iter().any(|body| body.strain != CellStrain::Standard);
         for batch in batches.iter().cloned() {
             let task = Task::<D, M> {
                 model,
@@ -154,6 +162,7 @@ impl<const D: usize, M: Mechanics<D>> MaterialPoints<D, M> {
                 history_len: points.history_len,
                 old_history: &points.converged.history,
                 start,
+                held,
                 links,
                 pairs,
                 delta_d: &delta_d,
@@ -171,6 +180,7 @@ impl<const D: usize, M: Mechanics<D>> MaterialPoints<D, M> {
                 elastic_strain: &mut points.trial.elastic_strain[first..last],
                 kirchhoff_stress: &mut points.trial.kirchhoff_stress[first..last],
                 history: &mut points.trial.history[first * n..last * n],
+                deviated: deviated.get_mut(first..last).unwrap_or_default(),
                 mapped,
             };
             let room = LinkBuffer { value, gradient };
@@ -223,7 +233,7 @@ impl<const D: usize, const N: usize, M: Mechanics<D>> Term<D, N> for MaterialPoi
     }
 
     fn character(&self, model: &Model<D>) -> Character {
-        let has_f_bar = model.bodies.iter().any(|body| body.volumetric == Volumetric::FBar);
+        let has_f_bar = model.bodies.iter().any(|body| body.strain == CellStrain::FBar);
         let step_laws = self.step_laws.iter().flatten().map(|law| law.as_ref());
         let mut laws = model.materials.iter().map(|material| material.law.as_ref()).chain(step_laws);
         let is_symmetric = !has_f_bar && laws.all(|law| law.tangent_is_symmetric());
@@ -264,13 +274,14 @@ impl<const D: usize, const N: usize, M: Mechanics<D>> Term<D, N> for MaterialPoi
             self.step_laws.clear();
         }
         self.averaged.clear();
-        if model.bodies.iter().any(|body| body.volumetric == Volumetric::MeanDilatation) {
-            let takes_mean = |body: u16| model.bodies[body as usize].volumetric == Volumetric::MeanDilatation;
+        if model.bodies.iter().any(|body| body.strain.is_mean()) {
+            let takes_mean = |body: u16| model.bodies[body as usize].strain.is_mean();
             self.averaged.extend((0..step.links.n_groups()).map(|group| {
                 let bodies = &points.body[step.links.points_of(group)];
                 bodies.len() > 1 && bodies.iter().any(|&body| takes_mean(body))
             }));
         }
+        self.deviations.begin(model, points);
         Ok(())
     }
 
@@ -328,7 +339,12 @@ impl<const D: usize, const N: usize, M: Mechanics<D>> Term<D, N> for MaterialPoi
         if step.viscosity > 0.0 {
             ledger.add(NamedEnergy::dissipated("viscous", viscosity::dissipation(step, points)));
         }
+        self.deviations.ledger(step.model, &self.start, &mut ledger);
         ledger
+    }
+
+    fn commit(&mut self, step: &StepContext<D>, points: &mut Points<D>) {
+        self.deviations.commit(step.model, points, &self.start);
     }
 
     fn layout(&mut self) -> Option<&mut dyn Layout> {

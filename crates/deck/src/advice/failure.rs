@@ -99,7 +99,7 @@ fn advice(kind: Kind, at: &Circumstances, means: &Means) -> &'static str {
             "follow the path with `steps: {control: {type: arc-length}}`, or prescribe displacements"
         }
         Kind::Locking if at.has_standard_dilatation => {
-            "use `volumetric: mean-dilatation` for the bodies that hardly change their volume"
+            "use `strain: mean-dilatation` for the bodies that hardly change their volume"
         }
         Kind::Locking => "use a finer grid with fewer points per cell, or a more compressible material",
         Kind::Hourglass => {

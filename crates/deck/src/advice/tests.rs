@@ -146,7 +146,7 @@ fn advice_on_warnings_depends_on_the_details() {
     let tolerance = about(Code::HiddenResidual, Some(Detail::Tolerance(2e-12)));
     assert_eq!(tolerance, "use a smaller tolerance, `solver: {tolerance: 2e-12}`");
     assert!(about(Code::HiddenResidual, Some(Detail::RoundOff)).contains("round-off hides it"));
-    let cure = "`volumetric: mean-dilatation`";
+    let cure = "`strain: mean-dilatation`";
     assert!(about(Code::Locking, Some(Detail::StandardDilatation)).contains(cure));
     assert!(!about(Code::Locking, None).contains(cure), "the bodies have it already");
 }
@@ -170,7 +170,7 @@ fn advice_on_failures_depends_on_the_circumstances() {
     let flows = Circumstances { is_in_collapse: true, ..of };
     assert!(against_kind(Kind::Locking, flows).contains("; since most points have yielded"));
     let standard = Circumstances { has_standard_dilatation: true, ..of };
-    assert!(against_kind(Kind::Locking, standard).contains("`volumetric: mean-dilatation`"));
+    assert!(against_kind(Kind::Locking, standard).contains("`strain: mean-dilatation`"));
     assert!(against_kind(Kind::Locking, of).contains("finer grid"));
     let tried = against_kind(Kind::LargeSteps, Circumstances { cut_to: Some(1e-3), ..of });
     assert!(tried.contains("still smaller steps"), "{tried}");

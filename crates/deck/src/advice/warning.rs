@@ -43,7 +43,7 @@ pub fn on_warning(warning: &Warning, means: &Means) -> String {
         }
         (Code::TurnedBoxes, _) => "use `method: cpdi2`, whose domains turn with the body",
         (Code::Locking, Some(Detail::StandardDilatation)) => {
-            "use `volumetric: mean-dilatation` for the bodies that yield; it prevents locking with any method and any \
+            "use `strain: mean-dilatation` for the bodies that yield; it prevents locking with any method and any \
              number of points"
         }
         (Code::Locking, _) => {

@@ -12,7 +12,7 @@ use mpm_core::grid::Grid;
 use mpm_core::model::{Body, Filling, Fit};
 use mpm_core::points::{Points, Seed};
 use mpm_core::region::Region;
-use mpm_core::stress::Volumetric;
+use mpm_core::stress::CellStrain;
 
 /// Difference between the area of the points and that of their region, relative to the latter, above which the
 /// difference is probably unintended, [-].
@@ -50,7 +50,7 @@ where
             material: self.deck.materials.keys().position(|name| *name == b.material).unwrap_or(0),
             method: b.method,
             domain_update: b.domain_update.unwrap_or_default(),
-            volumetric: b.volumetric,
+            strain: b.strain(),
             split_above: b.split_above,
         };
         self.deck.bodies.iter().map(body).collect()
@@ -59,7 +59,7 @@ where
     /// Reports F-bar in triangles and tetrahedra, where it changes nothing because gradients are constant.
     pub(super) fn centres(&mut self, grid: &dyn Grid<D>, points: &Points<D>) {
         for (number, body) in self.deck.bodies.iter().enumerate() {
-            if body.volumetric != Volumetric::FBar || !grid.has_simplices() {
+            if body.strain() != CellStrain::FBar || !grid.has_simplices() {
                 continue;
             }
             let corners = |cell: u32| grid.corners(cell as usize).nodes().len();
@@ -71,7 +71,7 @@ where
                 let cells = if D == 3 { "tetrahedra" } else { "triangles" };
                 let message = format!("`f-bar` changes nothing in {cells}, whose gradients are constant");
                 let help = format!("use `mean-dilatation`, which averages over patches of {cells}");
-                self.error("D055", &format!("/bodies/{number}/volumetric"), message, help);
+                self.error("D055", &format!("/bodies/{number}/{}", body.strain_key()), message, help);
             }
         }
     }

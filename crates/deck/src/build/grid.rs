@@ -6,7 +6,6 @@ use crate::per_axis::array;
 use crate::region::{DeckRegion, files};
 use mpm_core::grid::{Axis, CoincidentLines, Grid, Mesh, Structured};
 use mpm_core::region::Region;
-use mpm_core::stress::Volumetric;
 
 impl<const D: usize> Builder<'_, D>
 where
@@ -35,7 +34,7 @@ where
                 }
             }
             GridDeck::Gmsh { file } => {
-                let averages = |body: &crate::BodyDeck| body.volumetric == Volumetric::MeanDilatation;
+                let averages = |body: &crate::BodyDeck| body.strain().is_mean();
                 let needs_patches = self.deck.bodies.iter().any(averages);
                 let mesh = self.mesh(file)?;
                 Some(Region::boxed_mesh(if needs_patches { mesh.with_patches() } else { mesh }))

@@ -63,6 +63,10 @@ impl LawDeck for DruckerPragerDeck {
         self.dilation_angle.as_number() == Some(0.0)
     }
 
+    fn dilation_angle(&self) -> f64 {
+        self.dilation_angle.as_number().unwrap_or(0.0)
+    }
+
     fn is_associated(&self) -> bool {
         self.friction_angle == self.dilation_angle
     }

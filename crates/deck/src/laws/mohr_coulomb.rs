@@ -103,6 +103,10 @@ impl LawDeck for MohrCoulombDeck {
         self.dilation_angle.as_number() == Some(0.0)
     }
 
+    fn dilation_angle(&self) -> f64 {
+        self.dilation_angle.as_number().unwrap_or(0.0)
+    }
+
     fn is_associated(&self) -> bool {
         let is_same_after = |softening: &FrictionSofteningDeck| {
             softening.residual_friction_angle == softening.residual_dilation_angle

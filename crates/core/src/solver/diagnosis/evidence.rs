@@ -248,7 +248,7 @@ mod tests {
             method: Method::Mpm,
             domain_update: DomainUpdate::None,
             split_above: None,
-            volumetric: Default::default(),
+            strain: Default::default(),
         };
         let model = Model {
             materials: vec![NamedMaterial { name: "m".to_owned(), law }],

@@ -9,7 +9,7 @@ use std::ops::Range;
 use pulp::{Arch, Simd, WithSimd};
 
 use crate::basis::LinkBuffer;
-use crate::stress::{MAX_HISTORY, Mechanics, PointResponse, Volumetric, suits_lanes};
+use crate::stress::{CellStrain, MAX_HISTORY, Mechanics, PointResponse, suits_lanes};
 use crate::tensor::Lanes;
 use crate::terms::failure::PointFailure;
 
@@ -28,8 +28,8 @@ pub(super) struct Averaged<'t, 'a, 's, 'r, const D: usize, M: Mechanics<D>> {
     pub(super) cell: &'t mut CellRoom<D, M>,
 }
 
-/// The material of a point and its volumetric treatment.
-pub(super) type Kind = (usize, Volumetric);
+/// The material of a point and the deformation that it sees.
+pub(super) type Kind = (usize, CellStrain);
 
 /// The responses found.
 pub(super) enum Found {

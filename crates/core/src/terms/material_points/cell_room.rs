@@ -5,6 +5,8 @@ use crate::kinematics::Increment;
 use crate::stress::{Mechanics, PointError};
 use crate::terms::failure::PointFailure;
 
+use super::mean_room::MeanRoom;
+
 /// The weak form of a point at a multiple of its increment, and this multiple.
 pub(super) type Responded<R> = (R, f64);
 
@@ -14,6 +16,7 @@ pub(super) struct CellRoom<const D: usize, M: Mechanics<D>> {
     pub(super) isotropic: Vec<Responded<M::AveragingIsotropic>>,
     pub(super) averaging: Vec<Responded<M::Averaging>>,
     pub(super) coupling: CouplingRoom<D>,
+    pub(super) mean: MeanRoom<D, M>,
 }
 
 /// Working space for the vectors of a `Coupling`.
@@ -31,6 +34,7 @@ impl<const D: usize, M: Mechanics<D>> Default for CellRoom<D, M> {
             isotropic: Vec::new(),
             averaging: Vec::new(),
             coupling: CouplingRoom::default(),
+            mean: MeanRoom::default(),
         }
     }
 }

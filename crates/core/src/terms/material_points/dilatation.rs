@@ -13,7 +13,7 @@ use crate::basis::{LinkBuffer, Links, PointGeometry};
 use crate::grid::CellBasis;
 use crate::kinematics::Increment;
 use crate::stress::{
-    Averaged as _, Averaging, Centred, Centring, Mechanics, PointResponse, Volumetric, WeakForm,
+    Averaged as _, Averaging, CellStrain, Centred, Centring, Mechanics, PointResponse, WeakForm,
 };
 use crate::terms::failure::PointFailure;
 
@@ -22,18 +22,18 @@ use super::cell_room::{CellRoom, CouplingRoom, Motion, Responded, barred};
 use super::evaluation::{Task, Trial, Vectorised, map_gradients};
 
 impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
-    /// The material of a point and its volumetric treatment.
+    /// The material of a point and the deformation that it sees.
     #[inline(always)]
     pub(super) fn kind(&self, p: usize) -> Kind {
         let body = &self.model.bodies[self.body[p] as usize];
-        (body.material, body.volumetric)
+        (body.material, body.strain)
     }
 }
 
 impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
     Vectorised<'_, '_, '_, '_, D, M, K, UPDATED>
 {
-    /// Adds the points of a group as the volumetric treatment of their bodies requires. Points of one material are
+    /// Adds the points of a group with the deformation that their bodies require. Points of one material are
     /// averaged together, even across bodies.
     #[inline(always)]
     pub(super) fn add_dilated(&mut self, points: Range<usize>) -> Result<(), PointFailure> {
@@ -45,9 +45,10 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
             }
             let mut alike = (first..points.end).filter(|p| task.kind(*p) == kind);
             match kind.1 {
-                Volumetric::Standard => alike.try_for_each(|p| self.add_alone(p))?,
-                Volumetric::MeanDilatation => self.add_averaged(first..points.end, kind)?,
-                Volumetric::FBar => alike.try_for_each(|p| self.add_centred(p))?,
+                CellStrain::Standard => alike.try_for_each(|p| self.add_alone(p))?,
+                CellStrain::MeanDilatation => self.add_averaged(first..points.end, kind)?,
+                CellStrain::FBar => alike.try_for_each(|p| self.add_centred(p))?,
+                CellStrain::Mean => self.add_mean(first..points.end, kind)?,
             }
         }
         Ok(())
@@ -66,7 +67,7 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         let Vectorised { task, group, trial, room, .. } = self;
         let averaged = Averaged { task, group: *group, points, kind, trial, room, cell: &mut cell };
         let found = averaged.find()?;
-        let CellRoom { moved, isotropic, averaging, coupling } = &mut cell;
+        let CellRoom { moved, isotropic, averaging, coupling, .. } = &mut cell;
         match found {
             Found::Alone(p) => self.add_alone(p)?,
             Found::Together { volume, sum, isotropic: true } => {

@@ -12,11 +12,14 @@ use crate::kinematics::Increment;
 use crate::linear::Block;
 use crate::material::Material;
 use crate::model::Model;
-use crate::stress::{Formulation, MAX_HISTORY, Mechanics, PointResponse, StartOfStep, WeakForm, suits_lanes};
+use crate::stress::{
+    Deviated, Formulation, MAX_HISTORY, Mechanics, PointResponse, StartOfStep, WeakForm, suits_lanes,
+};
 use crate::tensor::{Lanes, Sym3};
 use crate::terms::failure::PointFailure;
 
 use super::cell_room::CellRoom;
+use super::deviation::Held;
 
 /// A task of at most this many groups is not divided between threads.
 const GRAIN: usize = 4;
@@ -32,10 +35,12 @@ pub(super) struct Task<'a, const D: usize, M> {
     pub(super) history_len: usize,
     pub(super) old_history: &'a [f64],
     pub(super) start: &'a [StartOfStep],
+    /// What the points hold against deviations from mean increments; empty if no body takes them.
+    pub(super) held: &'a [Held],
     pub(super) links: &'a Connectivity<D>,
     pub(super) pairs: &'a NodePairs,
     pub(super) delta_d: &'a [[f64; D]],
-    /// True if at least one body does not have [`Volumetric::Standard`](crate::stress::Volumetric::Standard).
+    /// True if at least one body does not have [`CellStrain::Standard`](crate::stress::CellStrain::Standard).
     pub(super) dilated: bool,
     pub(super) wanted: Wanted,
     /// The law of each point, if some laws are stand-ins for laws that are evaluated in batches.
@@ -52,6 +57,8 @@ pub(super) struct Trial<'a, const D: usize> {
     pub(super) elastic_strain: &'a mut [Sym3],
     pub(super) kirchhoff_stress: &'a mut [Sym3],
     pub(super) history: &'a mut [f64],
+    /// Deviations from mean increments; empty if no body takes them.
+    pub(super) deviated: &'a mut [Deviated],
     pub(super) mapped: &'a mut [[f64; D]],
 }
 
@@ -63,12 +70,14 @@ impl<'a, const D: usize> Trial<'a, D> {
         let (strain_l, strain_r) = self.elastic_strain.split_at_mut(n);
         let (stress_l, stress_r) = self.kirchhoff_stress.split_at_mut(n);
         let (history_l, history_r) = self.history.split_at_mut(n * history_len);
+        let (deviated_l, deviated_r) = self.deviated.split_at_mut(n.min(self.deviated.len()));
         let (mapped_l, mapped_r) = self.mapped.split_at_mut(n_nodes);
         let left = Trial {
             first: self.first,
             elastic_strain: strain_l,
             kirchhoff_stress: stress_l,
             history: history_l,
+            deviated: deviated_l,
             mapped: mapped_l,
         };
         let right = Trial {
@@ -76,6 +85,7 @@ impl<'a, const D: usize> Trial<'a, D> {
             elastic_strain: strain_r,
             kirchhoff_stress: stress_r,
             history: history_r,
+            deviated: deviated_r,
             mapped: mapped_r,
         };
         (left, right)
@@ -359,6 +369,14 @@ impl<const D: usize> Trial<'_, D> {
         let here = p - self.first;
         self.elastic_strain[here] = response.elastic_strain;
         self.kirchhoff_stress[here] = response.tau;
+    }
+
+    /// Stores the deviation of a point from the mean increment of its cell.
+    #[inline(always)]
+    pub(super) fn keep_deviation(&mut self, p: usize, deviated: Deviated) {
+        if let Some(kept) = self.deviated.get_mut(p - self.first) {
+            *kept = deviated;
+        }
     }
 }
 
