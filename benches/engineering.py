@@ -253,7 +253,8 @@ def wall(draw):
     body["shape"] = {"type": "box", "min": [left, 0], "max": [left + width, height]}
     conditions = [
         {"name": "far", "nodes": {"x": left + width}, "fix": ["x"]},
-        {"name": "base", "nodes": {"y": 0}, "fix": draw.choose(["y"], ["x", "y"]) if as_tool else ["y"]},
+        # Held along x, the lowest material would be in the way of the wall.
+        {"name": "base", "nodes": {"y": 0}, "fix": ["y"]},
     ]
     sign = -1 if active else 1
     others = {}

@@ -109,11 +109,10 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
     }
 }
 
-/// True if viscosity might help where an attempt has failed: bodies flow, and only motions or a quantity that grows along
-/// the path drive them. Bodies that loads push beyond their capacity would go on under stresses that they cannot bear.
+/// True if viscosity might help where an attempt has failed: bodies flow, and only motions drive them. Bodies that loads
+/// push beyond their capacity would go on under stresses that they cannot bear.
 fn may_relax<const D: usize>(model: &Model<D>, points: &Points<D>, failed: &FailedAttempt<D>) -> bool {
-    let is_driven =
-        model.is_driven() && (model.keeps_its_loads() || model.stepping.control.has_unknown_factor());
+    let is_driven = model.is_driven() && model.keeps_its_loads();
     is_driven
         && points.reduction().any(failed.error.is_about_iterations() && points_that_flow(model, points) > 0)
 }

@@ -117,7 +117,7 @@ impl<const D: usize> Surface<D> {
     /// The outer sides of this rank's domains, given by their corners, that belong to this part of a whole boundary.
     fn outer_sides(&self, whole: &Self, points: &Points<D>) -> Vec<Side> {
         let mut outer = OuterSides::default();
-        outer.renew(points, &points.reduction());
+        outer.find(points, &points.reduction());
         if self.is_empty() || whole.is_empty() {
             return Vec::new();
         }

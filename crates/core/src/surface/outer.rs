@@ -21,6 +21,10 @@ const SAME: f64 = 1e-4;
 const ORIGIN: f64 = 0.347_296_355_333_860_7;
 /// Distance beyond a side at which another domain is looked for, relative to the size of the domain, [-].
 const BEYOND: f64 = 1e-3;
+/// Distance within which sides of two domains lie in one plane, relative to the size of a domain, [-], and cosine of the
+/// angle between their normals below which they face each other, [-].
+const NEAR: f64 = 0.05;
+const OPPOSITE: f64 = -0.9;
 
 /// A side of a domain, as the numbers of its corners in cyclic order.
 #[derive(Debug, Clone, Copy)]
@@ -157,7 +161,7 @@ impl OuterSides {
     }
 
     /// Finds the outer sides anew if points have been added, removed or split. All ranks must call this together.
-    pub fn renew<const D: usize>(&mut self, points: &Points<D>, reduction: &Reduction) {
+    pub fn find<const D: usize>(&mut self, points: &Points<D>, reduction: &Reduction) {
         let census = census(points, reduction);
         if census == self.census {
             return;
@@ -253,6 +257,19 @@ fn with_side_among<const D: usize>(
     let domains: Vec<Vec<[f64; D]>> = found.iter().map(|(p, _)| domain(*p)).collect();
     let boxes: Vec<_> = domains.iter().map(|corners| around(corners)).collect();
     let tree = BoxTree::new(&boxes);
+    // True if a domain has such a side that faces one with this centre and area vector: where sides are warped, a domain
+    // beside another one may reach beyond its side, too.
+    let faces = |index: usize, centre: &[f64; D], area: &[f64; D]| {
+        let (corners, [low, high]) = (&domains[index], boxes[index]);
+        let depth = NEAR * norm(&minus(&high, &low)) * norm(area);
+        let mut sides = sides_of_domain::<D>(corners.len()).enumerate();
+        sides.any(|(k, side)| {
+            let (own, place) = (side.area(corners), side.centre(corners));
+            found[index].1 >> k & 1 == 1
+                && dot(&own, area) < OPPOSITE * norm(&own) * norm(area)
+                && dot(&minus(&place, centre), area).abs() < depth
+        })
+    };
     let is_covered = |index: usize, side: DomainSide| {
         let (corners, p) = (&domains[index], found[index].0);
         let (centre, area) = (side.centre(corners), side.area(corners));
@@ -263,7 +280,7 @@ fn with_side_among<const D: usize>(
         tree.visit(is_around, |item| {
             let other = tree.order[item] as usize;
             let is_neighbour = other != index && points.body[found[other].0] == points.body[p];
-            covered |= is_neighbour && contains(&domains[other], &x);
+            covered |= is_neighbour && contains(&domains[other], &x) && faces(other, &centre, &area);
         });
         covered
     };
@@ -305,7 +322,7 @@ mod tests {
             .build()
             .unwrap();
         let mut outer = OuterSides::default();
-        outer.renew(&points, &Reduction::default());
+        outer.find(&points, &Reduction::default());
         let (mut count, mut sum) = (0, [0.0; 2]);
         let mut buffer = [[0.0; 2]; MAX_CORNERS];
         for p in 0..points.len() {

@@ -121,7 +121,7 @@ where
                 released: stage.release.iter().map(condition).collect(),
                 set: stage.set.iter().map(condition).collect(),
                 added,
-                lifts: self.lifts(model.grid.as_ref(), regions, number),
+                lifts: self.lifts(model.grid.as_ref(), regions, points, number),
                 removed: stage.remove.iter().map(|name| self.body_number(name)).collect(),
                 materials: (stage.material.iter())
                     .map(|(body, name)| (self.body_number(body), material(name)))

@@ -193,7 +193,7 @@ fn exposed_sides<const D: usize>(
         return Vec::new();
     }
     let mut outer = OuterSides::default();
-    outer.renew(points, &points.reduction());
+    outer.find(points, &points.reduction());
     let enough = OUT_OF_BALANCE * largest(forces);
     let mut found = Vec::new();
     let mut buffer = [[0.0; D]; MAX_CORNERS];

@@ -201,7 +201,7 @@ impl<const D: usize> Contact<D> {
         let awake = |moving: &Moving<D>| moving.translation().map(|u| nearest.max(AWAKE_AFTER * u));
         self.awake = self.tools.iter().map(|moving| awake(moving).unwrap_or(f64::INFINITY)).collect();
         self.has_woken = false;
-        self.outer.renew(points, &self.reduction);
+        self.outer.find(points, &self.reduction);
         for (tool, (edges, moving)) in self.edges.iter_mut().zip(&self.tools).enumerate() {
             edges.follow(step.model, tool, moving, self.smallest);
         }
