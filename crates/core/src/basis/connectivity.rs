@@ -203,6 +203,7 @@ impl<const D: usize> Connectivity<D> {
         self.list_active_cells(grid.n_cells());
         if !ranks.is_alone() {
             self.add_layer(grid, ranks, sharing);
+            self.add_carriers(ranks, grid.n_nodes());
         }
         self.number_active_nodes(grid.n_nodes());
         self.reduction = Reduction::new(self.find_halo(ranks, grid.n_nodes()));

@@ -337,7 +337,7 @@ impl<const D: usize> Attached<D> for Surfaces<D> {
                 nodes.extend(condition.nodes(grid, &self.carried));
             }
         }
-        Ok(nodes)
+        Ok(links.with_carriers_of(nodes))
     }
 
     fn place_body(&mut self, model: &Model<D>, body: usize, moved: &dyn Fn(&[f64; D]) -> Option<[f64; D]>) {

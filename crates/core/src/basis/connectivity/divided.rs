@@ -67,6 +67,32 @@ impl<const D: usize> Connectivity<D> {
         self.layer_cells.retain(|cell| own.binary_search(cell).is_err());
     }
 
+    /// Grid nodes, followed by the carriers of those of them that are sliver nodes.
+    pub fn with_carriers_of(&self, mut nodes: Vec<u32>) -> Vec<u32> {
+        let carriers = nodes.iter().filter_map(|node| self.carriers.get(node)).flatten();
+        let more: Vec<u32> = carriers.map(|(carrier, _)| *carrier).collect();
+        nodes.extend(more);
+        nodes
+    }
+
+    /// Adds the nodes of those groups with carriers, on any rank, that have a node of this rank: carriers couple nodes
+    /// beyond the layer of adjacent cells. Nodes are identified by their grid numbers.
+    pub(super) fn add_carriers(&mut self, ranks: &Ranks, n_nodes: usize) {
+        let mut is_carrier = vec![false; n_nodes];
+        let carriers = self.carriers.values().flatten();
+        carriers.for_each(|(node, _)| is_carrier[*node as usize] = true);
+        let mut is_own = vec![false; n_nodes];
+        self.group_nodes.iter().for_each(|node| is_own[*node as usize] = true);
+        let groups = self.group_node_start.windows(2).map(|ends| &self.group_nodes[ends[0]..ends[1]]);
+        let with_carriers = groups.filter(|nodes| nodes.iter().any(|node| is_carrier[*node as usize]));
+        let lists: Vec<Vec<u32>> = with_carriers.map(<[u32]>::to_vec).collect();
+        for nodes in ranks.gather_all(lists).into_iter().flatten() {
+            if nodes.iter().any(|node| is_own[*node as usize]) {
+                self.layer_nodes.extend(nodes.into_iter().filter(|node| !is_own[*node as usize]));
+            }
+        }
+    }
+
     /// The active nodes that other ranks also have.
     pub(super) fn find_halo(&self, ranks: &Ranks, n_nodes: usize) -> Halo {
         if ranks.is_alone() {
