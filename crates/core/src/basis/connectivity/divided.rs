@@ -67,10 +67,11 @@ impl<const D: usize> Connectivity<D> {
         self.layer_cells.retain(|cell| own.binary_search(cell).is_err());
     }
 
-    /// Grid nodes, followed by the carriers of those of them that are sliver nodes.
+    /// Grid nodes, with the carriers of sliver nodes in place of these, which are active on no rank.
     pub fn with_carriers_of(&self, mut nodes: Vec<u32>) -> Vec<u32> {
         let carriers = nodes.iter().filter_map(|node| self.carriers.get(node)).flatten();
         let more: Vec<u32> = carriers.map(|(carrier, _)| *carrier).collect();
+        nodes.retain(|node| !self.carriers.contains_key(node));
         nodes.extend(more);
         nodes
     }
