@@ -13,13 +13,21 @@ impl<const D: usize> Connectivity<D> {
         std::mem::replace(&mut self.reduction, reduction)
     }
 
-    /// Adds active nodes of other ranks, given by their grid numbers, to the active nodes of this rank.
+    /// Adds active nodes of other ranks, given by their grid numbers, to the active nodes of this rank; those that no
+    /// rank touches, which would have no stiffness, stay inactive.
     pub fn with_nodes(mut self, grid: &dyn Grid<D>, ranks: &Ranks, mut wanted: Vec<u32>) -> Self {
         wanted.retain(|node| !self.is_active(*node as usize));
         if !ranks.any(!wanted.is_empty()) {
             return self;
         }
         self.group_nodes.iter_mut().for_each(|node| *node = self.copies.nodes()[*node as usize]);
+        let mut is_own = vec![false; grid.n_nodes()];
+        self.group_nodes.iter().for_each(|node| is_own[*node as usize] = true);
+        let mut own = ranks.gather_all(wanted.clone()).concat();
+        own.retain(|node| is_own[*node as usize]);
+        let mut touched = ranks.gather_all(own).concat();
+        touched.sort_unstable();
+        wanted.retain(|node| touched.binary_search(node).is_ok());
         self.layer_nodes.extend(wanted);
         self.number_active_nodes(grid.n_nodes());
         self.reduction = Reduction::new(self.find_halo(ranks, grid.n_nodes()));
