@@ -367,14 +367,14 @@ mod tests {
             }
         }
         let viscous = steps.iter().filter(|(_, is_viscous)| *is_viscous).count();
-        // 1, 1/2, 1/4, 1/8, 1/16 fail; with viscosity 1/4, 1/4, 1/2, then whole steps. Without it, steps fail after 4 and
-        // 8 of these, and succeed after 16.
+        // 1, 1/2, 1/4, 1/8, 1/16 fail; with viscosity 1/4, 1/2 and the rest of the step, which counts as whole, follow.
+        // Without it, steps fail after 4 and after 8 whole steps, and succeed after 16.
         assert_eq!(fails, 5 + 2, "{steps:?}");
         assert_eq!(
             (steps[2], steps[3], steps[4], steps[5]),
-            ((0.25, true), (0.25, true), (0.5, true), (1.0, true))
+            ((0.25, true), (0.5, true), (0.25, true), (1.0, true))
         );
-        assert_eq!(viscous, 3 + 4 + 8 + 16);
+        assert_eq!(viscous, 3 + 3 + 8 + 16);
         assert_eq!(steps.len(), 42);
         let never = Stepping { viscosity: 0.0, ..stepping };
         let mut pace = Pace { size: STUCK, ..Pace::default() };
