@@ -149,16 +149,23 @@ def revolved(draw, content, probability):
     return content
 
 
-def footing(draw):
-    """A strip or a circle, held at nodes, sinks by up to a fifth of its width."""
-    h = draw.choose(0.25, 0.5)
-    half, depth, width = draw.choose(1.0, 1.5, 2.0), draw.choose(4.0, 5.0), draw.choose(8.0, 10.0)
+def level_ground(draw, filling):
+    """Ground without or with weight and stress at rest: width, depth, material, body and loads."""
+    depth, width = draw.choose(4.0, 5.0), draw.choose(8.0, 10.0)
     material = soil(draw)
-    body = {"name": "ground", "material": "soil", "shape": {"type": "box", "min": [0, 0], "max": [width, depth]}} | points(draw)
+    body = {"name": "ground", "material": "soil", "shape": {"type": "box", "min": [0, 0], "max": [width, depth]}} | filling(draw)
     loads = []
     if "friction_angle" in material or draw.chance(0.6):
         body["initial_stress"] = at_rest(draw, material, depth)
         loads = [weight()]
+    return width, depth, material, body, loads
+
+
+def footing(draw):
+    """A strip or a circle, held at nodes, sinks by up to a fifth of its width."""
+    h = draw.choose(0.25, 0.5)
+    half = draw.choose(1.0, 1.5, 2.0)
+    width, depth, material, body, loads = level_ground(draw, points)
     push = {"name": "footing", "nodes": {"box": {"min": [0, depth], "max": [half, depth]}}, "uy": -round(draw.between(0.02, 0.2) * 2 * half, 3)}
     if draw.chance(0.6):
         push["ux"] = 0
@@ -167,15 +174,10 @@ def footing(draw):
 
 
 def footing_tool(draw):
-    """A strip or a circle as a rigid tool, smooth, rough or in between, on the ground or in a pit."""
+    """A strip or a circle as a rigid tool, smooth, rough or in between."""
     h = draw.choose(0.25, 0.5)
-    half, depth, width = draw.choose(1.0, 1.5, 2.0), draw.choose(4.0, 5.0), draw.choose(8.0, 10.0)
-    material = soil(draw)
-    body = {"name": "ground", "material": "soil", "shape": {"type": "box", "min": [0, 0], "max": [width, depth]}} | domains(draw)
-    loads = []
-    if "friction_angle" in material or draw.chance(0.6):
-        body["initial_stress"] = at_rest(draw, material, depth)
-        loads = [weight()]
+    half = draw.choose(1.0, 1.5, 2.0)
+    width, depth, material, body, loads = level_ground(draw, domains)
     tool = {"name": "footing", "shape": {"type": "box", "min": [-half, depth], "max": [half, depth + 1]},
             "uy": -round(draw.between(0.02, 0.2) * 2 * half, 3), "friction": draw.choose(0, 0.3, 0.5, "rough")}
     content = deck("footing as a tool", structured(width, depth + 1, h), {"soil": material}, [body], held(width), loads,
