@@ -108,7 +108,7 @@ fn sliver_nodes_move_with_carriers_that_do_not_depend_on_the_point() {
         let seeds: Vec<Seed<2>> = (0..4)
             .map(|k| {
                 let (left, right) = (1.0 + 0.75 * k as f64, 1.75 + 0.75 * k as f64);
-                let corners = vec![[left, 1.0], [right, 1.0], [right, top(k + 1)], [left, top(k)]];
+                let corners = vec![[left, 1.0], [right, 1.0], [left, top(k)], [right, top(k + 1)]];
                 Seed {
                     body: 0,
                     position: [0.5 * (left + right), 1.5],
@@ -128,12 +128,9 @@ fn sliver_nodes_move_with_carriers_that_do_not_depend_on_the_point() {
             let nodes = links.nodes_of(group);
             for p in links.points_of(group) {
                 let corners = points.corners(p);
-                let area: f64 = (0..4)
-                    .map(|k| {
-                        0.5 * (corners[k][0] * corners[(k + 1) % 4][1]
-                            - corners[(k + 1) % 4][0] * corners[k][1])
-                    })
-                    .sum();
+                let around = [0, 1, 3, 2, 0].map(|k| corners[k]);
+                let area: f64 =
+                    around.windows(2).map(|x| 0.5 * (x[0][0] * x[1][1] - x[1][0] * x[0][1])).sum();
                 links.for_each_link(p, |local, _, slope| {
                     (0..2).for_each(|d| inner[nodes[local] as usize][d] += area * slope[d]);
                 });
