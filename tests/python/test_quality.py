@@ -22,6 +22,7 @@ KEYS = {
     "crossings",
     "pressure_oscillation",
     "held_by_nodes",
+    "overstress",
 }
 
 

@@ -154,8 +154,11 @@ def test_a_run_under_timeout_leaves_a_checkpoint_and_a_summary(mpm, program, who
             duration *= 1.2
             continue
         assert process.returncode == 124, process.stderr
-        assert (directory / "summary.json").exists() and last_checkpoint(directory) > 0, process.stderr
-        assert json.loads((directory / "summary.json").read_text())["outcome"] == "interrupted"
+        outcome = json.loads((directory / "summary.json").read_text())["outcome"]
+        if outcome == "completed":  # The signal came after the last step.
+            duration *= 0.8
+            continue
+        assert outcome == "interrupted" and last_checkpoint(directory) > 0, process.stderr
         process = mpm("run", deck, "--out", directory, *SMALL, "--resume")
         assert process.returncode == 0, process.stderr
         assert results(directory) == expected

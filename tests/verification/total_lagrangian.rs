@@ -55,7 +55,8 @@ pub fn equilibrium<const D: usize, M: Mechanics<D>>(
     let (mut time, mut part) = (0.0, 0.125);
     while time < 1.0 {
         let step = Step { index: 1, start: 0.0, end: time + part };
-        let context = StepContext { model: &model, links: &links, step, factor: 0.0, viscosity: 0.0 };
+        let context =
+            StepContext { model: &model, links: &links, step, factor: 0.0, viscosity: 0.0, experiment: None };
         let mut next = displacement.clone();
         for (u, rate) in next.iter_mut().zip(&rate) {
             (0..D).for_each(|d| u[d] += part * rate[d]);

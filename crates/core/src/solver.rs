@@ -66,10 +66,10 @@ use crate::stress::{Axisymmetric, PlaneStrain, Solid};
 pub use crate::equilibrium::{
     FurtherReaction, GridFields, InitialState, NodalField, ReactionMoment, StepReport,
 };
-pub use crate::step::Step;
+pub use crate::step::{Experiment, Step};
 pub use attempt::{FailedAttempt, Iterate};
 pub use change::change_model;
-pub use diagnosis::{Circumstances, Diagnosis, Kind, Loss};
+pub use diagnosis::{Circumstances, Diagnosis, Finding, Kind, Loss};
 pub use error::{CODES, Obstacle, RemoteError, SolveError};
 pub use observer::{Observer, Silent};
 pub use placing::{Placed, added_points};

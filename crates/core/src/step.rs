@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use serde::{Deserialize, Serialize};
 
 use crate::basis::Connectivity;
-use crate::model::Model;
+use crate::model::{Model, Stabilisation, StabilisationMode};
 
 /// A load step: the time it starts from and the time it reaches.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
@@ -41,6 +41,25 @@ pub struct StepContext<'a, const D: usize> {
     pub factor: f64,
     /// Weight of the trial stress if viscosity regularises the laws, [-]; 0 without viscosity.
     pub viscosity: f64,
+    /// A change of the equations by which the cause of a failure is sought; its result is never committed.
+    pub experiment: Option<Experiment>,
+}
+
+/// A change of the equations of a failed step: if the step converges with it, the cause of the failure lies in what was
+/// changed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Experiment {
+    /// Materials respond elastically; laws that are not linear in the logarithmic strain respond as they are.
+    ElasticMaterials,
+    /// Contact points that carry force stick to the tools and transfer tension; all others stay open.
+    FrozenContact,
+    /// Each contact point keeps the largest shear that it has at the start of the step.
+    FrozenFriction,
+    /// Ghost stabilisation acts on all cells at the boundary of the material, and is ten times as stiff.
+    StrongerStabilisation,
+    /// The step is half as long.
+    HalfStep,
 }
 
 impl<'a, const D: usize> StepContext<'a, D> {
@@ -52,6 +71,18 @@ impl<'a, const D: usize> StepContext<'a, D> {
             step: Step { index: 1, start: 0.0, end: 1.0 },
             factor: 0.0,
             viscosity: 0.0,
+            experiment: None,
+        }
+    }
+
+    /// The ghost stabilisation of the step.
+    pub(crate) fn stabilisation(&self) -> Stabilisation {
+        let usual = self.model.stabilisation;
+        match self.experiment {
+            Some(Experiment::StrongerStabilisation) => {
+                Stabilisation { mode: StabilisationMode::On, parameter: 10.0 * usual.parameter, ..usual }
+            }
+            _ => usual,
         }
     }
 }

@@ -463,6 +463,7 @@ fn diagnosis(of: &Diagnosis, advice: String) -> Value {
         "node": of.node,
         "filling": of.filling,
         "flowing": of.flowing,
+        "experiments": of.experiments,
         "advice": advice,
     })
 }

@@ -175,6 +175,9 @@ impl Watch {
         let factor = diagnosis.largest_load_factor.map_or(String::new(), |factor| {
             format!("; the largest load factor is {}", significant(factor, 6))
         });
+        if let Some(evidence) = diagnosis.evidence() {
+            self.say(&format!("  evidence: {evidence}"));
+        }
         let time = significant(diagnosis.time, 6);
         self.say(&format!("  in equilibrium up to time {time}{factor}"));
         self.say(&format!("  help: {}", self.wording.on_failure(diagnosis)));

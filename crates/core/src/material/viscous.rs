@@ -13,7 +13,7 @@ use crate::tensor::Sym3;
 #[derive(Debug)]
 pub struct Viscous {
     law: Box<dyn Material>,
-    /// w, [-].
+    /// w, [-]; with 1, the law responds elastically.
     weight: f64,
 }
 
@@ -23,6 +23,11 @@ impl Viscous {
     pub fn new(law: &dyn Material, weight: f64) -> Option<Viscous> {
         law.linear_elasticity(&law.initial_history())?;
         Some(Viscous { law: law.with_strength_divided(1.0)?, weight })
+    }
+
+    /// The elastic response of a law; `None` as for [`Viscous::new`].
+    pub fn elastic(law: &dyn Material) -> Option<Viscous> {
+        Viscous::new(law, 1.0)
     }
 }
 
@@ -57,12 +62,17 @@ impl Material for Viscous {
     }
 
     fn update(&self, trial: &Sym3, old: &[f64], new: &mut [f64]) -> Result<Response, MaterialError> {
+        let elasticity = self.law.linear_elasticity(old).ok_or(MaterialError::NoResponse)?;
+        let w = self.weight;
+        if w == 1.0 {
+            new.copy_from_slice(old);
+            let tau = elasticity.stress(trial);
+            return Ok(Response { tau, elastic_strain: *trial, tangent: elasticity.tangent() });
+        }
         let of_law = self.law.update(trial, old, new)?;
         if old == new {
             return Ok(of_law);
         }
-        let elasticity = self.law.linear_elasticity(old).ok_or(MaterialError::NoResponse)?;
-        let w = self.weight;
         for (new, old) in new.iter_mut().zip(old) {
             *new = old + (1.0 - w) * (*new - old);
         }

@@ -5,7 +5,7 @@ use crate::equilibrium::{Energy, StepReport};
 use crate::linear::LinearError;
 use crate::model::StiffnessUpdate;
 use crate::ranks::Reduction;
-use crate::step::{Nodal, Step, StepContext};
+use crate::step::{Experiment, Nodal, Step, StepContext};
 
 use super::error::SolveError;
 use super::stepping::control::{NoPath, Path};
@@ -42,19 +42,19 @@ impl<const D: usize> Attempt<'_, D> {
 
     /// True if iterations are damped.
     pub(super) fn is_damped(&self) -> bool {
-        self.pace.is_damped()
+        self.pace.is_damped() && self.context.experiment.is_none()
     }
 
     /// True if line searches begin early.
     pub(super) fn searches_early(&self) -> bool {
-        self.pace.is_careful() || self.effort == Effort::Thorough
+        self.pace.is_careful() || self.effort != Effort::Usual
     }
 
     /// Largest number of linear solves in the attempt, counted anew after each multiplier update.
     pub(super) fn most_iterations(&self) -> usize {
         let asked = self.context.model.newton.max_iterations;
         let most = match self.effort {
-            Effort::Usual => asked,
+            Effort::Usual | Effort::Experiment(_) => asked,
             Effort::Thorough => asked.max(MANY_ITERATIONS),
         };
         if self.is_damped() { MORE_ITERATIONS * most } else { most }
@@ -110,6 +110,8 @@ pub(super) enum Effort {
     /// The stiffness is formed anew in every iteration, line searches begin early and many iterations are allowed, so
     /// that the settings do not decide whether equilibrium is found.
     Thorough,
+    /// Changed equations, whose solution is not committed, show why a step has failed.
+    Experiment(Experiment),
 }
 
 /// The account of a slump before it reaches equilibrium.

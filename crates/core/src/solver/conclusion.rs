@@ -275,7 +275,14 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         let Stepper { model, points, reached, terms, .. } = self;
         let links = &report.grid.links;
         let factor = reached.progress.path.factor;
-        let context = StepContext { model, links, step: report.step, factor, viscosity: report.viscosity };
+        let context = StepContext {
+            model,
+            links,
+            step: report.step,
+            factor,
+            viscosity: report.viscosity,
+            experiment: None,
+        };
         terms.iter_mut().for_each(|term| term.commit(&context, points));
         points.commit();
     }

@@ -3,6 +3,7 @@
 //! Advice refers to the keys of the input and is therefore written in the crate that knows them.
 
 pub(super) mod evidence;
+pub(super) mod experiments;
 pub(super) mod stiffness;
 
 use serde::{Deserialize, Serialize};
@@ -16,6 +17,7 @@ use crate::stress::{CellStrain, PointError};
 use super::attempt::FailedAttempt;
 use super::error::{Obstacle, PointPlace, SolveError};
 use evidence::{cut_to, emptiest_cell, points_that_flow};
+pub use experiments::Finding;
 
 /// Filling ratio below which a cell is a small cut cell, [-].
 const SMALL: f64 = 0.1;
@@ -57,6 +59,12 @@ pub enum Kind {
     Sliding,
     /// The load is beyond what the bodies can carry.
     PlasticCollapse,
+    /// The iterations do not follow the plastic flow of the material.
+    Flow,
+    /// Contact points change between sticking and sliding without end.
+    Friction,
+    /// Contact points open and close without end.
+    Contact,
     /// The bodies buckle or snap through without yielding.
     Instability,
     /// The grid cannot represent volume-preserving deformation.
@@ -104,6 +112,9 @@ impl Kind {
             Kind::PlasticCollapse => {
                 "plastic collapse: the load is probably beyond what the bodies can carry"
             }
+            Kind::Flow => "plastic flow that the iterations do not follow",
+            Kind::Friction => "friction: contact points change between sticking and sliding without end",
+            Kind::Contact => "contact: contact points open and close without end",
             Kind::Instability => {
                 "instability: the stiffness is not positive definite, though hardly any point has yielded"
             }
@@ -200,6 +211,9 @@ pub struct Diagnosis {
     /// The reason why a law refuses a strain, if that is the cause.
     #[serde(default)]
     pub refusal: Option<String>,
+    /// The outcomes of experiments with the failed step.
+    #[serde(default)]
+    pub experiments: Vec<Finding>,
     /// The circumstances on which remedies depend.
     #[serde(default)]
     pub circumstances: Circumstances,
@@ -307,8 +321,21 @@ impl Diagnosis {
             node,
             flowing,
             refusal,
+            experiments: Vec::new(),
             circumstances,
         }
+    }
+
+    /// The diagnosis in the light of experiments.
+    pub(super) fn after(self, experiments: Vec<Finding>) -> Diagnosis {
+        let kind = experiments::judged(self.kind, &experiments);
+        let filling = self.filling.filter(|_| kind == Kind::SmallCutCell);
+        Diagnosis { kind, filling, experiments, ..self }
+    }
+
+    /// What experiments with the failed step have shown, as a sentence; `None` without experiments.
+    pub fn evidence(&self) -> Option<String> {
+        experiments::evidence(&self.experiments)
     }
 }
 

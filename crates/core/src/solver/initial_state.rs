@@ -46,7 +46,8 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         let step = Step { index: 1, start: 0.0, end: 0.0 };
         let (model, links) = (self.model, self.link(step)?);
         let points = &mut *self.points;
-        let context = StepContext { model, links: &links, step, factor: 0.0, viscosity: 0.0 };
+        let context =
+            StepContext { model, links: &links, step, factor: 0.0, viscosity: 0.0, experiment: None };
         let Reached { progress, summary } = &mut self.reached;
         let mut system = StepSystem::new(&context, points, progress, &self.fields, &mut self.terms)?;
         let n_globals = system.sum.system().border.len();

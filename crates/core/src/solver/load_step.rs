@@ -148,11 +148,15 @@ impl<'a, const D: usize> Attempt<'a, D> {
         effort: Effort,
     ) -> Self {
         let Progress { pace, path, last_iterations, .. } = progress;
-        let viscosity =
-            pace.viscosity().map_or(0.0, |growth| model.stepping.viscous_weight(growth, step.duration()));
+        let experiment = match effort {
+            Effort::Experiment(experiment) => Some(experiment),
+            Effort::Usual | Effort::Thorough => None,
+        };
+        let growth = pace.viscosity().filter(|_| experiment.is_none());
+        let viscosity = growth.map_or(0.0, |growth| model.stepping.viscous_weight(growth, step.duration()));
         let may_stray = pace.is_damped() && slump.may_go_on();
         Attempt {
-            context: StepContext { model, links, step, factor: path.factor, viscosity },
+            context: StepContext { model, links, step, factor: path.factor, viscosity, experiment },
             pace: *pace,
             effort,
             slump,

@@ -96,16 +96,19 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
             return agree(&points.reduction(), observed);
         }
         let cause = self.cause.take().filter(|_| was_last_resort);
-        let ended = match (&cause, &diagnosis) {
-            (Some((cause, diagnosis)), _) => Some((cause, diagnosis)),
-            (None, Some(diagnosis)) => Some((&failed, diagnosis)),
-            (None, None) => None,
+        let (cause, diagnosis) = match cause {
+            Some((cause, diagnosis)) => (Some(cause), Some(diagnosis)),
+            None => (None, diagnosis),
         };
+        let experiments = self.experiments(&failed, observer);
+        let diagnosis = diagnosis.map(|diagnosis| diagnosis.after(experiments));
+        let ended = diagnosis.as_ref().map(|diagnosis| (cause.as_ref().unwrap_or(&failed), diagnosis));
         self.reached.summary.diagnosis = ended.map(|(_, diagnosis)| diagnosis.clone());
         // The run has failed already, on all ranks.
+        let points = &*self.points;
         let observe = || observer.failed(model, points, &failed, ended);
         let _ = self.reached.summary.timings.measure(Phase::Output, observe);
-        Err(cause.map_or(failed.error, |(cause, _)| cause.error))
+        Err(cause.map_or(failed.error, |cause| cause.error))
     }
 }
 

@@ -83,7 +83,7 @@ pub(super) fn balancing_forces<const D: usize, const N: usize, M: Mechanics<D>>(
     let dofs = DofMap::new(model, points, &links, step.start, step.end)
         .map_err(|error| SolveError::Constraint { step: step.index, error });
     let dofs = agree(&reduction, dofs)?;
-    let context = StepContext { model, links: &links, step, factor: 0.0, viscosity: 0.0 };
+    let context = StepContext { model, links: &links, step, factor: 0.0, viscosity: 0.0, experiment: None };
     begin(&mut terms, &context, points)?;
     let mut sum = Sum::new(terms, &context, &DofMap::unconstrained(links.n_active()));
     let none = vec![[0.0; N]; links.n_active()];

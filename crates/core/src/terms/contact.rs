@@ -92,7 +92,7 @@ use crate::model::{Model, Tool};
 use crate::points::Points;
 use crate::ranks::Reduction;
 use crate::region::vector::{along, dot, minus, norm};
-use crate::step::{At, Nodal, StepContext};
+use crate::step::{At, Experiment, Nodal, StepContext};
 use crate::surface::OuterSides;
 
 use super::attached::{Attached, Obstacle};
@@ -166,6 +166,8 @@ pub struct Contact<const D: usize> {
     is_held: bool,
     /// Number of updates of the largest shears that are held.
     held_updates: usize,
+    /// The experiment that is made in the current step.
+    experiment: Option<Experiment>,
     /// The changes made by the last update, and the largest error among them.
     changes: Vec<Option<Change<D>>>,
     before: Option<Worst>,
@@ -202,6 +204,7 @@ impl<const D: usize> Contact<D> {
             updates: 0,
             is_held: false,
             held_updates: 0,
+            experiment: None,
             changes: Vec::new(),
             before: None,
             time: 0.0,
@@ -223,8 +226,9 @@ impl<const D: usize> Contact<D> {
         farthest: f64,
         kept: &[bool],
     ) -> Result<(), Failure> {
-        let at_rest = self.at_rest;
-        let trials = Trials { model, tools: &self.tools, delta_d: at.delta_d, farthest, at_rest, kept };
+        let (at_rest, is_frozen) = (self.at_rest, self.experiment == Some(Experiment::FrozenContact));
+        let trials =
+            Trials { model, tools: &self.tools, delta_d: at.delta_d, farthest, at_rest, kept, is_frozen };
         let found = trials.all(&self.candidates, &self.multipliers, &self.has_touched, &mut self.trials);
         agreed(&self.reduction, found)
     }
@@ -258,7 +262,12 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
     }
 
     fn begin(&mut self, step: &StepContext<D>, points: &Points<D>) -> Result<(), BeginError> {
-        match self.find(step, points) {
+        let found = self.find(step, points);
+        self.experiment = step.experiment;
+        if step.experiment == Some(Experiment::FrozenFriction) {
+            self.freeze_friction(step.model);
+        }
+        match found {
             Err(Failure::Own(error)) => Err(BeginError::Contact(Box::new(error))),
             // The solver passes an error on another rank to this rank.
             Err(Failure::OnRank) | Ok(()) => Ok(()),

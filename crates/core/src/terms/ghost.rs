@@ -55,8 +55,18 @@ pub struct Ghost {
 impl Ghost {
     /// The faces to stabilise in a step that starts from the converged state, to which `links` belong.
     pub fn new<const D: usize>(model: &Model<D>, points: &Points<D>, links: &Connectivity<D>) -> Ghost {
+        Ghost::with(model.stabilisation, model, points, links)
+    }
+
+    /// As [`Ghost::new`], with a stabilisation that need not be that of the model.
+    fn with<const D: usize>(
+        stabilisation: Stabilisation,
+        model: &Model<D>,
+        points: &Points<D>,
+        links: &Connectivity<D>,
+    ) -> Ghost {
         let mut ghost = Ghost { node_start: vec![0], stiffness_start: vec![0], ..Ghost::default() };
-        let Stabilisation { mode, parameter, filling } = model.stabilisation;
+        let Stabilisation { mode, parameter, filling } = stabilisation;
         if mode == StabilisationMode::Off {
             return ghost;
         }
@@ -217,7 +227,7 @@ impl<const D: usize, const N: usize> Term<D, N> for Ghost {
     }
 
     fn begin(&mut self, step: &StepContext<D>, points: &Points<D>) -> Result<(), BeginError> {
-        *self = Ghost::new(step.model, points, step.links);
+        *self = Ghost::with(step.stabilisation(), step.model, points, step.links);
         Ok(())
     }
 

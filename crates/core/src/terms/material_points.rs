@@ -27,7 +27,7 @@ use crate::linear::Block;
 use crate::material::{Material, Viscous};
 use crate::model::Model;
 use crate::points::{PIECE, Points};
-use crate::step::{At, StepContext, displacement};
+use crate::step::{At, Experiment, StepContext, displacement};
 use crate::stress::{CellStrain, Mechanics, StartOfStep};
 
 use super::failure::{BeginError, EvaluateError, PointFailure};
@@ -265,9 +265,15 @@ impl<const D: usize, const N: usize, M: Mechanics<D>> Term<D, N> for MaterialPoi
             let reduced = factor.and_then(|factor| material.law.with_strength_divided(factor));
             let law = reduced.as_deref().unwrap_or(material.law.as_ref());
             let law = law.for_duration(step.step.duration()).or(reduced);
-            let viscous = (step.viscosity > 0.0)
-                .then(|| Viscous::new(law.as_deref().unwrap_or(material.law.as_ref()), step.viscosity));
-            viscous.flatten().map(|law| Box::new(law) as Box<dyn Material>).or(law)
+            let present = law.as_deref().unwrap_or(material.law.as_ref());
+            let regularised = if step.experiment == Some(Experiment::ElasticMaterials) {
+                Viscous::elastic(present)
+            } else if step.viscosity > 0.0 {
+                Viscous::new(present, step.viscosity)
+            } else {
+                None
+            };
+            regularised.map(|law| Box::new(law) as Box<dyn Material>).or(law)
         });
         self.step_laws = laws.collect();
         if self.step_laws.iter().all(Option::is_none) {

@@ -25,6 +25,7 @@ fn may_lack_cohesion(diagnosis: &Diagnosis) -> bool {
         Kind::RigidBodyMode
             | Kind::SmallCutCell
             | Kind::PlasticCollapse
+            | Kind::Flow
             | Kind::Instability
             | Kind::Hourglass
             | Kind::LargeSteps
@@ -82,6 +83,18 @@ fn advice(kind: Kind, at: &Circumstances, means: &Means) -> &'static str {
         Kind::PlasticCollapse | Kind::Instability if at.is_driven => {
             "use smaller steps (`steps: {count, smallest}`) or a coarser grid, because the region that flows plastically \
              changes with the prescribed motion"
+        }
+        Kind::Flow if at.is_driven => {
+            "use smaller steps (`steps: {count, smallest}`), more viscosity (`steps: {viscosity: 0.05}`), or a coarser grid"
+        }
+        Kind::Flow => "use smaller steps (`steps: {count, smallest}`) or a coarser grid",
+        Kind::Friction => {
+            "use smaller steps (`steps: {count, smallest}`), a finer grid along the tool, or `friction: rough` if the surfaces \
+             hardly slide"
+        }
+        Kind::Contact => {
+            "use smaller steps (`steps: {count, smallest}`), or more points per cell or `method: cpdi2` for the body, so that \
+             more contact points follow the surface of the tool"
         }
         Kind::PlasticCollapse if has_no_path => {
             "the bodies collapse at about the largest load factor with equilibrium; check how this factor changes with \

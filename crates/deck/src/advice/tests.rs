@@ -29,6 +29,7 @@ fn failure(kind: Kind, circumstances: Circumstances) -> Diagnosis {
         filling: None,
         flowing: 0.0,
         refusal: None,
+        experiments: Vec::new(),
         circumstances,
     }
 }

@@ -45,6 +45,8 @@ pub(super) struct Trials<'a, const D: usize, const N: usize> {
     pub(super) at_rest: bool,
     /// For each tool, true if contact points that carried force hold it at the start of the iterations.
     pub(super) kept: &'a [bool],
+    /// True if contact points that carry force stick and transfer tension, and all others stay open.
+    pub(super) is_frozen: bool,
 }
 
 impl<const D: usize, const N: usize> Trials<'_, D, N> {
@@ -88,6 +90,9 @@ impl<const D: usize, const N: usize> Trials<'_, D, N> {
         let loaded = multiplier.normal != 0.0;
         let gap = near.gap + allowance;
         let Some(interface) = tool.interface_with(*body) else { return apart };
+        if self.is_frozen && !loaded {
+            return apart;
+        }
         // The gap cannot shrink by more than the relative motion.
         if !loaded && !self.at_rest && gap > norm(&slip) {
             return apart;
@@ -102,7 +107,7 @@ impl<const D: usize, const N: usize> Trials<'_, D, N> {
             shear: moving.end.vector_to_space(&multiplier.shear),
             at_rest: self.at_rest,
             is_fresh: self.at_rest && !loaded && gap <= TOUCHING * size,
-            is_kept: self.at_rest && loaded && self.kept[candidate.key.tool as usize],
+            is_kept: self.is_frozen || self.at_rest && loaded && self.kept[candidate.key.tool as usize],
         };
         // At the start of the iterations the tool has moved and the bodies have not: the surface is extrapolated as a
         // plane, because the contact point may lie beyond the middle of a thin tool. For a plane, this is exact.

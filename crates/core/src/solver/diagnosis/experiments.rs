@@ -1,0 +1,197 @@
+//! Experiments with a failed step on the last equilibrium: the step is attempted once more with changed equations, one
+//! change at a time. The changes with which it converges show where the cause lies.
+
+use serde::{Deserialize, Serialize};
+
+use crate::material::Viscous;
+use crate::model::Tool;
+use crate::step::{Experiment, Step};
+
+use super::Kind;
+use super::evidence::points_that_flow;
+use crate::solver::attempt::{Effort, FailedAttempt, Outcome, Slump};
+use crate::solver::observer::{Observer, Silent};
+use crate::solver::stepper::Stepper;
+
+/// Evaluations that experiments may cost: this many, and this share of those of the run.
+const EVALUATIONS: usize = 200;
+const SHARE: usize = 10;
+
+/// The outcome of an experiment.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Finding {
+    /// The change of the equations.
+    pub experiment: Experiment,
+    /// True if the step converges with this change.
+    pub converges: bool,
+}
+
+impl Experiment {
+    /// The change in words.
+    pub fn words(self) -> &'static str {
+        match self {
+            Experiment::ElasticMaterials => "elastic materials",
+            Experiment::FrozenContact => "frozen contact",
+            Experiment::FrozenFriction => "frozen friction",
+            Experiment::StrongerStabilisation => "ten times the stabilisation",
+            Experiment::HalfStep => "half its size",
+        }
+    }
+}
+
+impl<const D: usize, const N: usize> Stepper<'_, D, N> {
+    /// Attempts a failed step with all changes that apply to the model, until they have cost too much or the run is
+    /// interrupted. Nothing is committed, and the trial state stays that of the failed attempt.
+    pub(in crate::solver) fn experiments(
+        &mut self,
+        failed: &FailedAttempt<D>,
+        observer: &dyn Observer<D>,
+    ) -> Vec<Finding> {
+        let reduction = self.points.reduction();
+        if !reduction.any(failed.error.is_about_iterations() || failed.error.is_retryable()) {
+            return Vec::new();
+        }
+        let before = self.reached.summary.evaluations;
+        let trial = self.points.trial.clone();
+        let mut findings = Vec::new();
+        for experiment in self.possible_experiments() {
+            let cost = self.reached.summary.evaluations - before;
+            let is_interrupted = self.points.reduction().any(observer.interrupted());
+            if is_interrupted || cost > EVALUATIONS + before / SHARE {
+                break;
+            }
+            let Step { start, end, .. } = failed.step;
+            let end = if experiment == Experiment::HalfStep { 0.5 * (start + end) } else { end };
+            let step = Step { end, ..failed.step };
+            let outcome = self.attempt(step, Slump::Forbidden, Effort::Experiment(experiment), &mut Silent);
+            let converges = matches!(outcome, Ok(Outcome::Equilibrium(..)));
+            findings.push(Finding { experiment, converges });
+        }
+        self.points.trial = trial;
+        findings
+    }
+
+    /// The experiments that change anything in this model.
+    fn possible_experiments(&self) -> Vec<Experiment> {
+        let (model, points) = (self.model, &*self.points);
+        let may_be_elastic = model.materials.iter().any(|of| Viscous::elastic(of.law.as_ref()).is_some());
+        let mut possible = Vec::new();
+        if may_be_elastic && points.reduction().any(points_that_flow(model, points) > 0) {
+            possible.push(Experiment::ElasticMaterials);
+        }
+        if !model.tools.is_empty() {
+            possible.push(Experiment::FrozenContact);
+        }
+        if model.tools.iter().any(Tool::resists_sliding) {
+            possible.push(Experiment::FrozenFriction);
+        }
+        possible.extend([Experiment::StrongerStabilisation, Experiment::HalfStep]);
+        possible
+    }
+}
+
+/// What the experiments show, as a sentence; `None` without experiments.
+pub(super) fn evidence(findings: &[Finding]) -> Option<String> {
+    let listed = |converges: bool, last: &str| {
+        let of = findings.iter().filter(|finding| finding.converges == converges);
+        let words: Vec<&str> = of.map(|finding| finding.experiment.words()).collect();
+        let (end, before) = words.split_last()?;
+        Some(if before.is_empty() {
+            (*end).to_owned()
+        } else {
+            format!("{} {last} {end}", before.join(", "))
+        })
+    };
+    Some(match (listed(true, "and with"), listed(false, "or")) {
+        (Some(with), Some(without)) => format!("this step converges with {with}, but not with {without}"),
+        (Some(with), None) => format!("this step converges with {with}"),
+        (None, Some(without)) => format!("this step does not converge with {without} either"),
+        (None, None) => return None,
+    })
+}
+
+/// The kind of a failure after experiments: a kind that says little is replaced by the one change that lets the step
+/// converge, and a kind that an experiment refutes gives way to the one that it shows.
+pub(super) fn judged(kind: Kind, findings: &[Finding]) -> Kind {
+    let converges = |experiment| findings.iter().any(|of| of.experiment == experiment && of.converges);
+    let fails = |experiment| findings.iter().any(|of| of.experiment == experiment && !of.converges);
+    let is_refuted = match kind {
+        Kind::SmallCutCell | Kind::Hourglass => fails(Experiment::StrongerStabilisation),
+        Kind::PlasticCollapse | Kind::Instability | Kind::Locking => fails(Experiment::ElasticMaterials),
+        Kind::Setting | Kind::LargeSteps | Kind::Unknown => true,
+        _ => false,
+    };
+    if !is_refuted {
+        return kind;
+    }
+    if converges(Experiment::ElasticMaterials) {
+        match kind {
+            Kind::LargeSteps => kind,
+            _ => Kind::Flow,
+        }
+    } else if converges(Experiment::FrozenFriction) {
+        Kind::Friction
+    } else if converges(Experiment::FrozenContact) {
+        Kind::Contact
+    } else if converges(Experiment::StrongerStabilisation) && kind != Kind::LargeSteps {
+        Kind::SmallCutCell
+    } else {
+        kind
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use Experiment::*;
+
+    fn findings(converge: &[Experiment], fail: &[Experiment]) -> Vec<Finding> {
+        let of = |converges: bool| move |experiment: &Experiment| Finding { experiment: *experiment, converges };
+        converge.iter().map(of(true)).chain(fail.iter().map(of(false))).collect()
+    }
+
+    #[test]
+    fn a_kind_that_says_little_is_replaced_by_what_experiments_show() {
+        let all = [ElasticMaterials, FrozenFriction, FrozenContact, StrongerStabilisation, HalfStep];
+        let shown = [
+            (&all[..1], Kind::Flow),
+            (&all[1..2], Kind::Friction),
+            (&all[1..3], Kind::Friction),
+            (&all[2..3], Kind::Contact),
+            (&all[3..4], Kind::SmallCutCell),
+            (&all[4..], Kind::Unknown),
+        ];
+        for (converge, expected) in shown {
+            let fail: Vec<_> = all.iter().copied().filter(|of| !converge.contains(of)).collect();
+            assert_eq!(judged(Kind::Unknown, &findings(converge, &fail)), expected, "{converge:?}");
+        }
+        assert_eq!(judged(Kind::Setting, &findings(&[], &all)), Kind::Setting);
+        assert_eq!(judged(Kind::Unknown, &[]), Kind::Unknown);
+        assert_eq!(judged(Kind::LargeSteps, &findings(&[ElasticMaterials, HalfStep], &[])), Kind::LargeSteps);
+    }
+
+    #[test]
+    fn a_kind_stands_unless_an_experiment_refutes_it() {
+        let elastic = findings(&[ElasticMaterials], &[FrozenContact, StrongerStabilisation]);
+        assert_eq!(judged(Kind::PlasticCollapse, &elastic), Kind::PlasticCollapse);
+        assert_eq!(judged(Kind::SmallCutCell, &elastic), Kind::Flow, "more stabilisation did not help");
+        assert_eq!(judged(Kind::RigidBodyMode, &elastic), Kind::RigidBodyMode);
+        let contact = findings(&[FrozenContact], &[ElasticMaterials, StrongerStabilisation]);
+        assert_eq!(judged(Kind::PlasticCollapse, &contact), Kind::Contact, "also without flow, the step fails");
+        let ghost = findings(&[StrongerStabilisation], &[]);
+        assert_eq!(judged(Kind::SmallCutCell, &ghost), Kind::SmallCutCell);
+    }
+
+    #[test]
+    fn the_evidence_is_a_sentence() {
+        assert_eq!(evidence(&[]), None);
+        let text = |converge: &[Experiment], fail: &[Experiment]| evidence(&findings(converge, fail)).unwrap();
+        assert_eq!(
+            text(&[ElasticMaterials, FrozenContact], &[FrozenFriction, StrongerStabilisation, HalfStep]),
+            "this step converges with elastic materials and with frozen contact, but not with frozen friction, ten times \
+             the stabilisation or half its size"
+        );
+        assert_eq!(text(&[HalfStep], &[]), "this step converges with half its size");
+        assert_eq!(text(&[], &[HalfStep]), "this step does not converge with half its size either");
+    }
+}
