@@ -322,7 +322,7 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
         evaluation::add(&self.tools, &pairs, wanted, sum);
         self.factor = at.factor;
         let is_first = self.reduction.is_root();
-        evaluation::add_loads(model, &self.tools, (step.step.end, at.factor), at.globals, is_first, sum);
+        evaluation::add_loads(model, &self.tools, step.step.end, at, is_first, sum);
         Ok(())
     }
 

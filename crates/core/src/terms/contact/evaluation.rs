@@ -9,6 +9,7 @@ use crate::assembly::{System, Wanted};
 use crate::model::Model;
 use crate::points::PIECE;
 use crate::region::vector::{along, cross, dot, minus, norm, unit};
+use crate::step::At;
 use crate::terms::failure::ContactError;
 
 /// Differences up to this are round-off: of normals, [-], and of gaps relative to coordinates.
@@ -276,13 +277,13 @@ impl<const D: usize> Balance<'_, D> {
 }
 
 /// Adds the loads on free tools to their equilibrium, and the equations for tools that follow the load factor.
-/// `globals` are the increments of the global unknowns. With several ranks, only the first rank adds these loads and
-/// equations.
+/// `end` is the end of the step, and `globals` are the increments of the global unknowns of the tools. With several
+/// ranks, only the first rank adds these loads and equations.
 pub(super) fn add_loads<const D: usize, const N: usize>(
     model: &Model<D>,
     moving: &[Moving<D>],
-    (time, factor): (f64, f64),
-    globals: &[f64],
+    end: f64,
+    At { factor, globals, .. }: At<N>,
     is_first: bool,
     sum: &mut System<N>,
 ) {
@@ -300,13 +301,13 @@ pub(super) fn add_loads<const D: usize, const N: usize>(
                 continue;
             }
             if follows {
-                let [by, per_factor, size] = moving.driven(tool, k, stepping, [time, factor]);
+                let [by, per_factor, size] = moving.driven(tool, k, stepping, [end, factor]);
                 let increment = globals.get(number).copied().unwrap_or(0.0);
                 sum.border.add_residual(number, increment - by, size.max(increment.abs()));
                 sum.border.add_to_corner(number, number, 1.0);
                 sum.border.add_per_factor(number, -per_factor);
             } else {
-                let load = component(k, tool.load_at(|curve| curve.factor_of_tool(stepping, time, factor)));
+                let load = component(k, tool.load_at(|curve| curve.factor_of_tool(stepping, end, factor)));
                 let per_factor = component(k, tool.load_at(|curve| curve.factor_per_unknown(stepping)));
                 sum.border.add_residual(number, -load, load.abs());
                 sum.border.add_per_factor(number, -per_factor);

@@ -288,14 +288,15 @@ pub(super) struct Followed<const D: usize> {
     pub(super) change: Option<Change<D>>,
 }
 
-/// A contact point at the linearised end of an increment of the nodes and of the unknown motions of its tool; `None` if
-/// the contact point changes its state on the way.
+/// A contact point at the linearised end of an increment of the nodes, `delta`, and of the unknown motions of its tool,
+/// `motions`; `None` if the contact point changes its state on the way.
 pub(super) fn followed<const D: usize, const N: usize>(
     candidate: &Candidate<D>,
     multiplier: &Multiplier<D>,
     trial: &Trial<D>,
     moving: &Moving<D>,
-    (delta, motions): (&[[f64; N]], &[f64]),
+    delta: &[[f64; N]],
+    motions: &[f64],
 ) -> Option<Followed<D>> {
     let u = candidate.displacement(delta);
     let (mut relative, mut slipping) = (u, u);

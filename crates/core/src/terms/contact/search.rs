@@ -225,7 +225,7 @@ impl<const D: usize> Search<'_, D> {
         let x = moving.start.to_tool(&place.start);
         let faces = tool.shape.faces_near(&x, NEAR_EDGE * point.size);
         if faces.len() < 2 {
-            self.add_place(point, place, (near, None), found)?;
+            self.add_place(point, place, near, None, found)?;
             return Ok(true);
         }
         let depth = (-near.gap).max(0.0);
@@ -233,7 +233,7 @@ impl<const D: usize> Search<'_, D> {
         let close: Vec<Face<D>> = faces.iter().filter(within).copied().collect();
         let several = facing_each_other(&close, depth);
         for (number, face) in several.iter().enumerate() {
-            self.add_place(point, place, (moving.start.in_space(face), Some(number)), found)?;
+            self.add_place(point, place, moving.start.in_space(face), Some(number), found)?;
         }
         if !several.is_empty() {
             return Ok(true);
@@ -267,7 +267,7 @@ impl<const D: usize> Search<'_, D> {
             let next = if is_box { towards(&near.normal) } else { next };
             towards(&face.normal) > next + BETTER && is_shallow(face) && is_shallow(&near)
         };
-        let chosen = match best.filter(is_preferred) {
+        let (chosen, face) = match best.filter(is_preferred) {
             // The side does not face the closest face, and lies beside the one that it faces.
             Some((_, beside)) if beside > on_face * point.size => {
                 if towards(&near.normal) < ASIDE {
@@ -278,7 +278,7 @@ impl<const D: usize> Search<'_, D> {
             Some((face, _)) => (face, Some(0)),
             None => (near, None),
         };
-        self.add_place(point, place, chosen, found)?;
+        self.add_place(point, place, chosen, face, found)?;
         Ok(true)
     }
 
@@ -288,12 +288,14 @@ impl<const D: usize> Search<'_, D> {
         Key { tool: point.tool as u32, point: self.points.id[point.p], corner }
     }
 
-    /// Adds a contact point if the tool may reach it.
+    /// Adds a contact point if the tool may reach it; `near` is the place on the tool that it faces, and `face` the
+    /// number of the face there, if there are several.
     fn add_place(
         &self,
         point: &NearPoint<D>,
         place: &ContactCorner<D>,
-        (near, face): (Closest<D>, Option<usize>),
+        near: Closest<D>,
+        face: Option<usize>,
         found: &mut Found<D>,
     ) -> Result<(), ContactError> {
         let Search { model, points, .. } = *self;
