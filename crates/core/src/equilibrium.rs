@@ -5,5 +5,5 @@ mod initial_state;
 mod report;
 
 pub use balance::{AppliedForces, Energy, ReactionMoment, moment_error, reaction_moments};
-pub use initial_state::InitialState;
+pub use initial_state::{InitialState, UnbalancedNode};
 pub use report::{FurtherReaction, GridFields, NodalField, StepReport, named_reactions, reactions_of};

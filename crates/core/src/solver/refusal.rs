@@ -11,7 +11,7 @@ use super::collective::{agree, value_of_first_to_know};
 use super::diagnosis::evidence::points_that_flow;
 use super::diagnosis::{Diagnosis, Kind};
 use super::error::SolveError;
-use super::observer::Observer;
+use super::observer::{Cause, Observer};
 use super::progress::Reached;
 use super::stepper::Stepper;
 use super::stepping::pace::Failure;
@@ -97,11 +97,11 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         }
         let cause = self.cause.take().filter(|_| was_last_resort);
         let ended = match (&cause, &diagnosis) {
-            (Some((cause, diagnosis)), _) => Some((cause, diagnosis)),
-            (None, Some(diagnosis)) => Some((&failed, diagnosis)),
+            (Some((attempt, diagnosis)), _) => Some(Cause { attempt, diagnosis }),
+            (None, Some(diagnosis)) => Some(Cause { attempt: &failed, diagnosis }),
             (None, None) => None,
         };
-        self.reached.summary.diagnosis = ended.map(|(_, diagnosis)| diagnosis.clone());
+        self.reached.summary.diagnosis = ended.map(|cause| cause.diagnosis.clone());
         // The run has failed already, on all ranks.
         let observe = || observer.failed(model, points, &failed, ended);
         let _ = self.reached.summary.timings.measure(Phase::Output, observe);
