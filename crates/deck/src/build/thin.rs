@@ -58,7 +58,8 @@ where
         grid: &dyn Grid<D>,
         regions: &Regions<D>,
         points: &Points<D>,
-        (conditions, surfaces): (&[BoundaryCondition<D>], &[Surface<D>]),
+        conditions: &[BoundaryCondition<D>],
+        surfaces: &[Surface<D>],
     ) {
         let held = Held::new(conditions, surfaces);
         let mut of_body: Vec<Vec<usize>> = vec![Vec::new(); self.deck.bodies.len()];
