@@ -277,14 +277,14 @@ impl<const D: usize> Balance<'_, D> {
 }
 
 /// Adds the loads on free tools to their equilibrium, and the equations for tools that follow the load factor.
-/// `end` is the end of the step, and `globals` are the increments of the global unknowns of the tools. With several
-/// ranks, only the first rank adds these loads and equations.
+/// `end` is the end of the step, and `globals` are the increments of the global unknowns of the tools. `counts` is true
+/// where the equations of global unknowns count; these loads and equations are added only there.
 pub(super) fn add_loads<const D: usize, const N: usize>(
     model: &Model<D>,
     moving: &[Moving<D>],
     end: f64,
     At { factor, globals, .. }: At<N>,
-    is_first: bool,
+    counts: bool,
     sum: &mut System<N>,
 ) {
     let stepping = &model.stepping;
@@ -296,7 +296,7 @@ pub(super) fn add_loads<const D: usize, const N: usize>(
             if !follows {
                 sum.border.count_as_work(number);
             }
-            if !is_first {
+            if !counts {
                 number += 1;
                 continue;
             }
