@@ -15,7 +15,7 @@ use mpm::output::status::{Progress, StatusFile};
 use mpm::output::summary::Wording;
 use mpm::points::Points;
 use mpm::solver::{
-    Change, Diagnosis, FailedAttempt, Observer, Reached, Solvable, SolveError, Step, StepReport, Summary,
+    Cause, Change, FailedAttempt, Observer, Reached, Solvable, SolveError, Step, StepReport, Summary,
     change_model, run_with_changes,
 };
 use serde_json::{Map, Value, json};
@@ -273,7 +273,7 @@ where
         model: &Model<D>,
         points: &Points<D>,
         attempt: &FailedAttempt<D>,
-        ended: Option<(&FailedAttempt<D>, &Diagnosis)>,
+        ended: Option<Cause<D>>,
     ) -> io::Result<()> {
         let worker = &mut *self.0.borrow_mut().worker;
         worker.record.failed(model, points, attempt, ended)?;

@@ -102,10 +102,10 @@ fn the_node_farthest_from_equilibrium_is_named() {
     let (place, force) = forces.iter().max_by(|a, b| size(&a.1).total_cmp(&size(&b.1))).unwrap();
     let next = forces.iter().filter(|f| f.0 != *place).map(|f| size(&f.1)).fold(0.0, f64::max);
     assert!(next < 0.999 * size(force), "the case does not tell the nodes apart");
-    let (named, there) = worst.unwrap();
-    assert_eq!(named, place);
+    let worst = worst.unwrap();
+    assert_eq!(worst.position, place);
     for d in 0..2 {
-        assert!((there[d] - force[d]).abs() < 1e-6 * size(force), "{there:?} instead of {force:?}");
+        assert!((worst.force[d] - force[d]).abs() < 1e-6 * size(force), "{worst:?} instead of {force:?}");
     }
     assert!(message.contains(&format!("node ({:.6}, {:.6})", place[0], place[1])), "{message}");
 }

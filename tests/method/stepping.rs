@@ -10,7 +10,8 @@ use mpm::deck::load::{load, load_text};
 use mpm::model::{Control, Controlled, Model, Predictor, StabilisationMode, StiffnessUpdate};
 use mpm::points::Points;
 use mpm::solver::{
-    self, Diagnosis, FailedAttempt, Kind, Observer, Reached, Silent, SolveError, Step, StepReport, Stepper,
+    self, Cause, Diagnosis, FailedAttempt, Kind, Observer, Reached, Silent, SolveError, Step, StepReport,
+    Stepper,
 };
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
@@ -81,10 +82,10 @@ impl Observer<2> for Recorder {
         _: &Model<2>,
         _: &Points<2>,
         attempt: &FailedAttempt<2>,
-        ended: Option<(&FailedAttempt<2>, &Diagnosis)>,
+        ended: Option<Cause<2>>,
     ) -> std::io::Result<()> {
         self.failed.push((attempt.step, attempt.error.code().unwrap_or_default()));
-        self.diagnosis = ended.map(|(_, diagnosis)| diagnosis.clone());
+        self.diagnosis = ended.map(|cause| cause.diagnosis.clone());
         Ok(())
     }
 

@@ -47,6 +47,14 @@ enum Bound {
     Tied(u32),
 }
 
+/// A condition that repeats what an earlier one prescribes for a component of an active node.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Repeated {
+    node: u32,
+    component: u8,
+    condition: u16,
+}
+
 /// A component that is a combination of others, none of which is tied: u = Σ weight · u(node, component) + constant.
 #[derive(Debug, Clone, PartialEq)]
 struct Tie {
@@ -62,8 +70,8 @@ pub struct DofMap<const N: usize> {
     numbering: Numbering<N>,
     /// The components that are not unknowns, in order.
     bound: Vec<Bound>,
-    /// Conditions that repeat the prescribed motion of a component: active node, component and condition, ascending.
-    shared: Vec<(u32, u8, u16)>,
+    /// Conditions that repeat the prescribed motion of a component, ascending.
+    repeated: Vec<Repeated>,
     /// The nodes whose unknowns are not along the axes, ascending.
     turned: Vec<Turned<N>>,
     ties: Vec<Tie>,
@@ -93,7 +101,7 @@ impl<const N: usize> DofMap<N> {
         DofMap {
             numbering,
             bound: Vec::new(),
-            shared: Vec::new(),
+            repeated: Vec::new(),
             turned: Vec::new(),
             ties: Vec::new(),
             further: Vec::new(),
@@ -343,7 +351,7 @@ impl<const N: usize> DofMap<N> {
     /// free or tied. All of them prescribe the same motion.
     pub fn conditions(&self, node: usize, component: usize) -> Vec<usize> {
         let first = self.prescribed(node, component).map(|(_, condition)| condition);
-        let others = conditions_at(&self.shared, node as u32, component as u8).map(usize::from);
+        let others = conditions_at(&self.repeated, node as u32, component as u8).map(usize::from);
         first.into_iter().chain(others).collect()
     }
 
@@ -393,12 +401,11 @@ impl<const N: usize> DofMap<N> {
 
 /// The conditions that repeat what an earlier one prescribes for a component, from the sorted list of all such
 /// conditions.
-fn conditions_at(shared: &[(u32, u8, u16)], node: u32, component: u8) -> impl Iterator<Item = u16> + '_ {
-    let begin = shared.partition_point(|(n, c, _)| (*n, *c) < (node, component));
-    shared[begin..]
-        .iter()
-        .take_while(move |(n, c, _)| (*n, *c) == (node, component))
-        .map(|(_, _, condition)| *condition)
+fn conditions_at(all: &[Repeated], node: u32, component: u8) -> impl Iterator<Item = u16> + '_ {
+    let at = |repeated: &Repeated| (repeated.node, repeated.component);
+    let begin = all.partition_point(|repeated| at(repeated) < (node, component));
+    let here = all[begin..].iter().take_while(move |repeated| at(repeated) == (node, component));
+    here.map(|repeated| repeated.condition)
 }
 
 /// The remainder `rest` of a sum whose terms are of magnitude `size`, or 0 if it is round-off.

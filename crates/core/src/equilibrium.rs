@@ -4,6 +4,6 @@ mod balance;
 mod initial_state;
 mod report;
 
-pub use balance::{Energy, ReactionMoment, moment_error, reaction_moments};
-pub use initial_state::InitialState;
+pub use balance::{AppliedForces, Energy, ReactionMoment, moment_error, reaction_moments};
+pub use initial_state::{InitialState, UnbalancedNode};
 pub use report::{FurtherReaction, GridFields, NodalField, StepReport, named_reactions, reactions_of};

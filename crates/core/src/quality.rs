@@ -28,7 +28,7 @@ use std::fmt;
 use cohesion::Cohesion;
 pub use gaps::{Gap, gaps};
 use holding::Held;
-pub use measure::{BodyMeasures, Measures, PointValue, newton_order};
+pub use measure::{BodyMeasures, CellValue, Measures, PointValue, newton_order};
 pub use motion::Objection;
 use motion::rotation_of_turn;
 use overlap::domain_overlap;
@@ -126,7 +126,7 @@ impl StepMeasures {
             partition_of_unity_loss: largest(|body| body.partition_of_unity_loss),
             domain_outside_grid: largest(|body| body.outside),
             domain_volume_excess: if points > 0.0 { domains / points - 1.0 } else { 0.0 },
-            smallest_cell_filling: measures.smallest_filling.map_or(0.0, |(value, _)| value),
+            smallest_cell_filling: measures.smallest_filling.map_or(0.0, |filling| filling.value),
             det_f: bodies.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], body| {
                 [low.min(body.det_f[0]), high.max(body.det_f[1])]
             }),
@@ -250,7 +250,7 @@ impl Quality {
             self.det_f = Some([low.min(body.det_f[0]), high.max(body.det_f[1])]);
             warn(model, step, number, body, &mut self.raised, &mut warnings);
         }
-        if let Some((value, cell)) = measures.smallest_filling
+        if let Some(CellValue { value, cell }) = measures.smallest_filling
             && self.smallest_cell_filling.is_none_or(|kept| value < kept.value)
         {
             self.smallest_cell_filling = Some(Filling { value, step, cell });

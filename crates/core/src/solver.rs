@@ -64,14 +64,14 @@ use crate::points::Points;
 use crate::stress::{Axisymmetric, PlaneStrain, Solid};
 
 pub use crate::equilibrium::{
-    FurtherReaction, GridFields, InitialState, NodalField, ReactionMoment, StepReport,
+    FurtherReaction, GridFields, InitialState, NodalField, ReactionMoment, StepReport, UnbalancedNode,
 };
 pub use crate::step::{Experiment, Step};
 pub use attempt::{FailedAttempt, Iterate};
 pub use change::change_model;
 pub use diagnosis::{Circumstances, Diagnosis, Finding, Kind, Loss};
-pub use error::{CODES, Obstacle, RemoteError, SolveError};
-pub use observer::{Observer, Silent};
+pub use error::{CODES, Obstacle, RemoteError, SolveError, UndeterminedNode};
+pub use observer::{Cause, Observer, Silent};
 pub use placing::{Placed, added_points};
 pub use progress::{Progress, Reached, StageReached};
 pub use stages::{

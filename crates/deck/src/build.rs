@@ -229,10 +229,10 @@ where
         let bodies = self.bodies();
         let mut points = self.points(grid.as_ref(), &regions, &bodies, &mut laws);
         let surfaces = self.surfaces(grid.as_ref(), &regions, &points);
-        self.formed_surfaces(grid.as_ref(), &regions, &points, (&bodies, &surfaces));
+        self.formed_surfaces(grid.as_ref(), &regions, &points, &bodies, &surfaces);
         let tools = self.tools(grid.as_ref());
         let boundary_conditions = self.boundary_conditions(grid.as_ref(), &points);
-        self.thin_bodies(grid.as_ref(), &regions, &points, (&boundary_conditions, &surfaces));
+        self.thin_bodies(grid.as_ref(), &regions, &points, &boundary_conditions, &surfaces);
         let loads = self.loads(grid.as_ref(), &points);
         if self.is_revolved() {
             self.found.extend(axisymmetry::faults(self.loaded, grid.as_ref()));

@@ -30,7 +30,7 @@ use std::collections::HashMap;
 
 use super::diagnostic::{Diagnostic, Gate, Severity, assign};
 use super::quoting::{counted, quote};
-use super::references::unknown_reference;
+use super::references::{Noun, unknown_reference};
 use super::source::Source;
 use super::{BodyDeck, CellStrain, Deck, Method, OutputDeck};
 
@@ -59,6 +59,17 @@ pub(super) fn suspicions(deck: &Deck, source: &Source) -> Vec<Diagnostic> {
     check.suspicions();
     assign(Gate::Meaning, &mut check.found);
     check.found
+}
+
+/// A key of a body that needs the domains of one method.
+struct DomainKey {
+    key: &'static str,
+    /// The method.
+    method: &'static str,
+    /// What its domains are, as a clause of a message.
+    domains: &'static str,
+    /// What points of other methods lack, as a clause of a message.
+    lacks: &'static str,
 }
 
 /// A check in progress.
@@ -142,13 +153,13 @@ impl Check<'_> {
         let body = self.deck.bodies.iter().find(|body| body.name == name);
         if body.is_none() {
             let names = self.deck.bodies.iter().map(|body| body.name.as_str()).collect();
-            self.unknown_reference(pointer, "body", "bodies", name, names);
+            self.unknown_reference(pointer, Noun::new("body", "bodies"), name, names);
         }
         body
     }
 
-    fn unknown_reference(&mut self, pointer: &str, one: &str, several: &str, name: &str, names: Vec<&str>) {
-        self.found.push(unknown_reference(self.source, pointer, (one, several), name, names));
+    fn unknown_reference(&mut self, pointer: &str, kind: Noun, name: &str, names: Vec<&str>) {
+        self.found.push(unknown_reference(self.source, pointer, kind, name, names));
     }
 
     fn bodies(&mut self, grid: Option<&extent::GridBox>) {
@@ -161,8 +172,7 @@ impl Check<'_> {
                 let names = deck.materials.keys().map(String::as_str).collect();
                 self.unknown_reference(
                     &format!("{pointer}/material"),
-                    "material",
-                    "materials",
+                    Noun::new("material", "materials"),
                     &body.material,
                     names,
                 );
@@ -189,29 +199,32 @@ impl Check<'_> {
         }
         let word =
             serde_json::to_value(update).ok().and_then(|word| word.as_str().map(quote)).unwrap_or_default();
-        let wanted = ("gimp", "whose points have a box for a domain");
-        let lacks = "have no box to update";
         let what = format!("the domain update {word}");
-        self.needs_domains(pointer, body, &what, ("domain_update", wanted, lacks));
+        let key = DomainKey {
+            key: "domain_update",
+            method: "gimp",
+            domains: "whose points have a box for a domain",
+            lacks: "have no box to update",
+        };
+        self.needs_domains(pointer, body, &what, key);
     }
 
     /// Only domains whose corners move with the grid can be split.
     fn split_above(&mut self, pointer: &str, body: &BodyDeck) {
         if body.split_above.is_some() && body.method != Method::Cpdi2 {
-            let wanted = ("cpdi2", "whose domains stretch with the grid");
-            let lacks = "are never split";
-            self.needs_domains(pointer, body, "`split_above`", ("split_above", wanted, lacks));
+            let key = DomainKey {
+                key: "split_above",
+                method: "cpdi2",
+                domains: "whose domains stretch with the grid",
+                lacks: "are never split",
+            };
+            self.needs_domains(pointer, body, "`split_above`", key);
         }
     }
 
     /// Reports a key that needs the domains of another method.
-    fn needs_domains(
-        &mut self,
-        pointer: &str,
-        body: &BodyDeck,
-        what: &str,
-        (key, (wanted, domains), lacks): (&str, (&str, &str), &str),
-    ) {
+    fn needs_domains(&mut self, pointer: &str, body: &BodyDeck, what: &str, needs: DomainKey) {
+        let DomainKey { key, method: wanted, domains, lacks } = needs;
         let method = body.method.name();
         let at = format!("{pointer}/{key}");
         let diagnostic = if self.source.is_from_parameter(&at) {

@@ -12,6 +12,17 @@ pub(crate) use ranks::gathered;
 
 use super::source::{Source, Span};
 
+/// A part of the text of a scalar.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Excerpt<'a> {
+    /// The whole text.
+    pub text: &'a str,
+    /// Byte at which the part begins.
+    pub offset: usize,
+    /// Length of the part, in bytes.
+    pub length: usize,
+}
+
 /// How serious a message is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Severity {
@@ -207,14 +218,15 @@ impl Diagnostic {
         diagnostic
     }
 
-    /// Like [`Diagnostic::at`], but located at a part of a scalar: `length` bytes from byte `offset`.
+    /// Like [`Diagnostic::at`], but located at a part of a scalar.
     pub fn inside(
         source: &Source,
         code: &'static str,
         pointer: &str,
-        (text, offset, length): (&str, usize, usize),
+        part: Excerpt,
         message: impl Into<String>,
     ) -> Diagnostic {
+        let Excerpt { text, offset, length } = part;
         let mut diagnostic = Diagnostic::at(source, code, pointer, message);
         diagnostic.span = source.span_inside(pointer, text, offset, length).or(diagnostic.span);
         diagnostic

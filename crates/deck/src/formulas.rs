@@ -145,7 +145,7 @@ pub fn at_points<const D: usize>(
     intermediate: &BTreeMap<String, Expression>,
     parameters: &BTreeMap<String, Parameter>,
 ) -> Result<VectorFormula<D>, Vec<Fault>> {
-    at_places::<D, D>(("force", components), intermediate, parameters)
+    at_places::<D, D>("force", components, intermediate, parameters)
 }
 
 /// A formula with `C` components on material points or surfaces, and its intermediate values. `key` is the key of the
@@ -154,7 +154,8 @@ pub fn at_points<const D: usize>(
 /// # Errors
 /// As for [`at_points`].
 pub fn at_places<const D: usize, const C: usize>(
-    (key, components): (&str, &[Expression]),
+    key: &str,
+    components: &[Expression],
     intermediate: &BTreeMap<String, Expression>,
     parameters: &BTreeMap<String, Parameter>,
 ) -> Result<VectorFormula<D, C>, Vec<Fault>> {

@@ -28,12 +28,12 @@ pub(crate) trait Checks {
     fn weight(&mut self, pointer: &str, load: &str, bodies: Option<&[String]>);
     /// Checks that a surface of this name exists.
     fn surface(&mut self, pointer: &str, name: &str);
-    /// Checks the formulas of a load on a surface. `components` holds their key and the formulas: one for each axis, or
-    /// a single one if `is_scalar`.
+    /// Checks the formulas of a load on a surface under this key: one for each axis, or a single one if `is_scalar`.
     fn formulas_at_places(
         &mut self,
         pointer: &str,
-        components: (&str, &[Expression]),
+        key: &str,
+        components: &[Expression],
         is_scalar: bool,
         intermediate: &BTreeMap<String, Expression>,
     );
@@ -62,6 +62,17 @@ pub(crate) enum Ties {
     All,
 }
 
+/// The points of a body nearest to a location, as a load or a probe asks for them.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct NearestPoints<'a> {
+    /// The location, [length].
+    pub place: &'a [f64],
+    /// Number of points.
+    pub count: u32,
+    /// Treatment of points that are equally near.
+    pub ties: Ties,
+}
+
 /// The builder of a model. It reports what it finds at the location in the deck that `pointer` names.
 pub(crate) trait Builds {
     /// The parameters of the deck.
@@ -70,7 +81,6 @@ pub(crate) trait Builds {
     fn faulty_formulas(&mut self, pointer: &str, faults: Vec<Fault>);
     /// Index of a surface.
     fn surface_number(&self, name: &str) -> usize;
-    /// Permanent numbers of the points of a body nearest to a location. `wanted` holds the location, the number of
-    /// points, and the treatment of points that are equally near.
-    fn nearest(&mut self, body: &str, wanted: (&[f64], u32, Ties), pointer: &str) -> Vec<u32>;
+    /// Permanent numbers of the points of a body nearest to a location.
+    fn nearest(&mut self, body: &str, wanted: NearestPoints, pointer: &str) -> Vec<u32>;
 }

@@ -260,7 +260,7 @@ impl<const D: usize, F: Fn(PointSource<D>, Range<usize>, &mut [f64]) + Sync> Com
 
 impl<const D: usize> PointSource<'_, D> {
     fn encode(&self, field: &Field) -> Result<Arc<Encoded>, String> {
-        Encoded::new(field, ("point", self.order.len()), self.precision, self.room).map(Arc::new)
+        Encoded::new(field, "point", self.order.len(), self.precision, self.room).map(Arc::new)
     }
 
     fn float(

@@ -181,7 +181,7 @@ impl Frames {
         let (mut order, mut all) = (take(&mut self.order), take(&mut self.volumes));
         points.order_by_id(&mut order);
         volumes(model, points, &order, &mut all);
-        let frames = self.ordered_point_frames((model, points), (&order, &all), step);
+        let frames = self.ordered_point_frames(model, points, &order, &all, step);
         (self.order, self.volumes) = (order, all);
         frames
     }
@@ -189,8 +189,10 @@ impl Frames {
     /// Like [`Frames::point_frames`], for points in this order, with these J and volumes.
     fn ordered_point_frames<const D: usize>(
         &mut self,
-        (model, points): (&Model<D>, &Points<D>),
-        (order, all): (&[usize], &[[f64; 2]]),
+        model: &Model<D>,
+        points: &Points<D>,
+        order: &[usize],
+        all: &[[f64; 2]],
         step: Step,
     ) -> io::Result<Vec<Frame>> {
         let room = self.room.clone();
@@ -359,7 +361,7 @@ impl Frames {
             vector("reaction", &reactions),
         ];
         let n = positions.len();
-        let encoded = |field: &Field| Encoded::new(field, ("point", n), precision, room).map(Arc::new);
+        let encoded = |field: &Field| Encoded::new(field, "point", n, precision, room).map(Arc::new);
         let fields = fields.iter().map(encoded).collect::<Result<_, String>>()?;
         let positions = Encoded::positions(n, Values::Float64(positions.as_flattened()), precision, room)?;
         let corners: Vec<i64> = (0..n as i64).collect();
@@ -380,8 +382,7 @@ impl Frames {
             Some(last) => last,
             None => Active::new(mesh, precision, room)?,
         };
-        let encode =
-            |field: &Field, n: usize| Encoded::new(field, ("point", n), precision, room).map(Arc::new);
+        let encode = |field: &Field, n: usize| Encoded::new(field, "point", n, precision, room).map(Arc::new);
         let encoded = |OnNodes { name, values }: &OnNodes<D>| match *values {
             NodeValues::Vectors(values) => {
                 let values: Vec<[f64; 3]> = match &shown {

@@ -6,7 +6,7 @@ use serde_json::Value;
 
 use mpm_core::model::Model;
 use mpm_core::points::Points;
-use mpm_core::solver::{Diagnosis, FailedAttempt, Observer, Reached, SolveError, Step, StepReport};
+use mpm_core::solver::{Cause, FailedAttempt, Observer, Reached, SolveError, Step, StepReport};
 
 use super::findings::{Extremes, Findings};
 use super::history::{
@@ -105,7 +105,7 @@ impl<const D: usize> Observer<D> for Record {
         _: &Model<D>,
         _: &Points<D>,
         attempt: &FailedAttempt<D>,
-        _: Option<(&FailedAttempt<D>, &Diagnosis)>,
+        _: Option<Cause<D>>,
     ) -> io::Result<()> {
         self.history.rows.push(row_of_attempt(self.history.columns.len(), attempt));
         Ok(())

@@ -85,6 +85,15 @@ impl Request {
     }
 }
 
+/// The checkpoint at which a run begins again.
+#[derive(Clone, Copy)]
+pub struct Restart<'a> {
+    /// The checkpoint.
+    pub checkpoint: &'a Checkpoint,
+    /// Its step, as numbered in this run.
+    pub step: Step,
+}
+
 /// Writes all results of a run to its directory.
 pub struct Results {
     directory: PathBuf,
@@ -175,16 +184,16 @@ impl Results {
         })
     }
 
-    /// The results of a rank other than the first, for a run that begins at the start or, with `from`, at a checkpoint,
-    /// given with its step as numbered in this run. Touches no file.
+    /// The results of a rank other than the first, for a run that begins at the start or, with `from`, at a checkpoint.
+    /// Touches no file.
     pub fn without_files<const D: usize>(
         directory: &Path,
         asked: &Request,
         model: &Model<D>,
         account: Account,
-        from: Option<(&Checkpoint, Step)>,
+        from: Option<Restart>,
     ) -> Results {
-        let reached = from.map_or(Step { index: 0, start: 0.0, end: 0.0 }, |(_, reached)| reached);
+        let reached = from.map_or(Step { index: 0, start: 0.0, end: 0.0 }, |restart| restart.step);
         Results {
             directory: directory.to_owned(),
             every: asked.every,
@@ -200,7 +209,7 @@ impl Results {
             shown: None,
             failure: None,
             account,
-            findings: from.map(|(checkpoint, _)| checkpoint.head.findings.clone()).unwrap_or_default(),
+            findings: from.map(|restart| restart.checkpoint.head.findings.clone()).unwrap_or_default(),
             all_have_domains: all_have_domains(model),
             last: reached,
             accepted: None,
@@ -254,7 +263,13 @@ impl Results {
             writer: Writer::new(directory, series),
             tables: Some(Tables { history, quality, convergence }),
             _lock: Some(lock),
-            ..Results::without_files(directory, asked, model, account, Some((checkpoint, reached)))
+            ..Results::without_files(
+                directory,
+                asked,
+                model,
+                account,
+                Some(Restart { checkpoint, step: reached }),
+            )
         })
     }
 

@@ -424,7 +424,7 @@ fn initial_state(of: &InitialState) -> Value {
     json!({
         "residual": of.residual,
         "balanced": of.is_balanced,
-        "worst": of.worst.as_ref().map(|(node, force)| json!({"node": node, "force": force})),
+        "worst": of.worst.as_ref().map(|worst| json!({"node": worst.position, "force": worst.force})),
         "strain_energy": of.energy,
     })
 }

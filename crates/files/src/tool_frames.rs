@@ -113,7 +113,7 @@ pub(super) fn surfaces_of_tools<const D: usize>(
     if model.tools.iter().any(|tool| !tool.parts.is_empty()) {
         fields.push(number("named_part", &named));
     }
-    let fields = encoded(&fields, ("cell", n), precision, room)?;
+    let fields = encoded(&fields, "cell", n, precision, room)?;
     let vertices =
         Encoded::positions(positions.len(), Values::Float64(positions.as_flattened()), precision, room)?;
     let cells = Cells::new(positions.len(), &Kinds::Each(&vec![kind; n]), &corners, room)?;
@@ -159,7 +159,7 @@ pub(super) fn contacts_of_tools<const D: usize>(
         scalar("area", &areas),
     ];
     let n = positions.len();
-    let fields = encoded(&fields, ("point", n), precision, room)?;
+    let fields = encoded(&fields, "point", n, precision, room)?;
     let positions = Encoded::positions(n, Values::Float64(positions.as_flattened()), precision, room)?;
     let corners: Vec<i64> = (0..n as i64).collect();
     let cells = Cells::new(n, &Kinds::Each(&vec![CellKind::Vertex; n]), &corners, room)?;
@@ -172,11 +172,12 @@ fn scalar<'a>(name: &'a str, values: &'a [f64]) -> Field<'a> {
 
 fn encoded(
     fields: &[Field],
-    owner: (&'static str, usize),
+    owner: &str,
+    count: usize,
     precision: Precision,
     room: &Room,
 ) -> Result<Vec<Arc<Encoded>>, String> {
-    fields.iter().map(|field| Encoded::new(field, owner, precision, room).map(Arc::new)).collect()
+    fields.iter().map(|field| Encoded::new(field, owner, count, precision, room).map(Arc::new)).collect()
 }
 
 /// The number of a contact state in files: 1 sticking, 2 sliding, 3 parting.

@@ -162,7 +162,7 @@ pub fn file(
     let positions = Values::Float64(mesh.points.as_flattened());
     let positions = Encoded::positions(points, positions, Precision::Double, &room)?;
     let encoded = |fields: &[Field], owner: &str, count: usize| {
-        let encoded = |field| Encoded::new(field, (owner, count), Precision::Double, &room).map(Arc::new);
+        let encoded = |field| Encoded::new(field, owner, count, Precision::Double, &room).map(Arc::new);
         fields.iter().map(encoded).collect::<Result<Vec<_>, String>>()
     };
     let (point_data, cell_data) =
@@ -201,7 +201,7 @@ impl Cells {
         let (offsets, types): (Vec<i64>, Vec<u8>) = (end.collect(), kinds.iter().map(|k| k.code()).collect());
         let encoded = |name: &str, values: Values, count: usize| {
             let field = Field { name, components: 1, component_names: &[], values };
-            Encoded::new(&field, ("cell", count), Precision::Double, room)
+            Encoded::new(&field, "cell", count, Precision::Double, room)
         };
         let count = kinds.len();
         let arrays = [
@@ -225,7 +225,7 @@ impl Encoded {
         room: &Room,
     ) -> Result<Encoded, String> {
         let field = Field { name: "Points", components: 3, component_names: &[], values };
-        Encoded::new(&field, ("point", count), precision, room)
+        Encoded::new(&field, "point", count, precision, room)
     }
 }
 
@@ -277,7 +277,7 @@ impl File {
         }
         let single = |name: &str, values: Values| {
             let field = Field { name, components: 1, component_names: &[], values };
-            let mut array = Encoded::new(&field, ("mesh", 1), Precision::Double, &Room::default())?;
+            let mut array = Encoded::new(&field, "mesh", 1, Precision::Double, &Room::default())?;
             array.attributes += r#" NumberOfTuples="1""#;
             Ok::<_, String>(Line::Array(Arc::new(array)))
         };

@@ -14,7 +14,7 @@ use crate::deck::source::Source;
 use crate::memory::Memory;
 use crate::output::checkpoint::last_step;
 use crate::output::lock::Lock;
-use crate::output::results::Results;
+use crate::output::results::{Restart, Results};
 use crate::output::summary::Start;
 use crate::ranks::Ranks;
 use crate::solver::{Reached, SolveError};
@@ -294,7 +294,8 @@ pub fn run_along(
         };
     let account = loaded.account(Start::now(), Timings::default(), rayon::current_num_threads())?;
     let asked = loaded.deck.request();
-    let from = reached.as_ref().map(|(checkpoint, reached)| (checkpoint.as_ref(), reached.progress.step));
+    let from =
+        reached.as_ref().map(|(checkpoint, reached)| Restart { checkpoint, step: reached.progress.step });
     let results = match &analysis {
         Analysis::Plane(parts) => Results::without_files(directory, &asked, &parts.0, account, from),
         Analysis::Solid(parts) => Results::without_files(directory, &asked, &parts.0, account, from),

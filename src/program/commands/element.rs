@@ -8,7 +8,7 @@ use crate::deck::CellSize;
 use crate::deck::diagnostic::render_all;
 use crate::deck::load::{LoadedDeck, load};
 use crate::deck::quoting::{list, quote};
-use crate::deck::references::known_names;
+use crate::deck::references::{Noun, known_names};
 use crate::element_test::{self, ElementState, ElementTest, ElementTestError, Target};
 use crate::material::{Material, MaterialError};
 use crate::output::element_test::{FIRST_COLUMNS, Prescribed, infinite, read_history, table};
@@ -293,7 +293,7 @@ fn material_name<'a>(loaded: &'a LoadedDeck, wanted: Option<&str>) -> anyhow::Re
         (Some(wanted), _) => match names.iter().find(|name| **name == wanted) {
             Some(found) => Ok(found),
             None => {
-                let help = known_names(("material", "materials"), wanted, &names);
+                let help = known_names(Noun::new("material", "materials"), wanted, &names);
                 bail!("there is no material {}; {help}", quote(wanted))
             }
         },

@@ -16,7 +16,7 @@ use crate::program::screen::closing::Closing;
 use crate::program::screen::log::LogFile;
 use crate::program::screen::quantities::{bytes, duration, rate, significant};
 use crate::solver::{
-    Diagnosis, FailedAttempt, InitialState, Observer, Reached, SolveError, Step, StepReport, Summary,
+    Cause, Diagnosis, FailedAttempt, InitialState, Observer, Reached, SolveError, Step, StepReport, Summary,
 };
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -318,7 +318,7 @@ where
         model: &Model<D>,
         points: &Points<D>,
         attempt: &FailedAttempt<D>,
-        ended: Option<(&FailedAttempt<D>, &Diagnosis)>,
+        ended: Option<Cause<D>>,
     ) -> io::Result<()> {
         let Step { start, end, .. } = attempt.step;
         let part = (end - start) / model.stepping.size();
@@ -330,7 +330,7 @@ where
             None => {
                 self.log(&format!("a step of {} times the requested size is too large", significant(part, 3)))
             }
-            Some((_, diagnosis)) => self.diagnosis(diagnosis),
+            Some(cause) => self.diagnosis(cause.diagnosis),
         }
         self.update_status();
         self.draw();
@@ -387,10 +387,10 @@ where
 fn initial_balance(state: &InitialState) -> String {
     let InitialState { residual, is_balanced, worst, .. } = state;
     match worst {
-        Some((node, _)) if !is_balanced => {
+        Some(worst) if !is_balanced => {
             format!(
                 "initial state: out of balance, residual {residual:.3e}, largest at node {}",
-                coordinates(node)
+                coordinates(&worst.position)
             )
         }
         _ => format!("initial state: in equilibrium, residual {residual:.3e}"),

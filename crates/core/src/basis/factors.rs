@@ -68,11 +68,11 @@ impl Form {
 
 impl<const D: usize> Factors<D> {
     /// Factors from the values and slopes at consecutive nodes along each axis; `None` if there are too many nodes.
-    pub fn new(axes: &[(usize, &[(f64, f64)]); D]) -> Option<Self> {
-        if axes.iter().any(|(_, line)| line.len() > MAX_PER_AXIS) {
+    pub fn new(axes: [&[(f64, f64)]; D]) -> Option<Self> {
+        if axes.iter().any(|entries| entries.len() > MAX_PER_AXIS) {
             return None;
         }
-        Some(Factors(axes.map(|(_, entries)| {
+        Some(Factors(axes.map(|entries| {
             let mut line =
                 AxisFactors { n: entries.len(), value: [0.0; MAX_PER_AXIS], slope: [0.0; MAX_PER_AXIS] };
             for (k, &(value, slope)) in entries.iter().enumerate() {

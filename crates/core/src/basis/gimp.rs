@@ -20,10 +20,9 @@ impl<const D: usize> Basis<D> for Gimp {
         for d in 0..D {
             mean_hats(&lines.axes()[d], point.position[d], point.half_lengths[d], &mut axes[d]);
         }
-        let axes = std::array::from_fn(|d| (axes[d].first, axes[d].entries()));
         tensor_product(lines, &axes, out);
         if D > 2 {
-            out.factors = Factors::new(&axes);
+            out.factors = Factors::new(axes.each_ref().map(AxisSupport::entries));
         }
         Ok(())
     }
@@ -55,31 +54,28 @@ fn parts_in_cells(axis: &Axis, x: f64, half_length: f64) -> Vec<(usize, f64)> {
     if parts.is_empty() { vec![(cell_of(axis.coordinate(x)), 1.0)] } else { parts }
 }
 
-/// Tensor product of one-dimensional supports, each given as `(first node, [(S, dS/dx)])`.
-fn tensor_product<const D: usize>(
-    lines: &Lines<D>,
-    axes: &[(usize, &[(f64, f64)]); D],
-    out: &mut Support<D>,
-) {
+/// Tensor product of the supports along all axes.
+fn tensor_product<const D: usize>(lines: &Lines<D>, axes: &[AxisSupport; D], out: &mut Support<D>) {
     out.clear();
-    for_each_offset(axes.map(|(_, along)| along.len()), |offset| {
+    let along = axes.each_ref().map(AxisSupport::entries);
+    for_each_offset(along.map(<[_]>::len), |offset| {
         let mut value = 1.0;
         let mut gradient = [1.0; D];
         for d in 0..D {
-            let (s, ds) = axes[d].1[offset[d]];
+            let (s, ds) = along[d][offset[d]];
             value *= s;
             for (e, g) in gradient.iter_mut().enumerate() {
                 *g *= if e == d { ds } else { s };
             }
         }
-        let node = lines.node(std::array::from_fn(|d| axes[d].0 + offset[d]));
+        let node = lines.node(std::array::from_fn(|d| axes[d].first + offset[d]));
         out.nodes.push(node as u32);
         out.value.push(value);
         out.gradient.push(gradient);
     });
     // The domain touches the cells between the first and the last node of each axis.
-    for_each_offset(axes.map(|(_, along)| (along.len() - 1).max(1)), |offset| {
-        let cell = std::array::from_fn(|d| (axes[d].0 + offset[d]).min(lines.cells()[d] - 1));
+    for_each_offset(along.map(|entries| (entries.len() - 1).max(1)), |offset| {
+        let cell = std::array::from_fn(|d| (axes[d].first + offset[d]).min(lines.cells()[d] - 1));
         out.cells.push(lines.cell(cell) as u32);
     });
 }
@@ -119,6 +115,7 @@ struct AxisSupport {
 }
 
 impl AxisSupport {
+    /// Value and slope of each function.
     fn entries(&self) -> &[(f64, f64)] {
         if self.n > FEW { &self.many } else { &self.few[..self.n] }
     }

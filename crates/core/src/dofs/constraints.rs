@@ -10,7 +10,7 @@ use crate::points::Points;
 
 use super::fields::{Fields, displacement_along};
 use super::turned::{Along, Turned};
-use super::{Bound, ConstraintError, DofMap, FURTHER, ON_AXIS, Tie, conditions_at};
+use super::{Bound, ConstraintError, DofMap, FURTHER, ON_AXIS, Repeated, Tie, conditions_at};
 
 /// Two prescribed increments agree if they differ by less than this, relative to their size or, for displacements, to
 /// the size of a cell if that is larger.
@@ -40,7 +40,7 @@ enum Dof {
 /// [`condition`](Constraints::condition).
 pub struct Constraints<'a, const N: usize> {
     dofs: Vec<[Dof; N]>,
-    shared: Vec<(u32, u8, u16)>,
+    repeated: Vec<Repeated>,
     along: BTreeMap<u32, Vec<Along<N>>>,
     ties: Vec<Tie>,
     /// Position of an active node, [length].
@@ -82,7 +82,7 @@ impl<'a, const N: usize> Constraints<'a, N> {
         let nodes = links.active_nodes();
         Constraints {
             dofs: vec![[Dof::Free; N]; nodes.len()],
-            shared: Vec::new(),
+            repeated: Vec::new(),
             along: BTreeMap::new(),
             ties: Vec::new(),
             position: Box::new(|node| model.grid.node_position(nodes[node] as usize).to_vec()),
@@ -107,7 +107,7 @@ impl<'a, const N: usize> Constraints<'a, N> {
     pub(super) fn on_nodes(n: usize) -> Self {
         Constraints {
             dofs: vec![[Dof::Free; N]; n],
-            shared: Vec::new(),
+            repeated: Vec::new(),
             along: BTreeMap::new(),
             ties: Vec::new(),
             position: Box::new(|node| vec![node as f64]),
@@ -155,7 +155,7 @@ impl<'a, const N: usize> Constraints<'a, N> {
                 if (held - increment).abs()
                     <= SAME * held.abs().max(increment.abs()).max((self.size)(node, component)) =>
             {
-                self.shared.push((node as u32, component as u8, condition));
+                self.repeated.push(Repeated { node: node as u32, component: component as u8, condition });
             }
             Dof::Bound(Bound::Held { condition: first, increment: held }) => {
                 let unknown = self.fields.unknown(component);
@@ -206,16 +206,16 @@ impl<'a, const N: usize> Constraints<'a, N> {
     #[inline(never)]
     pub fn into_map(mut self) -> Result<DofMap<N>, ConstraintError> {
         self.resolve_ties()?;
-        self.shared.sort_unstable();
+        self.repeated.sort_unstable();
         let turned = self.turn()?;
         self.keep_axis(&turned)?;
-        let Constraints { dofs, shared, ties, further, .. } = self;
+        let Constraints { dofs, repeated, ties, further, .. } = self;
         let numbering = Numbering::new(dofs.len(), |node, component| dofs[node][component] == Dof::Free);
         let bound = dofs.as_flattened().iter().filter_map(|dof| match dof {
             Dof::Free => None,
             Dof::Bound(bound) => Some(*bound),
         });
-        Ok(DofMap { numbering, bound: bound.collect(), shared, turned, ties, further })
+        Ok(DofMap { numbering, bound: bound.collect(), repeated, turned, ties, further })
     }
 
     /// Turns the axes of the nodes with prescribed directions: the unknowns along the directions of such a node are
@@ -229,7 +229,7 @@ impl<'a, const N: usize> Constraints<'a, N> {
                 if let Dof::Bound(Bound::Held { condition, increment }) = *dof {
                     let direction = std::array::from_fn(|c| f64::from(u8::from(c == axis)));
                     motions.push(Along { direction, increment, condition });
-                    let repeated = conditions_at(&self.shared, node, axis as u8);
+                    let repeated = conditions_at(&self.repeated, node, axis as u8);
                     motions.extend(repeated.map(|condition| Along { direction, increment, condition }));
                 } else if matches!(dof, Dof::Bound(Bound::Tied(_))) {
                     return Err(self.tied(
@@ -258,7 +258,8 @@ impl<'a, const N: usize> Constraints<'a, N> {
             }
             turned.push(found);
         }
-        self.shared.retain(|(node, ..)| turned.binary_search_by_key(node, |turned| turned.node).is_err());
+        let is_turned = |node: &u32| turned.binary_search_by_key(node, |turned| turned.node).is_ok();
+        self.repeated.retain(|repeated| !is_turned(&repeated.node));
         Ok(turned)
     }
 

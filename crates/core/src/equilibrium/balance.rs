@@ -41,6 +41,15 @@ pub struct Energy {
     pub further: Vec<NamedEnergy>,
 }
 
+/// The forces on the active nodes from outside the bodies, [force].
+#[derive(Debug, Clone, Copy)]
+pub struct AppliedForces<'a, const N: usize> {
+    /// Loads.
+    pub load: &'a Nodal<N>,
+    /// Reactions of the boundary conditions.
+    pub reaction: &'a Nodal<N>,
+}
+
 impl Energy {
     /// Energy of one part of a slumping step. The out-of-balance forces at its start remain from the previous part and
     /// do not stem from the new grid, so their work counts as damping work.
@@ -94,13 +103,14 @@ impl Energy {
 
     /// Energy of a step that is in equilibrium but not yet committed, over all ranks.
     ///
-    /// `start` and `end` are the external forces (loads and reactions) at the start and end of the step, `f_int_start`
-    /// is the internal force at the start, all [force]; `delta_d` is the displacement increment, [length]; `ledger` is
-    /// the energy of the terms.
+    /// `start` and `end` are the external forces at the start and end of the step, `f_int_start` is the internal force
+    /// at the start, all [force]; `delta_d` is the displacement increment, [length]; `ledger` is the energy of the
+    /// terms.
     pub fn new<const D: usize, const N: usize>(
         reduction: &Reduction,
         delta_d: &[[f64; D]],
-        [start, end]: [(&Nodal<N>, &Nodal<N>); 2],
+        start: AppliedForces<N>,
+        end: AppliedForces<N>,
         f_int_start: &[[f64; N]],
         ledger: &Ledger,
     ) -> Energy {
@@ -117,7 +127,7 @@ impl Energy {
         };
         for (node, du) in delta_d.iter().enumerate().filter(|(node, _)| reduction.counts(*node)) {
             for d in 0..D {
-                let [before, after] = [start, end].map(|(load, reaction)| load[node][d] + reaction[node][d]);
+                let [before, after] = [start, end].map(|force| force.load[node][d] + force.reaction[node][d]);
                 energy.external_work += 0.5 * (before + after) * du[d];
                 energy.regridding_work += 0.5 * (f_int_start[node][d] - before) * du[d];
             }
@@ -154,8 +164,9 @@ pub fn reaction_moments<const D: usize, const N: usize>(
     model: &Model<D>,
     points: &Points<D>,
     links: &Connectivity<D>,
+    dofs: &DofMap<N>,
     delta_d: &[[f64; D]],
-    (reaction, dofs): (&Nodal<N>, &DofMap<N>),
+    reaction: &Nodal<N>,
 ) -> Option<Vec<ReactionMoment<D>>> {
     if model.revolved {
         return None;
@@ -214,7 +225,7 @@ pub fn moment_error<const D: usize, const N: usize>(
     model: &Model<D>,
     links: &Connectivity<D>,
     delta_d: &[[f64; D]],
-    (load, reaction): (&Nodal<N>, &Nodal<N>),
+    forces: AppliedForces<N>,
 ) -> Option<f64> {
     if model.revolved {
         return None;
@@ -229,7 +240,7 @@ pub fn moment_error<const D: usize, const N: usize>(
     for node in own() {
         let arm: [f64; D] = std::array::from_fn(|d| positions[node][d] - middle[d]);
         let length = |v: &[f64]| v[..D].iter().map(|x| x * x).sum::<f64>().sqrt();
-        for force in [&load[node], &reaction[node]] {
+        for force in [&forces.load[node], &forces.reaction[node]] {
             for i in 0..D {
                 for j in i + 1..D {
                     moments[i][j] += arm[i] * force[j] - arm[j] * force[i];

@@ -83,7 +83,7 @@ impl<const D: usize, const N: usize> Backend<D, N> for Krylov<D, N> {
         let mut precondition = |r: &[[f64; N]], z: &mut [[f64; N]]| preconditioner.apply(r, z);
         let mut masked = |x: &[[f64; N]], out: &mut [[f64; N]]| {
             stiffness.multiply(x, out);
-            layout.halo.add(out);
+            over.complete(out);
             mask(out, held);
         };
         let mut rhs = b.to_vec();

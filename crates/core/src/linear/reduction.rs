@@ -7,11 +7,16 @@ use super::LinearError;
 /// Largest number of nodes in a sum that is not divided further.
 pub(super) const TERMS: usize = 1024;
 
-/// Scalar products over the nodes of all ranks.
+/// Sums over the nodes of all ranks.
 #[derive(Clone, Copy)]
 pub(super) struct Reduction<'a>(pub &'a Halo);
 
 impl Reduction<'_> {
+    /// Completes a nodal field with the contributions of all points.
+    pub(super) fn complete<const N: usize>(self, field: &mut [[f64; N]]) {
+        self.0.add(field);
+    }
+
     /// Scalar product of complete fields; the result is the same to the last bit on all ranks.
     pub(super) fn dot<const N: usize>(self, a: &[[f64; N]], b: &[[f64; N]]) -> f64 {
         let Reduction(halo) = self;

@@ -18,6 +18,15 @@ pub struct PointValue {
     pub point: u32,
 }
 
+/// A value and the number of the cell that has it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct CellValue {
+    /// The value.
+    pub value: f64,
+    /// Number of the cell.
+    pub cell: u32,
+}
+
 /// The measures of one body in a step: each is the largest value over the points of the body, or the sum.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BodyMeasures {
@@ -103,9 +112,9 @@ fn keep_largest(kept: &mut Option<PointValue>, found: Option<PointValue>) {
 pub struct Measures {
     /// The measures of each body.
     pub bodies: Vec<BodyMeasures>,
-    /// Smallest ratio of the volume of the points in a cell to the volume of the cell, at the start of the step, [-],
-    /// and the number of the cell. Cells without points do not count.
-    pub smallest_filling: Option<(f64, u32)>,
+    /// Smallest ratio of the volume of the points in a cell to the volume of the cell, at the start of the step, [-].
+    /// Cells without points do not count.
+    pub smallest_filling: Option<CellValue>,
 }
 
 impl Measures {
@@ -154,9 +163,9 @@ impl Measures {
         self.fill(other.smallest_filling);
     }
 
-    fn fill(&mut self, found: Option<(f64, u32)>) {
+    fn fill(&mut self, found: Option<CellValue>) {
         if let Some(found) = found
-            && self.smallest_filling.is_none_or(|kept| found.0 < kept.0)
+            && self.smallest_filling.is_none_or(|kept| found.value < kept.value)
         {
             self.smallest_filling = Some(found);
         }
@@ -172,14 +181,14 @@ impl Measures {
         objections: &[Option<Objection>],
         group: usize,
     ) {
-        let mut filled: Option<(f64, u32)> = None;
+        let mut filled: Option<CellValue> = None;
         for p in links.points_of(group) {
             let cell = points.cell[p];
             match &mut filled {
-                Some((filled, last)) if *last == cell => *filled += points.volume(p),
+                Some(filled) if filled.cell == cell => filled.value += points.volume(p),
                 _ => {
                     self.fill_with(model, filled);
-                    filled = Some((points.volume(p), cell));
+                    filled = Some(CellValue { value: points.volume(p), cell });
                 }
             }
             let number = points.body[p] as usize;
@@ -228,8 +237,11 @@ impl Measures {
     }
 
     /// Records the filling ratio of a cell, given the volume of the material in it, [volume].
-    fn fill_with<const D: usize>(&mut self, model: &Model<D>, filled: Option<(f64, u32)>) {
-        let share = |(filled, cell): (f64, u32)| (filled / volume_of_cell(model, cell as usize), cell);
+    fn fill_with<const D: usize>(&mut self, model: &Model<D>, filled: Option<CellValue>) {
+        let share = |CellValue { value, cell }| CellValue {
+            value: value / volume_of_cell(model, cell as usize),
+            cell,
+        };
         self.fill(filled.map(share));
     }
 }

@@ -93,7 +93,7 @@ fn cells_are_filled_by_the_points_in_them() {
     points.converged.deformation_gradient[2] = Mat3::from_diagonal(&nalgebra::Vector3::new(0.5, 1.0, 1.0));
     let measures = measures(&model, &mut points);
     let cell = model.grid.locate(&[1.5, 0.75], None).unwrap();
-    assert_eq!(measures.smallest_filling, Some((0.25, cell)));
+    assert_eq!(measures.smallest_filling, Some(CellValue { value: 0.25, cell }));
     assert_eq!((model.grid.volume(0), measures.bodies[0].outside), (0.5, None));
 }
 

@@ -28,6 +28,12 @@ impl Reduction {
         self.0.is_own(node)
     }
 
+    /// True if sums of the equations of global unknowns count what is added on this rank, for example a load that all
+    /// ranks know; exactly one rank counts it.
+    pub fn counts_globals(&self) -> bool {
+        self.is_root()
+    }
+
     /// Completes a nodal field: adds the contributions of all points to those of the points of this rank.
     pub fn complete<const N: usize>(&self, field: &mut [[f64; N]]) {
         self.0.add(field);

@@ -3,7 +3,7 @@
 
 use crate::basis::Connectivity;
 use crate::equilibrium::{
-    Energy, GridFields, NodalField, ReactionMoment, StepReport, moment_error, named_reactions,
+    AppliedForces, Energy, GridFields, NodalField, ReactionMoment, StepReport, moment_error, named_reactions,
     reaction_moments, reactions_of,
 };
 use crate::model::{Control, Predictor};
@@ -89,7 +89,7 @@ impl<const D: usize, const N: usize> LastIterate<'_, D, N> {
         let forces = unknowns.forces(&course.out_of_balance, sum.system());
         let reduction = links.reduction();
         let (mut reactions, further_reactions) = named_reactions(model, reduction, &reaction, dofs);
-        let mut moments = reaction_moments(model, points, links, &delta_d, (&reaction, dofs));
+        let mut moments = reaction_moments(model, points, links, dofs, &delta_d, &reaction);
         let TermReport {
             mut loads,
             forces: mut named,
@@ -117,7 +117,12 @@ impl<const D: usize, const N: usize> LastIterate<'_, D, N> {
             loads,
             forces: named,
             energy,
-            moment_error: moment_error(model, links, &delta_d, (f_ext, &reaction)),
+            moment_error: moment_error(
+                model,
+                links,
+                &delta_d,
+                AppliedForces { load: f_ext, reaction: &reaction },
+            ),
             load_factor,
             strength_factor: model.stepping.strength_factor(step.end),
             unknowns: reduction.count_all(dofs.n_free_at(|node| reduction.counts(node))),
@@ -224,7 +229,8 @@ impl<const D: usize, const N: usize> LastIterate<'_, D, N> {
         let energy = Energy::new(
             reduction,
             &displacement::<D, N>(&unknowns.delta_d),
-            [(&f_ext_start, &reaction_start), (f_ext, &reaction)],
+            AppliedForces { load: &f_ext_start, reaction: &reaction_start },
+            AppliedForces { load: f_ext, reaction: &reaction },
             &course.f_int_start,
             &ledger,
         );

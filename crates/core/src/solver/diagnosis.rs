@@ -274,10 +274,10 @@ impl Diagnosis {
         let links = failed.iterate.as_ref().map(|iterate| &iterate.links);
         let at = node.clone().or_else(|| place.map(|place| place.position.clone()));
         let cell_at = |at: &Vec<f64>| emptiest_cell(model, points, links?, at);
-        let around = at.as_ref().and_then(cell_at);
+        let filling = at.as_ref().and_then(cell_at).map(|(_, filling)| filling);
         let flowing =
             links.map_or(0.0, |_| points_that_flow(model, points) as f64 / points.len().max(1) as f64);
-        let found = Found::new(model, points, failed, at.as_deref(), around, flowing);
+        let found = Found::new(model, points, failed, at.as_deref(), filling, flowing);
         let kind = kind_of(failed, &found);
         // An earlier attempt has converged, so lack of convergence is not the cause.
         let (kind, error) = match lost_points {
@@ -392,12 +392,14 @@ impl Found {
         self.is_cut && self.runaway > RUNS_AWAY.max(self.hourglass)
     }
 
+    /// The circumstances of a failure at a place, given the filling ratio of the emptiest cell there, if known, and the
+    /// share of the points that have yielded.
     fn new<const D: usize>(
         model: &Model<D>,
         points: &Points<D>,
         failed: &FailedAttempt<D>,
         at: Option<&[f64]>,
-        around: Option<(u32, f64)>,
+        filling: Option<f64>,
         flowing: f64,
     ) -> Found {
         let iterate = failed.iterate.as_ref();
@@ -405,7 +407,7 @@ impl Found {
         let Newton { tolerance, max_iterations, .. } = model.newton;
         Found {
             spread: stiffness::spread(model),
-            is_cut: around.is_some_and(|(_, filling)| filling < SMALL),
+            is_cut: filling.is_some_and(|filling| filling < SMALL),
             runaway: at_place.map_or(0.0, |(iterate, at)| evidence::runaway(model, iterate, at)),
             flowing,
             hourglass: iterate.map_or(0.0, |iterate| evidence::hourglass(model, points, iterate)),
@@ -525,8 +527,10 @@ fn named_place(error: &SolveError) -> (Option<Vec<f64>>, Option<&PointPlace>) {
     match error {
         SolveError::NotConverged { worst, .. }
         | SolveError::RoundOff { worst, .. }
-        | SolveError::InitialState { worst, .. } => (worst.as_ref().map(|(node, _)| node.clone()), None),
-        SolveError::Singular { node, .. } => (node.as_ref().map(|(node, _)| node.clone()), None),
+        | SolveError::InitialState { worst, .. } => {
+            (worst.as_ref().map(|worst| worst.position.clone()), None)
+        }
+        SolveError::Singular { node, .. } => (node.as_ref().map(|node| node.position.clone()), None),
         SolveError::Unheld { node, .. } => (Some(node.clone()), None),
         SolveError::Point { place, .. }
         | SolveError::OffGrid { place, .. }

@@ -9,6 +9,7 @@ use crate::basis::SupportError;
 use crate::counted::counted;
 use crate::dofs::ConstraintError;
 use crate::domain::Collapsed;
+use crate::equilibrium::UnbalancedNode;
 use crate::linear::LinearError;
 use crate::memory::in_words;
 use crate::model::GridMotionError;
@@ -37,6 +38,15 @@ impl std::fmt::Display for PointPlace {
     }
 }
 
+/// A node with an unknown that nothing determines.
+#[derive(Debug, Clone, PartialEq)]
+pub struct UndeterminedNode {
+    /// Position, [length].
+    pub position: Vec<f64>,
+    /// The unknown, in words.
+    pub unknown: String,
+}
+
 /// The reason why a run ends early. The converged state of the points is then the state at the end of the last
 /// converged step.
 #[non_exhaustive]
@@ -53,8 +63,8 @@ pub enum SolveError {
         step: usize,
         /// Residual of every evaluation, [-].
         residuals: Vec<f64>,
-        /// Position of the node with the largest out-of-balance force, [length], and this force, [force].
-        worst: Option<(Vec<f64>, Vec<f64>)>,
+        /// The node with the largest out-of-balance force.
+        worst: Option<UnbalancedNode>,
     },
     /// Round-off of the stiffness prevents equilibrium.
     #[error(
@@ -67,8 +77,8 @@ pub enum SolveError {
         step: usize,
         /// Residual of every evaluation, [-].
         residuals: Vec<f64>,
-        /// Position of the node with the largest out-of-balance force, [length], and this force, [force].
-        worst: Option<(Vec<f64>, Vec<f64>)>,
+        /// The node with the largest out-of-balance force.
+        worst: Option<UnbalancedNode>,
         /// The materials whose stiffnesses are far apart, or far above the loads, as text.
         materials: String,
     },
@@ -85,8 +95,8 @@ pub enum SolveError {
         residual: f64,
         /// The tolerance, [-].
         tolerance: f64,
-        /// Position of the node with the largest out-of-balance force, [length], and this force, [force].
-        worst: Option<(Vec<f64>, Vec<f64>)>,
+        /// The node with the largest out-of-balance force.
+        worst: Option<UnbalancedNode>,
     },
     /// A term of equilibrium cannot be used, or cannot resume from its saved state.
     #[error("the term `{term}` cannot be used: {reason}")]
@@ -166,8 +176,8 @@ pub enum SolveError {
         /// Names of the rigid tools and other moving parts, one of which nothing resists; empty if a motion of the
         /// bodies is the cause.
         free: Vec<String>,
-        /// An unknown without stiffness, if known: the position of its node, [length], and the unknown in words.
-        node: Option<(Vec<f64>, String)>,
+        /// An unknown without stiffness, if known.
+        node: Option<UndeterminedNode>,
     },
     /// A part of the bodies is free to move along an axis.
     #[error(
@@ -314,9 +324,9 @@ pub const CODES: &[(&str, &str)] = &[
     ("S020", "contact that cannot be evaluated"),
 ];
 
-fn worst_node(worst: &Option<(Vec<f64>, Vec<f64>)>) -> String {
+fn worst_node(worst: &Option<UnbalancedNode>) -> String {
     match worst {
-        Some((place, force)) => format!("node {}: {}", coordinates(place), exponents(force)),
+        Some(node) => format!("node {}: {}", coordinates(&node.position), exponents(&node.force)),
         None => "no node".to_string(),
     }
 }
@@ -343,9 +353,11 @@ fn free_motion(free: &[String]) -> String {
     }
 }
 
-fn at_node(node: &Option<(Vec<f64>, String)>) -> String {
+fn at_node(node: &Option<UndeterminedNode>) -> String {
     match node {
-        Some((place, unknown)) => format!(": nothing determines {unknown} at node {}", coordinates(place)),
+        Some(UndeterminedNode { position, unknown }) => {
+            format!(": nothing determines {unknown} at node {}", coordinates(position))
+        }
         None => String::new(),
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::basis::{Connectivity, SupportError, SupportFailure};
 use crate::domain::Collapsed;
+use crate::equilibrium::UnbalancedNode;
 use crate::linear::LinearError;
 use crate::model::Model;
 use crate::points::{Points, State};
@@ -9,7 +10,7 @@ use crate::step::{Step, StepContext};
 use crate::terms::{EvaluateError, LawFailure, PointFailure};
 
 use super::diagnosis::stiffness::stiffnesses;
-use super::error::{PointPlace, SolveError};
+use super::error::{PointPlace, SolveError, UndeterminedNode};
 use super::step_system::StepSystem;
 
 impl SolveError {
@@ -99,7 +100,7 @@ impl SolveError {
             LinearError::Singular { unknown } => {
                 let node = unknown.and_then(|u| system.dofs.place_of(u)).map(|(node, component)| {
                     let place = model.grid.node_position(links.active_nodes()[node] as usize);
-                    (place.to_vec(), system.fields.unknown(component))
+                    UndeterminedNode { position: place.to_vec(), unknown: system.fields.unknown(component) }
                 });
                 SolveError::Singular { step, free: Vec::new(), node }
             }
@@ -113,21 +114,21 @@ impl SolveError {
     }
 }
 
-/// The position of the node with the largest out-of-balance force, [length], and this force, [force].
+/// The node with the largest out-of-balance force.
 pub(super) fn worst<const D: usize>(
     model: &Model<D>,
     links: &Connectivity<D>,
     out_of_balance: &[[f64; D]],
-) -> Option<(Vec<f64>, Vec<f64>)> {
+) -> Option<UnbalancedNode> {
     let size = |f: &[f64]| f.iter().map(|x| x * x).sum::<f64>();
     let own = (0..out_of_balance.len())
         .max_by(|&a, &b| size(&out_of_balance[a]).total_cmp(&size(&out_of_balance[b])))
         .map(|n| {
             let place = model.grid.node_position(links.active_nodes()[n] as usize);
-            (place.to_vec(), out_of_balance[n].to_vec())
+            UnbalancedNode { position: place.to_vec(), force: out_of_balance[n].to_vec() }
         });
     let all = links.reduction().gather_all(own).into_iter().flatten();
-    all.max_by(|(_, a), (_, b)| size(a).total_cmp(&size(b)))
+    all.max_by(|a, b| size(&a.force).total_cmp(&size(&b.force)))
 }
 
 fn place<const D: usize>(model: &Model<D>, points: &Points<D>, p: usize, position: [f64; D]) -> PointPlace {

@@ -10,6 +10,15 @@ use super::diagnosis::Diagnosis;
 use super::error::SolveError;
 use super::progress::Reached;
 
+/// The cause of the failure that ends a run.
+#[derive(Debug, Clone, Copy)]
+pub struct Cause<'a, const D: usize> {
+    /// The failed attempt that shows the cause: the last one, or the last one before any last resort.
+    pub attempt: &'a FailedAttempt<D>,
+    /// The diagnosis of this attempt.
+    pub diagnosis: &'a Diagnosis,
+}
+
 /// A follower of a run: a writer of results, a progress display, or a recorder in tests.
 ///
 /// Each of several ranks has an observer, which receives the points and the part of the grid of that rank. All
@@ -46,8 +55,7 @@ pub trait Observer<const D: usize> {
     }
 
     /// Called when an attempt at a step has failed; the converged state is the state before the step. A further attempt
-    /// follows, unless this one ends the stage or the run. If it ends the run, `ended` holds the attempt that shows the
-    /// cause, which is either this attempt or the last one before any last resort, and its diagnosis.
+    /// follows, unless this one ends the stage or the run. If it ends the run, `ended` states the cause.
     ///
     /// # Errors
     /// Any error stops the run.
@@ -56,7 +64,7 @@ pub trait Observer<const D: usize> {
         _model: &Model<D>,
         _points: &Points<D>,
         _attempt: &FailedAttempt<D>,
-        _ended: Option<(&FailedAttempt<D>, &Diagnosis)>,
+        _ended: Option<Cause<D>>,
     ) -> std::io::Result<()> {
         Ok(())
     }

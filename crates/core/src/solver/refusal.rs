@@ -11,7 +11,7 @@ use super::collective::{agree, value_of_first_to_know};
 use super::diagnosis::evidence::points_that_flow;
 use super::diagnosis::{Diagnosis, Kind};
 use super::error::SolveError;
-use super::observer::Observer;
+use super::observer::{Cause, Observer};
 use super::progress::Reached;
 use super::stepper::Stepper;
 use super::stepping::pace::Failure;
@@ -96,19 +96,20 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
             return agree(&points.reduction(), observed);
         }
         let cause = self.cause.take().filter(|_| was_last_resort);
-        let (cause, diagnosis) = match cause {
-            Some((cause, diagnosis)) => (Some(cause), Some(diagnosis)),
+        let (attempt, diagnosis) = match cause {
+            Some((attempt, diagnosis)) => (Some(attempt), Some(diagnosis)),
             None => (None, diagnosis),
         };
         let experiments = self.experiments(&failed, observer);
         let diagnosis = diagnosis.map(|diagnosis| diagnosis.after(experiments));
-        let ended = diagnosis.as_ref().map(|diagnosis| (cause.as_ref().unwrap_or(&failed), diagnosis));
-        self.reached.summary.diagnosis = ended.map(|(_, diagnosis)| diagnosis.clone());
+        let seen = attempt.as_ref().unwrap_or(&failed);
+        let ended = diagnosis.as_ref().map(|diagnosis| Cause { attempt: seen, diagnosis });
+        self.reached.summary.diagnosis.clone_from(&diagnosis);
         // The run has failed already, on all ranks.
         let points = &*self.points;
         let observe = || observer.failed(model, points, &failed, ended);
         let _ = self.reached.summary.timings.measure(Phase::Output, observe);
-        Err(cause.map_or(failed.error, |cause| cause.error))
+        Err(attempt.map_or(failed.error, |attempt| attempt.error))
     }
 }
 

@@ -84,6 +84,15 @@ impl<const D: usize, const E: usize> Summable for Current<D, E> {
     }
 }
 
+/// The derivatives of a basis function at the start of a step: at a point, or their mean over the points of a cell.
+#[derive(Debug, Clone, Copy)]
+pub struct Slopes<'a, const D: usize> {
+    /// ∂S/∂X̃, [1/length].
+    pub gradient: &'a [f64; D],
+    /// S/r̃, [1/length].
+    pub per_radius: f64,
+}
+
 /// The weak form of the stress that resists the deviation of a point.
 pub trait Deviating<const D: usize>: WeakForm<D> {
     /// The weak form of a point whose volume is `volume` at the start of the step.
@@ -95,9 +104,8 @@ pub trait Deviating<const D: usize>: WeakForm<D> {
         volume: f64,
     ) -> Self;
 
-    /// Data of a basis function from its gradient and its S/r̃ at the point, `own`, and the means of both, all at the
-    /// start of the step.
-    fn gradients(own: (&[f64; D], f64), mean: (&[f64; D], f64)) -> Self::Gradient<f64>;
+    /// Data of a basis function from its derivatives at the point, `own`, and their mean.
+    fn gradients(own: Slopes<D>, mean: Slopes<D>) -> Self::Gradient<f64>;
 }
 
 /// Second-order tensor, one index of which contracts with gradients, `[j][i]`.
@@ -177,10 +185,11 @@ impl<const D: usize, const E: usize> Deviating<D> for Deviation<D, E> {
     }
 
     #[inline(always)]
-    fn gradients((own, around): (&[f64; D], f64), (mean, mean_around): (&[f64; D], f64)) -> [[f64; E]; 2] {
+    fn gradients(own: Slopes<D>, mean: Slopes<D>) -> [[f64; E]; 2] {
         let mut gradients = [[0.0; E]; 2];
         for j in 0..E {
-            let [own, mean] = if j < D { [own[j], mean[j]] } else { [around, mean_around] };
+            let along = |slopes: Slopes<D>| if j < D { slopes.gradient[j] } else { slopes.per_radius };
+            let [own, mean] = [along(own), along(mean)];
             (gradients[0][j], gradients[1][j]) = (own - mean, mean);
         }
         gradients
@@ -201,7 +210,8 @@ impl<const D: usize, const E: usize> WeakForm<D> for Deviation<D, E> {
     /// The data of a node without part in the mean.
     #[inline(always)]
     fn gradient(&self, gradient: &[f64; D], value: f64) -> [[f64; E]; 2] {
-        Self::gradients((gradient, value), (&[0.0; D], 0.0))
+        let none = Slopes { gradient: &[0.0; D], per_radius: 0.0 };
+        Self::gradients(Slopes { gradient, per_radius: value }, none)
     }
 
     #[inline(always)]

@@ -33,7 +33,7 @@ pub use averaged_solid::{AveragedIsotropic, AveragedSpatial};
 pub use axisymmetric::{Axisymmetric, Revolved};
 pub use cell_strain::CellStrain;
 pub use current::Current;
-pub use deviation::{Deviated, Deviating, Deviation, Resistance, Summable};
+pub use deviation::{Deviated, Deviating, Deviation, Resistance, Slopes, Summable};
 pub use dilated::{Averaged, Averaging, Centred, Centring, FBar, MeanDilatation};
 pub use in_plane::InPlane;
 pub use isotropic::Isotropic;

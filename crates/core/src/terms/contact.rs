@@ -70,6 +70,7 @@ mod interface;
 mod key;
 mod motion;
 mod multipliers;
+mod neighbours;
 mod on_sides;
 mod outer;
 mod ranks;
@@ -330,8 +331,8 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
         }
         evaluation::add(&self.tools, &pairs, wanted, sum);
         self.factor = at.factor;
-        let is_first = self.reduction.is_root();
-        evaluation::add_loads(model, &self.tools, (step.step.end, at.factor), at.globals, is_first, sum);
+        let counts = self.reduction.counts_globals();
+        evaluation::add_loads(model, &self.tools, step.step.end, at, counts, sum);
         Ok(())
     }
 

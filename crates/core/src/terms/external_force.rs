@@ -63,7 +63,9 @@ fn without_value<const D: usize>(
     model: &Model<D>,
     points: &Points<D>,
     p: usize,
-    (load, formula, factor): (&Load<D>, &VectorFormula<D>, f64),
+    load: &Load<D>,
+    formula: &VectorFormula<D>,
+    factor: f64,
 ) -> LoadNotFinite {
     let (x, original) = (&points.converged.position[p], &points.original_position[p]);
     let (text, value) = formula.not_finite(x, original, factor).unwrap_or(("", f64::NAN));
@@ -117,7 +119,7 @@ pub(crate) fn forces_on_points<const D: usize>(
                         // are stored.
                         let others = (p..points.len()).filter(|&q| acts_on(q) && !is_finite(density_at(q)));
                         let lowest = others.min_by_key(|&q| points.id[q]).unwrap_or(p);
-                        return Err(without_value(model, points, lowest, (load, formula, factor)));
+                        return Err(without_value(model, points, lowest, load, formula, factor));
                     }
                     let amount = if is_per_mass { points.mass[p] } else { model.volume(points, p) };
                     add(p, density.map(|b| b * amount));

@@ -107,7 +107,7 @@ fn on_left_nodes(warning: &Warning, means: &Means) -> String {
     let name = warning.location.boundary_condition.as_deref();
     let condition = means.could_be_followed.iter().find(|(other, _)| Some(other.as_str()) == name);
     match condition {
-        Some(condition) => format!("{}; or {body}", follow(condition)),
+        Some((condition, axis)) => format!("{}; or {body}", follow(condition, axis)),
         None if means.is_known => format!("move a body instead of grid nodes: {body}"),
         None => format!("let grid lines follow the nodes, `grid: {{follow: ...}}`; or {body}"),
     }
@@ -133,15 +133,15 @@ fn on_regridding(means: &Means) -> String {
         false => "use `method: cpdi2`, more points per cell, or a finer grid",
     };
     match means.could_be_followed.first() {
-        Some(condition) => format!("{}; or {finer}", follow(condition)),
+        Some((condition, axis)) => format!("{}; or {finer}", follow(condition, axis)),
         None => finer.to_owned(),
     }
 }
 
-/// Advice to let grid lines follow a condition.
-fn follow((name, axis): &(String, &str)) -> String {
+/// Advice to let grid lines across an axis follow a condition.
+fn follow(condition: &str, axis: &str) -> String {
     format!(
         "let the grid lines at the nodes of the condition follow it, `grid: {{follow: [{{axis: {axis}, from: ..., condition: \
-         {name}}}]}}`"
+         {condition}}}]}}`"
     )
 }

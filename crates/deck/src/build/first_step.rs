@@ -93,7 +93,7 @@ impl Check<'_> {
         self.narrow_gaps(model, points, &links);
         self.tools_at_start(model, points);
         self.held_already(model);
-        let reported = self.free_parts(model, points, (&links, &dofs), None);
+        let reported = self.free_parts(model, points, &links, &dofs, None);
         if !model.stages.is_empty() {
             self.held_in_stages(model, points, reported);
         }

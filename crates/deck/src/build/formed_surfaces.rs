@@ -28,7 +28,8 @@ where
         grid: &dyn Grid<D>,
         regions: &Regions<D>,
         points: &Points<D>,
-        (bodies, surfaces): (&[Body], &[Surface<D>]),
+        bodies: &[Body],
+        surfaces: &[Surface<D>],
     ) {
         // Domains given by their corners follow the outline. In bodies of revolution, boxes are out of balance inside as
         // well, which another warning says.

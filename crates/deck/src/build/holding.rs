@@ -21,15 +21,23 @@ const MAX_PARTS: usize = 20;
 /// free.
 type Free = BTreeSet<(Vec<u16>, Vec<usize>, usize)>;
 
+/// A stage after the first.
+#[derive(Clone, Copy)]
+pub(crate) struct LaterStage<'a> {
+    number: usize,
+    /// The parts that were free before it, which are not reported again.
+    known: &'a Free,
+}
+
 impl Check<'_> {
-    /// Reports the parts of the bodies that nothing holds; returns all of them. `stage` holds the number of a later
-    /// stage and the parts that were free before it, which are not reported again.
+    /// Reports the parts of the bodies that nothing holds, at the start or in a later stage; returns all of them.
     pub(crate) fn free_parts<const D: usize>(
         &mut self,
         model: &Model<D>,
         points: &Points<D>,
-        (links, dofs): (&Connectivity<D>, &DofMap<D>),
-        stage: Option<(usize, &Free)>,
+        links: &Connectivity<D>,
+        dofs: &DofMap<D>,
+        later: Option<LaterStage>,
     ) -> Free {
         // Only the stiffness shows whether surrounding water, or a tool that touches a body, holds the body.
         let touches =
@@ -46,9 +54,9 @@ impl Check<'_> {
         let mut parts = free_parts(model, points, links, dofs);
         parts.retain(|part| !part.bodies.iter().any(floats));
         let key = |part: &FreePart<D>| (part.bodies.clone(), part.axes.clone(), part.directions.len());
-        let is_new = |part: &&FreePart<D>| stage.is_none_or(|(_, known)| !known.contains(&key(part)));
+        let is_new = |part: &&FreePart<D>| later.is_none_or(|stage| !stage.known.contains(&key(part)));
         for part in parts.iter().filter(is_new).take(MAX_PARTS) {
-            self.free_part(model, part, stage.map(|(number, _)| number));
+            self.free_part(model, part, later.map(|stage| stage.number));
         }
         parts.iter().map(key).collect()
     }
@@ -85,7 +93,8 @@ impl Check<'_> {
                 break;
             }
             let Ok(dofs) = dofs else { break };
-            known = self.free_parts(model, &points, (&links, &dofs), Some((number, &known)));
+            let stage = LaterStage { number, known: &known };
+            known = self.free_parts(model, &points, &links, &dofs, Some(stage));
         }
         model.present = before;
     }

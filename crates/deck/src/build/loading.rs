@@ -2,7 +2,7 @@
 
 use super::{Builder, Placing};
 use crate::formulas::{Fault, at_nodes};
-use crate::gates::Ties;
+use crate::gates::{NearestPoints, Ties};
 use crate::initial_stress::curve_of;
 use crate::loads::load_curve;
 use crate::region::DeckRegion;
@@ -34,7 +34,7 @@ where
                     along_normal: condition.holds_along_surface_normal(),
                     penalty: condition.penalty.unwrap_or(PENALTY),
                 }),
-                (Some(nodes), None) => self.nodes(grid, points, (nodes, condition), &pointer),
+                (Some(nodes), None) => self.nodes(grid, points, nodes, condition, &pointer),
                 (None, None) => NodeSet::Fixed(Vec::new()),
             };
             let mut prescribed = match at_nodes(
@@ -97,9 +97,8 @@ where
         let mut probes = Vec::new();
         for (number, probe) in deck.output.probes.iter().enumerate() {
             let pointer = format!("/output/probes/{number}");
-            let ties = Ties::All;
-            let wanted = (probe.nearest.as_slice(), probe.count, ties);
-            let points = self.nearest((grid, points), &probe.body, wanted, &pointer);
+            let wanted = NearestPoints { place: &probe.nearest, count: probe.count, ties: Ties::All };
+            let points = self.nearest(grid, points, &probe.body, wanted, &pointer);
             probes.push(Probe { name: probe.name.clone(), points });
         }
         probes

@@ -41,9 +41,9 @@ where
         if axis >= D {
             return None;
         }
-        let first = self.line("D054", lines, (axis, entry.from), &format!("{pointer}/from"));
+        let first = self.line("D054", lines, axis, entry.from, &format!("{pointer}/from"));
         let last = match entry.to {
-            Some(to) => self.line("D054", lines, (axis, to), &format!("{pointer}/to")),
+            Some(to) => self.line("D054", lines, axis, to, &format!("{pointer}/to")),
             None => first,
         };
         let mut conditions = self.deck.boundary_conditions.iter();

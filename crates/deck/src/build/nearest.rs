@@ -6,7 +6,7 @@ use super::{Builder, Placing};
 use crate::Parameter;
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::formulas::Fault;
-use crate::gates::{Builds, Ties};
+use crate::gates::{Builds, NearestPoints, Ties};
 use crate::per_axis::array;
 use crate::quoting::{counted, quote};
 use crate::region::DeckRegion;
@@ -33,8 +33,8 @@ where
         self.builder.surface_number(name)
     }
 
-    fn nearest(&mut self, body: &str, wanted: (&[f64], u32, Ties), pointer: &str) -> Vec<u32> {
-        self.builder.nearest((self.grid, self.points), body, wanted, pointer)
+    fn nearest(&mut self, body: &str, wanted: NearestPoints, pointer: &str) -> Vec<u32> {
+        self.builder.nearest(self.grid, self.points, body, wanted, pointer)
     }
 }
 
@@ -45,11 +45,13 @@ where
     /// Permanent numbers of the points of a body nearest to a location.
     pub(super) fn nearest(
         &mut self,
-        (grid, points): (&dyn Grid<D>, &Points<D>),
+        grid: &dyn Grid<D>,
+        points: &Points<D>,
         body: &str,
-        (place, count, ties): (&[f64], u32, Ties),
+        wanted: NearestPoints,
         pointer: &str,
     ) -> Vec<u32> {
+        let NearestPoints { place, count, ties } = wanted;
         let number = self.body_number(body) as u16;
         let at = array(place);
         let (mut found, clear) = points.nearest(number, &at, count as usize);

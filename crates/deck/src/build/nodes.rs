@@ -6,7 +6,7 @@ use crate::grid::line_at;
 use crate::per_axis::array;
 use crate::placing;
 use crate::quoting::{quote, rounded};
-use crate::references::existing;
+use crate::references::{Noun, existing};
 use crate::region::DeckRegion;
 use crate::{AXES, BoundaryConditionDeck, NodeSelector};
 use mpm_core::grid::{Grid, Lines};
@@ -30,7 +30,8 @@ where
         &mut self,
         grid: &dyn Grid<D>,
         points: &Points<D>,
-        (selected, condition): (&NodeSelector, &BoundaryConditionDeck),
+        selected: &NodeSelector,
+        condition: &BoundaryConditionDeck,
         pointer: &str,
     ) -> NodeSet {
         let NodeSelector { within, group, outer_layer, .. } = selected;
@@ -54,7 +55,7 @@ where
         for (axis, coordinate) in coordinates.iter().enumerate().take(D) {
             if let (Some(c), Some(lines)) = (coordinate, grid.lines()) {
                 let at = format!("{pointer}/nodes/{}", AXES[axis]);
-                off_line |= self.line("D029", lines, (axis, *c), &at).is_none();
+                off_line |= self.line("D029", lines, axis, *c, &at).is_none();
             }
         }
         // The cells around a node define what counts as near.
@@ -79,7 +80,7 @@ where
                 || match grid.set_names().unwrap_or_default().as_slice() {
                     [] => "give coordinates of nodes of the mesh; it has no physical groups".to_owned(),
                     names => {
-                        let known = existing(("group", "groups"), names);
+                        let known = existing(Noun::new("group", "groups"), names);
                         format!("select a physical group of the mesh with `group`; {known}")
                     }
                 },
@@ -92,7 +93,7 @@ where
             self.error("D029", &format!("{pointer}/nodes"), message, help);
         }
         if let (Some(lines), true, true) = (grid.lines(), within.is_some(), condition.moves()) {
-            self.ends_between_lines((lines, points), &bounds, name, pointer);
+            self.ends_between_lines(lines, points, &bounds, name, pointer);
         }
         NodeSet::Fixed(nodes)
     }
@@ -101,7 +102,8 @@ where
     /// along which the box contains a single line is exempt, because the box then only needs to surround this line.
     fn ends_between_lines(
         &mut self,
-        (grid, points): (&Lines<D>, &Points<D>),
+        grid: &Lines<D>,
+        points: &Points<D>,
         [low, high]: &[[f64; D]; 2],
         condition: &str,
         pointer: &str,
@@ -153,7 +155,8 @@ where
         &mut self,
         code: &'static str,
         lines: &Lines<D>,
-        (axis, coordinate): (usize, f64),
+        axis: usize,
+        coordinate: f64,
         pointer: &str,
     ) -> Option<usize> {
         let found = line_at(&lines.axes()[axis], coordinate);

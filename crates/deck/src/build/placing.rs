@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use crate::Deck;
 use crate::quoting::quote;
-use crate::references::known_names;
+use crate::references::{Noun, known_names};
 use crate::region::Regions;
 use crate::seeding::{Fault, Filled};
 use mpm_core::grid::Grid;
@@ -29,7 +29,7 @@ pub(crate) fn unknown_group<const D: usize>(
     let help = if names.is_empty() {
         format!("the mesh has no {several}")
     } else {
-        known_names((&one, &several), name, &names)
+        known_names(Noun::new(&one, &several), name, &names)
     };
     let message = if cells_only && grid.node_set(name).is_some() {
         format!("the physical group {} has no cells", quote(name))

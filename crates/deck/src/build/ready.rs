@@ -201,15 +201,22 @@ impl Analysis {
         observer: &mut O,
     ) -> Result<Reached, SolveError> {
         match self {
-            Analysis::Plane(parts) => run_in_plane(parts, reached, observer),
-            Analysis::Solid(parts) => run_in_space(parts, reached, observer),
+            Analysis::Plane(parts) => {
+                let (model, points) = &mut **parts;
+                run_in_plane(model, points, reached, observer)
+            }
+            Analysis::Solid(parts) => {
+                let (model, points) = &mut **parts;
+                run_in_space(model, points, reached, observer)
+            }
         }
     }
 }
 
 // These functions are not generic, so that `run_stages` is compiled here and not again in each program.
 fn run_in_plane(
-    (model, points): &mut (Model<2>, Points<2>),
+    model: &mut Model<2>,
+    points: &mut Points<2>,
     reached: Reached,
     observer: &mut dyn Observer<2>,
 ) -> Result<Reached, SolveError> {
@@ -217,7 +224,8 @@ fn run_in_plane(
 }
 
 fn run_in_space(
-    (model, points): &mut (Model<3>, Points<3>),
+    model: &mut Model<3>,
+    points: &mut Points<3>,
     reached: Reached,
     observer: &mut dyn Observer<3>,
 ) -> Result<Reached, SolveError> {

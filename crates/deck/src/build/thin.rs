@@ -2,6 +2,8 @@
 
 use std::collections::BTreeSet;
 
+use serde::{Deserialize, Serialize};
+
 use super::Builder;
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::quoting::quote;
@@ -44,8 +46,19 @@ struct Held<const D: usize> {
     places: [Vec<(usize, [f64; D])>; D],
 }
 
-/// The thickness of a body at a position, in cells, [-], and true if other bodies lie on both of its sides.
-type Thickness = (f64, bool);
+/// The thickness of a body at a position.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+struct Thickness {
+    /// In cells, [-].
+    cells: f64,
+    /// True if other bodies lie on both of its sides.
+    is_between: bool,
+}
+
+impl Thickness {
+    /// The thickness where no end is within reach.
+    const LARGE: Thickness = Thickness { cells: f64::INFINITY, is_between: false };
+}
 
 impl<const D: usize> Builder<'_, D>
 where
@@ -58,7 +71,8 @@ where
         grid: &dyn Grid<D>,
         regions: &Regions<D>,
         points: &Points<D>,
-        (conditions, surfaces): (&[BoundaryCondition<D>], &[Surface<D>]),
+        conditions: &[BoundaryCondition<D>],
+        surfaces: &[Surface<D>],
     ) {
         let held = Held::new(conditions, surfaces);
         let mut of_body: Vec<Vec<usize>> = vec![Vec::new(); self.deck.bodies.len()];
@@ -73,11 +87,12 @@ where
                 Gauge { grid, regions, held: &held, body, alike, others, is_revolved: self.is_revolved() };
             let measured = places.iter().map(|x| gauge.thickness(x)).collect();
             let mut all: Vec<Thickness> = points.ranks.join(measured);
-            all.sort_by(|a, b| a.0.total_cmp(&b.0));
+            all.sort_by(|a, b| a.cells.total_cmp(&b.cells));
             let most = (SHARE * all.len() as f64) as usize;
-            let Some(&(thickness, _)) = all.get(most.min(all.len().saturating_sub(1))) else { continue };
+            let Some(found) = all.get(most.min(all.len().saturating_sub(1))) else { continue };
+            let thickness = found.cells;
             if thickness < CELLS && gauge.length() >= SLENDER * thickness {
-                let between = all.iter().filter(|(_, is_between)| *is_between).count();
+                let between = all.iter().filter(|thickness| thickness.is_between).count();
                 self.thin(body, thickness, 2 * between > all.len());
             }
         }
@@ -142,7 +157,7 @@ where
     /// the diagonals.
     fn thickness(&self, x: &[f64; D]) -> Thickness {
         let sides = self.grid.spacing(self.grid.nearest_cell(x) as usize);
-        let mut least = (f64::INFINITY, false);
+        let mut least = Thickness::LARGE;
         let mut is_free = [false; D];
         for d in 0..D {
             let along = std::array::from_fn(|k| if k == d { sides[d] } else { 0.0 });
@@ -155,7 +170,8 @@ where
             }
             let is_symmetric = low == Hold::Roller || high == Hold::Roller;
             let found = self.chord(x, &along, ends);
-            least = smaller(least, (found.0 * if is_symmetric { 2.0 } else { 1.0 }, found.1));
+            let cells = found.cells * if is_symmetric { 2.0 } else { 1.0 };
+            least = smaller(least, Thickness { cells, ..found });
         }
         for (a, b) in
             (0..D).flat_map(|a| (0..a).map(move |b| (a, b))).filter(|&(a, b)| is_free[a] && is_free[b])
@@ -174,12 +190,12 @@ where
         least
     }
 
-    /// The length of a chord in cells, and true if other bodies lie on both sides.
+    /// The thickness along a chord.
     fn chord(&self, x: &[f64; D], along: &[f64; D], ends: [Option<f64>; 2]) -> Thickness {
-        let [Some(low), Some(high)] = ends else { return (f64::INFINITY, false) };
+        let [Some(low), Some(high)] = ends else { return Thickness::LARGE };
         let is_between =
             [low - STEP, high + STEP].into_iter().all(|t| self.contains(&self.others, &at(x, along, t)));
-        (high - low, is_between)
+        Thickness { cells: high - low, is_between }
     }
 
     /// Where the body ends on both sides of a position, in cells along a direction; `None` if this is two cells or more
@@ -282,5 +298,5 @@ fn at<const D: usize>(x: &[f64; D], along: &[f64; D], t: f64) -> [f64; D] {
 }
 
 fn smaller(a: Thickness, b: Thickness) -> Thickness {
-    if b.0 < a.0 { b } else { a }
+    if b.cells < a.cells { b } else { a }
 }

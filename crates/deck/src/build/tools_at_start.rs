@@ -24,7 +24,7 @@ impl Check<'_> {
         let times: Vec<f64> = (0..=TIMES).map(|k| end * k as f64 / TIMES as f64).collect();
         for number in 0..model.tools.len() {
             if let Some(boxes) = boxes_on_the_way(model, number, &times) {
-                self.leaves_grid(model, number, (&times, &boxes));
+                self.leaves_grid(model, number, &times, &boxes);
                 self.comes_near_no_body(model, points, number, &boxes);
             }
         }
@@ -74,7 +74,8 @@ impl Check<'_> {
         &mut self,
         model: &Model<D>,
         number: usize,
-        (times, boxes): (&[f64], &[Bounds<D>]),
+        times: &[f64],
+        boxes: &[Bounds<D>],
     ) {
         let grid = model.grid.bounds();
         let is_outside = |bounds: &Bounds<D>| distance(bounds, &grid) > 0.0;

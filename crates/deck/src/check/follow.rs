@@ -1,6 +1,7 @@
 //! Grid lines that follow boundary conditions: what can be checked without the grid.
 
 use super::Check;
+use crate::references::Noun;
 use crate::{AXES, ControlDeck, GridDeck};
 
 impl Check<'_> {
@@ -16,9 +17,9 @@ impl Check<'_> {
             }
             if !deck.boundary_conditions.iter().any(|condition| condition.name == lines.condition) {
                 let names = deck.boundary_conditions.iter().map(|condition| condition.name.as_str());
-                let (one, several) = ("boundary condition", "boundary conditions");
+                let kind = Noun::new("boundary condition", "boundary conditions");
                 let at = format!("{pointer}/condition");
-                self.unknown_reference(&at, one, several, &lines.condition, names.collect());
+                self.unknown_reference(&at, kind, &lines.condition, names.collect());
             }
             if let Some(to) = lines.to.filter(|to| *to < lines.from) {
                 let message =

@@ -3,10 +3,11 @@
 use std::collections::BTreeMap;
 
 use super::Check;
-use crate::diagnostic::{Diagnostic, Severity};
+use crate::diagnostic::{Diagnostic, Excerpt, Severity};
 use crate::formulas::{Displacement, Fault, at_nodes, at_places, at_points};
 use crate::gates::Checks;
 use crate::quoting::quote;
+use crate::references::Noun;
 use crate::shape::written_number;
 use crate::{AXES, Expression, LoadCurve, LoadDeck, NodeSelector};
 
@@ -51,23 +52,24 @@ impl Checks for Check<'_> {
         let surfaces = &self.deck.surfaces;
         if !surfaces.iter().any(|surface| surface.name == name) {
             let names = surfaces.iter().map(|surface| surface.name.as_str()).collect();
-            self.unknown_reference(pointer, "surface", "surfaces", name, names);
+            self.unknown_reference(pointer, Noun::new("surface", "surfaces"), name, names);
         }
     }
 
     fn formulas_at_places(
         &mut self,
         pointer: &str,
-        components: (&str, &[Expression]),
+        key: &str,
+        components: &[Expression],
         is_scalar: bool,
         intermediate: &BTreeMap<String, Expression>,
     ) {
         let parameters = &self.deck.parameters;
         let faults = match (self.dimensions(), is_scalar) {
-            (3, true) => at_places::<3, 1>(components, intermediate, parameters).err(),
-            (_, true) => at_places::<2, 1>(components, intermediate, parameters).err(),
-            (3, false) => at_places::<3, 3>(components, intermediate, parameters).err(),
-            (_, false) => at_places::<2, 2>(components, intermediate, parameters).err(),
+            (3, true) => at_places::<3, 1>(key, components, intermediate, parameters).err(),
+            (_, true) => at_places::<2, 1>(key, components, intermediate, parameters).err(),
+            (3, false) => at_places::<3, 3>(key, components, intermediate, parameters).err(),
+            (_, false) => at_places::<2, 2>(key, components, intermediate, parameters).err(),
         };
         self.formulas(pointer, faults.unwrap_or_default());
     }
@@ -166,8 +168,8 @@ impl Check<'_> {
     pub(super) fn formulas(&mut self, pointer: &str, faults: Vec<Fault>) {
         for fault in faults {
             let at = format!("{pointer}/{}", fault.key);
-            let place = (fault.text.as_str(), fault.error.offset, fault.error.length);
-            let mut diagnostic = Diagnostic::inside(self.source, "D021", &at, place, fault.error.message);
+            let part = Excerpt { text: &fault.text, offset: fault.error.offset, length: fault.error.length };
+            let mut diagnostic = Diagnostic::inside(self.source, "D021", &at, part, fault.error.message);
             // A fault of the name of an intermediate value is in no part of its formula.
             let as_number = if fault.error.length > 0 { written_number(&fault.text, true) } else { None };
             diagnostic.help = as_number.or(fault.error.help);

@@ -44,7 +44,9 @@ impl Check<'_> {
     /// standard treatment, or a single point per cell leaves the cells free to deform.
     fn isochoric_flow(&mut self, material: &str) {
         let mut bodies = standard_bodies(self.deck, material);
-        bodies.retain(|body| !self.is_chosen(*body) && self.key_of_single_points(body.1).is_none());
+        bodies.retain(|(number, body)| {
+            !self.is_chosen(*number, body) && self.key_of_single_points(body).is_none()
+        });
         let flow = "flows plastically at constant volume, which locks the cells of";
         let help =
             "use `strain: mean-dilatation`; `strain: standard` keeps the formulation and omits this note";
@@ -58,7 +60,7 @@ impl Check<'_> {
         bodies.retain(|(number, body)| {
             let at = format!("/bodies/{number}/{}", body.strain_key());
             let locks = match body.strain() {
-                CellStrain::Standard => !self.is_chosen((*number, body)),
+                CellStrain::Standard => !self.is_chosen(*number, body),
                 CellStrain::MeanDilatation | CellStrain::FBar => !self.source.is_from_parameter(&at),
                 CellStrain::Mean => false,
             };
@@ -71,7 +73,7 @@ impl Check<'_> {
     }
 
     /// True if the deck states the deformation that the law sees in a body.
-    fn is_chosen(&self, (number, body): (usize, &BodyDeck)) -> bool {
+    fn is_chosen(&self, number: usize, body: &BodyDeck) -> bool {
         self.source.span_of(&format!("/bodies/{number}/{}", body.strain_key())).is_some()
     }
 

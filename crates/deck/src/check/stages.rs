@@ -5,15 +5,23 @@ use std::collections::BTreeMap;
 use super::Check;
 use crate::gates::Checks;
 use crate::quoting::quote;
-use crate::references::unknown_reference;
+use crate::references::{Noun, unknown_reference};
 use crate::span::escape;
 use crate::{ControlDeck, LoadDeck, MaterialDeck, Parameter, StageDeck};
 
 /// Shortest step relative to the time at which its stage begins, [-].
 const SHORTEST: f64 = 1e-9;
 
-/// Selects a list of names in a stage.
-type Names = fn(&StageDeck) -> Vec<&str>;
+/// The word for bodies.
+const BODY: Noun = Noun::new("body", "bodies");
+
+/// A list of what begins or ends in a stage.
+struct Listed {
+    /// Its key in the stage.
+    key: &'static str,
+    /// Selects the names in the list.
+    names: fn(&StageDeck) -> Vec<&str>,
+}
 
 impl Check<'_> {
     /// Checks the names in the stages, and that each change is possible in its stage.
@@ -37,11 +45,12 @@ impl Check<'_> {
         self.unique_names("/stages", deck.stages.iter().map(|stage| stage.name.as_str()));
         let bodies: Vec<&str> = deck.bodies.iter().map(|body| body.name.as_str()).collect();
         let conditions: Vec<&str> = deck.boundary_conditions.iter().map(|c| c.name.as_str()).collect();
-        self.turns(("body", "bodies"), &bodies, [("add", StageDeck::added), ("remove", StageDeck::removed)]);
-        let kind = ("boundary condition", "boundary conditions");
-        let lists: [(&str, Names); 2] =
-            [("set", StageDeck::conditions_set), ("release", StageDeck::conditions_released)];
-        self.turns(kind, &conditions, lists);
+        let added = Listed { key: "add", names: StageDeck::added };
+        let removed = Listed { key: "remove", names: StageDeck::removed };
+        self.turns(BODY, &bodies, added, removed);
+        let set = Listed { key: "set", names: StageDeck::conditions_set };
+        let released = Listed { key: "release", names: StageDeck::conditions_released };
+        self.turns(Noun::new("boundary condition", "boundary conditions"), &conditions, set, released);
         self.durations();
         let mut is_there: BTreeMap<&str, bool> =
             bodies.iter().map(|&name| (name, deck.begins_present(name))).collect();
@@ -57,11 +66,11 @@ impl Check<'_> {
             for (body, material) in &stage.material {
                 let at = format!("/stages/{number}/material/{}", escape(body));
                 if !bodies.contains(&body.as_str()) {
-                    self.unknown_key(&at, ("body", "bodies"), body, bodies.clone());
+                    self.unknown_key(&at, BODY, body, bodies.clone());
                 }
                 if !deck.materials.contains_key(material) {
                     let names = deck.materials.keys().map(String::as_str).collect();
-                    self.unknown_reference(&at, "material", "materials", material, names);
+                    self.unknown_reference(&at, Noun::new("material", "materials"), material, names);
                 }
                 self.density_without_effect(&at, body, material);
             }
@@ -91,7 +100,7 @@ impl Check<'_> {
             let names: Vec<&str> = deck.bodies.iter().map(|body| body.name.as_str()).collect();
             let later: Vec<&str> = stage.added().split_off(index);
             if !names.contains(&ground) {
-                self.unknown_reference(&at, "body", "bodies", ground, names);
+                self.unknown_reference(&at, BODY, ground, names);
             } else if later.contains(&ground) || !is_present(ground) {
                 let body = quote(added.name());
                 let message = match ground == added.name() {
@@ -186,13 +195,10 @@ impl Check<'_> {
     }
 
     /// Checks that bodies come and go, or boundary conditions are set and released, in turn.
-    fn turns(
-        &mut self,
-        (one, several): (&str, &str),
-        names: &[&str],
-        [(begin, begins), (end, ends)]: [(&str, Names); 2],
-    ) {
+    fn turns(&mut self, kind: Noun, names: &[&str], begin: Listed, end: Listed) {
         let deck = self.deck;
+        let Listed { key: begin, names: begins } = begin;
+        let Listed { key: end, names: ends } = end;
         let mut is_there: BTreeMap<&str, bool> =
             names.iter().map(|&name| (name, deck.is_there_at_start(name, begins, ends))).collect();
         for (number, stage) in deck.stages.iter().enumerate() {
@@ -201,15 +207,16 @@ impl Check<'_> {
                 for (index, name) in list.into_iter().enumerate() {
                     let at = format!("/stages/{number}/{key}/{index}");
                     match is_there.get_mut(name) {
-                        None => self.unknown_reference(&at, one, several, name, names.to_vec()),
+                        None => self.unknown_reference(&at, kind, name, names.to_vec()),
                         Some(there) if *there == begins => {
-                            let state = match (one, begins) {
-                                ("body", true) => "already present",
-                                ("body", false) => "not present",
+                            let state = match (kind, begins) {
+                                (BODY, true) => "already present",
+                                (BODY, false) => "not present",
                                 (_, true) => "already acting",
                                 (_, false) => "not acting",
                             };
-                            let message = format!("the {one} {} is {state} before this stage", quote(name));
+                            let message =
+                                format!("the {} {} is {state} before this stage", kind.one, quote(name));
                             let help = format!("remove it from `{key}`, or correct an earlier stage");
                             self.error("D053", &at, message, help);
                         }
@@ -217,7 +224,7 @@ impl Check<'_> {
                     }
                 }
             }
-            if one == "body" && !is_there.is_empty() && is_there.values().all(|there| !there) {
+            if kind == BODY && !is_there.is_empty() && is_there.values().all(|there| !there) {
                 let later = deck.stages.iter().position(|stage| !begins(stage).is_empty());
                 if let (0, Some(later), true) = (number, later, ends(stage).is_empty()) {
                     let message = "no body is present before this stage: a body that a stage adds is absent at the start";
@@ -233,7 +240,7 @@ impl Check<'_> {
     }
 
     /// Reports a key that refers to nothing.
-    fn unknown_key(&mut self, pointer: &str, kind: (&str, &str), name: &str, names: Vec<&str>) {
+    fn unknown_key(&mut self, pointer: &str, kind: Noun, name: &str, names: Vec<&str>) {
         let mut found = unknown_reference(self.source, pointer, kind, name, names);
         found.span = self.source.key_span_of(pointer).or(found.span);
         self.found.push(found);
@@ -263,7 +270,8 @@ impl Check<'_> {
                     let conditions = deck.boundary_conditions.iter();
                     let moving = conditions.filter(|condition| !condition.displacements().is_empty());
                     let names = deck.loads.iter().map(LoadDeck::name).chain(moving.map(|c| c.name.as_str()));
-                    let kind = ("load or prescribed displacement", "loads and prescribed displacements");
+                    let kind =
+                        Noun::new("load or prescribed displacement", "loads and prescribed displacements");
                     self.unknown_key(&at, kind, name, names.collect());
                     continue;
                 }

@@ -3,7 +3,7 @@
 use super::Check;
 use crate::formulas::Displacement;
 use crate::quoting::{quote, rounded};
-use crate::references::known_names;
+use crate::references::{Noun, known_names};
 use crate::{ControlDeck, Expression, GridDeck, LoadCurve, LoadDeck, StageDeck};
 use mpm_core::formula::names;
 use mpm_files::shortest;
@@ -12,6 +12,14 @@ use mpm_files::shortest;
 const MIN_MOTION: f64 = 1e-12;
 /// A usual tolerance of the strength reduction factor, [-].
 const USUAL: f64 = 0.005;
+
+/// A stage and its times.
+#[derive(Clone, Copy)]
+pub(super) struct TimedStage<'a> {
+    pub(super) deck: &'a StageDeck,
+    /// The times at which the stage begins and ends, [time].
+    pub(super) times: [f64; 2],
+}
 
 /// True if the factor of a curve is constant between two times, [time].
 pub(super) fn stands_still(LoadCurve(pairs): &LoadCurve, [start, end]: [f64; 2]) -> bool {
@@ -37,7 +45,7 @@ impl Check<'_> {
             let times = [start, start + steps.end_time];
             if !matches!(steps.control, ControlDeck::Load {}) {
                 self.quantity(&format!("{pointer}/control"), &steps.control);
-                let stage = self.deck.stages.get(number).map(|stage| (stage, times));
+                let stage = self.deck.stages.get(number).map(|deck| TimedStage { deck, times });
                 if matches!(steps.control, ControlDeck::StrengthReduction { .. }) {
                     self.constant_loads(&format!("{pointer}/control"), stage);
                     self.something_to_carry(&format!("{pointer}/control"), number);
@@ -109,7 +117,7 @@ impl Check<'_> {
             let help = if probes.is_empty() {
                 "add one: `output: {probes: [{name, body, nearest}]}`".to_owned()
             } else {
-                known_names(("probe", "probes"), probe, &probes)
+                known_names(Noun::new("probe", "probes"), probe, &probes)
             };
             self.error("D049", &format!("{pointer}/probe"), message, help);
         }
@@ -123,7 +131,7 @@ impl Check<'_> {
             let help = if tools.is_empty() {
                 "add one under `tools`, or control a `probe`".to_owned()
             } else {
-                known_names(("tool", "tools"), tool, &tools)
+                known_names(Noun::new("tool", "tools"), tool, &tools)
             };
             return self.error("D049", &format!("{pointer}/tool"), message, help);
         };
@@ -137,12 +145,12 @@ impl Check<'_> {
 
     /// Checks that the motions of tools can share an unknown factor. If a tool moves or bears a load, only the last
     /// stage may have an unknown factor.
-    fn tools_of_common_factor(&mut self, stage: Option<(&StageDeck, [f64; 2])>) {
+    fn tools_of_common_factor(&mut self, stage: Option<TimedStage>) {
         let deck = self.deck;
-        let times = stage.map_or([0.0, deck.end_time()], |(_, times)| times);
+        let times = stage.map_or([0.0, deck.end_time()], |stage| stage.times);
         let stands = |curve: &LoadCurve| stands_still(curve, times);
         let is_last =
-            stage.is_none_or(|(stage, _)| deck.stages.last().is_some_and(|last| std::ptr::eq(last, stage)));
+            stage.is_none_or(|stage| deck.stages.last().is_some_and(|last| std::ptr::eq(last, stage.deck)));
         for (number, tool) in deck.tools.iter().enumerate().filter(|(_, tool)| tool.acts()) {
             let pointer = format!("/tools/{number}");
             if !is_last {
@@ -185,12 +193,12 @@ impl Check<'_> {
         }
     }
 
-    /// Checks that the loads of an analysis, or of a stage between two times, can share an unknown factor.
-    fn common_factor(&mut self, control: &str, stage: Option<(&StageDeck, [f64; 2])>) {
+    /// Checks that the loads of an analysis, or of a stage, can share an unknown factor.
+    fn common_factor(&mut self, control: &str, stage: Option<TimedStage>) {
         let deck = self.deck;
-        let changes = |name: &str| stage.is_none_or(|(stage, _)| stage.factors.contains_key(name));
+        let changes = |name: &str| stage.is_none_or(|stage| stage.deck.factors.contains_key(name));
         // A load that stays constant in a stage takes no part in the unknown factor of this stage.
-        let stands = |curve: &LoadCurve| stage.is_some_and(|(_, times)| stands_still(curve, times));
+        let stands = |curve: &LoadCurve| stage.is_some_and(|stage| stands_still(curve, stage.times));
         let is_idle = |load: &LoadDeck| load.magnitude().1;
         let mut loads = deck.loads.iter().filter(|load| changes(load.name()));
         if loads.all(is_idle) && !deck.tools.iter().any(crate::ToolDeck::acts) {

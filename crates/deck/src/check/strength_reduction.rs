@@ -1,20 +1,20 @@
 //! Checks of analyses and stages that reduce the strength.
 
 use super::Check;
-use super::steps::{depends_on_time, stands_still};
+use super::steps::{TimedStage, depends_on_time, stands_still};
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::initial_stress::{InitialStressDeck, curve_of, initial_factor};
 use crate::quoting::quote;
 use crate::{BodyDeck, BoundaryConditionDeck, ControlDeck, LoadCurve, LoadDeck, StageDeck, ToolDeck};
 
 impl Check<'_> {
-    /// Checks that loads, boundary conditions and tools stay constant in an analysis, or in a stage between two times,
-    /// while the strength is reduced.
-    pub(super) fn constant_loads(&mut self, control: &str, stage: Option<(&StageDeck, [f64; 2])>) {
+    /// Checks that loads, boundary conditions and tools stay constant in an analysis, or in a stage, while the strength
+    /// is reduced.
+    pub(super) fn constant_loads(&mut self, control: &str, stage: Option<TimedStage>) {
         let deck = self.deck;
         let stays = |name: &str, curve: Option<&LoadCurve>| match (stage, curve) {
-            (Some((stage, _)), _) if stage.factors.contains_key(name) => false,
-            (Some((_, times)), Some(curve)) => stands_still(curve, times),
+            (Some(stage), _) if stage.deck.factors.contains_key(name) => false,
+            (Some(stage), Some(curve)) => stands_still(curve, stage.times),
             (Some(_), None) => true,
             (None, Some(curve)) => stands_still(curve, [0.0, deck.end_time()]),
             (None, None) => false,
@@ -26,7 +26,7 @@ impl Check<'_> {
         let moves = |condition: &&BoundaryConditionDeck| {
             condition.moves() && !stays(&condition.name, condition.curve.as_ref())
         };
-        let times = stage.map_or([0.0, deck.end_time()], |(_, times)| times);
+        let times = stage.map_or([0.0, deck.end_time()], |stage| stage.times);
         let changes = |tool: &&ToolDeck| {
             let stays =
                 |curve: &Option<LoadCurve>| curve.as_ref().is_some_and(|curve| stands_still(curve, times));
@@ -58,8 +58,8 @@ impl Check<'_> {
             };
             self.error("D049", control, message, help);
         }
-        let changed = stage.and_then(|(stage, _)| {
-            let StageDeck { add, remove, release, set, material, .. } = stage;
+        let changed = stage.and_then(|stage| {
+            let StageDeck { add, remove, release, set, material, .. } = stage.deck;
             let lists = [
                 ("add", add.is_empty()),
                 ("remove", remove.is_empty()),

@@ -12,7 +12,7 @@ use crate::diagnostic::{Diagnostic, Severity};
 use crate::formulas::Fault;
 use crate::material::{Faults, Reading, StatedLaw};
 use crate::quoting::quote;
-use crate::references::existing;
+use crate::references::{Noun, existing};
 use crate::source::Source;
 use crate::span::escape;
 use mpm_core::formula::{FormulaError, closest};
@@ -162,7 +162,10 @@ impl NamedLibrary<'_> {
         let names = || known.iter().map(|parameter| parameter.name.as_str());
         let all = match known {
             [] => "the law has no parameters".to_owned(),
-            _ => existing(("parameter of the law", "parameters of the law"), &names().collect::<Vec<_>>()),
+            _ => {
+                let kind = Noun::new("parameter of the law", "parameters of the law");
+                existing(kind, &names().collect::<Vec<_>>())
+            }
         };
         let (mut found, mut meant) = (Vec::new(), Vec::new());
         for given in self.deck.parameters.keys().filter(|given| !names().any(|name| name == *given)) {

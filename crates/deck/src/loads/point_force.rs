@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{ActionDeck, LoadCurve, LoadKeys};
-use crate::gates::{Builds, Checks, Ties};
+use crate::gates::{Builds, Checks, NearestPoints, Ties};
 use crate::per_axis::array;
 use crate::{Vector, one};
 use mpm_core::model::Action;
@@ -67,7 +67,8 @@ impl LoadKeys for PointForceDeck {
 
 impl<const D: usize> ActionDeck<D> for PointForceDeck {
     fn action(&self, builder: &mut dyn Builds, pointer: &str) -> Option<Action<D>> {
-        let wanted = (self.points.nearest.as_slice(), self.points.count, Ties::Refused);
+        let wanted =
+            NearestPoints { place: &self.points.nearest, count: self.points.count, ties: Ties::Refused };
         let points = builder.nearest(&self.body, wanted, &format!("{pointer}/points"));
         let share = 1.0 / points.len().max(1) as f64;
         Some(Action::PointForce { points, force: array::<D>(&self.total).map(|f| f * share) })

@@ -96,7 +96,7 @@ impl LoadKeys for PressureDeck {
             let message = format!("the load {} needs exactly one pressure", quote(&self.name));
             check.error_at_key("D020", pointer, message, "give either `pressure` or `hydrostatic`");
         }
-        check.formulas_at_places(pointer, ("pressure", self.pressure.as_slice()), true, &self.intermediate);
+        check.formulas_at_places(pointer, "pressure", self.pressure.as_slice(), true, &self.intermediate);
     }
 }
 
@@ -109,8 +109,8 @@ impl<const D: usize> ActionDeck<D> for PressureDeck {
                 pressure: Pressure::Hydrostatic { level, unit_weight },
             });
         }
-        let parts = ("pressure", self.pressure.as_slice());
-        let formula = at_places::<D, 1>(parts, &self.intermediate, builder.parameters());
+        let parts = self.pressure.as_slice();
+        let formula = at_places::<D, 1>("pressure", parts, &self.intermediate, builder.parameters());
         let formula = formula.map_err(|faults| builder.faulty_formulas(pointer, faults)).ok()?;
         let pressure = if self.follows { Pressure::Given(formula) } else { Pressure::Dead(formula) };
         Some(Action::Pressure { surface, pressure })

@@ -65,14 +65,13 @@ impl LoadKeys for TractionDeck {
         if self.traction.len() != check.dimensions() {
             check.wrong_count(&format!("{pointer}/traction"), self.traction.len());
         }
-        check.formulas_at_places(pointer, ("traction", &self.traction), false, &self.intermediate);
+        check.formulas_at_places(pointer, "traction", &self.traction, false, &self.intermediate);
     }
 }
 
 impl<const D: usize> ActionDeck<D> for TractionDeck {
     fn action(&self, builder: &mut dyn Builds, pointer: &str) -> Option<Action<D>> {
-        let parts = ("traction", self.traction.as_slice());
-        let formula = at_places::<D, D>(parts, &self.intermediate, builder.parameters());
+        let formula = at_places::<D, D>("traction", &self.traction, &self.intermediate, builder.parameters());
         let traction = formula.map_err(|faults| builder.faulty_formulas(pointer, faults)).ok()?;
         Some(Action::Traction { surface: builder.surface_number(&self.surface), traction })
     }

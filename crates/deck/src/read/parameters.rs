@@ -6,9 +6,9 @@ use std::fmt::Display;
 use serde_json::{Map, Value};
 
 use crate::Parameter;
-use crate::diagnostic::Diagnostic;
+use crate::diagnostic::{Diagnostic, Excerpt};
 use crate::quoting::quote;
-use crate::references::known_names;
+use crate::references::{Noun, known_names};
 use crate::source::{Source, Substitution};
 use crate::span::escape;
 use crate::yaml;
@@ -231,8 +231,8 @@ impl Table<'_> {
 
     fn report(&mut self, pointer: &str, text: &str, fault: Fault) {
         if let Fault::Here { message, offset, length, help } = fault {
-            let mut diagnostic =
-                Diagnostic::inside(self.source, "D012", pointer, (text, offset, length), message);
+            let part = Excerpt { text, offset, length };
+            let mut diagnostic = Diagnostic::inside(self.source, "D012", pointer, part, message);
             diagnostic.help = help;
             self.diagnostics.push(diagnostic);
         }
@@ -431,7 +431,7 @@ impl Table<'_> {
     /// Help for the name of a parameter that does not exist.
     fn known(&self, name: &str) -> String {
         let names: Vec<&str> = self.definitions.keys().map(String::as_str).collect();
-        known_names(("parameter", "parameters"), name, &names)
+        known_names(Noun::new("parameter", "parameters"), name, &names)
     }
 }
 

@@ -7,19 +7,35 @@ use crate::quoting::{list, quote};
 use crate::source::Source;
 use mpm_core::formula::closest;
 
+/// The word for a kind of entry of the deck.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Noun<'a> {
+    /// In the singular.
+    pub one: &'a str,
+    /// In the plural.
+    pub several: &'a str,
+}
+
+impl<'a> Noun<'a> {
+    /// The word in the singular and in the plural.
+    pub const fn new(one: &'a str, several: &'a str) -> Self {
+        Noun { one, several }
+    }
+}
+
 /// Help for a name that refers to no entry of the deck: the most similar name, if any is similar, and the names of all
-/// entries that exist. The pair contains the word for this kind of entry in the singular and in the plural.
-pub fn known_names((one, several): (&str, &str), name: &str, names: &[&str]) -> String {
+/// entries that exist.
+pub fn known_names(kind: Noun, name: &str, names: &[&str]) -> String {
     match (closest(name, names.iter().copied()), names.len()) {
-        (_, 0) => format!("the deck has no {}", several.replace(" and ", " or ")),
+        (_, 0) => format!("the deck has no {}", kind.several.replace(" and ", " or ")),
         (Some(best), 1) => format!("did you mean {}?", quote(best)),
-        (Some(best), _) => format!("did you mean {}? {}", quote(best), existing((one, several), names)),
-        (None, _) => existing((one, several), names),
+        (Some(best), _) => format!("did you mean {}? {}", quote(best), existing(kind, names)),
+        (None, _) => existing(kind, names),
     }
 }
 
 /// States which names exist: `` the only key is `a` ``, `` the keys are `a` and `b` ``.
-pub(crate) fn existing((one, several): (&str, &str), names: &[&str]) -> String {
+pub(crate) fn existing(Noun { one, several }: Noun, names: &[&str]) -> String {
     let known = list(names.iter().copied());
     if names.len() == 1 { format!("the only {one} is {known}") } else { format!("the {several} are {known}") }
 }
@@ -28,15 +44,15 @@ pub(crate) fn existing((one, several): (&str, &str), names: &[&str]) -> String {
 pub(crate) fn unknown_reference(
     source: &Source,
     pointer: &str,
-    (one, several): (&str, &str),
+    kind: Noun,
     name: &str,
     names: Vec<&str>,
 ) -> Diagnostic {
-    let help = known_names((one, several), name, &names);
-    let message = format!("there is no {one} {}", quote(name));
+    let help = known_names(kind, name, &names);
+    let message = format!("there is no {} {}", kind.one, quote(name));
     let mut diagnostic = Diagnostic::at(source, "D018", pointer, message).help(help);
     if !names.is_empty() {
-        diagnostic.expected = Some(format!("one of the {several} {}", list(names)));
+        diagnostic.expected = Some(format!("one of the {} {}", kind.several, list(names)));
     }
     diagnostic
 }
@@ -50,7 +66,7 @@ pub(crate) fn dangling(deck: &Value, source: &Source) -> Vec<Diagnostic> {
         .as_array()
         .and_then(|bodies| bodies.iter().map(|body| body["name"].as_str()).collect());
     let mut found = Vec::new();
-    let mut check = |pointer: String, kind: (&str, &str), known: &Option<Vec<&str>>, name: &Value| {
+    let mut check = |pointer: String, kind: Noun, known: &Option<Vec<&str>>, name: &Value| {
         if let (Some(known), Some(name)) = (known, name.as_str())
             && !known.contains(&name)
             && !source.is_poisoned(&pointer)
@@ -59,7 +75,7 @@ pub(crate) fn dangling(deck: &Value, source: &Source) -> Vec<Diagnostic> {
         }
     };
     let each = |section: &Value| section.as_array().cloned().unwrap_or_default().into_iter().enumerate();
-    let (material, body) = (("material", "materials"), ("body", "bodies"));
+    let (material, body) = (Noun::new("material", "materials"), Noun::new("body", "bodies"));
     for (k, entry) in each(&deck["bodies"]) {
         check(format!("/bodies/{k}/material"), material, &materials, &entry["material"]);
     }

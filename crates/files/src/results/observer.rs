@@ -10,7 +10,7 @@ use mpm_core::model::Model;
 use mpm_core::points::Points;
 use mpm_core::ranks::Ranks;
 use mpm_core::solver::{
-    Diagnosis, FailedAttempt, GridFields, NodalField, Observer, Reached, SolveError, Step, StepReport,
+    Cause, FailedAttempt, GridFields, NodalField, Observer, Reached, SolveError, Step, StepReport,
 };
 use mpm_core::surface::SurfaceFields;
 use mpm_core::terms::{Contact, Surfaces, ToolState};
@@ -205,7 +205,7 @@ impl Results {
         model: &Model<D>,
         points: &Points<D>,
         attempt: &FailedAttempt<D>,
-        ended: Option<(&FailedAttempt<D>, &Diagnosis)>,
+        ended: Option<Cause<D>>,
     ) -> io::Result<()> {
         let failure = self.failure.take().map_or(Ok(()), Err);
         let tabulated = failure.and_then(|()| {
@@ -218,7 +218,7 @@ impl Results {
             return tabulated;
         }
         match ended {
-            Some((cause, _)) if self.every > 0 => failed::write(&self.directory, model, points, cause),
+            Some(cause) if self.every > 0 => failed::write(&self.directory, model, points, cause.attempt),
             _ => Ok(()),
         }
     }
@@ -319,7 +319,7 @@ macro_rules! observe {
                 model: &Model<$D>,
                 points: &Points<$D>,
                 attempt: &FailedAttempt<$D>,
-                ended: Option<(&FailedAttempt<$D>, &Diagnosis)>,
+                ended: Option<Cause<$D>>,
             ) -> io::Result<()> {
                 self.failed_in(model, points, attempt, ended)
             }

@@ -115,7 +115,8 @@ impl Encoded {
     /// A message about lengths that do not match, or numbers that are not finite.
     pub fn new(
         field: &Field,
-        (owner, count): (&str, usize),
+        owner: &str,
+        count: usize,
         precision: Precision,
         room: &Room,
     ) -> Result<Encoded, String> {

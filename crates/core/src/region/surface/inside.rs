@@ -97,25 +97,25 @@ pub(super) fn intervals(triangles: &[Triangle], tree: &BoxTree<3>, line: &Line<3
                 let r = minus(&x, &line.origin);
                 ([dot(&e, &r), dot(&f, &r)], dot(&line.direction, &r) / squared)
             });
-            let [(a, _), (b, _), (c, _)] = &corners;
+            let across = corners.map(|(across, _)| across);
+            let [a, b, c] = &across;
             let right = |a: &[f64; 2], b: &[f64; 2]| passes_right_of(a, b, &[0.0; 2]);
             if right(a, b) ^ right(b, c) ^ right(c, a) {
-                crossings.push(parameter_along(&corners));
+                crossings.push(parameter_along(&across, corners.map(|(_, parameter)| parameter)));
             }
         },
     );
     Intervals::from_crossings(crossings)
 }
 
-/// Parameter at which the line crosses a facet. Each corner is given by its projection across the line, in which the
-/// line is the origin, and by its parameter along the line.
-fn parameter_along(corners: &[([f64; 2], f64); 3]) -> f64 {
+/// Parameter at which the line crosses a facet, given the projections of its corners across the line, in which the line
+/// is the origin, and the parameters of the corners along the line.
+fn parameter_along(across: &[[f64; 2]; 3], [s, t, u]: [f64; 3]) -> f64 {
     let area = |k: usize| {
-        let ((a, _), (b, _)) = (corners[(k + 1) % 3], corners[(k + 2) % 3]);
+        let [a, b] = [across[(k + 1) % 3], across[(k + 2) % 3]];
         a[0] * b[1] - a[1] * b[0]
     };
     let weights = [area(0), area(1), area(2)];
-    let [s, t, u] = corners.map(|(_, t)| t);
     let mean = (weights[0] * s + weights[1] * t + weights[2] * u) / weights.iter().sum::<f64>();
     let (low, high) = (s.min(t).min(u), s.max(t).max(u));
     // A facet seen edge-on contributes round-off only.

@@ -146,7 +146,8 @@ mod tests {
     use Experiment::*;
 
     fn findings(converge: &[Experiment], fail: &[Experiment]) -> Vec<Finding> {
-        let of = |converges: bool| move |experiment: &Experiment| Finding { experiment: *experiment, converges };
+        let of =
+            |converges: bool| move |experiment: &Experiment| Finding { experiment: *experiment, converges };
         converge.iter().map(of(true)).chain(fail.iter().map(of(false))).collect()
     }
 
@@ -177,7 +178,11 @@ mod tests {
         assert_eq!(judged(Kind::SmallCutCell, &elastic), Kind::Flow, "more stabilisation did not help");
         assert_eq!(judged(Kind::RigidBodyMode, &elastic), Kind::RigidBodyMode);
         let contact = findings(&[FrozenContact], &[ElasticMaterials, StrongerStabilisation]);
-        assert_eq!(judged(Kind::PlasticCollapse, &contact), Kind::Contact, "also without flow, the step fails");
+        assert_eq!(
+            judged(Kind::PlasticCollapse, &contact),
+            Kind::Contact,
+            "also without flow, the step fails"
+        );
         let ghost = findings(&[StrongerStabilisation], &[]);
         assert_eq!(judged(Kind::SmallCutCell, &ghost), Kind::SmallCutCell);
     }
@@ -185,7 +190,8 @@ mod tests {
     #[test]
     fn the_evidence_is_a_sentence() {
         assert_eq!(evidence(&[]), None);
-        let text = |converge: &[Experiment], fail: &[Experiment]| evidence(&findings(converge, fail)).unwrap();
+        let text =
+            |converge: &[Experiment], fail: &[Experiment]| evidence(&findings(converge, fail)).unwrap();
         assert_eq!(
             text(&[ElasticMaterials, FrozenContact], &[FrozenFriction, StrongerStabilisation, HalfStep]),
             "this step converges with elastic materials and with frozen contact, but not with frozen friction, ten times \

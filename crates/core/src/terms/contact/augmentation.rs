@@ -37,8 +37,8 @@ impl<const D: usize> Contact<D> {
             let (candidate, trial) = (&self.candidates[k], &self.trials[k]);
             let number = candidate.key.tool as usize;
             let motions = increment.globals.get(first[number]..).unwrap_or_default();
-            let increments = (increment.delta_d, motions);
-            followed(candidate, &self.multipliers[k], trial, &self.tools[number], increments)
+            let moving = &self.tools[number];
+            followed(candidate, &self.multipliers[k], trial, moving, increment.delta_d, motions)
         };
         let followed: Option<Vec<Followed<D>>> = (0..self.trials.len()).map(followed_at).collect();
         if self.reduction.all(followed.is_some()) { followed } else { None }

@@ -18,7 +18,7 @@ use crate::region::vector::{along, dot, minus, norm};
 use super::candidates::Candidate;
 use super::interface::{Mode, Touch};
 use super::multipliers::NodeNumbers;
-use super::search::add_others;
+use super::ranks::{NodalSum, add_at_nodes};
 
 /// Smallest area relative to that which the penalty assumes, [-], for a contact point whose sides others bear.
 const LEAST_AREA: f64 = 0.05;
@@ -149,26 +149,29 @@ impl<'a, const D: usize> Free<'a, D> {
     }
 
     /// Σ N_v f_c and Σ N_v² A_c over the free contact points of all ranks.
-    fn gathered(&self, force: impl Fn(usize) -> [f64; D]) -> Vec<([f64; D], f64)> {
-        let mut sums = vec![([0.0; D], 0.0); self.pairs.len()];
+    fn gathered(&self, force: impl Fn(usize) -> [f64; D]) -> Vec<NodalSum<D>> {
+        let mut sums = vec![NodalSum::NONE; self.pairs.len()];
         for k in (0..self.places.len()).filter(|k| self.is_free[*k]) {
             let force = force(k);
             for (node, value) in self.carriers(k) {
-                let (sum, weight) = &mut sums[node];
-                *sum = along(sum, value, &force);
-                *weight += self.areas[k] * value * value;
+                let sum = &mut sums[node];
+                sum.vector = along(&sum.vector, value, &force);
+                sum.weight += self.areas[k] * value * value;
             }
         }
-        if !self.reduction.is_alone() {
-            let number = |tool, node| self.nodes.number_of(tool, node);
-            add_others(self.reduction, &mut sums, &self.pairs, number);
-        }
+        self.add_others(&mut sums);
         sums
+    }
+
+    /// Adds the contributions of the contact points of other ranks.
+    fn add_others(&self, sums: &mut [NodalSum<D>]) {
+        let number = |group, node| self.nodes.number_of(group, node);
+        add_at_nodes(self.reduction, sums, &self.pairs, number);
     }
 
     /// Σ N_v f_c over the free contact points of all ranks.
     fn forces_at_nodes(&self, force: impl Fn(usize) -> [f64; D]) -> AtNodes<D> {
-        self.gathered(force).into_iter().map(|(sum, _)| sum).collect()
+        self.gathered(force).into_iter().map(|sum| sum.vector).collect()
     }
 
     /// A_c Σ N_v μ_v.
@@ -185,18 +188,16 @@ impl<'a, const D: usize> Free<'a, D> {
 
     /// The share of each pair that counts on this rank: the owner of a node need not have contact points there.
     fn shares_of_pairs(&self) -> Vec<f64> {
-        let mut sums = vec![([0.0; D], 1.0); self.pairs.len()];
-        if !self.reduction.is_alone() {
-            let number = |group, node| self.nodes.number_of(group, node);
-            add_others(self.reduction, &mut sums, &self.pairs, number);
-        }
-        sums.into_iter().map(|(_, ranks)| 1.0 / ranks).collect()
+        let mut sums = vec![NodalSum { weight: 1.0, ..NodalSum::NONE }; self.pairs.len()];
+        self.add_others(&mut sums);
+        sums.into_iter().map(|sum| 1.0 / sum.weight).collect()
     }
 
     /// The forces of all contact points if the free ones bear an interpolated traction; `None` if the iterations do not
     /// converge.
     fn evenly(&self) -> Option<Vec<[f64; D]>> {
-        let (total, weights): (AtNodes<D>, Vec<f64>) = self.gathered(|k| self.forces[k]).into_iter().unzip();
+        let gathered = self.gathered(|k| self.forces[k]).into_iter();
+        let (total, weights): (AtNodes<D>, Vec<f64>) = gathered.map(|sum| (sum.vector, sum.weight)).unzip();
         let scaled = |residual: &AtNodes<D>| -> AtNodes<D> {
             let each = residual.iter().zip(&weights);
             each.map(|(r, weight)| if *weight > 0.0 { r.map(|r| r / weight) } else { [0.0; D] }).collect()

@@ -9,6 +9,7 @@ use crate::assembly::{System, Wanted};
 use crate::model::Model;
 use crate::points::PIECE;
 use crate::region::vector::{along, cross, dot, minus, norm, unit};
+use crate::step::At;
 use crate::terms::failure::ContactError;
 
 /// Differences up to this are round-off: of normals, [-], and of gaps relative to coordinates.
@@ -281,14 +282,14 @@ impl<const D: usize> Balance<'_, D> {
 }
 
 /// Adds the loads on free tools to their equilibrium, and the equations for tools that follow the load factor.
-/// `globals` are the increments of the global unknowns. With several ranks, only the first rank adds these loads and
-/// equations.
+/// `end` is the end of the step, and `globals` are the increments of the global unknowns of the tools. `counts` is true
+/// where the equations of global unknowns count; these loads and equations are added only there.
 pub(super) fn add_loads<const D: usize, const N: usize>(
     model: &Model<D>,
     moving: &[Moving<D>],
-    (time, factor): (f64, f64),
-    globals: &[f64],
-    is_first: bool,
+    end: f64,
+    At { factor, globals, .. }: At<N>,
+    counts: bool,
     sum: &mut System<N>,
 ) {
     let stepping = &model.stepping;
@@ -300,18 +301,18 @@ pub(super) fn add_loads<const D: usize, const N: usize>(
             if !follows {
                 sum.border.count_as_work(number);
             }
-            if !is_first {
+            if !counts {
                 number += 1;
                 continue;
             }
             if follows {
-                let [by, per_factor, size] = moving.driven(tool, k, stepping, [time, factor]);
+                let [by, per_factor, size] = moving.driven(tool, k, stepping, [end, factor]);
                 let increment = globals.get(number).copied().unwrap_or(0.0);
                 sum.border.add_residual(number, increment - by, size.max(increment.abs()));
                 sum.border.add_to_corner(number, number, 1.0);
                 sum.border.add_per_factor(number, -per_factor);
             } else {
-                let load = component(k, tool.load_at(|curve| curve.factor_of_tool(stepping, time, factor)));
+                let load = component(k, tool.load_at(|curve| curve.factor_of_tool(stepping, end, factor)));
                 let per_factor = component(k, tool.load_at(|curve| curve.factor_per_unknown(stepping)));
                 sum.border.add_residual(number, -load, load.abs());
                 sum.border.add_per_factor(number, -per_factor);

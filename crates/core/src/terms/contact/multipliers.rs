@@ -12,8 +12,7 @@ use super::evaluation::Trial;
 use super::interface::{Added, Multiplier, Touch};
 use super::key::{Kept, Key};
 use super::motion::Moving;
-use super::ranks::{Plain, gathered, plain_parts};
-use super::search::add_others;
+use super::ranks::{NodalSum, Plain, add_at_nodes, gathered, plain_parts};
 
 plain_parts!([] Worst, { tool, named, rank, size, place, mean, overlap, slip });
 plain_parts!([const D: usize] Kept<D>, { multiplier, motion, excess });
@@ -181,23 +180,20 @@ pub(super) fn worst<const D: usize>(
         all.filter_map(|(k, (candidate, change))| Some((k, candidate, change.as_ref()?)))
     };
     let numbers = NodeNumbers::new(changing().map(|(_, candidate, _)| (candidate.key.tool, candidate)));
-    let mut nodal = vec![([0.0; D], 0.0); numbers.known.len()];
+    let mut nodal = vec![NodalSum::<D>::NONE; numbers.known.len()];
     for (i, (_, candidate, change)) in changing().enumerate() {
         for ((_, value), &node) in candidate.basis.iter().zip(numbers.numbers_at(i)) {
             let weight = value.abs() * candidate.penalty;
-            let (sum, total) = &mut nodal[node];
-            *sum = along(sum, weight, &change.vector);
-            *total += weight;
+            let sum = &mut nodal[node];
+            sum.vector = along(&sum.vector, weight, &change.vector);
+            sum.weight += weight;
         }
     }
-    if !reduction.is_alone() {
-        let number = |tool, node| numbers.number_of(tool, node);
-        add_others(reduction, &mut nodal, &numbers.pairs(), number);
-    }
+    add_at_nodes(reduction, &mut nodal, &numbers.pairs(), |tool, node| numbers.number_of(tool, node));
     let seen_by_nodes = |i: usize, candidate: &Candidate<D>| {
         let nodes = candidate.basis.iter().zip(numbers.numbers_at(i));
         nodes.fold([0.0; D], |seen, ((_, value), &node)| match &nodal[node] {
-            (sum, total) if *total > 0.0 => along(&seen, value.abs() / total, sum),
+            NodalSum { vector, weight } if *weight > 0.0 => along(&seen, value.abs() / weight, vector),
             _ => seen,
         })
     };
@@ -288,14 +284,15 @@ pub(super) struct Followed<const D: usize> {
     pub(super) change: Option<Change<D>>,
 }
 
-/// A contact point at the linearised end of an increment of the nodes and of the unknown motions of its tool; `None` if
-/// the contact point changes its state on the way.
+/// A contact point at the linearised end of an increment of the nodes, `delta`, and of the unknown motions of its tool,
+/// `motions`; `None` if the contact point changes its state on the way.
 pub(super) fn followed<const D: usize, const N: usize>(
     candidate: &Candidate<D>,
     multiplier: &Multiplier<D>,
     trial: &Trial<D>,
     moving: &Moving<D>,
-    (delta, motions): (&[[f64; N]], &[f64]),
+    delta: &[[f64; N]],
+    motions: &[f64],
 ) -> Option<Followed<D>> {
     let u = candidate.displacement(delta);
     let (mut relative, mut slipping) = (u, u);

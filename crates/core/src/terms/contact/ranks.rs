@@ -1,6 +1,11 @@
-//! Contact on several ranks: their agreement on what each of them finds, and values as plain numbers to exchange.
+//! Contact on several ranks: their agreement on what each of them finds, sums and values at nodes that they share, and
+//! values as plain numbers to exchange.
 
-use crate::ranks::{Ranks, Reduction};
+use std::hash::Hash;
+
+use rustc_hash::FxHashMap;
+
+use crate::ranks::Reduction;
 use crate::terms::EvaluateError;
 use crate::terms::failure::ContactError;
 use crate::tool::Closest;
@@ -26,12 +31,84 @@ pub(super) fn gathered<T: Plain>(reduction: &Reduction, own: Vec<T>) -> Vec<T> {
     reduction.gather_all(in_numbers(&own)).into_iter().flat_map(from_numbers).collect()
 }
 
-/// Sends values to some ranks, at most one message to each; returns the values for this rank, each message with the
-/// rank that sent it, in ascending order of these ranks.
-pub(super) fn exchange<T: Plain>(ranks: &Ranks, messages: Vec<(usize, Vec<T>)>) -> Vec<(usize, Vec<T>)> {
-    let messages = messages.into_iter().map(|(rank, values)| (rank, in_numbers(&values))).collect();
-    let received = ranks.exchange(messages).into_iter();
-    received.map(|(rank, numbers)| (rank, from_numbers(numbers).collect())).collect()
+/// Adds what other ranks know of those of the keys `wanted` that this rank does not know.
+pub(super) fn complete<K, V>(
+    reduction: &Reduction,
+    known: &mut FxHashMap<K, V>,
+    wanted: impl IntoIterator<Item = K>,
+) where
+    K: Plain + Copy + Ord + Hash,
+    V: Plain + Copy,
+{
+    if reduction.is_alone() {
+        return;
+    }
+    let mut wanted: Vec<K> = wanted.into_iter().filter(|key| !known.contains_key(key)).collect();
+    wanted.sort_unstable();
+    wanted.dedup();
+    let wanted = gathered(reduction, wanted).into_iter();
+    let own: Vec<(K, V)> = wanted.filter_map(|key| Some((key, *known.get(&key)?))).collect();
+    known.extend(gathered(reduction, own));
+}
+
+/// The index of an active node among those that this rank shares with another rank; the same on both.
+pub(super) fn place_of(shared: &[u32], node: usize) -> Option<usize> {
+    shared.binary_search(&(node as u32)).ok()
+}
+
+/// Sends each rank with which this rank shares nodes the values that `select` returns for these nodes, given in
+/// ascending order; returns the values from other ranks, each list with the nodes shared with its rank, in the order of
+/// the ranks.
+pub(super) fn exchange_at_nodes<T: Plain>(
+    reduction: &Reduction,
+    select: impl Fn(&[u32]) -> Vec<T>,
+) -> Vec<(&[u32], Vec<T>)> {
+    let halo = reduction.halo();
+    let selected = halo.neighbours().map(|(rank, shared)| (rank, select(shared)));
+    let sent = selected.filter(|(_, values)| !values.is_empty());
+    let messages = sent.map(|(rank, values)| (rank, in_numbers(&values))).collect();
+    let shared_with = |rank: usize| halo.neighbours().find(|(neighbour, _)| *neighbour == rank);
+    let received = halo.ranks().exchange(messages).into_iter();
+    received
+        .filter_map(|(rank, numbers)| Some((shared_with(rank)?.1, from_numbers(numbers).collect())))
+        .collect()
+}
+
+/// Adds the contributions of other ranks to the sums of this rank at nodes. `nodes` lists the tool, or the group of
+/// contact points, and the active node of each sum, and `place` returns the index of the sum that belongs to these, if
+/// this rank has it.
+pub(super) fn add_at_nodes<const D: usize>(
+    reduction: &Reduction,
+    sums: &mut [NodalSum<D>],
+    nodes: &[(u32, usize)],
+    place: impl Fn(u32, usize) -> Option<usize>,
+) {
+    let select = |shared: &[u32]| -> Vec<((u32, usize), NodalSum<D>)> {
+        let all = nodes.iter().zip(&*sums);
+        all.filter_map(|((tool, node), sum)| Some(((*tool, place_of(shared, *node)?), *sum))).collect()
+    };
+    for (shared, contributions) in exchange_at_nodes(reduction, select) {
+        for ((tool, k), added) in contributions {
+            let node = shared.get(k).map(|node| *node as usize);
+            if let Some(place) = node.and_then(|node| place(tool, node)) {
+                let NodalSum { vector, weight } = &mut sums[place];
+                (0..D).for_each(|d| vector[d] += added.vector[d]);
+                *weight += added.weight;
+            }
+        }
+    }
+}
+
+/// A sum of vectors and a sum of weights over contact points around a node.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct NodalSum<const D: usize> {
+    pub(super) vector: [f64; D],
+    pub(super) weight: f64,
+}
+
+impl<const D: usize> NodalSum<D> {
+    /// The sum over no contact points.
+    pub(super) const NONE: NodalSum<D> = NodalSum { vector: [0.0; D], weight: 0.0 };
 }
 
 fn in_numbers<T: Plain>(values: &[T]) -> Vec<f64> {
@@ -123,6 +200,7 @@ macro_rules! plain_parts {
 pub(super) use plain_parts;
 
 plain_parts!([] Key, { tool, point, corner });
+plain_parts!([const D: usize] NodalSum<D>, { vector, weight });
 plain_parts!([const D: usize] Outer<D>, { sides, facing, count, normals });
 plain_parts!([const D: usize] Multiplier<D>, { normal, shear });
 plain_parts!([const D: usize] Closest<D>, { gap, normal, point, part, normal_derivative });

@@ -17,7 +17,7 @@ use super::evaluation::Trial;
 use super::interface::{Law, Multiplier};
 use super::key::{CENTRE, FACE, Kept, Key};
 use super::motion::Moving;
-use super::ranks::{Failure, agreed, any_of_each, gathered};
+use super::ranks::{Failure, agreed, any_of_each, complete, gathered};
 use super::sides;
 
 /// Gap at the start of a step, relative to the size of a cell, above which the straight path of a contact point tells
@@ -94,32 +94,20 @@ impl<const D: usize> Contact<D> {
         Ok(())
     }
 
-    /// Positions, at the last evaluation, of the contact points that coincide with material points and that this rank
-    /// needs, [length].
+    /// Positions, at the last evaluation, of the contact points that coincide with material points and that the checks
+    /// here need, [length].
     fn centres(&self) -> Centres<D> {
         let centres = (self.candidates.iter().zip(&self.trials))
             .filter(|(candidate, _)| is_centre(candidate))
             .map(|(candidate, trial)| ((candidate.key.tool, candidate.key.point), trial.position));
         let mut centres: Centres<D> = centres.collect();
-        let reduction = &self.reduction;
-        if reduction.is_alone() {
-            return centres;
-        }
         // Corners shared with domains of other ranks need the centres of those domains.
         let shared = self.candidates.iter().filter(|candidate| !candidate.shared_by.is_empty());
-        let mut wanted: Vec<(u32, u32)> = shared
-            .flat_map(|candidate| {
-                let points = candidate.shared_by.iter().chain([&candidate.key.point]);
-                points.map(|point| (candidate.key.tool, *point))
-            })
-            .filter(|key| !centres.contains_key(key))
-            .collect();
-        wanted.sort_unstable();
-        wanted.dedup();
-        let known =
-            gathered(reduction, wanted).into_iter().filter_map(|key| Some((key, *centres.get(&key)?)));
-        let known: Vec<((u32, u32), [f64; D])> = known.collect();
-        centres.extend(gathered(reduction, known));
+        let wanted = shared.flat_map(|candidate| {
+            let points = candidate.shared_by.iter().chain([&candidate.key.point]);
+            points.map(|point| (candidate.key.tool, *point))
+        });
+        complete(&self.reduction, &mut centres, wanted);
         centres
     }
 

@@ -1,4 +1,4 @@
-//! The search for the contact points that may touch a tool in a step, on one rank and on several.
+//! The search for the contact points that may touch a tool in a step.
 
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
@@ -7,7 +7,6 @@ use crate::basis::Method;
 use crate::grid::MAX_CORNERS;
 use crate::grid::element::Collapsed;
 use crate::points::PIECE;
-use crate::ranks::Reduction;
 use crate::region::vector::{along, cross, dot, minus, norm};
 use crate::surface::corners_of;
 use crate::terms::failure::ContactError;
@@ -17,7 +16,7 @@ use super::candidates::{Candidate, Near, Search, TOUCHING, named, radius_of};
 use super::key::{CENTRE, FACE, Key};
 use super::motion::in_space;
 use super::outer::Outer;
-use super::ranks::{Failure, Plain, agreed, exchange};
+use super::ranks::{Failure, agreed};
 use super::sides::SidePiece;
 
 /// Distance within which domains share a corner, relative to the size of a cell, [-]; parallelograms drift apart.
@@ -225,7 +224,7 @@ impl<const D: usize> Search<'_, D> {
         let x = moving.start.to_tool(&place.start);
         let faces = tool.shape.faces_near(&x, NEAR_EDGE * point.size);
         if faces.len() < 2 {
-            self.add_place(point, place, (near, None), found)?;
+            self.add_place(point, place, near, None, found)?;
             return Ok(true);
         }
         let depth = (-near.gap).max(0.0);
@@ -233,7 +232,7 @@ impl<const D: usize> Search<'_, D> {
         let close: Vec<Face<D>> = faces.iter().filter(within).copied().collect();
         let several = facing_each_other(&close, depth);
         for (number, face) in several.iter().enumerate() {
-            self.add_place(point, place, (moving.start.in_space(face), Some(number)), found)?;
+            self.add_place(point, place, moving.start.in_space(face), Some(number), found)?;
         }
         if !several.is_empty() {
             return Ok(true);
@@ -267,7 +266,7 @@ impl<const D: usize> Search<'_, D> {
             let next = if is_box { towards(&near.normal) } else { next };
             towards(&face.normal) > next + BETTER && is_shallow(face) && is_shallow(&near)
         };
-        let chosen = match best.filter(is_preferred) {
+        let (chosen, face) = match best.filter(is_preferred) {
             // The side does not face the closest face, and lies beside the one that it faces.
             Some((_, beside)) if beside > on_face * point.size => {
                 if towards(&near.normal) < ASIDE {
@@ -278,7 +277,7 @@ impl<const D: usize> Search<'_, D> {
             Some((face, _)) => (face, Some(0)),
             None => (near, None),
         };
-        self.add_place(point, place, chosen, found)?;
+        self.add_place(point, place, chosen, face, found)?;
         Ok(true)
     }
 
@@ -288,12 +287,14 @@ impl<const D: usize> Search<'_, D> {
         Key { tool: point.tool as u32, point: self.points.id[point.p], corner }
     }
 
-    /// Adds a contact point if the tool may reach it.
+    /// Adds a contact point if the tool may reach it; `near` is the place on the tool that it faces, and `face` the
+    /// number of the face there, if there are several.
     fn add_place(
         &self,
         point: &NearPoint<D>,
         place: &ContactCorner<D>,
-        (near, face): (Closest<D>, Option<usize>),
+        near: Closest<D>,
+        face: Option<usize>,
         found: &mut Found<D>,
     ) -> Result<(), ContactError> {
         let Search { model, points, .. } = *self;
@@ -344,13 +345,11 @@ impl<const D: usize> Search<'_, D> {
         if !(0..self.model.bodies.len()).any(is_shared) {
             return;
         }
-        // Domains in cells of different sizes may share a corner: the smallest size on any rank decides.
+        // Domains in cells of different sizes may share a corner: the smallest size decides.
         let places = pieces.iter().flat_map(|found| &found.places);
         let size =
             self.links.reduction().smallest(places.map(|place| place.size).fold(f64::INFINITY, f64::min));
-        if !self.links.reduction().is_alone() {
-            self.add_others(pieces, is_shared);
-        }
+        self.add_neighbours(pieces, is_shared);
         let distance = |body: usize| {
             let is_cpdi1 = self.model.bodies[body].method == Method::Cpdi1;
             size * if is_cpdi1 { SHARED_BY_PARALLELOGRAMS } else { SHARED }
@@ -437,149 +436,5 @@ impl<const D: usize> Vertex<D> {
             _ => 0.0,
         };
         (whole / self.corners_per_side as f64, steepness)
-    }
-}
-
-/// The index of an active node among those that this rank shares with another rank; the same on both.
-pub(super) fn place_of(shared: &[u32], node: usize) -> Option<usize> {
-    shared.binary_search(&(node as u32)).ok()
-}
-
-/// The corner of a domain near a tool, as one rank sends it to others, with the position of the cell of its material
-/// point in the order of the grid.
-struct Corner<const D: usize> {
-    order: u32,
-    near: Near<D>,
-}
-
-impl<const D: usize> Plain for Corner<D> {
-    /// The material point and those that share the corner mean nothing on another rank.
-    fn encode(&self, numbers: &mut Vec<f64>) {
-        let Near {
-            p: _,
-            body,
-            key,
-            start,
-            size,
-            closest,
-            is_flat,
-            keeps_face,
-            area,
-            area_of_corner,
-            outer,
-            ..
-        } = &self.near;
-        (self.order, *body, *key).encode(numbers);
-        (*start, *size, *closest).encode(numbers);
-        (*is_flat, *keeps_face, *outer).encode(numbers);
-        (*area, *area_of_corner).encode(numbers);
-    }
-
-    fn decode(numbers: &mut impl Iterator<Item = f64>) -> Option<Self> {
-        let (order, body, key) = Plain::decode(numbers)?;
-        let (start, size, closest) = Plain::decode(numbers)?;
-        let (is_flat, keeps_face, outer) = Plain::decode(numbers)?;
-        let (area, area_of_corner) = Plain::decode(numbers)?;
-        let shared_by = Vec::new();
-        let near = Near {
-            p: None,
-            body,
-            key,
-            start,
-            size,
-            closest,
-            is_flat,
-            keeps_face,
-            area,
-            area_of_corner,
-            outer,
-            shared_by,
-        };
-        Some(Corner { order, near })
-    }
-}
-
-impl<const D: usize> Search<'_, D> {
-    /// Position of the cell of a material point in the order of the grid.
-    fn order(&self, p: usize) -> u32 {
-        let cell = self.points.cell[p];
-        self.model.grid.patches().map_or(cell, |patches| patches.rank_of[cell as usize])
-    }
-
-    /// Adds the corners on other ranks that domains of this rank may share, and moves all contact points into the first
-    /// piece, in the order of the grid. `is_shared` tells whether the domains of a body share corners.
-    pub(super) fn add_others(&self, pieces: &mut Vec<Found<D>>, is_shared: impl Fn(usize) -> bool) {
-        let mut places: Vec<(u32, Near<D>)> = Vec::new();
-        for place in pieces.iter_mut().flat_map(|found| found.places.drain(..)) {
-            places.push((place.p.map_or(0, |p| self.order(p)), place));
-        }
-        let halo = self.links.halo();
-        let mut messages: Vec<(usize, Vec<Corner<D>>)> = Vec::new();
-        let corners =
-            places.iter().filter(|(_, place)| is_shared(place.body) && place.key.corner % FACE < CENTRE);
-        for (rank, shared) in halo.neighbours() {
-            let is_near = |(_, place): &&(u32, Near<D>)| self.touches_one_of(place, shared);
-            let near: Vec<Corner<D>> = corners
-                .clone()
-                .filter(is_near)
-                .map(|(order, near)| Corner { order: *order, near: near.clone() })
-                .collect();
-            if !near.is_empty() {
-                messages.push((rank, near));
-            }
-        }
-        let received = exchange(halo.ranks(), messages).into_iter().flat_map(|(_, corners)| corners);
-        places.extend(received.map(|corner| (corner.order, corner.near)));
-        // All points of a cell are on one rank, and the stable sort keeps their order.
-        places.sort_by_key(|(order, _)| *order);
-        if pieces.is_empty() {
-            pieces.push(Found::default());
-        }
-        pieces[0].places.extend(places.into_iter().map(|(_, place)| place));
-    }
-
-    /// True if the cell that holds a contact point has one of these active nodes, given in ascending order. Domains
-    /// that share a corner touch the same nodes of its cell.
-    fn touches_one_of(&self, place: &Near<D>, shared: &[u32]) -> bool {
-        let grid = self.model.grid.as_ref();
-        let hint = place.p.map(|p| self.points.cell[p]);
-        let Some(cell) = grid.locate(&place.start, hint) else { return false };
-        let corners = grid.corners(cell as usize);
-        let mut active = corners.nodes().iter().flat_map(|node| self.links.copies(*node as usize));
-        active.any(|node| place_of(shared, node).is_some())
-    }
-}
-
-/// A tool and a node, with a sum of vectors and a sum of weights there.
-type AtNode<const D: usize> = ((u32, usize), ([f64; D], f64));
-
-/// Adds the contributions of other ranks to sums at nodes of this rank. A sum belongs to a tool and an active node, for
-/// which `place` returns the index of the sum if this rank has it.
-pub(super) fn add_others<const D: usize>(
-    reduction: &Reduction,
-    sums: &mut [([f64; D], f64)],
-    pairs: &[(u32, usize)],
-    place: impl Fn(u32, usize) -> Option<usize>,
-) {
-    let halo = reduction.halo();
-    let mut messages = Vec::new();
-    for (rank, shared) in halo.neighbours() {
-        let shares: Vec<AtNode<D>> = (pairs.iter().zip(&*sums))
-            .filter_map(|((tool, node), sum)| Some(((*tool, place_of(shared, *node)?), *sum)))
-            .collect();
-        if !shares.is_empty() {
-            messages.push((rank, shares));
-        }
-    }
-    for (rank, shares) in exchange(halo.ranks(), messages) {
-        let Some((_, shared)) = halo.neighbours().find(|(neighbour, _)| *neighbour == rank) else { continue };
-        for ((tool, k), (vector, weight)) in shares {
-            let node = shared.get(k).map(|node| *node as usize);
-            if let Some(place) = node.and_then(|node| place(tool, node)) {
-                let (sum, total) = &mut sums[place];
-                (0..D).for_each(|d| sum[d] += vector[d]);
-                *total += weight;
-            }
-        }
     }
 }

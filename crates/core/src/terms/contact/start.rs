@@ -56,8 +56,8 @@ pub fn overlaps_at_start<const D: usize>(model: &Model<D>, points: &Points<D>) -
             let own = deepest.map(|Inside { p, corner, overlap, .. }| -> Deepest {
                 (points.id[*p], corner.to_vec(), *overlap, in_body.len(), reach)
             });
-            let by_rank = points.reduction().gather_all(own).into_iter().flatten();
-            let deepest = by_rank.reduce(|a, b| {
+            let all = points.reduction().join(own.into_iter().collect()).into_iter();
+            let deepest = all.reduce(|a, b| {
                 let (n, reach) = (a.3 + b.3, larger(a.4, b.4));
                 let deeper = if b.2 > a.2 { b } else { a };
                 (deeper.0, deeper.1, deeper.2, n, reach)

@@ -44,7 +44,7 @@ pub(super) fn support_sliding<const D: usize, const N: usize>(
         let [mut approach, mut slide] = rates(moving, &unknown, tool, pairs);
         reduction.sum(approach.as_mut_slice());
         reduction.sum(slide.as_mut_slice());
-        if !reduction.is_root() {
+        if !reduction.counts_globals() {
             continue;
         }
         let Some(support) = unheld(&approach, &slide) else { continue };

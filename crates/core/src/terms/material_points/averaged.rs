@@ -29,7 +29,11 @@ pub(super) struct Averaged<'t, 'a, 's, 'r, const D: usize, M: Mechanics<D>> {
 }
 
 /// The material of a point and the deformation that it sees.
-pub(super) type Kind = (usize, CellStrain);
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Kind {
+    pub(super) material: usize,
+    pub(super) strain: CellStrain,
+}
 
 /// The responses found.
 pub(super) enum Found {

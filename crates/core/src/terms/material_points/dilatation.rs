@@ -26,7 +26,7 @@ impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
     #[inline(always)]
     pub(super) fn kind(&self, p: usize) -> Kind {
         let body = &self.model.bodies[self.body[p] as usize];
-        (body.material, body.strain)
+        Kind { material: body.material, strain: body.strain }
     }
 }
 
@@ -44,7 +44,7 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
                 continue;
             }
             let mut alike = (first..points.end).filter(|p| task.kind(*p) == kind);
-            match kind.1 {
+            match kind.strain {
                 CellStrain::Standard => alike.try_for_each(|p| self.add_alone(p))?,
                 CellStrain::MeanDilatation => self.add_averaged(first..points.end, kind)?,
                 CellStrain::FBar => alike.try_for_each(|p| self.add_centred(p))?,

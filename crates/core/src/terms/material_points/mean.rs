@@ -48,11 +48,9 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
             own.clear(mean.gradient.len());
             own.add(&task.links.links(*p, room), 1.0, radius(&motion.increment));
             deviating.clear();
-            let nodes =
-                own.gradient.iter().zip(&own.per_radius).zip(mean.gradient.iter().zip(&mean.per_radius));
-            deviating.extend(nodes.map(|((own, around), (mean, mean_around))| {
-                M::Deviation::gradients((own, *around), (mean, *mean_around))
-            }));
+            deviating.extend(
+                own.slopes().zip(mean.slopes()).map(|(own, mean)| M::Deviation::gradients(own, mean)),
+            );
             dense.add_on_all(weak, deviating, force);
         }
         Ok(())

@@ -1,7 +1,7 @@
 //! Working space for the points of a material in a cell that take their mean increment.
 
 use crate::basis::Links;
-use crate::stress::{Mechanics, WeakForm};
+use crate::stress::{Mechanics, Slopes, WeakForm};
 
 /// Gradients of the basis functions of the nodes of a group, and S/r̃ of bodies of revolution, at the start of the step.
 pub(super) struct NodeGradients<const D: usize> {
@@ -22,6 +22,13 @@ impl<const D: usize> NodeGradients<D> {
         self.gradient.resize(n, [0.0; D]);
         self.per_radius.clear();
         self.per_radius.resize(n, 0.0);
+    }
+
+    /// The derivatives of the basis function of each node.
+    #[inline(always)]
+    pub(super) fn slopes(&self) -> impl Iterator<Item = Slopes<'_, D>> {
+        let of_nodes = self.gradient.iter().zip(&self.per_radius);
+        of_nodes.map(|(gradient, &per_radius)| Slopes { gradient, per_radius })
     }
 
     /// Adds a share of the gradients of a point at a distance `radius` from the axis of revolution.

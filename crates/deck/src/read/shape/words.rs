@@ -4,10 +4,11 @@ use boon::ErrorKind;
 use serde_json::Value;
 
 use crate::quoting::quote;
+use crate::references::Noun;
 use crate::schema::{Fault, shortest, strict_schema};
 
-/// The keys of a mapping, as messages name them, in the singular and in the plural.
-pub(super) const KEYS: (&str, &str) = ("key here", "keys here");
+/// The keys of a mapping, as messages name them.
+pub(super) const KEYS: Noun = Noun::new("key here", "keys here");
 
 /// The part of the schema with the keyword that a value does not satisfy.
 pub(super) fn subschema(fault: &Fault) -> Option<&'static Value> {

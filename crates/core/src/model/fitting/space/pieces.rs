@@ -192,7 +192,7 @@ impl Fitting<'_> {
             if !self.fits(&place, &corners, crossed, &size) {
                 continue;
             }
-            let crossed = self.crossed_from(&place, &faces, (&corners, &heights), crossed);
+            let crossed = self.crossed_from(&place, &faces, &corners, &heights, crossed);
             if crossed.is_empty() {
                 return Some(Centre { place, faces, crossed });
             }
@@ -240,12 +240,14 @@ impl Fitting<'_> {
         })
     }
 
-    /// The sides whose corners lie beyond a face as seen from a position.
+    /// The sides of a cell whose corners lie beyond a face as seen from a position; `heights` are those of the corners
+    /// above each face.
     fn crossed_from(
         &self,
         place: &[f64; 3],
         on: &[u32],
-        (corners, heights): (&[usize; 8], &[(u32, [f64; 8])]),
+        corners: &[usize; 8],
+        heights: &[(u32, [f64; 8])],
         crossed: &Crossed,
     ) -> Vec<[usize; 4]> {
         let mut beyond = [false; 8];
