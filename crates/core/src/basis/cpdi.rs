@@ -73,8 +73,8 @@ fn sum_over_corners<const D: usize>(
 }
 
 /// Largest distance by which a corner may lie outside the grid, in cells. The corners of CPDI1 domains follow the
-/// deformation of their point and can leave the grid slightly if a body slides along a wall.
-pub const CORNER_MARGIN: f64 = 0.05;
+/// deformation of their point and leave the grid where a body turns or shears along a wall or an axis of symmetry.
+pub const CORNER_MARGIN: f64 = 0.5;
 
 /// The cell that contains a position or is nearest to it, and the distance of the position from the grid, in cells. The
 /// distance is minus the sum of the negative values of the basis of that cell, continued to the position.

@@ -10,7 +10,7 @@ pub struct Newton {
     /// Tolerance: the largest relative out-of-balance force, eq. (40), of a converged step, [-].
     pub tolerance: f64,
     /// Largest number of linear solves in an attempt at a step, counted anew after each update of contact multipliers;
-    /// damped iterations and strength reductions may take more.
+    /// a quarter more while the residual falls fast, and more for damped iterations and strength reductions.
     pub max_iterations: usize,
     /// Solver of the linear equations.
     pub linear: Choice,

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::motion::{Objection, diagonal_misses_volume, rotation_of_turn, shear, turn};
-use crate::basis::{CORNER_MARGIN, Connectivity, DomainKind, domain_volume, nearest_with_distance};
+use crate::basis::{Connectivity, DomainKind, domain_volume, nearest_with_distance};
 use crate::grid::{Grid, MAX_CORNERS};
 use crate::model::Model;
 use crate::points::Points;
@@ -277,9 +277,12 @@ fn share_of_box_outside<const D: usize>(grid: &dyn Grid<D>, x: &[f64; D], half_l
     1.0 - inside
 }
 
-/// Share of the corners of a domain outside the grid, [-]. Within the margin that CPDI allows, a corner counts in part.
+/// Distance from the grid within which a corner counts in part as outside, in cells.
+const SLIGHTLY_OUTSIDE: f64 = 0.05;
+
+/// Share of the corners of a domain outside the grid, [-].
 fn share_of_corners_outside<const D: usize>(grid: &dyn Grid<D>, corners: &[[f64; D]], hint: u32) -> f64 {
-    let part = |corner| (nearest_with_distance(grid, corner, hint).1 / CORNER_MARGIN).min(1.0);
+    let part = |corner| (nearest_with_distance(grid, corner, hint).1 / SLIGHTLY_OUTSIDE).min(1.0);
     corners.iter().map(part).sum::<f64>() / corners.len().max(1) as f64
 }
 

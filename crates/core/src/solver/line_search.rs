@@ -6,22 +6,24 @@ use super::damping::MAX_TRIALS;
 /// Largest number of halvings of δd when a point cannot follow it.
 const MAX_HALVINGS: usize = 5;
 /// Largest number of evaluations of a line search.
-const MAX_SEARCHES: usize = 3;
-/// Largest number of evaluations of a line search if the equations have kinks.
-const MAX_SEARCHES_WITH_KINKS: usize = 6;
-/// If the equations have kinks, a line search may follow an increment that does not reduce the residual to this
-/// fraction.
+const MAX_SEARCHES: usize = 6;
+/// A line search may follow an increment that does not reduce the residual to this fraction: if the equations have kinks,
+/// or if a step has failed recently.
 const FAST: f64 = 0.1;
+const FAST_WITH_CARE: f64 = 0.5;
 /// If the equations have kinks, from this iteration after the last multiplier update onwards, an increment is halved
 /// until the residual no longer increases: friction has no potential whose slope would end a cycle between two states.
 const FIRST_BACKTRACK: usize = 8;
 /// Largest number of halvings of an increment that increases the residual.
 const MAX_BACKTRACKS: usize = 5;
-/// First iteration with a line search after a failed attempt.
-const FIRST_SEARCH: usize = 3;
-/// Without a failed attempt, damping or kinks, the line search begins after this fraction of the iterations allowed:
-/// late enough not to disturb iterations that converge by themselves.
+/// First iteration with a line search if materials may flow, or after a failed attempt: where many points begin to flow at
+/// once, an increment may overshoot a hundredfold, and the iterations do not recover.
+const FIRST_SEARCH: usize = 2;
+/// Without flow, a failed attempt, damping or kinks, the line search begins after this fraction of the iterations
+/// allowed: late enough not to disturb iterations that converge by themselves.
 const LATE: f64 = 0.75;
+/// First iteration in which an increment is halved because it increases the residual, with viscosity.
+const FIRST_VISCOUS_BACKTRACK: usize = 3;
 
 /// The decision on an iterate.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -62,8 +64,10 @@ pub(super) struct Situation<'a> {
     pub(super) tolerance: f64,
     /// True if the iterations are damped.
     pub(super) is_damped: bool,
-    /// True if a line search begins early, because an attempt has failed recently.
+    /// True if a line search begins early, because materials may flow or an attempt has failed recently.
     pub(super) begins_early: bool,
+    /// True if an attempt has failed recently.
+    pub(super) is_careful: bool,
     /// True if the equations have kinks.
     pub(super) has_kinks: bool,
     /// True if viscosity regularises the laws.
@@ -116,11 +120,8 @@ impl Search {
         residual: Option<f64>,
         secant: impl FnOnce(&mut Bracket) -> Option<f64>,
     ) -> Option<f64> {
-        let [most_halvings, most_searches] = match (situation.is_damped, situation.has_kinks) {
-            (true, _) => [MAX_TRIALS; 2],
-            (false, false) => [MAX_HALVINGS, MAX_SEARCHES],
-            (false, true) => [MAX_HALVINGS, MAX_SEARCHES_WITH_KINKS],
-        };
+        let [most_halvings, most_searches] =
+            if situation.is_damped { [MAX_TRIALS; 2] } else { [MAX_HALVINGS, MAX_SEARCHES] };
         let may_shorten = situation.iteration > 0 && !situation.prescribes && !situation.is_augmented;
         let Some(residual) = residual else {
             let halves = may_shorten && self.halvings < most_halvings;
@@ -160,7 +161,7 @@ impl Situation<'_> {
     /// True if the equations have kinks or viscosity and, in a late iteration, an increment has led to a larger
     /// residual. The flow for which viscosity is used has no potential.
     fn cycles(&self, residual: f64) -> bool {
-        let first = if self.is_viscous { FIRST_SEARCH } else { FIRST_BACKTRACK };
+        let first = if self.is_viscous { FIRST_VISCOUS_BACKTRACK } else { FIRST_BACKTRACK };
         (self.has_kinks || self.is_viscous)
             && self.since_update >= first
             && residual > self.before().max(self.tolerance)
@@ -178,11 +179,16 @@ impl Situation<'_> {
             ((LATE * self.max_iterations as f64) as usize).max(FIRST_SEARCH)
         };
         let before = self.before();
+        let enough = match (has_kinks, self.is_careful) {
+            (true, _) => FAST * before,
+            (false, true) => FAST_WITH_CARE * before,
+            (false, false) => before,
+        };
         self.since_update >= first
             && !self.prescribes
             // Only the first increment changes the quantity that determines the load factor.
             && (!self.has_unknown_factor || has_kinks && self.iteration > 1)
-            && (is_damped || residual > if has_kinks { FAST * before } else { before })
+            && (is_damped || residual > enough)
             && residual > self.tolerance
     }
 }
@@ -234,6 +240,7 @@ mod tests {
         tolerance: 1e-9,
         is_damped: false,
         begins_early: false,
+        is_careful: false,
         has_kinks: false,
         is_viscous: false,
         has_unknown_factor: false,
@@ -270,9 +277,13 @@ mod tests {
         };
         assert_eq!(decide(&LATE_ITERATION, 0.2), Decision::Shorten(0.3));
         assert_eq!(decide(&LATE_ITERATION, 0.05), Decision::Accept, "the residual has fallen");
-        let early = Situation { iteration: 3, since_update: 3, ..LATE_ITERATION };
+        let early = Situation { iteration: 2, since_update: 2, ..LATE_ITERATION };
         assert_eq!(decide(&early, 0.2), Decision::Accept);
-        assert_eq!(decide(&Situation { begins_early: true, ..early }, 0.2), Decision::Shorten(0.3));
+        let begins = Situation { begins_early: true, ..early };
+        assert_eq!(decide(&begins, 0.2), Decision::Shorten(0.3));
+        assert_eq!(decide(&begins, 0.06), Decision::Accept, "the residual has fallen");
+        assert_eq!(decide(&Situation { is_careful: true, ..begins }, 0.06), Decision::Shorten(0.3));
+        assert_eq!(decide(&Situation { is_careful: true, ..begins }, 0.04), Decision::Accept);
         assert_eq!(
             decide(&Situation { prescribes: true, begins_early: true, ..early }, 0.2),
             Decision::Accept

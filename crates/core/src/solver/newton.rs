@@ -24,6 +24,8 @@ use super::unknowns::Unknowns;
 
 /// Number of iterations without an update of multipliers after which terms may simplify their conditions.
 const HOLDS_AFTER: usize = 25;
+/// Ratio of the largest number of iterations to the number that may be added to it while the residual falls fast.
+const FURTHER: usize = 4;
 
 /// The iterations of an attempt at a load step.
 pub(super) struct LoadStep<'s, 'a, const D: usize, const N: usize> {
@@ -66,7 +68,7 @@ impl<'a, const D: usize, const N: usize> LoadStep<'_, 'a, D, N> {
                 return self.conclude(is_balanced);
             }
             let since_update = iteration - self.course.solves_before;
-            let is_last = since_update == self.attempt.most_iterations();
+            let is_last = self.is_last(since_update);
             let may_hold = is_last || since_update == HOLDS_AFTER && !self.course.falls_fast();
             if may_hold && self.attempt.pace.is_small() && self.hold(iteration) {
                 continue;
@@ -77,6 +79,12 @@ impl<'a, const D: usize, const N: usize> LoadStep<'_, 'a, D, N> {
             self.increment()?; // (26), (30)
             iteration += 1;
         }
+    }
+
+    /// True after the last iteration that is allowed; while the residual falls fast, a few more are.
+    fn is_last(&self, since_update: usize) -> bool {
+        let most = self.attempt.most_iterations();
+        since_update >= most && !(self.course.falls_fast() && since_update < most + most / FURTHER)
     }
 
     /// The iterate at which the iterations have ended.
@@ -207,6 +215,7 @@ impl<'a, const D: usize, const N: usize> LoadStep<'_, 'a, D, N> {
         let situation = Situation {
             is_damped: attempt.is_damped(),
             begins_early: attempt.searches_early(),
+            is_careful: attempt.is_careful(),
             has_kinks: sum.has_kinks(attempt.context.model),
             is_viscous: attempt.context.viscosity > 0.0,
             has_unknown_factor: sum.system().per_factor().is_some(),

@@ -94,18 +94,14 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
 pub(super) fn evidence(findings: &[Finding]) -> Option<String> {
     let listed = |converges: bool, last: &str| {
         let of = findings.iter().filter(|finding| finding.converges == converges);
-        let words: Vec<&str> = of.map(|finding| finding.experiment.words()).collect();
+        let words: Vec<String> = of.map(|finding| format!("with {}", finding.experiment.words())).collect();
         let (end, before) = words.split_last()?;
-        Some(if before.is_empty() {
-            (*end).to_owned()
-        } else {
-            format!("{} {last} {end}", before.join(", "))
-        })
+        Some(if before.is_empty() { end.clone() } else { format!("{} {last} {end}", before.join(", ")) })
     };
-    Some(match (listed(true, "and with"), listed(false, "or")) {
-        (Some(with), Some(without)) => format!("this step converges with {with}, but not with {without}"),
-        (Some(with), None) => format!("this step converges with {with}"),
-        (None, Some(without)) => format!("this step does not converge with {without} either"),
+    Some(match (listed(true, "and"), listed(false, "or")) {
+        (Some(with), Some(without)) => format!("this step converges {with}, but not {without}"),
+        (Some(with), None) => format!("this step converges {with}"),
+        (None, Some(without)) => format!("this step does not converge {without} either"),
         (None, None) => return None,
     })
 }
@@ -194,8 +190,8 @@ mod tests {
             |converge: &[Experiment], fail: &[Experiment]| evidence(&findings(converge, fail)).unwrap();
         assert_eq!(
             text(&[ElasticMaterials, FrozenContact], &[FrozenFriction, StrongerStabilisation, HalfStep]),
-            "this step converges with elastic materials and with frozen contact, but not with frozen friction, ten times \
-             the stabilisation or half its size"
+            "this step converges with elastic materials and with frozen contact, but not with frozen friction, with ten \
+             times the stabilisation or with half its size"
         );
         assert_eq!(text(&[HalfStep], &[]), "this step converges with half its size");
         assert_eq!(text(&[], &[HalfStep]), "this step does not converge with half its size either");
