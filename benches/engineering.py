@@ -370,7 +370,7 @@ def cantilever(draw):
 
 
 def ring(draw):
-    """A quarter of a ring of rubber or clay: squeezed between plates, or under pressure from inside."""
+    """A ring of rubber or clay: squeezed between plates, or under pressure from inside."""
     inner = draw.choose(1.0, 1.5)
     outer = inner + draw.choose(0.5, 0.75, 1.0)
     h = draw.choose(0.125, 0.25)
@@ -382,8 +382,12 @@ def ring(draw):
     if draw.chance(0.5):
         material = {"model": draw.choose("hencky", "neo-hookean"), "young": 1e6, "poisson": draw.choose(0.3, 0.45)}
         if draw.chance(0.5):
-            others["tools"] = [{"name": "plate", "shape": {"type": "half-space", "point": [0, outer], "normal": [0, -1]},
-                                "uy": -round(outer * draw.between(0.05, 0.3), 3), "friction": draw.choose(0, 0.2)}]
+            travel, friction = round(outer * draw.between(0.05, 0.3), 3), draw.choose(0, 0.2)
+            others["tools"] = [
+                {"name": name, "shape": {"type": "half-space", "point": [0, side * outer], "normal": [0, -side]},
+                 "uy": -side * travel, "friction": friction}
+                for name, side in (("upper", 1), ("lower", -1))
+            ]
         else:
             others["surfaces"] = [{"name": "inside", "body": "ring", "part": {"edge": 1}}]
             loads = [{"name": "pressure", "type": "pressure", "surface": "inside", "pressure": round(1e6 * (outer - inner) / outer * draw.between(0.02, 0.1))}]
@@ -393,7 +397,8 @@ def ring(draw):
         # Below the limit 2 s_u ln(b/a) of a cylinder in plane strain.
         limit = 2 * strength * math.log(outer / inner) * (0.85 if "softening" not in material else 0.6)
         loads = [{"name": "pressure", "type": "pressure", "surface": "inside", "pressure": round(limit * draw.between(0.5, 1.0))}]
-    return deck("ring", structured(size, size, h), {"m": material}, [body], conditions, loads, draw.choose(10, 20), **others)
+    grid = structured(2 * size, 2 * size, h) | {"origin": [-size, -size]}
+    return deck("ring", grid, {"m": material}, [body], conditions, loads, draw.choose(10, 20), **others)
 
 
 def upsetting(draw):
