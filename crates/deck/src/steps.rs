@@ -28,8 +28,8 @@ pub struct StepsDeck {
     pub damping: bool,
     /// Viscosity, for bodies that flow plastically in a way that iterations cannot follow: the time in which stresses
     /// beyond the strength relax, as a fraction of a requested step, [-]. Where only motions drive the bodies and a step of
-    /// a sixteenth of the requested size fails, steps continue with viscosity until they succeed without it. The run warns
-    /// of it (W024). 0 rules it out.
+    /// an eighth of the requested size fails, or a larger one after sixteen steps of at most a quarter, steps continue with
+    /// viscosity until they succeed without it. The run warns of it (W024). 0 rules it out.
     #[serde(default = "hundredth")]
     #[schemars(range(min = 0.0, max = 1.0), extend("examples" = [0.01]))]
     pub viscosity: f64,

@@ -31,8 +31,12 @@ const CRAWLED: u32 = 20;
 const SMALL: f64 = 0.25;
 /// Size relative to a requested step, [-], of the longest failed step after which viscosity may be used, and factor by
 /// which the first step with viscosity is longer.
-const STUCK: f64 = 0.0625;
+const STUCK: f64 = 0.125;
 const LONGER: f64 = 4.0;
+/// Size relative to a requested step, [-], up to which steps lag behind those that were asked for, and number of such
+/// steps in succession after which viscosity may be used when the next one fails, whatever its size.
+const LAGS: f64 = 0.25;
+const LAGGED: u32 = 16;
 /// Sizes count as the same if their ratio is below this, [-].
 const ALIKE: f64 = 1.5;
 /// Time that must remain between the end of a step and the next stop, relative to the step, for the step to keep its
@@ -58,6 +62,9 @@ pub struct Pace {
     /// Number of short steps in succession.
     #[serde(default)]
     crawled: u32,
+    /// Number of steps in succession that lag behind those that were asked for.
+    #[serde(default)]
+    lagged: u32,
     /// The use of viscosity.
     #[serde(default)]
     viscosity: Viscosity,
@@ -93,6 +100,7 @@ impl Default for Pace {
             failed_size: 0.0,
             failures: 0,
             crawled: 0,
+            lagged: 0,
             viscosity: Viscosity::default(),
             resort: None,
         }
@@ -168,6 +176,7 @@ impl Pace {
         self.patience = self.patience.saturating_sub(1);
         self.successes += 1;
         self.crawled = if self.is_short() { self.crawled.saturating_add(1) } else { 0 };
+        self.lagged = if self.size <= LAGS { self.lagged.saturating_add(1) } else { 0 };
         self.resort = None;
         self.viscosity = self.viscosity.succeeded(self.size >= 1.0);
         if self.size * ALIKE > self.failed_size {
@@ -214,7 +223,7 @@ impl Pace {
         let size = (end - start) / stepping.size();
         let may_relax = failure.may_relax && stepping.may_relax();
         let relaxed = if may_relax { self.viscosity.stuck() } else { None };
-        let is_stuck = relaxed.is_some() && size <= STUCK * (1.0 + SAME_TIME);
+        let is_stuck = relaxed.is_some() && (size <= STUCK * (1.0 + SAME_TIME) || self.lagged >= LAGGED);
         if !is_stuck && self.halve(stepping, start, end) {
             return true;
         }
@@ -367,19 +376,33 @@ mod tests {
             }
         }
         let viscous = steps.iter().filter(|(_, is_viscous)| *is_viscous).count();
-        // 1, 1/2, 1/4, 1/8, 1/16 fail; with viscosity 1/4, 1/2 and the rest of the step, which counts as whole, follow.
-        // Without it, steps fail after 4 and after 8 whole steps, and succeed after 16.
-        assert_eq!(fails, 5 + 2, "{steps:?}");
-        assert_eq!(
-            (steps[2], steps[3], steps[4], steps[5]),
-            ((0.25, true), (0.5, true), (0.25, true), (1.0, true))
-        );
-        assert_eq!(viscous, 3 + 3 + 8 + 16);
-        assert_eq!(steps.len(), 42);
+        // 1, 1/2, 1/4, 1/8 fail; with viscosity 1/2 and the rest of the step, which counts as whole, follow. Without it,
+        // steps fail after 4 and after 8 whole steps, and succeed after 16.
+        assert_eq!(fails, 4 + 2, "{steps:?}");
+        assert_eq!((steps[2], steps[3], steps[4]), ((0.5, true), (0.5, true), (1.0, true)));
+        assert_eq!(viscous, 2 + 3 + 8 + 16);
+        assert_eq!(steps.len(), 41);
         let never = Stepping { viscosity: 0.0, ..stepping };
         let mut pace = Pace { size: STUCK, ..Pace::default() };
         assert!(pace.failed(&never, 0.0, STUCK, Failure { may_relax: true, ..Failure::default() }));
         assert!(pace.viscosity().is_none() && pace.size == 0.5 * STUCK);
+    }
+
+    #[test]
+    fn steps_that_lag_behind_for_long_continue_with_viscosity() {
+        let stepping = Stepping { smallest: 1e-3, viscosity: 0.01, ..Stepping::fixed(40, 40.0) };
+        let (mut pace, mut time, mut steps) = (Pace::default(), 0.0, Vec::new());
+        while let Some(end) = pace.end_of_step(&stepping, time).filter(|_| pace.viscosity().is_none()) {
+            if end - time > 0.3 {
+                assert!(pace.failed(&stepping, time, end, Failure { may_relax: true, ..Failure::default() }));
+            } else {
+                steps.push(end - time);
+                pace.succeeded(&stepping, 12);
+                time = end;
+            }
+        }
+        assert!((LAGGED as usize..2 * LAGGED as usize).contains(&steps.len()), "{steps:?}");
+        assert_eq!(pace.size, 1.0, "the step with viscosity is as long as requested");
     }
 
     #[test]
