@@ -221,7 +221,7 @@ fn a_further_term_acts_in_all_stages() {
 #[test]
 fn bodies_slump_only_if_all_terms_allow_it() {
     let collapse = |own: Option<bool>| {
-        let set = [("h", "1"), ("n", "2"), ("steps", "1"), ("smallest", "0.5")];
+        let set = [("h", "0.5"), ("n", "3"), ("steps", "1"), ("smallest", "0.5")];
         let set = set.map(|(k, v)| (k.to_owned(), v.to_owned()));
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("inputs/collapse.yaml");
         let (mut model, mut points) = build::<2>(&load(&path, &set).unwrap()).unwrap();

@@ -10,22 +10,23 @@ ROOT = Path(__file__).resolve().parents[2]
 STRUCTURED = "{type: structured, origin: [0, 0], size: [6, 6], spacing: 1}"
 IMPORTED = f"{{type: gmsh, file: '{ROOT}/tests/data/mesh/rectangle_quad_h0.5.msh'}}"
 
-# Points of a square of this side, one per cell of side 1 (0.5 on the mesh), moved as a whole or squeezed.
+# Points of a square of this side, one per cell of side 1 (0.5 on the mesh), stretched out of the grid or squeezed. Corners
+# may lie half a cell outside.
 CASES = {
     "to the right, cpdi1": (
-        "cpdi1", STRUCTURED, 4, "3.3", 3,
-        "step 2: point 3 of body `square` at (5.700000, 0.500000): "
-        "corner 1 of its domain, at (6.200000, 0.000000), is outside the grid",
+        "cpdi1", STRUCTURED, 4, "0.5*X + 0.6", 3,
+        "step 3: point 3 of body `square` at (5.850000, 0.500000): "
+        "corner 1 of its domain, at (6.600000, 0.000000), is outside the grid",
     ),
     "to the right, cpdi2": (
-        "cpdi2", STRUCTURED, 4, "3.3", 3,
-        "step 2: point 3 of body `square` at (5.700000, 0.500000): "
-        "corner 1 of its domain, at (6.200000, 0.000000), is outside the grid",
+        "cpdi2", STRUCTURED, 4, "0.5*X + 0.6", 3,
+        "step 3: point 3 of body `square` at (5.850000, 0.500000): "
+        "corner 1 of its domain, at (6.600000, 0.000000), is outside the grid",
     ),
     "to the left, on a mesh": (
-        "cpdi2", IMPORTED, 1, "-0.1", 2,
-        "step 1: point 0 of body `square` at (0.200000, 0.250000): "
-        "corner 0 of its domain, at (-0.050000, 0.000000), is outside the grid",
+        "cpdi2", IMPORTED, 1, "0.6*(X - 1) + 0.3", 2,
+        "step 2: point 0 of body `square` at (0.100000, 0.250000): "
+        "corner 0 of its domain, at (-0.300000, 0.000000), is outside the grid",
     ),
     "bow-tie": (
         "cpdi2", STRUCTURED, 1, "if(y > 0.5, if(x < 0.5, 0.8, -0.5), 0)", 1,

@@ -39,6 +39,7 @@ mod damping;
 mod diagnosis;
 mod equations;
 mod error;
+mod experiments;
 mod increment;
 mod initial_state;
 mod line_search;

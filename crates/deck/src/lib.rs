@@ -430,8 +430,8 @@ pub struct SolverDeck {
     /// Largest relative out-of-balance force of a converged step, [-].
     #[schemars(extend("exclusiveMinimum" = 0.0, "exclusiveMaximum" = 1.0, "examples" = [1e-9]))]
     pub tolerance: f64,
-    /// Largest number of linear solves in a step, and a quarter more while each leaves a tenth of the residual or less; by
-    /// default 20, and 60 with tools, whose contact points open, close, stick and slide during the iterations.
+    /// Largest number of linear solves in a step; by default 20, and 60 with tools, whose contact points open, close,
+    /// stick and slide during the iterations. A quarter more are made while each leaves a tenth of the residual or less.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1, max = 1000), extend("examples" = [40]))]
     pub max_iterations: Option<u32>,

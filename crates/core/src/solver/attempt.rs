@@ -47,18 +47,14 @@ impl<const D: usize> Attempt<'_, D> {
 
     /// True if line searches begin early.
     pub(super) fn searches_early(&self) -> bool {
-        let may_flow = || {
-            let mut laws = self.context.model.materials.iter().map(|material| &material.law);
-            laws.any(|law| !law.state_fields().is_empty())
-        };
-        self.pace.is_careful() || self.effort != Effort::Usual || may_flow()
+        self.pace.has_failed() || self.effort != Effort::Usual
     }
 
     /// True if line searches follow increments that reduce the residual only little. While strength is reduced, most
     /// attempts that fail have no equilibrium, and more evaluations would not find one.
     pub(super) fn is_careful(&self) -> bool {
         let StepContext { model, step, .. } = self.context;
-        self.pace.is_careful()
+        self.pace.has_failed()
             && self.effort == Effort::Usual
             && model.stepping.strength_factor(step.end).is_none()
     }

@@ -8,7 +8,7 @@ const MAX_HALVINGS: usize = 5;
 /// Largest number of evaluations of a line search.
 const MAX_SEARCHES: usize = 6;
 /// A line search may follow an increment that does not reduce the residual to this fraction: if the equations have kinks,
-/// or if a step has failed recently.
+/// or if a step has failed.
 const FAST: f64 = 0.1;
 const FAST_WITH_CARE: f64 = 0.5;
 /// If the equations have kinks, from this iteration after the last multiplier update onwards, an increment is halved
@@ -16,11 +16,11 @@ const FAST_WITH_CARE: f64 = 0.5;
 const FIRST_BACKTRACK: usize = 8;
 /// Largest number of halvings of an increment that increases the residual.
 const MAX_BACKTRACKS: usize = 5;
-/// First iteration with a line search if materials may flow, or after a failed attempt: where many points begin to flow at
-/// once, an increment may overshoot a hundredfold, and the iterations do not recover.
+/// First iteration with a line search once an attempt has failed: where many points begin to flow at once, an increment may
+/// overshoot a hundredfold, and the iterations do not recover.
 const FIRST_SEARCH: usize = 2;
-/// Without flow, a failed attempt, damping or kinks, the line search begins after this fraction of the iterations
-/// allowed: late enough not to disturb iterations that converge by themselves.
+/// Without a failed attempt, damping or kinks, the line search begins after this fraction of the iterations allowed:
+/// late enough not to disturb iterations that converge by themselves.
 const LATE: f64 = 0.75;
 /// First iteration in which an increment is halved because it increases the residual, with viscosity.
 const FIRST_VISCOUS_BACKTRACK: usize = 3;
@@ -64,9 +64,9 @@ pub(super) struct Situation<'a> {
     pub(super) tolerance: f64,
     /// True if the iterations are damped.
     pub(super) is_damped: bool,
-    /// True if a line search begins early, because materials may flow or an attempt has failed recently.
+    /// True if a line search begins early, because an attempt has failed.
     pub(super) begins_early: bool,
-    /// True if an attempt has failed recently.
+    /// True if a line search follows increments that reduce the residual only little.
     pub(super) is_careful: bool,
     /// True if the equations have kinks.
     pub(super) has_kinks: bool,
@@ -170,25 +170,25 @@ impl Situation<'_> {
     /// True if a line search may shorten the last increment, given the residual to which it has led. Across kinks, any
     /// increment may overshoot.
     fn may_search(&self, residual: f64) -> bool {
-        let Situation { is_damped, has_kinks, .. } = *self;
+        let Situation { is_damped, has_kinks, begins_early, .. } = *self;
+        let late = ((LATE * self.max_iterations as f64) as usize).max(FIRST_SEARCH);
         let first = if is_damped || has_kinks {
             1
-        } else if self.begins_early {
+        } else if begins_early {
             FIRST_SEARCH
         } else {
-            ((LATE * self.max_iterations as f64) as usize).max(FIRST_SEARCH)
+            late
         };
-        let before = self.before();
         let enough = match (has_kinks, self.is_careful) {
-            (true, _) => FAST * before,
-            (false, true) => FAST_WITH_CARE * before,
-            (false, false) => before,
+            (true, _) => FAST,
+            (false, true) => FAST_WITH_CARE,
+            (false, false) => 1.0,
         };
         self.since_update >= first
             && !self.prescribes
             // Only the first increment changes the quantity that determines the load factor.
             && (!self.has_unknown_factor || has_kinks && self.iteration > 1)
-            && (is_damped || residual > enough)
+            && (is_damped || residual > enough * self.before())
             && residual > self.tolerance
     }
 }

@@ -62,6 +62,9 @@ pub struct Pace {
     /// Number of short steps in succession.
     #[serde(default)]
     crawled: u32,
+    /// True once a step has failed.
+    #[serde(default)]
+    has_failed: bool,
     /// Number of steps in succession that lag behind those that were asked for.
     #[serde(default)]
     lagged: u32,
@@ -100,6 +103,7 @@ impl Default for Pace {
             failed_size: 0.0,
             failures: 0,
             crawled: 0,
+            has_failed: false,
             lagged: 0,
             viscosity: Viscosity::default(),
             resort: None,
@@ -139,6 +143,11 @@ impl Pace {
     /// True if a step has failed recently.
     pub fn is_careful(&self) -> bool {
         self.patience > 0
+    }
+
+    /// True if a step has failed since the start of the analysis or of the stage.
+    pub fn has_failed(&self) -> bool {
+        self.has_failed
     }
 
     /// True if steps have been cut so far that terms may simplify conditions.
@@ -216,6 +225,7 @@ impl Pace {
     /// Records a failed step. Returns true if another attempt may be made: at a smaller step, with viscosity, or at the
     /// same step with a last resort.
     pub fn failed(&mut self, stepping: &Stepping, start: f64, end: f64, failure: Failure) -> bool {
+        self.has_failed = true;
         if let Some(viscosity) = self.viscosity.failed() {
             self.viscosity = viscosity;
             return true;
@@ -228,8 +238,13 @@ impl Pace {
             return true;
         }
         if let Some(viscosity) = relaxed {
-            *self =
-                Pace { size: (LONGER * size).min(1.0), crawled: self.crawled, viscosity, ..Pace::default() };
+            *self = Pace {
+                size: (LONGER * size).min(1.0),
+                crawled: self.crawled,
+                has_failed: true,
+                viscosity,
+                ..Pace::default()
+            };
             return true;
         }
         self.resort = match self.resort {
