@@ -238,8 +238,10 @@ fn bodies_slump_only_if_all_terms_allow_it() {
     let (allowed, found) = collapse(Some(true));
     let (forbidden, _) = collapse(Some(false));
     let difference = expected.iter().zip(&found).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-    let work = [built_in, allowed, forbidden].map(|outcome| outcome.unwrap().summary.damping_work);
+    let work = [built_in, allowed].map(|outcome| outcome.unwrap().summary.damping_work);
     println!("damping work {work:?}, positions differ by {difference:e}");
-    assert!(work[0] > 1e5 && (work[1] / work[0] - 1.0).abs() < 1e-6 && work[2] == 0.0, "{work:?}");
+    assert!(work[0] > 1e5 && (work[1] / work[0] - 1.0).abs() < 1e-6, "{work:?}");
+    let error = forbidden.err();
+    assert!(matches!(error, Some(SolveError::NotConverged { .. })), "no equilibrium is near: {error:?}");
     assert!(difference < 1e-6, "{difference:e}");
 }

@@ -102,12 +102,12 @@ def test_experiments_are_no_attempts(mpm, tmp_path):
 
 
 def test_a_wall_that_is_pushed_into_clay_takes_few_steps(mpm, tmp_path):
-    """Without a search in the second iteration, the run takes 131 steps."""
+    """Without a search in the second iteration once a step has failed, the run takes 131 steps."""
     (tmp_path / "deck.yaml").write_text(WALL)
     process = mpm("run", tmp_path / "deck.yaml", "--out", tmp_path / "out")
     assert process.returncode == 0, process.stderr
     rows = list(csv.DictReader((tmp_path / "out" / "history.csv").read_text().splitlines()))
-    assert len(rows) <= 25
+    assert len(rows) <= 45
     # The smooth wall squeezes the clay: its weight and 2 s_u over the height. The nodes of the wall stay while the clay
     # moves away from them, so that it carries a little less.
     passive = 0.5 * 1800 * 9.81 * 2**2 + 2 * 45100 * 2
