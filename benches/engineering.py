@@ -384,7 +384,7 @@ def ring(draw):
         if draw.chance(0.5):
             travel, friction = round(outer * draw.between(0.05, 0.3), 3), draw.choose(0, 0.2)
             others["tools"] = [
-                {"name": name, "shape": {"type": "half-space", "point": [0, side * outer], "normal": [0, -side]},
+                {"name": name, "shape": {"type": "half-space", "point": [0, side * (outer + 0.01)], "normal": [0, -side]},
                  "uy": -side * travel, "friction": friction}
                 for name, side in (("upper", 1), ("lower", -1))
             ]
