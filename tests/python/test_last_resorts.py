@@ -142,11 +142,11 @@ def test_a_bank_that_collapses_slumps_to_where_it_can_stand(mpm, tmp_path):
 
 
 def test_an_equilibrium_of_which_a_domain_is_torn_is_no_collapse(mpm, tmp_path):
-    """The last attempt runs out of iterations; one before it meets the tolerance and tears a domain."""
+    """The last attempt fails in an iteration; one before it meets the tolerance and tears a domain."""
     deck = tmp_path / "deck.yaml"
-    deck.write_text(LEDGE)
+    deck.write_text(LEDGE.replace("damping: false", "damping: false, smallest: 0.02"))
     process = mpm("run", deck, "--out", tmp_path / "out")
-    assert process.returncode == 1 and "error[S001]" in process.stderr
+    assert process.returncode == 1 and "error[S002]" in process.stderr
     diagnosis = summary_of(tmp_path / "out")["diagnosis"]
     assert diagnosis["kind"] == "lost-domain" and "damping" in diagnosis["advice"]
     assert diagnosis["body"] == "block" and diagnosis["node"] is None
