@@ -273,7 +273,7 @@ fn a_corner_just_outside_the_grid_loses_nothing() {
         let mut support = Support::default();
         Cpdi.support(&grid, &point, &mut support).map(|()| (position, support))
     };
-    for outside in [0.0, 1e-5, 0.0499] {
+    for outside in [0.0, 1e-5, 0.0499, 0.499] {
         let (position, support) = support(outside).unwrap();
         let mut sums = ([0.0; 3], [[0.0; 2]; 3]);
         for (k, &node) in support.nodes.iter().enumerate() {
@@ -290,5 +290,5 @@ fn a_corner_just_outside_the_grid_loses_nothing() {
             assert!((0..2).all(|d| (sums.1[f][d] - gradient[d]).abs() < 1e-13), "{outside}: {sums:?}");
         }
     }
-    assert!(matches!(support(0.0501), Err(SupportError::CornerOffGrid { corner: 0, .. })));
+    assert!(matches!(support(0.501), Err(SupportError::CornerOffGrid { corner: 0, .. })));
 }
