@@ -18,7 +18,7 @@ pub struct Viscous {
 }
 
 impl Viscous {
-    /// The regularisation of a law, with 0 < w < 1; `None` if the law does not flow or is not linear in the logarithmic
+    /// The regularisation of a law, with 0 < w ≤ 1; `None` if the law does not flow or is not linear in the logarithmic
     /// elastic strain.
     pub fn new(law: &dyn Material, weight: f64) -> Option<Viscous> {
         law.linear_elasticity(&law.initial_history())?;

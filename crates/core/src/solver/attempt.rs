@@ -52,7 +52,7 @@ impl<const D: usize> Attempt<'_, D> {
 
     /// True if line searches follow increments that reduce the residual only little. While strength is reduced, most
     /// attempts that fail have no equilibrium, and more evaluations would not find one.
-    pub(super) fn is_careful(&self) -> bool {
+    pub(super) fn searches_often(&self) -> bool {
         let StepContext { model, step, .. } = self.context;
         self.pace.has_failed()
             && self.effort == Effort::Usual

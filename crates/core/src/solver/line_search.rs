@@ -67,7 +67,7 @@ pub(super) struct Situation<'a> {
     /// True if a line search begins early, because an attempt has failed.
     pub(super) begins_early: bool,
     /// True if a line search follows increments that reduce the residual only little.
-    pub(super) is_careful: bool,
+    pub(super) searches_often: bool,
     /// True if the equations have kinks.
     pub(super) has_kinks: bool,
     /// True if viscosity regularises the laws.
@@ -179,7 +179,7 @@ impl Situation<'_> {
         } else {
             late
         };
-        let enough = match (has_kinks, self.is_careful) {
+        let enough = match (has_kinks, self.searches_often) {
             (true, _) => FAST,
             (false, true) => FAST_WITH_CARE,
             (false, false) => 1.0,
@@ -240,7 +240,7 @@ mod tests {
         tolerance: 1e-9,
         is_damped: false,
         begins_early: false,
-        is_careful: false,
+        searches_often: false,
         has_kinks: false,
         is_viscous: false,
         has_unknown_factor: false,
@@ -282,8 +282,8 @@ mod tests {
         let begins = Situation { begins_early: true, ..early };
         assert_eq!(decide(&begins, 0.2), Decision::Shorten(0.3));
         assert_eq!(decide(&begins, 0.06), Decision::Accept, "the residual has fallen");
-        assert_eq!(decide(&Situation { is_careful: true, ..begins }, 0.06), Decision::Shorten(0.3));
-        assert_eq!(decide(&Situation { is_careful: true, ..begins }, 0.04), Decision::Accept);
+        assert_eq!(decide(&Situation { searches_often: true, ..begins }, 0.06), Decision::Shorten(0.3));
+        assert_eq!(decide(&Situation { searches_often: true, ..begins }, 0.04), Decision::Accept);
         assert_eq!(
             decide(&Situation { prescribes: true, begins_early: true, ..early }, 0.2),
             Decision::Accept

@@ -215,7 +215,7 @@ impl<'a, const D: usize, const N: usize> LoadStep<'_, 'a, D, N> {
         let situation = Situation {
             is_damped: attempt.is_damped(),
             begins_early: attempt.searches_early(),
-            is_careful: attempt.is_careful(),
+            searches_often: attempt.searches_often(),
             has_kinks: sum.has_kinks(attempt.context.model),
             is_viscous: attempt.context.viscosity > 0.0,
             has_unknown_factor: sum.system().per_factor().is_some(),
