@@ -20,7 +20,7 @@ PARTS = {
     "Runs": [mpm.Run, mpm.Step, mpm.Tool, mpm.ToolPart, mpm.Contacts, mpm.Points, mpm.Table],
     "Results": [mpm.Result, mpm.Frame, mpm.read],
     "Laws": [mpm.Law, mpm.BuiltInLaw, mpm.testing.check_material, mpm.testing.Finding],
-    "Studies": [mpm.sweep, mpm.Study, mpm.Member],
+    "Studies": [mpm.sweep, mpm.Study, mpm.Member, mpm.converge, mpm.Convergence, mpm.GridRun],
     "Errors": [mpm.MpmError, mpm.DeckError, mpm.SolveError, mpm.ResultsError, mpm.UsageError],
 }
 #: Longest line of text.

@@ -21,7 +21,7 @@ use clap::Parser;
 pub use heap::Heap;
 
 use cli::{Cli, Command};
-use commands::{element, explain, manual, new, plan, report, run, status, sweep};
+use commands::{converge, element, explain, manual, new, plan, report, run, status, sweep};
 use exit::USAGE;
 use screen::failure::as_error;
 use screen::message;
@@ -49,6 +49,7 @@ fn run_command(arguments: &[OsString], began: Instant) -> anyhow::Result<u8> {
         Command::Run(args) => run::run(args, arguments, began),
         Command::Status(args) => status::status(&args),
         Command::Sweep(args) => sweep::sweep(args),
+        Command::Converge(args) => converge::converge(args),
         Command::Report(args) => report::report(args),
         Command::Element(args) => element::element(args),
         Command::Explain { code } => explain::explain(code.as_deref()),

@@ -8,6 +8,7 @@
 """
 
 from mpm import testing
+from mpm._converge import Convergence, GridRun, converge
 from mpm._deck import Deck
 from mpm._errors import DeckError, Diagnostic, MpmError, ResultsError, SolveError, UsageError
 from mpm._laws import BuiltInLaw, Law
@@ -19,10 +20,12 @@ from mpm._tools import Contacts, Tool, ToolPart
 __all__ = [
     "BuiltInLaw",
     "Contacts",
+    "Convergence",
     "Deck",
     "DeckError",
     "Diagnostic",
     "Frame",
+    "GridRun",
     "Law",
     "Member",
     "MpmError",
@@ -38,6 +41,7 @@ __all__ = [
     "ToolPart",
     "UsageError",
     "__version__",
+    "converge",
     "read",
     "sweep",
     "testing",

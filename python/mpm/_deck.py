@@ -66,6 +66,8 @@ class Deck(MutableMapping[str, Any]):
         self._text: bytes | None = None
         self._overrides: Overrides = []
         self._original: str | None = None
+        #: Text and overrides in place of those that follow from the data.
+        self._given: tuple[bytes, Overrides] | None = None
 
     @classmethod
     def load(cls, path: StrPath, /, **parameters: Value) -> Deck:
@@ -295,6 +297,8 @@ class Deck(MutableMapping[str, Any]):
 
     def _source(self) -> tuple[bytes, Overrides]:
         """Text and overrides: those of the file if at most parameters differ, so that messages give its lines."""
+        if self._given is not None:
+            return self._given
         if self._text is not None and self._is_original():
             return self._text, self._overrides
         return _mpm.dump(_document(self._data)).encode(), []

@@ -93,6 +93,39 @@ def headings(parameters: list[str], results: list[str]) -> list[str]:
     """Headings of parameters that differ from the columns of results and from each other."""
 
 @final
+class Grids:
+    """The decks of a convergence study, and what their results have shown."""
+
+    def __new__(
+        cls,
+        name: str,
+        text: bytes,
+        overrides: list[tuple[str, str]],
+        quantity: str,
+        over: tuple[str, list[str]] | None,
+        allow_libraries: bool,
+    ) -> Grids:
+        """The grids of a deck: three with cells of halved size, or those that a parameter with listed values sets."""
+
+    #: Why the grids are finer than that of the deck.
+    @property
+    def note(self) -> str | None: ...
+    def decks(self) -> list[tuple[str, bytes, list[tuple[str, str]]]]:
+        """Names of the results directories, texts and overrides of the decks from coarse to fine."""
+
+    def halve(self) -> tuple[str, bytes, list[tuple[str, str]]]:
+        """Adds a grid with cells half as long as those of the finest one, and returns its deck."""
+
+    def move_lines(self) -> tuple[str, bytes, list[tuple[str, str]]] | None:
+        """The deck of the middle grid with its inner lines moved, if it can be used so."""
+
+    def read(self, directory: _StrPath, is_moved: bool) -> None:
+        """Reads the quantity from the results of the next grid, or of the moved one."""
+
+    def conclude(self, errors: list[float], out: _StrPath | None) -> tuple[str, str]:
+        """The conclusions as JSON and as a sentence; they are also written to a directory, with a page."""
+
+@final
 class BuiltIn:
     """A law of the library."""
 

@@ -5,6 +5,7 @@
 //! holds the interpreter lock only while it calls a law defined in Python.
 
 mod arrays;
+mod convergence;
 mod decks;
 mod errors;
 mod files;
@@ -32,6 +33,8 @@ fn main(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
 
 #[pymodule]
 mod _mpm {
+    #[pymodule_export]
+    use super::convergence::Grids;
     #[pymodule_export]
     use super::decks::{check, dump, read, schema, text_of_code};
     #[pymodule_export]

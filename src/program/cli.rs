@@ -6,7 +6,7 @@ use clap_complete::Shell;
 use std::sync::OnceLock;
 
 use crate::program::commands::arguments::DeckArgs;
-use crate::program::commands::{element, new, report, run, status, sweep};
+use crate::program::commands::{converge, element, new, report, run, status, sweep};
 use crate::program::machines::features;
 
 /// Implicit, quasi-static, finite-deformation material point method.
@@ -52,6 +52,10 @@ pub enum Command {
     Status(status::StatusArgs),
     /// Run a parameter study: a deck for every combination of the listed values.
     Sweep(sweep::SweepArgs),
+    /// Run a deck on coarse and fine grids, and state a quantity with an error bar.
+    ///
+    /// For example: mpm converge bearing.yaml --quantity footing_ry --to 2%
+    Converge(converge::ConvergeArgs),
     /// Write a report on the results of a run, or a comparison of several runs, as a single HTML page.
     Report(report::ReportArgs),
     /// Drive one material point along a strain or stress path, as in a laboratory test.

@@ -2,9 +2,11 @@
 
 mod analysis;
 pub mod arguments;
+pub mod converge;
 pub mod element;
 pub mod explain;
 pub mod manual;
+mod member;
 pub mod new;
 mod overwriting;
 pub mod plan;

@@ -71,6 +71,7 @@ mod per_axis;
 pub mod quoting;
 pub mod read;
 pub mod reference;
+pub mod refinement;
 mod region;
 mod stages;
 mod steps;

@@ -3,28 +3,17 @@
 use std::collections::BTreeSet;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 
-use crate::deck::diagnostic::Diagnostic;
-use crate::deck::load::{self, LoadFailure, load_text};
-use crate::deck::quoting::counted;
-use crate::output::summary::Start;
-use crate::program::commands::analysis::{
-    self, Begin, Ended, Run, describe_failure, messages, not_writable, prepare, print_messages, run_into,
-};
+use crate::deck::load::{self, load_text};
+use crate::deck::refinement::DeckText;
+use crate::program::commands::analysis::{self, Begin, not_writable};
 use crate::program::commands::arguments::{LibraryArgs, assignment};
+use crate::program::commands::member::Members;
 use crate::program::exit::{FAILED, INTERRUPTED, USAGE};
 use crate::program::interrupt::stop_on_interrupt;
-use crate::program::machines::Machines;
-use crate::program::screen::failure::{Coded, as_error, in_words};
-use crate::program::screen::progress::View;
-use crate::ranks::Ranks;
-use crate::solver::{Reached, SolveError};
-use crate::study::{
-    Axis, Member, Outcome, Record, Row, Study, dependence_on_cells, may_be_replaced, write_table,
-};
-use crate::timing::{Phase, Timings};
+use crate::program::screen::failure::Coded;
+use crate::study::{Axis, Member, Outcome, Row, Study, dependence_on_cells, may_be_replaced, write_table};
 use anyhow::Context;
 use clap::Args;
 
@@ -87,9 +76,8 @@ pub fn sweep(args: SweepArgs) -> anyhow::Result<u8> {
     }
     let begin = if args.resume { Begin::AtCheckpointIfAny } else { Begin::Anew };
     let (deny_warnings, libraries) = (args.deny_warnings, args.libraries);
-    let (rows, printed) = (Vec::new(), BTreeSet::new());
-    let mut sweep =
-        Sweep { study, name, text, deny_warnings, libraries, directory, stop, begin, rows, printed };
+    let members = Members { deny_warnings, libraries, stop, begin, printed: BTreeSet::new(), speaks: true };
+    let mut sweep = Sweep { study, name, text, members, directory, rows: Vec::new() };
     sweep.take_completed();
     sweep.write_table()?;
     Ok(sweep.run_members())
@@ -104,18 +92,11 @@ struct Sweep {
     /// Name and text of the deck, which is read once so that all members use the same text.
     name: String,
     text: Vec<u8>,
-    /// True if members with warnings are not run.
-    deny_warnings: bool,
-    /// Consent to code of libraries.
-    libraries: LibraryArgs,
+    /// How the members are run.
+    members: Members,
     directory: PathBuf,
-    stop: Arc<AtomicBool>,
-    /// State in which members start.
-    begin: Begin,
     /// Results of the members so far.
     rows: Vec<Option<Row>>,
-    /// Messages about the deck that were already printed.
-    printed: BTreeSet<String>,
 }
 
 impl Sweep {
@@ -123,10 +104,9 @@ impl Sweep {
     /// happens before the first run, so that the table never loses rows.
     fn take_completed(&mut self) {
         let taken = |member: Member| {
-            let loaded = load_text(&self.name, &self.text, &self.study.overrides(&member)).ok()?;
-            let record = Record::read(&self.directory.join(member.directory_name())).ok()?;
-            let completed = record.completes(&loaded);
-            completed.then_some(Row { member, outcome: Outcome::Completed, record: Some(record) })
+            let directory = self.directory.join(member.directory_name());
+            let record = Members::completed(&self.deck(&member), &directory)?;
+            Some(Row { member, outcome: Outcome::Completed, record: Some(record) })
         };
         self.rows = self.study.members().map(taken).collect();
     }
@@ -140,7 +120,7 @@ impl Sweep {
                 message!("{label}: {member}: completed earlier");
                 continue;
             }
-            if self.stop.load(Ordering::SeqCst) {
+            if self.members.stop.load(Ordering::SeqCst) {
                 break;
             }
             message!("{label}: {member}");
@@ -155,71 +135,14 @@ impl Sweep {
 
     fn run_member(&mut self, member: Member, label: String) -> Row {
         let directory = self.directory.join(member.directory_name());
-        let (start, mut set_up) = (Start::now(), Timings::default());
-        let overrides = self.study.overrides(&member);
-        let prepared = set_up.measure(Phase::SetUp, || {
-            let mut loaded = load_text(&self.name, &self.text, &overrides);
-            if let Ok(loaded) = &mut loaded {
-                self.libraries.allow(loaded);
-            }
-            prepare(loaded, self.deny_warnings, &Ranks::default())
-        });
-        let messages = messages(&prepared, false);
-        // Warnings are the same for many members and are printed once; errors are printed for each member.
-        if !messages.is_empty() && (prepared.is_err() || self.printed.insert(messages.clone())) {
-            print_messages(&prepared);
-        }
-        let ready = match prepared {
-            Ok(ready) => ready,
-            Err(failure) => {
-                message!("  invalid");
-                return Row { member, outcome: Outcome::Invalid(in_one_line(&failure)), record: None };
-            }
-        };
-        let run = Run {
-            directory: &directory,
-            start,
-            view: View::Member(label),
-            stop: &self.stop,
-            begin: self.begin,
-            machines: &Machines::alone(),
-        };
-        let ended = run_into(run, ready, set_up);
-        let record = ended.as_ref().ok().and_then(|_| Record::read(&directory).ok());
-        let outcome = match ended {
-            Err(error) => {
-                message!("{}", as_error(&error));
-                Outcome::Failed(in_words(&error))
-            }
-            Ok(None) => Outcome::Completed,
-            Ok(Some(Ended { outcome: Ok(Reached { progress, summary }), .. })) => {
-                message!(
-                    "  completed: {} in equilibrium, {}, {:.1} s",
-                    counted(summary.steps, "step", "steps"),
-                    counted(summary.evaluations, "evaluation", "evaluations"),
-                    start.elapsed().wall.as_secs_f64()
-                );
-                if let Some(bracket) = progress.last_strength() {
-                    message!("  factor of safety {bracket}");
-                }
-                Outcome::Completed
-            }
-            Ok(Some(Ended { outcome: Err(SolveError::Interrupted { step }), .. })) => {
-                match step {
-                    0 | 1 => message!("  interrupted before the first step was in equilibrium"),
-                    _ => message!("  interrupted: all steps before step {step} are in equilibrium"),
-                }
-                Outcome::Interrupted
-            }
-            Ok(Some(Ended { outcome: Err(error), .. })) => {
-                message!("{}", describe_failure(&error));
-                Outcome::Failed(error.to_string())
-            }
-        };
-        if matches!(outcome, Outcome::Failed(_)) {
-            message!("  failed");
-        }
+        let (outcome, record) = self.members.run(&self.deck(&member), &directory, label);
         Row { member, outcome, record }
+    }
+
+    /// The deck of a member.
+    fn deck(&self, member: &Member) -> DeckText {
+        let overrides = self.study.overrides(member);
+        DeckText { name: self.name.clone(), text: self.text.clone(), overrides }
     }
 
     fn write_table(&self) -> anyhow::Result<()> {
@@ -255,11 +178,4 @@ impl Sweep {
             0
         }
     }
-}
-
-/// The errors of a deck on one line, for the table.
-fn in_one_line(failure: &LoadFailure) -> String {
-    let errors = failure.diagnostics.iter().filter(|diagnostic| Diagnostic::is_error(diagnostic));
-    let errors: Vec<String> = errors.map(|error| format!("{}: {}", error.code, error.message)).collect();
-    errors.join("; ")
 }

@@ -194,6 +194,13 @@ impl LoadFailure {
     pub fn render(&self, colour: bool) -> String {
         diagnostic::render_all(&self.source, &self.diagnostics, colour)
     }
+
+    /// The errors on one line.
+    pub fn in_one_line(&self) -> String {
+        let errors = self.diagnostics.iter().filter(|diagnostic| Diagnostic::is_error(diagnostic));
+        let errors: Vec<String> = errors.map(|error| format!("{}: {}", error.code, error.message)).collect();
+        errors.join("; ")
+    }
 }
 
 impl fmt::Display for LoadFailure {

@@ -153,7 +153,7 @@ fn in_plain_words(name: &str) -> String {
 }
 
 /// A name with a capital first letter.
-fn capitalised(name: &str) -> String {
+pub(super) fn capitalised(name: &str) -> String {
     let mut letters = name.chars();
     let first: String = letters.next().into_iter().flat_map(char::to_uppercase).collect();
     format!("{first}{}", letters.as_str())

@@ -5,11 +5,13 @@
 //!
 //! `run` reads a directory. `chart` (with `scale`) draws curves, `picture` (with `scene`, `view`, `raster` and
 //! `colour`) draws the points; `page` numbers sections, figures and tables. `single` (with `stages` and `tools`) and
-//! `comparison` define the pages about runs, and `element_test` the page about an element test.
+//! `comparison` define the pages about runs, `element_test` the page about an element test, and `convergence` that about a
+//! convergence study.
 
 mod chart;
 mod colour;
 mod comparison;
+mod convergence;
 mod curves;
 mod element_test;
 mod error;
@@ -34,6 +36,7 @@ use std::path::{Path, PathBuf};
 
 use mpm_files::replace::replace_file;
 
+pub use convergence::convergence_page;
 pub use element_test::{ElementReport, element_page};
 pub use error::{NoResults, ReportError};
 pub use field::{FieldChoice, StepChoice};

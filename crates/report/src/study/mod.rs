@@ -1,8 +1,11 @@
 //! Parameter studies: one deck, run for every combination of values from several lists.
 //!
 //! This module defines the members of a study, their results, and the table of all results; the caller runs the
-//! members.
+//! members. `family` and `convergence` are about the grids of a convergence study and what follows
+//! from their results.
 
+pub mod convergence;
+pub mod family;
 mod record;
 mod strength;
 mod table;
@@ -72,6 +75,16 @@ impl FromStr for Axis {
 }
 
 impl Axis {
+    /// Name of the parameter.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The values, as they were written.
+    pub fn values(&self) -> &[String] {
+        &self.values
+    }
+
     /// A parameter that takes these values, which are written as in `--set`.
     ///
     /// # Errors

@@ -38,6 +38,8 @@ pub struct Record {
     /// The columns of `history.csv` with their last values, except those that describe the step; the values are empty
     /// before the first step.
     history: Vec<(String, String)>,
+    /// The same columns with their values of largest magnitude; none before the first step.
+    largest: Vec<(String, f64)>,
 }
 
 impl Record {
@@ -51,7 +53,7 @@ impl Record {
         )?;
         let history =
             Columns::read(&directory.join("history.csv"))?.where_column("converged", |value| value == 1.0);
-        Ok(Record { summary, history: last_row(&history) })
+        Ok(Record { summary, history: last_row(&history), largest: largest_values(&history) })
     }
 
     /// True if this is a completed run of a deck by this version of the program.
@@ -112,6 +114,32 @@ impl Record {
             .map(|factor| factor.map_or_else(String::new, shortest))
     }
 
+    /// The value of largest magnitude of a column of `history.csv`; `None` if there is no such column or no step.
+    pub(super) fn largest(&self, column: &str) -> Option<f64> {
+        self.largest.iter().find(|(name, _)| name == column).map(|(_, value)| *value)
+    }
+
+    /// The bracket of the limit load of the last stage that ends at one.
+    pub(super) fn limit_load(&self) -> Option<[f64; 2]> {
+        let last = self.summary["limit_loads"].as_array()?.last()?;
+        serde_json::from_value(last["bracket"].clone()).ok()
+    }
+
+    /// Number of points at the end.
+    pub fn points(&self) -> Option<f64> {
+        self.summary["points"].as_f64()
+    }
+
+    /// CPU time of the run, [second].
+    pub fn cpu_seconds(&self) -> f64 {
+        self.summary.pointer("/cpu_seconds/total").and_then(Value::as_f64).unwrap_or(0.0)
+    }
+
+    /// True if a point has yielded.
+    pub fn has_yielded(&self) -> bool {
+        self.summary["plastic_work"].as_f64().is_some_and(|work| work != 0.0)
+    }
+
     /// Columns and last values of `history.csv`.
     pub(super) fn history(&self) -> &[(String, String)] {
         &self.history
@@ -131,6 +159,13 @@ fn last_row(table: &Columns) -> Vec<(String, String)> {
     let state_columns = table.iter().filter(|(name, _)| !STEP_COLUMNS.contains(name));
     let last = |values: &[f64]| values.last().map_or_else(String::new, |value| shortest(*value));
     state_columns.map(|(name, values)| (name.to_owned(), last(values))).collect()
+}
+
+/// The value of largest magnitude of each column that describes the state.
+fn largest_values(table: &Columns) -> Vec<(String, f64)> {
+    let state_columns = table.iter().filter(|(name, _)| !STEP_COLUMNS.contains(name));
+    let largest = |values: &[f64]| values.iter().copied().max_by(|a, b| a.abs().total_cmp(&b.abs()));
+    state_columns.filter_map(|(name, values)| Some((name.to_owned(), largest(values)?))).collect()
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ const SAME: f64 = 1e-6;
 
 /// The factors between which the bodies of a stage cease to stand in about their original shape; `None` if they stand
 /// throughout or have never stood.
-fn ends_of(bracket: &StrengthBracket) -> Option<[f64; 2]> {
+pub(super) fn ends_of(bracket: &StrengthBracket) -> Option<[f64; 2]> {
     let StrengthBracket { stands, fails, slides, .. } = *bracket;
     slides.or(stands.zip(fails).map(|(stands, fails)| [stands, fails]))
 }
