@@ -107,7 +107,7 @@ def converge(
         over: Name of the parameter that refines the grid, and at least three values from coarse to fine; by default, the
             parameter that sets the cell size, or the spacing of the grid.
         threads: Number of threads; by default, one per core.
-        out: Directory for the results, with ``convergence.json``, ``convergence.csv`` and ``convergence.html``; without
+        out: Directory for the results, with ``convergence_study.json``, ``convergence_study.csv`` and ``convergence.html``; without
             it, nothing is kept.
         allow_libraries: Whether the libraries that the deck names may be loaded, as for :meth:`Deck.start`.
 

@@ -124,7 +124,7 @@ impl Grids {
         if is_moved {
             self.findings.moved = Some(run);
         } else {
-            self.findings.grids.push(run);
+            self.findings.add(run).map_err(Raised::misuse)?;
         }
         Ok(())
     }

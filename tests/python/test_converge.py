@@ -34,7 +34,7 @@ def bar(path, spacing='"${h}"', points="method: mpm, points_per_cell: 2", length
 
 def study(directory):
     """The study in a directory."""
-    return json.loads((directory / "convergence.json").read_text())
+    return json.loads((directory / "convergence_study.json").read_text())
 
 
 def test_bearing_capacity_lies_within_the_bar(mpm, tmp_path):
@@ -67,7 +67,7 @@ def test_a_wanted_error_is_reached_or_said_to_be_missed(mpm, tmp_path):
     assert found["estimate"]["bar"] <= 0.02 * abs(found["estimate"]["value"])
     assert [run["label"] for run in found["grids"]] == ["h=4", "h=2", "h=1", "h=0.5"]
     assert found["moved"]["label"] == "h=2, moved along y by 0.44"
-    rows = list(csv.DictReader((tmp_path / "convergence.csv").open()))
+    rows = list(csv.DictReader((tmp_path / "convergence_study.csv").open()))
     assert [float(row["value"]) for row in rows][:4] == [run["value"] for run in found["grids"]]
     page = (tmp_path / "convergence.html").read_text()
     assert page.count('<svg class="chart"') == 2 and "block_extent_x_max" in page
@@ -146,3 +146,86 @@ def test_the_package_gives_the_study_of_the_program(mpm, tmp_path):
     assert (tmp_path / "package/convergence.html").is_file()
     with pytest.raises(package.UsageError, match="did you mean `footing_r"):
         package.converge(deck, "footing_rr")
+
+
+ELASTIC = """
+version: 1
+parameters: {h: 0.5, n: 32, height: 1}
+grid: {type: structured, origin: [0, 0], size: [16, 16], spacing: SPACING}
+materials: {m: {model: hencky, young: 1e6, poisson: 0.3, density: 1000}}
+bodies: [{name: b, material: m, shape: {type: box, min: [0, 0], max: [16, 16]}, method: mpm, points_per_cell: 2}]
+boundary_conditions: [{name: base, nodes: {y: 0}, fix: [x, y]}]
+loads: [{name: g, type: gravity, acceleration: [1, -1]}]
+steps: {count: 2, until: end}
+output: {every: 0, probes: [{name: tip, body: b, nearest: [16, 16]}]}
+"""
+
+
+@pytest.mark.parametrize(
+    "spacing, message",
+    [
+        ('"${h}", refine: [{at: [8, 8], to: 0.1}]', "the cells of `refine` do not change with the others"),
+        (
+            '[[{to: 8, cells: "${n/2}", ratio: 1.2}, {to: 16, cells: "${n/2}"}], 1]',
+            "are not all divided alike",
+        ),
+    ],
+)
+def test_grids_that_are_not_refined_alike_are_refused(mpm, tmp_path, spacing, message):
+    deck = tmp_path / "deck.yaml"
+    deck.write_text(ELASTIC.replace("SPACING", spacing))
+    options = ["--over", "n=8,16,32"] if "cells" in spacing else []
+    process = mpm("converge", deck, "--quantity", "tip_ux", "--out", tmp_path / "out", *options)
+    assert process.returncode == 2 and message in process.stderr, process.stderr
+
+
+def test_places_that_follow_the_cells_are_refined_alike(mpm, tmp_path):
+    deck = tmp_path / "deck.yaml"
+    places = '"${h}", refine: [{at: [8, 8], to: "${h/4}"}, {at: [16, 16], to: "${h/2}"}]'
+    roomy = ELASTIC.replace("size: [16, 16]", "size: [20, 20]").replace("gravity, acceleration: [1, -1]", "gravity, acceleration: [0.1, -0.1]")
+    deck.write_text(roomy.replace("SPACING", places))
+    mpm("converge", deck, "--quantity", "tip_ux", "--out", tmp_path / "out")
+    found = study(tmp_path / "out")
+    assert [run["label"] for run in found["grids"]] == ["h=2", "h=1", "h=0.5"]
+    deck.write_text(roomy.replace("SPACING", '"${h}"'))
+    mpm("converge", deck, "--quantity", "tip_ux", "--out", tmp_path / "plain")
+    even = study(tmp_path / "plain")["estimate"]
+    estimate = found["estimate"]
+    assert abs(estimate["value"] - even["value"]) < estimate["bar"] + even["bar"]
+
+
+def test_a_length_of_the_body_is_not_a_cell_size(mpm, tmp_path):
+    deck = tmp_path / "deck.yaml"
+    body = ELASTIC.replace("SPACING", '"${height/4}"').replace("max: [16, 16]", 'max: [16, "${height}"]')
+    deck.write_text(body)
+    mpm("converge", deck, "--quantity", "tip_ux", "--out", tmp_path / "out")
+    found = study(tmp_path / "out")
+    assert all(run["label"].startswith("spacing x") for run in found["grids"])
+
+
+def test_only_a_limit_that_is_reached_counts(mpm, tmp_path):
+    text = (ROOT / "inputs/bearing.yaml").read_text().replace('{count: "${steps}"}', '{count: "${steps}", until: limit}')
+    (tmp_path / "deck.yaml").write_text(text)
+    options = ["converge", tmp_path / "deck.yaml", "--quantity", "limit_load", "--out", tmp_path / "out", "--set"]
+    refused = mpm(*options, "settlement=0.003")
+    assert refused.returncode == 2 and "the load still grew at the end" in refused.stderr
+    found = mpm(*options, "settlement=0.02", "--set", "steps=40")
+    assert found.returncode == 0, found.stderr
+    estimate = study(tmp_path / "out")["estimate"]
+    assert abs(estimate["value"] - 148.35e3) < estimate["bar"]
+
+
+def test_other_results_are_not_overwritten(mpm, tmp_path):
+    deck = ROOT / "inputs/beam.yaml"
+    quick = ["--set", "steps=2", "--set", "every=0", "--out", tmp_path]
+    mpm("run", deck, *quick)
+    table = (tmp_path / "convergence.csv").read_bytes()
+    process = mpm("converge", deck, "--quantity", "tip_uy", *quick)
+    assert process.returncode == 2 and "choose another directory" in process.stderr
+    assert (tmp_path / "convergence.csv").read_bytes() == table
+
+
+def test_meshes_are_listed_from_coarse_to_fine(mpm, tmp_path):
+    quantity = ["--quantity", "ring_extent_x_max", "--set", "steps=2", "--set", "every=0", "--out", tmp_path]
+    process = mpm("converge", ROOT / "inputs/annulus.yaml", *quantity, "--over", "segments=36,18,72")
+    assert process.returncode == 2 and "list grids from coarse to fine" in process.stderr

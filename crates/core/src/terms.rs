@@ -35,7 +35,7 @@ pub use global_unknowns::{GlobalMotion, GlobalUnknowns};
 pub use layout::Layout;
 pub use ledger::{Amount, Ledger, NamedEnergy, Role, continued, sum_over_ranks};
 pub use multipliers::{Augmentation, Multipliers, Response};
-pub use report::{NamedForce, Record, Records, SurfaceReaction, TermReport};
+pub use report::{Driven, NamedForce, Record, Records, SurfaceReaction, TermReport};
 pub use saved::Saved;
 pub use sum::{Sum, Terms, continue_from, model_terms, motions, restore, save};
 pub use surface::Surfaces;

@@ -5,7 +5,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Axis as DeckAxis, Lengths, Vector};
+use super::{Axis as DeckAxis, Lengths, RefineDeck, Vector};
 use mpm_core::grid::{Axis, CoincidentLines, Interval};
 
 /// The background grid.
@@ -29,6 +29,13 @@ pub enum GridDeck {
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         #[schemars(length(max = 1000), extend("examples" = [[{"axis": "y", "from": 4, "condition": "push"}]]))]
         follow: Vec<FollowDeck>,
+        /// Places towards which cells shrink, such as the edges of a footing; only along axes whose `spacing` is a number.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        #[schemars(length(max = 1000), extend("examples" = [[{"at": [1, 4], "to": 0.05}]]))]
+        refine: Vec<RefineDeck>,
+        /// `spacing` and `refine` as the deck states them, where both have been replaced by the intervals that they mean.
+        #[serde(skip)]
+        unrefined: Option<Unrefined>,
     },
     /// Triangles and quadrilaterals (tetrahedra and hexahedra in space) from a mesh file of gmsh, format 2.2 or 4.1,
     /// text or binary.
@@ -37,6 +44,15 @@ pub enum GridDeck {
         #[schemars(length(min = 1), extend("examples" = ["ring.msh"]))]
         file: String,
     },
+}
+
+/// `spacing` and `refine` as a deck states them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Unrefined {
+    /// Sides of the cells far from the places.
+    pub spacing: SpacingDeck,
+    /// Places towards which cells shrink.
+    pub places: Vec<RefineDeck>,
 }
 
 /// Grid lines that follow a boundary condition. At the start of each load step, they stand where the condition has

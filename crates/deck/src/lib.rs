@@ -19,7 +19,7 @@ pub use boundary_conditions::{
 };
 pub use build::{first_step, holding, plan, ready, size};
 pub(crate) use build::{placing, seeding, tool_shapes};
-pub use grid::{AxisSpacing, FollowDeck, GridDeck, IntervalDeck, SpacingDeck};
+pub use grid::{AxisSpacing, FollowDeck, GridDeck, IntervalDeck, SpacingDeck, Unrefined};
 pub use initial_stress::{InitialStressDeck, StressDeck, initial_factor};
 pub use laws::{
     ALLOW_LIBRARIES, CohesionSofteningDeck, DruckerPragerDeck, FrictionSofteningDeck, HenckyDeck,
@@ -46,9 +46,10 @@ use mpm_files::results::Request;
 use mpm_files::vtu::Precision;
 pub use read::{changes, load, references, schema, source};
 pub(crate) use read::{hash, parameters, shape, span, yaml};
+pub use refined_place::{AlongAxes, RefineDeck, RefinedAt};
 pub use region::{Direction, Shape};
 pub use stages::{AddDeck, PlacedDeck, Reset, StageDeck, ThenDeck};
-pub use steps::{ControlDeck, StepsDeck};
+pub use steps::{ControlDeck, StepsDeck, Until};
 pub use surfaces::{HalfSpaceDeck, PartDeck, SurfaceDeck};
 pub use tools::{
     ContactDeck, FreeDeck, FrictionDeck, RotationDeck, ToolDeck, ToolLoadDeck, ToolPartDeck, ToolShape, Turn,
@@ -71,6 +72,8 @@ mod per_axis;
 pub mod quoting;
 pub mod read;
 pub mod reference;
+mod refined_axes;
+mod refined_place;
 pub mod refinement;
 mod region;
 mod stages;

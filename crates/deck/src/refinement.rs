@@ -7,7 +7,10 @@ use serde_json::Value;
 
 use crate::load::{LoadedDeck, load_text, values};
 use crate::quoting::{list, quote};
-use crate::{AxisSpacing, BodyDeck, GridDeck, IntervalDeck, PerAxis, Shape, SpacingDeck};
+use crate::span::Span;
+use crate::{
+    AXES, AxisSpacing, BodyDeck, GridDeck, IntervalDeck, PerAxis, RefineDeck, Shape, SpacingDeck, Unrefined,
+};
 use mpm_core::grid::Axis;
 
 /// Largest relative deviation at which sides of cells count as scaled by a factor, [-].
@@ -80,12 +83,7 @@ impl DeckText {
             let Some(value) = value.filter(|value| *value > 0.0) else { continue };
             for counts in [false, true] {
                 let control = CellControl::Parameter { name: name.clone(), value, counts };
-                let coarse = self.scaled(&control, 2.0).ok().and_then(|deck| deck.loaded());
-                let is_scaled =
-                    |coarse: LoadedDeck| coarse.cell_sides().is_some_and(|c| are_scaled(&sides, &c, 2.0));
-                // Fewer cells, rather than as many in a larger grid.
-                let fewer = |coarse: &LoadedDeck| n_cells(coarse) < n_cells(&deck);
-                if coarse.filter(fewer).is_some_and(is_scaled) {
+                if self.scales_cells(&control, &deck, &sides) {
                     found.push(control);
                     break;
                 }
@@ -104,6 +102,22 @@ impl DeckText {
                 Err(format!("several parameters scale the cells: {names}; {BY_HAND}"))
             }
         }
+    }
+
+    /// True if a parameter makes all cells longer or shorter, and changes neither the grid as a whole nor the shape of a
+    /// body.
+    fn scales_cells(&self, control: &CellControl, deck: &LoadedDeck, sides: &[f64]) -> bool {
+        let scales = |factor: f64| {
+            let Some(scaled) = self.scaled(control, factor).ok().and_then(|deck| deck.loaded()) else {
+                return false;
+            };
+            let is_same_shape = |(a, b): (&BodyDeck, &BodyDeck)| a.shape == b.shape;
+            scaled.cell_sides().is_some_and(|scaled| are_scaled(sides, &scaled, factor))
+                && extent(&scaled) == extent(deck)
+                && scaled.deck.bodies.iter().zip(&deck.deck.bodies).all(is_same_shape)
+        };
+        // Larger cells may not fit.
+        scales(2.0) || scales(0.5)
     }
 
     /// The deck with all cells `factor` times as long, [-].
@@ -151,21 +165,80 @@ impl DeckText {
 
     /// The deck with another `spacing`, which replaces that in the text.
     fn with_spacing(&self, deck: &LoadedDeck, entries: Vec<AxisSpacing>) -> Result<DeckText, String> {
-        let own_place = "`spacing` of the grid is not written out in the deck";
-        let span = deck.source.span_of("/grid/spacing").ok_or(own_place)?;
-        let text = deck.source.text();
-        let written = text.get(span.start..span.end).ok_or(own_place)?;
         let spacing =
             serde_json::to_string(&SpacingDeck::Each(entries)).map_err(|error| error.to_string())?;
-        let kept = &written[written.trim_end().len()..];
-        let text = format!("{}{spacing}{kept}{}", &text[..span.start], &text[span.end..]);
+        let place = |pointer: &str| deck.source.span_of(pointer);
+        let at = place("/grid/spacing").ok_or("`spacing` of the grid is not written out in the deck")?;
+        // The spacing contains what `refine` means.
+        let mut changes = vec![(at, spacing)];
+        changes.extend(place("/grid/refine").map(|at| (at, "[]".to_owned())));
+        changes.sort_by_key(|(at, _)| std::cmp::Reverse(at.start));
+        let mut text = deck.source.text().to_owned();
+        for (Span { start, end }, new) in changes {
+            let kept = text.get(start..end).ok_or("the deck has no such text")?.trim_end().len();
+            text.replace_range(start..start + kept, &new);
+        }
         Ok(DeckText { text: text.into_bytes(), ..self.clone() })
     }
 }
 
+/// What does not follow the cells from a coarse grid to a fine one: parts of a graded grid, and bodies, each with the
+/// reason, in words. `ratio` is the side of a coarse cell relative to a fine one, [-].
+pub fn unlike(coarse: &LoadedDeck, fine: &LoadedDeck, ratio: f64) -> Vec<String> {
+    let mut found = unlike_grids(coarse, fine, ratio);
+    found.extend(unlike_bodies(coarse, fine, ratio));
+    found
+}
+
+/// Graded axes, and places of `refine`, whose cells do not follow the others.
+fn unlike_grids(coarse: &LoadedDeck, fine: &LoadedDeck, ratio: f64) -> Vec<String> {
+    let grids = (&coarse.deck.grid, &fine.deck.grid);
+    let (
+        GridDeck::Structured { spacing: coarse_spacing, unrefined: coarse_stated, .. },
+        GridDeck::Structured { spacing: fine_spacing, unrefined: fine_stated, .. },
+    ) = grids
+    else {
+        return Vec::new();
+    };
+    let is_same = |a: f64, b: f64| (a / b - 1.0).abs() <= SAME;
+    let places =
+        |stated: &Option<Unrefined>| stated.as_ref().map_or(Vec::new(), |stated| stated.places.clone());
+    let (from, to) = (places(coarse_stated), places(fine_stated));
+    let follows = |(from, to): (&RefineDeck, &RefineDeck)| is_same(from.to / to.to, ratio);
+    if from.len() != to.len() || !from.iter().zip(&to).all(follows) {
+        return vec![
+            "the cells of `refine` do not change with the others: write `to` as a multiple of the parameter that sets \
+             them"
+            .to_owned(),
+        ];
+    }
+    let stated = |stated: &Option<Unrefined>, spacing: &SpacingDeck| {
+        stated.as_ref().map_or(spacing, |stated| &stated.spacing).entries(coarse.deck.dimensions())
+    };
+    let pairs = stated(coarse_stated, coarse_spacing).into_iter().zip(stated(fine_stated, fine_spacing));
+    let is_unlike = |(coarse, fine): (AxisSpacing, AxisSpacing)| match (coarse, fine) {
+        (AxisSpacing::Even(coarse), AxisSpacing::Even(fine)) => !is_same(coarse / fine, ratio),
+        (AxisSpacing::Intervals(coarse), AxisSpacing::Intervals(fine)) => {
+            let follows = |(coarse, fine): (&IntervalDeck, &IntervalDeck)| {
+                is_same(f64::from(fine.cells) / f64::from(coarse.cells), ratio)
+                    && (fine.ratio.powf(ratio) / coarse.ratio - 1.0).abs() <= 1e-3
+            };
+            coarse.len() != fine.len() || !coarse.iter().zip(&fine).all(follows)
+        }
+        _ => true,
+    };
+    let axes = pairs.zip(AXES).filter_map(|(pair, axis)| is_unlike(pair).then_some(axis));
+    let reason = |axis| {
+        format!(
+            "the cells along {axis} are not all divided alike: with r times as many cells in each interval, its `ratio` must \
+             become its r-th root"
+        )
+    };
+    axes.map(reason).collect()
+}
+
 /// The bodies whose points do not follow the cells from a coarse grid to a fine one, each with the reason, in words.
-/// `ratio` is the side of a coarse cell relative to a fine one, [-].
-pub fn unlike_bodies(coarse: &LoadedDeck, fine: &LoadedDeck, ratio: f64) -> Vec<String> {
+fn unlike_bodies(coarse: &LoadedDeck, fine: &LoadedDeck, ratio: f64) -> Vec<String> {
     let pairs = coarse.deck.bodies.iter().zip(&fine.deck.bodies);
     let reason = |(coarse, fine): (&BodyDeck, &BodyDeck)| {
         let why = if matches!(fine.shape, Shape::Mesh { .. }) {
@@ -219,11 +292,12 @@ impl LoadedDeck {
     }
 }
 
-/// Number of cells of a structured grid.
-fn n_cells(deck: &LoadedDeck) -> f64 {
-    let GridDeck::Structured { size, spacing, .. } = &deck.deck.grid else { return 0.0 };
-    let entries = spacing.entries(deck.deck.dimensions());
-    entries.iter().zip(size).map(|(entry, size)| entry.cells(*size).round()).product()
+/// Origin and size of a structured grid.
+fn extent(deck: &LoadedDeck) -> Option<(&[f64], &[f64])> {
+    match &deck.deck.grid {
+        GridDeck::Structured { origin, size, .. } => Some((origin, size)),
+        GridDeck::Gmsh { .. } => None,
+    }
 }
 
 /// True if all coarse sides are `factor` times as long as the fine ones.
@@ -289,6 +363,11 @@ mod tests {
         DeckText { name: "deck.yaml".to_owned(), text: text.into_bytes(), overrides }
     }
 
+    /// The text with a body that fills the grid, so that its edges stay on lines.
+    fn whole_width(deck: &DeckText) -> Vec<u8> {
+        String::from_utf8_lossy(&deck.text).replace("max: [4, 4]", "max: [8, 8]").into_bytes()
+    }
+
     fn sides(deck: &DeckText) -> Vec<f64> {
         load_text(&deck.name, &deck.text, &deck.overrides).unwrap().cell_sides().unwrap()
     }
@@ -339,8 +418,24 @@ mod tests {
     }
 
     #[test]
+    fn what_refine_means_is_written_out() {
+        let refined = deck(&format!("{GRID}2, refine: [{{at: {{x: 4}}, to: 0.5}}]}}"), "{}", &[]);
+        let loaded = |deck: &DeckText| load_text(&deck.name, &deck.text, &deck.overrides).unwrap();
+        assert_eq!(sides(&refined), [2.0, 2.0]);
+        let refined = DeckText { text: whole_width(&refined), ..refined };
+        let moved = refined.shifted(&[false, true]).unwrap();
+        let graded = |deck: &DeckText| match loaded(deck).deck.grid {
+            GridDeck::Structured { spacing, .. } => spacing.entries(2)[0].clone(),
+            GridDeck::Gmsh { .. } => panic!("structured"),
+        };
+        assert_eq!(graded(&moved), graded(&refined));
+        assert!(String::from_utf8(moved.text).unwrap().contains("refine: []}"));
+    }
+
+    #[test]
     fn inner_lines_move_and_the_ends_stay() {
         let plain = deck(&format!("{GRID}\"${{h}}\"}}"), "{h: 2}", &[]);
+        let plain = DeckText { text: whole_width(&plain), ..plain };
         let shifted = plain.shifted(&[true, false]).unwrap();
         let loaded = load_text("deck", &shifted.text, &[]).unwrap();
         let GridDeck::Structured { spacing, .. } = &loaded.deck.grid else { panic!("structured") };
@@ -351,6 +446,7 @@ mod tests {
         }
         assert_eq!(sides(&shifted)[1], 2.0);
         let graded = deck(&format!("{GRID}[[{{to: 8, cells: 4, ratio: 2}}], 2]}}"), "{}", &[]);
+        let graded = DeckText { text: whole_width(&graded), ..graded };
         assert_eq!(sides(&graded.shifted(&[true, true]).unwrap()), [2.0, 2.0]);
     }
 }

@@ -42,6 +42,22 @@ pub struct StepsDeck {
     /// Quantity prescribed along the steps.
     #[serde(default)]
     pub control: ControlDeck,
+    /// Where the steps end: at `end_time`, or before it once the load no longer grows. The load is the force that the
+    /// prescribed motions need or, with displacement and arc-length control, the load factor; it no longer grows if its
+    /// rise with the displacement stays below 1 % of its steepest rise in two steps. Only the last stage can end so.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub until: Until,
+}
+
+/// Where the load steps end.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Until {
+    /// At the end time.
+    #[default]
+    End,
+    /// Once the load no longer grows with the displacement, or at the end time.
+    Limit,
 }
 
 /// Quantity prescribed along the steps; the others follow from equilibrium.
@@ -107,8 +123,8 @@ impl Default for ControlDeck {
     }
 }
 
-fn is_default(after_slide: &AfterSlide) -> bool {
-    *after_slide == AfterSlide::default()
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 fn half_percent() -> f64 {

@@ -18,7 +18,7 @@ use mpm_core::model::{Model, Stepping};
 use mpm_core::points::Points;
 use mpm_core::quality::Warning;
 use mpm_core::solver::{
-    Diagnosis, InitialState, Reached, SolveError, StageStrength, StrengthBracket, Summary,
+    Diagnosis, InitialState, Reached, SolveError, StageLimit, StageStrength, StrengthBracket, Summary,
 };
 use mpm_core::terms::{Amount, NamedEnergy};
 use mpm_core::timing::{Phase, Spent, Timings};
@@ -274,6 +274,9 @@ impl Account {
         if reductions.len() > 1 {
             document["strength_reductions"] = reductions.into();
         }
+        if !progress.limits.is_empty() {
+            document["limit_loads"] = progress.limits.iter().map(|of| limit_load(model, of)).collect();
+        }
         if let Some(state) = &summary.initial_state {
             document["initial_state"] = initial_state(state);
         }
@@ -447,6 +450,23 @@ fn strength_reduction<const D: usize>(model: &Model<D>, of: &StageStrength, summ
         "attempts": attempts,
         "evaluations": evaluations,
         "cpu_seconds": cpu.as_secs_f64(),
+    })
+}
+
+/// The load of a stage that runs until its limit; its name is null without stages.
+fn limit_load<const D: usize>(model: &Model<D>, of: &StageLimit) -> Value {
+    let stage = model.stages.get(of.stage);
+    let stepping = stage.map_or(&model.stepping, |stage| &stage.stepping);
+    let [steepest, slope] = of.limit.slopes();
+    json!({
+        "stage": stage.map(|stage| &stage.name),
+        "reached": of.limit.is_reached(),
+        "load": of.limit.largest,
+        "kind": if stepping.control.has_unknown_factor() { "load-factor" } else { "force" },
+        "bracket": of.limit.bracket(),
+        "displacement": of.limit.displacement(),
+        "steepest_slope": steepest,
+        "last_slope": slope,
     })
 }
 

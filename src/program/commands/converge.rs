@@ -98,6 +98,10 @@ pub fn converge(args: ConvergeArgs) -> anyhow::Result<u8> {
     if !may_be_replaced(&page, REPORT) {
         bail!("`{}` exists, but is not a page of mpm; choose another directory", page.display());
     }
+    let has_table = directory.join("convergence_study.csv").exists();
+    if directory.join("summary.json").exists() || has_table && !page.exists() {
+        bail!("`{}` has other results than those of a study; choose another directory", directory.display());
+    }
     let members = Members {
         deny_warnings: args.deny_warnings,
         libraries: args.libraries,
@@ -207,7 +211,13 @@ impl Study {
     fn run_grid(&mut self, index: usize) -> anyhow::Result<Result<(), Stopped>> {
         let grid = self.family.grids[index].clone();
         self.members.speaks = true;
-        Ok(self.run_deck(&grid)?.map(|run| self.findings.grids.push(run)))
+        Ok(match self.run_deck(&grid)? {
+            Ok(run) => {
+                self.findings.add(run).map_err(anyhow::Error::msg)?;
+                Ok(())
+            }
+            Err(stopped) => Err(stopped),
+        })
     }
 
     /// Runs a deck, unless it was completed earlier, and reads the quantity.

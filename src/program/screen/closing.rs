@@ -41,6 +41,8 @@ pub struct Closing {
     findings: Findings,
     /// The factor of safety in words, for each stage that reduced the strength.
     safety: Vec<String>,
+    /// The limit load in words, for each stage that runs until its limit.
+    limits: Vec<String>,
     /// Materials with non-associated flow whose strength is reduced.
     nonassociated: Vec<String>,
     directory: PathBuf,
@@ -102,6 +104,7 @@ impl Closing {
             warnings: summary.warnings.len(),
             findings: results.findings().clone(),
             safety: safety(model, reached),
+            limits: reached.progress.limits.iter().map(|found| found.limit.to_string()).collect(),
             nonassociated: Vec::new(),
             directory: results.directory().to_owned(),
             picture: results.last_picture(),
@@ -121,6 +124,9 @@ impl Closing {
         table.row("", &self.title);
         table.row("outcome", &format!("{}, {}", self.outcome, duration(seconds)));
         self.safety(&mut table);
+        for limit in &self.limits {
+            table.row("limit load", limit);
+        }
         table.row(
             "model",
             &format!(

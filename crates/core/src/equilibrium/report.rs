@@ -7,7 +7,7 @@ use crate::dofs::{DofMap, FURTHER, Field};
 use crate::linear::Factorisation;
 use crate::model::Model;
 use crate::ranks::Reduction;
-use crate::terms::{NamedForce, Record, Records};
+use crate::terms::{Driven, NamedForce, Record, Records};
 
 use super::balance::{Energy, ReactionMoment};
 use crate::step::{Nodal, Step};
@@ -119,6 +119,8 @@ pub struct StepReport<const D: usize> {
     pub loads: Vec<[f64; D]>,
     /// Forces of terms other than the loads of the model, such as the forces that a stage releases.
     pub forces: Vec<NamedForce<D>>,
+    /// What prescribed motions do.
+    pub driven: Driven,
     /// What terms report by types of their own, such as the surfaces and the rigid tools of the model.
     pub records: Records,
     /// Work and energy.

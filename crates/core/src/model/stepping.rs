@@ -29,6 +29,9 @@ pub struct Stepping {
     pub knots: Vec<f64>,
     /// Step control.
     pub control: Control,
+    /// True if the analysis or stage ends once the load no longer grows, see
+    /// [`LimitLoad`](crate::solver::LimitLoad).
+    pub until_limit: bool,
 }
 
 /// Step control: the quantity that is prescribed along the steps.
@@ -111,6 +114,7 @@ impl Stepping {
             stops: 1,
             knots: Vec::new(),
             control: Control::Load,
+            until_limit: false,
         }
     }
 

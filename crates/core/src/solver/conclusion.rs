@@ -2,6 +2,7 @@
 //! commit of a converged step.
 
 use crate::basis::Connectivity;
+use crate::dofs::DofMap;
 use crate::equilibrium::{
     AppliedForces, Energy, GridFields, NodalField, ReactionMoment, StepReport, moment_error, named_reactions,
     reaction_moments, reactions_of,
@@ -9,8 +10,9 @@ use crate::equilibrium::{
 use crate::model::{Control, Predictor};
 use crate::points::Points;
 use crate::quality::{Code, Location, Measures, Warning};
+use crate::ranks::Reduction;
 use crate::step::{Nodal, Step, StepContext, displacement};
-use crate::terms::{Ledger, TermReport, Terms, save};
+use crate::terms::{Driven, Ledger, TermReport, Terms, save};
 use crate::timing::{Phase, Timings};
 
 use super::attempt::{Attempt, Ended, FailedAttempt, InProgress, Iterate, Outcome};
@@ -25,6 +27,7 @@ use super::residual::{RoundOff, body_residual};
 use super::step_system::StepSystem;
 use super::stepper::Stepper;
 use super::stepping::control::{Motion, Path};
+use super::stepping::limit::Loading;
 use super::stepping::pace::SHORT;
 use super::stepping::splitting;
 use super::stepping::strength::Movement;
@@ -95,8 +98,10 @@ impl<const D: usize, const N: usize> LastIterate<'_, D, N> {
             forces: mut named,
             reactions: surface_reactions,
             stabilised_faces,
+            driven: mut driven_by_terms,
             records,
         } = sum.report(model);
+        driven_by_terms.add(driven_at_nodes(dofs, reduction, &delta_d, displacement(&reaction).as_ref()));
         reduction.sum(loads.as_flattened_mut());
         named.iter_mut().for_each(|named| reduction.sum(&mut named.force));
         for surface in surface_reactions {
@@ -113,6 +118,7 @@ impl<const D: usize, const N: usize> LastIterate<'_, D, N> {
             reactions,
             further_reactions,
             moments,
+            driven: driven_by_terms,
             records,
             loads,
             forces: named,
@@ -238,6 +244,27 @@ impl<const D: usize, const N: usize> LastIterate<'_, D, N> {
     }
 }
 
+/// What the conditions at nodes that prescribe a motion do in a step with these displacements and reactions, on all
+/// ranks.
+fn driven_at_nodes<const D: usize, const N: usize>(
+    dofs: &DofMap<N>,
+    reduction: &Reduction,
+    delta_d: &[[f64; D]],
+    reaction: &[[f64; D]],
+) -> Driven {
+    let mut driven = Driven::default();
+    for node in (0..dofs.n_nodes()).filter(|node| reduction.counts(*node)) {
+        let moved =
+            |component| dofs.prescribed(node, component).map_or(0.0, |(increment, _)| increment.abs());
+        let displacement = (0..D).map(moved).fold(0.0, f64::max);
+        if displacement > 0.0 {
+            let work = (0..D).map(|d| reaction[node][d] * delta_d[node][d]).sum();
+            driven.add(Driven { work, displacement });
+        }
+    }
+    Driven { work: reduction.total(driven.work), displacement: reduction.largest(driven.displacement) }
+}
+
 impl<const D: usize, const N: usize> Stepper<'_, D, N> {
     /// Makes the trial state of a converged step the converged state.
     pub(super) fn accept(
@@ -261,6 +288,11 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         progress.carried.clone_from(&report.carried);
         progress.last_iterations = report.solves();
         summary.accept(&report);
+        if model.stepping.until_limit {
+            let factor = progress.path.factor;
+            let search = progress.limit_of(model.present.stage);
+            search.follow(Loading::measured(model, &report, factor), Loading::round_off(model, points));
+        }
         let balance = summary.balance();
         let raised = summary.quality.judge_balances(model, points, &balance, report.step.index);
         summary.warnings.extend(raised);

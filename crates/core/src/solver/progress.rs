@@ -11,6 +11,7 @@ use crate::step::Step;
 use crate::terms::Saved;
 
 use super::stepping::control::Path;
+use super::stepping::limit::{LimitLoad, StageLimit};
 use super::stepping::pace::Pace;
 use super::stepping::strength::{StageStrength, StrengthBracket};
 use super::summary::{MAX_COUNT, Summary};
@@ -51,6 +52,9 @@ pub struct Progress {
     /// The factors of each stage in which the strength is reduced, in the order of the stages.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub strength: Vec<StageStrength>,
+    /// The load in each stage that runs until its limit, in the order of the stages.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub limits: Vec<StageLimit>,
     /// The saved states of the terms of equilibrium, by term name, [`crate::terms::Term::save`].
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub terms: BTreeMap<String, Saved>,
@@ -105,6 +109,15 @@ impl Progress {
     /// The factors of the latest stage so far in which the strength is reduced; `None` before the first such stage.
     pub fn last_strength(&self) -> Option<StrengthBracket> {
         self.strength.last().map(|found| found.bracket)
+    }
+
+    /// The load of a stage that runs until its limit.
+    pub(super) fn limit_of(&mut self, stage: usize) -> &mut LimitLoad {
+        let place = self.limits.iter().position(|found| found.stage == stage).unwrap_or_else(|| {
+            self.limits.push(StageLimit { stage, limit: LimitLoad::default() });
+            self.limits.len() - 1
+        });
+        &mut self.limits[place].limit
     }
 
     /// The factors of a stage in which the strength is reduced.

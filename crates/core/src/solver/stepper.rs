@@ -320,10 +320,14 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
     /// # Errors
     /// [`SolveError`] if the observer interrupts the run, or the grid has not been placed.
     fn next_step(&self, effort: Effort, observer: &mut dyn Observer<D>) -> Result<Option<Step>, SolveError> {
-        let Progress { step: Step { index, end: start, .. }, strength, pace, .. } = &self.reached.progress;
+        let Progress { step: Step { index, end: start, .. }, strength, limits, pace, .. } =
+            &self.reached.progress;
         let stage = self.model.present.stage;
         let stops = self.model.stepping.stops_after_slide();
         if strength.iter().any(|found| found.stage == stage && found.bracket.is_final(stops)) {
+            return Ok(None);
+        }
+        if limits.iter().any(|found| found.stage == stage && found.limit.is_reached()) {
             return Ok(None);
         }
         let Some(end) = pace.end_of_step(&self.model.stepping, *start) else { return Ok(None) };

@@ -1,7 +1,8 @@
-//! What leads from one step to the next: its size, an unknown load factor, factors of a strength reduction, and the
-//! split of long domains.
+//! What leads from one step to the next: its size, an unknown load factor, factors of a strength reduction, a
+//! limit load, and the split of long domains.
 
 pub(super) mod control;
+pub(super) mod limit;
 pub(super) mod pace;
 pub(super) mod splitting;
 pub(super) mod strength;

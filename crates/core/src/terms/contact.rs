@@ -357,7 +357,11 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
     }
 
     fn report(&self, model: &Model<D>, report: &mut TermReport<D>) {
-        report.add_list(self.states(model));
+        let states = self.states(model);
+        for (moving, state) in self.tools.iter().zip(&states) {
+            report.add_driven(moving.against(&state.force, &state.moment));
+        }
+        report.add_list(states);
     }
 
     fn commit(&mut self, _: &StepContext<D>, _: &mut Points<D>) {

@@ -26,6 +26,29 @@ pub struct SurfaceReaction<const D: usize> {
     pub moment: [f64; 3],
 }
 
+/// What prescribed motions do in a step.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Driven {
+    /// Force that holds the bodies on each prescribed path, times the motion along the path in the step, summed over all
+    /// of them, [energy]: work at the forces at the end of the step.
+    pub work: f64,
+    /// The largest prescribed displacement in the step, [length], or [rad] where bodies are only turned.
+    pub displacement: f64,
+}
+
+impl Driven {
+    /// Adds another motion.
+    pub fn add(&mut self, other: Driven) {
+        self.work += other.work;
+        self.displacement = self.displacement.max(other.displacement);
+    }
+
+    /// The force along the largest prescribed displacement, [force]; `None` if nothing is moved.
+    pub fn force(&self) -> Option<f64> {
+        (self.displacement > 0.0).then(|| self.work / self.displacement)
+    }
+}
+
 /// What the terms report of a step.
 #[derive(Debug, Clone, Default)]
 pub struct TermReport<const D: usize> {
@@ -37,6 +60,8 @@ pub struct TermReport<const D: usize> {
     pub(crate) reactions: Vec<SurfaceReaction<D>>,
     /// Number of faces between cells that are stabilised on this rank.
     pub(crate) stabilised_faces: usize,
+    /// What the prescribed motions do that terms impose, on all ranks.
+    pub(crate) driven: Driven,
     /// What terms report by types of their own.
     pub(crate) records: Records,
 }
@@ -73,6 +98,11 @@ impl<const D: usize> TermReport<D> {
             Some(named) => (0..D).for_each(|d| named.force[d] += force[d]),
             None => self.forces.push(NamedForce { name: name.to_owned(), force }),
         }
+    }
+
+    /// Adds what a prescribed motion that the term imposes does in the step, on all ranks.
+    pub fn add_driven(&mut self, driven: Driven) {
+        self.driven.add(driven);
     }
 
     /// Reports a list of values of a type that belongs to the term; [`Records::list`] finds it by this type. The values

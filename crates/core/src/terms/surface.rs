@@ -248,7 +248,10 @@ impl<const D: usize, const N: usize> Term<D, N> for Surfaces<D> {
     fn report(&self, _: &Model<D>, report: &mut TermReport<D>) {
         self.loads.iter().for_each(|load| load.add_resultant(&mut report.loads));
         let acting = self.conditions.iter().filter(|condition| condition.len() > 0);
-        report.reactions.extend(acting.map(|condition| condition.reaction(&self.reduction, &self.carried)));
+        for condition in acting {
+            report.reactions.push(condition.reaction(&self.reduction, &self.carried));
+            report.add_driven(condition.driven(&self.reduction));
+        }
         let completed = |(fields, carried): (&SurfaceFields<D>, &Carried<D>)| {
             fields.completed(&self.reduction, |sample| carried.is_own(sample))
         };

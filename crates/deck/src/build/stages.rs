@@ -3,7 +3,7 @@
 use super::Builder;
 use crate::initial_stress::initial_factor;
 use crate::region::{DeckRegion, Regions};
-use crate::{ControlDeck, LoadDeck, Reset, StageDeck, StepsDeck};
+use crate::{ControlDeck, LoadDeck, Reset, StageDeck, StepsDeck, Until};
 use mpm_core::model::{Control, Controlled, Course, Factors, LoadCurve, Model, Stage, Stepping};
 use mpm_core::points::Points;
 use mpm_core::region::Region;
@@ -20,8 +20,16 @@ where
         every: u32,
         curves: &[&LoadCurve],
     ) -> Stepping {
-        let StepsDeck { count, end_time: duration, smallest, damping, viscosity, largest, ref control } =
-            *steps;
+        let StepsDeck {
+            count,
+            end_time: duration,
+            smallest,
+            damping,
+            viscosity,
+            largest,
+            ref control,
+            until,
+        } = *steps;
         let end_time = start_time + duration;
         let mut stepping = Stepping {
             start_time,
@@ -30,6 +38,7 @@ where
             viscosity,
             largest,
             stops: every.max(1) as usize,
+            until_limit: until == Until::Limit,
             control: match control {
                 ControlDeck::StrengthReduction { from, to, after_slide, .. } => {
                     Control::StrengthReduction { from: *from, to: *to, after_slide: *after_slide }

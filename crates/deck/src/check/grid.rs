@@ -3,6 +3,7 @@
 use super::Check;
 use super::extent::{Extent, GridBox};
 use super::geometry::{MAX_COUNT, is_whole};
+use crate::refined_axes::RefineFault;
 use crate::{AXES, AxisSpacing, GridDeck, IntervalDeck, Parameter, PerAxis, SpacingDeck};
 use mpm_core::grid::{Axis, ON_LINE};
 
@@ -15,6 +16,9 @@ impl Check<'_> {
     /// Checks the grid; returns it if it is structured and its lines are known.
     pub(super) fn grid(&mut self) -> Option<GridBox> {
         let GridDeck::Structured { origin, size, spacing, .. } = &self.deck.grid else { return None };
+        for RefineFault { pointer, message, help } in self.deck.grid.refinement_faults(self.dimensions()) {
+            self.error("D027", &pointer, message, &help);
+        }
         let origin = self.vector("/grid/origin", origin);
         let sides = self.lengths("/grid/size", &PerAxis::Each(size.clone()));
         let spacing = self.spacing("/grid/spacing", spacing);

@@ -4,7 +4,10 @@ use super::Check;
 use crate::formulas::Displacement;
 use crate::quoting::{quote, rounded};
 use crate::references::{Noun, known_names};
-use crate::{ControlDeck, Expression, GridDeck, LoadCurve, LoadDeck, StageDeck};
+use crate::{
+    BoundaryConditionDeck, ControlDeck, Expression, GridDeck, LoadCurve, LoadDeck, StageDeck, StepsDeck,
+    ToolDeck, Until,
+};
 use mpm_core::formula::names;
 use mpm_files::shortest;
 
@@ -53,7 +56,39 @@ impl Check<'_> {
                     self.common_factor(&format!("{pointer}/control"), stage);
                 }
             }
+            if steps.until == Until::Limit {
+                self.limit(&pointer, steps, number + 1 == self.deck.courses().len());
+            }
             start = times[1];
+        }
+    }
+
+    /// Checks that steps can end at a limit load.
+    fn limit(&mut self, pointer: &str, steps: &StepsDeck, is_last: bool) {
+        let place = format!("{pointer}/until");
+        if !is_last {
+            let message = "only the last stage can end at its limit load: a later one begins with the motions that this one \
+                           was to reach";
+            return self.error("D049", &place, message, "remove `until`, or make this stage the last one");
+        }
+        let deck = self.deck;
+        match steps.control {
+            ControlDeck::StrengthReduction { .. } => {
+                let message = "a strength reduction has a factor of safety, not a limit load";
+                self.error("D049", &place, message, "remove `until`: the search ends by itself");
+            }
+            ControlDeck::Displacement { .. } | ControlDeck::ArcLength { .. } => {}
+            ControlDeck::Load {} => {
+                let conditions = deck.boundary_conditions.iter().any(BoundaryConditionDeck::moves);
+                let is_moved = |tool: &ToolDeck| tool.motion().iter().any(|(_, _, value)| !value.is_zero());
+                if !conditions && !deck.tools.iter().any(is_moved) {
+                    let message = "a limit load is sought, but nothing is moved: under loads that grow, no step beyond the \
+                                   limit is in equilibrium";
+                    let help = "prescribe a motion, or let the load factor follow from equilibrium: \
+                                `control: {type: arc-length}`";
+                    self.error("D049", &place, message, help);
+                }
+            }
         }
     }
 
@@ -201,7 +236,7 @@ impl Check<'_> {
         let stands = |curve: &LoadCurve| stage.is_some_and(|stage| stands_still(curve, stage.times));
         let is_idle = |load: &LoadDeck| load.magnitude().1;
         let mut loads = deck.loads.iter().filter(|load| changes(load.name()));
-        if loads.all(is_idle) && !deck.tools.iter().any(crate::ToolDeck::acts) {
+        if loads.all(is_idle) && !deck.tools.iter().any(ToolDeck::acts) {
             let message = "no load acts, so there is no load factor to determine";
             let help = match stage {
                 None => "add a load under `loads`, or prescribe the load factor (`control: {type: load}`)",

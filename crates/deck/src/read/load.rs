@@ -108,11 +108,12 @@ impl LoadedDeck {
         CellSize::in_deck(&self.deck)
     }
 
-    /// The sides of the cells of a structured grid along each axis, mean values where the grid is graded, [length];
-    /// `None` for a mesh.
+    /// The sides of the cells of a structured grid along each axis, mean values where the grid is graded and those far from
+    /// refined places, [length]; `None` for a mesh.
     pub fn cell_sides(&self) -> Option<Vec<f64>> {
-        let GridDeck::Structured { size, spacing, .. } = &self.deck.grid else { return None };
-        let entries = spacing.entries(self.deck.dimensions());
+        let GridDeck::Structured { size, spacing, unrefined, .. } = &self.deck.grid else { return None };
+        let entries =
+            unrefined.as_ref().map_or(spacing, |stated| &stated.spacing).entries(self.deck.dimensions());
         Some(entries.iter().zip(size).map(|(entry, size)| size / entry.cells(*size).round()).collect())
     }
 
@@ -307,7 +308,11 @@ pub fn load_text(
         let checked = shape::check(value, &mut source, &mut diagnostics);
         diagnostic::assign(Gate::Shape, &mut diagnostics[before..]);
         match checked {
-            Ok(whole) => deck = Some(whole),
+            Ok(mut whole) => {
+                let dimensions = whole.dimensions();
+                whole.grid.apply_refinement(dimensions);
+                deck = Some(whole);
+            }
             Err(part) => {
                 let mut found = dangling(&part, &source);
                 diagnostic::assign(Gate::Meaning, &mut found);

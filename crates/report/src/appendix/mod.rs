@@ -16,6 +16,7 @@ mod curves;
 mod element_test;
 mod error;
 mod field;
+mod limit;
 mod number;
 mod options;
 mod page;

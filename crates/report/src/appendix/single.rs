@@ -8,6 +8,7 @@ use mpm_deck::Parameter;
 use super::curves::{self, AXES, Progress};
 use super::error::ReportError;
 use super::field::StepChoice;
+use super::limit;
 use super::number::{duration, html, memory};
 use super::options::Options;
 use super::page::{Cell, Page, Table, escape};
@@ -67,6 +68,9 @@ fn outcome(page: &mut Page, run: &Run, naming: &Naming) {
     };
     if let Some((words, remark)) = strength::key_number(run) {
         row("Factor of safety", Some(words), remark);
+    }
+    if let Some((words, remark)) = limit::key_number(run, naming) {
+        row("Limit load", Some(words), remark);
     }
     row("Load steps in equilibrium", Some(steps_in_words(run)), String::new());
     let tolerance = run.deck.as_ref().map(curves::tolerance_in_words);

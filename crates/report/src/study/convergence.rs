@@ -36,6 +36,9 @@ const ORDERS: [f64; 2] = [0.5, 2.5];
 /// Changes below this, relative to the value, are those of the solution of the equations, [-].
 const SETTLED: f64 = 1e-7;
 
+/// Smallest cells of a prediction, relative to the finest grid, [-].
+const FINEST: f64 = 1e-2;
+
 /// A number that a run gives.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Quantity {
@@ -110,12 +113,12 @@ impl Quantity {
                 match text.map(|text| text.parse()) {
                     Some(Ok(value)) => Ok(exactly(value)),
                     Some(Err(_)) => Err(format!("{} has no value", quote(name))),
-                    None => Err(unknown(name, record)),
+                    None => Err(unknown(name, record, &extents)),
                 }
             }
             Quantity::Largest(name) => match record.largest(name) {
                 Some(value) => Ok(exactly(value)),
-                None => Err(unknown(name, record)),
+                None => Err(unknown(name, record, &[])),
             },
             Quantity::FactorOfSafety => {
                 let bracket = record.strength().and_then(|bracket| ends_of(&bracket));
@@ -127,15 +130,14 @@ impl Quantity {
             Quantity::LimitLoad => record
                 .limit_load()
                 .map(Known::between)
-                .ok_or_else(|| "no stage has ended at a limit load (`steps: {until: limit}`)".to_owned()),
+                .ok_or_else(|| "no stage has ended at a limit load: `steps: {until: limit}` is missing, or the load still grew at the end".to_owned()),
         }
     }
 }
 
 /// Error of a column that does not exist.
-fn unknown(name: &str, record: &Record) -> String {
-    let extents = record.extents();
-    let names = || record.history().iter().chain(&extents).map(|(name, _)| name.as_str());
+fn unknown(name: &str, record: &Record, extents: &[(String, String)]) -> String {
+    let names = || record.history().iter().chain(extents).map(|(name, _)| name.as_str());
     let help = match closest(name, names()) {
         Some(best) => format!("did you mean {}?", quote(best)),
         None => format!("there are {}, {FACTOR_OF_SAFETY} and {LIMIT_LOAD}", list(names())),
@@ -202,7 +204,7 @@ pub fn estimate(grids: [OnGrid; 3], spread: f64, refused: Option<String>) -> Est
             trend: Trend::Settled,
             order: None,
             value,
-            bar: Some(change + spread + uncertain),
+            bar: Some(change.max(SETTLED * largest) + spread + uncertain),
             spread,
         };
     }
@@ -280,7 +282,12 @@ impl Estimate {
         let [_, middle, fine] = grids;
         let shown = (fine.cpu_seconds / middle.cpu_seconds).ln() / (middle.size / fine.size).ln();
         let power = if shown.is_finite() { shown.max(dimensions as f64) } else { dimensions as f64 };
-        Some(Prediction { error, size, cpu_seconds: fine.cpu_seconds * size.powf(-power) })
+        // Beyond this, an extrapolation from three grids says nothing.
+        (size >= FINEST).then(|| Prediction {
+            error,
+            size,
+            cpu_seconds: fine.cpu_seconds * size.powf(-power),
+        })
     }
 }
 
@@ -369,6 +376,21 @@ pub struct Convergence {
 }
 
 impl Findings {
+    /// Adds the run on the next grid.
+    ///
+    /// # Errors
+    /// In words, if its cells are not smaller than those of the grid before.
+    pub fn add(&mut self, run: GridRun) -> Result<(), String> {
+        if let Some(last) = self.grids.last().filter(|last| last.size <= run.size) {
+            return Err(format!(
+                "the grid with {} is not finer than that with {}: list grids from coarse to fine",
+                run.label, last.label
+            ));
+        }
+        self.grids.push(run);
+        Ok(())
+    }
+
     /// The three finest grids, from coarse to fine; `None` if there are fewer.
     pub fn last_three(&self) -> Option<[OnGrid; 3]> {
         let last = self.grids.last_chunk::<3>()?;
@@ -395,13 +417,13 @@ impl Findings {
 }
 
 impl Convergence {
-    /// Writes the study as `convergence.json`, and the values as the table `convergence.csv`.
+    /// Writes the study as `convergence_study.json`, and the values as the table `convergence_study.csv`.
     ///
     /// # Errors
     /// A file-system error.
     pub fn write(&self, directory: &Path) -> io::Result<()> {
         let text = serde_json::to_string_pretty(self)? + "\n";
-        replace_file(&directory.join("convergence.json"), |out| out.write_all(text.as_bytes()))?;
+        replace_file(&directory.join("convergence_study.json"), |out| out.write_all(text.as_bytes()))?;
         let mut table = "grid,size,points,value,within,cpu_seconds\n".to_owned();
         for run in self.findings.grids.iter().chain(&self.findings.moved) {
             let numbers = [
@@ -414,7 +436,7 @@ impl Convergence {
             let numbers = numbers.map(|number| number.map_or_else(String::new, shortest));
             table.push_str(&format!("{},{}\n", quoted(&run.label), numbers.join(",")));
         }
-        replace_file(&directory.join("convergence.csv"), |out| out.write_all(table.as_bytes()))
+        replace_file(&directory.join("convergence_study.csv"), |out| out.write_all(table.as_bytes()))
     }
 
     /// The conclusion in a sentence.

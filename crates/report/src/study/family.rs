@@ -2,7 +2,7 @@
 
 use mpm_deck::load::{LoadedDeck, load_text, parameter_names};
 use mpm_deck::quoting::joined;
-use mpm_deck::refinement::{CellControl, DeckText, SHIFT, unlike_bodies};
+use mpm_deck::refinement::{CellControl, DeckText, SHIFT, unlike};
 
 use super::{Axis, Study};
 
@@ -186,7 +186,7 @@ fn checked(decks: Vec<(String, DeckText)>, can_begin: FirstStep) -> Result<Vec<G
                 "{second} does not have smaller cells than {first}: list grids from coarse to fine"
             ));
         }
-        let unlike = unlike_bodies(&pair[0], &pair[1], coarse / fine);
+        let unlike = unlike(&pair[0], &pair[1], coarse / fine);
         if !unlike.is_empty() {
             return Err(format!("not everything is refined alike: {}", unlike.join("; ")));
         }

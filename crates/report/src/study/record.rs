@@ -119,9 +119,9 @@ impl Record {
         self.largest.iter().find(|(name, _)| name == column).map(|(_, value)| *value)
     }
 
-    /// The bracket of the limit load of the last stage that ends at one.
+    /// The bracket of the limit load of the last stage, if the stage has ended at one.
     pub(super) fn limit_load(&self) -> Option<[f64; 2]> {
-        let last = self.summary["limit_loads"].as_array()?.last()?;
+        let last = self.summary["limit_loads"].as_array()?.last().filter(|last| last["reached"] == true)?;
         serde_json::from_value(last["bracket"].clone()).ok()
     }
 

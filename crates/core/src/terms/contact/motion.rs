@@ -1,8 +1,9 @@
 //! The motion of a tool in a step.
 
 use crate::model::{Freedom, Model, Stepping, Tool};
-use crate::region::vector::{along, cross, minus, norm};
+use crate::region::vector::{along, cross, dot, minus, norm};
 use crate::step::{Step, displacement};
+use crate::terms::Driven;
 use crate::terms::failure::ContactError;
 use crate::tool::{Closest, Increment, Pose, Shape};
 
@@ -38,6 +39,14 @@ pub(super) struct Moving<const D: usize> {
 }
 
 impl<const D: usize> Moving<D> {
+    /// What the prescribed motion does in the step against this force and moment of the tool on the bodies.
+    pub(super) fn against(&self, force: &[f64; D], moment: &[f64; 3]) -> Driven {
+        let Increment { translation, rotation } = &self.prescribed;
+        let [length, angle] = [norm(translation), norm(rotation)];
+        let work = dot(force, translation) + dot(moment, rotation);
+        Driven { work, displacement: if length > 0.0 { length } else { angle } }
+    }
+
     pub(super) fn new(tool: &Tool<D>) -> Self {
         let none = Increment { translation: [0.0; D], rotation: [0.0; 3] };
         Moving {

@@ -28,7 +28,7 @@ use crate::step::{At, Nodal, StepContext};
 use crate::surface::{Carried, Surface, SurfaceFields, centre};
 
 use super::super::failure::BeginError;
-use super::super::report::SurfaceReaction;
+use super::super::report::{Driven, SurfaceReaction};
 use super::equation::Equation;
 use super::patches::{Patch, divide_patches, patches};
 
@@ -65,6 +65,8 @@ pub(super) struct Condition<const D: usize> {
     trial: Vec<f64>,
     /// Reaction on the body at each sample, [force].
     reaction: Vec<[f64; D]>,
+    /// For each component, the prescribed displacement in the step at each sample, [length].
+    motion: Vec<Vec<f64>>,
     /// For each component, its direction at each sample.
     directions: Vec<Vec<[f64; D]>>,
     /// The largest |m| on this rank at the last evaluation, relative to its scale, [-].
@@ -98,6 +100,7 @@ impl<const D: usize> Condition<D> {
             converged: vec![0.0; n],
             trial: vec![0.0; n],
             reaction: vec![[0.0; D]; surface.len()],
+            motion: Vec::new(),
             unmet: 0.0,
         })
     }
@@ -197,6 +200,15 @@ impl<const D: usize> Condition<D> {
             return Ok(());
         }
         let carried = &carried[self.on.surface];
+        let [mut motion, before] = [
+            self.prescribed(step.model, carried, step.step.end),
+            self.prescribed(step.model, carried, step.step.start),
+        ];
+        if let (Ok(motion), Ok(before)) = (&mut motion, before) {
+            let values = motion.iter_mut().flatten().zip(before.iter().flatten());
+            values.for_each(|(end, start)| *end -= start);
+        }
+        self.motion = motion.unwrap_or_default();
         // The trial positions still equal the converged ones.
         let gaps_at = |time: f64| self.gaps(step.model, carried, time).map_err(BeginError::Constraint);
         let mut gaps = self.sums(&gaps_at(step.step.end)?);
@@ -441,6 +453,18 @@ impl<const D: usize> Condition<D> {
         reduction.sum(&mut sum);
         reduction.sum(&mut moment);
         SurfaceReaction { condition: self.number, force: sum, about, moment }
+    }
+
+    /// What the prescribed motion of the surface does in the step, on all ranks.
+    pub(super) fn driven(&self, reduction: &Reduction) -> Driven {
+        let mut driven = Driven::default();
+        for (motion, directions) in self.motion.iter().zip(&self.directions) {
+            for ((moved, direction), reaction) in motion.iter().zip(directions).zip(&self.reaction) {
+                let along = (0..D).map(|d| reaction[d] * direction[d]).sum::<f64>();
+                driven.add(Driven { work: along * moved, displacement: moved.abs() });
+            }
+        }
+        Driven { work: reduction.total(driven.work), displacement: reduction.largest(driven.displacement) }
     }
 
     pub(super) fn commit(&mut self) {
