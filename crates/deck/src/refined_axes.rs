@@ -111,9 +111,9 @@ impl GridDeck {
                     AxisSpacing::Intervals(_) => {
                         let message = format!("the spacing along {name} is already a list of intervals");
                         fault(
-                            &format!("at/{axis}"),
+                            &at.pointer(axis),
                             message,
-                            "give `spacing` as a number, or null for this axis",
+                            "give `spacing` as a number, or leave this axis out: `at: {x: 1}`",
                         );
                     }
                     AxisSpacing::Even(_) => {}
