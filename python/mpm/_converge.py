@@ -102,13 +102,13 @@ def converge(
         deck: The deck.
         quantity: A column of the history, whose last value counts; ``largest:COLUMN`` for its value of largest
             magnitude; ``factor_of_safety``; ``limit_load``; or an extent of a body, as in the table of ``mpm sweep``.
-        to: Wanted error relative to the value: the cells are halved, at most four times and as
-            long as the bar shrinks, until the bar is as small.
+        to: Wanted error relative to the value: the cells are halved, at most four times and as long as
+            the bar shrinks, until the bar is as small.
         over: Name of the parameter that refines the grid, and at least three values from coarse to fine; by default, the
             parameter that sets the cell size, or the spacing of the grid.
         threads: Number of threads; by default, one per core.
-        out: Directory for the results, with ``convergence_study.json``, ``convergence_study.csv`` and ``convergence.html``; without
-            it, nothing is kept.
+        out: Directory for the results, with ``convergence_study.json``, ``convergence_study.csv`` and
+            ``convergence.html``; without it, nothing is kept.
         allow_libraries: Whether the libraries that the deck names may be loaded, as for :meth:`Deck.start`.
 
     Raises:

@@ -81,7 +81,7 @@ pub use stages::{
 };
 pub use stepper::{Kernels, Stepper};
 pub use stepping::control::{Motion, NoPath, Path, path_length};
-pub use stepping::limit::{LimitLoad, PLATEAU, StageLimit};
+pub use stepping::limit::{LimitLoad, StageLimit};
 pub use stepping::pace::Pace;
 pub use stepping::strength::{StageStrength, StrengthBracket};
 pub use summary::Summary;

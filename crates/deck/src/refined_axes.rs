@@ -3,11 +3,10 @@
 use crate::refined_place::{RefineDeck, RefinedAt};
 use crate::{AxisSpacing, GridDeck, IntervalDeck, SpacingDeck, Unrefined};
 
-/// Largest ratio of the sizes of neighbouring cells, [-].
+/// Ratio of the sizes of neighbouring cells where they grow, [-]; it is adapted so that whole cells fill the length.
 const RATIO: f64 = 1.2;
 /// Distance to an end of the grid, or to another place, below which places coincide, relative to the finest cell, [-].
 const SAME: f64 = 1e-6;
-
 /// Smallest cells at a place, relative to the spacing, [-].
 const SMALLEST: f64 = 1e-3;
 

@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// A place towards which cells shrink: along each axis, a grid line lies at its coordinate, the cells beside the line
-/// are `to` long, and each further cell is up to 1.2 times as long, until the cells are as long as `spacing`.
+/// are `to` long, and each further cell is about 1.2 times as long, until the cells are as long as `spacing`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RefineDeck {

@@ -6,6 +6,7 @@
 use serde_json::Value;
 
 use crate::load::{LoadedDeck, load_text, values};
+use crate::per_axis::per_axis;
 use crate::quoting::{list, quote};
 use crate::span::Span;
 use crate::{
@@ -238,8 +239,8 @@ fn unlike_grids(coarse: &LoadedDeck, fine: &LoadedDeck, ratio: f64) -> Vec<Strin
 }
 
 /// The bodies whose points do not follow the cells from a coarse grid to a fine one, each with the reason, in words.
-fn unlike_bodies(coarse: &LoadedDeck, fine: &LoadedDeck, ratio: f64) -> Vec<String> {
-    let pairs = coarse.deck.bodies.iter().zip(&fine.deck.bodies);
+fn unlike_bodies(coarse_deck: &LoadedDeck, fine_deck: &LoadedDeck, ratio: f64) -> Vec<String> {
+    let pairs = coarse_deck.deck.bodies.iter().zip(&fine_deck.deck.bodies);
     let reason = |(coarse, fine): (&BodyDeck, &BodyDeck)| {
         let why = if matches!(fine.shape, Shape::Mesh { .. }) {
             "the cells of its own mesh are its domains on every grid".to_owned()
@@ -248,7 +249,9 @@ fn unlike_bodies(coarse: &LoadedDeck, fine: &LoadedDeck, ratio: f64) -> Vec<Stri
         } else {
             let (from, to) = (coarse.point_spacing.as_ref()?, fine.point_spacing.as_ref()?);
             let follows = |(from, to): (f64, f64)| (from / to / ratio - 1.0).abs() <= SAME;
-            if entries(from).zip(entries(to)).all(follows) {
+            let axes = coarse_deck.deck.dimensions();
+            let [from, to] = [from, to].map(per_axis::<f64, 3>);
+            if from.into_iter().zip(to).take(axes).all(follows) {
                 return None;
             }
             "its `point_spacing` does not change with the cells: write it as a multiple of the parameter that sets them"
@@ -262,14 +265,6 @@ fn unlike_bodies(coarse: &LoadedDeck, fine: &LoadedDeck, ratio: f64) -> Vec<Stri
 /// Numbers of points in cells of each kind.
 fn point_counts(body: &BodyDeck) -> (Option<PerAxis<u32>>, Option<u32>, Option<u32>) {
     (body.points_per_cell.clone(), body.points_per_triangle, body.points_per_tetrahedron)
-}
-
-/// The values of all axes; a single value is repeated without end.
-fn entries(spacing: &PerAxis<f64>) -> Box<dyn Iterator<Item = f64> + '_> {
-    match spacing {
-        PerAxis::Same(value) => Box::new(std::iter::repeat_n(*value, 3)),
-        PerAxis::Each(values) => Box::new(values.iter().copied()),
-    }
 }
 
 impl LoadedDeck {
@@ -287,7 +282,8 @@ impl LoadedDeck {
         let (name, _) = materials().find(|(_, material)| !material.is_associated())?;
         let name = quote(name);
         Some(format!(
-            "the dilation angle of the material {name} differs from its friction angle: its limit loads have no limit as cells shrink"
+            "the dilation angle of the material {name} differs from its friction angle: its limit loads have no limit as \
+             cells shrink"
         ))
     }
 }

@@ -3,8 +3,7 @@
 use std::collections::BTreeSet;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 
 use crate::appendix;
 use crate::deck::load::{self, LoadFailure, LoadedDeck, load_text};
@@ -105,7 +104,7 @@ pub fn converge(args: ConvergeArgs) -> anyhow::Result<u8> {
     let members = Members {
         deny_warnings: args.deny_warnings,
         libraries: args.libraries,
-        stop: Arc::clone(&stop),
+        stop,
         begin: Begin::AtCheckpointIfAny,
         printed: BTreeSet::new(),
         speaks: true,
@@ -125,8 +124,7 @@ pub fn converge(args: ConvergeArgs) -> anyhow::Result<u8> {
         refused: None,
     };
     let without_order = loaded.without_order();
-    let mut study =
-        Study { quantity: args.quantity, family, directory, stop, members, findings, without_order };
+    let mut study = Study { quantity: args.quantity, family, directory, members, findings, without_order };
     study.run(args.to)
 }
 
@@ -151,7 +149,6 @@ struct Study {
     quantity: Quantity,
     family: Family,
     directory: PathBuf,
-    stop: Arc<AtomicBool>,
     members: Members,
     /// What the runs so far have found.
     findings: Findings,
@@ -230,7 +227,7 @@ impl Study {
                 message!("{label}: completed earlier");
                 record
             }
-            None if self.stop.load(Ordering::SeqCst) => return Ok(Err(Stopped(INTERRUPTED))),
+            None if self.members.stop.load(Ordering::SeqCst) => return Ok(Err(Stopped(INTERRUPTED))),
             None => {
                 message!("{label}");
                 match self.members.run(deck, &directory, label.clone()) {

@@ -57,7 +57,7 @@ const CODES: [Code; 17] = {
     ]
 };
 
-const KINDS: [Kind; 17] = {
+const KINDS: [Kind; 20] = {
     use Kind::*;
     [
         RigidBodyMode,
@@ -65,6 +65,9 @@ const KINDS: [Kind; 17] = {
         SmallCutCell,
         Sliding,
         PlasticCollapse,
+        Flow,
+        Friction,
+        Contact,
         Instability,
         Locking,
         Hourglass,

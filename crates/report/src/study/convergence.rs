@@ -8,7 +8,7 @@ use std::path::Path;
 use std::str::FromStr;
 use std::{fmt, io};
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use mpm_core::formula::closest;
 use mpm_deck::quoting::{list, quote};
@@ -84,7 +84,7 @@ impl fmt::Display for Quantity {
 }
 
 /// A value, and the distance within which a run knows it: half the width of a bracket.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Known {
     /// The value.
     pub value: f64,
@@ -130,7 +130,9 @@ impl Quantity {
             Quantity::LimitLoad => record
                 .limit_load()
                 .map(Known::between)
-                .ok_or_else(|| "no stage has ended at a limit load: `steps: {until: limit}` is missing, or the load still grew at the end".to_owned()),
+                .ok_or_else(|| "no stage has ended at a limit load: `steps: {until: limit}` is missing, or the load still grew at the \
+                 end"
+                    .to_owned()),
         }
     }
 }
@@ -292,7 +294,7 @@ impl Estimate {
 }
 
 /// One run of a convergence study.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct GridRun {
     /// What distinguishes its grid, such as `h=0.5`.
     pub label: String,
@@ -343,7 +345,7 @@ impl GridRun {
 }
 
 /// What the runs of a convergence study have found.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Findings {
     /// Name of the deck.
     pub deck: String,

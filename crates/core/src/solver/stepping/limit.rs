@@ -11,7 +11,7 @@ use crate::points::Points;
 
 /// Rise of the load with the displacement, relative to its steepest rise, below which the load no longer grows,
 /// [-].
-pub const PLATEAU: f64 = 0.01;
+const PLATEAU: f64 = 0.01;
 /// Number of consecutive steps in which the load must not grow: a single one may be a contact that opens.
 const STEPS: usize = 2;
 

@@ -200,15 +200,7 @@ impl<const D: usize> Condition<D> {
             return Ok(());
         }
         let carried = &carried[self.on.surface];
-        let [mut motion, before] = [
-            self.prescribed(step.model, carried, step.step.end),
-            self.prescribed(step.model, carried, step.step.start),
-        ];
-        if let (Ok(motion), Ok(before)) = (&mut motion, before) {
-            let values = motion.iter_mut().flatten().zip(before.iter().flatten());
-            values.for_each(|(end, start)| *end -= start);
-        }
-        self.motion = motion.unwrap_or_default();
+        self.motion = self.motion_in(step, carried);
         // The trial positions still equal the converged ones.
         let gaps_at = |time: f64| self.gaps(step.model, carried, time).map_err(BeginError::Constraint);
         let mut gaps = self.sums(&gaps_at(step.step.end)?);
@@ -244,6 +236,17 @@ impl<const D: usize> Condition<D> {
             }
         }
         Ok(())
+    }
+
+    /// For each component, the prescribed displacement in a step at each sample, [length]; none if it is not finite.
+    fn motion_in(&self, step: &StepContext<D>, carried: &Carried<D>) -> Vec<Vec<f64>> {
+        let at = |time: f64| self.prescribed(step.model, carried, time);
+        let (Ok(mut motion), Ok(before)) = (at(step.step.end), at(step.step.start)) else {
+            return Vec::new();
+        };
+        let values = motion.iter_mut().flatten().zip(before.iter().flatten());
+        values.for_each(|(end, start)| *end -= start);
+        motion
     }
 
     /// Σ q_k A v of values v at the samples of each component, in the order of the equations.
