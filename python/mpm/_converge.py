@@ -12,7 +12,7 @@ from typing import Any
 
 from mpm import _mpm
 from mpm._deck import Deck, Overrides, StrPath, Value, _directory, _parameter, _setting
-from mpm._errors import UsageError
+from mpm._errors import SolveError, UsageError
 from mpm._run import Run
 
 #: Errors whose cost is stated without ``to``, as by ``mpm converge``.
@@ -154,7 +154,13 @@ def converge(
             solve(parts)
         moved = grids.move_lines()
         if moved is not None:
-            solve(moved, is_moved=True)
+            # The other grids have a conclusion without this run.
+            try:
+                solve(moved, is_moved=True)
+            except SolveError:
+                grids.leave_moved(None)
+            except UsageError as error:
+                grids.leave_moved(f"on the moved grid, {error}")
         errors = list(_USUAL_ERRORS) if to is None else [to]
         kept = None if directory is None else folder
         study = _read(grids.conclude(errors, kept))

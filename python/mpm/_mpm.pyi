@@ -122,6 +122,9 @@ class Grids:
     def read(self, directory: _StrPath, is_moved: bool) -> None:
         """Reads the quantity from the results of the next grid, or of the moved one."""
 
+    def leave_moved(self, why: str | None) -> None:
+        """Goes on without the run on the moved grid, which has not reached its end or has no such quantity."""
+
     def conclude(self, errors: list[float], out: _StrPath | None) -> tuple[str, str]:
         """The conclusions as JSON and as a sentence; they are also written to a directory, with a page."""
 

@@ -7,7 +7,7 @@ use mpm::deck::may_run_libraries;
 use mpm::deck::ready;
 use mpm::deck::refinement::DeckText;
 use mpm::memory::Memory;
-use mpm::study::convergence::{Convergence, Findings, GridRun, Quantity};
+use mpm::study::convergence::{Convergence, Findings, GridRun, MOVED_NOT_ENDED, Quantity};
 use mpm::study::family::{Family, Grid};
 use mpm::study::{Axis, Record};
 use pyo3::prelude::*;
@@ -127,6 +127,11 @@ impl Grids {
             self.findings.add(run).map_err(Raised::misuse)?;
         }
         Ok(())
+    }
+
+    /// Goes on without the run on the moved grid, which has not reached its end or has no such quantity.
+    fn leave_moved(&mut self, why: Option<String>) {
+        self.findings.not_moved = Some(why.unwrap_or_else(|| MOVED_NOT_ENDED.to_owned()));
     }
 
     /// The conclusions so far as JSON and as a sentence, with the grids that errors of these sizes need; they are also

@@ -23,6 +23,7 @@ mod sheet;
 mod side_basis;
 mod support;
 
+use crate::grid::Axis;
 use crate::ranks::Reduction;
 use crate::region::{Facet, NoBoundary, Region, area_vector};
 
@@ -187,6 +188,23 @@ impl<const D: usize> Surface<D> {
         surface.corners = places.into_positions();
         surface.in_cells = surface.corners.iter().map(|corner| corner.map(|x| x / cell)).collect();
         surface
+    }
+
+    /// The surface with its facets cut where they cross lines of an axis with cells of several sizes: only within a cell
+    /// is the mean of the basis over the corners of a facet that over the facet. Where all cells are alike, facets of a
+    /// whole fraction of a cell cross no lines.
+    pub fn cut_at_graded_lines(self, axes: &[Axis; D]) -> Self {
+        let slack = SLACK * self.cell;
+        let mut facets: Vec<Facet<D>> = (0..self.len())
+            .map(|sample| Facet { corners: self.facet(sample), side: self.sides[sample] })
+            .collect();
+        for (d, axis) in axes.iter().enumerate().filter(|(_, axis)| !axis.is_even()) {
+            facets = facets.into_iter().flat_map(|facet| facet.cut_along(d, axis, slack)).collect();
+        }
+        if facets.len() == self.len() {
+            return self;
+        }
+        Surface::from_facets(self.name, self.body, facets, &Part::Whole, self.cell)
     }
 
     /// Number of samples.

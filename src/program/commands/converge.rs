@@ -17,7 +17,7 @@ use crate::program::exit::{DONE, FAILED, INTERRUPTED, USAGE};
 use crate::program::interrupt::stop_on_interrupt;
 use crate::program::screen::quantities::{duration, significant};
 use crate::ranks::Ranks;
-use crate::study::convergence::{Convergence, Findings, GridRun, Prediction, Quantity};
+use crate::study::convergence::{Convergence, Findings, GridRun, MOVED_NOT_ENDED, Prediction, Quantity};
 use crate::study::family::{Family, Grid};
 use crate::study::{Axis, Outcome};
 use anyhow::{Context, bail};
@@ -259,18 +259,14 @@ impl Study {
         let Some(grid) = moved else { return Ok(Ok(())) };
         // Its warnings are about places of grid lines that nobody has chosen.
         self.members.speaks = false;
-        Ok(match self.run_deck(&grid)? {
-            Ok(run) => {
-                self.findings.moved = Some(run);
-                Ok(())
-            }
-            Err(Stopped(INTERRUPTED)) => Err(Stopped(INTERRUPTED)),
-            Err(_) => {
-                let why = "the run on the moved grid has not reached its end";
-                self.findings.not_moved = Some(why.to_owned());
-                Ok(())
-            }
-        })
+        match self.run_deck(&grid) {
+            Ok(Ok(run)) => self.findings.moved = Some(run),
+            Ok(Err(Stopped(INTERRUPTED))) => return Ok(Err(Stopped(INTERRUPTED))),
+            // The three grids have a conclusion without this run.
+            Ok(Err(_)) => self.findings.not_moved = Some(MOVED_NOT_ENDED.to_owned()),
+            Err(why) => self.findings.not_moved = Some(format!("on the moved grid, {why}")),
+        }
+        Ok(Ok(()))
     }
 
     /// Writes and prints what the runs so far show.

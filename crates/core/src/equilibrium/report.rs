@@ -7,7 +7,7 @@ use crate::dofs::{DofMap, FURTHER, Field};
 use crate::linear::Factorisation;
 use crate::model::Model;
 use crate::ranks::Reduction;
-use crate::terms::{Driven, NamedForce, Record, Records};
+use crate::terms::{Driven, Ledger, NamedEnergy, NamedForce, Record, Records};
 
 use super::balance::{Energy, ReactionMoment};
 use crate::step::{Nodal, Step};
@@ -143,6 +143,15 @@ impl<const D: usize> StepReport<D> {
     /// Number of iterations: linear solves and, with a predictor, the predicted increment.
     pub fn solves(&self) -> usize {
         self.residuals.len().saturating_sub(1 + self.augmentations)
+    }
+
+    /// The share of the work of the prescribed motions that viscosity dissipates, [-]: the forces that these motions need
+    /// are too large by about as much. 0 in a step without viscosity.
+    pub fn viscous_share(&self) -> f64 {
+        let is_viscous = |energy: &&NamedEnergy| energy.name == Ledger::VISCOUS;
+        let lost: f64 =
+            self.energy.further.iter().filter(is_viscous).map(|energy| energy.amount.growth()).sum();
+        if lost > 0.0 { lost / self.driven.work.abs() } else { 0.0 }
     }
 
     /// The values of this type that a term has reported, on all ranks; none if no term reports any.

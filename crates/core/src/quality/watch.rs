@@ -66,7 +66,7 @@ impl Quality {
             if self.overstress.is_none_or(|(worst, _)| value > worst) {
                 self.overstress = Some((value, step));
             }
-            found.push((0, viscous(step, value)));
+            found.push((0, viscous(step, value, report.viscous_share())));
         }
         found.extend(replaced_domains(model, points, report).map(|warning| (0, warning)));
         if let Some(InFlow { value, is_standard }) = oscillation_in_flow(model, points, links) {
@@ -263,7 +263,7 @@ fn damped(step: usize, slumped: bool) -> Warning {
     }
 }
 
-fn viscous(step: usize, overstress: f64) -> Warning {
+fn viscous(step: usize, overstress: f64, share: f64) -> Warning {
     Warning {
         code: Code::Viscous,
         step,
@@ -272,8 +272,9 @@ fn viscous(step: usize, overstress: f64) -> Warning {
         threshold: None,
         message: format!(
             "only with viscosity do the iterations follow the flow of the bodies: their stresses exceed the strength by \
-             {:.1} % in the mean where they flow",
-            100.0 * overstress
+             {:.1} % in the mean where they flow, and the forces that move them are {:.1} % too large",
+            100.0 * overstress,
+            100.0 * share
         ),
         detail: None,
     }

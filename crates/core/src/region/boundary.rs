@@ -4,6 +4,7 @@ use std::collections::HashMap;
 
 use super::vector::{along, cross, minus, norm, unit};
 use super::{Motion, Node, Primitive, Region};
+use crate::grid::Axis;
 
 /// Distance from the centre of a facet at which its two sides are examined, relative to the size of the facet, [-]. It
 /// exceeds the height of an arc above its chord, at most 0.033 of the chord, and the height of a sphere above a facet,
@@ -62,6 +63,29 @@ impl<const D: usize> Facet<D> {
             Facet { corners, side: self.side }
         };
         (1..=kept.len() + 1 - D).map(facet).collect()
+    }
+
+    /// The parts of the facet between the grid lines of an axis; lines within `slack`, [length], of its ends do not
+    /// cut it.
+    pub(crate) fn cut_along(self, d: usize, axis: &Axis, slack: f64) -> Vec<Self> {
+        let ends = self.corners.map(|corner| corner[d]);
+        let [low, high] = [
+            ends.iter().copied().fold(f64::INFINITY, f64::min),
+            ends.into_iter().fold(f64::NEG_INFINITY, f64::max),
+        ];
+        let (mut parts, mut rest) = (Vec::new(), vec![self]);
+        let first = axis.cell_of(axis.coordinate(low)) + 1;
+        for line in (first..axis.n_cells()).map(|number| axis.line(number)) {
+            if line >= high - slack {
+                break;
+            }
+            if line > low + slack {
+                parts.extend(rest.iter().flat_map(|facet| facet.above(|x| line - x[d], slack)));
+                rest = rest.iter().flat_map(|facet| facet.above(|x| x[d] - line, slack)).collect();
+            }
+        }
+        parts.extend(rest);
+        parts
     }
 
     /// Length of the longest edge, [length].

@@ -284,6 +284,7 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         progress.terms = save(&self.terms);
         progress.step = report.step;
         progress.path = path;
+        progress.pace.limit_viscosity(report.viscous_share());
         progress.pace.succeeded(&model.stepping, report.most_solves);
         progress.carried.clone_from(&report.carried);
         progress.last_iterations = report.solves();

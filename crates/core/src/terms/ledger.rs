@@ -115,6 +115,8 @@ impl Ledger {
     pub const UNDONE: &'static str = "undone plastic work";
     /// Work of the ghost stabilisation during the step, which is lost in the next one.
     pub const STABILISATION: &'static str = "stabilisation";
+    /// What the overstress of a step with viscosity dissipates.
+    pub const VISCOUS: &'static str = "viscous";
     /// Energy of the stresses that resist the deviations of points from the mean increment of their cell.
     pub const DEVIATION: &'static str = "deviation from cell means";
     /// Energy dissipated by friction between tools and bodies: work of the tools that does not reach the bodies. The

@@ -343,7 +343,7 @@ impl<const D: usize, const N: usize, M: Mechanics<D>> Term<D, N> for MaterialPoi
             NamedEnergy::supplied(Ledger::UNDONE, undone),
         ]);
         if step.viscosity > 0.0 {
-            ledger.add(NamedEnergy::dissipated("viscous", viscosity::dissipation(step, points)));
+            ledger.add(NamedEnergy::dissipated(Ledger::VISCOUS, viscosity::dissipation(step, points)));
         }
         self.deviations.ledger(step.model, &self.start, &mut ledger);
         ledger

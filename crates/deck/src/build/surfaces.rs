@@ -70,6 +70,7 @@ where
             let (whole, _) = all.sampled(Some(spacing));
             let at_sides = (sampled.as_ref().ok().zip(whole.as_ref().ok()))
                 .and_then(|(found, whole)| found.at_sides(whole, points, domain, self.ranks));
+            let is_at_sides = at_sides.is_some();
             if let Some(at_sides) = at_sides {
                 if deck.spacing.is_some() {
                     self.spacing_without_effect(deck, &at);
@@ -79,6 +80,10 @@ where
                 (sampled, spacing) = of.sampled(deck.spacing);
             }
             let sampled = sampled.map(|surface| {
+                let surface = match grid.lines() {
+                    Some(lines) if !is_at_sides => surface.cut_at_graded_lines(lines.axes()),
+                    _ => surface,
+                };
                 let in_cells = in_cells(grid, &surface);
                 Surface { in_cells, ..surface }
             });

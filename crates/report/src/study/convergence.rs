@@ -344,6 +344,9 @@ impl GridRun {
     }
 }
 
+/// Why a study has no run with moved lines if that run ends early; the other grids have a conclusion without it.
+pub const MOVED_NOT_ENDED: &str = "the run on the moved grid has not reached its end";
+
 /// What the runs of a convergence study have found.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Findings {

@@ -15,6 +15,12 @@ const PLATEAU: f64 = 0.01;
 /// Number of consecutive steps in which the load must not grow: a single one may be a contact that opens.
 const STEPS: usize = 2;
 
+/// Part of the load that viscosity may carry in a step that counts as one without viscosity, [-].
+const VISCOUS: f64 = 0.01;
+/// Change of the load from one step with viscosity to the next, relative to the load, up to which the load counts as
+/// steady, [-].
+const STEADY: f64 = 0.005;
+
 /// Load and displacement of a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Loading {
@@ -22,6 +28,8 @@ pub(crate) struct Loading {
     pub load: f64,
     /// The displacement in the step, [length], or a share of the path.
     pub displacement: f64,
+    /// The part of the load that viscosity carries.
+    pub viscous: f64,
 }
 
 /// Rise of a load with the displacement below which it is round-off, relative to the modulus of the softest material and
@@ -52,10 +60,11 @@ impl Loading {
         factor: f64,
     ) -> Option<Loading> {
         if model.stepping.control.has_unknown_factor() {
-            return Some(Loading { load: factor, displacement: report.step.duration() });
+            return Some(Loading { load: factor, displacement: report.step.duration(), viscous: 0.0 });
         }
         let load = report.driven.force()?;
-        Some(Loading { load, displacement: report.driven.displacement })
+        let viscous = report.viscous_share().min(1.0) * load;
+        Some(Loading { load, displacement: report.driven.displacement, viscous })
     }
 }
 
@@ -63,7 +72,8 @@ impl Loading {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct LimitLoad {
     /// The load of largest magnitude in the stage: the force along the largest prescribed displacement, [force], or the
-    /// load factor, [-], if it follows from equilibrium.
+    /// load factor, [-], if it follows from equilibrium. Steps in which viscosity carries a part of it do not count, except
+    /// the last one.
     pub largest: f64,
     /// The load of the last step.
     pub load: f64,
@@ -75,6 +85,12 @@ pub struct LimitLoad {
     steepest: f64,
     /// Number of consecutive steps so far in which the load has not grown.
     flat: usize,
+    /// The load of largest magnitude in a step without viscosity.
+    #[serde(default)]
+    settled: f64,
+    /// The part of the force of the last step that viscosity carried, which the loads do not contain.
+    #[serde(default)]
+    viscous: f64,
 }
 
 /// The load of a stage that runs until its limit.
@@ -89,13 +105,19 @@ pub struct StageLimit {
 impl LimitLoad {
     /// Takes a step into account. Rises of the load with the displacement of up to `round_off` count as none.
     pub(crate) fn follow(&mut self, loading: Option<Loading>, round_off: f64) {
-        let Some(Loading { load, displacement }) = loading.filter(|loading| loading.displacement > 0.0)
+        let Some(Loading { load, displacement, viscous }) =
+            loading.filter(|loading| loading.displacement > 0.0)
         else {
             return;
         };
+        // What viscosity carries is no part of the limit, as far as it can be told apart.
+        let load = load - viscous;
+        let was_viscous = std::mem::replace(&mut self.viscous, viscous).abs() > VISCOUS * self.load.abs();
+        let is_viscous = viscous.abs() > VISCOUS * load.abs();
         // What was carried before anything was moved is no rise, and a motion that turns back begins anew.
         if self.displacement == 0.0 || load * self.load < 0.0 {
-            *self = LimitLoad { load, largest: load, displacement, ..LimitLoad::default() };
+            let settled = if is_viscous { 0.0 } else { load };
+            *self = LimitLoad { load, largest: load, settled, displacement, viscous, ..LimitLoad::default() };
             return;
         }
         // Of both signs, as the load of a footing that is pushed down or pulled up.
@@ -104,12 +126,16 @@ impl LimitLoad {
         if self.slope > round_off {
             self.steepest = self.steepest.max(self.slope);
         }
-        let is_flat = self.steepest > 0.0 && self.slope < PLATEAU * self.steepest;
+        // What viscosity carries is known roughly where it changes, and falls once the relaxation time shrinks.
+        let is_steady = (load - self.load).abs() <= STEADY * load.abs();
+        let is_known = is_steady || !(is_viscous || was_viscous);
+        let is_flat = self.steepest > 0.0 && self.slope < PLATEAU * self.steepest && is_known;
         self.flat = if is_flat { self.flat + 1 } else { 0 };
         self.load = load;
-        if load.abs() > self.largest.abs() {
-            self.largest = load;
+        if !is_viscous {
+            self.settled = larger(self.settled, load);
         }
+        self.largest = if is_viscous { larger(self.settled, load) } else { self.settled };
     }
 
     /// True once the load no longer grows.
@@ -128,11 +154,17 @@ impl LimitLoad {
     }
 
     /// The load of the last step, which is less than the largest if the load has passed a peak, and the largest load or,
-    /// if the load still rises, the one that would be reached if it went on so over as long a displacement again.
+    /// if the load still rises, the one that would be reached if it went on so over as long a displacement again. What
+    /// viscosity carries counts as uncertain.
     pub fn bracket(&self) -> [f64; 2] {
-        let rise = self.slope.max(0.0) * self.displacement;
+        let rise = self.slope.max(0.0) * self.displacement + self.viscous.abs();
         [self.load, self.largest + rise.copysign(self.largest)]
     }
+}
+
+/// The load of larger magnitude.
+fn larger(first: f64, second: f64) -> f64 {
+    if second.abs() > first.abs() { second } else { first }
 }
 
 impl fmt::Display for LimitLoad {
@@ -158,7 +190,9 @@ mod tests {
     /// The loads of equal steps.
     fn followed(loads: &[f64]) -> LimitLoad {
         let mut limit = LimitLoad::default();
-        loads.iter().for_each(|load| limit.follow(Some(Loading { load: *load, displacement: 0.1 }), 0.0));
+        loads.iter().for_each(|load| {
+            limit.follow(Some(Loading { load: *load, displacement: 0.1, viscous: 0.0 }), 0.0)
+        });
         limit
     }
 
@@ -203,10 +237,21 @@ mod tests {
     }
 
     #[test]
+    fn what_viscosity_carries_is_no_part_of_the_limit() {
+        let mut limit = followed(&[1.0, 2.0, 3.0]);
+        for (load, viscous) in [(9.0, 3.0), (9.0, 4.0), (4.3, 0.3), (4.21, 0.2), (4.2, 0.2)] {
+            limit.follow(Some(Loading { load, displacement: 0.1, viscous }), 0.0);
+        }
+        assert!(limit.is_reached() && (limit.largest - 4.0).abs() < 1e-12, "{limit:?}");
+        let [low, high] = limit.bracket();
+        assert!((low - 4.0).abs() < 1e-12 && (high - 4.2).abs() < 1e-12, "{low} {high}");
+    }
+
+    #[test]
     fn round_off_is_no_load() {
         let mut limit = LimitLoad::default();
         for load in [1e-9, 3e-9, 2e-9, 2.5e-9, 1e-9, 1e-9] {
-            limit.follow(Some(Loading { load, displacement: 0.1 }), 1e-6);
+            limit.follow(Some(Loading { load, displacement: 0.1, viscous: 0.0 }), 1e-6);
         }
         assert!(!limit.is_reached());
     }
@@ -216,7 +261,7 @@ mod tests {
         let mut limit = followed(&[1.0, 1.5]);
         let before = limit;
         limit.follow(None, 0.0);
-        limit.follow(Some(Loading { load: 3.0, displacement: 0.0 }), 0.0);
+        limit.follow(Some(Loading { load: 3.0, displacement: 0.0, viscous: 0.0 }), 0.0);
         assert_eq!(limit, before);
     }
 }

@@ -180,6 +180,11 @@ impl Pace {
         self.viscosity.growth()
     }
 
+    /// Shortens the relaxation time after a step in which viscosity has dissipated a large share of the work, [-].
+    pub fn limit_viscosity(&mut self, share: f64) {
+        self.viscosity = self.viscosity.limited(share);
+    }
+
     /// Records a step that has converged in this number of iterations, counted anew after each multiplier update.
     pub fn succeeded(&mut self, stepping: &Stepping, iterations: usize) {
         self.patience = self.patience.saturating_sub(1);

@@ -1,5 +1,5 @@
 //! The use of viscosity from step to step: it is taken up when a small step fails, grows when a small step with it fails,
-//! and is given up again after some steps of full size.
+//! shrinks where it takes up much of the work, and is given up again after some steps of full size.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,7 +9,11 @@ const STEPS: u32 = 4;
 const MOST_DOUBLINGS: u32 = 4;
 /// Factor by which the relaxation time grows, and how often it may grow.
 const GROWTH: f64 = 4.0;
-const MOST_GROWTHS: u32 = 2;
+const MOST_GROWTHS: i32 = 2;
+/// Share of the work of the prescribed motions that viscosity may dissipate, [-]; beyond it, the relaxation time shrinks
+/// by the same factor, this number of times at most.
+const MOST_WORK: f64 = 0.01;
+const MOST_REDUCTIONS: i32 = 5;
 
 /// Whether viscosity is in use.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -21,21 +25,31 @@ pub(super) struct Viscosity {
     steps: u32,
     /// Number of times that the step without viscosity has failed.
     failures: u32,
-    /// Number of times that the relaxation time has grown.
-    growths: u32,
+    /// Number of times that the relaxation time has grown, less that of its reductions.
+    growths: i32,
+    /// True once a small step has failed after a reduction: the relaxation time shrinks no further.
+    #[serde(default)]
+    is_least: bool,
 }
 
 impl Viscosity {
     /// The relaxation time relative to the first one, [-]; `None` if viscosity is not in use.
     pub(super) fn growth(self) -> Option<f64> {
-        self.is_used.then(|| GROWTH.powi(self.growths as i32))
+        self.is_used.then(|| GROWTH.powi(self.growths))
     }
 
     /// Viscosity where a small step has failed: taken up or, if it was in use, with a longer relaxation time; `None` if
     /// that has grown often enough.
     pub(super) fn stuck(self) -> Option<Self> {
-        let growths = self.growths + u32::from(self.is_used);
-        (growths <= MOST_GROWTHS).then(|| Viscosity { growths, ..self.used() })
+        let growths = self.growths + i32::from(self.is_used);
+        (growths <= MOST_GROWTHS).then(|| Viscosity { growths, is_least: self.is_used, ..self.used() })
+    }
+
+    /// After a step that has converged, in which viscosity has dissipated this share of the work of the prescribed
+    /// motions, [-].
+    pub(super) fn limited(self, share: f64) -> Self {
+        let shrinks = self.is_used && !self.is_least && share > MOST_WORK && self.growths > -MOST_REDUCTIONS;
+        Viscosity { growths: self.growths - i32::from(shrinks), ..self }
     }
 
     fn used(self) -> Self {
