@@ -206,7 +206,7 @@ CASES |= {
         "VERTICES", "[0, 0], [60, 0], [60, 10], [40, 10], [20, 20], [0, 20]").replace("RIGHT", "60"), 1.47,
         "Taylor (1937)", cells=10.0, settings={"from": 1, "c": 50, "phi": 0, "to": 1.8}, quantity="factor"),
     "trapdoor": Case("trapdoor in clay, cover as high as the door is wide", TRAPDOOR, 2.0,
-                     "upper bound: two vertical planes", unit=20.0),
+                     "upper bound: two vertical planes", unit=10.0),
 }
 
 
@@ -221,7 +221,7 @@ class Found:
     cpu: float
 
 
-def run(program, case, h, edge, method, settings):
+def run(program, case, h, edge, method, settings, seconds):
     with tempfile.TemporaryDirectory() as folder:
         deck, out = pathlib.Path(folder, "deck.yaml"), pathlib.Path(folder, "out")
         deck.write_text(case.deck)
@@ -229,7 +229,7 @@ def run(program, case, h, edge, method, settings):
                    "--set", f"method={method}"]
         for key, value in (case.settings | settings).items():
             command += ["--set", f"{key}={value}"]
-        done = subprocess.run(command, capture_output=True, text=True)
+        done = subprocess.run(command, capture_output=True, text=True, timeout=seconds)
         if not (out / "summary.json").exists():
             raise RuntimeError(done.stderr.strip().splitlines()[0] if done.stderr.strip() else f"exit {done.returncode}")
         summary = json.loads((out / "summary.json").read_text())
@@ -254,6 +254,7 @@ def main():
     parser.add_argument("--methods", default="mpm,gimp,cpdi2")
     parser.add_argument("--edge", default="4", help="how many times smaller cells at edges are, several to compare")
     parser.add_argument("--set", action="append", default=[], help="a parameter of all decks")
+    parser.add_argument("--limit", type=float, help="seconds after which a run is given up")
     parser.add_argument("--csv", type=pathlib.Path, help="file to which the rows are added")
     options = parser.parse_args()
     settings = dict(pair.split("=", 1) for pair in options.set)
@@ -266,8 +267,8 @@ def main():
                 for cells in map(float, options.cells.split(",")):
                     began = time.time()
                     try:
-                        found = run(options.mpm, case, case.cells / cells, edge, method, settings)
-                    except (RuntimeError, KeyError) as error:
+                        found = run(options.mpm, case, case.cells / cells, edge, method, settings, options.limit)
+                    except (RuntimeError, KeyError, subprocess.TimeoutExpired) as error:
                         print(f"  {method:6} {cells:4g} cells, edge {edge}: fails: {error}", flush=True)
                         continue
                     error = found.value / case.exact - 1

@@ -33,7 +33,9 @@ pub use motion::Objection;
 use motion::rotation_of_turn;
 use overlap::domain_overlap;
 pub use pressure::oscillation;
-use thresholds::{HARMFUL_REGRIDDING, MAX_BOX_ROTATION, MAX_CROSSINGS, MAX_OSCILLATION};
+use thresholds::{
+    HARMFUL_REGRIDDING, MAX_BOX_ROTATION, MAX_CROSSINGS, MAX_DILATING_OSCILLATION, MAX_OSCILLATION,
+};
 pub use thresholds::{MAX_ENERGY_ERROR, MAX_REGRIDDING};
 pub use warning::{Code, Detail, Location, Warning};
 pub use watch::BalanceSoFar;
@@ -327,7 +329,8 @@ impl fmt::Display for Quality {
         }
         if let Some((oscillation, _)) = self.pressure_oscillation {
             parts.push(format!(
-                "pressures in a cell differ by {oscillation:.2} × deviatoric stress (warning above {MAX_OSCILLATION})"
+                "pressures in a cell differ by {oscillation:.2} × deviatoric stress (warning above {MAX_OSCILLATION}, or \
+                 {MAX_DILATING_OSCILLATION} where flow dilates)"
             ));
         }
         if let Some(filling) = self.smallest_cell_filling {

@@ -3,6 +3,7 @@
 mod axisymmetry;
 mod bodies;
 pub mod first_step;
+mod footing_cells;
 mod formed_surfaces;
 mod glued;
 mod grid;

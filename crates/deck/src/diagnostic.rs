@@ -175,6 +175,7 @@ pub const CODES: &[(&str, &str)] = &[
     ("D072", "bodies that share grid nodes and stick together"),
     ("D073", "a body or a gap thinner than two cells"),
     ("D074", "a surface that no sides of domains form"),
+    ("D075", "a footing across few cells"),
 ];
 
 impl Diagnostic {

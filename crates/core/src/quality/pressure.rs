@@ -24,7 +24,13 @@ pub(super) struct InFlow {
     pub value: f64,
     /// True if a point in these cells uses its own volume ratio.
     pub is_standard: bool,
+    /// True if the flow dilates although points of a cell differ in their shear.
+    pub dilates: bool,
 }
+
+/// Volume strain of the flow relative to the deviatoric strain, [-], above which flow dilates: about that of a dilation
+/// angle of 8 degrees in plane strain.
+const DILATING: f64 = 0.2;
 
 /// The oscillation of the trial stresses, in a step not yet committed, over the cells that hold several points, all of
 /// them flowing; `None` if there are too few of these cells.
@@ -45,11 +51,37 @@ pub(super) fn oscillation_in_flow<const D: usize>(
     if reduction.count_all(flowing.len()) < MIN_CELLS {
         return None;
     }
-    let is_standard = |p: usize| model.bodies[points.body[p] as usize].strain == CellStrain::Standard;
+    let strain = |p: usize| model.bodies[points.body[p] as usize].strain;
+    let any = |is: &dyn Fn(CellStrain) -> bool| {
+        reduction.any(flowing.iter().cloned().flatten().any(|p| is(strain(p))))
+    };
+    let differ = any(&|strain| strain != CellStrain::Mean);
     Some(InFlow {
-        is_standard: reduction.any(flowing.iter().cloned().flatten().any(is_standard)),
+        is_standard: any(&|strain| strain == CellStrain::Standard),
+        dilates: differ && dilation(reduction, points, flowing.iter().cloned().flatten()) > DILATING,
         value: oscillation_of(reduction, &points.trial.kirchhoff_stress, flowing.into_iter()),
     })
+}
+
+/// The growth of volume that is not elastic, relative to the deviatoric strain of the step, both as integrals over points,
+/// [-].
+fn dilation<const D: usize>(
+    reduction: &Reduction,
+    points: &Points<D>,
+    flowing: impl Iterator<Item = usize>,
+) -> f64 {
+    let (mut volume, mut deviator) = (0.0, 0.0);
+    for p in flowing {
+        let [new, old] = [&points.trial, &points.converged];
+        let ratio = new.deformation_gradient[p].determinant() / old.deformation_gradient[p].determinant();
+        let elastic = new.elastic_strain[p] - old.elastic_strain[p];
+        let Some(inverse) = old.deformation_gradient[p].try_inverse() else { continue };
+        let strain = Sym3::symmetric_part(&(new.deformation_gradient[p] * inverse)) - Sym3::IDENTITY;
+        volume += points.original_volume[p] * (ratio.ln() - elastic.trace());
+        deviator += points.original_volume[p] * strain.deviator().norm();
+    }
+    let [volume, deviator] = [volume, deviator].map(|sum| reduction.total(sum));
+    if deviator > 0.0 { volume / deviator } else { 0.0 }
 }
 
 fn oscillation_of(reduction: &Reduction, stress: &[Sym3], cells: impl Iterator<Item = Range<usize>>) -> f64 {

@@ -18,3 +18,6 @@ pub const MAX_BOX_ROTATION: f64 = 30.0;
 
 /// Oscillation of the pressures, [-].
 pub const MAX_OSCILLATION: f64 = 1.2;
+
+/// Oscillation of the pressures where flow dilates, [-]: friction keeps the deviatoric stress below the pressure.
+pub const MAX_DILATING_OSCILLATION: f64 = 0.4;

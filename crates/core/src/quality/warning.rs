@@ -163,6 +163,8 @@ pub enum Detail {
     RoundOff,
     /// Bodies that flow use the volume ratio of each point, [`crate::stress::CellStrain::Standard`].
     StandardDilatation,
+    /// The flow dilates, so that a mean dilatation does not keep cells from locking.
+    DilatingFlow,
 }
 
 /// A measure that is out of bounds for the first time, or an event that may spoil the result.

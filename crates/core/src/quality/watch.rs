@@ -6,7 +6,8 @@ use super::collective;
 use super::overstress::overstress;
 use super::pressure::{InFlow, oscillation_in_flow};
 use super::thresholds::{
-    HARMFUL_REGRIDDING, MAX_BOX_ROTATION, MAX_CROSSINGS, MAX_ENERGY_ERROR, MAX_OSCILLATION, MAX_REGRIDDING,
+    HARMFUL_REGRIDDING, MAX_BOX_ROTATION, MAX_CROSSINGS, MAX_DILATING_OSCILLATION, MAX_ENERGY_ERROR,
+    MAX_OSCILLATION, MAX_REGRIDDING,
 };
 use super::warning::{Code, Detail, Location, Warning};
 use super::{Quality, Worst, contrast, gaps, holding, passing};
@@ -69,11 +70,12 @@ impl Quality {
             found.push((0, viscous(step, value, report.viscous_share())));
         }
         found.extend(replaced_domains(model, points, report).map(|warning| (0, warning)));
-        if let Some(InFlow { value, is_standard }) = oscillation_in_flow(model, points, links) {
+        if let Some(InFlow { value, is_standard, dilates }) = oscillation_in_flow(model, points, links) {
             if self.pressure_oscillation.is_none_or(|(worst, _)| value > worst) {
                 self.pressure_oscillation = Some((value, step));
             }
-            found.extend((value > MAX_OSCILLATION).then(|| (0, locking(value, step, is_standard))));
+            let limit = if dilates { MAX_DILATING_OSCILLATION } else { MAX_OSCILLATION };
+            found.extend((value > limit).then(|| (0, locking(value, limit, step, [is_standard, dilates]))));
         }
         let found = collective::all_warnings(&points.ranks, found);
         self.for_the_first_time(found)
@@ -315,8 +317,10 @@ fn replaced_domains<const D: usize>(
     })
 }
 
-fn locking(value: f64, step: usize, is_standard: bool) -> Warning {
-    let consequence = if is_standard {
+fn locking(value: f64, limit: f64, step: usize, [is_standard, dilates]: [bool; 2]) -> Warning {
+    let consequence = if dilates {
+        "the grid locks in flow that dilates; limit loads are too large by a tenth to a half"
+    } else if is_standard {
         "the grid locks in volume-preserving plastic flow; limit loads are too large by a third or more"
     } else {
         "pressures alternate from cell to cell, and points carry them from one cell into the next"
@@ -326,12 +330,15 @@ fn locking(value: f64, step: usize, is_standard: bool) -> Warning {
         step,
         location: Location::default(),
         value: Some(value),
-        threshold: Some(MAX_OSCILLATION),
+        threshold: Some(limit),
         message: format!(
             "where bodies yield, the pressures of the points of a cell differ by {value:.2} times the deviatoric \
              stress (root mean square): {consequence}"
         ),
-        detail: is_standard.then_some(Detail::StandardDilatation),
+        detail: match dilates {
+            true => Some(Detail::DilatingFlow),
+            false => is_standard.then_some(Detail::StandardDilatation),
+        },
     }
 }
 

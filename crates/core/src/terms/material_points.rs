@@ -33,6 +33,7 @@ use crate::stress::{CellStrain, Mechanics, StartOfStep};
 use super::failure::{BeginError, EvaluateError, PointFailure};
 use super::layout::Layout;
 use super::ledger::{Ledger, NamedEnergy};
+use super::multipliers::{Augmentation, Multipliers};
 use super::term::{Character, Coupled, Term};
 
 use batched::{Batch, batches, laws_that_answer, laws_that_note};
@@ -147,7 +148,7 @@ impl<const D: usize, M: Mechanics<D>> MaterialPoints<D, M> {
         let System { pairs, blocks, internal, .. } = sum;
         let MaterialPoints { start, batches, dense, value, gradient, mapped, deviations, step_laws, .. } =
             self;
-        let Deviations { held, trial: deviated } = deviations;
+        let Deviations { held, trial: deviated, .. } = deviations;
         let [mut current, mut before] = dense.each_mut();
         let mut merged = 0..0;
         let delta_d = displacement(at.delta_d);
@@ -355,6 +356,22 @@ impl<const D: usize, const N: usize, M: Mechanics<D>> Term<D, N> for MaterialPoi
 
     fn layout(&mut self) -> Option<&mut dyn Layout> {
         Some(self)
+    }
+
+    fn multipliers(&mut self) -> Option<&mut dyn Multipliers<D, N>> {
+        // Only deviations from mean increments hold something constant during the iterations.
+        if self.deviations.are_used { Some(self) } else { None }
+    }
+}
+
+impl<const D: usize, const N: usize, M: Mechanics<D>> Multipliers<D, N> for MaterialPoints<D, M> {
+    fn augment(
+        &mut self,
+        step: &StepContext<D>,
+        points: &Points<D>,
+        _: At<N>,
+    ) -> Result<Augmentation, EvaluateError> {
+        Ok(self.deviations.follow_flow(step, points, &self.start))
     }
 }
 

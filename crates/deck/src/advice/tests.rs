@@ -91,6 +91,7 @@ fn all() -> Vec<String> {
         Some(Detail::Tolerance(1e-11)),
         Some(Detail::RoundOff),
         Some(Detail::StandardDilatation),
+        Some(Detail::DilatingFlow),
     ];
     let mut all: Vec<String> =
         CODES.iter().flat_map(|code| details.iter().map(|detail| about(*code, *detail))).collect();

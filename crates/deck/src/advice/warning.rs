@@ -46,6 +46,9 @@ pub fn on_warning(warning: &Warning, means: &Means) -> String {
             "use `strain: mean-dilatation` for the bodies that yield; it prevents locking with any method and any \
              number of points"
         }
+        (Code::Locking, Some(Detail::DilatingFlow)) => {
+            "use `strain: mean` for the bodies that yield: it requires the flow rule only once per cell"
+        }
         (Code::Locking, _) => {
             "do not rely on the pressures of single points; use `output: {fields: [pressure_smoothed]}`, and compare \
              grids"

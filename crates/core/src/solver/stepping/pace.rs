@@ -37,6 +37,8 @@ const LONGER: f64 = 4.0;
 /// steps in succession after which viscosity may be used when the next one fails, whatever its size.
 const LAGS: f64 = 0.25;
 const LAGGED: u32 = 16;
+/// Factor on both sizes in a stage that runs until its limit: viscosity carries a part of the load there.
+const NEAR_LIMIT: f64 = 0.125;
 /// Sizes count as the same if their ratio is below this, [-].
 const ALIKE: f64 = 1.5;
 /// Time that must remain between the end of a step and the next stop, relative to the step, for the step to keep its
@@ -190,7 +192,8 @@ impl Pace {
         self.patience = self.patience.saturating_sub(1);
         self.successes += 1;
         self.crawled = if self.is_short() { self.crawled.saturating_add(1) } else { 0 };
-        self.lagged = if self.size <= LAGS { self.lagged.saturating_add(1) } else { 0 };
+        self.lagged =
+            if self.size <= LAGS * near_limit(stepping) { self.lagged.saturating_add(1) } else { 0 };
         self.resort = None;
         self.viscosity = self.viscosity.succeeded(self.size >= 1.0);
         if self.size * ALIKE > self.failed_size {
@@ -238,7 +241,8 @@ impl Pace {
         let size = (end - start) / stepping.size();
         let may_relax = failure.may_relax && stepping.may_relax();
         let relaxed = if may_relax { self.viscosity.stuck() } else { None };
-        let is_stuck = relaxed.is_some() && (size <= STUCK * (1.0 + SAME_TIME) || self.lagged >= LAGGED);
+        let stuck = STUCK * near_limit(stepping);
+        let is_stuck = relaxed.is_some() && (size <= stuck * (1.0 + SAME_TIME) || self.lagged >= LAGGED);
         if !is_stuck && self.halve(stepping, start, end) {
             return true;
         }
@@ -260,6 +264,11 @@ impl Pace {
         };
         self.resort.is_some()
     }
+}
+
+/// Factor on the sizes up to which viscosity may be used, [-].
+fn near_limit(stepping: &Stepping) -> f64 {
+    if stepping.until_limit { NEAR_LIMIT } else { 1.0 }
 }
 
 #[cfg(test)]

@@ -5,8 +5,10 @@
 use crate::material::{Modulus, StrainMeasure};
 use crate::model::{Model, ModuliAtRest};
 use crate::points::Points;
+use crate::step::StepContext;
 use crate::stress::{CellStrain, Deviated, StartOfStep};
 use crate::tensor::{Mat3, Sym3};
+use crate::terms::Augmentation;
 use crate::terms::ledger::{Ledger, NamedEnergy};
 
 /// β, the modulus of the resistance to deviations, relative to twice the shear modulus of the material, [-]. The bending
@@ -17,6 +19,11 @@ const BETA: f64 = 1.0;
 /// resistance stays below about β/m of its strength.
 const FLOW: f64 = 20.0;
 
+/// Part of the stress of flowing points that the resistance may carry too much, because it knows the flow of the step
+/// before only, [-]; and number of times in a step that it takes note of the flow of the step itself.
+const UNKNOWN_FLOW: f64 = 0.01;
+const MOST_UPDATES: u32 = 8;
+
 /// What a point holds against its deviation in a step, from the step before.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Held {
@@ -24,7 +31,7 @@ pub(super) struct Held {
     pub(super) stress: Sym3,
     /// 2βG, [stress].
     pub(super) modulus: f64,
-    /// 1 − |s|/|s_trial| of the step before, [-].
+    /// 1 − |s|/|s_trial| of the step before or, if it is larger, of this step when its iterations last converged, [-].
     pub(super) lost: f64,
 }
 
@@ -49,6 +56,10 @@ impl Held {
 pub(super) struct Deviations {
     pub(super) held: Vec<Held>,
     pub(super) trial: Vec<Deviated>,
+    /// True if a body takes mean increments, on this rank or another one.
+    pub(super) are_used: bool,
+    /// Number of times that the resistance has been adapted to the flow of the step.
+    updates: u32,
 }
 
 impl Deviations {
@@ -56,7 +67,8 @@ impl Deviations {
     pub(super) fn begin<const D: usize>(&mut self, model: &Model<D>, points: &Points<D>) {
         self.held.clear();
         self.trial.clear();
-        if !model.takes_means() {
+        (self.are_used, self.updates) = (model.takes_means(), 0);
+        if !self.are_used {
             return;
         }
         let moduli = ModuliAtRest::new(model, Modulus::Shear);
@@ -71,6 +83,44 @@ impl Deviations {
         self.trial.resize(points.len(), Deviated::NONE);
     }
 
+    /// Adapts the resistance to the flow of the step, in equilibrium, where soil flows faster than in the step before:
+    /// otherwise, soil that begins to flow could carry more than its strength to the end of the step.
+    pub(super) fn follow_flow<const D: usize>(
+        &mut self,
+        step: &StepContext<D>,
+        points: &Points<D>,
+        start: &[StartOfStep],
+    ) -> Augmentation {
+        if self.updates == MOST_UPDATES {
+            return Augmentation::Satisfied;
+        }
+        let StepContext { model, links, .. } = *step;
+        let lost: Vec<f64> = (self.trial.iter().enumerate())
+            .map(|(p, deviated)| lost_at(model, points, start, p, deviated).max(self.held[p].lost))
+            .collect();
+        let (mut excess, mut carried) = (0.0, 0.0);
+        for group in 0..links.n_groups() {
+            let own = || links.points_of(group).filter(|&p| takes_mean(model, points, p));
+            let sum = |value: &dyn Fn(usize) -> f64| own().map(value).sum::<f64>();
+            let n = sum(&|_| 1.0);
+            let [before, after] =
+                [sum(&|p| self.held[p].lost), sum(&|p| lost[p])].map(|lost| Held::left(lost / n));
+            if before > after {
+                let resists = |p: usize| start[p].volume_n * self.trial[p].stress_at_end().norm();
+                excess += (1.0 - after / before) * sum(&resists);
+            }
+            let flows = |p: usize| if lost[p] > 0.0 { start[p].volume_n } else { 0.0 };
+            carried += sum(&|p| flows(p) * points.trial.kirchhoff_stress[p].deviator().norm());
+        }
+        let [excess, carried] = [excess, carried].map(|sum| links.reduction().total(sum));
+        if excess <= UNKNOWN_FLOW * carried {
+            return Augmentation::Satisfied;
+        }
+        self.held.iter_mut().zip(lost).for_each(|(held, lost)| held.lost = lost);
+        self.updates += 1;
+        Augmentation::Updated
+    }
+
     /// Writes the stresses at the end of the step, and what flow took away in it, into the trial state of the points.
     pub(super) fn commit<const D: usize>(
         &self,
@@ -83,9 +133,7 @@ impl Deviations {
                 if !takes_mean(model, points, p) {
                     return (Sym3::ZERO, 0.0);
                 }
-                let measure = model.law(points, p).strain_measure();
-                let trial = trial_strain(measure, &deviated.mean, &start[p].b_n);
-                (deviated.stress_at_end(), lost(&trial, &points.trial.elastic_strain[p]))
+                (deviated.stress_at_end(), lost_at(model, points, start, p, deviated))
             })
             .collect();
         points.set_deviation(&end);
@@ -115,6 +163,21 @@ impl Deviations {
 /// True if a point takes the mean increment of its cell.
 fn takes_mean<const D: usize>(model: &Model<D>, points: &Points<D>, p: usize) -> bool {
     model.bodies[points.body[p] as usize].strain == CellStrain::Mean
+}
+
+/// 1 − |s|/|s_trial| of a point in the step, [-]; 0 if it does not take the mean increment of its cell.
+fn lost_at<const D: usize>(
+    model: &Model<D>,
+    points: &Points<D>,
+    start: &[StartOfStep],
+    p: usize,
+    deviated: &Deviated,
+) -> f64 {
+    if !takes_mean(model, points, p) {
+        return 0.0;
+    }
+    let measure = model.law(points, p).strain_measure();
+    lost(&trial_strain(measure, &deviated.mean, &start[p].b_n), &points.trial.elastic_strain[p])
 }
 
 /// The trial elastic strain at an increment, in the measure of a law.
