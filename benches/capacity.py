@@ -240,7 +240,7 @@ def run(program, case, h, edge, method, settings, seconds):
     if case.quantity == "factor":
         search = summary["strength_reduction"]
         low, high = search["slides"] or (search["stands"], search["fails"] or math.nan)
-        return Found(0.5 * (low + high), (low, high), search["fails"] is not None, note, cpu)
+        return Found(0.5 * (low + high), (low, high), search["slides"] is not None or search["fails"] is not None, note, cpu)
     limit = summary["limit_loads"][-1]
     scaled = lambda load: (abs(load) + case.added) / case.unit  # noqa: E731
     return Found(scaled(limit["load"]), tuple(map(scaled, limit["bracket"])), limit["reached"], note, cpu)

@@ -215,6 +215,36 @@ def test_only_a_limit_that_is_reached_counts(mpm, tmp_path):
     assert abs(estimate["value"] - 148.35e3) < estimate["bar"]
 
 
+# A footing that reaches its limit on the grids of the deck, but not where their lines are moved.
+MOVED = """
+version: 1
+parameters: {h: 0.25}
+grid: {type: structured, origin: [0, 0], size: [4, 2.5], spacing: "${h}"}
+materials: {clay: {model: von-mises, young: 1e8, poisson: 0.49, deviatoric_yield_stress: 14142}}
+bodies:
+  - {name: soil, material: clay, method: cpdi2, strain: mean-dilatation, points_per_cell: 2,
+     shape: {type: box, min: [0, 0], max: [4, 2]}}
+boundary_conditions:
+  - {name: axis, nodes: {x: 0}, fix: [x]}
+  - {name: side, nodes: {x: 4}, fix: [x]}
+  - {name: base, nodes: {y: 0}, fix: [x, y]}
+  - {name: footing, nodes: {box: {min: [0, 2], max: [1, 2]}}, uy: -0.0011}
+steps: {count: 12, until: limit}
+output: {every: 0}
+"""
+
+
+def test_a_moved_grid_without_the_quantity_does_not_end_the_study(mpm, tmp_path):
+    """The three grids have a conclusion without the run on the moved one."""
+    (tmp_path / "deck.yaml").write_text(MOVED)
+    process = mpm("converge", tmp_path / "deck.yaml", "--quantity", "limit_load", "--out", tmp_path / "out")
+    assert process.returncode == 0, process.stderr
+    found = study(tmp_path / "out")
+    assert found["moved"] is None and "on the moved grid, no stage has ended at a limit load" in found["not_moved"]
+    of_package = package.converge(package.Deck.load(tmp_path / "deck.yaml"), "limit_load", threads=1)
+    assert of_package.value == found["estimate"]["value"] and "on the moved grid" in of_package.not_moved
+
+
 def test_other_results_are_not_overwritten(mpm, tmp_path):
     deck = ROOT / "inputs/beam.yaml"
     quick = ["--set", "steps=2", "--set", "every=0", "--out", tmp_path]

@@ -65,6 +65,43 @@ def test_a_load_that_still_grows_is_no_limit(run):
     assert "not reached: the load still grew at the end" in screen
 
 
+# Sand without cohesion under a surcharge of nothing but its own weight: large steps need viscosity.
+SAND = """
+version: 1
+parameters: {to: 0.001}
+grid: {type: structured, origin: [0, 0], size: [8, 4.5], spacing: 0.25, refine: [{at: [1, 4], to: 0.0625}]}
+materials:
+  sand: {model: mohr-coulomb, young: 1e7, poisson: 0.3, cohesion: 0, friction_angle: 30, dilation_angle: 30, density: 2}
+bodies:
+  - {name: ground, material: sand, method: mpm, strain: mean, points_per_cell: 2,
+     shape: {type: box, min: [0, 0], max: [8, 4]}, initial_stress: {type: geostatic, surface: 4, k0: 1}}
+boundary_conditions:
+  - {name: axis, nodes: {x: 0}, fix: [x]}
+  - {name: side, nodes: {x: 8}, fix: [x]}
+  - {name: base, nodes: {y: 0}, fix: [x, y]}
+  - {name: footing, nodes: {box: {min: [0, 4], max: [1, 4]}}, fix: [x], uy: "${-to}"}
+loads: [{name: weight, type: gravity, acceleration: [0, -10]}]
+steps: {count: 40, until: limit}
+solver: {predictor: last-step}
+output: {every: 0}
+"""
+
+
+def test_viscosity_is_no_part_of_the_limit(run):
+    """N_gamma of a rough strip is 14.754 (Martin 2005), and +11 % with 8 cells whose edges are four times smaller."""
+    exact = 14.754 * 20
+    small, _, _ = run(SAND)
+    (limit,) = small["limit_loads"]
+    assert limit["reached"] and 1.05 < limit["load"] / exact < 1.15, limit
+    large, rows, screen = run(SAND, "--set", "to=0.01")
+    assert large["viscous_steps"] > 0 and "too large" in screen
+    (limit,) = large["limit_loads"]
+    low, high = limit["bracket"]
+    assert low < 1.15 * exact, limit
+    # What viscosity carries is not in the load, but in the bracket.
+    assert high > 1.02 * low
+
+
 def test_the_load_factor_of_an_arch_peaks(run):
     """With arc-length control the load is the load factor; the arch snaps through at its peak."""
     deck = (ROOT / "inputs/arch.yaml").read_text()

@@ -125,3 +125,50 @@ output: {every: 0}
     with open(tmp_path / "out" / "history.csv", newline="") as file:
         last = list(csv.DictReader(file))[-1]
     assert float(last["floor_ry"]) == pytest.approx(100 * 120 * 2000 * 10, rel=1e-8)
+
+
+# A slope of 45 degrees whose factor of safety is 1 (Dawson, Roth and Drescher 1999).
+SLOPE = """
+version: 1
+parameters: {steps: 10}
+grid: {type: structured, origin: [0, 0], size: [40, 17], spacing: 1}
+materials:
+  soil: {model: mohr-coulomb, young: 1e5, poisson: 0.3, cohesion: 12.38, friction_angle: 20, dilation_angle: 20, density: 2}
+bodies:
+  - {name: slope, material: soil, method: cpdi2, strain: mean, points_per_cell: 2,
+     shape: {type: polygon, vertices: [[0, 0], [40, 0], [40, 5], [30, 5], [20, 15], [0, 15]]}}
+boundary_conditions:
+  - {name: left, nodes: {x: 0}, fix: [x]}
+  - {name: right, nodes: {x: 40}, fix: [x]}
+  - {name: base, nodes: {y: 0}, fix: [x, y]}
+loads: [{name: weight, type: gravity, acceleration: [0, -10]}]
+stages:
+  - {name: gravity, steps: {count: 5}, factors: {weight: 1}, then: {reset: [displacement]}}
+  - {name: safety, steps: {count: "${steps}", control: {type: strength-reduction, from: 0.8, to: 1.5, tolerance: 0.005}}}
+output: {every: 0}
+"""
+
+
+def test_a_factor_of_safety_does_not_depend_on_the_steps_of_the_search(mpm, tmp_path):
+    """Soil that begins to flow in a large step must not carry more than its strength to the end of the step."""
+    factors = []
+    for steps in (10, 80):
+        (tmp_path / "slope.yaml").write_text(SLOPE)
+        process = mpm("run", tmp_path / "slope.yaml", "--out", tmp_path / "out", "--set", f"steps={steps}")
+        assert process.returncode == 0, process.stderr
+        summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+        factors.append(sum(summary["strength_reduction"]["slides"]) / 2)
+    assert abs(factors[0] - factors[1]) < 0.01, factors
+    assert 1.0 < factors[0] < 1.08, factors
+
+
+def test_cells_that_lock_in_dilating_flow_are_seen(mpm, tmp_path):
+    (tmp_path / "strip.yaml").write_text(STRIP)
+    for strain, locks in [("standard", True), ("mean-dilatation", True), ("mean", False)]:
+        process = mpm("run", tmp_path / "strip.yaml", "--out", tmp_path / "out", "--set", f"strain={strain}")
+        assert process.returncode == 0, process.stderr
+        summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+        found = [warning for warning in summary["warnings"] if warning["code"] == "W012"]
+        assert bool(found) == locks, strain
+        for warning in found:
+            assert "flow that dilates" in warning["message"] and "`strain: mean`" in warning["help"]

@@ -1,6 +1,6 @@
-//! Footings of held nodes across few cells, whose capacity is too large by a known amount.
+//! Footings across few cells, of held nodes or rigid tools, whose capacity is wrong by a known amount.
 
-use mpm_core::basis::Connectivity;
+use mpm_core::basis::{Connectivity, DomainKind};
 use mpm_core::grid::Lines;
 use mpm_core::model::{Action, BoundaryCondition, Model, NodeSet};
 use mpm_core::points::Points;
@@ -8,6 +8,7 @@ use mpm_core::points::Points;
 use crate::diagnostic::Severity;
 use crate::first_step::Check;
 use crate::quoting::{quote, rounded};
+use crate::tools::{ToolDeck, ToolShape};
 use crate::{AXES, Idealisation};
 
 /// Number of cells across a footing below which its capacity needs an error bar.
@@ -20,19 +21,33 @@ const SMALL: f64 = 0.03;
 const BY_WIDENING: [f64; 2] = [0.27, 1.9];
 const BY_CELLS: [f64; 2] = [0.19, 0.4];
 
-/// A footing of held nodes.
+/// A footing of held nodes, or the flat side of a tool.
 struct Footing {
     /// Sum over its axes of its relative widening, if it acts half a cell beyond its free edges, [-].
     widening: f64,
     /// Smallest number of cells across it; across twice the held width if the other end does not lie in free ground.
     cells: f64,
-    /// Axis and position of a free edge, [length], and the size of the cell inside it, [length].
-    edge: (usize, f64, f64),
+    /// Sum over its axes of the length by which it acts beyond its free edges, relative to its width, [-].
+    beyond: f64,
+    edge: Edge,
 }
 
+/// A free edge of a footing.
+#[derive(Clone, Copy)]
+struct Edge {
+    axis: usize,
+    /// Its position, the grid line up to which the footing acts, and the size of the cell inside that line, [length].
+    at: f64,
+    acts_to: f64,
+    size: f64,
+}
+
+/// The span of the centres of the points that flow plastically, [length].
+type Reach<const D: usize> = [[f64; D]; 2];
+
 impl Check<'_> {
-    /// Notes footings of nodes that are moved together on ground that flows plastically, with the error that the cells
-    /// leave in their capacity; warns of those across few cells.
+    /// Notes nodes that are moved together, and flat tools, on ground that flows plastically, with the error that the
+    /// cells leave in their capacity; warns of those across few cells.
     pub(crate) fn footings_across_few_cells<const D: usize>(
         &mut self,
         model: &Model<D>,
@@ -45,9 +60,9 @@ impl Check<'_> {
             let law = &model.materials[model.bodies[body].material].law;
             law.with_strength_divided(1.0).is_some()
         };
-        let ground = (0..points.len()).filter(|&p| flows(usize::from(points.body[p])));
-        let mut reach = [[f64::INFINITY; D], [f64::NEG_INFINITY; D]];
-        for x in ground.map(|p| points.converged.position[p]) {
+        let ground: Vec<usize> = (0..points.len()).filter(|&p| flows(usize::from(points.body[p]))).collect();
+        let mut reach: Reach<D> = [[f64::INFINITY; D], [f64::NEG_INFINITY; D]];
+        for x in ground.iter().map(|&p| points.converged.position[p]) {
             for d in 0..D {
                 reach[0][d] = reach[0][d].min(x[d]);
                 reach[1][d] = reach[1][d].max(x[d]);
@@ -62,52 +77,75 @@ impl Check<'_> {
                 model.boundary_conditions.iter().any(fixes)
             };
             let is_active = |node: usize| !links.copies(node).is_empty();
-            if let Some(mut footing) = footing(lines, condition, &reach, held, is_active) {
-                if self.loaded.deck.analysis.idealisation == Idealisation::Axisymmetric {
-                    footing.widening *= 2.0;
-                }
-                self.footing(number, &footing, model);
+            if let Some(footing) = footing(lines, condition, &reach, held, is_active) {
+                let name = format!("the footing of {}", quote(&condition.name));
+                self.footing(&name, &format!("/boundary_conditions/{number}"), &footing, model);
+            }
+        }
+        let corners = |d: usize, line: f64, end: f64| {
+            let inside = ground.iter().map(|&p| (p, points.converged.position[p][d]));
+            let nearest = inside
+                .filter(|(_, x)| (line.min(end)..line.max(end)).contains(x))
+                .min_by(|a, b| (a.1 - line).abs().total_cmp(&(b.1 - line).abs()));
+            let has_domain =
+                |p: usize| model.bodies[usize::from(points.body[p])].method.domain() != DomainKind::None;
+            nearest.map_or(f64::INFINITY, |(p, x)| (x - line).abs() * if has_domain(p) { 2.0 } else { 1.0 })
+        };
+        for (number, tool) in self.loaded.deck.tools.iter().enumerate() {
+            if let Some(footing) = punch(lines, tool, &reach, corners) {
+                let name = format!("the tool {}", quote(&tool.name));
+                self.footing(&name, &format!("/tools/{number}/shape"), &footing, model);
             }
         }
     }
 
-    fn footing<const D: usize>(&mut self, number: usize, footing: &Footing, model: &Model<D>) {
-        let Footing { widening, cells, edge: (axis, edge, size) } = *footing;
-        let [uniform, weight] = [0, 1].map(|k| BY_WIDENING[k] * widening + BY_CELLS[k] / cells);
+    fn footing<const D: usize>(&mut self, name: &str, at: &str, footing: &Footing, model: &Model<D>) {
+        let Footing { widening, cells, beyond, edge } = *footing;
         let deck = &self.loaded.deck;
+        let area = if deck.analysis.idealisation == Idealisation::Axisymmetric { 2.0 } else { 1.0 };
+        let [uniform, weight] = [0, 1]
+            .map(|k| area * (BY_WIDENING[k] * widening + (k + 1) as f64 * beyond) + BY_CELLS[k] / cells);
         let has_friction = deck
             .materials
             .values()
             .any(|material| !material.is_associated() || material.dilation_angle() > 0.0);
         let weighs = model.loads.iter().any(|load| matches!(load.action, Action::Gravity(_))) && has_friction;
         let is_coarse = cells < FEW * (1.0 - 1e-6);
-        if uniform < SMALL && !is_coarse {
+        if uniform.abs() < SMALL && !is_coarse {
             return;
         }
-        let percent = |error: f64| format!("{:.0} %", 100.0 * error);
+        let shown = |error: f64| {
+            let by = if error < 0.0 { "small" } else { "large" };
+            format!("too {by} by about {:.0} %", 100.0 * error.abs())
+        };
         let error = match weighs {
             true => format!(
-                "{} where cohesion or a surcharge gives it, and by {} where the weight of the soil does",
-                percent(uniform),
-                percent(weight)
+                "{} where cohesion or a surcharge gives it, and {} where the weight of the soil does",
+                shown(uniform),
+                shown(weight)
             ),
-            false => percent(uniform),
+            false => shown(uniform),
+        };
+        let Edge { axis, at: position, acts_to, size } = edge;
+        let axis = AXES[axis];
+        let place = if position == acts_to {
+            format!("{axis} = {} lies on a grid line, beyond which it acts in part", rounded(position))
+        } else {
+            format!(
+                "{axis} = {} lies within a cell, and it acts up to {axis} = {}",
+                rounded(position),
+                rounded(acts_to)
+            )
         };
         let message = format!(
-            "the footing of {} spans {:.0} cells, and its edge {} = {} lies on a node: held nodes act beyond their edge, so \
-             that a capacity is too large by about {error}, or more where the cells lock",
-            quote(&deck.boundary_conditions[number].name),
-            cells,
-            AXES[axis],
-            rounded(edge),
+            "{name} spans {cells:.0} cells, and its edge {place}: a capacity is {error}, or larger where the cells lock"
         );
         let severity = if is_coarse { Severity::Warning } else { Severity::Note };
-        let found = self.at("D075", &format!("/boundary_conditions/{number}"), message).severity(severity);
+        let found = self.at("D075", at, message).severity(severity);
         self.found.push(found.help(format!(
-            "state an error bar with `mpm converge`, use small cells at the edge, `grid: {{refine: [{{at: {{{}: {}}}, to: {}}}]}}`, \
-             or let a uniform pressure act in place of the nodes",
-            AXES[axis],
-            rounded(edge),
+            "state an error bar with `mpm converge`, use small cells at the edge, `grid: {{refine: [{{at: {{{axis}: {}}}, to: \
+             {}}}]}}`, or let a uniform pressure act in place of the footing",
+            rounded(position),
             rounded(0.25 * size)
         )));
     }
@@ -118,7 +156,7 @@ impl Check<'_> {
 fn footing<const D: usize>(
     lines: &Lines<D>,
     condition: &BoundaryCondition<D>,
-    reach: &[[f64; D]; 2],
+    reach: &Reach<D>,
     held: impl Fn(usize, usize) -> bool,
     is_active: impl Fn(usize) -> bool,
 ) -> Option<Footing> {
@@ -136,7 +174,7 @@ fn footing<const D: usize>(
     if indices.iter().any(|index| index[across] != level) {
         return None;
     }
-    let mut found: Option<Footing> = None;
+    let mut found = None;
     for d in (0..D).filter(|d| *d != across) {
         let axis = &lines.axes()[d];
         let low = indices.iter().map(|index| index[d]).min()?;
@@ -149,7 +187,8 @@ fn footing<const D: usize>(
             let mut next = index;
             next[d] = beyond;
             let next = lines.node(next);
-            (is_active(next) && !held(next, across)).then(|| (d, axis.line(end), axis.size(inside)))
+            let (at, size) = (axis.line(end), axis.size(inside));
+            (is_active(next) && !held(next, across)).then_some(Edge { axis: d, at, acts_to: at, size })
         };
         let ends = if high > low {
             let [from, to] = [axis.line(low), axis.line(high)];
@@ -160,19 +199,111 @@ fn footing<const D: usize>(
         } else {
             [None, None]
         };
-        let free: Vec<_> = ends.into_iter().flatten().collect();
-        let Some(&first) = free.first() else { continue };
-        let widening = free.iter().map(|(.., size)| 0.5 * size).sum::<f64>() / width;
         let largest = (low..high).map(|cell| axis.size(cell)).fold(0.0, f64::max);
+        found = Footing::along(found, ends, width, largest);
+    }
+    found
+}
+
+/// The flat side of a box or polygon that is moved towards the ground, with ground beyond it; `None` for other tools.
+/// `corners` gives the distance from a grid line of the first place of contact in the cell between this line and another
+/// one, [length]: a side of a domain that ends below the tool brings the whole cell into contact.
+fn punch<const D: usize>(
+    lines: &Lines<D>,
+    tool: &ToolDeck,
+    reach: &Reach<D>,
+    corners: impl Fn(usize, f64, f64) -> f64,
+) -> Option<Footing> {
+    let motions = [&tool.ux, &tool.uy, &tool.uz];
+    let across = (0..D).find(|d| motions[*d].is_some())?;
+    if tool.turned.is_some() {
+        return None;
+    }
+    // The corners of the side next to the ground.
+    let vertices: Vec<Vec<f64>> = match &tool.shape {
+        ToolShape::Box { min, max } => vec![min.clone(), max.clone()],
+        ToolShape::Polygon { vertices, .. } if D == 2 => vertices.clone(),
+        _ => return None,
+    };
+    let bound = |d: usize, pick: fn(f64, f64) -> f64, start: f64, of: &[&Vec<f64>]| {
+        of.iter().filter_map(|v| v.get(d)).copied().fold(start, pick)
+    };
+    let all: Vec<&Vec<f64>> = vertices.iter().collect();
+    let [low, high] =
+        [bound(across, f64::min, f64::INFINITY, &all), bound(across, f64::max, f64::NEG_INFINITY, &all)];
+    let axis = &lines.axes()[across];
+    let is_near = |level: f64, ground: f64| (level - ground).abs() <= axis.size_at(ground);
+    let level = if is_near(low, reach[1][across]) && low > reach[0][across] {
+        low
+    } else if is_near(high, reach[0][across]) && high < reach[1][across] {
+        high
+    } else {
+        return None;
+    };
+    let of_side: Vec<&Vec<f64>> = match &tool.shape {
+        ToolShape::Box { .. } => all,
+        _ => all.into_iter().filter(|v| v.get(across) == Some(&level)).collect(),
+    };
+    let mut found = None;
+    for d in (0..D).filter(|d| *d != across) {
+        let axis = &lines.axes()[d];
+        let [low, high] =
+            [bound(d, f64::min, f64::INFINITY, &of_side), bound(d, f64::max, f64::NEG_INFINITY, &of_side)];
+        let edge = |at: f64, outward: bool| {
+            let line = axis.nearest_line(at);
+            if (axis.line(line) - at).abs() <= 1e-6 * axis.size_around(line) {
+                let inside = if outward { line.checked_sub(1)? } else { line };
+                return Some(Edge {
+                    axis: d,
+                    at,
+                    acts_to: at,
+                    size: axis.size(inside.min(axis.n_cells() - 1)),
+                });
+            }
+            let cell = axis.cell_of(axis.coordinate(at));
+            let ends = [axis.line(cell), axis.line(cell + 1)];
+            let [inner, outer] = if outward { ends } else { [ends[1], ends[0]] };
+            let touches = (at - inner).abs() >= corners(d, inner, outer) * (1.0 - 1e-6);
+            Some(Edge { axis: d, at, acts_to: if touches { outer } else { inner }, size: axis.size(cell) })
+        };
+        let first = axis.line(axis.cell_of(axis.coordinate(reach[0][d])));
+        let last = axis.line(axis.cell_of(axis.coordinate(reach[1][d])) + 1);
+        let ends = [
+            (reach[0][d] < low).then(|| edge(low, false)).flatten(),
+            (reach[1][d] > high).then(|| edge(high, true)).flatten(),
+        ];
+        let width = high.min(last) - low.max(first);
+        if width <= 0.0 {
+            return None;
+        }
+        let [from, to] = [low.max(first), high.min(last)].map(|x| axis.cell_of(axis.coordinate(x)));
+        let largest = (from..=to.min(axis.n_cells() - 1)).map(|cell| axis.size(cell)).fold(0.0, f64::max);
+        found = Footing::along(found, ends, width, largest);
+    }
+    found
+}
+
+impl Footing {
+    /// The footing with what one more axis adds, along which it has this width and these free ends, on cells of up to
+    /// this size, [length]; unchanged if no end is free.
+    fn along(known: Option<Footing>, ends: [Option<Edge>; 2], width: f64, largest: f64) -> Option<Footing> {
+        let free: Vec<Edge> = ends.into_iter().flatten().collect();
+        let Some(&edge) = free.first() else { return known };
+        let sign = |end: usize| if end == 0 { -1.0 } else { 1.0 };
+        let over = |(end, edge): (usize, Option<Edge>)| {
+            edge.map_or(0.0, |edge| sign(end) * (edge.acts_to - edge.at))
+        };
+        let beyond = ends.into_iter().enumerate().map(over).sum::<f64>() / width;
+        let widening = free.iter().map(|edge| 0.5 * edge.size).sum::<f64>() / width;
         let cells = width / largest * if free.len() == 1 { 2.0 } else { 1.0 };
-        found = Some(match found {
-            None => Footing { widening, cells, edge: first },
+        Some(match known {
+            None => Footing { widening, cells, beyond, edge },
             Some(other) => Footing {
                 widening: widening + other.widening,
                 cells: cells.min(other.cells),
+                beyond: beyond + other.beyond,
                 edge: other.edge,
             },
-        });
+        })
     }
-    found
 }
