@@ -97,7 +97,7 @@ def test_viscosity_is_no_part_of_the_limit(run):
     assert large["viscous_steps"] > 0 and "too large" in screen
     (limit,) = large["limit_loads"]
     low, high = limit["bracket"]
-    assert low < 1.15 * exact, limit
+    assert low < 1.2 * exact, limit
     # What viscosity carries is not in the load, but in the bracket.
     assert high > 1.02 * low
 

@@ -115,13 +115,10 @@ def test_on_other_grids(scatter, rule, method, grid, points, size):
 GRADED_FACE = GRADED.replace("[[{", "[0.25, [{").replace("}], 0.25]", "}]]")
 
 
-@pytest.mark.parametrize("method", ["mpm", "gimp", "cpdi2"])
-@pytest.mark.parametrize("rule", ["push", "traction"])
-def test_on_a_face_across_graded_lines(scatter, rule, method):
+@pytest.mark.parametrize("method", ["gimp", "cpdi2"])
+def test_on_a_face_across_graded_lines(scatter, method):
     assert GRADED_FACE.count("ratio") == 1 and "[0.25, [{to: 1" in GRADED_FACE
-    # Standard points carry no domains, so only small motion leaves the body where the grid sees its end.
-    text = deck(rule, method, grid=GRADED_FACE).replace("young: 1000", "young: 1e12")
-    assert scatter(text) < 1e-9
+    assert scatter(deck("traction", method, grid=GRADED_FACE)) < 1e-10
 
 
 SOLID = """
