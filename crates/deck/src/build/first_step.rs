@@ -91,7 +91,7 @@ impl Check<'_> {
         }
         self.glued(model, points, &links);
         self.narrow_gaps(model, points, &links);
-        self.footings_across_few_cells(model, points, &links);
+        self.footings_across_few_cells(model, points);
         self.tools_at_start(model, points);
         self.held_already(model);
         let reported = self.free_parts(model, points, &links, &dofs, None);

@@ -1,6 +1,8 @@
 //! Footings across few cells, of held nodes or rigid tools, whose capacity is wrong by a known amount.
 
-use mpm_core::basis::{Connectivity, DomainKind};
+use std::collections::BTreeSet;
+
+use mpm_core::basis::DomainKind;
 use mpm_core::grid::Lines;
 use mpm_core::model::{Action, BoundaryCondition, Model, NodeSet};
 use mpm_core::points::Points;
@@ -48,26 +50,31 @@ type Reach<const D: usize> = [[f64; D]; 2];
 impl Check<'_> {
     /// Notes nodes that are moved together, and flat tools, on ground that flows plastically, with the error that the
     /// cells leave in their capacity; warns of those across few cells.
-    pub(crate) fn footings_across_few_cells<const D: usize>(
-        &mut self,
-        model: &Model<D>,
-        points: &Points<D>,
-        links: &Connectivity<D>,
-    ) {
-        // On several ranks, each sees only the nodes near its own points.
-        let Some(lines) = model.grid.lines().filter(|_| points.ranks.is_alone()) else { return };
+    pub(crate) fn footings_across_few_cells<const D: usize>(&mut self, model: &Model<D>, points: &Points<D>) {
+        let Some(lines) = model.grid.lines() else { return };
+        // Each rank judges all points, so that all of them find the same.
+        let own = (0..points.len()).map(|p| (points.body[p], points.converged.position[p].to_vec()));
+        let all: Vec<(u16, Vec<f64>)> = points.ranks.join(own.collect());
+        let place = |x: &Vec<f64>| -> [f64; D] { std::array::from_fn(|d| x[d]) };
         let flows = |body: usize| {
             let law = &model.materials[model.bodies[body].material].law;
             law.with_strength_divided(1.0).is_some()
         };
-        let ground: Vec<usize> = (0..points.len()).filter(|&p| flows(usize::from(points.body[p]))).collect();
+        let ground: Vec<(usize, [f64; D])> = all
+            .iter()
+            .map(|(body, x)| (usize::from(*body), place(x)))
+            .filter(|(body, _)| flows(*body))
+            .collect();
         let mut reach: Reach<D> = [[f64::INFINITY; D], [f64::NEG_INFINITY; D]];
-        for x in ground.iter().map(|&p| points.converged.position[p]) {
+        for (_, x) in &ground {
             for d in 0..D {
                 reach[0][d] = reach[0][d].min(x[d]);
                 reach[1][d] = reach[1][d].max(x[d]);
             }
         }
+        let cells = all.iter().filter_map(|(_, x)| lines.locate_index(&place(x)));
+        let active: BTreeSet<usize> =
+            cells.flat_map(|cell| (0..1 << D).map(move |corner| lines.corner(cell, corner))).collect();
         for (number, condition) in model.boundary_conditions.iter().enumerate() {
             let held = |node: usize, axis: usize| {
                 let fixes = |other: &BoundaryCondition<D>| {
@@ -76,20 +83,20 @@ impl Check<'_> {
                 };
                 model.boundary_conditions.iter().any(fixes)
             };
-            let is_active = |node: usize| !links.copies(node).is_empty();
+            let is_active = |node: usize| active.contains(&node);
             if let Some(footing) = footing(lines, condition, &reach, held, is_active) {
                 let name = format!("the footing of {}", quote(&condition.name));
                 self.footing(&name, &format!("/boundary_conditions/{number}"), &footing, model);
             }
         }
         let corners = |d: usize, line: f64, end: f64| {
-            let inside = ground.iter().map(|&p| (p, points.converged.position[p][d]));
-            let nearest = inside
-                .filter(|(_, x)| (line.min(end)..line.max(end)).contains(x))
-                .min_by(|a, b| (a.1 - line).abs().total_cmp(&(b.1 - line).abs()));
-            let has_domain =
-                |p: usize| model.bodies[usize::from(points.body[p])].method.domain() != DomainKind::None;
-            nearest.map_or(f64::INFINITY, |(p, x)| (x - line).abs() * if has_domain(p) { 2.0 } else { 1.0 })
+            let (low, high) = (line.min(end), line.max(end));
+            let inside = ground.iter().filter(|(_, x)| (low..high).contains(&x[d]));
+            let nearest = inside.min_by(|(_, a), (_, b)| (a[d] - line).abs().total_cmp(&(b[d] - line).abs()));
+            let has_domain = |body: usize| model.bodies[body].method.domain() != DomainKind::None;
+            nearest.map_or(f64::INFINITY, |(body, x)| {
+                (x[d] - line).abs() * if has_domain(*body) { 2.0 } else { 1.0 }
+            })
         };
         for (number, tool) in self.loaded.deck.tools.iter().enumerate() {
             if let Some(footing) = punch(lines, tool, &reach, corners) {
