@@ -65,7 +65,7 @@ def test_a_load_that_still_grows_is_no_limit(run):
     assert "not reached: the load still grew at the end" in screen
 
 
-# Sand without cohesion under a surcharge of nothing but its own weight: large steps need viscosity.
+# Sand without cohesion, whose weight alone gives it strength: large steps need viscosity.
 SAND = """
 version: 1
 parameters: {to: 0.001}

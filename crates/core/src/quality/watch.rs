@@ -70,12 +70,13 @@ impl Quality {
             found.push((0, viscous(step, value, report.viscous_share())));
         }
         found.extend(replaced_domains(model, points, report).map(|warning| (0, warning)));
-        if let Some(InFlow { value, is_standard, dilates }) = oscillation_in_flow(model, points, links) {
+        if let Some(found_in_flow) = oscillation_in_flow(model, points, links) {
+            let InFlow { value, dilates, .. } = found_in_flow;
             if self.pressure_oscillation.is_none_or(|(worst, _)| value > worst) {
                 self.pressure_oscillation = Some((value, step));
             }
             let limit = if dilates { MAX_DILATING_OSCILLATION } else { MAX_OSCILLATION };
-            found.extend((value > limit).then(|| (0, locking(value, limit, step, [is_standard, dilates]))));
+            found.extend((value > limit).then(|| (0, locking(&found_in_flow, limit, step))));
         }
         let found = collective::all_warnings(&points.ranks, found);
         self.for_the_first_time(found)
@@ -317,7 +318,8 @@ fn replaced_domains<const D: usize>(
     })
 }
 
-fn locking(value: f64, limit: f64, step: usize, [is_standard, dilates]: [bool; 2]) -> Warning {
+fn locking(found: &InFlow, limit: f64, step: usize) -> Warning {
+    let InFlow { value, is_standard, dilates } = *found;
     let consequence = if dilates {
         "the grid locks in flow that dilates; limit loads are too large by a tenth to a half"
     } else if is_standard {

@@ -27,7 +27,7 @@ pub(super) struct Viscosity {
     failures: u32,
     /// Number of times that the relaxation time has grown, less that of its reductions.
     growths: i32,
-    /// True once a small step has failed after a reduction: the relaxation time shrinks no further.
+    /// True once a small step with viscosity has failed: the relaxation time shrinks no further.
     #[serde(default)]
     is_least: bool,
 }
