@@ -45,8 +45,8 @@ def test_the_overstress_falls_with_the_relaxation_time(mpm, tmp_path):
         _, summary = run(mpm, tmp_path / str(viscosity), deck)
         assert summary["outcome"] == "completed"
         found[viscosity] = summary["quality"]["overstress"]["value"]
-    # Less than in proportion, because the steps differ.
-    assert found[0.01] < 0.75 * found[0.04], found
+    # Less than in proportion: the relaxation time shrinks where viscosity takes more than 1 % of the work.
+    assert found[0.01] < 0.9 * found[0.04], found
 
 
 def test_bodies_that_loads_push_have_no_viscosity(mpm, tmp_path):
