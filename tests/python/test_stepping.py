@@ -199,7 +199,7 @@ boundary_conditions:
   - {name: b, nodes: {y: 0}, fix: [x, y]}
 tools:
   - {name: f, shape: {type: box, min: [-1, 2], max: [0.5, 3]}, uy: -2.4, friction: rough}
-steps: {count: 10, smallest: 0.05}
+steps: {count: 10, smallest: 0.05, viscosity: 0}
 solver: {predictor: last-step}
 output: {every: 0}
 """
