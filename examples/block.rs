@@ -134,6 +134,8 @@ fn block(spacing: f64, law: Box<dyn Material>, method: Method) -> (Model<3>, Poi
         newton: Newton::default(),
         probes: Vec::new(),
         tools: Vec::new(),
+        contacts: Vec::new(),
+        body_groups: Default::default(),
         initial_imbalance: None,
         stages: Vec::new(),
         moving_grid: None,

@@ -12,6 +12,7 @@ use crate::stress::{CellStrain, Formulation};
 use crate::surface::Surface;
 
 mod arrays;
+mod body_contact;
 mod boundary_condition;
 mod builder;
 mod filling;
@@ -30,6 +31,7 @@ mod tool;
 mod tool_part;
 
 pub use arrays::HistoryVariable;
+pub use body_contact::{BodyContact, BodyGroups, Glued};
 pub use boundary_condition::{BoundaryCondition, NodeSet, OnSurface, displacement_at};
 pub use builder::{BuildError, Builder, Fill};
 pub use filling::{FillError, Fillable, FilledRegion, Filling, Fit, MAX_POINTS, Placement};
@@ -111,6 +113,10 @@ pub struct Model<const D: usize> {
     pub loads: Vec<Load<D>>,
     /// Rigid tools that touch the bodies.
     pub tools: Vec<Tool<D>>,
+    /// Pairs of bodies that may touch, slide and part.
+    pub contacts: Vec<BodyContact>,
+    /// The groups of bodies that share the unknowns of their nodes.
+    pub body_groups: BodyGroups,
     /// Treatment of an initial state that is out of balance, if bodies are stressed at time 0; loads then act at time 0
     /// with the factors of their curves. `None` if no body is stressed at time 0; no load then acts at time 0, whatever
     /// its curve.
@@ -146,6 +152,8 @@ impl<const D: usize> Model<D> {
             boundary_conditions: Vec::new(),
             loads: Vec::new(),
             tools: Vec::new(),
+            contacts: Vec::new(),
+            body_groups: BodyGroups::default(),
             initial_imbalance: None,
             stepping: Stepping::fixed(1, 1.0),
             newton: Newton::default(),

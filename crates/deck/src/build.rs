@@ -2,6 +2,7 @@
 
 mod axisymmetry;
 mod bodies;
+mod contacts;
 pub mod first_step;
 mod footing_cells;
 mod formed_surfaces;
@@ -41,7 +42,7 @@ use crate::material::MaterialOfPoints;
 use mpm_core::grid::Grid;
 use mpm_core::linear::Engines;
 use mpm_core::memory::Memory;
-use mpm_core::model::{Body, LoadCurve, Model, NamedMaterial, Present, Stepping};
+use mpm_core::model::{Body, BodyGroups, LoadCurve, Model, NamedMaterial, Present, Stepping};
 use mpm_core::points::Points;
 use mpm_core::ranks::Ranks;
 use mpm_core::region::Region;
@@ -262,9 +263,11 @@ where
             boundary_conditions,
             loads,
             tools,
+            contacts: self.contacts(),
+            body_groups: BodyGroups::default(),
             initial_imbalance: is_stressed(deck).then_some(deck.analysis.initial_imbalance),
             stepping,
-            newton: deck.solver.newton(!deck.tools.is_empty()),
+            newton: deck.solver.newton(!deck.tools.is_empty() || !deck.contacts.is_empty()),
             probes,
             stages: Vec::new(),
             present: Present::default(),
@@ -274,6 +277,7 @@ where
             points.prepare_deviations();
         }
         self.divide(&mut model, &mut points, &regions);
+        self.group_bodies(&mut model, &points);
         self.follow(&mut model);
         Some((model, points))
     }

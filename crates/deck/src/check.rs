@@ -3,6 +3,7 @@
 //! The gate covers references by name, combinations of keys, geometry, formulas and curves. Ranges of single numbers
 //! are part of the schema. All faults are reported at once.
 
+mod contacts;
 mod extent;
 mod follow;
 mod geometry;
@@ -46,6 +47,7 @@ pub fn validate(deck: &Deck, source: &Source) -> Vec<Diagnostic> {
     check.follow();
     check.loads();
     check.tools();
+    check.contacts();
     check.output();
     check.stages();
     check.control();

@@ -19,6 +19,7 @@ pub use boundary_conditions::{
 };
 pub use build::{first_step, holding, plan, ready, size};
 pub(crate) use build::{placing, seeding, tool_shapes};
+pub use contacts::{All, Between, BodyContactDeck};
 pub use grid::{AxisSpacing, FollowDeck, GridDeck, IntervalDeck, SpacingDeck, Unrefined};
 pub use initial_stress::{InitialStressDeck, StressDeck, initial_factor};
 pub use laws::{
@@ -60,6 +61,7 @@ pub mod advice;
 mod boundary_conditions;
 pub mod build;
 pub mod check;
+mod contacts;
 pub mod diagnostic;
 pub mod formulas;
 mod gates;
@@ -156,6 +158,10 @@ pub struct Deck {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(length(max = 60_000))]
     pub tools: Vec<ToolDeck>,
+    /// Contact between bodies.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(length(max = 60_000))]
+    pub contacts: Vec<BodyContactDeck>,
     /// Division of the loading into load steps; `stages` takes its place if the analysis consists of several stages.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub steps: Option<StepsDeck>,

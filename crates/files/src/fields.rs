@@ -7,7 +7,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use mpm_core::basis::{Connectivity, DomainKind};
+use mpm_core::basis::{BodyGroup, Connectivity, DomainKind};
 use mpm_core::grid::vtk_corner;
 use mpm_core::model::{HistoryVariable, Model};
 use mpm_core::points::{PIECE, PointVolume, Points};
@@ -409,10 +409,17 @@ pub fn grid_mesh<const D: usize>(model: &Model<D>, links: &Connectivity<D>) -> G
     let cells: Cow<[u32]> =
         if is_alone { links.active_cells().into() } else { links.shown_cells(model.grid.as_ref()).into() };
     let (mut corners, mut kinds) = (Vec::new(), Vec::new());
-    for &cell in cells.iter() {
+    // Each group of bodies has its own nodes in the cells that it touches.
+    let groups = 0..links.n_body_groups() as BodyGroup;
+    let cells: Vec<(BodyGroup, u32)> = match groups.len() {
+        1 => cells.iter().map(|cell| (0, *cell)).collect(),
+        _ => groups
+            .flat_map(|group| links.cells_of_bodies(group).iter().map(move |cell| (group, *cell)))
+            .collect(),
+    };
+    for (group, cell) in cells {
         let nodes = model.grid.corners(cell as usize);
-        // A cell is shown with the first copy of each node.
-        let number = |&node: &u32| links.copies(node as usize).next().map(|active| active as i64);
+        let number = |&node: &u32| links.of_bodies(group, node as usize).map(|active| active as i64);
         if let Some(numbers) = nodes.nodes().iter().map(number).collect::<Option<Vec<i64>>>() {
             kinds.push(cell_kind::<D>(numbers.len()));
             corners.extend(numbers);

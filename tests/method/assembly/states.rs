@@ -249,6 +249,8 @@ pub fn state_on<const D: usize, M: Mechanics<D>>(
         newton: Newton::default(),
         probes: Vec::new(),
         tools: Vec::new(),
+        contacts: Vec::new(),
+        body_groups: Default::default(),
         initial_imbalance: None,
         stages: Vec::new(),
         moving_grid: None,

@@ -123,6 +123,8 @@ pub fn model(
         newton: Newton::default(),
         probes: Vec::new(),
         tools: Vec::new(),
+        contacts: Vec::new(),
+        body_groups: Default::default(),
         initial_imbalance: None,
         stages: Vec::new(),
         moving_grid: None,

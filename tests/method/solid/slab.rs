@@ -108,6 +108,8 @@ fn slab(plane: Model<2>, thickness: f64) -> Model<3> {
         newton: plane.newton,
         probes: Vec::new(),
         tools: Vec::new(),
+        contacts: Vec::new(),
+        body_groups: Default::default(),
         initial_imbalance: None,
         stages: Vec::new(),
         moving_grid: None,

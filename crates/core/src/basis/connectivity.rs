@@ -6,7 +6,7 @@ mod piece;
 use rayon::prelude::*;
 
 use super::factors::{Form, for_each_product, multiply};
-use super::node_copies::NodeCopies;
+use super::node_copies::{BodyGroup, NodeCopies};
 use super::slivers::{Carriers, SharedTouches, Slivers, Touch};
 use super::{Basis, Method, PointGeometry, Support, SupportError};
 use crate::grid::Grid;
@@ -32,7 +32,7 @@ struct Block {
     local: usize,
 }
 
-/// The body that stands for all others while the copies of nodes are numbered: all bodies are in one group.
+/// The body to which the nodes of other ranks belong: on several ranks, all bodies are in one group.
 const ANY_BODY: u16 = 0;
 
 /// The links between points and grid nodes, built once per load step.
@@ -43,6 +43,8 @@ const ANY_BODY: u16 = 0;
 #[derive(Debug, Clone, Default)]
 pub struct Connectivity<const D: usize> {
     group_points: Vec<usize>,
+    /// A body of each group of points; all bodies of its points are in one group of bodies.
+    body_of_group: Vec<u16>,
     group_node_start: Vec<usize>,
     group_nodes: Vec<u32>,
     /// For each entry of `group_nodes`, how firmly the points of the group touch the node; used only during linking.
@@ -69,8 +71,10 @@ pub struct Connectivity<const D: usize> {
     n_links: usize,
     copies: NodeCopies,
     active_cells: Vec<u32>,
-    /// The carriers of the sliver nodes.
-    carriers: Carriers,
+    /// For each group of bodies, the grid cells that their points touch, ascending; empty if there is only one group.
+    cells_of_bodies: Vec<Vec<u32>>,
+    /// The carriers of the sliver nodes, for each group of bodies.
+    carriers: Vec<Carriers>,
     /// Cells of other ranks next to the cells of this rank, ascending.
     layer_cells: Vec<u32>,
     /// Active nodes of `layer_cells`, and further nodes that terms need on this rank; grid numbers.
@@ -129,6 +133,14 @@ impl<const D: usize> Connectivity<D> {
         Connectivity::default().renew(grid, points, methods)
     }
 
+    /// These links with the bodies in groups that have unknowns of their own, as [`NodeCopies::new`] takes them, once the
+    /// links are renewed.
+    #[must_use]
+    pub fn with_body_groups(mut self, group_of_body: &[BodyGroup]) -> Self {
+        self.copies = self.copies.with_groups(group_of_body);
+        self
+    }
+
     /// Like [`Connectivity::new`], but reuses the memory of links that are no longer needed, such as the links of the
     /// previous step.
     ///
@@ -142,14 +154,18 @@ impl<const D: usize> Connectivity<D> {
         methods: &[Method],
     ) -> Result<Self, SupportFailure> {
         let groups = points
-            .group_by_cell(grid)
+            .group_by_cell(grid, self.copies.group_of_body())
             .map_err(|point| point.map_or(SupportFailure::ON_RANK, SupportFailure::off_grid))?;
         let points = &*points;
         let per_length = per_length_if_even(grid);
-        let link = |groups: &[usize], slivers: &Slivers| -> Result<Piece<D>, SupportFailure> {
+        self.body_of_group = groups[..groups.len() - 1].iter().map(|first| points.body[*first]).collect();
+        let (group_of_body, n_body_groups) = (self.copies.group_of_body().to_vec(), self.copies.n_groups());
+        let body_group = |body: u16| group_of_body.get(body as usize).map_or(0, |group| *group as usize);
+        let link = |groups: &[usize], slivers: &[Slivers]| -> Result<Piece<D>, SupportFailure> {
             let (mut piece, mut support) = (Piece::new(per_length), Support::default());
             for group in groups.windows(2).map(|ends| ends[0]..ends[1]) {
-                piece.begin_group(group.clone().next().map_or(0.0, |p| grid.size(points.cell[p] as usize)));
+                piece.begin_group(grid.size(points.cell[group.start] as usize));
+                let slivers = &slivers[body_group(points.body[group.start])];
                 for p in group {
                     let basis: &dyn Basis<D> = methods[points.body[p] as usize].basis();
                     let supported = basis.support(grid, &PointGeometry::converged(points, p), &mut support); // S_vp, ∇S_vp
@@ -161,7 +177,8 @@ impl<const D: usize> Connectivity<D> {
             }
             Ok(piece)
         };
-        let (mut slivers, mut sharing) = (Slivers::default(), Sharing::default());
+        let mut slivers: Vec<Slivers> = (0..n_body_groups).map(|_| Slivers::default()).collect();
+        let mut sharing = Sharing::default();
         // The first pass finds the slivers; if there are any, a second pass folds them into other nodes.
         for pass in 0..2 {
             self.clear();
@@ -181,19 +198,41 @@ impl<const D: usize> Connectivity<D> {
             if pass == 0 {
                 sharing = self.sharing(&points.ranks, grid.n_nodes());
                 let others = SharedTouches { ranks: &points.ranks, sharing: &sharing };
-                let (starts, nodes) = (&self.group_node_start, &self.group_nodes);
-                slivers = Slivers::new(grid, &self.active_cells, starts, nodes, &self.touches, &others);
+                slivers = self.find_slivers(grid, &others);
             }
-            if slivers.is_empty() {
+            if slivers.iter().all(Slivers::is_empty) {
                 break;
             }
         }
-        if !slivers.is_empty() {
+        if !slivers.iter().all(Slivers::is_empty) {
             sharing = self.sharing(&points.ranks, grid.n_nodes());
         }
-        self.carriers = slivers.into_carriers();
+        self.carriers = slivers.into_iter().map(Slivers::into_carriers).collect();
         self.group_points = groups;
         Ok(self.numbered(grid, &points.ranks, &sharing))
+    }
+
+    /// The sliver nodes of each group of bodies.
+    fn find_slivers(&self, grid: &dyn Grid<D>, others: &SharedTouches) -> Vec<Slivers> {
+        if self.cells_of_bodies.is_empty() {
+            let (starts, nodes) = (&self.group_node_start, &self.group_nodes);
+            return vec![Slivers::new(grid, &self.active_cells, starts, nodes, &self.touches, others)];
+        }
+        let ends = self.group_node_start.iter().skip(1).copied().chain([self.group_nodes.len()]);
+        let groups: Vec<_> =
+            self.group_node_start.iter().copied().zip(ends).zip(&self.body_of_group).collect();
+        let of_bodies = |(bodies, cells): (usize, &Vec<u32>)| {
+            let (mut starts, mut nodes, mut touches) = (Vec::new(), Vec::new(), Vec::new());
+            for ((start, end), body) in &groups {
+                if self.copies.group(**body) as usize == bodies {
+                    starts.push(nodes.len());
+                    nodes.extend_from_slice(&self.group_nodes[*start..*end]);
+                    touches.extend_from_slice(&self.touches[*start..*end]);
+                }
+            }
+            Slivers::new(grid, cells, &starts, &nodes, &touches, others)
+        };
+        self.cells_of_bodies.iter().enumerate().map(of_bodies).collect()
     }
 
     /// Completes the links: lists the active cells, adds what ranks share, and gives the nodes their active numbers.
@@ -227,12 +266,14 @@ impl<const D: usize> Connectivity<D> {
         self.n_links = 0;
         self.copies.clear();
         self.active_cells.clear();
+        self.cells_of_bodies.clear();
         self.carriers.clear();
         self.layer_cells.clear();
         self.layer_nodes.clear();
     }
 
     fn append(&mut self, piece: Piece<D>) {
+        self.append_cells(&piece);
         let (nodes, locals) = (self.group_nodes.len(), self.local.len());
         let (links, factors) = (self.value.len(), self.factor.len());
         self.group_node_start.extend(piece.group_node_start.iter().map(|s| s + nodes));
@@ -265,12 +306,30 @@ impl<const D: usize> Connectivity<D> {
         self.active_cells.extend(piece.cells);
     }
 
+    /// Adds the cells of a piece to those of the groups of bodies to which its groups belong, if there are several.
+    fn append_cells(&mut self, piece: &Piece<D>) {
+        if self.copies.n_groups() == 1 {
+            return;
+        }
+        self.cells_of_bodies.resize(self.copies.n_groups(), Vec::new());
+        let ends = piece.cell_start.iter().skip(1).copied().chain([piece.cells.len()]);
+        let first = self.group_node_start.len();
+        for (k, (start, end)) in piece.cell_start.iter().copied().zip(ends).enumerate() {
+            let bodies = self.copies.group(self.body_of_group[first + k]) as usize;
+            self.cells_of_bodies[bodies].extend_from_slice(&piece.cells[start..end]);
+        }
+    }
+
     /// Numbers the touched nodes in grid order and converts the node lists of the groups to these numbers.
     fn number_active_nodes(&mut self, n_nodes: usize) {
-        let touched = self.group_nodes.iter().chain(&self.layer_nodes);
-        self.copies.number(n_nodes, touched.map(|node| (*node, ANY_BODY)));
-        for node in &mut self.group_nodes {
-            *node = self.copies.seen_by(ANY_BODY, *node as usize).map_or(u32::MAX, |number| number as u32);
+        let Connectivity { copies, group_nodes, layer_nodes, body_of_group, group_node_start, .. } = self;
+        let ranges = || group_node_start.windows(2).map(|ends| ends[0]..ends[1]).zip(&*body_of_group);
+        let touched = ranges().flat_map(|(range, body)| group_nodes[range].iter().map(|node| (*node, *body)));
+        copies.number(n_nodes, touched.chain(layer_nodes.iter().map(|node| (*node, ANY_BODY))));
+        for (range, body) in ranges() {
+            for node in &mut group_nodes[range] {
+                *node = copies.seen_by(*body, *node as usize).map_or(u32::MAX, |number| number as u32);
+            }
         }
     }
 
@@ -282,6 +341,32 @@ impl<const D: usize> Connectivity<D> {
         }
         self.active_cells.clear();
         self.active_cells.extend((0..n_cells as u32).filter(|&cell| is_met[cell as usize]));
+        for cells in &mut self.cells_of_bodies {
+            cells.sort_unstable();
+            cells.dedup();
+        }
+    }
+
+    /// Number of groups of bodies that have unknowns of their own.
+    pub fn n_body_groups(&self) -> usize {
+        self.copies.n_groups()
+    }
+
+    /// The group of a body.
+    #[inline]
+    pub fn bodies_with(&self, body: u16) -> BodyGroup {
+        self.copies.group(body)
+    }
+
+    /// The grid cells that points of a group of bodies touch, ascending.
+    pub fn cells_of_bodies(&self, group: BodyGroup) -> &[u32] {
+        self.cells_of_bodies.get(group as usize).unwrap_or(&self.active_cells)
+    }
+
+    /// The active node that a group of bodies sees at a grid node; `None` if there is none.
+    #[inline]
+    pub fn of_bodies(&self, group: BodyGroup, node: usize) -> Option<usize> {
+        self.copies.of_group(group, node)
     }
 
     /// Number of groups.
@@ -391,6 +476,11 @@ impl<const D: usize> Connectivity<D> {
         self.copies.nodes()
     }
 
+    /// The group of bodies that sees each active node; empty if all bodies are in one group.
+    pub fn groups_of_active_nodes(&self) -> &[BodyGroup] {
+        self.copies.groups()
+    }
+
     /// The active nodes that other ranks also have. If there are other ranks, this rank has the nodes that its points
     /// touch, the active nodes of one layer of adjacent cells, and those that [`Connectivity::with_nodes`] has added.
     pub fn halo(&self) -> &Halo {
@@ -418,7 +508,7 @@ impl<const D: usize> Connectivity<D> {
     #[inline(always)]
     pub fn moves_with(&self, body: u16, node: usize) -> Option<usize> {
         match self.copies.seen_by(body, node) {
-            None if self.carriers.is_empty() => None,
+            None if self.carriers.iter().all(Carriers::is_empty) => None,
             None => self.main_carrier(body, node),
             number => number,
         }
@@ -426,7 +516,7 @@ impl<const D: usize> Connectivity<D> {
 
     #[cold]
     fn main_carrier(&self, body: u16, node: usize) -> Option<usize> {
-        let carriers = self.carriers.get(&(node as u32))?;
+        let carriers = self.carriers_of(body)?.get(&(node as u32))?;
         let (carrier, _) = carriers.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
         self.seen_by(body, *carrier as usize)
     }
@@ -437,8 +527,13 @@ impl<const D: usize> Connectivity<D> {
         if let Some(number) = self.seen_by(body, node) {
             return Some(vec![(number, 1.0)]);
         }
-        let carriers = self.carriers.get(&(node as u32))?;
+        let carriers = self.carriers_of(body)?.get(&(node as u32))?;
         carriers.iter().map(|(node, weight)| Some((self.seen_by(body, *node as usize)?, *weight))).collect()
+    }
+
+    /// The carriers of the sliver nodes of the group of a body.
+    fn carriers_of(&self, body: u16) -> Option<&Carriers> {
+        self.carriers.get(self.copies.group(body) as usize)
     }
 
     /// The active node that a body sees at a grid node; `None` if there is none. See [`NodeCopies::seen_by`].

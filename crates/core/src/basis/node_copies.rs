@@ -33,6 +33,29 @@ impl NodeCopies {
         NodeCopies { group_of_body: if is_one { Vec::new() } else { group_of_body }, ..NodeCopies::default() }
     }
 
+    /// These copies, or none if the bodies are in other groups than before.
+    #[must_use]
+    pub fn with_groups(self, group_of_body: &[BodyGroup]) -> Self {
+        let other = NodeCopies::new(group_of_body.to_vec());
+        if other.group_of_body == self.group_of_body { self } else { other }
+    }
+
+    /// The group of each body; empty if all bodies are in one group.
+    pub fn group_of_body(&self) -> &[BodyGroup] {
+        &self.group_of_body
+    }
+
+    /// The group of a body.
+    #[inline]
+    pub fn group(&self, body: u16) -> BodyGroup {
+        self.group_of_body.get(body as usize).copied().unwrap_or(0)
+    }
+
+    /// Number of groups of bodies: groups are numbered from 0.
+    pub fn n_groups(&self) -> usize {
+        self.group_of_body.iter().max().map_or(1, |last| *last as usize + 1)
+    }
+
     /// Removes all copies but keeps the groups and the memory.
     pub fn clear(&mut self) {
         self.nodes.clear();
@@ -75,6 +98,11 @@ impl NodeCopies {
         self.nodes.is_empty()
     }
 
+    /// The group of each copy; empty if all bodies are in one group.
+    pub fn groups(&self) -> &[BodyGroup] {
+        &self.groups
+    }
+
     /// The grid node of each copy, ascending.
     pub fn nodes(&self) -> &[u32] {
         &self.nodes
@@ -100,8 +128,14 @@ impl NodeCopies {
         match self.first[node] {
             NONE => None,
             first if self.groups.is_empty() => Some(first as usize),
-            _ => self.at_node(node).find(|copy| self.groups[*copy] == self.group_of_body[body as usize]),
+            _ => self.of_group(self.group(body), node),
         }
+    }
+
+    /// The copy of a grid node for a group of bodies; `None` if no points of the group touch the node.
+    pub fn of_group(&self, group: BodyGroup, node: usize) -> Option<usize> {
+        let mut copies = self.at_node(node);
+        if self.groups.is_empty() { copies.next() } else { copies.find(|copy| self.groups[*copy] == group) }
     }
 }
 

@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::{PIECE, Points, State};
+use crate::basis::BodyGroup;
 use crate::grid::Grid;
 use crate::ranks::{Halo, Reduction};
 
@@ -15,12 +16,17 @@ impl<const D: usize> Points<D> {
     /// Moves points to the ranks in whose parts of the grid they lie, and sorts the points of this rank by the grid
     /// cell that holds them, then by body; points of the same cell and body keep their order. Returns the index of the
     /// first point of every occupied cell, followed by the number of points. The cells of a patch follow one another
-    /// and count as one. Trial values of further fields are reset.
+    /// and count as one; points of each group of bodies in them follow one another and are counted apart. `group_of_body`
+    /// gives the group of each body; without any, all bodies are in one group. Trial values of further fields are reset.
     ///
     /// # Errors
     /// The index of the first point that lies outside the grid; `None` if only other ranks have such points.
     #[inline(never)]
-    pub fn group_by_cell(&mut self, grid: &dyn Grid<D>) -> Result<Vec<usize>, Option<usize>> {
+    pub fn group_by_cell(
+        &mut self,
+        grid: &dyn Grid<D>,
+        group_of_body: &[BodyGroup],
+    ) -> Result<Vec<usize>, Option<usize>> {
         self.further.begin();
         let outside = self.locate(grid);
         if self.reduction().any(outside.is_some()) {
@@ -38,8 +44,20 @@ impl<const D: usize> Points<D> {
             }
             self.reorder(&sorted(&order, |p| rank(self.cell[p as usize]) as usize));
         }
-        let mut starts: Vec<usize> =
-            (0..self.len()).filter(|&p| p == 0 || group(self.cell[p]) != group(self.cell[p - 1])).collect();
+        let of_body = |body: u16| group_of_body.get(body as usize).copied().unwrap_or(0);
+        if !group_of_body.is_empty() {
+            let mut order: Vec<u32> = (0..self.len() as u32).collect();
+            let is_together =
+                |a: &u32, b: &u32| group(self.cell[*a as usize]) == group(self.cell[*b as usize]);
+            for together in order.chunk_by_mut(is_together) {
+                together.sort_by_key(|p| of_body(self.body[*p as usize]));
+            }
+            if !order.is_sorted() {
+                self.reorder(&order);
+            }
+        }
+        let key = |p: usize| (group(self.cell[p]), of_body(self.body[p]));
+        let mut starts: Vec<usize> = (0..self.len()).filter(|&p| p == 0 || key(p) != key(p - 1)).collect();
         starts.push(self.len());
         Ok(starts)
     }

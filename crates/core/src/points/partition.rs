@@ -430,7 +430,7 @@ mod tests {
                     for x in &mut points.converged.position {
                         *x = [-x[1], x[0]];
                     }
-                    points.group_by_cell(&grid).unwrap();
+                    points.group_by_cell(&grid, &[]).unwrap();
                     are_whole(&points);
                     let own = ranks.own();
                     assert!(points.cell.iter().all(|cell| points.partition.rank_of(&grid, *cell) == own));
@@ -461,7 +461,7 @@ mod tests {
             points.divide_by_cell(&grid);
             let before = points.len();
             points.append(&square(10, &ranks));
-            points.group_by_cell(&grid).unwrap();
+            points.group_by_cell(&grid, &[]).unwrap();
             are_whole(&points);
             let own = ranks.own();
             assert!(points.cell.iter().all(|cell| points.partition.rank_of(&grid, *cell) == own));

@@ -23,7 +23,7 @@ fn row(n: usize) -> Points<2> {
 
 fn group(points: &mut Points<2>) {
     let n = points.len() as u32;
-    points.group_by_cell(&Structured::<2>::new([0.0; 2], [1.0; 2], [n as usize, 1])).unwrap();
+    points.group_by_cell(&Structured::<2>::new([0.0; 2], [1.0; 2], [n as usize, 1]), &[]).unwrap();
 }
 
 fn spec(name: &str, kind: FieldKind, components: usize, n: usize) -> PointFieldSpec {

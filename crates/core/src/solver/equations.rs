@@ -162,8 +162,10 @@ impl<const D: usize, const N: usize> Equations<D, N> {
             return self.prepare_with(Method::Own, context, system);
         }
         let choice = context.model.newton.linear;
-        // Coarser grids support neither nodes held along directions other than the axes nor tied nodes.
-        let is_plain = context.links.reduction().all(context.dofs.is_plain());
+        // Coarser grids support neither nodes held along directions other than the axes, nor tied nodes, nor several
+        // unknowns at one place.
+        let is_single = context.links.n_body_groups() == 1;
+        let is_plain = is_single && context.links.reduction().all(context.dofs.is_plain());
         let is_regular = context.model.grid.coarsens() && is_plain;
         let method = match self.engine.algebraic {
             _ if is_regular => Method::Iterative,

@@ -57,6 +57,7 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
     /// centres.
     pub(super) fn link(&mut self, step: Step) -> Result<Connectivity<D>, SolveError> {
         let (model, old) = (self.model, self.old_links());
+        let old = old.with_body_groups(&model.body_groups.of_body);
         let link = || old.renew(model.grid.as_ref(), self.points, &model.methods());
         let linked = self.reached.summary.timings.measure(Phase::Basis, link);
         let points = &*self.points;

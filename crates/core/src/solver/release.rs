@@ -71,7 +71,8 @@ pub(super) fn balancing_forces<const D: usize, const N: usize, M: Mechanics<D>>(
     terms.extend(further);
     let methods = model.methods();
     let reduction = points.reduction();
-    let linked = Connectivity::default().renew(model.grid.as_ref(), points, &methods);
+    let links = Connectivity::default().with_body_groups(&model.body_groups.of_body);
+    let linked = links.renew(model.grid.as_ref(), points, &methods);
     let links =
         agree(&reduction, linked.map_err(|failure| SolveError::unsupported(model, points, failure, step)))?;
     restore(&mut terms, saved)

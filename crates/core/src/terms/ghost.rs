@@ -18,7 +18,7 @@
 use std::collections::HashSet;
 
 use crate::assembly::{System, Wanted};
-use crate::basis::Connectivity;
+use crate::basis::{BodyGroup, Connectivity};
 use crate::grid::sides::sides_of;
 use crate::grid::{CellBasis, Grid};
 use crate::model::{Model, Stabilisation, StabilisationMode};
@@ -52,6 +52,18 @@ pub struct Ghost {
     places: Vec<[Option<usize>; 2]>,
 }
 
+/// A group of bodies whose cells are stabilised.
+#[derive(Clone, Copy)]
+struct Bodies<'a, const D: usize> {
+    model: &'a Model<D>,
+    links: &'a Connectivity<D>,
+    held: &'a HeldMaterial,
+    /// Cells with few points.
+    few: &'a HashSet<(BodyGroup, u32)>,
+    /// Number of the group.
+    bodies: BodyGroup,
+}
+
 impl Ghost {
     /// The faces to stabilise in a step that starts from the converged state, to which `links` belong.
     pub fn new<const D: usize>(model: &Model<D>, points: &Points<D>, links: &Connectivity<D>) -> Ghost {
@@ -66,24 +78,35 @@ impl Ghost {
         links: &Connectivity<D>,
     ) -> Ghost {
         let mut ghost = Ghost { node_start: vec![0], stiffness_start: vec![0], ..Ghost::default() };
-        let Stabilisation { mode, parameter, filling } = stabilisation;
-        if mode == StabilisationMode::Off {
+        if stabilisation.mode == StabilisationMode::Off {
             return ghost;
         }
-        let grid = model.grid.as_ref();
         let held = HeldMaterial::new(model, points, links);
-        let (own, beside) = (links.active_cells(), links.layer_cells());
+        let few = cells_of_few_points(model, points, links);
+        let few: HashSet<(BodyGroup, u32)> =
+            links.reduction().gather_all(few).into_iter().flatten().collect();
+        for bodies in 0..links.n_body_groups() as BodyGroup {
+            ghost.add_faces(stabilisation, Bodies { model, links, held: &held, few: &few, bodies });
+        }
+        ghost
+    }
+
+    /// Adds the faces between cells that a group of bodies touches, with the nodes that this group sees.
+    fn add_faces<const D: usize>(&mut self, stabilisation: Stabilisation, of: Bodies<D>) {
+        let Bodies { model, links, held, few, bodies } = of;
+        let Stabilisation { mode, parameter, filling } = stabilisation;
+        let grid = model.grid.as_ref();
+        let (own, beside) = (links.cells_of_bodies(bodies), links.layer_cells());
         let mut cells: Vec<u32> = own.iter().chain(beside).copied().collect();
         cells.sort_unstable();
-        cells
-            .retain(|&cell| grid.corners(cell as usize).nodes().iter().all(|n| links.is_active(*n as usize)));
+        let is_active = |node: &u32| links.of_bodies(bodies, *node as usize).is_some();
+        cells.retain(|&cell| grid.corners(cell as usize).nodes().iter().all(is_active));
         let (faces, mut weak) = faces_of(grid, &cells);
         if mode == StabilisationMode::Auto {
             weak.fill(false);
         }
-        let mut few = cells_of_few_points(model, points, links);
         for (weak, &cell) in weak.iter_mut().zip(&cells) {
-            *weak |= held.filling(model, links, cell) < filling;
+            *weak |= held.filling(model, links, bodies, cell) < filling;
         }
         let reduction = links.reduction();
         // Only where a cell has points is it known to be weak.
@@ -92,32 +115,28 @@ impl Ghost {
         let all_weak = reduction.join(known.map(|(cell, _)| *cell).collect::<Vec<u32>>());
         let all_weak: HashSet<u32> = all_weak.into_iter().collect();
         weak.iter_mut().zip(&cells).for_each(|(weak, cell)| *weak = all_weak.contains(cell));
-        few = reduction.gather_all(few).into_iter().flatten().collect();
         // Among the ranks that have a face, the owner of its lowest node adds it.
         let is_ours = |nodes: &[u32]| {
-            let lowest = nodes.iter().min().and_then(|node| links.copies(*node as usize).next());
+            let lowest = nodes.iter().min().and_then(|node| links.of_bodies(bodies, *node as usize));
             lowest.is_some_and(|lowest| reduction.counts(lowest))
         };
         for Face { cells: [a, b], nodes } in faces.iter().filter(|face| is_ours(&face.nodes)) {
             let both = [cells[*a], cells[*b]];
             let strength = if weak[*a] || weak[*b] {
                 parameter
-            } else if both.iter().any(|cell| few.contains(cell)) {
+            } else if both.iter().any(|cell| few.contains(&(bodies, *cell))) {
                 OF_FEW_POINTS * parameter
             } else {
                 continue;
             };
-            ghost.push(model, links, &held, both, nodes, strength);
+            self.push(of, both, nodes, strength);
         }
-        ghost
     }
 
     /// Adds a face between two cells.
     fn push<const D: usize>(
         &mut self,
-        model: &Model<D>,
-        links: &Connectivity<D>,
-        held: &HeldMaterial,
+        Bodies { model, links, held, bodies, .. }: Bodies<D>,
         cells: [u32; 2],
         face: &[u32],
         parameter: f64,
@@ -126,7 +145,9 @@ impl Ghost {
         let mut nodes: Vec<u32> = Vec::with_capacity(12);
         for cell in cells {
             let corners = grid.corners(cell as usize);
-            nodes.extend(corners.nodes().iter().flat_map(|n| links.copies(*n as usize)).map(|n| n as u32));
+            nodes.extend(
+                corners.nodes().iter().filter_map(|n| links.of_bodies(bodies, *n as usize)).map(|n| n as u32),
+            );
         }
         nodes.sort_unstable();
         nodes.dedup();
@@ -143,7 +164,7 @@ impl Ghost {
             for (cell, sign) in cells.into_iter().zip([1.0, -1.0]) {
                 let basis: CellBasis<D> = grid.basis_at(cell, position);
                 for (node, gradient) in basis.nodes().iter().zip(basis.gradient()) {
-                    let active = links.copies(*node as usize).next();
+                    let active = links.of_bodies(bodies, *node as usize);
                     let Some(place) = active.and_then(|n| nodes.binary_search(&(n as u32)).ok()) else {
                         continue;
                     };
@@ -293,10 +314,11 @@ fn cells_of_few_points<const D: usize>(
     model: &Model<D>,
     points: &Points<D>,
     links: &Connectivity<D>,
-) -> HashSet<u32> {
+) -> HashSet<(BodyGroup, u32)> {
     let groups = (0..links.n_groups()).map(|group| links.points_of(group));
-    let few = groups.filter(|range| range.len() < 1 << (D - 1)).map(|range| points.cell[range.start]);
-    few.filter(|cell| model.grid.corners(*cell as usize).nodes().len() == 1 << D).collect()
+    let few = groups.filter(|range| range.len() < 1 << (D - 1)).map(|range| range.start);
+    let few = few.map(|p| (links.bodies_with(points.body[p]), points.cell[p]));
+    few.filter(|(_, cell)| model.grid.corners(*cell as usize).nodes().len() == 1 << D).collect()
 }
 
 /// A face between two cells.

@@ -1,6 +1,6 @@
 //! The material that grid nodes carry, and the filling of cells.
 
-use crate::basis::Connectivity;
+use crate::basis::{BodyGroup, Connectivity};
 use crate::grid::Grid;
 use crate::material::Modulus;
 use crate::model::{Model, ModuliAtRest};
@@ -43,14 +43,21 @@ impl HeldMaterial {
         held
     }
 
-    /// The material held by the weakest node of a cell, relative to the node's share of the full cell, [-].
-    pub fn filling<const D: usize>(&self, model: &Model<D>, links: &Connectivity<D>, cell: u32) -> f64 {
+    /// The material of a group of bodies that the weakest node of a cell holds, relative to the node's share of the full
+    /// cell, [-].
+    pub fn filling<const D: usize>(
+        &self,
+        model: &Model<D>,
+        links: &Connectivity<D>,
+        bodies: BodyGroup,
+        cell: u32,
+    ) -> f64 {
         let grid = model.grid.as_ref();
         let corners = grid.corners(cell as usize);
         let n = corners.nodes().len() as f64;
         let held = |node: &u32| {
             let full = grid.volume(cell as usize) * model.depth(&middle(grid, corners.nodes())) / n;
-            links.copies(*node as usize).fold(0.0, |sum, active| sum + self.volume[active] / full)
+            links.of_bodies(bodies, *node as usize).map_or(0.0, |active| self.volume[active] / full)
         };
         corners.nodes().iter().map(held).fold(f64::INFINITY, f64::min)
     }

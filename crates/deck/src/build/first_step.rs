@@ -63,7 +63,8 @@ pub(crate) struct Check<'a> {
 impl Check<'_> {
     fn run<const D: usize>(&mut self, model: &mut Model<D>, points: &mut Points<D>) -> Option<FirstStep> {
         let methods = model.methods();
-        let links = match Connectivity::new(model.grid.as_ref(), points, &methods) {
+        let groups = Connectivity::default().with_body_groups(&model.body_groups.of_body);
+        let links = match groups.renew(model.grid.as_ref(), points, &methods) {
             Ok(links) => links,
             Err(failure) => {
                 if failure.error != SupportError::OnRank {

@@ -83,7 +83,8 @@ fn joined_in_stages<const D: usize>(deck: &Deck, model: &Model<D>, points: &Poin
         }
     }
     // A point that finds no place is reported in its stage.
-    let Ok(links) = Connectivity::new(model.grid.as_ref(), &mut all, &model.methods()) else {
+    let links = Connectivity::default().with_body_groups(&model.body_groups.of_body);
+    let Ok(links) = links.renew(model.grid.as_ref(), &mut all, &model.methods()) else {
         return BTreeSet::new();
     };
     let mut pairs = links.joined_bodies(&all);

@@ -86,7 +86,8 @@ impl Check<'_> {
             let added = added_points(model, &points, number);
             points.append(&added);
             model.present.change_conditions(model.boundary_conditions.len(), &model.stages[number]);
-            let Ok(links) = Connectivity::new(model.grid.as_ref(), &mut points, &methods) else { break };
+            let links = Connectivity::default().with_body_groups(&model.body_groups.of_body);
+            let Ok(links) = links.renew(model.grid.as_ref(), &mut points, &methods) else { break };
             let start = model.stages[number].stepping.start_time;
             let dofs = DofMap::new(model, &points, &links, start, start);
             if points.ranks.any(dofs.is_err()) {

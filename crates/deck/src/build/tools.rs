@@ -205,7 +205,7 @@ fn interface_of_pair(deck: &ToolDeck, own: &ContactDeck) -> Interface {
     )
 }
 
-fn interface(
+pub(super) fn interface(
     friction: Option<FrictionDeck>,
     adhesion: Option<f64>,
     tension_cut_off: Option<f64>,

@@ -128,7 +128,8 @@ impl Results {
         // The connectivity of the undeformed points is needed only to show the active cells.
         let methods = model.methods();
         let mut copy = points.clone();
-        if let Ok(links) = Connectivity::new(model.grid.as_ref(), &mut copy, &methods) {
+        let links = Connectivity::default().with_body_groups(&model.body_groups.of_body);
+        if let Ok(links) = links.renew(model.grid.as_ref(), &mut copy, &methods) {
             let zero = vec![[0.0; D]; links.n_active()];
             let further: Vec<NodalField> =
                 (self.beside.fields.iter()).map(|field| NodalField::zero(field, links.n_active())).collect();

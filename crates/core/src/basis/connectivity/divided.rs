@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use super::super::slivers::Carriers;
 use super::Connectivity;
 use crate::grid::Grid;
 use crate::ranks::{Halo, Ranks, Reduction, Sharing, sharing};
@@ -77,9 +78,10 @@ impl<const D: usize> Connectivity<D> {
 
     /// Grid nodes, with the carriers of sliver nodes in place of these, which are active on no rank.
     pub fn with_carriers_of(&self, mut nodes: Vec<u32>) -> Vec<u32> {
-        let carriers = nodes.iter().filter_map(|node| self.carriers.get(node)).flatten();
+        let of_all = || self.carriers.iter();
+        let carriers = nodes.iter().flat_map(|node| of_all().filter_map(|all| all.get(node))).flatten();
         let more: Vec<u32> = carriers.map(|(carrier, _)| *carrier).collect();
-        nodes.retain(|node| !self.carriers.contains_key(node));
+        nodes.retain(|node| !of_all().any(|all| all.contains_key(node)));
         nodes.extend(more);
         nodes
     }
@@ -88,7 +90,7 @@ impl<const D: usize> Connectivity<D> {
     /// beyond the layer of adjacent cells. Nodes are identified by their grid numbers.
     pub(super) fn add_carriers(&mut self, ranks: &Ranks, n_nodes: usize) {
         let mut is_carrier = vec![false; n_nodes];
-        let carriers = self.carriers.values().flatten();
+        let carriers = self.carriers.iter().flat_map(Carriers::values).flatten();
         carriers.for_each(|(node, _)| is_carrier[*node as usize] = true);
         let mut is_own = vec![false; n_nodes];
         self.group_nodes.iter().for_each(|node| is_own[*node as usize] = true);

@@ -22,6 +22,8 @@ pub(super) struct Piece<const D: usize> {
     pub(super) gradient: Vec<[f64; D]>,
     pub(super) factor: Vec<f64>,
     pub(super) cells: Vec<u32>,
+    /// For each group, the index in `cells` of the first cell that its points touch.
+    pub(super) cell_start: Vec<usize>,
     /// 1/h of an even grid along each axis, [1/length].
     per_length: Option<[f64; D]>,
     group: Group,
@@ -52,6 +54,7 @@ impl<const D: usize> Piece<D> {
 
     /// Begins a group whose cell has this size, [length].
     pub(super) fn begin_group(&mut self, size: f64) {
+        self.cell_start.push(self.cells.len());
         let Group { mut nodes, mut touched, mut touches, .. } = std::mem::take(&mut self.group);
         nodes.clear();
         touched.clear();

@@ -3,7 +3,7 @@
 
 use nalgebra::SMatrix;
 
-use crate::basis::Connectivity;
+use crate::basis::{BodyGroup, Connectivity};
 use crate::dofs::{DofMap, rigid::free_parts};
 use crate::model::{Model, SAME_TIME, Stepping};
 use crate::points::Points;
@@ -39,8 +39,11 @@ pub(super) fn emptiest_cell<const D: usize>(
 ) -> Option<(u32, f64)> {
     let held = HeldMaterial::new(model, points, links);
     let fillings = cells_at(model, links, place).into_iter().map(|cell| {
-        let filling = held.filling(model, links, cell);
-        (cell, filling)
+        // Of the bodies that touch the cell, those that fill it least.
+        let of_bodies = (0..links.n_body_groups() as BodyGroup)
+            .filter(|bodies| links.cells_of_bodies(*bodies).binary_search(&cell).is_ok())
+            .map(|bodies| held.filling(model, links, bodies, cell));
+        (cell, of_bodies.fold(f64::INFINITY, f64::min))
     });
     fillings.min_by(|a, b| a.1.total_cmp(&b.1))
 }
@@ -157,7 +160,7 @@ pub(super) fn hourglass<const D: usize>(model: &Model<D>, points: &Points<D>, it
     for in_cell in all.chunk_by(|a, b| a.1 == b.1) {
         let (group, cell, first) = in_cell[0];
         let (nodes, n) = (links.nodes_of(group), in_cell.len() as f64);
-        if held.filling(model, links, cell) < FULL {
+        if held.filling(model, links, links.bodies_with(points.body[first]), cell) < FULL {
             continue;
         }
         let (mut mean, mut strain) = (SMatrix::<f64, D, D>::zeros(), 0.0);

@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use crate::basis::Connectivity;
+use crate::basis::{BodyGroup, Connectivity};
 use crate::model::{Control, Controlled, Model};
 use crate::points::Points;
 use crate::ranks::Reduction;
@@ -312,8 +312,11 @@ impl<const D: usize, const N: usize> Condition<D, N> {
 /// The displacement increment of a step on the nodes of the grid.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Motion {
-    /// Grid nodes that were active, ascending.
+    /// Grid nodes that were active, ascending; a node has one entry for each group of bodies that touched it.
     nodes: Vec<u32>,
+    /// The group of bodies of each entry; empty if all bodies are in one group.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    groups: Vec<BodyGroup>,
     /// Their displacement increments, one number per node and component, [length].
     increment: Vec<f64>,
     /// Duration of the step, [time].
@@ -329,6 +332,7 @@ impl Motion {
     ) -> Self {
         Motion {
             nodes: links.active_nodes().to_vec(),
+            groups: links.groups_of_active_nodes().to_vec(),
             increment: delta_d.as_flattened().to_vec(),
             duration: step.end - step.start,
         }
@@ -337,6 +341,10 @@ impl Motion {
     /// The motion over all ranks, assembled from the motions of the active nodes of each rank; a shared node has the
     /// same motion on all ranks.
     pub(crate) fn joined(pieces: &[Motion]) -> Motion {
+        // On several ranks, all bodies are in one group.
+        if let [motion] = pieces {
+            return motion.clone();
+        }
         let mut nodes: BTreeMap<u32, &[f64]> = BTreeMap::new();
         for motion in pieces.iter().filter(|motion| !motion.nodes.is_empty()) {
             let per_node = motion.increment.len() / motion.nodes.len();
@@ -345,6 +353,7 @@ impl Motion {
         Motion {
             increment: nodes.values().copied().flatten().copied().collect(),
             nodes: nodes.into_keys().collect(),
+            groups: Vec::new(),
             duration: pieces.iter().map(|motion| motion.duration).fold(0.0, f64::max),
         }
     }
@@ -354,16 +363,23 @@ impl Motion {
         self.increment.len() >= D * self.nodes.len()
             && self.increment.len().is_multiple_of(self.nodes.len().max(1))
             && self.nodes.is_sorted()
+            && (self.groups.is_empty() || self.groups.len() == self.nodes.len())
     }
 
     /// The increment at each node of another step; `None` if the node was not active.
     fn known<const D: usize, const N: usize>(&self, links: &Connectivity<D>) -> Vec<Option<[f64; N]>> {
         let (increments, _) = self.increment.as_chunks::<N>();
-        let at = |node: &u32| {
-            let place = self.nodes.binary_search(node).ok();
+        let groups = links.groups_of_active_nodes();
+        let is_same = |place: usize, group: Option<&BodyGroup>| {
+            self.groups.is_empty() || self.groups.get(place) == group
+        };
+        let at = |(number, node): (usize, &u32)| {
+            let first = self.nodes.partition_point(|other| other < node);
+            let copies = self.nodes[first..].iter().take_while(|other| *other == node).count();
+            let place = (first..first + copies).find(|place| is_same(*place, groups.get(number)));
             place.and_then(|place| increments.get(place)).copied()
         };
-        let mut known: Vec<Option<[f64; N]>> = links.active_nodes().iter().map(at).collect();
+        let mut known: Vec<Option<[f64; N]>> = links.active_nodes().iter().enumerate().map(at).collect();
         links.reduction().fill(&mut known);
         known
     }
@@ -418,6 +434,7 @@ mod tests {
     fn ranks_join_their_motions_at_shared_nodes() {
         let motion = |nodes: &[u32]| Motion {
             nodes: nodes.to_vec(),
+            groups: Vec::new(),
             increment: nodes.iter().flat_map(|node| [f64::from(*node), 0.5]).collect(),
             duration: 0.25,
         };
