@@ -29,11 +29,12 @@ use crate::region::{Facet, NoBoundary, Region, area_vector};
 
 pub use carried::Carried;
 pub use divided::{Division, PlacedDivision};
+pub(crate) use integral::crossings;
 pub use integral::{lies_in_one_cell, mean_over_side};
 pub use outer::{
     DomainSide, OuterSides, contains, corner_count, corners_of, deformed_corners, sides_of_domain,
 };
-use places::Places;
+pub(crate) use places::Places;
 pub use sheet::Sheet;
 pub use side_basis::side_basis;
 pub use support::{Support, active, support};

@@ -90,7 +90,7 @@ pub fn lies_in_one_cell<const D: usize>(grid: &dyn Grid<D>, corners: &[[f64; D]]
 }
 
 /// The ends of a segment and its crossings with grid lines, as fractions of its length, ascending.
-fn crossings<const D: usize>(grid: &dyn Grid<D>, a: &[f64; D], b: &[f64; D]) -> Vec<f64> {
+pub(crate) fn crossings<const D: usize>(grid: &dyn Grid<D>, a: &[f64; D], b: &[f64; D]) -> Vec<f64> {
     let mut at = vec![0.0];
     for (d, axis) in grid.lines().into_iter().flat_map(|lines| lines.axes().iter().enumerate()) {
         let [from, to] = [axis.coordinate(a[d]), axis.coordinate(b[d])];

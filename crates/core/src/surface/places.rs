@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 const SAME: f64 = 1e-9;
 
 /// Positions with numbers from 0 on, one for all that coincide.
-pub(super) struct Places<const D: usize> {
+pub(crate) struct Places<const D: usize> {
     /// Distance within which positions coincide, [length].
     width: f64,
     by_lattice: BTreeMap<[i64; D], u32>,
@@ -15,17 +15,17 @@ pub(super) struct Places<const D: usize> {
 
 impl<const D: usize> Places<D> {
     /// No places; `cell` is the size of a grid cell, [length].
-    pub(super) fn new(cell: f64) -> Self {
+    pub(crate) fn new(cell: f64) -> Self {
         Places { width: SAME * cell, by_lattice: BTreeMap::new(), positions: Vec::new() }
     }
 
     /// The number of a position, if one that coincides with it has a number.
-    pub(super) fn known(&self, x: &[f64; D]) -> Option<u32> {
+    pub(crate) fn known(&self, x: &[f64; D]) -> Option<u32> {
         neighbours(self.key(x)).find_map(|key| self.by_lattice.get(&key).copied())
     }
 
     /// The number of a position, which gets one if it is new.
-    pub(super) fn number(&mut self, x: &[f64; D]) -> u32 {
+    pub(crate) fn number(&mut self, x: &[f64; D]) -> u32 {
         self.known(x).unwrap_or_else(|| {
             let number = self.positions.len() as u32;
             self.by_lattice.insert(self.key(x), number);
@@ -35,7 +35,7 @@ impl<const D: usize> Places<D> {
     }
 
     /// The first position of each number, [length].
-    pub(super) fn into_positions(self) -> Vec<[f64; D]> {
+    pub(crate) fn into_positions(self) -> Vec<[f64; D]> {
         self.positions
     }
 

@@ -63,9 +63,11 @@
 
 mod augmentation;
 mod candidates;
+mod counterpart;
 mod distribution;
 mod edges;
 mod evaluation;
+mod facet;
 mod interface;
 mod key;
 mod motion;
@@ -73,6 +75,7 @@ mod multipliers;
 mod neighbours;
 mod on_sides;
 mod outer;
+mod pairs;
 mod ranks;
 mod safeguards;
 mod search;
@@ -106,6 +109,7 @@ use super::report::TermReport;
 use super::saved::Saved;
 use super::term::{Character, Coupled, Term};
 use candidates::Candidate;
+use counterpart::Counterpart;
 use distribution::{Bearing, distributed};
 use edges::Edges;
 use evaluation::{Trial, Trials};
@@ -181,7 +185,9 @@ impl<const D: usize> Contact<D> {
     /// Contact with the tools of a model, at the start of the analysis.
     pub fn new(model: &Model<D>) -> Self {
         Contact {
-            tools: model.tools.iter().map(Moving::new).collect(),
+            tools: (model.tools.iter().map(Moving::new))
+                .chain(model.contacts.iter().map(|_| Moving::at_rest()))
+                .collect(),
             reduction: Reduction::default(),
             converged: FxHashMap::default(),
             has_begun: vec![false; model.bodies.len()],
@@ -199,7 +205,7 @@ impl<const D: usize> Contact<D> {
             trials: Vec::new(),
             before_increment: Vec::new(),
             worst_along: None,
-            tolerances: model.tools.iter().map(|tool| tool.control.tolerance).collect(),
+            tolerances: Counterpart::all(model).map(|other| other.control().tolerance).collect(),
             at_rest: true,
             is_symmetric: true,
             updates: 0,
@@ -236,7 +242,7 @@ impl<const D: usize> Contact<D> {
 
     /// The forces of the contact points that touch a tool at the last evaluation, [force], distributed evenly.
     fn distributed(&self) -> Vec<[f64; D]> {
-        let bearing = self.touching().map(|(_, candidate, _, touch)| Bearing { candidate, touch });
+        let bearing = self.touching().map(|(_, candidate, trial, touch)| Bearing { candidate, trial, touch });
         distributed(&bearing.collect::<Vec<_>>(), &self.reduction)
     }
 
@@ -256,7 +262,7 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
         Character {
             is_symmetric: self.is_symmetric,
             has_kinks: true,
-            has_potential: !model.tools.iter().any(Tool::resists_sliding),
+            has_potential: !Counterpart::all(model).any(|other| other.resists_sliding()),
             may_slump: false,
             may_hold: true,
         }
@@ -323,7 +329,10 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
             }
             self.check_that_free_tools_touch(model, &touches)?;
         }
-        let is_symmetric = self.touching().all(|(.., touch)| touch.is_symmetric());
+        let keeps_symmetry = |candidate: &Candidate<D>, touch: &interface::Touch<D>| {
+            touch.is_symmetric() && (candidate.facet.is_none() || touch.is_smooth())
+        };
+        let is_symmetric = self.touching().all(|(_, candidate, _, touch)| keeps_symmetry(candidate, touch));
         self.is_symmetric &= is_symmetric;
         let pairs: Vec<_> = self.candidates.iter().zip(&self.trials).collect();
         if wanted == Wanted::Stiffness {
@@ -348,11 +357,12 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
 
     /// The work of friction by the trapezoidal rule.
     fn ledger(&self, _: &StepContext<D>, _: &Points<D>, _: At<N>) -> Ledger {
-        let friction = |(k, candidate, _, touch): (usize, &Candidate<D>, _, &interface::Touch<D>)| {
-            let moving = &self.tools[candidate.key.tool as usize];
-            let before = moving.end.vector_to_space(&self.start[k].shear);
-            -0.5 * dot(&along(&before, 1.0, &touch.shear), &touch.slip())
-        };
+        let friction =
+            |(k, candidate, trial, touch): (usize, &Candidate<D>, &Trial<D>, &interface::Touch<D>)| {
+                let moving = &self.tools[candidate.key.tool as usize];
+                let before = trial.in_global_axes(candidate, moving, &self.start[k].shear);
+                -0.5 * dot(&along(&before, 1.0, &touch.shear), &touch.slip())
+            };
         [NamedEnergy::dissipated(Ledger::FRICTION, self.touching().map(friction).sum())].into()
     }
 
@@ -369,13 +379,23 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
         let forces = self.distributed();
         let touching = self.touching().zip(&forces).filter(|((.., touch), _)| touch.mode != Mode::Parting);
         let touching = touching.map(|((_, candidate, trial, touch), force)| {
-            let multiplier = multiplier_of(touch, force, &self.tools[candidate.key.tool as usize]);
+            let mut multiplier = multiplier_of(touch, force);
+            let is_between_bodies = candidate.facet.is_some();
+            if !is_between_bodies {
+                let moving = &self.tools[candidate.key.tool as usize];
+                multiplier.shear = moving.end.vector_to_tool(&multiplier.shear);
+            }
             let in_space = minus(&trial.position, &candidate.start);
             let motion = norm(&trial.slip).max(norm(&in_space));
-            (candidate.key, Kept { multiplier, motion, excess: (-touch.gap()).max(0.0) })
+            let key = if is_between_bodies { candidate.key.of_corner() } else { candidate.key };
+            (key, Kept { multiplier, motion, excess: (-touch.gap()).max(0.0) })
         });
         // Material points may move to other ranks.
-        self.converged = gathered(&self.reduction, touching.collect()).into_iter().collect();
+        let touching = gathered(&self.reduction, touching.collect());
+        self.converged.clear();
+        for (key, kept) in touching {
+            self.converged.entry(key).and_modify(|other| *other = other.joined(kept)).or_insert(kept);
+        }
         self.tools.iter_mut().for_each(Moving::commit);
         self.has_begun.iter_mut().zip(&self.is_there).for_each(|(begun, there)| *begun = *there);
     }

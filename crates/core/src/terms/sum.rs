@@ -35,7 +35,7 @@ pub fn model_terms<const D: usize, const N: usize, M: Mechanics<D>>(model: &Mode
     if !model.surfaces.is_empty() {
         terms.push(Box::new(Surfaces::new(model)));
     }
-    if !model.tools.is_empty() {
+    if !model.tools.is_empty() || !model.contacts.is_empty() {
         terms.push(Box::new(Contact::new(model)));
     }
     terms

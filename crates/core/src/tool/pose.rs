@@ -36,8 +36,12 @@ impl<const D: usize> Pose<D> {
     pub fn new(position: [f64; D], rotation: [f64; 3]) -> Result<Self, ShapeError> {
         let translation = finite("the position of a tool", position)?;
         let rotation = finite("the rotation of a tool", rotation)?;
-        let origin = Pose { position: [0.0; D], rotation: std::array::from_fn(unit), angle: 0.0 };
-        Ok(origin.moved(&Increment { translation, rotation }))
+        Ok(Pose::at_origin().moved(&Increment { translation, rotation }))
+    }
+
+    /// The pose in which the frame of the tool is the global one.
+    pub fn at_origin() -> Self {
+        Pose { position: [0.0; D], rotation: std::array::from_fn(unit), angle: 0.0 }
     }
 
     /// The position c of the reference point, [length].

@@ -1,7 +1,7 @@
 //! The updates of the multipliers of contact, in equilibrium and along an increment.
 
 use crate::assembly::System;
-use crate::model::{Model, Tool};
+use crate::model::Model;
 use crate::points::Points;
 use crate::region::vector::norm;
 use crate::step::{At, StepContext};
@@ -9,6 +9,7 @@ use crate::terms::failure::{ContactError, EvaluateError};
 use crate::terms::multipliers::{Augmentation, Multipliers, Response};
 
 use super::Contact;
+use super::counterpart::Counterpart;
 use super::evaluation::{self, first_unknowns};
 use super::interface::{Law, SLIDES};
 use super::motion::farthest;
@@ -70,7 +71,7 @@ impl<const D: usize, const N: usize> Multipliers<D, N> for Contact<D> {
             return Ok(Augmentation::Satisfied);
         };
         let tool = worst.tool;
-        let is_last = *updates >= step.model.tools[tool].control.augmentations;
+        let is_last = *updates >= Counterpart::new(step.model, tool as u32).control().augmentations;
         if worst.is_settled(tolerances[tool], before.as_ref(), *updates, is_last) {
             if !is_last && self.renew_held() {
                 self.updates += 1;
@@ -85,7 +86,7 @@ impl<const D: usize, const N: usize> Multipliers<D, N> for Contact<D> {
             return Err(self.not_settled(step, &worst).into());
         }
         for ((candidate, multiplier), trial) in candidates.iter().zip(multipliers).zip(trials) {
-            *multiplier = forces_of(trial, &tools[candidate.key.tool as usize]);
+            *multiplier = forces_of(candidate, trial, &tools[candidate.key.tool as usize]);
         }
         for ((candidate, now), before) in candidates.iter_mut().zip(&now).zip(changes.iter()) {
             if let (Some(now), Some(before)) = (now, before)
@@ -119,7 +120,7 @@ impl<const D: usize, const N: usize> Multipliers<D, N> for Contact<D> {
                 continue;
             }
             let nodal = added.force_mut();
-            for (node, value) in candidate.basis.iter() {
+            for (node, value) in trial.carriers(candidate) {
                 (0..D).for_each(|d| nodal[node][d] += value * force[d]);
             }
             let number = candidate.key.tool as usize;
@@ -139,15 +140,16 @@ impl<const D: usize, const N: usize> Multipliers<D, N> for Contact<D> {
     /// Holds the largest shear of each contact point: the one that its multiplier allows, or its present pressure if that
     /// allows more.
     fn hold(&mut self, step: &StepContext<D>) -> bool {
-        let may_hold = !self.is_held && step.model.tools.iter().any(Tool::resists_sliding);
+        let resists_sliding = Counterpart::all(step.model).any(|other| other.resists_sliding());
+        let may_hold = !self.is_held && resists_sliding;
         if !may_hold {
             return false;
         }
         (self.is_held, self.held_updates) = (true, 0);
         let all = self.candidates.iter_mut().zip(&self.multipliers).zip(&self.trials).zip(&self.has_touched);
         for (((candidate, multiplier), trial), has_touched) in all {
-            let tool = &step.model.tools[candidate.key.tool as usize];
-            let Some(interface) = tool.interface_with(candidate.body) else { continue };
+            let counterpart = Counterpart::new(step.model, candidate.key.tool);
+            let Some(interface) = counterpart.interface_with(candidate.body) else { continue };
             let law = Law::new(&interface, candidate.area, candidate.penalty, *has_touched);
             let before = if multiplier.normal > 0.0 { law.most_shear(multiplier.normal).0 } else { 0.0 };
             let now = trial.touch.as_ref().map_or(0.0, |touch| touch.most_shear());
@@ -187,8 +189,8 @@ impl<const D: usize> Contact<D> {
     pub(super) fn freeze_friction(&mut self, model: &Model<D>) {
         self.is_held = true;
         for (k, candidate) in self.candidates.iter_mut().enumerate() {
-            let tool = &model.tools[candidate.key.tool as usize];
-            let Some(interface) = tool.interface_with(candidate.body) else { continue };
+            let counterpart = Counterpart::new(model, candidate.key.tool);
+            let Some(interface) = counterpart.interface_with(candidate.body) else { continue };
             let law = Law::new(&interface, candidate.area, candidate.penalty, self.has_touched[k]);
             let pressure = self.multipliers[k].normal;
             candidate.held = Some(if pressure > 0.0 { law.most_shear(pressure).0 } else { 0.0 });

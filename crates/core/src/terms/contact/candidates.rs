@@ -37,7 +37,9 @@ use crate::surface::{OuterSides, active, corners_of, lies_in_one_cell, mean_over
 use crate::terms::failure::ContactPlace;
 use crate::tool::{Closest, Shape};
 
+use super::counterpart::Counterpart;
 use super::edges::Edges;
+use super::facet::Facet;
 use super::key::{CENTRE, FACE, Kept, Key, is_on_side};
 use super::motion::{Moving, farthest};
 use super::outer::Outer;
@@ -51,7 +53,7 @@ pub(super) const OTHER_SIDE: f64 = -0.5;
 pub(super) const TOUCHING: f64 = 1e-6;
 /// Smallest area that the penalty of a contact point assumes if updates close its gap slowly, relative to the area of a
 /// side of its cell, [-].
-const MIN_AREA: f64 = 0.1;
+pub(super) const MIN_AREA: f64 = 0.1;
 /// Fractions of the distance from a corner to its material point at which a cell for the corner is sought.
 const INWARDS: [f64; 5] = [1e-6, 0.25, 0.5, 0.75, 1.0];
 
@@ -62,7 +64,8 @@ pub(super) struct Candidate<const D: usize> {
     pub(super) body: usize,
     /// Position at the start of the step, [length].
     pub(super) start: [f64; D],
-    /// Active nodes, with the values of their basis functions at this position.
+    /// Active nodes, with the values of their basis functions at this position: their shares in the motion of the
+    /// contact point, less those in the motion of the facet of another body that it touches.
     pub(super) basis: Carriers,
     /// True if the surface of the tool is flat over all domains that share the contact point.
     pub(super) is_flat: bool,
@@ -95,6 +98,10 @@ pub(super) struct Candidate<const D: usize> {
     pub(super) allowance: f64,
     /// Permanent numbers of the other material points whose domains share this corner.
     pub(super) shared_by: Vec<u32>,
+    /// The facet of another body; `None` if the contact point may touch a tool.
+    pub(super) facet: Option<Box<Facet<D>>>,
+    /// Its share of what its corner keeps from step to step, [-].
+    pub(super) share: f64,
 }
 
 /// The active nodes that carry a contact point, with the values of their basis functions there: S_vp if the contact
@@ -108,7 +115,7 @@ impl Carriers {
         self.0.iter().map(|&(node, value)| (node as usize, value))
     }
 
-    fn push(&mut self, node: u32, value: f64) {
+    pub(super) fn push(&mut self, node: u32, value: f64) {
         self.0.push((node, value));
     }
 
@@ -120,13 +127,32 @@ impl Carriers {
         }
     }
 
+    /// Number of nodes.
+    pub(super) fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    /// The index of a node among those from `first` on.
+    pub(super) fn place_from(&self, first: usize, node: usize) -> Option<usize> {
+        self.0[first..].iter().position(|(known, _)| *known as usize == node).map(|place| first + place)
+    }
+
+    /// The sum of carriers with these weights.
+    pub(super) fn mean(of: &[Carriers], weights: &[f64]) -> Carriers {
+        let mut mean = Carriers::default();
+        for (carriers, weight) in of.iter().zip(weights) {
+            carriers.iter().for_each(|(node, value)| mean.add(node as u32, weight * value));
+        }
+        mean
+    }
+
     /// True if both have the same nodes in the same order.
     pub(super) fn has_same_nodes(&self, other: &Self) -> bool {
         self.0.len() == other.0.len() && self.0.iter().zip(&other.0).all(|(a, b)| a.0 == b.0)
     }
 
     /// The largest motion of the contact point if no node moves farther than 1.
-    fn reach(&self) -> f64 {
+    pub(super) fn reach(&self) -> f64 {
         self.0.iter().map(|(_, value)| value.abs()).sum()
     }
 }
@@ -167,20 +193,21 @@ impl<const D: usize> Candidate<D> {
 
     /// The contact point, as named in an error.
     pub(super) fn place(&self, model: &Model<D>) -> ContactPlace {
-        named(model, &model.tools[self.key.tool as usize], self.body, self.key.point, &self.start)
+        named(model, &Counterpart::new(model, self.key.tool), self.body, self.key.point, &self.start)
     }
 }
 
 /// A contact point, as named in an error.
 pub(super) fn named<const D: usize>(
     model: &Model<D>,
-    tool: &Tool<D>,
+    counterpart: &Counterpart<D>,
     body: usize,
     point: u32,
     position: &[f64; D],
 ) -> ContactPlace {
+    let other = counterpart.name(model, body);
     let body = model.bodies[body].name.clone();
-    ContactPlace { tool: tool.name.clone(), body, point, position: position.to_vec() }
+    ContactPlace { other, body, point, position: position.to_vec() }
 }
 
 /// The search for candidates at the start of a step.
@@ -307,6 +334,8 @@ impl<const D: usize> Search<'_, D> {
             near,
             allowance: 0.0,
             shared_by,
+            facet: None,
+            share: 1.0,
         })
     }
 
@@ -379,7 +408,7 @@ impl<const D: usize> Search<'_, D> {
     /// The active nodes that move a corner of a material point, and N_v there, with the cell whose nodes these are if
     /// all of them are active. The domain touches all cells that are tried, so each rank has the nodes for its own
     /// material points.
-    fn basis(&self, p: usize, corner: &[f64; D], method: Method) -> (Option<u32>, Carriers) {
+    pub(super) fn basis(&self, p: usize, corner: &[f64; D], method: Method) -> (Option<u32>, Carriers) {
         let (grid, points) = (self.model.grid.as_ref(), self.points);
         let (body, cell) = (points.body[p], points.cell[p]);
         let towards = minus(&points.converged.position[p], corner);

@@ -16,6 +16,7 @@ use crate::ranks::Reduction;
 use crate::region::vector::{along, dot, minus, norm};
 
 use super::candidates::Candidate;
+use super::evaluation::Trial;
 use super::interface::{Mode, Touch};
 use super::multipliers::NodeNumbers;
 use super::ranks::{NodalSum, add_at_nodes};
@@ -42,6 +43,7 @@ const SAME: f64 = 1e-9;
 #[derive(Clone, Copy)]
 pub(super) struct Bearing<'a, const D: usize> {
     pub(super) candidate: &'a Candidate<D>,
+    pub(super) trial: &'a Trial<D>,
     pub(super) touch: &'a Touch<D>,
 }
 
@@ -144,7 +146,8 @@ impl<'a, const D: usize> Free<'a, D> {
 
     /// The numbers of the nodes of a contact point, with its N_v.
     fn carriers(&self, k: usize) -> impl Iterator<Item = (usize, f64)> {
-        let values = self.places[k].candidate.basis.iter().map(|(_, value)| value);
+        let Bearing { candidate, trial, .. } = self.places[k];
+        let values = trial.carriers(candidate).map(|(_, value)| value);
         self.nodes.numbers_at(k).iter().copied().zip(values)
     }
 

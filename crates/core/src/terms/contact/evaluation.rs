@@ -3,10 +3,12 @@
 use rayon::prelude::*;
 
 use super::candidates::{Candidate, OTHER_SIDE, TOUCHING};
+use super::counterpart::Counterpart;
+use super::facet::{Facing, turned};
 use super::interface::{Approach, Law, Multiplier, Touch};
 use super::motion::{Moving, in_space};
 use crate::assembly::{System, Wanted};
-use crate::model::Model;
+use crate::model::{BodyContact, Model};
 use crate::points::PIECE;
 use crate::region::vector::{along, cross, dot, minus, norm, unit};
 use crate::step::At;
@@ -27,11 +29,13 @@ pub(super) struct Trial<const D: usize> {
     pub(super) touch: Option<Box<Touch<D>>>,
     /// True if the contact point has emerged on another side of the tool.
     passes_through: bool,
+    /// The facet of another body, if the contact point touches it.
+    pub(super) facing: Option<Box<Facing<D>>>,
 }
 
 impl<const D: usize> Trial<D> {
     fn open(position: [f64; D], slip: [f64; D]) -> Self {
-        Trial { position, slip, touch: None, passes_through: false }
+        Trial { position, slip, touch: None, passes_through: false, facing: None }
     }
 }
 
@@ -81,7 +85,12 @@ impl<const D: usize, const N: usize> Trials<'_, D, N> {
     }
 
     fn one(&self, candidate: &Candidate<D>, multiplier: &Multiplier<D>, has_touched: bool) -> Trial<D> {
-        let tool = &self.model.tools[candidate.key.tool as usize];
+        let tool = match Counterpart::new(self.model, candidate.key.tool) {
+            Counterpart::Tool(tool) => tool,
+            Counterpart::Bodies(pair) => {
+                return self.between_bodies(pair, candidate, multiplier, has_touched);
+            }
+        };
         let moving = &self.tools[candidate.key.tool as usize];
         let Candidate { start, near, allowance, size, body, .. } = candidate;
         let u = candidate.displacement(self.delta_d);
@@ -135,6 +144,42 @@ impl<const D: usize, const N: usize> Trials<'_, D, N> {
     }
 }
 
+impl<const D: usize, const N: usize> Trials<'_, D, N> {
+    /// A contact point that may touch a facet of another body.
+    fn between_bodies(
+        &self,
+        pair: &BodyContact,
+        candidate: &Candidate<D>,
+        multiplier: &Multiplier<D>,
+        has_touched: bool,
+    ) -> Trial<D> {
+        let Candidate { start, near, allowance, size, .. } = candidate;
+        let slip = candidate.displacement(self.delta_d);
+        // The position follows from the shares of the nodes of its own body alone.
+        let own = candidate.basis.iter().filter(|(_, value)| *value > 0.0);
+        let position = own
+            .fold(*start, |x, (node, value)| std::array::from_fn(|d| x[d] + value * self.delta_d[node][d]));
+        let apart = Trial::open(position, slip);
+        let loaded = multiplier.normal != 0.0;
+        let found = candidate.facet.as_ref().and_then(|facet| facet.facing(candidate, self.delta_d, &slip));
+        let Some(facing) = found.filter(|_| loaded || !self.is_frozen) else { return apart };
+        let approach = Approach {
+            gap: facing.gap + allowance,
+            normal: facing.normal,
+            normal_derivative: [[0.0; D]; D],
+            slip,
+            pressure: multiplier.normal,
+            shear: turned(&near.normal, &facing.normal, &multiplier.shear),
+            at_rest: self.at_rest,
+            is_fresh: self.at_rest && !loaded && near.gap + allowance <= TOUCHING * size,
+            is_kept: self.is_frozen,
+        };
+        let law = Law::new(&pair.interface, candidate.area, candidate.penalty, has_touched);
+        let law = Law { held: candidate.held, ..law };
+        Trial { touch: Touch::new(approach, law).map(Box::new), facing: Some(Box::new(facing)), ..apart }
+    }
+}
+
 /// For each tool, the index of its first unknown component among the unknown components of all tools.
 pub(super) fn first_unknowns<const D: usize>(tools: &[Moving<D>]) -> Vec<usize> {
     let first = |next: &mut usize, tool: &Moving<D>| {
@@ -160,12 +205,16 @@ pub(super) fn add<const D: usize, const N: usize>(
         let tool = candidate.key.tool as usize;
         let force = touch.force();
         let round_off = touch.round_off(tools[tool].extent(&candidate.start));
-        for (node, value) in candidate.basis.iter() {
+        for (node, value) in trial.carriers(candidate) {
             sum.add_holding(node, &force.map(|f| value * f));
             sum.add_round_off(node, value.abs() * round_off);
         }
         let moving = &tools[tool];
         if wanted == Wanted::Force && moving.free.is_empty() {
+            continue;
+        }
+        if let (Some(facet), Some(facing)) = (&candidate.facet, &trial.facing) {
+            facing.add_stiffness(candidate, facet, touch, &places_of(candidate, sum), sum);
             continue;
         }
         // `[j][i]`: change of the force f_i with the position x_j.

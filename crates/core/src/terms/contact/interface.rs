@@ -222,6 +222,11 @@ impl<const D: usize> Touch<D> {
         self.sliding.is_some()
     }
 
+    /// True if no shear can act.
+    pub(super) fn is_smooth(&self) -> bool {
+        self.law.is_smooth()
+    }
+
     pub(super) fn is_rough(&self) -> bool {
         self.law.friction.is_infinite()
     }

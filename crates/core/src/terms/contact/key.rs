@@ -20,6 +20,13 @@ pub(super) struct Key {
     pub(super) corner: u32,
 }
 
+impl Key {
+    /// The key of a contact point of which several share the state that is kept: one for each facet of a body.
+    pub(super) fn of_corner(self) -> Key {
+        Key { corner: self.corner % FACE, ..self }
+    }
+}
+
 /// True if a corner number is that of a contact point on a side.
 pub(super) fn is_on_side(corner: u32) -> bool {
     corner % FACE >= FIRST_SIDE
@@ -33,4 +40,26 @@ pub(super) struct Kept<const D: usize> {
     pub(super) motion: f64,
     /// How far the overlap exceeded the allowed overlap at the end of the step, [length].
     pub(super) excess: f64,
+}
+
+impl<const D: usize> Kept<D> {
+    /// The state with a share of the forces.
+    pub(super) fn with_share(self, share: f64) -> Self {
+        if share == 1.0 {
+            return self;
+        }
+        let Multiplier { normal, shear } = self.multiplier;
+        Kept { multiplier: Multiplier { normal: share * normal, shear: shear.map(|t| share * t) }, ..self }
+    }
+
+    /// The state of two contact points together.
+    pub(super) fn joined(self, other: Self) -> Self {
+        let [a, b] = [self.multiplier, other.multiplier];
+        let shear = std::array::from_fn(|d| a.shear[d] + b.shear[d]);
+        Kept {
+            multiplier: Multiplier { normal: a.normal + b.normal, shear },
+            motion: self.motion.max(other.motion),
+            excess: self.excess.max(other.excess),
+        }
+    }
 }

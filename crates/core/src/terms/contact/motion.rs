@@ -62,6 +62,23 @@ impl<const D: usize> Moving<D> {
         }
     }
 
+    /// What does not move by itself: the sides of bodies, which move with the nodes.
+    pub(super) fn at_rest() -> Self {
+        let none = Increment { translation: [0.0; D], rotation: [0.0; 3] };
+        let pose = Pose::at_origin();
+        Moving {
+            original: pose,
+            start: pose,
+            end: pose,
+            increment: none,
+            prescribed: none,
+            free: Vec::new(),
+            follows: Vec::new(),
+            before: [0.0; 6],
+            turn: [0.0; 3],
+        }
+    }
+
     /// Begins a step from the converged pose; `factor` is the load factor at this pose if it follows from equilibrium.
     pub(super) fn begin(
         &mut self,

@@ -31,19 +31,22 @@ const MAX_SLOW_ERROR: f64 = 1e-4;
 pub(super) const MANY: usize = 6;
 
 /// The multipliers of a contact point once its forces become multipliers.
-pub(super) fn forces_of<const D: usize>(trial: &Trial<D>, moving: &Moving<D>) -> Multiplier<D> {
-    let touch = trial.touch.as_ref();
-    touch.map_or_else(Multiplier::default, |touch| multiplier_of(touch, &touch.force(), moving))
-}
-
-/// The multipliers of a contact point that touches the tool with this force on the body, [force].
-pub(super) fn multiplier_of<const D: usize>(
-    touch: &Touch<D>,
-    force: &[f64; D],
+pub(super) fn forces_of<const D: usize>(
+    candidate: &Candidate<D>,
+    trial: &Trial<D>,
     moving: &Moving<D>,
 ) -> Multiplier<D> {
+    let touch = trial.touch.as_ref();
+    touch.map_or_else(Multiplier::default, |touch| {
+        let Multiplier { normal, shear } = multiplier_of(touch, &touch.force());
+        Multiplier { normal, shear: trial.in_frame(candidate, moving, &shear) }
+    })
+}
+
+/// The multipliers of a contact point that bears this force on the body, [force]; the shear in global axes.
+pub(super) fn multiplier_of<const D: usize>(touch: &Touch<D>, force: &[f64; D]) -> Multiplier<D> {
     let (normal, shear) = touch.parts(force);
-    Multiplier { normal, shear: moving.end.vector_to_tool(&shear) }
+    Multiplier { normal, shear }
 }
 
 /// The largest differences between forces and multipliers, and where they occur.
@@ -93,13 +96,13 @@ impl<const D: usize> Change<D> {
             if trial.touch.is_none() && *multiplier == Multiplier::default() || candidate.penalty == 0.0 {
                 return None;
             }
-            let now = forces_of(trial, moving);
+            let now = forces_of(candidate, trial, moving);
             let overlap = (now.normal - multiplier.normal) / candidate.penalty;
             let shear = along(&now.shear, -1.0, &multiplier.shear).map(|t| t / candidate.penalty);
             // A contact point that has opened no longer has a normal; the normal at the start of the step serves
             // instead.
             let normal = trial.touch.as_ref().map_or(candidate.near.normal, |touch| touch.normal());
-            Some(Change::new(overlap, &moving.end.vector_to_space(&shear), &normal))
+            Some(Change::new(overlap, &trial.in_global_axes(candidate, moving, &shear), &normal))
         };
         candidates.iter().zip(multipliers).zip(trials).map(change).collect()
     }
@@ -294,8 +297,13 @@ pub(super) fn followed<const D: usize, const N: usize>(
     delta: &[[f64; N]],
     motions: &[f64],
 ) -> Option<Followed<D>> {
-    let u = candidate.displacement(delta);
-    let (mut relative, mut slipping) = (u, u);
+    let slipped = candidate.displacement(delta);
+    let (mut relative, mut slipping) = (slipped, slipped);
+    if trial.facing.is_some() {
+        relative = trial
+            .carriers(candidate)
+            .fold([0.0; D], |sum, (node, value)| std::array::from_fn(|d| sum[d] + value * delta[node][d]));
+    }
     let carried = minus(&trial.position, &trial.slip);
     for (&k, motion) in moving.free.iter().zip(motions) {
         relative = along(&relative, -motion, &moving.velocity(k, &trial.position).0);
@@ -309,9 +317,9 @@ pub(super) fn followed<const D: usize, const N: usize>(
             change: None,
         });
     };
-    let now = Multiplier { shear: moving.end.vector_to_space(&multiplier.shear), ..*multiplier };
+    let now = Multiplier { shear: trial.in_global_axes(candidate, moving, &multiplier.shear), ..*multiplier };
     let Added { multiplier: next, force, overlap, slip } = touch.update_along(&now, &relative, &slipping)?;
-    let next = Multiplier { shear: moving.end.vector_to_tool(&next.shear), ..next };
+    let next = Multiplier { shear: trial.in_frame(candidate, moving, &next.shear), ..next };
     let change = Change::new(overlap, &slip, &touch.normal());
     Some(Followed { multiplier: next, force, change: Some(change) })
 }

@@ -13,6 +13,7 @@ use crate::tool::{Closest, Shape};
 
 use super::Contact;
 use super::candidates::{self, Candidate, Search, allowance, missed, named};
+use super::counterpart::Counterpart;
 use super::evaluation::Trial;
 use super::interface::{Law, Multiplier};
 use super::key::{CENTRE, FACE, Kept, Key};
@@ -58,12 +59,14 @@ impl<const D: usize> Contact<D> {
         let model = step.model;
         for (candidate, Trial { position, slip, touch, .. }) in self.candidates.iter().zip(&self.trials) {
             let number = candidate.key.tool as usize;
-            let (tool, moving) = (&model.tools[number], &self.tools[number]);
+            let moving = &self.tools[number];
             let motion = norm(slip).max(moving.arc(&candidate.start));
-            let most = tool.control.largest_slide * candidate.size;
+            let counterpart = Counterpart::new(model, candidate.key.tool);
+            let most = counterpart.control().largest_slide * candidate.size;
             if touch.is_some() && motion > most {
                 return Err(ContactError::Slide { place: candidate.place(model), motion, most });
             }
+            let Counterpart::Tool(tool) = counterpart else { continue };
             let gap = candidate.near.gap;
             let may_have_passed = || {
                 if gap > APART * candidate.size {
@@ -89,7 +92,9 @@ impl<const D: usize> Contact<D> {
         if let Some((number, p)) = missed(&self.search(step, points), at.delta_d) {
             let (tool, body) = (&model.tools[number], points.body[p] as usize);
             let position = &points.converged.position[p];
-            return Err(ContactError::Through { place: named(model, tool, body, points.id[p], position) });
+            return Err(ContactError::Through {
+                place: named(model, &Counterpart::Tool(tool), body, points.id[p], position),
+            });
         }
         Ok(())
     }
@@ -147,6 +152,15 @@ impl<const D: usize> Contact<D> {
     }
 }
 
+/// True if the corners of the domains that meet at a contact point stay where the step has put them.
+fn keeps_corners<const D: usize>(model: &Model<D>, candidate: &Candidate<D>) -> bool {
+    let keeps = |body: usize| model.bodies[body].method == Method::Cpdi2;
+    match Counterpart::new(model, candidate.key.tool) {
+        Counterpart::Tool(_) => keeps(candidate.body),
+        Counterpart::Bodies(pair) => pair.bodies.into_iter().all(keeps),
+    }
+}
+
 /// Distance from the surface, [length], halfway along the part of a straight path that lies inside a tool, in the frame
 /// of the tool; 0 if the path does not meet the tool.
 fn depth_of_passage<const D: usize>(shape: &dyn Shape<D>, [from, to]: [[f64; D]; 2]) -> f64 {
@@ -187,7 +201,9 @@ impl<const D: usize> Contact<D> {
         self.smallest = self.reduction.smallest(sizes.fold(f64::INFINITY, f64::min));
         let nearest = AWAKE * self.smallest;
         let awake = |moving: &Moving<D>| moving.translation().map(|u| nearest.max(AWAKE_AFTER * u));
-        self.awake = self.tools.iter().map(|moving| awake(moving).unwrap_or(f64::INFINITY)).collect();
+        let n = step.model.tools.len();
+        let of_tools = self.tools[..n].iter().map(|moving| awake(moving).unwrap_or(f64::INFINITY));
+        self.awake = of_tools.chain(step.model.contacts.iter().map(|_| f64::INFINITY)).collect();
         self.has_woken = false;
         self.outer.find(points, &self.reduction);
         for (tool, (edges, moving)) in self.edges.iter_mut().zip(&self.tools).enumerate() {
@@ -211,7 +227,9 @@ impl<const D: usize> Contact<D> {
         (self.pieces, self.candidates) = (pieces, candidates);
         found?;
         let kept_by = |candidate: &Candidate<D>| {
-            self.converged.get(&candidate.key).filter(|_| self.has_begun[candidate.body]).copied()
+            let key = if candidate.facet.is_some() { candidate.key.of_corner() } else { candidate.key };
+            let kept = self.converged.get(&key).filter(|_| self.has_begun[candidate.body]).copied();
+            kept.map(|kept| kept.with_share(candidate.share))
         };
         let kept: Vec<Option<Kept<D>>> = self.candidates.iter().map(kept_by).collect();
         self.start =
@@ -222,7 +240,7 @@ impl<const D: usize> Contact<D> {
             .collect();
         for (candidate, kept) in self.candidates.iter_mut().zip(&kept) {
             // Corners of CPDI2 domains stay where contact has put them, so they need no allowance.
-            if step.model.bodies[candidate.body].method != Method::Cpdi2 {
+            if !keeps_corners(step.model, candidate) {
                 let (motion, excess) = kept.map_or((0.0, 0.0), |kept| (kept.motion, kept.excess));
                 let bears = kept.is_some_and(|kept| kept.multiplier.normal > 0.0);
                 candidate.allowance = allowance(candidate.near.gap, candidate.size, motion, excess, bears);
@@ -284,14 +302,16 @@ impl<const D: usize> Contact<D> {
     fn begins_symmetric(&self, model: &Model<D>) -> bool {
         let is_known = |k: usize| {
             let candidate = &self.candidates[k];
-            let Some(interface) = model.tools[candidate.key.tool as usize].interface_with(candidate.body)
-            else {
+            let counterpart = Counterpart::new(model, candidate.key.tool);
+            let Some(interface) = counterpart.interface_with(candidate.body) else {
                 return true;
             };
             let law = Law::new(&interface, candidate.area, candidate.penalty, self.has_touched[k]);
             let is_flat = candidate.near.normal_derivative == [[0.0; D]; D];
             let is_free = self.start[k] == Multiplier::default();
-            law.is_smooth() || is_free || is_flat && law.has_stuck(&self.start[k])
+            law.is_smooth()
+                || is_free
+                || is_flat && candidate.facet.is_none() && law.has_stuck(&self.start[k])
         };
         (0..self.candidates.len()).all(is_known)
     }

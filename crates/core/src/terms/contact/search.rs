@@ -13,6 +13,7 @@ use crate::terms::failure::ContactError;
 use crate::tool::{Closest, Face, facing_each_other};
 
 use super::candidates::{Candidate, Near, Search, TOUCHING, named, radius_of};
+use super::counterpart::Counterpart;
 use super::key::{CENTRE, FACE, Key};
 use super::motion::in_space;
 use super::outer::Outer;
@@ -131,7 +132,7 @@ impl<const D: usize> Search<'_, D> {
         pieces.par_iter_mut().for_each(link);
         candidates.clear();
         pieces.iter_mut().for_each(|found| candidates.append(&mut found.candidates));
-        Ok(())
+        agreed(self.links.reduction(), self.between_bodies(candidates))
     }
 
     /// Adds the contact points of a material point; `far` bounds the distance of each tool from a position nearby.
@@ -306,7 +307,7 @@ impl<const D: usize> Search<'_, D> {
             return Ok(());
         }
         if near.gap < -TOUCHING * size && !self.has_begun[number] {
-            let place = named(model, &model.tools[tool], number, points.id[p], &start);
+            let place = named(model, &Counterpart::Tool(&model.tools[tool]), number, points.id[p], &start);
             return Err(ContactError::Overlap { place, overlap: -near.gap });
         }
         let [area, area_of_corner] = match Vertex::new(points.corners(p), corner) {

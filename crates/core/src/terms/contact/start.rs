@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::candidates::{TOUCHING, named};
+use super::counterpart::Counterpart;
 use super::motion::Moving;
 use crate::grid::MAX_CORNERS;
 use crate::model::{Model, Tool};
@@ -64,7 +65,7 @@ pub fn overlaps_at_start<const D: usize>(model: &Model<D>, points: &Points<D>) -
             });
             let Some((id, corner, overlap, n, reach)) = deepest else { continue };
             let Ok(corner) = <[f64; D]>::try_from(corner) else { continue };
-            let place = named(model, tool, body, id, &corner);
+            let place = named(model, &Counterpart::Tool(tool), body, id, &corner);
             found.push(StartOverlap { tool: number, body, place, overlap, points: n, reach, way });
         }
     }

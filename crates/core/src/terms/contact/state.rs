@@ -196,7 +196,9 @@ impl<const D: usize> Contact<D> {
                     contact,
                 }
             };
-        let touching = self.touching().zip(&forces).map(touching_at).collect();
+        let of_tools =
+            self.touching().zip(&forces).filter(|((_, candidate, ..), _)| candidate.facet.is_none());
+        let touching = of_tools.map(touching_at).collect();
         for found in gathered(&self.reduction, touching) {
             states[found.tool].add(found);
         }

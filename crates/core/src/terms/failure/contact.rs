@@ -6,8 +6,8 @@ use crate::points::coordinates;
 /// A contact point on a body, as named in errors.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ContactPlace {
-    /// Name of the tool.
-    pub tool: String,
+    /// What the body touches: "tool `name`", or "body `name`".
+    pub other: String,
     /// Name of the body.
     pub body: String,
     /// Permanent number of the material point to whose domain the contact point belongs.
@@ -18,8 +18,8 @@ pub struct ContactPlace {
 
 impl std::fmt::Display for ContactPlace {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let ContactPlace { tool, body, point, position } = self;
-        write!(f, "point {point} of body `{body}` at {} and tool `{tool}`", coordinates(position))
+        let ContactPlace { other, body, point, position } = self;
+        write!(f, "point {point} of body `{body}` at {} and {other}", coordinates(position))
     }
 }
 
@@ -27,7 +27,7 @@ impl std::fmt::Display for ContactPlace {
 #[non_exhaustive]
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ContactError {
-    /// A tool overlaps a body before the first step of the body.
+    /// A tool or a body overlaps a body before the first step of the body.
     #[error("{place} overlap by {overlap:.3e} at the start")]
     Overlap {
         /// The contact point.

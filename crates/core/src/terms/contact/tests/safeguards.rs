@@ -36,7 +36,7 @@ fn a_tool_inside_a_body_at_the_start_is_refused() {
     for method in [Method::Mpm, Method::Gimp, Method::Cpdi2] {
         let error = contact_error(block(method, plate("plate", 0.9, -1.0), 1));
         let ContactError::Overlap { place, overlap } = error else { panic!("{error}") };
-        assert_eq!((place.tool.as_str(), place.body.as_str()), ("plate", "block"));
+        assert_eq!((place.other.as_str(), place.body.as_str()), ("tool `plate`", "block"));
         assert!(overlap > 0.0 && overlap < 0.1 + 1e-12, "{overlap}");
         // Deep inside the tool, the overlap is found, too.
         let error = contact_error(block(method, plate("plate", -9.0, -1.0), 1));

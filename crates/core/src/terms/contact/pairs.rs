@@ -1,0 +1,364 @@
+//! The contact points between two bodies, in the plane: corners of one body over sides of the other.
+//!
+//! The outer sides of both bodies that face each other are divided where a corner of either body lies over a side of the
+//! other and, for GIMP domains, where they cross a line of the grid. Between these places the functions that carry both
+//! bodies are linear along the sides, so that the trapezium rule integrates a uniform pressure over both as the rule of
+//! each basis does: it is in equilibrium with a uniform stress in both bodies, however their domains lie. Each place is
+//! a contact point, with half of the length of the pieces beside it: a corner of either body touches the facet of the
+//! other body that it lies over, so that no corner passes through a side.
+
+use rustc_hash::FxHashMap;
+
+use crate::basis::Method;
+use crate::grid::MAX_CORNERS;
+use crate::model::ModuliAtRest;
+use crate::region::vector::{along, dot, minus, norm};
+use crate::region::{BoxTree, around};
+use crate::surface::{Places, corners_of, crossings, sides_of_domain};
+use crate::terms::failure::ContactError;
+use crate::tool::Closest;
+
+use super::candidates::{Candidate, Carriers, MIN_AREA, Search, TOUCHING, named};
+use super::counterpart::Counterpart;
+use super::facet::Facet;
+use super::key::{FACE, FIRST_SIDE, Key};
+use super::outer::Outer;
+
+/// Largest cosine of the angle between the outward normals of two sides that face each other, [-].
+const FACING: f64 = -0.5;
+/// Depth of a contact point below a side, relative to the size of a cell, down to which it may touch this side, [-].
+const DEEPEST: f64 = 0.5;
+/// Distance from the end of a side, relative to its length, within which a place is at its end, [-].
+const AT_END: f64 = 1e-7;
+/// Size relative to that of a cell, [-], within which corners of domains are one.
+const SAME_CORNER: f64 = 1e3;
+/// Cosine of the angle between the normals of facets that count as one for a contact point, less than 1 by this, [-].
+const SAME_PLANE: f64 = 1e-12;
+
+/// An outer side of a body that may touch another body.
+struct Side<const D: usize> {
+    p: usize,
+    /// Number of the side in its domain.
+    number: usize,
+    corners: Vec<[f64; D]>,
+    /// For each corner, the material point and the number of the corner in its domain that stand for it.
+    owners: Vec<(u32, u32)>,
+    /// The nodes that carry each corner.
+    carriers: Vec<Carriers>,
+    /// Outward unit normal.
+    normal: [f64; D],
+    /// Size of the cell of its material point, [length].
+    size: f64,
+    /// Stiffness of a cell of its material, [force/length³].
+    stiffness: f64,
+    method: Method,
+}
+
+/// A place on two sides that face each other, at these fractions of both.
+#[derive(Clone, Copy)]
+struct PlaceOnSides {
+    first: f64,
+    second: f64,
+}
+
+impl<const D: usize> Side<D> {
+    fn edge(&self) -> [f64; D] {
+        minus(&self.corners[1], &self.corners[0])
+    }
+
+    fn position(&self, fraction: f64) -> [f64; D] {
+        along(&self.corners[0], fraction, &self.edge())
+    }
+
+    /// The fraction of the side at which a position projects on it.
+    fn fraction(&self, x: &[f64; D]) -> f64 {
+        let edge = self.edge();
+        dot(&minus(x, &self.corners[0]), &edge) / dot(&edge, &edge)
+    }
+
+    /// The corner at a fraction of the side, if it lies at an end.
+    fn corner_at(fraction: f64) -> Option<usize> {
+        if fraction.abs() <= AT_END { Some(0) } else { ((fraction - 1.0).abs() <= AT_END).then_some(1) }
+    }
+
+    /// The places that bound the pieces of this side over another one, at the first of which it begins; fewer than two if
+    /// they do not lie over each other.
+    fn places_over(
+        &self,
+        other: &Side<D>,
+        lines: &dyn Fn(&[f64; D], &[f64; D]) -> Vec<f64>,
+    ) -> Vec<PlaceOnSides> {
+        let [from, to] = [0, 1].map(|k| other.fraction(&self.corners[k]));
+        let (low, high) = (from.min(to).max(0.0), from.max(to).min(1.0));
+        if !(high - low > AT_END) || (to - from).abs() <= AT_END {
+            return Vec::new();
+        }
+        let on_first = |second: f64| (second - from) / (to - from);
+        let ends = [on_first(low), on_first(high)];
+        let mut first = vec![ends[0].min(ends[1]), ends[0].max(ends[1])];
+        if [self.method, other.method].contains(&Method::Gimp) {
+            let [a, b] = [0, 1].map(|k| self.position(first[k]));
+            let (start, length) = (first[0], first[1] - first[0]);
+            let inner = lines(&a, &b).into_iter().filter(|t| (AT_END..1.0 - AT_END).contains(t));
+            first.extend(inner.map(|t| start + t * length));
+            first.sort_by(f64::total_cmp);
+        }
+        let snapped = |x: f64| Side::<D>::corner_at(x).map_or(x, |corner| corner as f64);
+        first
+            .into_iter()
+            .map(|first| PlaceOnSides { first: snapped(first), second: snapped(from + first * (to - from)) })
+            .collect()
+    }
+}
+
+impl<const D: usize> Search<'_, D> {
+    /// Adds the contact points between bodies to the candidates.
+    ///
+    /// # Errors
+    /// [`ContactError::Overlap`] for two bodies of which one begins inside the other.
+    pub(super) fn between_bodies(&self, candidates: &mut Vec<Candidate<D>>) -> Result<(), ContactError> {
+        if self.model.contacts.is_empty() {
+            return Ok(());
+        }
+        let moduli = self.moduli();
+        let in_contact = |body: usize| self.model.contacts.iter().any(|pair| pair.bodies.contains(&body));
+        let sides: Vec<Vec<Side<D>>> = (0..self.model.bodies.len())
+            .map(|body| if in_contact(body) { self.sides_of_body(body, &moduli) } else { Vec::new() })
+            .collect();
+        let first = candidates.len();
+        for (number, pair) in self.model.contacts.iter().enumerate() {
+            let [one, other] = pair.bodies.map(|body| &sides[body]);
+            self.between(number, one, other, candidates)?;
+        }
+        take_shares(&mut candidates[first..]);
+        Ok(())
+    }
+
+    /// The outer sides of a body.
+    fn sides_of_body(&self, body: usize, moduli: &ModuliAtRest<D>) -> Vec<Side<D>> {
+        let Search { model, points, outer, .. } = *self;
+        let method = model.bodies[body].method;
+        let mut buffer = [[0.0; D]; MAX_CORNERS];
+        let mut sides = Vec::new();
+        for p in (0..points.len()).filter(|&p| points.body[p] as usize == body) {
+            let mask = outer.of_point(points.id[p]);
+            if mask == 0 {
+                continue;
+            }
+            let corners = corners_of(points, p, &mut buffer);
+            let size = model.grid.size(points.cell[p] as usize);
+            for (number, side) in
+                sides_of_domain::<D>(corners.len()).enumerate().filter(|(k, _)| mask >> k & 1 == 1)
+            {
+                let area = side.area(corners);
+                let length = norm(&area);
+                if !(length > 0.0) {
+                    continue;
+                }
+                let places: Vec<[f64; D]> = side.corners().iter().map(|&k| corners[k]).collect();
+                sides.push(Side {
+                    p,
+                    number,
+                    owners: side.corners().iter().map(|&k| (points.id[p], k as u32)).collect(),
+                    carriers: places.iter().map(|x| self.basis(p, x, method).1).collect(),
+                    corners: places,
+                    normal: area.map(|a| a / length),
+                    size,
+                    stiffness: 4.0 * moduli.at(points, p) / size,
+                    method,
+                });
+            }
+        }
+        // Neighbouring domains share corners: the one of the material point with the lowest number stands for all.
+        let mut places = Places::new(SAME_CORNER * self.smallest);
+        let numbers: Vec<Vec<u32>> =
+            sides.iter().map(|side| side.corners.iter().map(|x| places.number(x)).collect()).collect();
+        let mut owner: FxHashMap<u32, (u32, u32)> = FxHashMap::default();
+        for (side, numbers) in sides.iter().zip(&numbers) {
+            for (own, number) in side.owners.iter().zip(numbers) {
+                owner.entry(*number).and_modify(|first| *first = (*first).min(*own)).or_insert(*own);
+            }
+        }
+        for (side, numbers) in sides.iter_mut().zip(&numbers) {
+            side.owners = numbers.iter().map(|number| owner[number]).collect();
+        }
+        sides
+    }
+
+    /// Adds the contact points between two bodies.
+    fn between(
+        &self,
+        pair: usize,
+        first: &[Side<D>],
+        second: &[Side<D>],
+        candidates: &mut Vec<Candidate<D>>,
+    ) -> Result<(), ContactError> {
+        let Search { model, .. } = *self;
+        let number = model.tools.len() + pair;
+        let control = Counterpart::new(model, number as u32).control();
+        let boxes: Vec<_> = second.iter().map(|side| around(&side.corners)).collect();
+        let tree = BoxTree::new(&boxes);
+        let lines = |a: &[f64; D], b: &[f64; D]| crossings(model.grid.as_ref(), a, b);
+        let mut known: FxHashMap<Key, Vec<usize>> = FxHashMap::default();
+        for side in first {
+            let reach = control.largest_slide * side.size;
+            let [low, high] = around(&side.corners);
+            let is_near = |[other_low, other_high]: &[[f64; D]; 2]| {
+                (0..D).all(|d| low[d] - reach <= other_high[d] && other_low[d] <= high[d] + reach)
+            };
+            let mut near: Vec<usize> = Vec::new();
+            tree.visit(is_near, |item| near.push(tree.order[item] as usize));
+            near.sort_unstable();
+            for other in near.into_iter().map(|k| &second[k]) {
+                if dot(&side.normal, &other.normal) > FACING {
+                    continue;
+                }
+                let places = side.places_over(other, &lines);
+                for ends in places.windows(2) {
+                    let [a, b] = [ends[0], ends[1]];
+                    let middle = side.position(0.5 * (a.first + b.first));
+                    let area = 0.5 * (b.first - a.first) * norm(&side.edge()) * model.depth(&middle);
+                    for place in [a, b] {
+                        self.add(number, [side, other], place, area, &mut known, candidates)?;
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds an area to the contact point at a place on two sides, which is new if there is none.
+    fn add(
+        &self,
+        number: usize,
+        sides: [&Side<D>; 2],
+        place: PlaceOnSides,
+        area: f64,
+        known: &mut FxHashMap<Key, Vec<usize>>,
+        candidates: &mut Vec<Candidate<D>>,
+    ) -> Result<(), ContactError> {
+        let corners = [Side::<D>::corner_at(place.first), Side::<D>::corner_at(place.second)];
+        // A corner touches the other side; a crossing with a line of the grid is a place on the first side.
+        let (own, other, at) = match corners {
+            [None, Some(_)] => (sides[1], sides[0], place.second),
+            _ => (sides[0], sides[1], place.first),
+        };
+        let x = own.position(at);
+        let gap = dot(&minus(&x, &other.corners[0]), &other.normal);
+        let Search { model, points, .. } = *self;
+        let pair = Counterpart::new(model, number as u32);
+        let size = own.size.min(other.size);
+        if gap > pair.control().largest_slide * size || gap < -DEEPEST * size {
+            return Ok(());
+        }
+        let (point, corner) = Side::<D>::corner_at(at)
+            .map_or((points.id[own.p], FIRST_SIDE + own.number as u32), |corner| own.owners[corner]);
+        let key = Key { tool: number as u32, point, corner };
+        let forming = known.entry(key).or_default();
+        let is_same = |k: &&usize| {
+            let candidate = &candidates[**k];
+            dot(&candidate.near.normal, &other.normal) > 1.0 - SAME_PLANE
+                && norm(&minus(&candidate.start, &x)) <= AT_END * size
+        };
+        if let Some(&found) = forming.iter().find(is_same) {
+            candidates[found].area += area;
+            return Ok(());
+        }
+        let bodies = [own, other].map(|side| points.body[side.p] as usize);
+        let has_begun = bodies.iter().all(|body| self.has_begun[*body]);
+        if gap < -TOUCHING * size && !has_begun {
+            let place = named(model, &pair, bodies[0], points.id[own.p], &x);
+            return Err(ContactError::Overlap { place, overlap: -gap });
+        }
+        let key = Key { corner: corner + FACE * forming.len() as u32, ..key };
+        if let Some(candidate) = self.on_facet(key, [own, other], at, gap) {
+            forming.push(candidates.len());
+            candidates.push(Candidate { area, ..candidate });
+        }
+        Ok(())
+    }
+
+    /// The contact point at a fraction of a side over another side, without area.
+    fn on_facet(&self, key: Key, [own, other]: [&Side<D>; 2], at: f64, gap: f64) -> Option<Candidate<D>> {
+        let Search { model, points, .. } = *self;
+        let x = own.position(at);
+        let size = own.size.min(other.size);
+        // The nodes of the contact point, then those of the facet.
+        let mut basis = match Side::<D>::corner_at(at) {
+            Some(corner) => own.carriers[corner].clone(),
+            None if own.method == Method::Gimp => self.basis(own.p, &x, own.method).1,
+            None => Carriers::mean(&own.carriers, &[1.0 - at, at]),
+        };
+        let foot = along(&x, -gap, &other.normal);
+        let fraction = other.fraction(&foot);
+        let on_other = if other.method == Method::Gimp {
+            self.basis(other.p, &foot, other.method).1
+        } else {
+            Carriers::mean(&other.carriers, &[1.0 - fraction, fraction])
+        };
+        let mut slopes = vec![[0.0; 2]; basis.len()];
+        for (node, value) in on_other.iter() {
+            basis.push(node as u32, -value);
+            slopes.push([0.0; 2]);
+        }
+        let first = basis.len() - on_other.len();
+        for (corner, sign) in other.carriers.iter().zip([-1.0, 1.0]) {
+            for (node, value) in corner.iter() {
+                let place = basis.place_from(first, node).unwrap_or_else(|| {
+                    basis.push(node as u32, 0.0);
+                    slopes.push([0.0; 2]);
+                    basis.len() - 1
+                });
+                slopes[place][0] += sign * value;
+            }
+        }
+        let facet = Facet::new([other.edge(), [0.0; D]], slopes, &other.normal)?;
+        let normal = facet.normal()?;
+        // Of two materials in series, the softer one decides.
+        let series = |a: f64, b: f64| if a + b > 0.0 { a * b / (a + b) } else { 0.0 };
+        let stiffness = series(own.stiffness, other.stiffness);
+        let mut in_cell = x;
+        in_cell[0] = in_cell[0].max(0.5 * size);
+        let least = MIN_AREA * size.powi(D as i32 - 1) * model.depth(&in_cell);
+        Some(Candidate {
+            key,
+            body: points.body[own.p] as usize,
+            start: x,
+            is_flat: false,
+            keeps_face: true,
+            reach: basis.reach(),
+            basis,
+            area: 0.0,
+            outer: Outer::default(),
+            bearing: 0.0,
+            size,
+            stiffness,
+            penalty: Counterpart::new(model, key.tool).control().penalty * stiffness,
+            penalty_if_slow: least,
+            held: None,
+            near: Closest { gap, normal, point: foot, part: 0, normal_derivative: [[0.0; D]; D] },
+            allowance: 0.0,
+            shared_by: Vec::new(),
+            facet: Some(Box::new(facet)),
+            share: 1.0,
+        })
+    }
+}
+
+/// Completes contact points whose areas are known: until now, their stiffness and penalty are those of a unit area, and
+/// the penalty for slow updates is the least area that it assumes. Contact points of one corner share what it keeps from
+/// step to step by their areas.
+fn take_shares<const D: usize>(candidates: &mut [Candidate<D>]) {
+    let mut areas: FxHashMap<Key, f64> = FxHashMap::default();
+    for candidate in &*candidates {
+        *areas.entry(candidate.key.of_corner()).or_default() += candidate.area;
+    }
+    for candidate in candidates {
+        let (area, whole) = (candidate.area, areas[&candidate.key.of_corner()]);
+        candidate.share = if whole > 0.0 { area / whole } else { 1.0 };
+        candidate.bearing = area;
+        candidate.stiffness *= area;
+        candidate.penalty_if_slow = candidate.penalty * area.max(candidate.penalty_if_slow);
+        candidate.penalty *= area;
+    }
+}
