@@ -25,7 +25,8 @@ mod term;
 
 pub use attached::{Attached, Obstacle};
 pub use contact::{
-    Contact, ContactPoint, Mode, PartState, StartOverlap, ToolState, boxes_on_the_way, overlaps_at_start,
+    Contact, ContactPoint, FacetPoint, Mode, PairState, PartState, StartOverlap, ToolState, boxes_on_the_way,
+    overlaps_at_start,
 };
 pub use failure::{
     BeginError, ContactError, ContactPlace, EvaluateError, LawFailure, LoadNotFinite, PointFailure,

@@ -13,13 +13,13 @@ use mpm_core::ranks::Ranks;
 use mpm_core::solver::Step;
 use mpm_core::surface::SurfaceFields;
 use mpm_core::tensor::padded;
-use mpm_core::terms::ToolState;
+use mpm_core::terms::{PairState, ToolState};
 
 use super::directory::{SERIES, file_name, list_name, piece_name};
 use super::fields::{GridMesh, PointField, PointSource, grid_mesh, number, vector, volumes};
 use super::invalid;
 use super::smoothed_pressure::smoothed_pressures;
-use super::tool_frames::{Outlined, contacts_of_tools, surfaces_of_tools};
+use super::tool_frames::{Outlined, contact_points, surfaces_of_tools};
 use super::vtu::{CellKind, Cells, Encoded, Field, File, Kinds, Pieces, Precision, Room, Values};
 
 /// A file of a series, independent of the run.
@@ -300,7 +300,8 @@ impl Frames {
         Frame::new(3, step, self.file_of_surfaces(surfaces, step)).map(Some)
     }
 
-    /// Frames of the surfaces of all tools and of the contact points on them; none without tools.
+    /// Frames of the surfaces of all tools and of the contact points on tools and between bodies; none without tools and
+    /// without contact between bodies.
     ///
     /// # Errors
     /// As for [`Frames::point_frames`].
@@ -308,18 +309,22 @@ impl Frames {
         &mut self,
         model: &Model<D>,
         tools: &[ToolState<D>],
+        pairs: &[PairState<D>],
         step: Step,
     ) -> io::Result<Vec<Frame>> {
-        if tools.is_empty() {
+        if tools.is_empty() && pairs.is_empty() {
             return Ok(Vec::new());
         }
         if self.outlines.is_empty() {
             self.outlines = model.tools.iter().map(|tool| Outlined::new(tool, model)).collect();
         }
         let (precision, room) = (self.precision, &self.room);
+        let contacts = Frame::new(5, step, contact_points(tools, pairs, step, precision, room))?;
+        if tools.is_empty() {
+            return Ok(vec![contacts]);
+        }
         let surfaces = surfaces_of_tools(&self.outlines, model, tools, step, precision, room);
-        let contacts = contacts_of_tools(tools, step, precision, room);
-        Ok(vec![Frame::new(4, step, surfaces)?, Frame::new(5, step, contacts)?])
+        Ok(vec![Frame::new(4, step, surfaces)?, contacts])
     }
 
     fn file_of_surfaces<const D: usize>(

@@ -1,10 +1,10 @@
 //! The rows of the tables of a run: history, quality, and convergence of the iterations.
 
 use mpm_core::dofs::Field;
-use mpm_core::model::{Model, Probe};
+use mpm_core::model::{BodyContact, Model, Probe};
 use mpm_core::points::Points;
 use mpm_core::solver::{FailedAttempt, ReactionMoment, Step, StepReport, Summary};
-use mpm_core::terms::ToolState;
+use mpm_core::terms::{PairState, ToolState};
 
 use super::findings::Findings;
 use super::table::Entry;
@@ -116,6 +116,11 @@ pub fn columns_of_history<const D: usize>(model: &Model<D>, beside: &Beside) -> 
             columns.extend(turns.iter().map(|axis| format!("{name}_{}_m{axis}", part.name)));
         }
     }
+    for contact in &model.contacts {
+        let name = name_of_pair(model, contact);
+        columns.extend(axes.iter().map(|axis| format!("{name}_f{axis}")));
+        columns.extend(["contacts", "area", "overlap", "slip"].map(|what| format!("{name}_{what}")));
+    }
     for name in &beside.forces {
         columns.extend(axes.iter().map(|axis| format!("{name}_f{axis}")));
     }
@@ -179,6 +184,11 @@ pub fn row_of_history<const D: usize>(
             row.extend(part.moment[about..].iter().map(|m| Entry::from(*m)));
         }
     }
+    for pair in report.list::<PairState<D>>() {
+        row.extend(pair.force.map(Entry::from));
+        row.push((pair.contacts.len() as i64).into());
+        row.extend([pair.area, pair.overlap, pair.slip].map(Entry::from));
+    }
     for name in &beside.forces {
         let force = report.forces.iter().find(|named| named.name == *name).map(|named| named.force);
         row.extend((0..D).map(|d| force.map_or(Entry::Missing, |force| force[d].into())));
@@ -198,6 +208,12 @@ pub fn row_of_history<const D: usize>(
         row.push(energy.map_or(Entry::Missing, Entry::from));
     }
     row
+}
+
+/// The name under which the forces between two bodies are reported: those of the first on the second.
+pub fn name_of_pair<const D: usize>(model: &Model<D>, contact: &BodyContact) -> String {
+    let [first, second] = contact.bodies.map(|body| model.bodies[body].name.as_str());
+    format!("{first}_on_{second}")
 }
 
 /// For each probe, the displacements of its points that are present, on any rank.

@@ -1,11 +1,12 @@
-//! The VTU files of the tools of a step: their surfaces with pressure and shear, and the contact points on them.
+//! The VTU files of the tools of a step: their surfaces with pressure and shear; and the contact points on tools and
+//! between bodies.
 
 use std::sync::Arc;
 
 use mpm_core::model::{Model, Tool};
 use mpm_core::solver::Step;
 use mpm_core::tensor::padded;
-use mpm_core::terms::{ContactPoint, Mode, ToolState};
+use mpm_core::terms::{ContactPoint, FacetPoint, Mode, PairState, ToolState};
 use mpm_core::tool::Outline;
 
 use super::fields::{number, vector};
@@ -120,18 +121,22 @@ pub(super) fn surfaces_of_tools<const D: usize>(
     File::new(step.end, step.index as i64, Arc::new(vertices), Arc::new(cells), Vec::new(), fields)
 }
 
-/// The file of the contact points on tools.
+/// The file of the contact points on tools, then those between bodies, if the model has any: these have the number -1 in
+/// place of that of a tool, and the number of their pair, a gap and a slip.
 ///
 /// # Errors
 /// If values cannot be written.
-pub(super) fn contacts_of_tools<const D: usize>(
+pub(super) fn contact_points<const D: usize>(
     tools: &[ToolState<D>],
+    pairs: &[PairState<D>],
     step: Step,
     precision: Precision,
     room: &Room,
 ) -> Result<File, String> {
-    let all =
+    let between = || pairs.iter().flat_map(|pair| &pair.contacts);
+    let on_tools =
         || tools.iter().enumerate().flat_map(|(k, tool)| tool.contacts.iter().map(move |c| (k as i32, c)));
+    let all = || on_tools().chain(between().map(|found| (-1, &found.contact)));
     let numbers: Vec<i32> = all().map(|(number, _)| number).collect();
     let bodies: Vec<i32> = all().map(|(_, contact)| contact.body as i32).collect();
     let points: Vec<i32> = all().map(|(_, contact)| contact.point as i32).collect();
@@ -147,7 +152,14 @@ pub(super) fn contacts_of_tools<const D: usize>(
     ];
     let pressure: Vec<f64> = all().map(|(_, contact)| contact.pressure).collect();
     let areas: Vec<f64> = all().map(|(_, contact)| contact.area).collect();
-    let fields = [
+    let n_on_tools = on_tools().count();
+    let of_pairs = |of: fn(&FacetPoint<D>) -> f64| -> Vec<f64> {
+        std::iter::repeat_n(0.0, n_on_tools).chain(between().map(of)).collect()
+    };
+    let pair_numbers: Vec<i32> =
+        std::iter::repeat_n(-1, n_on_tools).chain(between().map(|found| found.pair as i32)).collect();
+    let (gaps, slips) = (of_pairs(|found| found.gap), of_pairs(|found| found.slip));
+    let mut fields = vec![
         number("tool", &numbers),
         number("body", &bodies),
         number("point", &points),
@@ -158,6 +170,9 @@ pub(super) fn contacts_of_tools<const D: usize>(
         vector("shear", &shear),
         scalar("area", &areas),
     ];
+    if !pairs.is_empty() {
+        fields.extend([number("pair", &pair_numbers), scalar("gap", &gaps), scalar("slip", &slips)]);
+    }
     let n = positions.len();
     let fields = encoded(&fields, "point", n, precision, room)?;
     let positions = Encoded::positions(n, Values::Float64(positions.as_flattened()), precision, room)?;

@@ -75,6 +75,7 @@ mod multipliers;
 mod neighbours;
 mod on_sides;
 mod outer;
+mod pair_state;
 mod pairs;
 mod ranks;
 mod safeguards;
@@ -122,6 +123,7 @@ use search::Found;
 use support::support_sliding;
 
 pub use interface::Mode;
+pub use pair_state::{FacetPoint, PairState};
 pub use start::{StartOverlap, boxes_on_the_way, overlaps_at_start};
 pub use state::{ContactPoint, PartState, ToolState};
 
@@ -222,6 +224,11 @@ impl<const D: usize> Contact<D> {
     /// The tools of a model at the start, without forces.
     pub fn at_start(model: &Model<D>) -> Vec<ToolState<D>> {
         Contact::new(model).states(model)
+    }
+
+    /// The pairs of bodies of a model at the start, without forces.
+    pub fn pairs_at_start(model: &Model<D>) -> Vec<PairState<D>> {
+        Contact::new(model).pair_states(model)
     }
 
     /// Evaluates all contact points; `farthest` is the largest displacement of a node, [length], and `kept` tells for
@@ -372,6 +379,7 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
             report.add_driven(moving.against(&state.force, &state.moment));
         }
         report.add_list(states);
+        report.add_list(self.pair_states(model));
     }
 
     fn commit(&mut self, _: &StepContext<D>, _: &mut Points<D>) {

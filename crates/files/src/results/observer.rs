@@ -13,7 +13,7 @@ use mpm_core::solver::{
     Cause, FailedAttempt, GridFields, NodalField, Observer, Reached, SolveError, Step, StepReport,
 };
 use mpm_core::surface::SurfaceFields;
-use mpm_core::terms::{Contact, Surfaces, ToolState};
+use mpm_core::terms::{Contact, PairState, Surfaces, ToolState};
 
 use super::{Results, Tables, is_due};
 use crate::checkpoint;
@@ -142,7 +142,12 @@ impl Results {
         if ranks.is_root() {
             let frame = self.frames.surface_frame(&surfaces, self.last);
             frames = frames.and_then(|frames| joined(frames, frame));
-            let tool_frames = self.frames.tool_frames(model, &Contact::at_start(model), self.last);
+            let tool_frames = self.frames.tool_frames(
+                model,
+                &Contact::at_start(model),
+                &Contact::pairs_at_start(model),
+                self.last,
+            );
             frames = frames.and_then(|frames| joined(frames, tool_frames));
         }
         self.show(self.last, frames, ranks)
@@ -179,7 +184,8 @@ impl Results {
             if ranks.is_root() {
                 let surface_frame = self.frames.surface_frame(report.list::<SurfaceFields<D>>(), report.step);
                 frames = frames.and_then(|frames| joined(frames, surface_frame));
-                let tool_frames = self.frames.tool_frames(model, report.list::<ToolState<D>>(), report.step);
+                let (tools, pairs) = (report.list::<ToolState<D>>(), report.list::<PairState<D>>());
+                let tool_frames = self.frames.tool_frames(model, tools, pairs, report.step);
                 frames = frames.and_then(|frames| joined(frames, tool_frames));
             }
             let shown = self.show(report.step, frames, ranks);
