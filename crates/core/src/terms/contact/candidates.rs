@@ -100,6 +100,8 @@ pub(super) struct Candidate<const D: usize> {
     pub(super) shared_by: Vec<u32>,
     /// The facet of another body; `None` if the contact point may touch a tool.
     pub(super) facet: Option<Box<Facet<D>>>,
+    /// True if it lies on the second body of a pair of bodies.
+    pub(super) is_on_second: bool,
     /// Its share of what its corner keeps from step to step, [-].
     pub(super) share: f64,
 }
@@ -158,6 +160,11 @@ impl Carriers {
 }
 
 impl<const D: usize> Candidate<D> {
+    /// The contact points whose errors nodes average: those of one tool, or of one body of a pair.
+    pub(super) fn group(&self) -> u32 {
+        2 * self.key.tool + u32::from(self.is_on_second)
+    }
+
     /// The displacement of the contact point in the step, [length].
     pub(super) fn displacement<const N: usize>(&self, delta_d: &[[f64; N]]) -> [f64; D] {
         let mut u = [0.0; D];
@@ -335,6 +342,7 @@ impl<const D: usize> Search<'_, D> {
             allowance: 0.0,
             shared_by,
             facet: None,
+            is_on_second: false,
             share: 1.0,
         })
     }

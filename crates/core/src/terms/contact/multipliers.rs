@@ -182,7 +182,7 @@ pub(super) fn worst<const D: usize>(
         let all = candidates.iter().zip(changes).enumerate();
         all.filter_map(|(k, (candidate, change))| Some((k, candidate, change.as_ref()?)))
     };
-    let numbers = NodeNumbers::new(changing().map(|(_, candidate, _)| (candidate.key.tool, candidate)));
+    let numbers = NodeNumbers::new(changing().map(|(_, candidate, _)| (candidate.group(), candidate)));
     let mut nodal = vec![NodalSum::<D>::NONE; numbers.known.len()];
     for (i, (_, candidate, change)) in changing().enumerate() {
         for ((_, value), &node) in candidate.basis.iter().zip(numbers.numbers_at(i)) {

@@ -340,6 +340,8 @@ impl<const D: usize> Search<'_, D> {
             allowance: 0.0,
             shared_by: Vec::new(),
             facet: Some(Box::new(facet)),
+            is_on_second: points.body[own.p] as usize
+                == model.contacts[key.tool as usize - model.tools.len()].bodies[1],
             share: 1.0,
         })
     }
