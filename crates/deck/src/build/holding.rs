@@ -39,9 +39,12 @@ impl Check<'_> {
         dofs: &DofMap<D>,
         later: Option<LaterStage>,
     ) -> Free {
-        // Only the stiffness shows whether surrounding water, or a tool that touches a body, holds the body.
-        let touches =
-            |body: &u16| model.tools.iter().any(|tool| tool.interface_with(*body as usize).is_some());
+        // Only the stiffness shows whether surrounding water, or a tool or body that touches a body, holds the body.
+        let touches = |body: &u16| {
+            let body = usize::from(*body);
+            model.tools.iter().any(|tool| tool.interface_with(body).is_some())
+                || model.contacts.iter().any(|contact| contact.bodies.contains(&body))
+        };
         let floats = |body: &u16| {
             touches(body)
                 || model.loads.iter().any(|load| match &load.action {
