@@ -17,7 +17,7 @@ PAGE = Path(__file__).resolve().parent / "python.md"
 #: The things of the package by headings, in the order of the page.
 PARTS = {
     "Decks": [mpm.Deck, mpm.Diagnostic],
-    "Runs": [mpm.Run, mpm.Step, mpm.Tool, mpm.ToolPart, mpm.Contacts, mpm.Points, mpm.Table],
+    "Runs": [mpm.Run, mpm.Step, mpm.Tool, mpm.ToolPart, mpm.BodyPair, mpm.Contacts, mpm.Points, mpm.Table],
     "Results": [mpm.Result, mpm.Frame, mpm.read],
     "Laws": [mpm.Law, mpm.BuiltInLaw, mpm.testing.check_material, mpm.testing.Finding],
     "Studies": [mpm.sweep, mpm.Study, mpm.Member, mpm.converge, mpm.Convergence, mpm.GridRun],

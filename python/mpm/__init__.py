@@ -15,9 +15,10 @@ from mpm._laws import BuiltInLaw, Law
 from mpm._mpm import VERSION as __version__
 from mpm._run import Frame, Points, Result, Run, Step, Table, read
 from mpm._study import Member, Study, sweep
-from mpm._tools import Contacts, Tool, ToolPart
+from mpm._tools import BodyPair, Contacts, Tool, ToolPart
 
 __all__ = [
+    "BodyPair",
     "BuiltInLaw",
     "Contacts",
     "Convergence",

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from mpm import _mpm
 from mpm._errors import Diagnostic, MpmError, ResultsError, UsageError, diagnostics_of
 from mpm._laws import Law
-from mpm._tools import Tool, tools_of
+from mpm._tools import BodyPair, Tool, pairs_of, tools_of
 
 if TYPE_CHECKING:
     import pandas
@@ -49,6 +49,7 @@ class Step:
         reactions: Reaction of each boundary condition, by name: the force on the bodies, shape (axes,), [force].
         loads: Resultant of each load, by name, shape (axes,), [force].
         tools: Each rigid tool, by name: position, force, moment, parts, contacts.
+        contacts: Each pair of bodies in contact, by the name of its columns such as ``block_on_ground``.
         unknowns: Number of free degrees of freedom.
         external_work: Work of loads and reactions so far, [energy].
         strain_energy: Stored elastic energy, [energy].
@@ -78,6 +79,7 @@ class Step:
     reactions: dict[str, Array]
     loads: dict[str, Array]
     tools: dict[str, Tool]
+    contacts: dict[str, BodyPair]
     unknowns: int
     external_work: float
     strain_energy: float
@@ -99,6 +101,7 @@ def _step(document: str) -> Step:
     for key in ("reactions", "loads"):
         data[key] = {name: np.array(force) for name, force in data[key].items()}
     data["tools"] = tools_of(data["tools"])
+    data["contacts"] = pairs_of(data["contacts"])
     data["warnings"] = tuple(
         Diagnostic(of["code"], "warning", of["message"], help=of["help"]) for of in data["warnings"]
     )

@@ -1,4 +1,4 @@
-"""The rigid tools of a run."""
+"""The rigid tools and the contacts between bodies of a run."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Contacts:
-    """The n contact points that touch a tool: corners and centres of the domains of material points.
+    """The n contact points that touch a tool or another body: corners and centres of domains.
 
     Attributes:
         position: Position, shape (n, axes), [length].
@@ -109,6 +109,47 @@ class Tool:
     contacts: Contacts
 
 
+@dataclass(frozen=True, eq=False)
+class BodyPair:
+    """Two bodies in contact at the end of a step.
+
+    Attributes:
+        force: Force of the first body on the second, shape (axes,), [force].
+        area: Area over which they touch, [area].
+        overlap: Largest overlap that remains after the contact forces have acted, [length].
+        slip: Largest slip in the step where the bodies stick, [length].
+        contacts: The contact points of both bodies that touch; force and shear act on the body of the contact point,
+            and the normal points out of the other body.
+        gaps: Gap at each contact point, negative for an overlap, shape (n,), [length].
+        slips: Motion of each contact point along the other body in the step, shape (n,), [length].
+    """
+
+    force: Array
+    area: float
+    overlap: float
+    slip: float
+    contacts: Contacts
+    gaps: Array
+    slips: Array
+
+
+def pairs_of(document: dict[str, Any]) -> dict[str, BodyPair]:
+    """The contacts between bodies in the document of a step."""
+    return {name: _pair(of) for name, of in document.items()}
+
+
+def _pair(of: dict[str, Any]) -> BodyPair:
+    return BodyPair(
+        force=np.array(of["force"], dtype=float),
+        area=of["area"],
+        overlap=of["overlap"],
+        slip=of["slip"],
+        contacts=_contacts(of["contacts"], len(of["force"])),
+        gaps=np.array(of["gaps"], dtype=float),
+        slips=np.array(of["slips"], dtype=float),
+    )
+
+
 def tools_of(document: dict[str, Any]) -> dict[str, Tool]:
     """The tools in the document of a step."""
     return {name: _tool(of) for name, of in document.items()}
@@ -121,8 +162,12 @@ def _tool(of: dict[str, Any]) -> Tool:
         for name, part in of["parts"].items()
     }
     axes = len(of["position"])
-    contacts = Contacts(**{key: _column(key, values, axes) for key, values in of["contacts"].items()})
+    contacts = _contacts(of["contacts"], axes)
     return Tool(**arrays, overlap=of["overlap"], allowed_overlap=of["allowed_overlap"], parts=parts, contacts=contacts)
+
+
+def _contacts(lists: dict[str, Any], axes: int) -> Contacts:
+    return Contacts(**{key: _column(key, values, axes) for key, values in lists.items()})
 
 
 def _column(key: str, values: list[Any], axes: int) -> npt.NDArray[Any]:

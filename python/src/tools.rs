@@ -1,7 +1,8 @@
-//! The tools of a run as a document.
+//! The tools and the contacts between bodies of a run as documents.
 
 use mpm::model::{Model, Tool};
-use mpm::terms::{ContactPoint, Mode, ToolState};
+use mpm::output::history::name_of_pair;
+use mpm::terms::{ContactPoint, Mode, PairState, ToolState};
 use serde_json::{Map, Value, json};
 
 /// The tools at the end of a step, keyed by name.
@@ -28,6 +29,24 @@ fn document<const D: usize>(tool: &Tool<D>, state: &ToolState<D>) -> Value {
         "parts": Value::Object(parts.collect::<Map<_, _>>()),
         "contacts": contacts(&state.contacts),
     })
+}
+
+/// The contacts between bodies at the end of a step, keyed by the names under which `history.csv` has their forces.
+pub fn pairs_document<const D: usize>(model: &Model<D>, pairs: &[PairState<D>]) -> Value {
+    let entries = model.contacts.iter().zip(pairs).map(|(contact, state)| {
+        let points: Vec<ContactPoint<D>> = state.contacts.iter().map(|found| found.contact.clone()).collect();
+        let document = json!({
+            "force": state.force.to_vec(),
+            "area": state.area,
+            "overlap": state.overlap,
+            "slip": state.slip,
+            "contacts": contacts(&points),
+            "gaps": state.contacts.iter().map(|found| found.gap).collect::<Vec<_>>(),
+            "slips": state.contacts.iter().map(|found| found.slip).collect::<Vec<_>>(),
+        });
+        (name_of_pair(model, contact), document)
+    });
+    Value::Object(entries.collect::<Map<_, _>>())
 }
 
 /// The contact points of a tool, one list for each of their quantities.

@@ -21,7 +21,7 @@ use mpm::solver::{
 use serde_json::{Map, Value, json};
 
 use crate::link::{Array, Changed, Ended, Event, Failure, Link, Request};
-use crate::tools::tools_document;
+use crate::tools::{pairs_document, tools_document};
 
 /// Writers of the files and the status of a run.
 pub struct Files {
@@ -355,6 +355,7 @@ fn step_document<const D: usize>(
         "reactions": named(&mut model.boundary_conditions.iter().map(|c| &c.name), &report.reactions),
         "loads": named(&mut model.loads.iter().map(|load| &load.name), &report.loads),
         "tools": tools_document(model, report.list()),
+        "contacts": pairs_document(model, report.list()),
         "unknowns": report.unknowns,
         "external_work": summary.external_work,
         "strain_energy": summary.strain_energy,

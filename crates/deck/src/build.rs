@@ -267,7 +267,7 @@ where
             body_groups: BodyGroups::default(),
             initial_imbalance: is_stressed(deck).then_some(deck.analysis.initial_imbalance),
             stepping,
-            newton: deck.solver.newton(!deck.tools.is_empty() || !deck.contacts.is_empty()),
+            newton: deck.solver.newton(deck.has_contact()),
             probes,
             stages: Vec::new(),
             present: Present::default(),

@@ -48,6 +48,16 @@ pub enum Between {
     All(All),
 }
 
+impl Between {
+    /// The names of the two bodies; `None` for all pairs.
+    pub fn pair(&self) -> Option<&[String; 2]> {
+        match self {
+            Between::Bodies(pair) => Some(pair),
+            Between::All(_) => None,
+        }
+    }
+}
+
 /// All pairs of bodies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]

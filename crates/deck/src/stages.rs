@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{ControlDeck, Deck, SolverDeck, StepsDeck};
+use super::{BodyContactDeck, ControlDeck, Deck, SolverDeck, StepsDeck};
 
 /// A stage of an analysis. It begins in the state in which the previous stage ends, and states only what changes.
 /// Forces that removed bodies, released boundary conditions and replaced materials carried are released over the stage,
@@ -45,6 +45,14 @@ pub struct StageDeck {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(extend("examples" = [["prop"]]))]
     pub set: Vec<String>,
+    /// Contacts between bodies that are added, or whose interface changes, from this stage on; bodies that stuck together
+    /// may part.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub contacts: Vec<BodyContactDeck>,
+    /// Pairs of bodies whose contact ends: from this stage on, they stick together where they share nodes.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(extend("examples" = [[["block", "ground"]]]))]
+    pub remove_contacts: Vec<[String; 2]>,
     /// Names of bodies, each with the name of its new material. The points keep their stress, unless the new material
     /// yields under it; their history starts anew. They also keep their mass, which follows from the density of the
     /// `material` of the body: the density of the new material has no effect.
@@ -161,6 +169,13 @@ impl Deck {
             }
         }
         found
+    }
+
+    /// True if tools or other bodies may touch a body.
+    pub(crate) fn has_contact(&self) -> bool {
+        !self.tools.is_empty()
+            || !self.contacts.is_empty()
+            || self.stages.iter().any(|stage| !stage.contacts.is_empty())
     }
 
     /// Time at the end of the analysis, [time].

@@ -9,8 +9,8 @@ use super::tool::{ContactControl, Interface};
 pub struct BodyContact {
     /// Indices of the bodies.
     pub bodies: [usize; 2],
-    /// The interface between them.
-    pub interface: Interface,
+    /// The interface between them; `None` if they stick together in the current stage.
+    pub interface: Option<Interface>,
     /// Control of the contact.
     pub control: ContactControl,
 }

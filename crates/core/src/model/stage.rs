@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::points::Points;
 
-use super::{Control, Lift, Load, LoadCurve, Model, Newton, Released, Stepping};
+use super::{BodyContact, BodyGroups, Control, Lift, Load, LoadCurve, Model, Newton, Released, Stepping};
 
 /// A stage of an analysis: the changes at its beginning, and its load steps.
 #[derive(Debug, Clone)]
@@ -36,6 +36,8 @@ pub struct Stage<const D: usize> {
     /// Bodies that get a different material, each with the index of that material. Their stress changes only where it
     /// lies outside the yield surface of that material.
     pub materials: Vec<(usize, usize)>,
+    /// The contacts of the model and the groups of its bodies, if they change.
+    pub contacts: Option<(Vec<BodyContact>, BodyGroups)>,
     /// True if the displacements are set to zero at the end of the stage.
     pub resets_displacement: bool,
 }
@@ -107,6 +109,9 @@ impl<const D: usize> Model<D> {
         self.present.change_conditions(self.boundary_conditions.len(), stage);
         for &(body, material) in &stage.materials {
             self.bodies[body].material = material;
+        }
+        if let Some((contacts, groups)) = &stage.contacts {
+            (self.contacts, self.body_groups) = (contacts.clone(), groups.clone());
         }
         self.present.stage = number;
         self.present.released = Released::default();

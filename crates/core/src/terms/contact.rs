@@ -68,6 +68,7 @@ mod distribution;
 mod edges;
 mod evaluation;
 mod facet;
+mod facing_in_space;
 mod interface;
 mod key;
 mod motion;

@@ -8,7 +8,7 @@ use mpm_core::solver::added_points;
 
 use super::Builder;
 use super::tools::interface;
-use crate::contacts::{Between, BodyContactDeck};
+use crate::contacts::BodyContactDeck;
 use crate::quoting::list;
 use crate::region::DeckRegion;
 
@@ -19,30 +19,71 @@ impl<const D: usize> Builder<'_, D>
 where
     Region<D>: DeckRegion<D>,
 {
-    /// The pairs of bodies in contact: those that are named, then all others if `between: all` is given.
+    /// All pairs of bodies that are in contact in some stage, with the interfaces at the start.
     pub(super) fn contacts(&self) -> Vec<BodyContact> {
-        let deck = self.deck;
         let mut contacts = Vec::new();
-        for given in &deck.contacts {
-            if let Between::Bodies(pair) = &given.between {
-                contacts.push(contact([0, 1].map(|k| self.body_number(&pair[k])), given));
-            }
-        }
-        let all = deck.contacts.iter().find(|given| matches!(given.between, Between::All(_)));
-        let n = deck.bodies.len();
-        for pair in all.iter().flat_map(|_| (0..n).flat_map(|a| (a + 1..n).map(move |b| [a, b]))) {
-            let is_named =
-                |contact: &BodyContact| contact.bodies == pair || contact.bodies == [pair[1], pair[0]];
-            if !contacts.iter().any(is_named) {
-                contacts.extend(all.map(|given| contact(pair, given)));
-            }
+        self.change_contacts(&mut contacts, &self.deck.contacts, &[]);
+        for stage in &self.deck.stages {
+            let mut later = contacts.clone();
+            self.change_contacts(&mut later, &stage.contacts, &[]);
+            contacts.extend(
+                later.split_off(contacts.len()).into_iter().map(|new| BodyContact { interface: None, ..new }),
+            );
         }
         contacts
     }
 
-    /// Divides the bodies into groups that share the unknowns of their nodes.
+    /// Adds contacts to a list, or changes those that it has: named pairs first, then all others if `between: all` is
+    /// given. The pairs `removed` stick together.
+    fn change_contacts(
+        &self,
+        contacts: &mut Vec<BodyContact>,
+        given: &[BodyContactDeck],
+        removed: &[[String; 2]],
+    ) {
+        let n = self.deck.bodies.len();
+        let numbers = |pair: &[String; 2]| [0, 1].map(|k| self.body_number(&pair[k]));
+        let place = |contacts: &[BodyContact], [a, b]: [usize; 2]| {
+            contacts.iter().position(|contact| contact.bodies == [a, b] || contact.bodies == [b, a])
+        };
+        let named: Vec<[usize; 2]> =
+            given.iter().filter_map(|given| given.between.pair().map(numbers)).collect();
+        for given in given {
+            let pairs: Vec<[usize; 2]> = match given.between.pair() {
+                Some(pair) => vec![numbers(pair)],
+                None => {
+                    let all = (0..n).flat_map(|a| (a + 1..n).map(move |b| [a, b]));
+                    all.filter(|[a, b]| !named.contains(&[*a, *b]) && !named.contains(&[*b, *a])).collect()
+                }
+            };
+            for pair in pairs {
+                match place(contacts, pair) {
+                    Some(known) => contacts[known] = contact(contacts[known].bodies, given),
+                    None => contacts.push(contact(pair, given)),
+                }
+            }
+        }
+        for pair in removed {
+            if let Some(known) = place(contacts, numbers(pair)) {
+                contacts[known].interface = None;
+            }
+        }
+    }
+
+    /// Divides the bodies into groups that share the unknowns of their nodes, at the start and in each stage that changes
+    /// contacts.
     pub(super) fn group_bodies(&mut self, model: &mut Model<D>, points: &Points<D>) {
         if model.contacts.is_empty() {
+            return;
+        }
+        if !self.ranks.is_alone() {
+            let message = "contact between bodies is not available on several ranks".to_owned();
+            self.error(
+                "D076",
+                "/contacts",
+                message,
+                "run the deck without MPI, with several threads".to_owned(),
+            );
             return;
         }
         let mut all = points.clone();
@@ -56,21 +97,42 @@ where
         let Ok(links) = Connectivity::new(model.grid.as_ref(), &mut all, &model.methods()) else { return };
         let joined: Vec<[usize; 2]> =
             links.joined_bodies(&all).into_iter().map(|pair| pair.map(usize::from)).collect();
-        let pairs: Vec<[usize; 2]> = model.contacts.iter().map(|contact| contact.bodies).collect();
-        match BodyGroups::new(model.bodies.len(), &pairs, &joined) {
-            Ok(groups) => model.body_groups = groups,
-            Err(Glued { bodies, together }) => {
-                let name = |body: &usize| model.bodies[*body].name.as_str();
-                let message = format!(
-                    "the bodies {} are to be in contact, but they stick together through others: {} share grid nodes \
-                     without contact between them",
-                    list(bodies.iter().map(name)),
-                    list(together.iter().map(name))
-                );
-                let help = "name the other pairs, too, or write `between: all`".to_owned();
-                self.error("D076", "/contacts", message, help);
+        model.body_groups = self.groups(model, &model.contacts, &joined, "/contacts");
+        let mut contacts = model.contacts.clone();
+        for (number, stage) in self.deck.stages.iter().enumerate() {
+            if stage.contacts.is_empty() && stage.remove_contacts.is_empty() {
+                continue;
             }
+            self.change_contacts(&mut contacts, &stage.contacts, &stage.remove_contacts);
+            let groups = self.groups(model, &contacts, &joined, &format!("/stages/{number}/contacts"));
+            model.stages[number].contacts = Some((contacts.clone(), groups));
         }
+    }
+
+    /// The groups of bodies with these contacts; all bodies in one group, and an error, if that contradicts them.
+    fn groups(
+        &mut self,
+        model: &Model<D>,
+        contacts: &[BodyContact],
+        joined: &[[usize; 2]],
+        pointer: &str,
+    ) -> BodyGroups {
+        let in_contact = contacts.iter().filter(|contact| contact.interface.is_some());
+        let pairs: Vec<[usize; 2]> = in_contact.map(|contact| contact.bodies).collect();
+        let Glued { bodies, together } = match BodyGroups::new(model.bodies.len(), &pairs, joined) {
+            Ok(groups) => return groups,
+            Err(glued) => glued,
+        };
+        let name = |body: &usize| model.bodies[*body].name.as_str();
+        let message = format!(
+            "the bodies {} are to be in contact, but they stick together through others: {} share grid nodes without \
+             contact between them",
+            list(bodies.iter().map(name)),
+            list(together.iter().map(name))
+        );
+        let help = "name the other pairs, too, or write `between: all`".to_owned();
+        self.error("D076", pointer, message, help);
+        BodyGroups::default()
     }
 }
 
@@ -78,7 +140,7 @@ fn contact(bodies: [usize; 2], given: &BodyContactDeck) -> BodyContact {
     let default = ContactControl::default();
     BodyContact {
         bodies,
-        interface: interface(given.friction, given.adhesion, given.tension),
+        interface: Some(interface(given.friction, given.adhesion, given.tension)),
         control: ContactControl {
             penalty: given.penalty.unwrap_or(default.penalty),
             tolerance: given.overlap.unwrap_or(OVERLAP),

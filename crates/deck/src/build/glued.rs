@@ -38,9 +38,8 @@ impl Check<'_> {
             groups.iter().map(names).collect::<Vec<_>>().join("; ")
         );
         let found = Diagnostic::at_key(&self.loaded.source, "D072", "/bodies", message);
-        let help = "this is right for layers of the same ground; contact between bodies is not available: where a stiff \
-                    body is to slide or part, make it a rigid tool (`tools`); bodies that must not touch need a gap of two \
-                    cells between them";
+        let help = "this is right for layers of the same ground; where bodies are to slide or part, name them under \
+                    `contacts`; bodies that must not touch need a gap of two cells between them";
         self.found.push(found.severity(Severity::Note).help(help));
     }
 }

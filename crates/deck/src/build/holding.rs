@@ -43,7 +43,10 @@ impl Check<'_> {
         let touches = |body: &u16| {
             let body = usize::from(*body);
             model.tools.iter().any(|tool| tool.interface_with(body).is_some())
-                || model.contacts.iter().any(|contact| contact.bodies.contains(&body))
+                || model
+                    .contacts
+                    .iter()
+                    .any(|contact| contact.bodies.contains(&body) && contact.interface.is_some())
         };
         let floats = |body: &u16| {
             touches(body)

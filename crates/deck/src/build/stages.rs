@@ -123,7 +123,7 @@ where
             model.stages.push(Stage {
                 name: stage.name.clone(),
                 stepping,
-                newton: stage.solver.as_ref().unwrap_or(&deck.solver).newton(!deck.tools.is_empty()),
+                newton: stage.solver.as_ref().unwrap_or(&deck.solver).newton(deck.has_contact()),
                 every: stage.every.map(|every| every as usize),
                 loads,
                 boundary_conditions,
@@ -135,6 +135,7 @@ where
                 materials: (stage.material.iter())
                     .map(|(body, name)| (self.body_number(body), material(name)))
                     .collect(),
+                contacts: None,
                 resets_displacement: resets(stage),
             });
         }

@@ -139,11 +139,21 @@ impl Carriers {
         self.0[first..].iter().position(|(known, _)| *known as usize == node).map(|place| first + place)
     }
 
+    /// Adds other carriers with a weight.
+    pub(super) fn add_all(&mut self, others: &Carriers, weight: f64) {
+        others.iter().for_each(|(node, value)| self.add(node as u32, weight * value));
+    }
+
+    /// Multiplies all values by a factor.
+    pub(super) fn scale(&mut self, factor: f64) {
+        self.0.iter_mut().for_each(|(_, value)| *value *= factor);
+    }
+
     /// The sum of carriers with these weights.
     pub(super) fn mean(of: &[Carriers], weights: &[f64]) -> Carriers {
         let mut mean = Carriers::default();
         for (carriers, weight) in of.iter().zip(weights) {
-            carriers.iter().for_each(|(node, value)| mean.add(node as u32, weight * value));
+            mean.add_all(carriers, *weight);
         }
         mean
     }
@@ -237,6 +247,8 @@ pub(super) struct Search<'a, const D: usize> {
     pub(super) awake: &'a [f64],
     /// Size of the smallest cell that holds a point, [length].
     pub(super) smallest: f64,
+    /// Distance within which sides of bodies are sought at least, [length].
+    pub(super) within: f64,
 }
 
 /// A contact point near a tool.

@@ -28,7 +28,7 @@ impl<'a, const D: usize> Counterpart<'a, D> {
     pub(super) fn interface_with(&self, body: usize) -> Option<Interface> {
         match self {
             Counterpart::Tool(tool) => tool.interface_with(body),
-            Counterpart::Bodies(pair) => pair.bodies.contains(&body).then_some(pair.interface),
+            Counterpart::Bodies(pair) => pair.interface.filter(|_| pair.bodies.contains(&body)),
         }
     }
 
@@ -43,7 +43,7 @@ impl<'a, const D: usize> Counterpart<'a, D> {
     pub(super) fn resists_sliding(&self) -> bool {
         match self {
             Counterpart::Tool(tool) => tool.resists_sliding(),
-            Counterpart::Bodies(pair) => pair.interface.resists_sliding(),
+            Counterpart::Bodies(pair) => pair.interface.is_some_and(|interface| interface.resists_sliding()),
         }
     }
 

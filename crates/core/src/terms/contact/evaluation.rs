@@ -162,7 +162,8 @@ impl<const D: usize, const N: usize> Trials<'_, D, N> {
         let apart = Trial::open(position, slip);
         let loaded = multiplier.normal != 0.0;
         let found = candidate.facet.as_ref().and_then(|facet| facet.facing(candidate, self.delta_d, &slip));
-        let Some(facing) = found.filter(|_| loaded || !self.is_frozen) else { return apart };
+        let found = found.filter(|_| loaded || !self.is_frozen);
+        let (Some(facing), Some(interface)) = (found, pair.interface) else { return apart };
         let approach = Approach {
             gap: facing.gap + allowance,
             normal: facing.normal,
@@ -174,7 +175,7 @@ impl<const D: usize, const N: usize> Trials<'_, D, N> {
             is_fresh: self.at_rest && !loaded && near.gap + allowance <= TOUCHING * size,
             is_kept: self.is_frozen,
         };
-        let law = Law::new(&pair.interface, candidate.area, candidate.penalty, has_touched);
+        let law = Law::new(&interface, candidate.area, candidate.penalty, has_touched);
         let law = Law { held: candidate.held, ..law };
         Trial { touch: Touch::new(approach, law).map(Box::new), facing: Some(Box::new(facing)), ..apart }
     }

@@ -1,11 +1,11 @@
-//! The contact points between two bodies, in the plane: corners of one body over sides of the other.
+//! The contact points between two bodies; in the plane: corners of one body over sides of the other.
 //!
 //! The outer sides of both bodies that face each other are divided where a corner of either body lies over a side of the
 //! other and, for GIMP domains, where they cross a line of the grid. Between these places the functions that carry both
 //! bodies are linear along the sides, so that the trapezium rule integrates a uniform pressure over both as the rule of
 //! each basis does: it is in equilibrium with a uniform stress in both bodies, however their domains lie. Each place is
 //! a contact point, with half of the length of the pieces beside it: a corner of either body touches the facet of the
-//! other body that it lies over, so that no corner passes through a side.
+//! other body that it lies over, so that no corner passes through a side. See [`super::facing_in_space`] for space.
 
 use rustc_hash::FxHashMap;
 
@@ -21,6 +21,7 @@ use crate::tool::Closest;
 use super::candidates::{Candidate, Carriers, MIN_AREA, Search, TOUCHING, named};
 use super::counterpart::Counterpart;
 use super::facet::Facet;
+use super::facing_in_space::Overlap;
 use super::key::{FACE, FIRST_SIDE, Key};
 use super::outer::Outer;
 
@@ -36,22 +37,40 @@ const SAME_CORNER: f64 = 1e3;
 const SAME_PLANE: f64 = 1e-12;
 
 /// An outer side of a body that may touch another body.
-struct Side<const D: usize> {
+pub(super) struct Side<const D: usize> {
     p: usize,
     /// Number of the side in its domain.
     number: usize,
-    corners: Vec<[f64; D]>,
+    /// In cyclic order, counterclockwise as seen from outside, [length].
+    pub(super) corners: Vec<[f64; D]>,
     /// For each corner, the material point and the number of the corner in its domain that stand for it.
     owners: Vec<(u32, u32)>,
     /// The nodes that carry each corner.
-    carriers: Vec<Carriers>,
+    pub(super) carriers: Vec<Carriers>,
     /// Outward unit normal.
-    normal: [f64; D],
+    pub(super) normal: [f64; D],
     /// Size of the cell of its material point, [length].
-    size: f64,
+    pub(super) size: f64,
     /// Stiffness of a cell of its material, [force/length³].
     stiffness: f64,
-    method: Method,
+    pub(super) method: Method,
+}
+
+/// The contact points of each corner or side, as indices into the candidates.
+type Known = FxHashMap<Key, Vec<usize>>;
+
+/// Where a contact point on one side faces another side.
+struct Meeting<'a, const D: usize> {
+    /// The side of the contact point, and the one that it faces.
+    sides: [&'a Side<D>; 2],
+    /// Its position, and that on the other side, [length].
+    x: [f64; D],
+    foot: [f64; D],
+    /// Distance along the normal of the other side, [length].
+    gap: f64,
+    /// The nodes that carry both positions.
+    own: Carriers,
+    beyond: Carriers,
 }
 
 /// A place on two sides that face each other, at these fractions of both.
@@ -62,6 +81,15 @@ struct PlaceOnSides {
 }
 
 impl<const D: usize> Side<D> {
+    /// D_mk: the shares of the corners in the edges ∂x/∂η_m of the side.
+    fn slopes(&self) -> &'static [[f64; 2]] {
+        match self.corners.len() {
+            2 => &[[-1.0, 0.0], [1.0, 0.0]],
+            3 => &[[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]],
+            _ => &[[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]],
+        }
+    }
+
     fn edge(&self) -> [f64; D] {
         minus(&self.corners[1], &self.corners[0])
     }
@@ -117,16 +145,17 @@ impl<const D: usize> Search<'_, D> {
     /// # Errors
     /// [`ContactError::Overlap`] for two bodies of which one begins inside the other.
     pub(super) fn between_bodies(&self, candidates: &mut Vec<Candidate<D>>) -> Result<(), ContactError> {
-        if self.model.contacts.is_empty() {
+        let pairs = || self.model.contacts.iter().enumerate().filter(|(_, pair)| pair.interface.is_some());
+        if pairs().next().is_none() {
             return Ok(());
         }
         let moduli = self.moduli();
-        let in_contact = |body: usize| self.model.contacts.iter().any(|pair| pair.bodies.contains(&body));
+        let in_contact = |body: usize| pairs().any(|(_, pair)| pair.bodies.contains(&body));
         let sides: Vec<Vec<Side<D>>> = (0..self.model.bodies.len())
             .map(|body| if in_contact(body) { self.sides_of_body(body, &moduli) } else { Vec::new() })
             .collect();
         let first = candidates.len();
-        for (number, pair) in self.model.contacts.iter().enumerate() {
+        for (number, pair) in pairs() {
             let [one, other] = pair.bodies.map(|body| &sides[body]);
             self.between(number, one, other, candidates)?;
         }
@@ -195,13 +224,11 @@ impl<const D: usize> Search<'_, D> {
     ) -> Result<(), ContactError> {
         let Search { model, .. } = *self;
         let number = model.tools.len() + pair;
-        let control = Counterpart::new(model, number as u32).control();
         let boxes: Vec<_> = second.iter().map(|side| around(&side.corners)).collect();
         let tree = BoxTree::new(&boxes);
-        let lines = |a: &[f64; D], b: &[f64; D]| crossings(model.grid.as_ref(), a, b);
-        let mut known: FxHashMap<Key, Vec<usize>> = FxHashMap::default();
+        let mut known = Known::default();
         for side in first {
-            let reach = control.largest_slide * side.size;
+            let reach = self.reach(number, side.size);
             let [low, high] = around(&side.corners);
             let is_near = |[other_low, other_high]: &[[f64; D]; 2]| {
                 (0..D).all(|d| low[d] - reach <= other_high[d] && other_low[d] <= high[d] + reach)
@@ -213,18 +240,87 @@ impl<const D: usize> Search<'_, D> {
                 if dot(&side.normal, &other.normal) > FACING {
                     continue;
                 }
-                let places = side.places_over(other, &lines);
-                for ends in places.windows(2) {
-                    let [a, b] = [ends[0], ends[1]];
-                    let middle = side.position(0.5 * (a.first + b.first));
-                    let area = 0.5 * (b.first - a.first) * norm(&side.edge()) * model.depth(&middle);
-                    for place in [a, b] {
-                        self.add(number, [side, other], place, area, &mut known, candidates)?;
-                    }
+                if D == 2 {
+                    self.add_in_plane(number, [side, other], &mut known, candidates)?;
+                } else {
+                    self.add_in_space(number, [side, other], &mut known, candidates)?;
                 }
             }
         }
         Ok(())
+    }
+
+    /// Adds the contact points between two sides in the plane.
+    fn add_in_plane(
+        &self,
+        number: usize,
+        [side, other]: [&Side<D>; 2],
+        known: &mut Known,
+        candidates: &mut Vec<Candidate<D>>,
+    ) -> Result<(), ContactError> {
+        let model = self.model;
+        let lines = |a: &[f64; D], b: &[f64; D]| crossings(model.grid.as_ref(), a, b);
+        for ends in side.places_over(other, &lines).windows(2) {
+            let [a, b] = [ends[0], ends[1]];
+            let middle = side.position(0.5 * (a.first + b.first));
+            let area = 0.5 * (b.first - a.first) * norm(&side.edge()) * model.depth(&middle);
+            for place in [a, b] {
+                self.add(number, [side, other], place, area, known, candidates)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds the contact point between two sides in space.
+    fn add_in_space(
+        &self,
+        number: usize,
+        [side, other]: [&Side<D>; 2],
+        known: &mut Known,
+        candidates: &mut Vec<Candidate<D>>,
+    ) -> Result<(), ContactError> {
+        let carried = |side: &Side<D>, x: &[f64; D]| self.basis(side.p, x, side.method).1;
+        let Some(overlap) = side.overlap(other, self.model.grid.as_ref(), &carried) else { return Ok(()) };
+        let Overlap { area, positions: [x, foot], carriers: [own, beyond], gap } = overlap;
+        let corner = FIRST_SIDE + side.number as u32;
+        let key = Key { tool: number as u32, point: self.points.id[side.p], corner };
+        let meeting = Meeting { sides: [side, other], x, foot, gap, own, beyond };
+        if !self.is_within_reach(&meeting, number)? {
+            return Ok(());
+        }
+        let forming = known.entry(key).or_default();
+        let key = Key { corner: corner + FACE * forming.len() as u32, ..key };
+        if let Some(candidate) = self.on_facet(key, meeting) {
+            forming.push(candidates.len());
+            candidates.push(Candidate { area, ..candidate });
+        }
+        Ok(())
+    }
+
+    /// True if a contact point may touch the side that it faces in the step.
+    ///
+    /// # Errors
+    /// [`ContactError::Overlap`] if one of two bodies begins inside the other.
+    fn is_within_reach(&self, meeting: &Meeting<D>, number: usize) -> Result<bool, ContactError> {
+        let Search { model, points, .. } = *self;
+        let Meeting { sides: [own, other], x, gap, .. } = meeting;
+        let pair = Counterpart::new(model, number as u32);
+        let size = own.size.min(other.size);
+        if *gap > self.reach(number, size) || *gap < -DEEPEST * size {
+            return Ok(false);
+        }
+        let bodies = [own, other].map(|side| points.body[side.p] as usize);
+        let has_begun = bodies.iter().all(|body| self.has_begun[*body]);
+        if *gap < -TOUCHING * size && !has_begun {
+            let place = named(model, &pair, bodies[0], points.id[own.p], x);
+            return Err(ContactError::Overlap { place, overlap: -gap });
+        }
+        Ok(true)
+    }
+
+    /// Distance up to which sides of bodies may touch in a step, [length].
+    fn reach(&self, number: usize, size: f64) -> f64 {
+        self.within.max(Counterpart::new(self.model, number as u32).control().largest_slide * size)
     }
 
     /// Adds an area to the contact point at a place on two sides, which is new if there is none.
@@ -234,7 +330,7 @@ impl<const D: usize> Search<'_, D> {
         sides: [&Side<D>; 2],
         place: PlaceOnSides,
         area: f64,
-        known: &mut FxHashMap<Key, Vec<usize>>,
+        known: &mut Known,
         candidates: &mut Vec<Candidate<D>>,
     ) -> Result<(), ContactError> {
         let corners = [Side::<D>::corner_at(place.first), Side::<D>::corner_at(place.second)];
@@ -245,14 +341,10 @@ impl<const D: usize> Search<'_, D> {
         };
         let x = own.position(at);
         let gap = dot(&minus(&x, &other.corners[0]), &other.normal);
-        let Search { model, points, .. } = *self;
-        let pair = Counterpart::new(model, number as u32);
+        let foot = along(&x, -gap, &other.normal);
         let size = own.size.min(other.size);
-        if gap > pair.control().largest_slide * size || gap < -DEEPEST * size {
-            return Ok(());
-        }
         let (point, corner) = Side::<D>::corner_at(at)
-            .map_or((points.id[own.p], FIRST_SIDE + own.number as u32), |corner| own.owners[corner]);
+            .map_or((self.points.id[own.p], FIRST_SIDE + own.number as u32), |corner| own.owners[corner]);
         let key = Key { tool: number as u32, point, corner };
         let forming = known.entry(key).or_default();
         let is_same = |k: &&usize| {
@@ -264,55 +356,58 @@ impl<const D: usize> Search<'_, D> {
             candidates[found].area += area;
             return Ok(());
         }
-        let bodies = [own, other].map(|side| points.body[side.p] as usize);
-        let has_begun = bodies.iter().all(|body| self.has_begun[*body]);
-        if gap < -TOUCHING * size && !has_begun {
-            let place = named(model, &pair, bodies[0], points.id[own.p], &x);
-            return Err(ContactError::Overlap { place, overlap: -gap });
+        let on_own = match Side::<D>::corner_at(at) {
+            Some(corner) => own.carriers[corner].clone(),
+            None => self.carriers_at(own, at),
+        };
+        let beyond = self.carriers_at(other, other.fraction(&foot));
+        let meeting = Meeting { sides: [own, other], x, foot, gap, own: on_own, beyond };
+        if !self.is_within_reach(&meeting, number)? {
+            return Ok(());
         }
         let key = Key { corner: corner + FACE * forming.len() as u32, ..key };
-        if let Some(candidate) = self.on_facet(key, [own, other], at, gap) {
+        if let Some(candidate) = self.on_facet(key, meeting) {
             forming.push(candidates.len());
             candidates.push(Candidate { area, ..candidate });
         }
         Ok(())
     }
 
-    /// The contact point at a fraction of a side over another side, without area.
-    fn on_facet(&self, key: Key, [own, other]: [&Side<D>; 2], at: f64, gap: f64) -> Option<Candidate<D>> {
+    /// The nodes that carry a position on a side in the plane, given as a fraction of the side.
+    fn carriers_at(&self, side: &Side<D>, fraction: f64) -> Carriers {
+        match side.method {
+            Method::Gimp => self.basis(side.p, &side.position(fraction), side.method).1,
+            _ => Carriers::mean(&side.carriers, &[1.0 - fraction, fraction]),
+        }
+    }
+
+    /// A contact point that faces a side, without area.
+    fn on_facet(&self, key: Key, meeting: Meeting<D>) -> Option<Candidate<D>> {
         let Search { model, points, .. } = *self;
-        let x = own.position(at);
+        let Meeting { sides: [own, other], x, foot, gap, own: mut basis, beyond } = meeting;
         let size = own.size.min(other.size);
         // The nodes of the contact point, then those of the facet.
-        let mut basis = match Side::<D>::corner_at(at) {
-            Some(corner) => own.carriers[corner].clone(),
-            None if own.method == Method::Gimp => self.basis(own.p, &x, own.method).1,
-            None => Carriers::mean(&own.carriers, &[1.0 - at, at]),
-        };
-        let foot = along(&x, -gap, &other.normal);
-        let fraction = other.fraction(&foot);
-        let on_other = if other.method == Method::Gimp {
-            self.basis(other.p, &foot, other.method).1
-        } else {
-            Carriers::mean(&other.carriers, &[1.0 - fraction, fraction])
-        };
-        let mut slopes = vec![[0.0; 2]; basis.len()];
-        for (node, value) in on_other.iter() {
+        let first = basis.len();
+        let mut slopes = vec![[0.0; 2]; first];
+        for (node, value) in beyond.iter() {
             basis.push(node as u32, -value);
             slopes.push([0.0; 2]);
         }
-        let first = basis.len() - on_other.len();
-        for (corner, sign) in other.carriers.iter().zip([-1.0, 1.0]) {
-            for (node, value) in corner.iter() {
+        let mut edges = [[0.0; D]; 2];
+        for ((corner, carriers), shares) in other.corners.iter().zip(&other.carriers).zip(other.slopes()) {
+            for (edge, share) in edges.iter_mut().zip(shares) {
+                *edge = along(edge, *share, corner);
+            }
+            for (node, value) in carriers.iter() {
                 let place = basis.place_from(first, node).unwrap_or_else(|| {
                     basis.push(node as u32, 0.0);
                     slopes.push([0.0; 2]);
                     basis.len() - 1
                 });
-                slopes[place][0] += sign * value;
+                (0..2).for_each(|m| slopes[place][m] += shares[m] * value);
             }
         }
-        let facet = Facet::new([other.edge(), [0.0; D]], slopes, &other.normal)?;
+        let facet = Facet::new(edges, slopes, &other.normal)?;
         let normal = facet.normal()?;
         // Of two materials in series, the softer one decides.
         let series = |a: f64, b: f64| if a + b > 0.0 { a * b / (a + b) } else { 0.0 };
@@ -320,9 +415,11 @@ impl<const D: usize> Search<'_, D> {
         let mut in_cell = x;
         in_cell[0] = in_cell[0].max(0.5 * size);
         let least = MIN_AREA * size.powi(D as i32 - 1) * model.depth(&in_cell);
+        let body = points.body[own.p] as usize;
+        let number = key.tool as usize - model.tools.len();
         Some(Candidate {
             key,
-            body: points.body[own.p] as usize,
+            body,
             start: x,
             is_flat: false,
             keeps_face: true,
@@ -340,8 +437,7 @@ impl<const D: usize> Search<'_, D> {
             allowance: 0.0,
             shared_by: Vec::new(),
             facet: Some(Box::new(facet)),
-            is_on_second: points.body[own.p] as usize
-                == model.contacts[key.tool as usize - model.tools.len()].bodies[1],
+            is_on_second: model.contacts[number].bodies[1] == body,
             share: 1.0,
         })
     }

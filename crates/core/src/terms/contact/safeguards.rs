@@ -89,6 +89,9 @@ impl<const D: usize> Contact<D> {
         if let Some(place) = self.between(model, centres) {
             return Err(ContactError::Between { place });
         }
+        if let Some(place) = self.missed_between_bodies(step, points, at.delta_d) {
+            return Err(ContactError::Through { place });
+        }
         if let Some((number, p)) = missed(&self.search(step, points), at.delta_d) {
             let (tool, body) = (&model.tools[number], points.body[p] as usize);
             let position = &points.converged.position[p];
@@ -97,6 +100,38 @@ impl<const D: usize> Contact<D> {
             });
         }
         Ok(())
+    }
+
+    /// A contact point that has passed into a side of another body which was too far away at the start of the step to be
+    /// a candidate.
+    fn missed_between_bodies<const N: usize>(
+        &self,
+        step: &StepContext<D>,
+        points: &Points<D>,
+        delta_d: &[[f64; N]],
+    ) -> Option<ContactPlace> {
+        let model = step.model;
+        let controls = model.contacts.iter().map(|pair| pair.control.largest_slide);
+        let seen = controls.fold(f64::INFINITY, f64::min) * self.smallest;
+        // No relative motion is larger than the diagonal of the box around the motions of all nodes.
+        let bounds = |d: usize| {
+            let all = delta_d.iter().map(|u| u[d]);
+            all.fold([0.0, 0.0], |[low, high]: [f64; 2], u| [low.min(u), high.max(u)])
+        };
+        let range = (0..D).map(|d| bounds(d)).map(|[low, high]| (high - low).powi(2)).sum::<f64>().sqrt();
+        if range <= seen {
+            return None;
+        }
+        let search = Search { within: range, ..self.search(step, points) };
+        let mut found = Vec::new();
+        search.between_bodies(&mut found).ok()?;
+        let has_passed = |candidate: &&Candidate<D>| {
+            let slide = Counterpart::new(model, candidate.key.tool).control().largest_slide;
+            let slip = candidate.displacement(delta_d);
+            let facing = candidate.facet.as_ref().and_then(|facet| facet.facing(candidate, delta_d, &slip));
+            candidate.near.gap > slide * candidate.size && facing.is_some_and(|facing| facing.gap < 0.0)
+        };
+        found.iter().find(has_passed).map(|candidate| candidate.place(model))
     }
 
     /// Positions, at the last evaluation, of the contact points that coincide with material points and that the checks
@@ -185,7 +220,8 @@ impl<const D: usize> Contact<D> {
     pub(super) fn search<'a>(&'a self, step: &StepContext<'a, D>, points: &'a Points<D>) -> Search<'a, D> {
         let StepContext { model, links, .. } = *step;
         let Contact { tools, has_begun, outer, edges, converged: kept, awake, smallest, .. } = self;
-        Search { model, points, links, tools, has_begun, outer, edges, kept, awake, smallest: *smallest }
+        let smallest = *smallest;
+        Search { model, points, links, tools, has_begun, outer, edges, kept, awake, smallest, within: 0.0 }
     }
 
     /// Finds the contact points of a step and their multipliers.

@@ -6,12 +6,12 @@ use crate::dofs::DofMap;
 use crate::formula::Formula;
 use crate::grid::Structured;
 use crate::material::Hencky;
-use crate::model::{Builder, Fill, Freedom, Interface, Model, Tool};
+use crate::model::{BodyContact, BodyGroups, Builder, ContactControl, Fill, Freedom, Interface, Model, Tool};
 use crate::points::Points;
 use crate::region::tests::Random;
 use crate::region::{Ball, Brick};
 use crate::step::{At, StepContext};
-use crate::terms::{Contact, Sum, Terms, ToolState};
+use crate::terms::{Contact, PairState, Sum, Terms, ToolState};
 use crate::tool::{Pose, Shape};
 
 /// Largest difference from a finite-difference derivative, relative to the largest entry.
@@ -46,7 +46,8 @@ fn forces<const D: usize>(sum: &System<D>) -> (Vec<f64>, Vec<f64>) {
 fn check<const D: usize>(case: Case<D>) -> usize {
     let Case { model, mut points, free } = case;
     let methods = model.methods();
-    let links = Connectivity::new(model.grid.as_ref(), &mut points, &methods).unwrap();
+    let links = Connectivity::default().with_body_groups(&model.body_groups.of_body);
+    let links = links.renew(model.grid.as_ref(), &mut points, &methods).unwrap();
     let step = StepContext::first(&model, &links);
     let terms: Terms<D> = vec![Box::new(Contact::new(&model))];
     let mut sum = Sum::begun(terms, &step, &points).unwrap();
@@ -66,8 +67,10 @@ fn check<const D: usize>(case: Case<D>) -> usize {
     let mut product = vec![[0.0; D]; n];
     sum.system_mut().multiply(&direction, &mut product);
     let border = sum.system().border.clone();
-    let touching =
-        sum.report(&model).records().list::<ToolState<D>>().iter().map(|tool| tool.contacts.len()).sum();
+    let report = sum.report(&model);
+    let on_tools = report.records().list::<ToolState<D>>().iter().map(|tool| tool.contacts.len());
+    let between_bodies = report.records().list::<PairState<D>>().iter().map(|pair| pair.contacts.len());
+    let touching = on_tools.chain(between_bodies).sum();
     let mut difference = |moved: [&[[f64; D]]; 2], free: [&[f64]; 2]| -> (Vec<f64>, Vec<f64>) {
         let [a, b] = [0, 1].map(|k| {
             evaluate(moved[k], free[k], Wanted::Force, &mut sum);
@@ -181,4 +184,39 @@ fn derivatives_agree_with_differences_in_space() {
     let (model, points) = block(moving(brick, INTERFACES[1], &motion), Method::Gimp, false);
     let free = vec![0.01, -0.005, -0.12, 0.1, 0.05, 0.02];
     assert!(check(Case { model, points, free }) > 0);
+}
+
+/// Two blocks, one above the other, whose domains do not match.
+fn two_blocks<const D: usize>(interface: Interface, method: Method, revolved: bool) -> Case<D> {
+    let mut builder = Builder::new(Structured::new([0.0; D], [0.25; D], [6; D]));
+    if revolved {
+        builder = builder.revolved();
+    }
+    let fill = |points_per_cell: usize| Fill { method, points_per_cell, ..Fill::default() };
+    let is_below = |x: &[f64; D]| x.iter().all(|x| *x < 1.0) && x[D - 1] < 0.5;
+    let is_above = |x: &[f64; D]| x.iter().all(|x| *x < 1.0) && x[D - 1] > 0.5;
+    let (mut model, points) = builder
+        .material("rubber", Hencky::new(1e6, 0.3))
+        .body("below", "rubber", fill(2), is_below)
+        .body("above", "rubber", fill(3), is_above)
+        .build()
+        .unwrap();
+    // The random motion of the nodes opens no contact point.
+    let control = ContactControl { penalty: 1.0, ..ContactControl::default() };
+    model.contacts = vec![BodyContact { bodies: [0, 1], interface: Some(interface), control }];
+    model.body_groups = BodyGroups::new(2, &[[0, 1]], &[[0, 1]]).unwrap();
+    Case { model, points, free: Vec::new() }
+}
+
+#[test]
+fn derivatives_agree_with_differences_between_bodies() {
+    for method in [Method::Gimp, Method::Cpdi1, Method::Cpdi2] {
+        for interface in INTERFACES.into_iter().chain([Interface::SMOOTH]) {
+            let found = check(two_blocks::<2>(interface, method, false));
+            assert!(found > 3, "{method:?} {interface:?} {found}");
+        }
+    }
+    assert!(check(two_blocks::<2>(INTERFACES[2], Method::Cpdi2, true)) > 3);
+    assert!(check(two_blocks::<3>(INTERFACES[1], Method::Cpdi2, false)) > 3);
+    assert!(check(two_blocks::<3>(INTERFACES[2], Method::Gimp, false)) > 3);
 }
