@@ -47,7 +47,7 @@ use mpm_files::vtu::Precision;
 pub use read::{changes, load, references, schema, source};
 pub(crate) use read::{hash, parameters, shape, span, yaml};
 pub use refined_place::{AlongAxes, RefineDeck, RefinedAt};
-pub use region::{Direction, Shape};
+pub use region::{Direction, GroupDeck, GroupOfDimension, Shape};
 pub use stages::{AddDeck, PlacedDeck, Reset, StageDeck, ThenDeck};
 pub use steps::{ControlDeck, StepsDeck, Until};
 pub use surfaces::{HalfSpaceDeck, PartDeck, SurfaceDeck};

@@ -12,9 +12,11 @@ use mpm_core::region::{
 };
 
 pub(super) mod files;
+mod group_name;
 mod groups;
 
 pub(super) use files::FromFiles;
+pub use group_name::{GroupDeck, GroupOfDimension};
 pub(super) use groups::Groups;
 
 /// A region. A box whose sides lie on grid lines of a structured grid is filled exactly; between lines of a grid or of
@@ -118,18 +120,18 @@ pub enum Shape {
     /// Cells of a mesh of its own, which become the domains of the points of the body on any grid; the mesh cannot be
     /// part of a union, intersection or difference.
     Mesh {
-        /// Path of a mesh file of gmsh, format 2.2 or 4.1, relative to the deck, with linear cells.
+        /// Path of a mesh file of gmsh, format 2.0 to 4.1, relative to the deck.
         #[schemars(length(min = 1), extend("examples" = ["part.msh"]))]
         file: String,
         /// Name of a physical group of the mesh; all cells by default.
         #[serde(default, skip_serializing_if = "Option::is_none")]
-        group: Option<String>,
+        group: Option<GroupDeck>,
     },
     /// Whole cells of the grid.
     Cells {
         /// Name of a physical group of a gmsh grid; all cells by default.
         #[serde(default, skip_serializing_if = "Option::is_none")]
-        group: Option<String>,
+        group: Option<GroupDeck>,
     },
     /// Union of several regions.
     Union {
@@ -274,11 +276,11 @@ pub(super) enum Refusal {
 /// The sources of regions that a deck states only by name; `place` is a JSON pointer into the deck.
 pub(super) trait Given<const D: usize> {
     /// A group of cells, or all cells.
-    fn cells(&mut self, place: &str, group: Option<&str>) -> Option<Group<D>>;
+    fn cells(&mut self, place: &str, group: Option<&GroupDeck>) -> Option<Group<D>>;
     /// The surface in a file.
     fn surface(&mut self, place: &str, file: &str) -> Option<Surface>;
     /// A group of cells, or all cells, of the mesh in a file.
-    fn mesh(&mut self, place: &str, file: &str, group: Option<&str>) -> Option<Meshed<D>>;
+    fn mesh(&mut self, place: &str, file: &str, group: Option<&GroupDeck>) -> Option<Meshed<D>>;
 }
 
 /// The regions of all bodies, and the groups of cells of which they consist.
@@ -322,11 +324,11 @@ where
     match shape {
         Shape::Box { min, max } => Ok(Brick::new(vector(min)?, vector(max)?).map_err(refuse)?.into()),
         Shape::Cells { group } => {
-            let cells = given.cells(place, group.as_deref());
+            let cells = given.cells(place, group.as_ref());
             cells.map(Region::group).ok_or(Refusal::Unknown)
         }
         Shape::Mesh { file, group } => {
-            given.mesh(place, file, group.as_deref()).map(Region::new).ok_or(Refusal::Unknown)
+            given.mesh(place, file, group.as_ref()).map(Region::new).ok_or(Refusal::Unknown)
         }
         Shape::Union { .. } => Region::union(parts).map_err(refuse),
         Shape::Intersection { .. } => Region::intersection(parts).map_err(refuse),
@@ -429,7 +431,7 @@ pub(super) struct WithoutFiles<const D: usize> {
 }
 
 impl<const D: usize> Given<D> for WithoutFiles<D> {
-    fn cells(&mut self, _: &str, group: Option<&str>) -> Option<Group<D>> {
+    fn cells(&mut self, _: &str, group: Option<&GroupDeck>) -> Option<Group<D>> {
         let bounds = self.grid.filter(|_| group.is_none())?;
         let volume = (0..D).map(|d| bounds[1][d] - bounds[0][d]).product();
         Some(Group { key: 0, bounds, volume })
@@ -439,7 +441,7 @@ impl<const D: usize> Given<D> for WithoutFiles<D> {
         None
     }
 
-    fn mesh(&mut self, _: &str, _: &str, _: Option<&str>) -> Option<Meshed<D>> {
+    fn mesh(&mut self, _: &str, _: &str, _: Option<&GroupDeck>) -> Option<Meshed<D>> {
         None
     }
 }

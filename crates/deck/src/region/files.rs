@@ -2,13 +2,14 @@
 
 use std::path::Path;
 
-use super::Given;
 use super::groups::Groups;
+use super::{Given, GroupDeck};
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::placing;
 use crate::quoting::quote;
 use crate::source::Source;
 use mpm_core::grid::gmsh::{self, GmshError};
+use mpm_core::grid::mesh::{MeshError, MeshWarning};
 use mpm_core::grid::{Grid, Mesh};
 use mpm_core::region::stl::{self, StlError};
 use mpm_core::region::{Group, Meshed, Surface};
@@ -39,6 +40,17 @@ impl<const D: usize> FromFiles<'_, D> {
     }
 }
 
+/// Message and help for a physical group that has no cells.
+fn no_cells<const D: usize>(grid: &dyn Grid<D>, group: &GroupDeck) -> (String, String) {
+    match group.dimension() {
+        Some(dimension) if usize::from(dimension) != D && grid.cell_set(group.name()).is_some() => (
+            format!("the physical group {} of dimension {dimension} has no cells", quote(group.name())),
+            format!("give `dimension: {D}`, or the name alone: only groups of dimension {D} have cells"),
+        ),
+        _ => placing::unknown_group(grid, group.name(), true),
+    }
+}
+
 /// Reads the mesh in a file of gmsh; its path is relative to `directory`.
 ///
 /// # Errors
@@ -51,16 +63,45 @@ pub(crate) fn mesh<const D: usize>(directory: &Path, file: &str) -> Result<Mesh<
         Err(GmshError::File(_)) => {
             format!("the path is relative to the deck; here it means `{}`", path.display())
         }
-        Err(GmshError::NotGmsh | GmshError::Version { .. }) => {
-            "save the mesh from gmsh as `.msh`, format 4.1 or 2.2".to_owned()
+        Err(GmshError::NotGmsh) => format!(
+            "save the mesh from gmsh as `.msh`; a mesh of another program becomes one with Python: \
+             `import mpm; mpm.convert({file:?})`"
+        ),
+        Err(GmshError::Version { .. }) => {
+            format!("convert it with gmsh: `gmsh {file} -save -format msh41 -o {}`", converted(file))
         }
+        Err(GmshError::Unsupported { .. }) => format!(
+            "let gmsh mesh the geometry with tetrahedra or hexahedra: leave `Recombine` out of its extrusions, then \
+             `gmsh GEOMETRY.geo -3 -format msh41 -o {}`",
+            converted(file)
+        ),
         _ => "repair the mesh in gmsh and save it again".to_owned(),
     };
     let read = read.map_err(|error| format!("the mesh {} cannot be read: {error}", quote(file)));
-    let used = read.and_then(|read| {
-        Mesh::from_gmsh(&read).map_err(|error| format!("the mesh {} cannot be used: {error}", quote(file)))
-    });
-    used.map_err(|message| [message, help])
+    let read = read.map_err(|message| [message, help])?;
+    Mesh::from_gmsh(&read).map_err(|error| {
+        let help = match &error {
+            MeshError::NotFlat { constant: Some(axis), .. } => format!(
+                "exchange the axes, for example with Python: `import mpm; mpm.convert({file:?}, axes=\"{}\")`",
+                if *axis == 0 { "yz" } else { "xz" }
+            ),
+            MeshError::NotFlat { constant: None, .. } => {
+                "mesh one plane of constant z, or state `analysis: {idealisation: solid}` and mesh a volume".to_owned()
+            }
+            MeshError::Solid { .. } => {
+                "state `analysis: {idealisation: solid}`, or save the mesh of a plane".to_owned()
+            }
+            _ => "repair the mesh in gmsh and save it again".to_owned(),
+        };
+        [format!("the mesh {} cannot be used: {error}", quote(file)), help]
+    })
+}
+
+/// A name for the converted form of a mesh file.
+fn converted(file: &str) -> String {
+    let path = Path::new(file);
+    let stem = path.file_stem().map_or_else(|| "mesh".into(), |stem| stem.to_string_lossy());
+    path.with_file_name(format!("{stem}_41.msh")).display().to_string()
 }
 
 /// The warnings about a mesh in a file that the key at `place` names.
@@ -70,23 +111,35 @@ pub(crate) fn warnings<const D: usize>(
     place: &str,
     source: &Source,
 ) -> Vec<Diagnostic> {
-    let warning = |warning| {
+    let warning = |warning: &MeshWarning| {
         let message = format!("the mesh {}: {warning}", quote(file));
-        let found = Diagnostic::at(source, "D032", place, message).severity(Severity::Warning);
-        found.help("if this is not intended, repair the mesh in gmsh and save it again")
+        let severity = if warning.is_note() { Severity::Note } else { Severity::Warning };
+        let found = Diagnostic::at(source, "D032", place, message).severity(severity);
+        found.help(match warning {
+            MeshWarning::Turned { .. } => "nothing needs to be done; in gmsh, reverse the surfaces (volumes) of these cells",
+            MeshWarning::Straightened(_) => {
+                "nothing needs to be done if the cells are fine enough for straight sides; with `Mesh.ElementOrder = 1` \
+                 gmsh writes linear cells"
+            }
+            MeshWarning::Flattened { .. } => "nothing needs to be done if the mesh is meant to be flat",
+            _ => "if this is not intended, repair the mesh in gmsh and save it again",
+        })
     };
     mesh.warnings().iter().map(warning).collect()
 }
 
 impl<const D: usize> Given<D> for FromFiles<'_, D> {
-    fn cells(&mut self, place: &str, group: Option<&str>) -> Option<Group<D>> {
-        let known = self.groups.names.iter().position(|name| name.as_deref() == group);
+    fn cells(&mut self, place: &str, group: Option<&GroupDeck>) -> Option<Group<D>> {
+        let name = group.map(GroupDeck::name);
+        let known = self.groups.names.iter().position(|known| known.as_deref() == name);
         let key = known.unwrap_or(self.groups.names.len());
         let (bounds, volume, member) = match group {
             None => (self.grid.bounds(), self.grid.total_volume(), Vec::new()),
-            Some(name) => {
-                let Some(cells) = self.grid.cell_set(name) else {
-                    let (message, help) = placing::unknown_group(self.grid, name, true);
+            Some(group) => {
+                let of_cells = group.dimension().is_none_or(|dimension| usize::from(dimension) == D);
+                let cells = self.grid.cell_set(group.name()).filter(|_| of_cells);
+                let Some(cells) = cells else {
+                    let (message, help) = no_cells(self.grid, group);
                     let place = format!("{place}/group");
                     self.found.push(Diagnostic::at(self.source, "D031", &place, message).help(help));
                     return None;
@@ -98,13 +151,13 @@ impl<const D: usize> Given<D> for FromFiles<'_, D> {
             }
         };
         if known.is_none() {
-            self.groups.names.push(group.map(str::to_owned));
+            self.groups.names.push(name.map(str::to_owned));
             self.groups.members.push(member);
         }
         Some(Group { key, bounds, volume })
     }
 
-    fn mesh(&mut self, place: &str, file: &str, group: Option<&str>) -> Option<Meshed<D>> {
+    fn mesh(&mut self, place: &str, file: &str, group: Option<&GroupDeck>) -> Option<Meshed<D>> {
         let at = format!("{place}/file");
         let mesh = match mesh(self.directory, file) {
             Ok(mesh) => mesh,
@@ -116,10 +169,13 @@ impl<const D: usize> Given<D> for FromFiles<'_, D> {
         self.found.extend(warnings(&mesh, file, &at, self.source));
         let cells = match group {
             None => Some((0..mesh.n_cells() as u32).collect()),
-            Some(name) => mesh.cell_sets().get(name).cloned(),
+            Some(group) if group.dimension().is_none_or(|dimension| usize::from(dimension) == D) => {
+                mesh.cell_sets().get(group.name()).cloned()
+            }
+            Some(_) => None,
         };
-        if cells.is_none() {
-            let (message, help) = placing::unknown_group(&mesh, group.unwrap_or_default(), true);
+        if let (None, Some(group)) = (&cells, group) {
+            let (message, help) = no_cells(&mesh, group);
             let place = format!("{place}/group");
             self.found.push(Diagnostic::at(self.source, "D031", &place, message).help(help));
         }
