@@ -9,7 +9,7 @@ use mpm::grid::mesh::{Mesh, MeshError, MeshWarning};
 use mpm::input_file::InputFileError;
 use proptest::prelude::*;
 
-const FORMATS: [&str; 4] = ["2.2_text", "2.2_binary", "4.1_text", "4.1_binary"];
+const FORMATS: [&str; 5] = ["2.2_text", "2.2_binary", "4.0_text", "4.1_text", "4.1_binary"];
 
 fn path(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/mesh").join(format!("{name}.msh"))
@@ -26,7 +26,7 @@ fn mesh<const D: usize>(name: &str) -> Mesh<D> {
 fn all_files() -> Vec<Vec<u8>> {
     let mut names: Vec<String> =
         ["mixed", "disk", "solid"].iter().flat_map(|n| FORMATS.map(|f| format!("{n}_{f}"))).collect();
-    names.extend(["clockwise", "second_order", "partitioned"].map(String::from));
+    names.extend(["clockwise", "second_order", "partitioned", "solid_partitioned_4.0"].map(String::from));
     names.iter().map(|name| std::fs::read(path(name)).unwrap()).collect()
 }
 
@@ -247,6 +247,74 @@ fn partitions_are_joined() {
     }
     assert_eq!(mesh.side_sets()["left edge"].len(), whole.side_sets()["left edge"].len());
     assert_eq!(mesh.node_sets()["origin"].len(), 1);
+    let whole = mesh_of_solid("solid_4.1_text");
+    for name in ["solid_partitioned_2.2", "solid_partitioned_4.0"] {
+        let joined = mesh_of_solid(name);
+        assert_eq!((joined.n_nodes(), joined.n_cells()), (whole.n_nodes(), whole.n_cells()), "{name}");
+        let volume = |mesh: &Mesh<3>| (0..mesh.n_cells() as u32).map(|c| mesh.volume(c)).sum::<f64>();
+        assert!((volume(&joined) - volume(&whole)).abs() < 1e-12);
+        let cells = |mesh: &Mesh<3>| mesh.cell_sets().values().map(Vec::len).collect::<Vec<_>>();
+        assert_eq!(cells(&joined), cells(&whole), "{name}");
+    }
+}
+
+/// Binary format 4.0, which gmsh no longer writes: two triangles, a curve and a group of each.
+#[test]
+fn binary_files_of_format_4_0_are_read() {
+    let mut bytes = b"\xef\xbb\xbf$MeshFormat\n4 1 8\n".to_vec();
+    let int = |bytes: &mut Vec<u8>, values: &[i32]| bytes.extend(values.iter().flat_map(|x| x.to_le_bytes()));
+    let size =
+        |bytes: &mut Vec<u8>, values: &[u64]| bytes.extend(values.iter().flat_map(|x| x.to_le_bytes()));
+    let real =
+        |bytes: &mut Vec<u8>, values: &[f64]| bytes.extend(values.iter().flat_map(|x| x.to_le_bytes()));
+    int(&mut bytes, &[1]);
+    bytes.extend(b"\n$EndMeshFormat\n$Entities\n");
+    size(&mut bytes, &[0, 1, 1, 0]);
+    int(&mut bytes, &[5]);
+    real(&mut bytes, &[0.0; 6]);
+    size(&mut bytes, &[1]);
+    int(&mut bytes, &[7]);
+    size(&mut bytes, &[0]);
+    int(&mut bytes, &[6]);
+    real(&mut bytes, &[0.0; 6]);
+    size(&mut bytes, &[1]);
+    int(&mut bytes, &[8]);
+    size(&mut bytes, &[1]);
+    int(&mut bytes, &[5]);
+    bytes.extend(b"\n$EndEntities\n$Nodes\n");
+    size(&mut bytes, &[1, 4]);
+    int(&mut bytes, &[6, 2, 0]);
+    size(&mut bytes, &[4]);
+    for (tag, x) in [(1, [0.0, 0.0, 3.0]), (2, [2.0, 0.0, 3.0]), (3, [2.0, 1.0, 3.0]), (9, [0.0, 1.0, 3.0])] {
+        int(&mut bytes, &[tag]);
+        real(&mut bytes, &x);
+    }
+    bytes.extend(b"\n$EndNodes\n$Elements\n");
+    size(&mut bytes, &[2, 3]);
+    int(&mut bytes, &[5, 1, 1]);
+    size(&mut bytes, &[1]);
+    int(&mut bytes, &[1, 1, 2]);
+    int(&mut bytes, &[6, 2, 2]);
+    size(&mut bytes, &[2]);
+    int(&mut bytes, &[2, 1, 2, 3, 3, 1, 3, 9]);
+    bytes.extend(b"\n$EndElements\n");
+    let mesh = Mesh::<2>::from_gmsh(&read(&bytes).unwrap()).unwrap();
+    assert_eq!((mesh.n_cells(), mesh.volume(0), mesh.volume(1)), (2, 1.0, 1.0));
+    assert_eq!(
+        (mesh.node_sets()["7"].as_slice(), mesh.cell_sets()["8"].as_slice()),
+        (&[0, 1][..], &[0, 1][..])
+    );
+}
+
+/// Format 2.0 names groups by their number alone.
+#[test]
+fn names_without_a_dimension_hold_for_all() {
+    let names = "$PhysicalNames\n2\n5 \"soil\"\n6 \"wall\"\n$EndPhysicalNames\n";
+    let nodes = "$Nodes\n3\n1 0 0 0\n2 1 0 0\n3 0 1 0\n$EndNodes\n";
+    let elements = "$Elements\n2\n1 2 3 5 1 0 1 2 3\n2 1 3 6 2 0 1 2\n$EndElements\n";
+    let file = read(format!("{}{names}{nodes}{elements}", HEAD.replace("2.2", "2.0")).as_bytes()).unwrap();
+    let groups: Vec<(u8, &str)> = file.groups.iter().map(|g| (g.dimension, g.name.as_str())).collect();
+    assert_eq!(groups, [(1, "wall"), (2, "soil")]);
 }
 
 #[test]

@@ -12,7 +12,8 @@ use mpm_core::grid::gmsh::{self, GmshError};
 use mpm_core::grid::mesh::{MeshError, MeshWarning};
 use mpm_core::grid::{Grid, Mesh};
 use mpm_core::region::stl::{self, StlError};
-use mpm_core::region::{Group, Meshed, Surface};
+use mpm_core::region::surface::{MERGED, SurfaceError, Triangle, thickened};
+use mpm_core::region::{Group, Meshed, Motion, Surface};
 
 /// Reads the sources that regions name; collects messages about those that cannot be read.
 pub(crate) struct FromFiles<'a, const D: usize> {
@@ -182,13 +183,98 @@ impl<const D: usize> Given<D> for FromFiles<'_, D> {
         cells.map(|cells| Meshed::new(mesh, cells))
     }
 
-    fn surface(&mut self, place: &str, file: &str) -> Option<Surface> {
+    fn surface(&mut self, place: &str, file: &str, placed: &Motion<3>) -> Option<Surface> {
+        let triangles: Vec<Triangle> =
+            self.triangles(place, file)?.iter().map(|t| t.map(|x| placed.apply(&x))).collect();
+        match Surface::new(&triangles) {
+            Ok(surface) => {
+                self.note_repairs(place, file, &surface);
+                Some(surface)
+            }
+            Err(error) => {
+                let help = match &error {
+                    SurfaceError::Open { .. } => {
+                        "close the surface where it was made, or with a mesh tool, and save it again; an open surface \
+                         can be a tool"
+                    }
+                    _ => "repair the surface where it was made, or with a mesh tool, and save it again",
+                };
+                self.fault_of_surface(place, format!("{}: {error}", quote(file)), help);
+                None
+            }
+        }
+    }
+}
+
+impl<const D: usize> FromFiles<'_, D> {
+    /// The facets of a tool in a file: those of a closed surface, or of the layer behind an open one, `thickness` in
+    /// units of the file.
+    pub(crate) fn sides(&mut self, place: &str, file: &str, thickness: Option<f64>) -> Option<Vec<Triangle>> {
+        let triangles = self.triangles(place, file)?;
+        let mut refuse = |message: String, help: &str| {
+            self.fault_of_surface(place, format!("{}: {message}", quote(file)), help);
+            None
+        };
+        match Surface::new(&triangles) {
+            Ok(surface) => {
+                self.note_repairs(place, file, &surface);
+                if thickness.is_some() {
+                    let message = format!("the surface {} is closed: `thickness` has no effect", quote(file));
+                    self.note_of_surface(
+                        place,
+                        message,
+                        "remove `thickness`, which is meant for open surfaces",
+                    );
+                }
+                Some(surface.triangles().to_vec())
+            }
+            Err(SurfaceError::Open { .. } | SurfaceError::TooFewFacets { .. }) => {
+                let (layer, thickness) = match thickened(&triangles, thickness) {
+                    Ok(layer) => layer,
+                    Err(error) => {
+                        return refuse(
+                            error.to_string(),
+                            "an open surface must look to one side, that of the bodies; close it, or turn the facets \
+                             that look to the other side",
+                        );
+                    }
+                };
+                if let Err(error) = Surface::new(&layer) {
+                    return refuse(
+                        format!("the layer behind the open surface is invalid: {error}"),
+                        "repair the surface where it was made, or with a mesh tool, and save it again",
+                    );
+                }
+                let message = format!(
+                    "the surface {} is open: it acts on the side to which its facets look, and the tool behind it is \
+                     {thickness:.4} thick (units of the file)",
+                    quote(file)
+                );
+                self.note_of_surface(
+                    place,
+                    message,
+                    "state `thickness` for another one, or close the surface",
+                );
+                Some(layer)
+            }
+            Err(error) => refuse(
+                error.to_string(),
+                "repair the surface where it was made, or with a mesh tool, and save it again",
+            ),
+        }
+    }
+
+    /// The facets in an STL file.
+    fn triangles(&mut self, place: &str, file: &str) -> Option<Vec<Triangle>> {
         let path = self.directory.join(file);
-        let place = format!("{place}/file");
-        let fault =
-            |message: String, help: String| Diagnostic::at(self.source, "D047", &place, message).help(help);
-        let triangles = match stl::read_file(&path) {
-            Ok(triangles) => triangles,
+        match stl::read_file(&path) {
+            Ok(read) => {
+                for note in read.notes {
+                    let message = format!("the surface {}: {note}", quote(file));
+                    self.note_of_surface(place, message, "nothing needs to be done if the file is complete");
+                }
+                Some(read.triangles)
+            }
             Err(error) => {
                 let help = match &error {
                     StlError::File(_) => {
@@ -196,30 +282,42 @@ impl<const D: usize> Given<D> for FromFiles<'_, D> {
                     }
                     _ => "save the surface as STL again, text or binary".to_owned(),
                 };
-                self.found.push(fault(format!("the surface {} cannot be read: {error}", quote(file)), help));
-                return None;
-            }
-        };
-        match Surface::new(&triangles) {
-            Ok(surface) => {
-                if surface.welded() > 0 {
-                    let merged = match surface.welded() {
-                        1 => "1 corner was merged with another".to_owned(),
-                        n => format!("{n} corners were merged with others"),
-                    };
-                    let message = format!("the surface {} was open until {merged} nearby", quote(file));
-                    let note = Diagnostic::at(self.source, "D047", &place, message).severity(Severity::Note);
-                    let help = "check that no gap is wider than intended, or close the gaps where the surface \
-                        was made";
-                    self.found.push(note.help(help));
-                }
-                Some(surface)
-            }
-            Err(error) => {
-                let help = "repair the surface where it was made, or with a mesh tool, and save it again";
-                self.found.push(fault(format!("{}: {error}", quote(file)), help.to_owned()));
+                let message = format!("the surface {} cannot be read: {error}", quote(file));
+                self.fault_of_surface(place, message, &help);
                 None
             }
         }
+    }
+
+    /// Notes what was repaired to close a surface.
+    fn note_repairs(&mut self, place: &str, file: &str, surface: &Surface) {
+        let name = quote(file);
+        if surface.welded() > 0 {
+            let merged = match surface.welded() {
+                1 => "1 corner was merged with another".to_owned(),
+                n => format!("{n} corners were merged with others"),
+            };
+            let message =
+                format!("the surface {name} was open until {merged} nearby, within {MERGED:e} of its size");
+            let help =
+                "check that no gap is wider than intended, or close the gaps where the surface was made";
+            self.note_of_surface(place, message, help);
+        }
+        if surface.dropped() > 0 {
+            let message = match surface.dropped() {
+                1 => format!("the surface {name}: 1 facet has no area and was removed"),
+                n => format!("the surface {name}: {n} facets have no area and were removed"),
+            };
+            self.note_of_surface(place, message, "nothing needs to be done: the shape is the same");
+        }
+    }
+
+    fn note_of_surface(&mut self, place: &str, message: String, help: &str) {
+        let found = Diagnostic::at(self.source, "D047", &format!("{place}/file"), message);
+        self.found.push(found.severity(Severity::Note).help(help));
+    }
+
+    fn fault_of_surface(&mut self, place: &str, message: String, help: &str) {
+        self.found.push(Diagnostic::at(self.source, "D047", &format!("{place}/file"), message).help(help));
     }
 }
