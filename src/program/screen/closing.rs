@@ -48,8 +48,6 @@ pub struct Closing {
     directory: PathBuf,
     picture: Option<Picture>,
     asks_for_pictures: bool,
-    /// Argument of `plot` in PyVista that sets the camera.
-    view: &'static str,
 }
 
 impl Closing {
@@ -109,7 +107,6 @@ impl Closing {
             directory: results.directory().to_owned(),
             picture: results.last_picture(),
             asks_for_pictures: results.asks_for_pictures(),
-            view: if D == 2 { "cpos=\"xy\"" } else { "" },
         })
     }
 
@@ -153,11 +150,11 @@ impl Closing {
             let most = 100.0 * MAX_ENERGY_ERROR;
             table.row(
                 "balances",
-                &format!("{}; warning for energy above {most} % from step 5 on", shown.join(", ")),
+                &format!("{} (limit of the energy {most} % from step 5 on)", shown.join(", ")),
             );
         }
         let [value, most] = [self.balance.regridding(), MAX_REGRIDDING].map(|share| 100.0 * share);
-        let text = format!("{value:.1} % of the external work (warning above {most} %)");
+        let text = format!("{value:.1} % of the external work (limit {most} %)");
         table.row("regridding work", &text);
         table.row("quality", &self.quality);
         if self.warnings > 0 {
@@ -237,13 +234,15 @@ impl Closing {
     }
 
     fn files(&self, table: &mut Table) {
-        table.entry("results", &self.directory.display().to_string());
+        let directory = self.directory.display().to_string();
+        let word = shell_word(&self.directory);
+        table.entry("results", &directory);
+        table.entry("report", &format!("mpm report {word}"));
         match &self.picture {
-            Some(Picture { series, file }) => {
+            Some(Picture { series, .. }) => {
+                table.entry("picture", &format!("mpm picture {word}"));
                 table.entry("in ParaView", &format!("paraview {}", shell_word(series)));
-                table.entry("in Python", "");
-                let file = format!("{:?}", file.display().to_string());
-                table.line(&format!("import pyvista; pyvista.read({file}).plot({})", self.view));
+                table.entry("in Python", &format!("import mpm; mpm.read({directory:?}).plot()"));
             }
             None if self.asks_for_pictures => table.row("", "no VTU files could be written"),
             None => table.row("", "no VTU files: the deck sets `output: {every: 0}`"),

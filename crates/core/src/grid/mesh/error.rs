@@ -251,7 +251,8 @@ fn turned(dimension: usize, n: usize, all: usize) -> String {
 
 fn straightened(lost: &Straightened) -> String {
     let kinds: Vec<String> = lost.kinds.iter().map(|(name, n)| format!("{n} × `{name}`")).collect();
-    let farthest = match (lost.unknown, lost.farthest > 0.0) {
+    // Files of text have about ten digits.
+    let farthest = match (lost.unknown, lost.relative > 1e-8) {
         (true, _) => "how far they lie from straight sides was not measured".to_owned(),
         (false, false) => "all of them lie in the middle of straight sides, so nothing is lost".to_owned(),
         (false, true) => format!(
