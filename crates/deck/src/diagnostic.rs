@@ -176,6 +176,7 @@ pub const CODES: &[(&str, &str)] = &[
     ("D073", "a body or a gap thinner than two cells"),
     ("D074", "a surface that no sides of domains form"),
     ("D075", "a footing across few cells"),
+    ("D090", "units that make no set"),
 ];
 
 impl Diagnostic {

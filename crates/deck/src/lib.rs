@@ -54,6 +54,7 @@ pub use surfaces::{HalfSpaceDeck, PartDeck, SurfaceDeck};
 pub use tools::{
     ContactDeck, FreeDeck, FrictionDeck, RotationDeck, ToolDeck, ToolLoadDeck, ToolPartDeck, ToolShape, Turn,
 };
+pub use units::UnitsDeck;
 
 mod account;
 pub mod advice;
@@ -80,6 +81,7 @@ mod stages;
 mod steps;
 mod surfaces;
 mod tools;
+mod units;
 
 /// A vector as the schema describes it: two entries in the plane, three in space.
 #[derive(JsonSchema)]
@@ -125,6 +127,9 @@ pub struct Deck {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = ["Elastic cantilever"]))]
     pub title: Option<String>,
+    /// The units of all numbers, one consistent set; without them, results are labelled by kinds of quantities.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub units: Option<UnitsDeck>,
     /// Named numbers or words, inserted as `${name}` or `${h/2}` anywhere in the deck; `--set name=value` overrides
     /// them.
     #[serde(default)]

@@ -258,7 +258,8 @@ pub fn run_into(run: Run, ready: Prepared, set_up: Timings) -> anyhow::Result<Op
     // On a worker thread, so that work need not be handed over to the pool.
     let outcome = rayon::scope(|_| analysis.run(reached, &mut watch));
     let nonassociated = loaded.deck.nonassociated_with_reduced_strength();
-    let closing = watch.end().map(|closing| closing.with_nonassociated(&nonassociated));
+    let closing =
+        watch.end().map(|closing| closing.with_nonassociated(&nonassociated).with_units(loaded.deck.units()));
     Ok(Some(Ended { outcome, closing }))
 }
 

@@ -14,7 +14,11 @@ use super::units::{Naming, Quantity};
 /// The unit names for these runs.
 pub(super) fn naming(runs: &[Run], options: &Options) -> Naming {
     let per_thickness = runs.iter().all(|run| run.is_plane() && !run.is_revolved());
-    Naming { units: options.units.clone(), per_thickness }
+    // Runs that are compared may have different units; then numbers keep the names of their quantities.
+    let mut stated = runs.iter().map(|run| run.deck.as_ref().and_then(mpm_deck::Deck::units));
+    let first = stated.next().flatten();
+    let shared = first.filter(|first| stated.all(|units| units.as_ref() == Some(first)));
+    Naming { units: options.units.clone().or(shared), per_thickness }
 }
 
 /// The state of a run in words.
