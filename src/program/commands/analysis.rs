@@ -362,11 +362,14 @@ pub fn describe_failure(error: &SolveError) -> String {
         }
         text.push_str(&format!("\n  residuals: {}", history.join(", ")));
     }
-    // If smaller steps might have avoided the failure, its diagnosis has already given advice for this particular run.
-    let diagnosed =
-        error.is_retryable().then_some("see the diagnosis of the run, also in `summary.json`, for advice");
-    if let Some(help) = diagnosed.or_else(|| advice::on_error(error)) {
-        text.push_str(&format!("\n  help: {help}"));
+    // If smaller steps might have avoided the failure, its diagnosis has given advice for this particular run as well.
+    let help = advice::on_error(error).map(str::to_owned);
+    let diagnosed = error
+        .is_retryable()
+        .then(|| "the diagnosis of this run, above and in `summary.json`, says more".to_owned());
+    let help: Vec<String> = [help, diagnosed].into_iter().flatten().collect();
+    if !help.is_empty() {
+        text.push_str(&format!("\n  help: {}", help.join("; ")));
     }
     text
 }

@@ -218,6 +218,30 @@ pub(super) fn with_unit(value: f64, quantity: Quantity, naming: &Naming) -> Stri
     format!("{}{unit}", html(value, 5))
 }
 
+/// The kind of quantity of a number of a material or load in a deck, as [`Units::named`] knows it; `None` for numbers
+/// without a unit.
+fn kind_of(key: &str) -> Option<&'static str> {
+    Some(match key {
+        "young" | "shear_modulus" | "cohesion" | "residual_cohesion" | "tensile_strength" | "yield_stress"
+        | "deviatoric_yield_stress" | "undrained_strength" | "hardening_modulus" | "reference_pressure"
+        | "pressure" | "traction" => "stress",
+        "density" => "density",
+        "acceleration" => "acceleration",
+        _ => return None,
+    })
+}
+
+/// The entries of a material or load in words, with the units that the deck states.
+pub(super) fn in_units(value: &Value, naming: &Naming) -> String {
+    let (Some(units), Value::Object(map)) = (&naming.units, value) else { return in_words(value) };
+    let entry = |(key, value): (&String, &Value)| {
+        let one = Value::Object([(key.clone(), value.clone())].into_iter().collect());
+        let unit = kind_of(key).filter(|_| !value.is_object()).and_then(|kind| units.named(kind));
+        format!("{}{}", in_words(&one), unit.map(|unit| format!("\u{a0}{}", escape(&unit))).unwrap_or_default())
+    };
+    map.iter().filter(|(_, value)| !value.is_null()).map(entry).collect::<Vec<_>>().join(", ")
+}
+
 /// The entries of a deck in words: `key value, key value`, in HTML.
 pub(super) fn in_words(value: &Value) -> String {
     match value {
