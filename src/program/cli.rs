@@ -69,9 +69,9 @@ pub enum Command {
     ///
     /// For example: mpm element clay.yaml --material clay --path triaxial-drained --confining 100e3 --to 0.2
     Element(element::ElementArgs),
-    /// Explain a message by its code, such as D014, or list all codes.
+    /// Explain a message by its code, such as D014, or an example, such as pipe, or list all codes.
     Explain {
-        /// The code; if it is omitted, all codes are listed.
+        /// The code, or the name that an example refers to; if it is omitted, all codes are listed.
         code: Option<String>,
     },
     /// Print the JSON schema of decks.

@@ -5,6 +5,7 @@ pub mod arguments;
 pub mod converge;
 pub mod element;
 pub mod explain;
+mod guides;
 pub mod manual;
 mod member;
 pub mod new;

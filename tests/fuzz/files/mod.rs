@@ -12,6 +12,7 @@
 
 mod checkpoints;
 mod damage;
+mod strangers;
 
 use std::path::Path;
 use std::time::Duration;
