@@ -16,10 +16,17 @@ pyvista = pytest.importorskip("pyvista")
 @pytest.fixture(scope="module")
 def footing(tmp_path_factory):
     """A run in the plane, with units."""
-    deck = mpm.Deck.load("inputs/footing.yaml", h=1, steps=4, every=2)
+    deck = mpm.Deck.load("inputs/footing.yaml", h=0.5, steps=4, every=2)
     deck["units"] = {"length": "m", "force": "N"}
     folder = tmp_path_factory.mktemp("footing")
     return deck.run(folder, progress=False)
+
+
+def steps(result):
+    """The numbers of the steps whose points were written."""
+    from mpm._picture import _frames
+
+    return [frame.step for frame in _frames(result.directory)]
 
 
 def ink(path):
@@ -36,7 +43,8 @@ def test_a_picture_shows_the_bodies(footing, tmp_path):
 
 
 def test_fields_steps_and_exaggeration_change_the_picture(footing, tmp_path):
-    choices = [{}, {"field": "displacement:Y"}, {"step": 2}, {"field": "displacement", "warp": 3}]
+    first = steps(footing)[1]
+    choices = [{}, {"field": "displacement:Y"}, {"step": first}, {"field": "displacement", "warp": 3}]
     drawn = [footing.plot(out=tmp_path / f"{k}.png", **choice).read_bytes() for k, choice in enumerate(choices)]
     assert len(set(drawn)) == len(choices)
 
@@ -54,7 +62,7 @@ def test_what_does_not_exist_is_named(footing, tmp_path):
     for wrong, words in [
         ({"field": "temperature"}, "no field `temperature`"),
         ({"field": "cauchy_stress:XQ"}, "no component `XQ`; it has XX, YY"),
-        ({"step": 3}, "no files of step 3; it has those of the steps 0, 2, 4"),
+        ({"step": 99}, "no files of step 99; it has those of the steps 0, "),
         ({"step": "soon"}, "give a number, last or all"),
     ]:
         with pytest.raises(mpm.UsageError, match="(?s)" + words.replace("(", r"\(")):
@@ -98,7 +106,7 @@ def test_the_command_draws_the_newest_results(footing, tmp_path):
 
 def test_a_run_draws_at_its_end(tmp_path):
     process = subprocess.run(
-        [sys.executable, "-m", "mpm", "run", "inputs/footing.yaml", "--set", "h=1", "--set", "steps=2", "--picture",
+        [sys.executable, "-m", "mpm", "run", "inputs/footing.yaml", "--set", "h=0.5", "--set", "steps=2", "--picture",
          "--out", tmp_path], capture_output=True, text=True,
     )
     assert process.returncode == 0, process.stderr
@@ -106,7 +114,8 @@ def test_a_run_draws_at_its_end(tmp_path):
 
 
 def test_the_program_says_how_to_get_the_package(mpm, tmp_path):
-    process = mpm("picture", "results/beam", code=2)
+    process = mpm("picture", "results/beam")
+    assert process.returncode == 2
     assert 'pip install ".[picture]"' in process.stderr and "python -m mpm picture results/beam" in process.stderr
 
 
@@ -147,7 +156,7 @@ def test_sets_of_abaqus_become_groups(tmp_path):
         "boundary_conditions": [{"name": "base", "nodes": {"y": 0}, "fix": ["x", "y"]}],
         "loads": [{"name": "w", "type": "gravity", "acceleration": [0, -1]}], "steps": {"count": 1},
     })
-    assert deck.run(progress=False).points.volume.sum() == pytest.approx(4.0, rel=1e-6)
+    assert deck.run(progress=False).points.volume.sum() == pytest.approx(4.0, rel=1e-4)
 
 
 def test_prisms_and_pyramids_become_tetrahedra_of_the_same_volume(tmp_path):
