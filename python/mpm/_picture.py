@@ -300,8 +300,10 @@ class Scene:
         if high - low > 1.4 * (inner_high - inner_low) > 0:
             low, high = inner_low, inner_high
         size = max(abs(low), abs(high))
-        if high - low <= 1e-9 * size or size == 0.0:
-            low, high = low - max(0.05 * size, 1e-300), high + max(0.05 * size, 1e-300)
+        if size == 0.0:
+            return 0.0, 1.0
+        if high - low <= 1e-9 * size:
+            low, high = low - 0.05 * size, high + 0.05 * size
         if low < 0 < high and min(-low, high) > 0.05 * max(-low, high):
             most = max(-low, high)
             return -most, most
@@ -368,7 +370,12 @@ class Scene:
         least, most = float(np.nanmin(self.values)), float(np.nanmax(self.values))
         low, high = self.range
         margin = 1e-6 * (high - low)
-        beyond = [f"{least:.3g}" if least < low - margin else "", f"{most:.3g}" if most > high + margin else ""]
+        shrink = 10.0**-self.power
+        beyond = [
+            f"{shrink * least:.4g}" if least < low - margin else "",
+            f"{shrink * most:.0f}" if most > high + margin and shrink * most >= 1000 else
+            f"{shrink * most:.3g}" if most > high + margin else "",
+        ]
         if any(beyond):
             words = " and ".join(part for part in (f"down to {beyond[0]}" * bool(beyond[0]), f"up to {beyond[1]}" * bool(beyond[1])) if part)
             title += f"; some values beyond the scale: {words}"
@@ -384,7 +391,6 @@ class Scene:
         )
         bar.SetBarRatio(1.0)
         bar.SetTitleRatio(0.0)
-        shrink = 10.0**-self.power
         for value, text in _ticks(shrink * low, shrink * high, 6):
             x = left + (right - left) * (value - shrink * low) / (shrink * (high - low))
             _write(plotter, text, np.array([x - 4.3 * len(text), base - 25]), 10)
@@ -458,7 +464,8 @@ class Scene:
         lines: list[tuple[list[float], list[float]]] = []
         length = self.unit("length")
         for axis in (0, 1):
-            names = _ticks(self.low[axis], high[axis], 6 if axis == 0 else max(2, int((high[1] - low[1]) / scale / 90)))
+            room = (self.high[axis] - self.low[axis]) / scale
+            names = _ticks(self.low[axis], high[axis], min(8, max(1, int(room / (110 if axis == 0 else 80)))))
             end = self.high.copy()[:2]
             start = low.copy()
             start[axis], end[axis] = self.low[axis], high[axis]
