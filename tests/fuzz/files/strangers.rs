@@ -62,7 +62,8 @@ fn strangers() {
     // Large files would only make the damage rarer.
     let small = |path: &&PathBuf| path.metadata().is_ok_and(|about| about.len() < 300_000);
     for meshes in [true, false] {
-        let chosen: Vec<&PathBuf> = paths.iter().filter(small).filter(|path| is_mesh(path) == meshes).collect();
+        let chosen: Vec<&PathBuf> =
+            paths.iter().filter(small).filter(|path| is_mesh(path) == meshes).collect();
         let contents: Vec<Vec<u8>> = chosen.iter().map(|path| std::fs::read(path).unwrap()).collect();
         let mut accepted = 0;
         for seed in 0..n {

@@ -31,7 +31,7 @@ pub struct StlFile {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum StlNote {
     /// Bytes after the facets that the header announces.
-    #[error("{} after the last facet, and ignored", counted(*.bytes, "byte follows", "bytes follow"))]
+    #[error("{} after the last facet; they are ignored", counted(*.bytes, "byte follows", "bytes follow"))]
     Trailing {
         /// Number of such bytes.
         bytes: usize,

@@ -56,12 +56,12 @@ impl Surface {
     pub fn new(triangles: &[Triangle]) -> Result<Self, SurfaceError> {
         check_numbers(triangles)?;
         let mut facets = weld::by_equality(triangles);
-        let mut dropped = facets.drop_flat();
+        let dropped = facets.drop_flat();
         check_areas(&facets)?;
         let mut welded = 0;
         if closed::has_open_edges(&facets.corners) {
             welded = weld::by_distance(&mut facets);
-            dropped += facets.drop_flat();
+            // A facet that merging has collapsed had an area: to remove it would change the shape.
             check_areas(&facets)?;
         }
         if facets.corners.len() < 4 {

@@ -3,8 +3,8 @@
 //! The schema finds all faults at once; the messages are written here, since those of the validator are about schemas,
 //! not decks.
 
-mod remedy;
 mod elsewhere;
+mod remedy;
 mod words;
 
 use std::borrow::Cow;
@@ -181,7 +181,10 @@ impl Gate<'_> {
             self.meant.extend(best.map(|best| format!("{pointer}/{best}")));
             diagnostic.help = Some(if let Some(instead) = instead {
                 instead.to_owned()
-            } else if best.is_none() && key.bytes().next().is_some_and(|b| b.is_ascii_digit()) && is_number(key) {
+            } else if best.is_none()
+                && key.bytes().next().is_some_and(|b| b.is_ascii_digit())
+                && is_number(key)
+            {
                 let known = existing(KEYS, &keys);
                 format!(
                     "a comma separates entries and neither groups digits nor begins decimals: write 0.5, not 0,5; {known}"

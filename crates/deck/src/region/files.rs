@@ -72,8 +72,8 @@ pub(crate) fn mesh<const D: usize>(directory: &Path, file: &str) -> Result<Mesh<
             format!("convert it with gmsh: `gmsh {file} -save -format msh41 -o {}`", converted(file))
         }
         Err(GmshError::Unsupported { .. }) => format!(
-            "let gmsh mesh the geometry with tetrahedra or hexahedra: leave `Recombine` out of its extrusions, then \
-             `gmsh GEOMETRY.geo -3 -format msh41 -o {}`",
+            "divide them into tetrahedra with Python, `import mpm; mpm.convert({file:?})`; or leave `Recombine` out of the \
+             extrusions, so that gmsh makes tetrahedra: `gmsh GEOMETRY.geo -3 -format msh41 -o {}`",
             converted(file)
         ),
         _ => "repair the mesh in gmsh and save it again".to_owned(),

@@ -222,9 +222,18 @@ pub(super) fn with_unit(value: f64, quantity: Quantity, naming: &Naming) -> Stri
 /// without a unit.
 fn kind_of(key: &str) -> Option<&'static str> {
     Some(match key {
-        "young" | "shear_modulus" | "cohesion" | "residual_cohesion" | "tensile_strength" | "yield_stress"
-        | "deviatoric_yield_stress" | "undrained_strength" | "hardening_modulus" | "reference_pressure"
-        | "pressure" | "traction" => "stress",
+        "young"
+        | "shear_modulus"
+        | "cohesion"
+        | "residual_cohesion"
+        | "tensile_strength"
+        | "yield_stress"
+        | "deviatoric_yield_stress"
+        | "undrained_strength"
+        | "hardening_modulus"
+        | "reference_pressure"
+        | "pressure"
+        | "traction" => "stress",
         "density" => "density",
         "acceleration" => "acceleration",
         _ => return None,
@@ -237,7 +246,11 @@ pub(super) fn in_units(value: &Value, naming: &Naming) -> String {
     let entry = |(key, value): (&String, &Value)| {
         let one = Value::Object([(key.clone(), value.clone())].into_iter().collect());
         let unit = kind_of(key).filter(|_| !value.is_object()).and_then(|kind| units.named(kind));
-        format!("{}{}", in_words(&one), unit.map(|unit| format!("\u{a0}{}", escape(&unit))).unwrap_or_default())
+        format!(
+            "{}{}",
+            in_words(&one),
+            unit.map(|unit| format!("\u{a0}{}", escape(&unit))).unwrap_or_default()
+        )
     };
     map.iter().filter(|(_, value)| !value.is_null()).map(entry).collect::<Vec<_>>().join(", ")
 }

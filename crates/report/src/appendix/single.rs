@@ -16,8 +16,8 @@ use super::picture::Gallery;
 use super::run::Run;
 use super::scene::Scene;
 use super::sections::{
-    banner, foot, in_units, in_words, largest_residual, machine, messages, naming, program, started, steps_in_words,
-    title_block, wall_time, warnings, with_unit,
+    banner, foot, in_units, in_words, largest_residual, machine, messages, naming, program, started,
+    steps_in_words, title_block, wall_time, warnings, with_unit,
 };
 use super::stages;
 use super::strength;

@@ -45,7 +45,6 @@ pub fn thickened(
     let mut facets = weld::by_equality(triangles);
     facets.drop_flat();
     weld::by_distance(&mut facets);
-    facets.drop_flat();
     let [low, high] = facets.positions.iter().map(|x| [*x, *x]).fold(nothing(), hull);
     let thickness = thickness.unwrap_or_else(|| 0.1 * norm(&minus(&high, &low)));
     if !(thickness > 0.0 && thickness.is_finite()) {
