@@ -53,6 +53,7 @@ QUANTITIES = {
     "volume": "volume",
     "plastic_work": "stress",
     "principal_stress": "stress",
+    "maximum_shear_stress": "stress",
 }
 
 
@@ -222,7 +223,7 @@ def _field(frame: Frame, asked: str | None) -> tuple[str, str | None]:
     if name not in data:
         raise UsageError(f"the results have no field `{name}`; they have {', '.join(sorted(data.keys()))}")
     width = 1 if data[name].ndim == 1 else data[name].shape[1]
-    known = COMPONENTS.get(width, tuple(str(k + 1) for k in range(width)))
+    known = _components(name, width)
     if not component:
         return name, None
     for entry in known:
@@ -566,6 +567,11 @@ def _format(low: float, high: float) -> str:
     return "%.3g"
 
 
+def _components(name: str, width: int) -> tuple[str, ...]:
+    numbered = tuple(str(k + 1) for k in range(width))
+    return numbered if name == "principal_stress" else COMPONENTS.get(width, numbered)
+
+
 def _component(values: Array, drawn: Drawn) -> Array:
     if values.ndim == 1:
         return values
@@ -574,7 +580,7 @@ def _component(values: Array, drawn: Drawn) -> Array:
         if values.shape[1] == 6:
             weights[3:] = 2.0
         return np.sqrt((values**2 * weights).sum(axis=1))
-    known = COMPONENTS.get(values.shape[1], tuple(str(k + 1) for k in range(values.shape[1])))
+    known = _components(drawn.field, values.shape[1])
     return values[:, known.index(drawn.component)]
 
 

@@ -491,8 +491,9 @@ pub struct OutputDeck {
     /// files.
     #[schemars(range(max = 10_000_000))]
     pub every: u32,
-    /// Fields of the points in VTU files; all but `pressure_smoothed` by default. Every file also contains the volume
-    /// of each point and the numbers of the point, its body and its material.
+    /// Fields of the points in VTU files; all but `pressure_smoothed`, `principal_stress` and `maximum_shear_stress` by
+    /// default. Every file also contains the volume of each point and the numbers of the point, its body and its
+    /// material.
     pub fields: Vec<PointField>,
     /// Precision of floating-point numbers in VTU files; files of a failed step always have `double`.
     pub precision: Precision,

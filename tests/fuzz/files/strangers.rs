@@ -68,11 +68,11 @@ fn strangers() {
         let mut accepted = 0;
         for seed in 0..n {
             let content = damaged(&contents, seed);
-            if let Ok((kind, size, _)) = outcome(&content, meshes) {
+            if let Ok((kind, size, notes)) = outcome(&content, meshes) {
                 accepted += 1;
                 let name = format!("{seed:05}_{kind}.{}", if meshes { "msh" } else { "stl" });
                 std::fs::write(target.join(&name), &content).unwrap();
-                println!("damaged/{name}\taccepted\t{kind}\t{size:e}\t");
+                println!("damaged/{name}\taccepted\t{kind}\t{size:e}\t{}", notes.join(" | "));
             }
         }
         println!("damaged copies: {n}, accepted: {accepted}");
