@@ -414,9 +414,8 @@ class Scene:
             )
 
     def _words(self, plotter: Any, frame: Frame) -> None:
-        time = self.unit("time")
-        when = f"step {frame.step}, time {frame.time:.6g}" + (f" {time}" if self.units else "")
-        parts = [when]
+        # Time orders the steps; in most decks it is a mere count, so that a unit would mislead.
+        parts = [f"step {frame.step}, time {frame.time:.6g}"]
         if self.drawn.warp and self.factor != 1.0:
             parts.append(f"displacements × {self.factor:g}")
         if frame.read("tools") is not None:
