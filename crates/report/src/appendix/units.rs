@@ -32,7 +32,11 @@ impl Quantity {
     pub fn from_field(name: &str) -> Option<Quantity> {
         Some(match name {
             "displacement" => Quantity::Length,
-            "cauchy_stress" | "von_mises_stress" | "pressure" | "pressure_smoothed" | "principal_stress"
+            "cauchy_stress"
+            | "von_mises_stress"
+            | "pressure"
+            | "pressure_smoothed"
+            | "principal_stress"
             | "maximum_shear_stress" => Quantity::Stress,
             "volume" => Quantity::Volume,
             "deformation_gradient" | "J" | "elastic_strain" | "plastic_strain" => Quantity::Number,
